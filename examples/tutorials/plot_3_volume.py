@@ -59,11 +59,12 @@ render(vessels, Appearance("vessels", crop=":,:,:64"), (40, 15, 0.95), size=(300
 )
 
 # %%
-# Along rays
-# ----------
+# Along rays, or splats
+# ---------------------
 #
-# By default voxels get their colors first, and are splatted. For thin things and steep looks reconstruct
-# the field first: rays then pass through a spline that goes through all voxels.
+# By default rays pass through a spline that goes through all voxels, and values get their colors on the
+# way (``post``). The paper's way is the other one: voxels get their colors first, and are splatted
+# (``pre``), which draws thin things too thick.
 
 for classification in ("pre", "post"):
     look = Appearance("vessels", classification=classification)

@@ -108,13 +108,14 @@ class Resampling(Choices):
     about: ClassVar[About] = About.LOOK
 
     method: Annotated[
-        Literal["hybrid", "points", "splats", "paper", "inflate", "ewa"],
+        Literal["hybrid", "points", "splats", "paper", "inflate", "ewa"] | None,
         Field(
-            description="How: points where samples shrink and splats where they grow, or one of "
-            "them (splats alone are not antialiased); paper: as published, threshold 1 px; "
-            "inflate, ewa: splats antialiased as by Swan 1997 and Zwicker 2001."
+            description="How: points where samples shrink and splats where they grow (hybrid), or "
+            "one of them (splats alone are not antialiased); paper: as published, threshold 1 px; "
+            "inflate, ewa: splats antialiased as by Swan 1997 and Zwicker 2001. Hybrid, where "
+            "samples are painted at all."
         ),
-    ] = "hybrid"
+    ] = None
     footprint: Annotated[
         Literal["exact", "corrected", "small-angle", "affine", "disc"] | None,
         Field(
@@ -181,7 +182,7 @@ class Resampling(Choices):
         is_of_field = of_field or self.projection != "composite"
         own = f"rays:quality={quality}" if is_of_field else "every-sample"
         return Resampler(
-            primitive=Primitive(self.method),
+            primitive=Primitive(self.method or Primitive.HYBRID),
             footprint=None if self.footprint is None else Footprint(self.footprint),
             pixel_filter=None if self.filter is None else registry.build("filters", self.filter),
             reconstruction=registry.build("reconstructions", self.kernel),

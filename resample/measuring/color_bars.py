@@ -1,6 +1,7 @@
 """Bars beside a picture that say which value each of its colors means."""
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
@@ -23,6 +24,7 @@ SIDES = ("left", "center", "right")
 LONGEST = 18  # letters of a title
 
 Span = tuple[float, float]  # least and greatest value of a scale
+Ticked = Callable[[Span, float], dict[float, str]]  # as of `ticks_of`
 Form = Literal["colors", "curve", "plane"]  # a strip of them, a curve beside it, or a square
 
 
@@ -128,7 +130,9 @@ class Page(NamedTuple):
     title: str
 
     @classmethod
-    def of(cls, span: Span, height: int, title: str, form: Form) -> "Page":
+    def of(
+        cls, span: Span, height: int, title: str, form: Form, ticked: "Ticked | None" = None
+    ) -> "Page":
         """Page that is as wide as what has to be on it."""
         size = float(np.clip(round(4 + 0.017 * height), 8, 36))
         margin = round(0.8 * size)
@@ -136,7 +140,7 @@ class Page(NamedTuple):
         top = margin + round(1.7 * size if title else 0.3 * size)
         bottom = height - margin - round(1.5 * size)
         span = span if span[0] < span[1] else _around(span[0])
-        ticks = ticks_of(span, (bottom - top) / (2.5 * size))
+        ticks = (ticked or ticks_of)(span, (bottom - top) / (2.5 * size))
         is_wide = form == "plane"
         middle = margin + round(max(0.5 * (bottom - top), 11 * size) if is_wide else 2.2 * size)
         curve: tuple[float, float] = (middle, middle)

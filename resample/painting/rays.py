@@ -30,17 +30,20 @@ from resample.watching import Progress, told
 if TYPE_CHECKING:
     from resample.engine.rays.looks import SummedLook
     from resample.engine.rays.marching import Bricks
-    from resample.engine.rays.seeing import Medium, Way
+    from resample.engine.rays.media import Medium
+    from resample.engine.rays.seeing import Way
 
-TILE, SMALL_TILE = 32, 16  # px, side of a tile of few rays, and of many
+LARGE_TILE, TILE, SMALL_TILE = 64, 32, 16  # px, side of a tile
+MANY = 32  # large tiles, so that all threads have some
 FEW_RAYS = 4  # per side of a pixel, at most
 LEAST_APART, MOST_APART = 2, 16  # sub-pixels from one that is looked at to the next
 BENDS = 0.01  # of the range of values, that these may bend by where sub-pixels are spared
 OPAQUE = 1e-3  # transmittance that counts as none
-BENT = 0.06  # of the range of values, that a field may bend by within a step
-LARGE = 2.0  # px per voxel, of which one ray through a pixel's middle tells enough
+CLOSE, MOST_BENT = 4.0, 6.0  # px per voxel of these; times as much, where voxels are smaller
+LARGE = 3.0  # px per voxel, of which one ray through a pixel's middle tells enough
 FEWEST_RAYS = 2  # per side of a pixel, of smaller voxels
 NEAREST = 1e-30  # scene units from the eye, of what may lie behind it
+EDGE, OF_EDGES = 0.2, 3  # linear light that neighbours differ by, and rays there per side
 MESH_RAYS = 4  # likewise, the fewest where edges of meshes are
 MIDDLE = np.array([1, 22, 1]) / 24  # a pixel's mean by its middle and those beside it
 MOST_BRICKS = 255  # to the next one that can be seen
@@ -56,12 +59,13 @@ class _Effort(NamedTuple):
     spared: float  # samples between those that are looked at, at most, if sub-pixels are closer
     bend: float  # of colors, that is no edge
     share: float  # of them, besides
+    bent: float  # of the range of values, that a field may bend by within a step, close up
 
 
 EFFORTS = {
-    "best": _Effort(1.25, 16, 1 / 3, 0.01, 0.06),
-    "usual": _Effort(0.7, 16, 2 / 3, 0.05, 0.15),
-    "fast": _Effort(0.0, 1, 2 / 3, 0.05, 0.15),
+    "best": _Effort(1.25, 16, 1 / 3, 0.01, 0.06, 0.01),
+    "usual": _Effort(0.7, 16, 2 / 3, 0.03, 0.1, 0.03),
+    "fast": _Effort(0.0, 1, 2 / 3, 0.03, 0.1, 0.06),
 }
 
 
@@ -91,7 +95,7 @@ def paint_field(
     clock.lap("look")
     fineness, apart = _rays_of(field, view, how)
     effort = EFFORTS[how.quality]
-    tile = TILE if fineness <= FEW_RAYS else SMALL_TILE
+    tile = _tile_of(size, fineness)
     left, top, right, bottom = _tiles_of(medium, view, size, how.tables.pixel_margin, tile)
     count = (right - left) * (bottom - top)
     painted = nothing_painted(*size, max(1, count), has_values=style.projection in MEASURED)
@@ -110,17 +114,36 @@ def paint_field(
         apart,
         tile,
         right - left,
+        np.arange(count),
         left * tile,
         top * tile,
     )
     painted.tally[:, 3] = fineness
     with told(progress):
         paint_rays(count, fineness, way, medium, output)
+    rays = count * (tile * fineness) ** 2
     if fineness == 1 and how.quality != "best" and how.tables.pixel_margin == 0:
+        edges = _edges_of(painted.film) if how.quality == "usual" else np.zeros(0, np.int64)
         _mean_from_middles(painted.film)
+        again = output._replace(apart=1, size=1, columns=size[1], which=edges, left=0, top=0)
+        paint_rays(edges.size, OF_EDGES, way, medium, again)
+        rays += edges.size * OF_EDGES**2
     clock.lap("paint")
     counts = painted.statistics(math.prod(field.spline.shape), clock.seconds)
-    return painted, counts._replace(rays=count * (tile * fineness) ** 2)
+    return painted, counts._replace(rays=rays)
+
+
+def _edges_of(film: Film) -> NDArray[np.int64]:
+    """Pixels (N,), row after row, that one beside them differs from so much that it is an edge."""
+    light = film.rgba
+    found = np.zeros(light.shape[:2], bool)
+    for axis in (0, 1):
+        apart = (np.abs(np.diff(light, axis=axis)) > EDGE).any(axis=-1)
+        for shift in ((0, 1), (1, 0)):
+            pads = [(0, 0), (0, 0)]
+            pads[axis] = shift
+            found |= np.pad(apart, pads)
+    return np.flatnonzero(found)
 
 
 def _tiles_of(
@@ -158,6 +181,13 @@ def _tiles_of(
     left, top = np.clip(low, 0, whole[2:]).astype(int)
     right, bottom = np.clip(high, 0, whole[2:]).astype(int)
     return int(left), int(top), max(int(left), int(right)), max(int(top), int(bottom))
+
+
+def _tile_of(size: tuple[int, int], fineness: int) -> int:
+    """Side of a tile, px: at its edge no rays are spared, so large ones need fewer."""
+    if fineness > FEW_RAYS:
+        return SMALL_TILE
+    return LARGE_TILE if math.prod(size) >= MANY * LARGE_TILE**2 else TILE
 
 
 def _mean_from_middles(film: Film) -> None:
@@ -243,7 +273,7 @@ def _way(field: LatticeField, style: Style) -> "Way":
 def _medium(field: LatticeField, view: View, how: Gathering) -> "Medium":
     """Field with its look, in columns of that."""
     from resample.engine.rays.marching import SampleSpace
-    from resample.engine.rays.seeing import Medium
+    from resample.engine.rays.media import Medium
     from resample.engine.rays.splines import PAD
 
     look, spline, lattice = field.classifier, field.spline, field.lattice
@@ -278,10 +308,26 @@ def _medium(field: LatticeField, view: View, how: Gathering) -> "Medium":
         _cuts(how.clip, lattice),
         field.known,
         field.tint,
-        BENT * columns,
+        _bent(field, view, how) * columns,
+        _is_from_eye(look, eye, view),
         field.reached,
         field.mesh,
     )
+
+
+def _bent(field: LatticeField, view: View, how: Gathering) -> float:
+    """Share of the range of values that a field may bend by: pixels are means over small voxels."""
+    bent = EFFORTS[how.quality].bent
+    if how.quality == "best":
+        return bent
+    spacing = spacing_of(field.lattice, _corners(field).mean(axis=0), view)
+    return bent * min(MOST_BENT, max(1.0, CLOSE / spacing))
+
+
+def _is_from_eye(look: Classifier, eye: Doubles, view: View) -> bool:
+    """Whether places along a ray are all seen from the same direction by the lamp's viewer."""
+    viewer = look.lamp.viewer
+    return bool(viewer[3] == 0 or (view.perspective and np.allclose(viewer[:3], eye, 1e-9, 1e-9)))
 
 
 def _columnwise(bound: NDArray[np.generic], low: float, per_value: float) -> Floats:

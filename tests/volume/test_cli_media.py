@@ -116,9 +116,16 @@ def test_looks_of_channels_are_said_once_and_not_all_hidden(capsys):
         assert complaint in refused(capsys, "render", "c.npy", "-o", "x.png", *words)
 
 
+def test_the_first_of_several_times_is_shown_and_said(capsys):
+    for words in (("render", "c.npy", "-o", "x.png", *SMALL), ("info", "c.npy", "--json")):
+        assert ended(*words) == 0
+        found = capsys.readouterr()
+        assert "c has 3 times, 0 to 2; the first is shown (--time)" in found.err
+    facts = json.loads(found.out)
+    assert (facts["name"], facts["times"], facts["channels"]) == ("c (time 0)", 3, 1)
+
+
 def test_one_of_several_times_is_chosen(capsys):
-    assert "choose one by time, 0 to 2" in refused(capsys, "render", "c.npy", "-o", "x.png")
-    capsys.readouterr()
     assert ended("info", "c.npy", "--time", "-1", "--json", "--spacing", "1x1x2") == 0
     facts = json.loads(capsys.readouterr().out)
     assert facts["name"] == "c (time -1)"

@@ -85,6 +85,7 @@ def test_previews_are_of_voxels():
         (["--subpixels", 2], "post"),
         (["--filter", "gaussian:sigma=0.6"], "post"),
         (["--method", "points"], "pre"),
+        (["--method", "hybrid"], "pre"),
         (["--kernel", "bspline"], "pre"),
         (["--order", "every-sample"], "pre"),
         (["--order", "rays:step=0.5"], "post"),

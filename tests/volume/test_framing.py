@@ -1,3 +1,5 @@
+import re
+
 import numpy as np
 import pytest
 
@@ -5,12 +7,16 @@ from resample.cameras.files import read_shot, viewpoint
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.viewpoints import Orbit, Sphere, Spot
 from resample.command.settings import Resampling
+from resample.files.images import read_image
+from resample_volume.command import cli
 from resample_volume.command.choices import Look
 from resample_volume.inputs import as_volume
 from resample_volume.looks.presets import load_transfer
-from resample_volume.rendering import Subject
-from resample_volume.voxels.framing import sphere_around
+from resample_volume.media.appearance import Appearance
+from resample_volume.rendering import Subject, render
+from resample_volume.voxels.framing import filling, sphere_around
 from resample_volume.voxels.visible import classify
+from tests import commands
 
 BALL = Sphere(np.array([1.0, 2.0, 3.0]), 2.0)
 
@@ -31,13 +37,13 @@ def projected(camera, point):
 @pytest.mark.each_value
 @pytest.mark.parametrize("fov", [0.0, 1.0, 30.0, 120.0])
 @pytest.mark.parametrize(("height", "width"), [(100, 100), (60, 200), (200, 60)])
-def test_the_ball_just_fits_at_zoom_one(fov, height, width, rng):
+def test_the_ball_leaves_a_pixel_at_zoom_one(fov, height, width, rng):
     camera = Orbit(20, 30, fov=fov).around(BALL, height, width)
     outward = rng.normal(size=(20000, 3))
     outward /= np.linalg.norm(outward, axis=1)[:, None]
     point = np.array([projected(camera, BALL.center + BALL.radius * out) for out in outward])
     away = np.linalg.norm(point - [width / 2, height / 2], axis=1).max()
-    assert away == pytest.approx(min(height, width) / 2, rel=2e-3)  # 20000 points of a sphere
+    assert away == pytest.approx(min(height, width) / 2 - 1, rel=2e-3)  # 20000 points of a sphere
 
 
 @pytest.mark.parametrize("fov", [0.0, 30.0])
@@ -85,7 +91,25 @@ def test_the_ball_is_around_what_is_seen():
     values[4:7, 5:8, 10:13] = 1.0
     ball = sphere_around(*voxels_of(values))
     assert ball.center == pytest.approx([11, 6, 5])
-    assert ball.radius == pytest.approx(np.sqrt(3) + 1)
+    assert ball.radius == pytest.approx(np.sqrt(3) + 2)
+
+
+def edge(picture):
+    """Largest opacity at the edges."""
+    opacity = picture.rgba[..., 3]
+    return max(side.max() for side in (opacity[0], opacity[-1], opacity[:, 0], opacity[:, -1]))
+
+
+@pytest.mark.each_value
+@pytest.mark.parametrize("classification", ["pre", "post"])
+@pytest.mark.parametrize("size", [(32, 32), (90, 30), (24, 70)])
+@pytest.mark.parametrize("camera", [Orbit(0, 0), Orbit(0, 0, fov=0), Orbit(45, 35, fov=0)])
+def test_nothing_that_is_seen_is_cut_off_at_the_edge(classification, size, camera):
+    rod, plate = np.zeros((2, 12, 12, 30), np.float32)
+    rod[6, 6], plate[6] = 1, 1
+    look = Appearance("0.2/white/0,0.5/white/0.9", classification=classification)
+    for values in (rod, plate, plate.T):
+        assert edge(render(values, look, camera, size=size)) == 0
 
 
 @pytest.mark.parametrize("count", [1, 511, 512, 513, 3000])
@@ -100,7 +124,7 @@ def test_the_ball_is_centered_on_the_box_around_any_number_of_voxels(count, rng)
 def test_the_ball_is_around_the_volume_where_nothing_is_seen():
     ball = sphere_around(*voxels_of(np.zeros((3, 5, 9), np.float32)))
     assert ball.center == pytest.approx([4, 2, 1])
-    assert ball.radius == pytest.approx(np.linalg.norm([4, 2, 1]) + 1)
+    assert ball.radius == pytest.approx(np.linalg.norm([4, 2, 1]) + 2)
 
 
 @pytest.mark.filterwarnings("ignore:overflow encountered:RuntimeWarning")
@@ -237,3 +261,50 @@ def balls(transfer, values):
             resampler = look.renderer(resampling)
             found.append(Subject.of(volume, look.appearance(volume, resampler), resampler).sphere)
     return found
+
+
+@pytest.mark.each_value
+@pytest.mark.parametrize("classification", ["pre", "post"])
+@pytest.mark.parametrize("size", [(60, 60), (120, 40), (40, 120)])
+@pytest.mark.parametrize("fov", [0.0, 30.0, 80.0])
+def test_what_is_visible_fills_the_picture_and_is_not_cut_off(classification, size, fov, rng):
+    values = np.zeros((20, 24, 40), np.float32)
+    for z, y, x in rng.integers(2, 18, (12, 3)):
+        values[z, y, 2 * x] = 1
+    look = Appearance("0.2/white/0,0.5/white/0.9", classification=classification)
+    volume, shape = as_volume(values), size[::-1]
+    samples = Appearance("0.2/white/0,0.5/white/0.9", classification="pre")
+    subject = Subject.of(volume, samples)
+    orbit = filling(Orbit(30, 20, fov=fov), subject.sphere, subject.voxels, shape)
+    opacity = render(volume, look, orbit, size=size).rgba[..., 3] > 1 / 510
+    row, column = np.nonzero(opacity)
+    filled = np.array([np.ptp(row) + 1, np.ptp(column) + 1]) / shape
+    assert min(row.min(), column.min()) >= 1
+    assert min(shape[0] - 1 - row.max(), shape[1] - 1 - column.max()) >= 1
+    assert filled.max() > (0.6 if fov == 80 else 0.7)  # kernels reach far around single voxels
+
+
+def test_a_zoom_multiplies_that_which_fills_the_picture():
+    voxels, volume = voxels_of(np.ones((4, 6, 8), np.float32))
+    ball = sphere_around(voxels, volume)
+    one, two = (filling(Orbit(30, 20, zoom), ball, voxels, (50, 70)) for zoom in (1, 2))
+    assert two.zoom == pytest.approx(2 * one.zoom)
+    assert two.pan == pytest.approx((2 * one.pan[0], 2 * one.pan[1]))
+
+
+def test_the_camera_that_fills_the_picture_is_said(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    words = ("render", "checker-box:size=12,block=4", "--size", "48x32")
+    assert commands.ended(cli.app, *words, "-o", "a.exr", "--zoom-in") == 0
+    said = re.search(r"the camera (\S+) fills the picture", capsys.readouterr().err)
+    assert commands.ended(cli.app, *words, "-o", "b.exr", "--camera", said[1]) == 0
+    np.testing.assert_allclose(read_image("a.exr"), read_image("b.exr"), atol=2e-3)
+    for more in (("--classify", "post"), ("--projection", "maximum")):
+        assert commands.ended(cli.app, *words, "-o", "c.exr", "--zoom-in", *more) == 0
+    spot = "eye = [0, -40, 0]\ntarget = [0, 0, 0]"
+    (tmp_path / "c.toml").write_text(spot)
+    capsys.readouterr()
+    refused = commands.refused(
+        cli.app, capsys, *words, "-o", "d.exr", "--zoom-in", "--camera", "c.toml"
+    )
+    assert "leave it out where the camera stands at a place" in refused

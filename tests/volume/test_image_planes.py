@@ -149,6 +149,20 @@ def test_a_window_that_is_not_given_is_the_range_without_padding():
     assert np.abs(to_srgb(frame.rgba[middle, :3]) - share).max() < 2 * LEVEL  # whole numbers
 
 
+def test_windows_and_surfaces_on_a_scale_are_of_values():
+    from resample_volume.media.scales import scaled
+
+    ramp = as_volume(10.0 ** np.linspace(0, 3, 16) * np.ones((12, 12, 1)))
+    volume = scaled(ramp, "log")
+    frame, voxel = seen_straight(volume, "z=50%", window=(10.0, 1000.0))
+    inside = within(volume, voxel, 0.6)
+    share = np.clip((3 * voxel[inside, 0] / 15 - 1) / 2, 0, 1)[:, None]
+    assert np.abs(to_srgb(frame.rgba[inside, :3]) - share).max() < 2 * LEVEL
+    pytest.importorskip("vtkmodules.vtkFiltersCore")
+    mesh = Subject.of(volume, Appearance(NOTHING, surfaces=("100",)))
+    np.testing.assert_allclose(mesh.mesh.corner[:, 0] + mesh.middle[0], 10, atol=1e-3)
+
+
 def test_missing_voxels_are_holes():
     frame, voxel = seen_straight(HALF_KNOWN, "z=5")
     inside = within(HALF_KNOWN, voxel)

@@ -8,6 +8,7 @@ import pytest
 from resample.files.images import read_image
 from resample_volume.command import cli
 from resample_volume.inputs import as_volume
+from resample_volume.looks.presets import transfer_for
 from resample_volume.rendering import render
 from tests import commands
 
@@ -78,7 +79,7 @@ SHAPED = {
     "cut out": (lambda: np.where(away() < 15, 180 + ball() % 40, 0).astype(np.uint8), 0.5),
     "missing half": (lambda: changed(ball(np.float32), np.s_[:20], np.nan), 0.2),
     "two slices": (lambda: ball()[20:22], 0.05),
-    "one voxel": (lambda: changed(np.zeros((9, 9, 9), np.float32), (4, 4, 4), 1.0), 0.2),
+    "one voxel": (lambda: changed(np.zeros((9, 9, 9), np.float32), (4, 4, 4), 1.0), 0.1),
 }
 
 
@@ -220,3 +221,15 @@ def test_tissues_are_for_hounsfield_units(tissue, capsys):
     assert "give its units, hu or hu+1024" in line
     words = ["--units", "hu", "--size", SIDE]
     assert ended("render", "a.npy", "-o", "a.png", "--transfer", tissue, *words) == 0
+
+
+@pytest.mark.parametrize("words", [(), ("--classify", "post"), ("--projection", "average")])
+def test_a_ball_in_nothing_is_seen_without_a_warning(words):
+    values = np.where(away() < 15, 20 - away(), np.nan).astype(np.float32)
+    assert fills_the_picture(shown(values, *words))
+
+
+def test_values_between_those_that_are_looked_at_make_a_look():
+    values = np.full((160, 160, 160), np.nan, np.float32)
+    values[81, 81, 80:82] = 1, 2
+    assert transfer_for("auto", as_volume(values)).opacities([1.0, 2.0], (1.0, 2.0)).max() == 0.8

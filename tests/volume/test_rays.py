@@ -144,8 +144,8 @@ def test_nothing_at_all_is_a_picture_of_nothing() -> None:
 @pytest.mark.sweep(kept_by="test_sub_pixels_that_are_spared_are_as_rays_would_see_them")
 def test_automatic_sub_pixels_come_to_what_many_show() -> None:
     for size in ((12, 12), (40, 48), (160, 160)):
-        few = seen(blobs(), along_rays(), size=size)
-        many = seen(blobs(), along_rays(subpixels=16), size=size)
+        few = seen(blobs(), along_rays(), Orbit(30, 20, 1.4), size)
+        many = seen(blobs(), along_rays(subpixels=16), Orbit(30, 20, 1.4), size)
         assert np.sqrt(np.mean((few.rgba - many.rgba) ** 2)) < 0.004
 
 
@@ -175,8 +175,9 @@ def test_sub_pixels_that_are_spared_are_as_rays_would_see_them(
     ],
 )
 def test_fewer_rays_come_close_to_many(quality: str, side: int, rays: int, least: float) -> None:
-    few = seen(blobs(), along_rays(order=Rays(quality=quality)), size=(side, side))
-    many = seen(blobs(), along_rays(subpixels=16), size=(side, side))
+    camera, size = Orbit(30, 20, 1.2 * side / (side - 2)), (side, side)
+    few = seen(blobs(), along_rays(order=Rays(quality=quality)), camera, size)
+    many = seen(blobs(), along_rays(subpixels=16), camera, size)
     assert few.statistics.subpixels == rays
     error = np.sqrt(np.mean((few.rgba - many.rgba) ** 2))
     assert -20 * np.log10(error) > least
@@ -223,6 +224,22 @@ def test_steps_and_sub_pixels_come_closer_to_each_other() -> None:
     errors = [np.sqrt(np.mean((frame.rgba - exact.rgba) ** 2)) for frame in coarse]
     assert errors[0] > errors[1] > errors[2]
     assert errors[1] < 0.004
+
+
+def ringed_ball(count: int = 40) -> NDArray[np.float32]:
+    """A smooth ball with faint rings 2.5 voxels apart."""
+    axis = np.arange(count) - (count - 1) / 2
+    z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
+    within = np.clip((0.4 * count - np.sqrt(x * x + y * y + z * z)) / 6 + 0.5, 0, 1)
+    return np.asarray(255 * within * (0.8 + 0.2 * np.cos(2 * np.pi * z / 2.5)), np.float32)
+
+
+@pytest.mark.parametrize("values", [ringed_ball(), blobs()], ids=["rings", "blobs"])
+def test_what_is_spared_is_what_rays_see(values: NDArray[np.generic]) -> None:
+    usual = Rays(quality="usual")
+    spared = seen(values, along_rays(order=usual), size=(160, 160))
+    all_of_it = seen(values, along_rays(order=usual, subpixels=1), size=(160, 160))
+    assert -10 * np.log10(np.mean((spared.rgba - all_of_it.rgba) ** 2)) > 60
 
 
 def test_a_picture_moves_with_its_volume() -> None:

@@ -7,7 +7,7 @@ import pytest
 import SimpleITK
 
 from resample.cameras.viewpoints import Orbit
-from resample.colors import from_srgb, to_srgb
+from resample.colors import from_srgb
 from resample.profiles.orders import ImageSheets
 from resample.resampler import Resampler
 from resample_volume.files.readers import MetaImage, Nifti, Npy, Nrrd, TiffStack
@@ -82,7 +82,7 @@ def test_times_are_read_and_one_is_chosen(name, films, tmp_path):
     assert one.name == "a (time 3)"
     assert np.array_equal(volume_at(held, -1, None).values, films[4])
     for time, complaint in (
-        (None, "a has 5 times, 0 to 4; a volume is one of them: choose it by time"),
+        (None, r"a has 5 times; a volume is one of them: choose one by time, 0 to 4 \(--time 0; "),
         (5, "a has 5 times, 0 to 4; there is no time 5"),
         (-6, "there is no time -6"),
     ):
@@ -90,6 +90,7 @@ def test_times_are_read_and_one_is_chosen(name, films, tmp_path):
             volume_at(held, time, None)
     with pytest.raises(ValueError, match=r"4 dimensions, 12 x 11 x 10 x 5; a volume has 3"):
         open_volume(path)
+    assert np.array_equal(open_volume(path, time=3).values, films[3])
 
 
 def test_a_file_of_one_time_is_a_volume(films, tmp_path):
@@ -106,9 +107,9 @@ def test_numpy_arrays_have_times_or_channels_first(films, tmp_path):
     np.save(tmp_path / "b.npy", np.stack([films, films + 1], 1))
     both = Npy().recorded(tmp_path / "b.npy")
     assert np.array_equal(volume_at(both, 2, 1).values, films[2] + 1)
-    with pytest.raises(ValueError, match=r"2 channels, 0 to 1; .* by channel"):
+    with pytest.raises(ValueError, match=r"2 channels; .* by channel, 0 to 1"):
         volume_at(both, 2, None)
-    with pytest.raises(ValueError, match=r"5 times, 0 to 4; .* by time"):
+    with pytest.raises(ValueError, match=r"5 times; .* by time, 0 to 4"):
         volume_at(both, None, 1)
     for name in ("a.npy", "b.npy"):
         with pytest.raises(ValueError, match="has 4 dimensions"):
@@ -145,8 +146,7 @@ def test_vectors_of_3_or_4_are_colors(name, parts, rng, tmp_path):
     if parts == 4:
         assert np.array_equal(volume.values, values[..., 3])
     else:
-        bright = 65535 * to_srgb(light @ [0.2126, 0.7152, 0.0722])
-        np.testing.assert_allclose(volume.values, bright, atol=0.6)
+        assert np.array_equal(volume.values, values.max(axis=-1))
 
 
 @pytest.mark.parametrize(
@@ -224,7 +224,7 @@ def test_arrays_of_colors_are_volumes(colors, tmp_path):
         np.testing.assert_allclose(voxels.color, from_srgb(colors[z, y, x] / 255), atol=1e-6)
     floats = np.full((4, 4, 4, 3), 0.25, np.float32)
     assert as_volume(floats).values == pytest.approx(0.25)
-    with pytest.raises(ValueError, match="numbers below 0, which are no colors"):
+    with pytest.raises(ValueError, match=r"below 0, which are no colors; .*--channel 0"):
         as_volume(floats - 1)
 
 
@@ -239,6 +239,22 @@ def test_opacities_of_colors_are_those_of_voxels():
     )
     voxels = Subject.of(as_volume(values), of_voxels(light=None)).voxels
     np.testing.assert_allclose(voxels.extinction, -np.log(1 - 128 / 255), rtol=1e-5)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32, np.float64])
+def test_opacities_of_colors_without_one_do_not_depend_on_hue(dtype):
+    most = 1.0 if np.dtype(dtype).kind == "f" else np.iinfo(dtype).max
+    z, y, x = np.indices((9, 9, 9)) - 4
+    ball = (x**2 + y**2 + z**2 < 10)[..., np.newaxis]
+    for light in (0, most // 2 if most > 1 else 0.5, most):
+        hues = np.concatenate([np.eye(3), 1 - np.eye(3), np.ones((1, 3))])
+        balls = [as_volume((ball * hue * light).astype(dtype)) for hue in hues]
+        gray = (ball[..., 0] * light).astype(dtype)
+        assert all(np.array_equal(found.values, gray) for found in balls)
+    look = Appearance("gray", light=None)
+    opacity = [render(found, look, Orbit(fov=0), size=SQUARE).rgba[..., 3] for found in balls[::3]]
+    assert np.ptp(opacity, axis=0).max() == 0
+    assert opacity[0].max() > 0.99
 
 
 def test_a_color_whose_number_is_missing_is_not_there():

@@ -171,7 +171,7 @@ def test_a_channel_of_a_film_is_filmed():
     known = held(Source(), "both.npy")
     series = Series.of(times_of(Source(channel=1), known))
     assert np.array_equal(series[2].values, both[2, 1])
-    with pytest.raises(ValueError, match=r"2 channels, 0 to 1; .* choose it by channel"):
+    with pytest.raises(ValueError, match=r"2 channels; .* by channel, 0 to 1 \(--channel 0"):
         Series.of(times_of(Source(), known))
     assert times_of(Source(channel=1), held(Source(), "beats.npy")) is None
     assert times_of(Source(), known._replace(values=known.values[:1, :1])) is None

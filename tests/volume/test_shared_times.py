@@ -115,7 +115,9 @@ def test_a_channel_of_a_store_is_filmed(capsys):
         assert ended("animate", name, *FILM, "--channel", "1", "-o", name[2:]) == 0
     assert frames("npy") == frames("zarr")
     capsys.readouterr()
-    assert "choose it by channel" in refused(capsys, "animate", "a.zarr", *FILM, "-o", "c")
+    assert "choose one by channel, 0 to 1 (--channel 0; " in refused(
+        capsys, "animate", "a.zarr", *FILM, "-o", "c"
+    )
     one = ["--time", "1", "--channel", "0", "--frames", "1", "--size", "24"]
     for name in ("a.npy", "a.zarr"):
         assert ended("animate", name, *one, "-o", f"one-{name[2:]}") == 0

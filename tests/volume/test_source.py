@@ -109,7 +109,9 @@ def test_a_plugin_is_found_by_its_suffix(tmp_path, monkeypatch):
 def test_two_readers_of_one_suffix_are_named(tmp_path, monkeypatch):
     monkeypatch.setattr(source.registry, "names", lambda _: ["npy", "other"])
     monkeypatch.setattr(source.registry, "load", lambda *_: Npy)
-    with pytest.raises(ValueError, match=r"choose a reader; npy and other read \.npy"):
+    with pytest.raises(
+        ValueError, match=r"choose a reader; npy and other read \.npy \(--reader npy"
+    ):
         find_reader(tmp_path / "a.npy")
 
 

@@ -154,7 +154,7 @@ def test_what_is_before_a_box_is_that_of_short_steps(light, fov):
     look = Appearance(LOOK, light, classification=Classification.POST, meshes=(mesh,))
     made = Resampler(order=Rays(0.1), subpixels=1)
     subject = Subject.of(BLOBS, look, made)
-    camera = subject.camera(Orbit(30, 20, 1.2, fov), *SIZE)
+    camera = subject.camera(Orbit(30, 20, 1.5, fov), *SIZE)
     field = subject.seen_by(camera)
     found = made(field, camera, height=SIZE[0], width=SIZE[1]).rgba
     depth, normal, start, way = hits(subject.mesh, camera, SIZE)

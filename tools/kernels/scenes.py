@@ -23,7 +23,7 @@ DEPTH = "resample-warp3d render {} --size 40 -o out.png"
 def volumes() -> Iterator[str]:
     """Commands of volumes."""
     for dtype in DTYPES:
-        for more in ("", "--classify post", "--shading --light 1/-1/2", "--gradient sobel"):
+        for more in ("", "--classify pre", "--shading --light 1/-1/2", "--gradient sobel"):
             yield VOLUME.format(f"{dtype}.npy {more}")
     for dtype in ("uint8", "int16", "uint16", "float32"):
         for projection in ("maximum", "minimum", "average", "additive", "first-hit --iso 90"):
@@ -44,6 +44,8 @@ def volumes() -> Iterator[str]:
     for more in (
         *(f"--footprint {name}" for name in ("corrected", "small-angle", "affine", "disc")),
         *(f"--subpixels {count}" for count in (1, 2, 3)),
+        "--classify pre --fov 0",
+        "--classify pre --camera 30/20/0.2",
         "--kernel bspline",
         "--kernel bspline --order image-sheets",
         "--filter gaussian:sigma=0.6",
@@ -51,6 +53,10 @@ def volumes() -> Iterator[str]:
         "--transfer bone --window 90/120",
         "--gradient-opacity 0.1/0.5",
         "--labels labels.npy",
+        "--labels labels.npy --classify pre",
+        "--classify pre --depth-cue 0.4 --clip 1/0/-1",
+        "--classify pre --gradient-opacity 0.1/0.5",
+        "--classify pre --shadows --light 1/-1/2",
         "--classify post --order image-sheets",
         "--classify post --camera 30/20/0.2",
         "--classify post --fov 0",
@@ -68,7 +74,7 @@ def volumes() -> Iterator[str]:
         yield VOLUME.format(f"uint8.npy {more}")
     for name in ("checker-box:size=24", "vessel-tree:size=24", "marschner-lobb:size=24"):
         yield VOLUME.format(name)
-        yield VOLUME.format(f"{name} --classify post")
+        yield VOLUME.format(f"{name} --classify pre")
     yield "resample-volume generate checker-box:size=16 -o box.nrrd"
     yield "resample-volume info box.nrrd"
     yield VOLUME.format("box.nrrd --memory 300MiB")

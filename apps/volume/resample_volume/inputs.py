@@ -14,6 +14,7 @@ from resample_volume.exchange.taking import taker_of
 from resample_volume.files.headers import KEPT
 from resample_volume.files.source import open_volume
 from resample_volume.media.recordings import in_color, is_color
+from resample_volume.media.scales import LINEAR, scaled
 from resample_volume.types import Volume
 from resample_volume.voxels.bricks import Bricks
 
@@ -24,7 +25,7 @@ TAKEN = (
 WIDE = np.iinfo(np.int32)
 
 
-def as_volume(given: Any, name: str = "array", *, part: Part = "") -> Volume:
+def as_volume(given: Any, name: str = "array", *, part: Part = "", scale: str = LINEAR) -> Volume:
     """Volume of what a caller has.
 
     Parameters
@@ -42,6 +43,10 @@ def as_volume(given: Any, name: str = "array", *, part: Part = "") -> Volume:
     part
         Which array, field or variable of what has several: a data set of VTK's, a grid of yt's, a
         `Dataset` of xarray's.
+    scale
+        `log` or `symlog:linear=0.01`: the field becomes that of its logarithms, and is
+        reconstructed, classified and lit as such. Looks by name or as a text still speak of the
+        values as they were.
 
     Returns
     -------
@@ -52,7 +57,7 @@ def as_volume(given: Any, name: str = "array", *, part: Part = "") -> Volume:
     TypeError
         It is none of these, or its values are no real numbers.
     ValueError
-        It is of another shape, or has no voxels.
+        It is of another shape, or has no voxels; or no value that has a logarithm.
     OSError
         The file cannot be read.
 
@@ -61,9 +66,15 @@ def as_volume(given: Any, name: str = "array", *, part: Part = "") -> Volume:
     >>> from resample_volume import as_volume
     >>> as_volume([[[0, 1], [2, 3]], [[4, 5], [6, 7]]]).values.shape
     (2, 2, 2)
+    >>> as_volume([[[1e-30, 1e-24]]], scale="log").values.tolist()
+    [[[-30.0, -24.0]]]
     >>> as_volume("checker-box:size=16,block=4").values.dtype
     dtype('uint8')
     """
+    return scaled(_as_it_is(given, name, part), scale)
+
+
+def _as_it_is(given: Any, name: str, part: Part) -> Volume:
     if isinstance(given, Volume | str | PathLike):
         check_whole(part, "a file" if not isinstance(given, Volume) else given.name)
     if isinstance(given, Volume):

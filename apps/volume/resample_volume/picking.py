@@ -11,6 +11,7 @@ from resample.painting.choices import Projection
 from resample.profiles.reconstruction import footprint_table
 from resample.resampler import Resampler
 from resample.types import Doubles, View
+from resample_volume.media.scales import value_at
 from resample_volume.rendering import Subject
 from resample_volume.space.image_planes import settled
 from resample_volume.types import Volume
@@ -133,7 +134,7 @@ def picked(volume: Volume, voxel: int) -> Picked:
     index = np.array(place[::-1], np.float64)
     return Picked(
         (int(place[0]), int(place[1]), int(place[2])),
-        float(volume.values[place]),
+        float(value_at(volume.values[place], volume.scale)),
         np.asarray(volume.origin + lattice_of(volume) @ index),
     )
 

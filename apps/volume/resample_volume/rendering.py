@@ -46,6 +46,7 @@ from resample_volume.media.appearance import (
 )
 from resample_volume.media.lattices import Lattice, bytes_onto, common_lattice, first_in, onto
 from resample_volume.media.mixing import Mixed, added, mixed, with_light
+from resample_volume.media.recordings import how
 from resample_volume.media.xrays import AS_IT_IS, Tone, XRay, exposed, settled, tone_of
 from resample_volume.space.image_planes import settled as settled_plane
 from resample_volume.space.meshes import SceneMesh, placed
@@ -178,7 +179,7 @@ def field_of(
     ):
         raise ValueError(
             f"{volume.name} has colors, which need the projection composite, and along rays or in "
-            "the classification pre; for a field choose one channel"
+            f"the classification pre; for a field {how('channel', volume.colors.shape[-1])}"
         )
     transfer = transfer_of(volume, appearance, projection)
     if transfer.needs_gradient and projection is not Projection.COMPOSITE:
@@ -503,7 +504,7 @@ def render(
     >>> ball = np.hypot(np.hypot(x, y), z).astype(np.float32)
     >>> frame = render(-ball, "-6..0", (30, 20), size=(32, 32))
     >>> frame
-    Frame(32 × 32 px, 91.5 % covered, depth from 20.82)
+    Frame(32 × 32 px, 41 % covered, depth from 26.23)
     >>> round(float(frame.coverage[16, 16]), 2), float(frame.coverage[0, 0])
     (1.0, 0.0)
     """

@@ -32,6 +32,7 @@ class Volume(NamedTuple):
     note: str = ""  # what was made of a file's values, for who looks at them
     space: str = ""  # lps: a patient's, in mm, whose left, back and head x, y and z point to
     thickness: float = 0.0  # scene units that opacities hold for; 0: cube root of a voxel's volume
+    scale: str = ""  # that values are on, see `media.scales`; empty: they are what was measured
 
 
 class Recording(NamedTuple):

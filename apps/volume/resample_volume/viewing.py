@@ -33,6 +33,7 @@ from resample_volume.keeping import Kept, keeping
 from resample_volume.looks.names import PRESETS, TISSUES
 from resample_volume.looks.surveys import survey
 from resample_volume.media.appearance import Appearance, transfer_of
+from resample_volume.media.scales import scale_named, value_at
 from resample_volume.picking import Picked
 from resample_volume.rendering import Subject
 from resample_volume.scenes import Quality, Scene
@@ -53,13 +54,13 @@ NAMED = {"order": "orders", "filter": "filters", "kernel": "reconstructions"}  #
 SHOWN = (Look, Resampling, Beside, PictureFormat)  # models of options that a page changes
 LEFT_OUT = (
     *("reader", "shape", "dtype", "endian", "spacing", "level", "units", "time"),
-    *("channel", "channels", "size", "bits", "color-bar", "deep"),
+    *("channel", "channels", "scale", "size", "bits", "color-bar", "deep", "zoom-in"),
 )
 STILL, STEERED = Look(), ("camera", "fov", "up", "fit")  # what moves a camera alone
 BINS = 256
 LITTLE = 16  # voxels and px of a side, of pictures that have kernels compiled
 KINDS: Sequence[Settings] = (  # that have kernels of their own
-    {"classify": "post"},
+    {"classify": "pre"},  # also of previews
     {"projection": "maximum"},
     {"projection": "average"},
     {"projection": "first-hit", "iso": LITTLE / 2},
@@ -235,12 +236,15 @@ class VolumePainter:
             raise ValueError(f"{what!r:.40} is not known; a page can ask for points")
         wish = self._wish(settings)
         transfer = transfer_of(self.volume, wish.appearance, wish.resampler.projection)
-        points = points_of(transfer, survey(self.volume).span)
+        points = [
+            (float(value_at(place, self.volume.scale)), color, opacity)
+            for place, color, opacity in points_of(transfer, survey(self.volume).span)
+        ]
         return {"points": points, "transfer": spelled(points), "unit": transfer.opacity_unit}
 
     def _wish(self, settings: Settings) -> _Wish:
         look, resampling, beside, picture = chosen(settings, SHOWN)
-        resampler = look.renderer(resampling)
+        resampler = look.renderer(resampling, self.volume.scale)
         resampler = self._resamplers.setdefault(resampler, resampler)
         appearance = self._appearance(look, resampler, beside)
         return _Wish(look, appearance, resampler, beside, picture)
@@ -386,7 +390,7 @@ def picture(volume: str, settings: Mapping[str, Any]) -> Frame:
     Examples
     --------
     >>> picture("checker-box:size=16", {"camera": "top", "size": "32x24"})
-    Frame(32 × 24 px, 42.2 % covered, depth from 46.55)
+    Frame(32 × 24 px, 25.5 % covered, depth from 54.87)
     """
     source_keys = Source.model_fields
     of_source = {key: value for key, value in settings.items() if key in source_keys}
@@ -401,4 +405,7 @@ def _histogram(volume: Volume, span: tuple[float, float]) -> dict[str, Any]:
     low, high = span
     values = np.asarray(volume.values)
     count, _ = np.histogram(values[np.isfinite(values)], BINS, (low, max(high, low + 1e-30)))
-    return {"low": low, "high": high, "counts": count.tolist()}
+    by = scale_named(volume.scale)
+    scale = {} if by is None else {"scale": "log" if by.linear is None else "symlog"}
+    linear = {} if by is None or by.linear is None else {"linear": by.linear}
+    return {"low": low, "high": high, "counts": count.tolist(), **scale, **linear}

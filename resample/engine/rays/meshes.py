@@ -10,16 +10,8 @@ from resample.engine.jit import inner_step
 from resample.engine.over import VISIBLE
 from resample.engine.rays.looks import Light
 from resample.engine.rays.marching import ray_at
-from resample.engine.rays.seeing import (
-    NOTHING,
-    Medium,
-    Result,
-    Way,
-    kept_at,
-    reaching,
-    reflect,
-    seen,
-)
+from resample.engine.rays.media import Medium, aims_at, kept_at, reaching, reflect
+from resample.engine.rays.seeing import NOTHING, Result, Way, seen
 from resample.engine.vectors import Vector, combine, cross, dot, scaled
 from resample.types import Doubles, Triangles, View
 
@@ -154,7 +146,7 @@ def _sent(medium: Medium, hit: Hit, at: Vector, place: Vector) -> Light:
     length = math.sqrt(dot(normal, normal))
     if length == 0.0:
         return color[0], color[1], color[2], mesh.opacity[hit[1]]
-    own, highlight = reflect(scaled(1.0 / length, normal), at, medium.look)
+    own, highlight = reflect(scaled(1.0 / length, normal), aims_at(at, medium.look), medium.look)
     of_lamp, of_all = 1.0, 1.0
     if (
         0.0 < place[0] < cells[0] and 0.0 < place[1] < cells[1] and 0.0 < place[2] < cells[2]

@@ -6,8 +6,9 @@ import numpy as np
 
 from resample.engine.canvas import Home, pixel_weights
 from resample.engine.jit import Counter, inner_kernel, kernel, packed_kernel, tasks
+from resample.engine.rays.media import Medium
 from resample.engine.rays.meshes import is_on_mesh, seen_with_mesh
-from resample.engine.rays.seeing import Medium, Way
+from resample.engine.rays.seeing import Way
 from resample.engine.rays.sparing import (
     ALPHA,
     COVER,
@@ -21,7 +22,7 @@ from resample.engine.rays.sparing import (
     is_even,
     line_through,
 )
-from resample.types import Film, Floats, Tables, View
+from resample.types import Film, Floats, Indices, Tables, View
 
 
 class Output(NamedTuple):
@@ -36,6 +37,7 @@ class Output(NamedTuple):
     apart: int  # sub-pixels from one that is looked at to the next, a power of 2
     size: int  # px, side of a tile
     columns: int  # tiles in a row of them
+    which: Indices  # (T,) numbers of tiles that are painted
     left: int  # px, of the first tile
     top: int  # px, of the first tile
 
@@ -130,8 +132,7 @@ def _resolve(fine: Floats, n: int, weight: Floats, home: Home, output: Output) -
             for channel in range(3):
                 film.rgba[row, column, channel] = max(np.float32(0.0), total[channel])
             film.rgba[row, column, 3] = min(np.float32(1.0), max(np.float32(0.0), alpha))
-            if alpha > 0.0:
-                film.depth[row, column] = total[DEEP] / alpha
+            film.depth[row, column] = total[DEEP] / alpha if alpha > 0.0 else np.float32(np.inf)
             film.first_depth[row, column] = first
             film.coverage[row, column] = min(np.float32(1.0), max(np.float32(0.0), total[COVER]))
             if output.value.size and present > 0.0:
@@ -171,5 +172,5 @@ def paint_rays(
     output
         Filled.
     """
-    for tile in tasks(counter, count):
-        _paint(tile, fineness, way, medium, output)
+    for task in tasks(counter, count):
+        _paint(output.which[task], fineness, way, medium, output)

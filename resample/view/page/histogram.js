@@ -5,6 +5,20 @@ import { between, made, rounded } from "./elements.js";
 
 const NEAR = 12; // px within which a point of a curve is taken
 
+const NEAR_ZERO = 1 / (1 - 1 / 10); // decades of a symmetric logarithm that are linear
+
+// Places of values on the histogram's scale, and the values of places; all that is dragged are places.
+export function scaleOf({ scale, linear } = {}) {
+  if (scale === "log") return { to: Math.log10, from: (place) => 10 ** place };
+  if (scale !== "symlog") return { to: (value) => value, from: (place) => place };
+  return {
+    to: (value) => Math.abs(value) <= linear
+      ? (value / linear) * NEAR_ZERO : Math.sign(value) * (NEAR_ZERO + Math.log10(Math.abs(value) / linear)),
+    from: (place) => linear * (Math.abs(place) <= NEAR_ZERO
+      ? place / NEAR_ZERO : Math.sign(place) * 10 ** (Math.abs(place) - NEAR_ZERO)),
+  };
+}
+
 // Points of a look: value, color and opacity each; null: it is not given by points.
 function pointsOf(transfer) {
   const parts = String(transfer ?? "").split(",").map((part) => part.split("/"));
@@ -40,16 +54,22 @@ export function histogram(page) {
     const box = element.getBoundingClientRect();
     return between(0, 1 - (event.clientY - box.top) / box.height, 1) ** 2;
   };
-  const points = () => pointsOf(page.settings.transfer) ?? (known?.points ?? []).map((one) => [...one]);
+  const scale = () => scaleOf(page.about?.histogram);
+  const points = () => (pointsOf(page.settings.transfer) ?? known?.points ?? []).map(
+    ([one, ...rest]) => [scale().to(one), ...rest]);
   const isOwn = () => pointsOf(page.settings.transfer) !== null;
   const ends = () => {
-    const parts = String(page.settings.window ?? "").split("/").map(Number);
+    const text = String(page.settings.window ?? ""), named = text.includes("..");
+    const parts = text.split(named ? ".." : "/").map(Number);
     if (parts.length !== 2 || parts.some(Number.isNaN)) return null;
-    return [parts[0] - parts[1] / 2, parts[0] + parts[1] / 2];
+    return (named ? parts : [parts[0] - parts[1] / 2, parts[0] + parts[1] / 2]).map(scale().to);
   };
   const put = (a, b, moving) => {
     const low = Math.min(a, b), width = Math.abs(b - a);
-    if (width > span() / 500) page.changed("window", `${rounded(low + width / 2)}/${rounded(width)}`, moving);
+    if (width <= span() / 500) return;
+    const { from: value } = scale();
+    page.changed("window", page.about.histogram.scale ? `${rounded(value(low))}..${rounded(value(low + width))}`
+      : `${rounded(low + width / 2)}/${rounded(width)}`, moving);
   };
   // The look becomes its points, in data units, which no window spreads.
   const write = (given, moving) => {
@@ -57,7 +77,7 @@ export function histogram(page) {
       page.changed("window", undefined, true);
       if (known?.unit && page.settings["opacity-unit"] === undefined) page.changed("opacity-unit", known.unit, true);
     }
-    page.changed("transfer", spelledPoints(given), moving);
+    page.changed("transfer", spelledPoints(given.map(([one, ...rest]) => [scale().from(one), ...rest])), moving);
   };
   const moved = (n, to, height, moving) => {
     const given = points();
@@ -97,7 +117,7 @@ export function histogram(page) {
     for (const input of [color, value, opacity]) input.disabled = !point;
     if (!point) return;
     if (/^#[0-9a-f]{6}$/i.test(point[1])) color.value = point[1];
-    if (document.activeElement !== value) value.value = rounded(point[0]);
+    if (document.activeElement !== value) value.value = rounded(scale().from(point[0]));
     if (document.activeElement !== opacity) opacity.value = rounded(point[2]);
   };
   const draw = () => {
@@ -193,7 +213,7 @@ export function histogram(page) {
   });
   const typed = () => {
     const point = points()[chosen];
-    if (point && value.value !== "" && opacity.value !== "") moved(chosen, Number(value.value), Number(opacity.value), false);
+    if (point && value.value !== "" && opacity.value !== "") moved(chosen, scale().to(Number(value.value)), Number(opacity.value), false);
   };
   value.addEventListener("change", typed);
   opacity.addEventListener("change", typed);

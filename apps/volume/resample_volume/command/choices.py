@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from resample.cameras.viewpoints import Viewpoint
     from resample.resampler import Resampler
+    from resample_volume.command.filling import Fitted
     from resample_volume.media.appearance import Appearance, Met
     from resample_volume.space.annotations import Annotations
     from resample_volume.types import Volume
@@ -80,6 +81,14 @@ class Source(Choices):
         ),
     ] = None
 
+    scale: Annotated[
+        str,
+        Field(
+            description="Show values, or their logarithms: linear, log, or symlog:linear=0.01, "
+            "which is linear up to there at either side of 0. Looks and windows are in the "
+            "values' own units."
+        ),
+    ] = "linear"
     time: Annotated[
         int | None,
         Hyphen,
@@ -143,8 +152,8 @@ class Look(Choices):
         Hyphen,
         Field(
             description="Center and width of the values that auto, gray, bone, vessels, surfaces "
-            "and colormaps are spread over: 40/400; of an X-ray, its line integrals. The range "
-            "without padding and strays."
+            "and colormaps are spread over, or the ends of these: 40/400, -160..240; of an X-ray, "
+            "its line integrals. The range without padding and strays."
         ),
     ] = None
     opacity_unit: Annotated[
@@ -264,8 +273,8 @@ class Look(Choices):
         """The same look of voxels, unless it was said that it is the field's."""
         return self if self.classify == "post" else self.model_copy(update={"classify": "pre"})
 
-    def renderer(self, resampling: Resampling) -> "Resampler":
-        """Renderer that goes with this look.
+    def renderer(self, resampling: Resampling, scale: str = "") -> "Resampler":
+        """Renderer that goes with this look, of values on a scale.
 
         Raises
         ------
@@ -273,10 +282,14 @@ class Look(Choices):
             A choice is unknown or not allowed, or two do not go together.
         """
         from resample_volume.media.appearance import Classification, check_together
+        from resample_volume.media.scales import scale_named
         from resample_volume.space.sections import Section
 
         if self.label and self.labels is None:
             raise ValueError("label says what a label looks like; give the labels' volume too")
+        if (by := scale_named(scale)) is not None and resampling.iso is not None:
+            place = by.place(resampling.iso, "iso")
+            resampling = resampling.model_copy(update={"iso": place})
         is_auto = self.classify == "auto"
         is_of_field = self.classify == "post" or (is_auto and not resampling.is_of_samples)
         quality = "usual" if is_auto else "best"
@@ -309,7 +322,7 @@ class Look(Choices):
         from resample_volume.voxels.shading import DepthCue, Light
 
         projection = Projection.COMPOSITE if resampler is None else resampler.projection
-        window, xray = self._window(), None
+        window, xray = self._window(volume.scale), None
         if projection is Projection.XRAY:
             xray, window = XRay(self.mu_water or MU_WATER, window), None
         transfer = named_transfer(self.transfer, volume, projection, window)
@@ -353,15 +366,22 @@ class Look(Choices):
             invert=self.invert,
         )
 
-    def _window(self) -> tuple[float, float] | None:
-        """Least and greatest value of the window."""
+    def _window(self, scale: str) -> tuple[float, float] | None:
+        """Least and greatest value of the window, on a scale."""
+        from resample_volume.media.scales import scale_named
+
         if self.window is None:
             return None
-        center, width = _numbers("window", self.window, 2)
-        low, high = center - width / 2, center + width / 2
+        if ".." in self.window:
+            low, high = _numbers("window", self.window, 2, "..")
+        else:
+            center, width = _numbers("window", self.window, 2)
+            low, high = center - width / 2, center + width / 2
         if not -math.inf < low < high < math.inf:
             raise ValueError(f"window {self.window!r}; its width must be above 0, as in 40/400")
-        return low, high
+        if (by := scale_named(scale)) is None:
+            return low, high
+        return by.place(low, "the window's end"), by.place(high, "the window's end")
 
     def viewpoint(self) -> "Viewpoint":
         """Where the volume is seen from, as `resample.cameras.files.viewpoint` reads it."""
@@ -463,6 +483,14 @@ class BesidePicture(Beside):
         Switch,
         Field(description="Add a bar to the right: of colors, opacities and values."),
     ] = False
+    zoom_in: Annotated[
+        bool,
+        Switch,
+        Field(
+            description="Zoom and pan so that what is visible from there fills the picture, and "
+            "say the camera. The zoom of camera multiplies that."
+        ),
+    ] = False
     deep: Annotated[
         int | None,
         Field(
@@ -471,6 +499,10 @@ class BesidePicture(Beside):
             description="Write so many slabs of depth instead of one layer, to a deep .exr.",
         ),
     ] = None
+
+    def fit(self, look: Look) -> "Fitted":
+        """What the camera is placed by."""
+        return "picture" if self.zoom_in else look.fit
 
     def check(self, output: "Path", resampler: "Resampler", height: int) -> None:
         """Refuse a bar or a deep picture that cannot be, before any work is done.
@@ -527,12 +559,12 @@ class Projecting(Choices):
         return self.resampling().model_copy(update={"order": order})
 
 
-def _numbers(name: str, text: str, count: int) -> list[float]:
+def _numbers(name: str, text: str, count: int, joint: str = "/") -> list[float]:
     try:
-        numbers = [float(part) for part in text.split("/")]
+        numbers = [float(part) for part in text.split(joint)]
     except ValueError:
         numbers = []
     if len(numbers) != count:
-        form = "/".join("abc"[:count])
+        form = joint.join("abc"[:count])
         raise ValueError(f"{name} {text!r}; give {count} numbers as {form}")
     return numbers

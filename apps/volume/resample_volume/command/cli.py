@@ -107,7 +107,7 @@ def render(
     size = picture.height_and_width()
     background = picture.behind(output.suffix)
     check_frame(output, picture.bits, background)
-    resampler = look.renderer(resampling)
+    resampler = look.renderer(resampling, source.scale)
     beside.check(output, resampler, size[0])
     met = beside.met(look, resampler)
     viewpoint = look.viewpoint()
@@ -120,7 +120,7 @@ def render(
             shown = with_met(shown, met)
             if beside.color_bar:
                 require_values(shown[0][0], "a color bar")
-        scene = to_paint(session, shown, resampler, look.fit, viewpoint, size, doing)
+        scene = to_paint(session, shown, resampler, beside.fit(look), viewpoint, size, doing)
         subject, camera, paint = scene
         frame = picture_of(scene, shown, resampler.projection)
         with session.stage("write"):
@@ -191,7 +191,7 @@ def compare(
 
     pixels = PictureFormat(size=size).height_and_width()
     look = look.of_voxels()
-    first = look.renderer(projection.painting(look))
+    first = look.renderer(projection.painting(look), source.scale)
     choice = variants(first, _words(methods), _words(footprints), method_names(orders, least=0))
     if not 1 <= rays <= MOST_RAYS:
         raise ValueError(f"{rays} rays per side of a pixel; 1 to {MOST_RAYS} are allowed")
@@ -274,7 +274,7 @@ def animate(
     flight = animation.flight_of(path, frames, fps, look.viewpoint())
     shape = PictureFormat(size=size, threads=threads).height_and_width()
     behind = linear_color(background) or (0.0, 0.0, 0.0)
-    resampler = look.renderer(resampling)
+    resampler = look.renderer(resampling, source.scale)
     beside.met(look, resampler)
     require_picture(shape, BYTES_PER_PIXEL)
     paint = animation.Paint(resampler, shape, behind, threads)
@@ -343,10 +343,11 @@ def info(
     as_json
         Print JSON instead of a table.
     """
-    from resample_volume.command.inputs import levels, opened
+    from resample_volume.command.inputs import levels, opened_of_several
     from resample_volume.files.source import describe
 
-    facts = describe(opened(source, volume, streamed=True), bins)
+    shown, (times, channels) = opened_of_several(source, volume, streamed=True)
+    facts = describe(shown, bins) | {"times": times, "channels": channels}
     if sizes := levels(source, volume):
         facts["levels"] = sizes
     sys.stdout.write(json.dumps(facts, indent=2) + "\n" if as_json else _listed(facts))
@@ -524,9 +525,11 @@ def _listed(facts: dict[str, Any]) -> str:
 
 def _bars(facts: dict[str, Any]) -> list[str]:
     """Histogram as bars whose lengths are logarithms, so that what is rare is seen, too."""
+    from resample_volume.media.scales import edges_of
+
     counts, (two, three) = facts["histogram"], facts["thresholds"].values()
     low, high = facts["robust_range"] or (0.0, 0.0)
-    edges = [low + (high - low) * n / len(counts) for n in range(len(counts) + 1)]
+    edges = edges_of((low, high), len(counts), facts["scale"])
     longest = math.log1p(max(*counts, 1))
     lines = ["values from   voxels; bars are logarithms"]
     for n, count in enumerate(counts):

@@ -183,7 +183,7 @@ def _read(script: Script, times: Recording, hire: Hire | None) -> tuple[Recordin
 
     Fields want arrays, and so do several volumes.
     """
-    resampler = script.look.renderer(script.resampling)
+    resampler = script.look.renderer(script.resampling, script.source.scale)
     is_alone = not script.added.also and script.added.channels is None
     if is_chunked(times) and not (is_alone and can_stream(script.look, resampler)):
         times = read_as_whole(times, script.source)
@@ -251,7 +251,7 @@ def scene_for(
     script: Script, size: Size, recording: Recording | None = None, hire: Hire | None = None
 ) -> ReadScene:
     """What a script shows in frames (height, width); errors as of `film_of`."""
-    look, resampler = script.look, script.look.renderer(script.resampling)
+    look, resampler = script.look, script.look.renderer(script.resampling, script.source.scale)
     met = script.beside.met(look, resampler)
     words = (script.source, script.volume, look, script.added, resampler)
     given = media(*words, recording=recording, hire=hire)

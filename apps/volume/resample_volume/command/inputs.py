@@ -28,7 +28,8 @@ from resample_volume.files.stores import kept
 from resample_volume.files.stores.chunks import Single
 from resample_volume.files.stores.reader import with_level
 from resample_volume.looks.surveys import Survey, findings, survey, without_padding
-from resample_volume.media.recordings import volume_at
+from resample_volume.media.recordings import SeveralTimesError, how, volume_at
+from resample_volume.media.scales import LINEAR, scaled
 from resample_volume.media.series import whole
 from resample_volume.types import Recording, Volume
 from resample_volume.voxels.bricks import Bricks, Values, as_array
@@ -57,19 +58,57 @@ def opened(
     ValueError, LookupError, OSError
         See `resample_volume.files.source.open_volume`.
     """
+    return opened_of_several(source, name, streamed=streamed, hire=hire)[0]
+
+
+def opened_of_several(
+    source: Source, name: str, *, streamed: bool = False, hire: Hire | None = None
+) -> tuple[Volume, tuple[int, int]]:
+    """Volume of that name, and how many times and channels there are.
+
+    Of several times the first is shown, which is said, unless another is chosen.
+
+    Parameters
+    ----------
+    source, name, streamed, hire
+        As of `opened`, whose errors are those of this, too.
+    """
     place, reader = _named(source, name)
     allowed = allowed_memory(source)
     held = open_streamed(place, reader)
     if held is None and allowed is not None:
         allow(allowed)
     if held is not None:
-        volume = with_memory(volume_at(held, source.time, source.channel), allowed, hire)
+        volume = with_memory(_chosen(held, source), allowed, hire)
         volume = volume if streamed else _as_array(volume)
-    elif source.time is None and source.channel is None:
-        volume = open_volume(place, reader)
     else:
-        volume = volume_at(open_recording(place, reader), source.time, source.channel)
-    return volume._replace(**_changes(source))
+        volume, held = _read(place, reader, source)
+    parts = 1 if volume.colors is None else volume.colors.shape[-1]
+    count = (1, parts) if held is None else held.values.shape[:2]
+    return scaled(volume._replace(**_changes(source)), source.scale), count
+
+
+def _read(
+    place: Path | str, reader: Reader | None, source: Source
+) -> tuple[Volume, Recording | None]:
+    """Volume that is read as a whole, and all that it is one of; None: it is the only one."""
+    if source.time is None and source.channel is None:
+        try:
+            return open_volume(place, reader), None
+        except SeveralTimesError:
+            pass
+    recording = open_recording(place, reader)
+    return _chosen(recording, source), recording
+
+
+def _chosen(recording: Recording, source: Source) -> Volume:
+    """Volume of a recording that is meant, at its first time where none is chosen."""
+    times, parts = recording.values.shape[:2]
+    if source.time is not None or times == 1 or (source.channel is not None and parts == 1):
+        return volume_at(recording, source.time, source.channel)
+    shown = volume_at(recording, 0, source.channel)
+    say(f"{recording.name} has {times} times, 0 to {times - 1}; the first is shown (--time)")
+    return shown
 
 
 def _as_array(volume: Volume) -> Volume:
@@ -172,6 +211,7 @@ def channels_in_chunks(source: Source, name: str) -> Recording | None:
 
 def stored(source: Source, name: str) -> Recording:
     """What `source` chooses of that name, whose values stay in their file where it has chunks."""
+    require_linear(source, "what is converted keeps its values")
     if source.time is not None or source.channel is not None:
         volume = opened(source, name, streamed=True)
         if volume.colors is None:
@@ -245,11 +285,18 @@ def _surveyed(volume: Volume) -> Survey:
         return survey(volume)
 
 
+def require_linear(source: Source, why: str) -> None:
+    """Refuse a scale where values are taken as they are."""
+    if source.scale != LINEAR:
+        raise ValueError(f"{why}; leave the scale {source.scale} out")
+
+
 def require_values(volume: Volume, what: str) -> None:
     """Refuse colors where values are shown."""
     if volume.colors is not None:
         raise ValueError(
-            f"{what} is of values, but {volume.name} has colors; choose one of its channels"
+            f"{what} is of values, but {volume.name} has colors; "
+            + how("channel", volume.colors.shape[-1])
         )
 
 

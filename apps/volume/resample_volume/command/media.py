@@ -16,6 +16,7 @@ from resample_volume.command.inputs import (
     channels_in_chunks,
     held,
     prepared,
+    require_linear,
     said,
     with_memory,
 )
@@ -25,6 +26,7 @@ from resample_volume.looks.presets import PRESETS
 from resample_volume.looks.surveys import findings
 from resample_volume.media.appearance import Appearance, Medium, Met
 from resample_volume.media.recordings import volume_at, with_times_first
+from resample_volume.media.scales import scaled
 from resample_volume.media.series import Series
 from resample_volume.rendering import Subject
 from resample_volume.types import Recording
@@ -32,7 +34,7 @@ from resample_volume.types import Recording
 if TYPE_CHECKING:
     from resample_volume.command.animation import Course
 
-KEYS = ("time", "channel", "level", "units", "spacing", "window", "transfer")
+KEYS = ("time", "channel", "level", "units", "spacing", "scale", "window", "transfer")
 START = re.compile(rf":(?=(?:{'|'.join(KEYS)})=)")  # of what is said of a file
 BETWEEN = re.compile(r",(?!\s*(?:opacity|low|color|gradient)=)")  # looks of channels
 HIDDEN = "none"
@@ -91,7 +93,7 @@ def media(
             is_streamed = can_stream(look, resampler)
             volume = prepared(source, name, streamed=is_streamed, hire=hire)
         else:
-            volume = said(volume_at(recording, None, source.channel))
+            volume = said(scaled(volume_at(recording, None, source.channel), source.scale))
         first = [(volume, look.appearance(volume, resampler))]
     else:
         first = _channels(source, name, look, added.channels, resampler)
@@ -125,6 +127,8 @@ def times_of(source: Source, recording: Recording) -> Recording | None:
         one: Any = values.only(at) if isinstance(values, Chunked) else values[:, at : at + 1]
         recording = recording._replace(values=one, is_color=False)
     ordered = with_times_first(recording)
+    if ordered.values.shape[0] > 1:
+        require_linear(source, "times are shown as they are, or one of them on a scale (--time)")
     if ordered.values.shape[1] > 1 and not ordered.is_color:
         volume_at(ordered, 0, None)  # says that one has to be chosen
     return ordered if ordered.values.shape[0] > 1 else None
@@ -177,7 +181,8 @@ def _channels(
     for channel, word in enumerate(words):
         if word != HIDDEN:
             volume = volume_at(recording, source.time, channel)
-            volume = said(announced(with_memory(volume, allowed_memory(source))))
+            volume = scaled(with_memory(volume, allowed_memory(source)), source.scale)
+            volume = said(announced(volume))
             transfer = f"auto:color={word}" if _is_color(word) else word
             own = look if not found else _alone(look, transfer, look.window)
             own = own.model_copy(update={"transfer": transfer})

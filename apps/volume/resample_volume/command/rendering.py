@@ -25,6 +25,7 @@ from resample.resampler import Resampler
 from resample.types import Doubles, Field, Frame, LatticeField, Samples
 from resample.watching import told
 from resample_volume.command import needs
+from resample_volume.command.filling import Fitted, ball_fit, filled, whole_fit
 from resample_volume.looks.surveys import survey
 from resample_volume.media.appearance import (
     Appearance,
@@ -185,14 +186,15 @@ def to_paint(
     session: Session,
     media: Sequence[Medium],
     resampler: Resampler,
-    fit: Fit,
+    fit: Fitted,
     viewpoint: Viewpoint,
     size: tuple[int, int],
     doing: Doing,
 ) -> Painting:
     """Volumes ready to be painted; window by window those in bricks, if these are too dense.
 
-    So it is where workers are asked for, too.
+    So it is where workers are asked for, too. The fit `picture` is `visible`, from a camera that
+    is zoomed and panned to fill the picture, which is said.
 
     Raises
     ------
@@ -207,11 +209,12 @@ def to_paint(
                 "workers paint volumes that share a lattice, and others are resampled by one "
                 "process; leave workers out"
             )
-        return _in_windows(session, media, resampler, fit, viewpoint, size, doing)
+        return _in_windows(session, media, resampler, whole_fit(fit), viewpoint, size, doing)
     try:
-        subject = scene_of(session, media, resampler, fit, size)
+        subject = scene_of(session, media, resampler, ball_fit(fit), size)
     except TooManyVoxelsError:
-        return _in_windows(session, media, resampler, fit, viewpoint, size, doing)
+        return _in_windows(session, media, resampler, whole_fit(fit), viewpoint, size, doing)
+    viewpoint = filled(viewpoint, fit, subject, media[0], resampler, size)
     camera = subject.camera(viewpoint, *size)
     seen, painter = lit(session, subject, camera), subject.painter(resampler)
 

@@ -52,7 +52,7 @@ class Npz:
         if not set(AXES) <= held.keys() or chosen not in others:
             raise ValueError(
                 f"{path.name} holds {', '.join(held) or 'nothing'}; a grid is x, y, z and one "
-                "array of values (Z, Y, X), which is chosen by its name: npz:array=density"
+                "array of values (Z, Y, X), which is chosen by its name: --reader npz:array=density"
             )
         values = held[chosen]
         header(values.shape[::-1], values.dtype, name)

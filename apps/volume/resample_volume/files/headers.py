@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from resample.painting.scene import check_lattice, check_places
 from resample.types import Doubles
 from resample_volume.files.memory import require_memory
-from resample_volume.media.recordings import alone
+from resample_volume.media.recordings import SeveralTimesError, alone, how
 from resample_volume.types import Recording, Volume
 
 KEPT = ("uint8", "int8", "uint16", "int16", "int32", "float32", "float64")
@@ -114,15 +114,14 @@ def check_held(known: Header) -> None:
 def check_alone(known: Header) -> None:
     """Refuse what is more than one volume; the parts of colors are one."""
     if known.times > 1:
-        raise ValueError(
+        raise SeveralTimesError(
             f"{known.name} has 4 dimensions, {_sized((*known.shape, known.times))}; a volume has 3 "
-            f"(x, y, z): choose one by time, 0 to {known.times - 1}"
+            f"(x, y, z): {how('time', known.times)}"
         )
     if known.parts > 1 and not known.is_color:
         raise ValueError(
             f"{known.name} has voxels of type {known.pixel or known.dtype.name!r}, {known.parts} "
-            "numbers each; a volume has one real number per voxel: extract a component, or choose "
-            f"one by channel, 0 to {known.parts - 1}"
+            f"numbers each; a volume has one real number per voxel: {how('channel', known.parts)}"
         )
 
 

@@ -1,6 +1,7 @@
 """From what a user names to a volume: a file of any known format, a folder, a generated one."""
 
 from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,8 @@ from resample_volume.files.readers import Reader, Recorder, Streamer
 from resample_volume.files.stacks.dicom import is_dicom
 from resample_volume.looks.surveys import findings, survey
 from resample_volume.looks.thresholds import otsu
+from resample_volume.media.recordings import volume_at
+from resample_volume.media.scales import LINEAR, value_at
 from resample_volume.types import Recording, Volume
 from resample_volume.voxels.bricks import Values, parts
 
@@ -22,7 +25,13 @@ if TYPE_CHECKING:
     from resample_volume.files.stores.reader import Zarr
 
 
-def open_volume(name: str | Path, reader: Reader | None = None) -> Volume:
+def open_volume(
+    name: str | Path,
+    reader: Reader | None = None,
+    *,
+    time: int | None = None,
+    channel: int | None = None,
+) -> Volume:
     """Open what there is under a name.
 
     Parameters
@@ -33,6 +42,8 @@ def open_volume(name: str | Path, reader: Reader | None = None) -> Volume:
         `sample:vessel-tree`.
     reader
         Reads the file or folder; None finds one among all that are installed.
+    time, channel
+        Which of several, from 0 on, or from the end where negative.
 
     Returns
     -------
@@ -43,7 +54,7 @@ def open_volume(name: str | Path, reader: Reader | None = None) -> Volume:
     OSError
         There is no such file, it must not be read, or a server does not answer.
     ValueError
-        No reader knows it, or what it holds is no volume.
+        No reader knows it, or what it holds is no volume, or several of which none is chosen.
 
     Examples
     --------
@@ -51,6 +62,8 @@ def open_volume(name: str | Path, reader: Reader | None = None) -> Volume:
     >>> open_volume("checker-box:size=16,block=4").values.shape
     (16, 16, 16)
     """
+    if time is not None or channel is not None:
+        return volume_at(open_recording(name, reader), time, channel)
     if is_address(name):
         return _distant(reader)(Address(str(name)))
     name = _unprefixed(name)
@@ -173,9 +186,12 @@ def find_reader(path: str | Path) -> Reader:
         known = " ".join(sorted(readers))
         what = "holds no slices" if path.is_dir() else "has no known suffix"
         hint = "; ".join([f"{path} {what}; known are {known}", *broken])
-        raise ValueError(f"{hint}; rename it or choose a reader")
+        raise ValueError(f"{hint}; rename it or choose a reader (--reader NAME)")
     if len(readers[suffix]) > 1:
-        raise ValueError(f"{path}: choose a reader; {' and '.join(readers[suffix])} read {suffix}")
+        raise ValueError(
+            f"{path}: choose a reader; {' and '.join(readers[suffix])} read {suffix} "
+            f"(--reader {readers[suffix][0]})"
+        )
     built: Reader = registry.build("readers", readers[suffix][0])
     return built
 
@@ -216,9 +232,10 @@ def describe(volume: Volume, bins: int = 32) -> dict[str, Any]:
     Returns
     -------
     `name`, `shape` (x, y, z), `dtype`, `spacing`, `origin`, `direction` (3 rows), `range` (lowest
-    and highest finite value, or None), `nan` and `infinite` (counts), `units` (words),
-    `robust_range` (without padding and strays, or None), `padding` (its values), `padded` and
-    `stray` (counts), `thresholds` (between `2` and between `3` classes), `findings` (lines), and
+    and highest finite value, or None), `scale` (on which bins are even), `nan` and `infinite`
+    (counts), `units` (words), `robust_range` (without padding and strays, or None), `padding` (its
+    values), `padded` and `stray` (counts), `thresholds` (between `2` and between `3` classes),
+    `findings` (lines), and
     `histogram` (counts over the robust range).
     """
     if bins < 1:
@@ -226,10 +243,11 @@ def describe(volume: Volume, bins: int = 32) -> dict[str, Any]:
     known, nan = survey(volume), 0
     if volume.values.dtype.kind == "f":
         nan = sum(int(np.isnan(part).sum()) for part in parts(volume.values))
-    any_known = bool(known.levels.value.size)
+    any_known, at = bool(known.levels.value.size), partial(value_at, scale=volume.scale)
     counts = _histogram(volume.values, bins, known.span) if any_known else [0] * bins
     is_whole = volume.values.dtype.kind in "iu"
-    ends = [(int(a), int(b)) if is_whole else (a, b) for a, b in (known.whole, known.span)]
+    spans = [at(np.array(span)).tolist() for span in (known.whole, known.span)]
+    ends = [(int(a), int(b)) if is_whole else (a, b) for a, b in spans]
     return {
         "name": volume.name,
         "shape": volume.values.shape[::-1],
@@ -240,12 +258,13 @@ def describe(volume: Volume, bins: int = 32) -> dict[str, Any]:
         "range": ends[0] if any_known else None,
         "nan": nan,
         "infinite": known.infinite,
+        "scale": volume.scale or LINEAR,
         "units": known.units.name + (" (assumed)" if known.units.is_assumed else ""),
         "robust_range": ends[1] if any_known else None,
         "padding": list(known.padding),
         "padded": known.padded,
         "stray": known.stray,
-        "thresholds": {str(n): otsu(known.levels, n) for n in (2, 3)},
+        "thresholds": {str(n): at(np.array(otsu(known.levels, n))).tolist() for n in (2, 3)},
         "findings": [volume.note] * bool(volume.note) + findings(known),
         "histogram": counts,
     }

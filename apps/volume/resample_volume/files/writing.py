@@ -70,6 +70,7 @@ def with_bar(
     from resample_volume.showing.color_bar import color_bar
 
     transfer: Transfer = GRAYS
+    scale = "" if resampler.projection is Projection.ADDITIVE else volume.scale
     if tone.window is not None:
         extent = tone.window
     elif resampler.projection is Projection.ADDITIVE:
@@ -82,7 +83,9 @@ def with_bar(
     if tone.is_negative:
         transfer = _negative(transfer, extent)
     behind = background or (0.0, 0.0, 0.0)
-    bar = color_bar(transfer, extent, len(frame.rgba), title=volume.name, background=behind)
+    bar = color_bar(
+        transfer, extent, len(frame.rgba), title=volume.name, background=behind, scale=scale
+    )
     return frame._replace(rgba=with_color_bar(frame.rgba, bar, background))
 
 

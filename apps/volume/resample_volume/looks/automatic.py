@@ -8,12 +8,26 @@ from numpy.typing import NDArray
 from resample.painting.choices import Projection
 from resample_volume.looks.materials import spread
 from resample_volume.looks.surveys import Survey, rim
+from resample_volume.looks.thresholds import Peak, peak_between
+from resample_volume.looks.tissues import LUNG, tissue, with_lungs
 from resample_volume.looks.transfer import Color, Transfer, TransferFunction, from_points
 from resample_volume.types import Volume
 from resample_volume.voxels.bricks import sampled
+from resample_volume.voxels.glances.looking import are_few, step_of
 
 WHITE, SAND, CLAY = (1.0, 1.0, 1.0), (0.95, 0.85, 0.6), (0.7, 0.5, 0.35)
 RAMP: list[tuple[float, Color, float]] = [(0.0, CLAY, 0.0), (0.2, SAND, 0.5), (1.0, WHITE, 0.8)]
+
+# What is thin and soft is seen through, before what is dense.
+SOFT, VEIL = (0.45, 0.62, 0.4), 0.15
+DIP = 0.9  # of a soft material's peak, that the valley before it has at most
+MOST_SOFT = 3.0  # times as many voxels as dense ones: more are what these are embedded in
+MOST_AROUND = 0.01  # of the rim, that may be soft: more are the surroundings
+
+# HU where flesh begins and where lungs end; and what lungs are: a peak with clear valleys, a large
+# part, seldom at the rim.
+FLESH, FOAM = -300.0, -450.0
+CLEAR, LEAST_LUNG, MOST_LUNG_AROUND = 0.5, 0.03, 0.1
 
 SURROUNDING = 0.97  # of a volume's rim: where so much is dense, the surroundings are
 BRIGHT = 99.5  # percentile of the means along lines that is white
@@ -32,6 +46,20 @@ def ramp(start: float = 0.0) -> TransferFunction:
     return from_points([*places[:-1], (1.0, WHITE, 0.8)], normalized=True)
 
 
+def tomographic(volume: Volume, known: Survey) -> TransferFunction:
+    """Transfer function for Hounsfield units: `ct`, which shows lungs where these have a peak."""
+    added = known.units.added or 0.0
+    low, high = (end + added for end in LUNG)
+    lungs = peak_between(known.levels, low, FLESH + added, CLEAR, _each(volume))
+    if lungs is None or not low <= lungs.value <= high:
+        return tissue("ct", added)
+    around = np.asarray(rim(volume.values), np.float64)
+    is_around = np.mean((around >= lungs.before) & (around <= lungs.after)) > MOST_LUNG_AROUND
+    if is_around or lungs.share(known.levels) < LEAST_LUNG:
+        return tissue("ct", added)
+    return with_lungs(lungs.before, lungs.value, min(lungs.after, FOAM + added), added)
+
+
 def automatic(volume: Volume, known: Survey) -> TransferFunction:
     """Transfer function for data of which nothing is known.
 
@@ -45,11 +73,47 @@ def automatic(volume: Volume, known: Survey) -> TransferFunction:
     if not low < high or not known.levels.value.size:
         return from_points([(0.0, SAND, 0.5)])
     some = _codes(sampled(volume.values), known)
+    if not some.size:  # what is there lies between the samples
+        some = _codes(known.levels.value, known)
     threshold, _ = cv2.threshold(some, 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
     around = _codes(rim(volume.values), known)
-    if np.mean(around > threshold) >= SURROUNDING and np.mean(some <= threshold) >= LEAST_WITHIN:
+    is_dense = bool(around.size) and np.mean(around > threshold) >= SURROUNDING
+    if is_dense and np.mean(some <= threshold) >= LEAST_WITHIN:
         return _reversed(ramp(1 - threshold / 256))
-    return ramp((threshold + 1) / 256)
+    soft = _soft(known, _each(volume), around, low + (high - low) * threshold / 255)
+    return ramp((threshold + 1) / 256) if soft is None else _with_soft(soft, known, threshold)
+
+
+def _soft(known: Survey, each: int, around: NDArray[np.uint8], threshold: float) -> Peak | None:
+    """Material below a threshold that has a peak of its own and surrounds nothing; or None."""
+    low, high = known.span
+    soft = peak_between(known.levels, threshold, threshold, DIP, each)
+    if soft is None or soft.share(known.levels) > MOST_SOFT * known.levels.share(threshold, high):
+        return None
+    first, last = ((value - low) / (high - low) * 255 for value in (soft.before, soft.after))
+    is_soft = (around >= first) & (around <= last)
+    return None if around.size and np.mean(is_soft) > MOST_AROUND else soft
+
+
+def _each(volume: Volume) -> int:
+    """Voxels that one of those stands for whose values are known."""
+    return 1 if are_few(volume.values.dtype) else step_of(volume.values.size) ** 3
+
+
+def _with_soft(soft: Peak, known: Survey, threshold: float) -> TransferFunction:
+    """Dense things as in `ramp`, and a soft one as a veil."""
+    low, high = known.span
+    before, peak, after = ((value - low) / (high - low) for value in soft)
+    dense = ramp((threshold + 1) / 256)
+    points = [(before, SOFT, 0.0), (peak, SOFT, VEIL), (after, SOFT, VEIL)]
+    start = max(float(dense.value[0]), after)
+    points += [(start, CLAY, VEIL), *((max(start, v), c, o) for v, c, o in _points(dense)[1:])]
+    return from_points(points, normalized=True)
+
+
+def _points(transfer: TransferFunction) -> list[tuple[float, Color, float]]:
+    rows = zip(transfer.value, transfer.color, transfer.opacity, strict=True)
+    return [(float(value), tuple(color), float(opacity)) for value, color, opacity in rows]
 
 
 def _codes(values: NDArray[Any], known: Survey) -> NDArray[np.uint8]:

@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from resample_volume.looks.automatic import automatic, ramp
+from resample_volume.looks.automatic import automatic, ramp, tomographic
 from resample_volume.looks.materials import Materials, spread
 from resample_volume.looks.names import TISSUES
 from resample_volume.looks.regions import Faded, Region, RegionTransfer
 from resample_volume.looks.surveys import Survey, survey
 from resample_volume.looks.tissues import tissue
 from resample_volume.looks.transfer import SUFFIXES, Transfer, TransferFunction, from_points
+from resample_volume.media.scales import on_scale
 from resample_volume.types import Volume
 
 BLACK, WHITE, RED = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (0.85, 0.12, 0.08)
@@ -121,7 +122,8 @@ class Names:
         if is_file(name):
             return self._placed(_read(name), name)
         base, _, text = name.partition(":")
-        return self._placed(_adjusted(self._base(base), name, text), name)
+        found = _adjusted(self._base(base), name, text)
+        return found if base == "auto" and not found.normalized else self._placed(found, name)
 
     def _placed(self, transfer: Transfer, name: str) -> Transfer:
         """Transfer function whose fractions are of the window, or of the robust range."""
@@ -132,6 +134,8 @@ class Names:
                     "one of them out, or take gray, auto or a colormap"
                 )
             return spread(transfer, self.window)
+        if self.volume is not None and self.volume.scale:
+            transfer = on_scale(transfer, self.volume.scale)
         if self.known is None or self.known.is_plain:
             return transfer
         return spread(transfer, self.known.span)
@@ -158,7 +162,7 @@ class Names:
         if self.window is not None:
             return ramp()
         if known.units.added is not None:
-            return tissue("ct", known.units.added)
+            return tomographic(volume, known)
         return automatic(volume, known)
 
     def _why_no_tissue(self, name: str) -> str:
@@ -194,7 +198,7 @@ def transfer_for(name: str, volume: Volume, window: Window | None = None) -> Tra
     is_plain = name == "auto" and window is None
     if is_plain and volume.colors is not None and volume.colors.shape[-1] == 4:
         return own_opacity(volume.values.dtype)
-    own = GENERATED_VOLUMES.get(volume.name) if is_plain else None
+    own = GENERATED_VOLUMES.get(volume.name) if is_plain and not volume.scale else None
     if own is not None:
         return load_transfer(own)
     return Names(volume, survey(volume), window).transfer(name)

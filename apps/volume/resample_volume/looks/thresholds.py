@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from resample.types import Doubles
 
 BINS = 128  # that thresholds are looked for among
+SMOOTHED, SURE = 2, 5.0  # times, and standard deviations of a count, before a peak is one
 
 Counts = NDArray[np.int64]
 
@@ -73,3 +74,54 @@ def otsu(levels: Levels, classes: int = 2) -> list[float]:
     total = sum(spread(limits[:, n], limits[:, n + 1]) for n in range(classes))
     best = cut[int(np.argmax(total))]
     return [float(border[n - 1]) for n in best]
+
+
+class Peak(NamedTuple):
+    """A material in a distribution, between two valleys."""
+
+    before: float  # values: of the valley
+    value: float  # of the peak
+    after: float  # of the valley
+
+    def share(self, levels: Levels) -> float:
+        """Share of the voxels between the valleys."""
+        return levels.share(self.before, self.after)
+
+
+def peak_between(levels: Levels, low: float, high: float, dip: float, each: int = 1) -> Peak | None:
+    """Peak between what is most frequent up to a value and another value; None: there is none.
+
+    Edges of denser things are blurred into all values below theirs, which makes no peak.
+
+    Parameters
+    ----------
+    levels
+        Values.
+    low
+        What is most frequent up to there, the surroundings, lies before the peak.
+    high
+        The valley behind it is no farther.
+    dip
+        Share of the peak's height that the valley before it has at most; half that of the one
+        behind.
+    each
+        Voxels that one of the sample stands for.
+    """
+    edges = np.linspace(levels.value[0], levels.value[-1], BINS + 1)
+    count, _ = np.histogram(levels.value, edges, weights=levels.number)
+    for _ in range(SMOOTHED):
+        padded = np.pad(count, 1, mode="edge")
+        count = (padded[:-2] + 2 * padded[1:-1] + padded[2:]) / 4
+    center = (edges[:-1] + edges[1:]) / 2
+    until = int(np.searchsorted(center, high))
+    around = int(np.argmax(count[: max(1, int(np.searchsorted(center, low)))]))
+    found: list[tuple[float, Peak]] = []
+    for n in range(around + 1, until - 1):
+        if not count[n - 1] <= count[n] > count[n + 1]:
+            continue
+        first = around + int(np.argmin(count[around:n]))
+        last = n + int(np.argmin(count[n:until]))
+        noise = SURE * np.sqrt(count[n] * each)
+        if count[first] <= min(dip * count[n], count[n] - noise) and count[last] <= count[n] / 2:
+            found.append((float(count[n]), Peak(*center[[first, n, last]].tolist())))
+    return max(found)[1] if found else None

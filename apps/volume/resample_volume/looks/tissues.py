@@ -55,6 +55,27 @@ POINTS: dict[str, list[Point]] = {
 }
 
 
+LUNG, LUNG_VEIL = (-930.0, -550.0), 0.05  # HU where lungs have their peak, and their opacity
+THINNER = 0.4  # of the flesh before lungs
+
+
+def with_lungs(before: float, peak: float, after: float, added: float) -> TransferFunction:
+    """The look `ct`, with flesh that is thinner and lungs seen within.
+
+    Parameters
+    ----------
+    before, peak, after
+        Data values where lungs begin, are most frequent, and end.
+    added
+        What data hold above Hounsfield units.
+    """
+    lungs = [(before, SKY, 0.0), (peak, SKY, LUNG_VEIL), (after, SKY, 0.0)]
+    flesh, bone = POINTS["ct"][: -len(BONE)], POINTS["ct"][-len(BONE) :]
+    thin = [(value, color, THINNER * opacity) for value, color, opacity in flesh]
+    body = [(value + added, color, opacity) for value, color, opacity in thin + bone]
+    return from_points([*lungs, *(point for point in body if point[0] > after)])
+
+
 def tissue(name: str, added: float = 0.0) -> TransferFunction:
     """Look by one of the names of `POINTS`.
 

@@ -5,14 +5,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.colors import from_srgb, to_srgb
+from resample.colors import from_srgb
 from resample.types import Floats
 from resample_volume.types import Recording, Volume
 from resample_volume.voxels.parts import slabs
 
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # of linear sRGB (ITU-R BT.709)
 COLORED = ("uint8", "uint16", "float32", "float64")  # types that colors may have
 PARTS = (3, 4)  # numbers of a color: red, green, blue and perhaps opacity
+
+
+class SeveralTimesError(ValueError):
+    """There are several times, and none is chosen."""
+
+
+def how(what: str, count: int) -> str:
+    """How one of so many is chosen.
+
+    >>> how("time", 3)
+    'choose one by time, 0 to 2 (--time 0; in Python open_volume(..., time=0))'
+    """
+    last = count - 1
+    return f"choose one by {what}, 0 to {last} (--{what} 0; in Python open_volume(..., {what}=0))"
 
 
 def alone(recording: Recording) -> Volume:
@@ -65,6 +78,8 @@ def is_color(shape: tuple[int, ...], dtype: np.dtype[Any]) -> bool:
 def in_color(values: NDArray[Any], volume: Volume) -> Volume:
     """Volume of colors: its values are their opacity, or else how bright they are.
 
+    How bright is the greatest of red, green and blue, so that opacities do not depend on hues.
+
     Parameters
     ----------
     values
@@ -80,7 +95,8 @@ def in_color(values: NDArray[Any], volume: Volume) -> Volume:
     """
     if values.dtype.kind == "f" and any(bool((slab < 0).any()) for slab in slabs(values)):
         raise ValueError(
-            f"{volume.name} has numbers below 0, which are no colors; choose one channel"
+            f"{volume.name} has numbers below 0, which are no colors; "
+            + how("channel", values.shape[-1])
         )
     shown = values[..., 3] if values.shape[-1] == 4 else _brightness(values)
     return volume._replace(values=shown, units="none", colors=values)
@@ -101,16 +117,11 @@ def _linear(dtype: np.dtype[Any]) -> Floats:
 
 
 def _brightness(values: NDArray[Any]) -> NDArray[Any]:
-    """Luminance (Z, Y, X) of colors, as displayed where they are."""
+    """Greatest part (Z, Y, X) of colors: the same for all hues, and a gray's own value."""
     found = np.empty(values.shape[:3], values.dtype)
     start = 0
     for slab in slabs(values):
-        if values.dtype.kind == "f":
-            light = np.asarray(slab[..., :3] @ LUMINANCE)
-        else:
-            most = np.iinfo(values.dtype).max
-            light = np.rint(to_srgb(linear_colors(slab) @ LUMINANCE) * most)
-        found[start : start + len(slab)] = light
+        slab.max(axis=3, out=found[start : start + len(slab)])
         start += len(slab)
     return found
 
@@ -130,11 +141,12 @@ def _volume(recording: Recording, values: NDArray[Any], name: str) -> Volume:
 def _number(recording: Recording, axis: int, given: int | None) -> int:
     """Which of the times (axis 0) or of the channels (axis 1) is meant."""
     what, count = ("time", "channel")[axis], int(recording.values.shape[axis])
-    listed = f"{recording.name} has {count} {what}s, 0 to {count - 1}"
+    listed = f"{recording.name} has {count} {what}s"
     if given is None and count > 1:
-        raise ValueError(f"{listed}; a volume is one of them: choose it by {what}")
+        kind = ValueError if axis else SeveralTimesError
+        raise kind(f"{listed}; a volume is one of them: {how(what, count)}")
     if given is not None and not -count <= given < count:
-        raise ValueError(f"{listed}; there is no {what} {given}")
+        raise ValueError(f"{listed}, 0 to {count - 1}; there is no {what} {given}")
     return (given or 0) % count
 
 

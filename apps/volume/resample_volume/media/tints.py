@@ -1,6 +1,6 @@
 """Colors that voxels have of their own, as rays through a field read them."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from math import prod
 
 import numpy as np
@@ -63,7 +63,7 @@ def _without_unseen(volume: Volume, looks: Looks, labels: Labels | None) -> Iter
     import cv2
 
     thick = looks.table[..., 3].max(axis=0) > 0
-    thick = thick.reshape(-1, thick.size // (1 if labels is None else 1 + len(labels.rules)))
+    thick = thick.reshape(1 if labels is None else 1 + len(labels.rules), -1)
 
     def plane_at(z: int) -> tuple[Floats, Floats]:
         values = volume.values[z].astype(np.float64)
@@ -95,21 +95,21 @@ def _without_unseen(volume: Volume, looks: Looks, labels: Labels | None) -> Iter
             planes[z + 2] = plane_at(z + 2)
 
 
-def numbered(known: Flags, labels: Labels, shape: tuple[int, ...]) -> Flags:
+def numbered(known: Flags, numbers: Callable[[slice], Flags], shape: tuple[int, ...]) -> Flags:
     """Numbers of looks of voxels as `LatticeField.known` has them: 0 where they are missing.
 
     Parameters
     ----------
     known
         Which are not missing, likewise; or (0,): all.
-    labels
-        Of the voxels.
+    numbers
+        Those of voxels of some slices, from 1 on.
     shape
         (Z, Y, X) of these.
     """
     found = np.empty([count + 2 * PAD for count in shape], np.uint8)
     for z in range(shape[0]):
-        found[z + PAD] = np.pad(labels.numbers(slice(z, z + 1))[0], PAD, mode="edge")
+        found[z + PAD] = np.pad(numbers(slice(z, z + 1))[0], PAD, mode="edge")
     found[:PAD], found[-PAD:] = found[PAD], found[-PAD - 1]
     flat = found.reshape(-1)
     return np.where(known > 0, flat, np.uint8(0)) if known.size else flat

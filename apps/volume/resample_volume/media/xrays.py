@@ -15,6 +15,7 @@ from resample_volume.files.memory import require_memory
 from resample_volume.keeping import found_once
 from resample_volume.looks.automatic import BRIGHT
 from resample_volume.looks.surveys import Survey, survey
+from resample_volume.media.recordings import how
 from resample_volume.types import Volume
 from resample_volume.voxels.parts import slabs
 
@@ -111,7 +112,8 @@ def settled(xray: XRay, volume: Volume, known: Survey | None = None) -> XRay:
     """
     if volume.colors is not None:
         raise ValueError(
-            f"{volume.name} has colors, and X-rays are of Hounsfield units; choose one channel"
+            f"{volume.name} has colors, and X-rays are of Hounsfield units; "
+            + how("channel", volume.colors.shape[-1])
         )
     if xray.added is None:
         xray = replace(xray, added=_added(volume, known or survey(volume)))

@@ -7,6 +7,7 @@ import numpy as np
 from resample.colors import Background
 from resample.measuring.color_bars import (
     BLACK,
+    Form,
     Page,
     blank,
     check_height,
@@ -20,6 +21,7 @@ from resample.measuring.color_bars import (
 )
 from resample.types import Floats
 from resample_volume.looks.transfer import DataRange, Transfer
+from resample_volume.media.scales import scale_named
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
 FINE = 8  # parts of a row of px over which colors are averaged, so that no step is missed
 FAIR = 2  # the same where colors also vary across
 PURE = 0.3  # share of a bar that shows the colors alone
+FORMS: tuple[Form, Form] = ("curve", "plane")  # of functions of values, and of gradients too
 SQUARES = (0.16, 0.42)  # linear gray of the checkerboard
 
 
@@ -38,6 +41,7 @@ def color_bar(
     title: str = "",
     steep: float = 1.0,
     background: Background = BLACK,
+    scale: str = "",
 ) -> Floats:
     """Picture of a transfer function, with a scale of data values.
 
@@ -60,6 +64,8 @@ def color_bar(
         function's gradients are shown as its fractions.
     background
         Linear color behind all this. Text is light on dark and dark on light.
+    scale
+        That values are on, see `media.scales`: decades stand beside it.
 
     Returns
     -------
@@ -71,7 +77,8 @@ def color_bar(
         The height is too small.
     """
     check_height(height)
-    page = Page.of(data_range, height, title, "plane" if transfer.needs_gradient else "curve")
+    by, form = scale_named(scale), FORMS[transfer.needs_gradient]
+    page = Page.of(data_range, height, title, form, None if by is None else by.ticks)
     ink = ink_on(background)
     axes = blank(page, background)
     if transfer.needs_gradient:

@@ -10,6 +10,7 @@ from resample.types import Doubles
 from resample_volume.looks.presets import colormap
 from resample_volume.looks.surveys import survey
 from resample_volume.looks.transfer import TransferFunction, from_points
+from resample_volume.media.scales import scale_named
 from resample_volume.space.meshes import choices_of, chosen_opacity
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import planes
@@ -39,7 +40,8 @@ class ImagePlane:
     ImagePlane(where='z=40', window=(-160.0, 240.0), colors='gray', opacity=0.5)
     """
 
-    # x=50%, z=40 or as `clip`; or a scene's plane n·p = d as four numbers, the last d
+    # x=50%, z=40 or as `clip`; or a scene's plane n·p = d as four numbers, the last d, whose window
+    # is on the volume's scale
     where: Where
     window: tuple[float, float] | None = None  # values of the ends of colors; None: robust range
     colors: str = "gray"  # evenly from black to white as displayed; or a matplotlib colormap
@@ -145,9 +147,12 @@ def settled(plane: ImagePlane, volume: Volume) -> ImagePlane:
     ValueError
         The plane is beside the volume.
     """
+    where, by = plane.where, scale_named(volume.scale)
     if plane.window is None:
         plane = plane.within(survey(volume).span)
-    where = plane.where
+    elif by is not None and isinstance(where, str):
+        low, high = (by.place(value, "window of a plane") for value in plane.window)
+        plane = replace(plane, window=(low, high))
     if isinstance(where, str):
         where = _across(volume, where) if where[0] in AXES else _oblique(volume, where)
         if not len(outline(volume, where)):

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from resample.types import Doubles
 from resample_volume.files.memory import require_memory
+from resample_volume.media.scales import scale_named
 from resample_volume.space.iso_surfaces import IsoSurface
 from resample_volume.space.meshes import SceneMesh
 from resample_volume.space.plane_meshes import values_at
@@ -40,10 +41,12 @@ def surface_mesh(surface: IsoSurface, volume: Volume, field: Gathered) -> SceneM
     ValueError
         The data do not pass the value, or memory does not hold them.
     """
-    check_iso(surface.value, volume, finite_range(volume.values))
+    by = scale_named(volume.scale)
+    value = surface.value if by is None else by.place(surface.value, "surface")
+    check_iso(value, volume, finite_range(volume.values))
     require_memory(BYTES_PER_VOXEL * volume.values.size, f"a surface of {volume.name}")
-    place, face = _corners(volume.values, surface.value)
-    place, slope = _onto(place, field, surface.value)
+    place, face = _corners(volume.values, value)
+    place, slope = _onto(place, field, value)
     lattice = lattice_of(volume)
     corner = np.asarray(volume.origin, np.float64) + place @ lattice.T
     normal = slope @ np.linalg.inv(lattice)

@@ -1,7 +1,7 @@
 """Volumes around the scene's origin, and the ball around what of them is visible."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 from typing import NamedTuple, Protocol
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.cameras.models import AnyCamera
-from resample.cameras.viewpoints import Sphere
+from resample.cameras.viewpoints import MARGIN, Orbit, Sphere
 from resample.memory import require_memory
 from resample.types import Doubles, Floats, View
 from resample_volume.looks.surveys import ends
@@ -27,6 +27,7 @@ ROW = 512  # places looked at together
 SOME = 64  # one of so many voxels is asked first whether there can be strays
 FEW, STRAY_SHARE = 4, 1e-4  # visible voxels that may be strays at one end of an axis
 STRAY_GAP, STRAY_VOXELS = 0.05, 3.0  # of the extent, and voxels: so far are they from the others
+REACH = 2.0  # voxels, beyond the outermost, that what kernels make of them is seen
 BINS = 4096  # along an axis
 
 
@@ -154,7 +155,7 @@ def sphere_of(
             "give another spacing"
         )
     center = (low + high) / 2
-    return Sphere(center, farthest(center) + voxel)
+    return Sphere(center, farthest(center) + REACH * voxel)
 
 
 def farthest_from(position: Floats, center: Doubles) -> float:
@@ -172,6 +173,48 @@ def around_both(ball: Sphere, corner: Doubles) -> Sphere:
     center = (low + high) / 2
     away = float(np.linalg.norm(corner - center, axis=1).max())
     return Sphere(center, max(away, float(np.linalg.norm(ball.center - center)) + ball.radius))
+
+
+def filling(orbit: Orbit, sphere: Sphere, shown: Placed, size: tuple[int, int]) -> Orbit:
+    """The same view of a ball, zoomed and panned so that what is seen from there fills a picture.
+
+    Parameters
+    ----------
+    orbit
+        Whose zoom multiplies the one that fills the picture.
+    sphere
+        That it goes around.
+    shown
+        What is seen; strays as of `sphere_around` do not count.
+    size
+        Height and width of the picture, px.
+    """
+    voxel = float(np.linalg.norm(shown.lattice, axis=0).max())
+    position = _without_strays(shown.position, voxel)
+    view = replace(orbit, zoom=1.0, pan=(0.0, 0.0)).around(sphere, *size).view()
+    # Right, down and ahead of the ball's middle, and how far kernels reach around.
+    place = (position - sphere.center.astype(np.float32)) @ view.rotation.T.astype(np.float32)
+    reach, distance = REACH * voxel, float((view.rotation @ sphere.center + view.translation)[2])
+    half = np.maximum(np.array(size[::-1]) / 2 - MARGIN, 0.25 * min(size))
+    shorter = min(size)
+    if not view.perspective:
+        low, high = bounds(place)
+        focal = float(view.focal[0])
+        zoom = float(np.min(2 * half / (high - low + 2 * reach)[:2] / focal))
+        shift = (low + high)[:2] / 2 * focal * zoom / shorter
+    else:
+        slope = half / view.focal  # of the rays at the picture's sides
+        along = place[:, 2] - reach
+        ends = np.empty((2, 2))
+        for axis in range(2):
+            for n, sign in enumerate((1, -1)):
+                away = (sign * place[:, axis] + reach) / slope[axis]
+                ends[axis, n] = float((away - along).max())
+        nearest = float(ends.mean(axis=1).max())
+        zoom = distance / nearest
+        shift = (ends[:, 0] - ends[:, 1]) / 2 * slope * view.focal / nearest / shorter
+    pan = (orbit.pan[0] - float(shift[0]) * orbit.zoom, orbit.pan[1] + float(shift[1]) * orbit.zoom)
+    return replace(orbit, zoom=zoom * orbit.zoom, pan=pan)
 
 
 def _without_strays(position: Floats, voxel: float) -> Floats:

@@ -1,6 +1,7 @@
 """Volumes as fields that rays go through."""
 
 from collections.abc import Iterator
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -46,6 +47,7 @@ from resample_volume.voxels.visible import (
 BYTES_PER_SLOPE = 40  # of a voxel, until it is known how steep a full surface is
 PAD = 2  # voxels that flags go on for on each side, as coefficients do
 NOTHING = -1  # in place of an index, see `kernels.filling`
+BESIDE = 0.1  # of the way between two values, that the field of one does not go to
 OPAQUE = 4.0  # optical depth of a voxel beyond a surface
 
 
@@ -117,28 +119,47 @@ def gathered(
     each = [transfer, *(Ruled(transfer, rule) for rule in rules)]
     tables = [tabulated(one, data_range, steep, unit, shape) for one in each]
     table = np.concatenate([one.table for one in tables], axis=1)
-    looks = _cut_between_two(tables[0]._replace(table=table), volume, len(each))
+    looks, beside = tables[0]._replace(table=table), len(each)
+    two = counted(volume.values).value if are_few(volume.values.dtype) else np.zeros(0)
     if labels is not None:
-        known = numbered(known, labels, volume.values.shape)
+        known = numbered(known, labels.numbers, volume.values.shape)
     tint = UNTINTED if volume.colors is None else tint_of(volume, looks, labels)
+    if two.size == 2 and volume.colors is not None and labels is None:
+        looks, beside = _of_either(looks, two), 2
+        known = numbered(known, partial(_higher, volume, two), volume.values.shape)
+    elif two.size == 2:
+        looks = _cut_between(looks, two, beside)
     steepest = (data_range[1] - data_range[0]) / float(np.linalg.norm(lattice, axis=0).min())
     origin = np.asarray(volume.origin, np.float64)
-    return Gathered(spline, bounds, known, lattice, origin, looks, steepest, count, len(each), tint)
+    return Gathered(spline, bounds, known, lattice, origin, looks, steepest, count, beside, tint)
 
 
-def _cut_between_two(looks: Looks, volume: Volume, count: int) -> Looks:
-    """Looks that change in the middle between two values, if voxels have no others."""
-    if not are_few(volume.values.dtype):
-        return looks
-    present = counted(volume.values).value
-    if present.size != 2:
-        return looks
+def _cut_between(looks: Looks, two: Doubles, count: int) -> Looks:
+    """Looks that change in the middle between the two values that there are."""
     table = looks.table.reshape(len(looks.table), count, -1, 4)
     value = np.linspace(looks.low, looks.high, table.shape[2])
-    low, high = (int(np.abs(value - one).argmin()) for one in present)
-    is_high = (value >= present.mean())[:, np.newaxis]
+    low, high = (int(np.abs(value - one).argmin()) for one in two)
+    is_high = (value >= two.mean())[:, np.newaxis]
     cut = np.where(is_high, table[:, :, high, np.newaxis], table[:, :, low, np.newaxis])
     return looks._replace(table=np.ascontiguousarray(cut.reshape(looks.table.shape)))
+
+
+def _of_either(looks: Looks, two: Doubles) -> Looks:
+    """The looks of two values beside each other: each as far as a field of both may go."""
+    value = np.linspace(looks.low, looks.high, looks.table.shape[1])
+    margin = BESIDE * (two[1] - two[0])
+    parts = []
+    for one, is_near in ((two[0], value <= two[1] - margin), (two[1], value >= two[0] + margin)):
+        own = looks.table[:, int(np.abs(value - one).argmin()), np.newaxis]
+        part = np.repeat(own, value.size, axis=1)
+        part[:, ~is_near, 3] = 0
+        parts.append(part)
+    return looks._replace(table=np.ascontiguousarray(np.concatenate(parts, axis=1)))
+
+
+def _higher(volume: Volume, two: Doubles, part: slice) -> Flags:
+    """Which of two values voxels of some slices have: 1 or 2."""
+    return np.where(volume.values[part] == two[1], np.uint8(2), np.uint8(1))
 
 
 def lit_lattice(

@@ -114,7 +114,7 @@ def check_single(known: Header, file: str) -> None:
     if known.parts > 1:
         raise ValueError(
             f"{file} has {known.parts} numbers at each place, a volume on an uneven grid has one; "
-            f"choose another array, or part=magnitude; it is a {known.pixel}"
+            f"choose another array, or --reader vtr:part=magnitude; it is a {known.pixel}"
         )
 
 

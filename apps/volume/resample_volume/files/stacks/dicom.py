@@ -77,7 +77,10 @@ def dicom_slices(folder: Path, series: str) -> list[Path]:
         return next(iter(known.values()))
     if series not in known:
         listed = ", ".join(known) or "none; is this a folder of DICOM files?"
-        raise ValueError(f"{folder.name}: name one series ({series or 'none'} given) of: {listed}")
+        raise ValueError(
+            f"{folder.name}: name one series ({series or 'none'} given; --reader dicom:series=UID) "
+            f"of: {listed}"
+        )
     return known[series]
 
 

@@ -1,0 +1,72 @@
+"""Cameras of single pictures that what is visible fills."""
+
+from typing import Literal
+
+from resample.cameras.viewpoints import Orbit, Viewpoint
+from resample.command.console import say
+from resample.resampler import Resampler
+from resample_volume.media.appearance import Medium, named_or_own
+from resample_volume.media.mixing import Mixed
+from resample_volume.rendering import Fit, Subject
+from resample_volume.voxels.framing import Placed, filling, shown_by
+from resample_volume.voxels.visible import Voxels
+
+Fitted = Fit | Literal["picture"]  # the last is visible, zoomed and panned to fill the picture
+
+
+def ball_fit(fit: Fitted) -> Fit:
+    """What cameras go around."""
+    return "visible" if fit == "picture" else fit
+
+
+def whole_fit(fit: Fitted) -> Fit:
+    """The same, where not all that is visible is in memory at once.
+
+    Raises
+    ------
+    ValueError
+        It is to fill the picture.
+    """
+    if fit == "picture":
+        raise ValueError(
+            "zoom-in looks at all that is visible at once, which is too much here; leave it out"
+        )
+    return fit
+
+
+def filled(
+    viewpoint: Viewpoint,
+    fit: Fitted,
+    subject: Subject,
+    medium: Medium,
+    resampler: Resampler,
+    size: tuple[int, int],
+) -> Viewpoint:
+    """Camera whose picture is filled by what is visible, if that is the fit; it is said.
+
+    Raises
+    ------
+    ValueError
+        The camera stands at a place.
+    """
+    if fit != "picture":
+        return viewpoint
+    if not isinstance(viewpoint, Orbit):
+        raise ValueError(
+            "zoom-in moves a camera around the volume, such as 30/20/1; leave it out where "
+            "the camera stands at a place"
+        )
+    volume, look = medium
+    shown: Placed
+    if isinstance(subject.voxels, Voxels | Mixed):
+        shown = subject.voxels
+    else:
+        framing = named_or_own(look.framing or look.transfer, volume)
+        radius = resampler.reconstruction.radius
+        shown = shown_by(subject.placed(volume), framing, subject.clip, radius, resampler.iso)
+    if not len(shown.position):
+        return viewpoint
+    found = filling(viewpoint, subject.sphere, shown, size)
+    turned = (found.azimuth, found.elevation, found.zoom, *found.pan)
+    say(f"the camera {'/'.join(f'{number:.8g}' for number in turned)} fills the picture")
+    return found

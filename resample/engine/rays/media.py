@@ -1,0 +1,221 @@
+"""A field with its look, as rays read it, and the light in it."""
+
+import math
+from typing import NamedTuple
+
+from resample.engine.jit import inner_step
+from resample.engine.rays.looks import Light, SummedLook, highlight_of
+from resample.engine.rays.marching import Bricks, SampleSpace
+from resample.engine.slabs.lighting import length_of
+from resample.engine.vectors import Vector, combine, dot, matrix_of, multiply, scaled
+from resample.types import Doubles, Flags, Reached, Spline, Tint, Triangles
+
+ALL, FULL = 255.0, 65535.0  # of the light that gets somewhere, and of a color
+CUT = 3.0  # voxels that a cut is thick
+
+
+class Medium(NamedTuple):
+    """A field with its look, as rays read it; values are counted in columns of the look."""
+
+    spline: Spline
+    bricks: Bricks
+    space: SampleSpace
+    look: SummedLook
+    lattice: Doubles  # (3, 3) scene units per sample
+    origin: Doubles  # (3,) scene position of the place 0
+    to_slope: Doubles  # (3, 3) from columns per sample to data units per scene unit
+    per_voxel: float  # voxels per scene unit
+    cuts: (
+        Doubles  # (M, 4) planes of the scene, in voxels: what n · p + d puts at 0 and more is kept
+    )
+    known: Flags  # as of `LatticeField`
+    tint: Tint
+    coarse: float  # columns that a field may bend by within a step
+    is_from_eye: bool  # all of a ray sends its light one way to the lamp's viewer
+    reached: Reached
+    mesh: Triangles
+
+
+class Aims(NamedTuple):
+    """Directions that shade a surface, unit vectors."""
+
+    light: Vector
+    halfway: Vector  # between the light and the eye
+
+
+@inner_step
+def position(medium: Medium, place: Vector) -> Vector:
+    """Scene position of a place."""
+    origin = (medium.origin[0], medium.origin[1], medium.origin[2])
+    return combine(origin, 1.0, multiply(matrix_of(medium.lattice), place))
+
+
+@inner_step
+def kept_at(look: SummedLook, depth: float) -> float:
+    """Share of the light that depth leaves."""
+    if look.dimmed == 0.0:
+        return 1.0
+    far = max(0.0, min(1.0, (depth - look.near) / (look.far - look.near)))
+    return 1.0 - look.dimmed * far
+
+
+@inner_step
+def is_known(medium: Medium, place: Vector) -> bool:
+    """Whether the sample that a place is nearest to stands for something."""
+    if medium.known.size == 0:
+        return True
+    # The sample at place 1 is the third one that is stored.
+    i, j, k = int(place[0] + 1.5), int(place[1] + 1.5), int(place[2] + 1.5)
+    return bool(medium.known[k * medium.spline.plane + j * medium.spline.row + i])
+
+
+@inner_step
+def _stored(medium: Medium, place: Vector) -> tuple[int, Vector]:
+    """Index of the sample before a place along all axes, and how far that is from it."""
+    x, y, z = place[0] + 1.0, place[1] + 1.0, place[2] + 1.0
+    i, j, k = int(x), int(y), int(z)
+    first = k * medium.spline.plane + j * medium.spline.row + i
+    return first, (x - i, y - j, z - k)
+
+
+@inner_step
+def _corner(medium: Medium, first: int, away: Vector, n: int) -> tuple[int, float]:
+    """One of eight samples around a place, and its share in what is linear between them."""
+    right, down, behind = n & 1, (n >> 1) & 1, n >> 2
+    share = away[0] if right else 1.0 - away[0]
+    share *= away[1] if down else 1.0 - away[1]
+    share *= away[2] if behind else 1.0 - away[2]
+    return first + behind * medium.spline.plane + down * medium.spline.row + right, share
+
+
+@inner_step
+def number_at(medium: Medium, place: Vector) -> int:
+    """Number of the look of a place, which most of what is around it has; below 0: it is missing.
+
+    Samples have shares in a place as in linear interpolation, so between two looks the border is
+    where a field would pass one half that is 1 in one of them and 0 in the other.
+    """
+    if medium.known.size == 0:
+        return 0
+    if not is_known(medium, place):
+        return -1
+    if medium.look.column.shape[0] == medium.look.columns:
+        return 0
+    first, away = _stored(medium, place)
+    best, most = 0, 0.0
+    for n in range(8):
+        index, _ = _corner(medium, first, away, n)
+        number, total = int(medium.known[index]), 0.0
+        if number == best:
+            continue
+        for m in range(8):
+            other, share = _corner(medium, first, away, m)
+            total += share if int(medium.known[other]) == number else 0.0
+        if number > 0 and total > most:
+            best, most = number, total
+    return best - 1
+
+
+@inner_step
+def tinted(medium: Medium, place: Vector, light: Light) -> Light:
+    """Light of a place in its own color, if samples have colors."""
+    color = medium.tint.color
+    if color.shape[0] == 0:
+        return light
+    red, green, blue = 0.0, 0.0, 0.0
+    first, away = _stored(medium, place)
+    for n in range(8):
+        index, share = _corner(medium, first, away, n)
+        red += share * color[index, 0]
+        green += share * color[index, 1]
+        blue += share * color[index, 2]
+    per = light[3] * medium.tint.most / FULL
+    return per * red, per * green, per * blue, light[3]
+
+
+@inner_step
+def faced(medium: Medium, place: Vector, slope: Vector) -> Vector:
+    """Gradient at a place; beside a cut it leads across that.
+
+    A cut through even tissue meets noise alone, whose gradients would make it look rough
+    (Weiskopf, Engel and Ertl, Interactive Clipping Techniques, 2003).
+    """
+    if len(medium.cuts) == 0:
+        return slope
+    at, nearest, normal = position(medium, place), CUT, slope
+    for n in range(len(medium.cuts)):
+        across = (medium.cuts[n, 0], medium.cuts[n, 1], medium.cuts[n, 2])
+        away = dot(across, at) + medium.cuts[n, 3]
+        if away < nearest:
+            length = max(length_of(slope), 2.0 * medium.look.lamp.flat) / length_of(across)
+            nearest, normal = away, scaled(length, across)
+    return normal
+
+
+@inner_step
+def _toward(v: Vector) -> Vector:
+    """Vector of length 1."""
+    return scaled(1.0 / math.sqrt(dot(v, v)), v)
+
+
+@inner_step
+def _cell(place: float, per: int, count: int) -> tuple[int, int, float]:
+    """Cells before and behind a place along one axis, and how far it is from the one before."""
+    at = max(0.0, min(count - 1.0, (place - 0.5) / per - 0.5))
+    before = int(at)
+    return before, min(before + 1, count - 1), at - before
+
+
+@inner_step
+def _share_at(reached: Reached, place: Vector, n: int) -> float:
+    """Share of light that gets to a place, linear between cells."""
+    share, per = reached.share, reached.per
+    i, i_next, x = _cell(place[0], per, share.shape[2])
+    j, j_next, y = _cell(place[1], per, share.shape[1])
+    k, k_next, z = _cell(place[2], per, share.shape[0])
+    total = 0.0
+    for plane, of_plane in ((k, 1.0 - z), (k_next, z)):
+        for row, of_row in ((j, 1.0 - y), (j_next, y)):
+            beside = (1.0 - x) * share[plane, row, i, n] + x * share[plane, row, i_next, n]
+            total += of_plane * of_row * beside
+    return total / ALL
+
+
+@inner_step
+def reaching(medium: Medium, place: Vector) -> tuple[float, float]:
+    """Shares of the lamp's light and of light from everywhere that get to a place."""
+    if medium.reached.share.size == 0:
+        return 1.0, 1.0
+    return _share_at(medium.reached, place, 0), _share_at(medium.reached, place, 1)
+
+
+@inner_step
+def aims_at(place: Vector, look: SummedLook) -> Aims:
+    """Where light comes from at a position of the scene, and where its highlight is."""
+    lamp = look.lamp
+    eye = (lamp.viewer[0], lamp.viewer[1], lamp.viewer[2])
+    light = (lamp.toward[0], lamp.toward[1], lamp.toward[2])
+    if lamp.viewer[3] != 0.0:
+        eye = _toward(combine(eye, -1.0, place))
+    if dot(light, light) == 0.0:
+        return Aims(eye, eye)
+    halfway = combine(eye, 1.0, light)
+    return Aims(light, scaled(1.0 / max(math.sqrt(dot(halfway, halfway)), 1e-30), halfway))
+
+
+@inner_step
+def reflect(normal: Vector, aims: Aims, look: SummedLook) -> tuple[float, float]:
+    """As `lighting.reflect`, without ambient light, and with a table of highlights."""
+    diffuse = look.lamp.diffuse * abs(dot(normal, aims.light))
+    return diffuse, highlight_of(look, abs(dot(normal, aims.halfway)))
+
+
+@inner_step
+def reflected(medium: Medium, place: Vector, slope: Vector, aims: Aims) -> tuple[float, float]:
+    """Factor of a surface's own color and white highlight."""
+    lamp, length = medium.look.lamp, length_of(slope)
+    of_lamp, of_all = reaching(medium, place)
+    own, highlight = lamp.diffuse, 0.0
+    if length > lamp.flat:
+        own, highlight = reflect(scaled(1.0 / length, slope), aims, medium.look)
+    return of_all * lamp.ambient + of_lamp * own, of_lamp * highlight
