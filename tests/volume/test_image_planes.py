@@ -342,3 +342,23 @@ def test_a_film_of_times_has_one_window(tmp_path, monkeypatch):
     frames = sorted(Path("film").glob("*.png"))
     levels = [np.asarray(Image.open(path))[..., 0] for path in frames]
     assert [int(np.percentile(frame, 95)) for frame in levels] == pytest.approx([85, 255], abs=8)
+
+
+@pytest.mark.parametrize("transfer", [NOTHING, "100..300"])
+@pytest.mark.parametrize("fov", ["0", "30"])
+def test_a_plane_fills_the_picture_that_zooms_in(transfer, fov, tmp_path, monkeypatch):
+    from PIL import Image
+
+    from resample_volume.command.cli import app
+
+    monkeypatch.chdir(tmp_path)
+    values = np.zeros((12, 12, 12), np.uint8)
+    values[5:7, 5:7, 5:7] = 200
+    np.save("small.npy", values)
+    words = ("--camera", "30/20/1", "--fov", fov, "--size", "60", "--background", "none")
+    look = ("--transfer", transfer, "--plane", "z=50%", "--zoom-in", "-o", "out.png")
+    assert ended(app, "render", "small.npy", *words, *look) == 0
+    seen = np.asarray(Image.open("out.png"))[..., 3] > 0
+    across = np.flatnonzero(seen.any(axis=0))
+    assert 0 < across[0] < 10  # kernels of voxels reach as far
+    assert 49 < across[-1] < 59

@@ -64,9 +64,10 @@ def filled(
         framing = named_or_own(look.framing or look.transfer, volume)
         radius = resampler.reconstruction.radius
         shown = shown_by(subject.placed(volume), framing, subject.clip, radius, resampler.iso)
-    if not len(shown.position):
+    corner = subject.mesh.corner
+    if not len(shown.position) and not len(corner):
         return viewpoint
-    found = filling(viewpoint, subject.sphere, shown, size)
+    found = filling(viewpoint, subject.sphere, shown, size, corner)
     turned = (found.azimuth, found.elevation, found.zoom, *found.pan)
     say(f"the camera {'/'.join(f'{number:.8g}' for number in turned)} fills the picture")
     return found

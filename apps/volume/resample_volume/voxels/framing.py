@@ -164,6 +164,9 @@ def farthest_from(position: Floats, center: Doubles) -> float:
     return float(np.sqrt(np.einsum("nd,nd->n", away, away).max()))
 
 
+NO_CORNERS = np.zeros((0, 3))
+
+
 def around_both(ball: Sphere, corner: Doubles) -> Sphere:
     """Ball around a ball and places (N, 3), which is the same one where these lie in it."""
     if not corner.size or np.linalg.norm(corner - ball.center, axis=1).max() <= ball.radius:
@@ -175,7 +178,13 @@ def around_both(ball: Sphere, corner: Doubles) -> Sphere:
     return Sphere(center, max(away, float(np.linalg.norm(ball.center - center)) + ball.radius))
 
 
-def filling(orbit: Orbit, sphere: Sphere, shown: Placed, size: tuple[int, int]) -> Orbit:
+def filling(
+    orbit: Orbit,
+    sphere: Sphere,
+    shown: Placed,
+    size: tuple[int, int],
+    corner: Doubles = NO_CORNERS,
+) -> Orbit:
     """The same view of a ball, zoomed and panned so that what is seen from there fills a picture.
 
     Parameters
@@ -188,9 +197,12 @@ def filling(orbit: Orbit, sphere: Sphere, shown: Placed, size: tuple[int, int]) 
         What is seen; strays as of `sphere_around` do not count.
     size
         Height and width of the picture, px.
+    corner
+        (N, 3) of meshes, which are in the picture, too.
     """
     voxel = float(np.linalg.norm(shown.lattice, axis=0).max())
-    position = _without_strays(shown.position, voxel)
+    position = _without_strays(shown.position, voxel) if len(shown.position) else shown.position
+    position = np.concatenate([position, corner.astype(np.float32)])
     view = replace(orbit, zoom=1.0, pan=(0.0, 0.0)).around(sphere, *size).view()
     # Right, down and ahead of the ball's middle, and how far kernels reach around.
     place = (position - sphere.center.astype(np.float32)) @ view.rotation.T.astype(np.float32)
