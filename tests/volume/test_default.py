@@ -8,13 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from resample.cameras.viewpoints import Orbit
 from resample.files.images import read_image
+from resample.painting.rays import spacing_of
 from resample.resampler import Resampler
 from resample_volume import Appearance, Scene, as_volume, render
 from resample_volume.command.cli import app
 from resample_volume.files.generated import vessel_tree
 from resample_volume.looks.labels import Labels, Rule
 from resample_volume.media.appearance import BY_DEFAULT
+from resample_volume.rendering import Subject
+from resample_volume.voxels.visible import lattice_of
 from tests import commands
 from tests.volume.of_voxels import of_voxels
 from tests.volume.test_streaming import in_bricks
@@ -100,3 +104,21 @@ def test_statistics_say_what_was_painted(words, classified, tmp_path, monkeypatc
     stats = json.loads(Path("s.json").read_text())
     assert (stats["classify"], stats["rays"] > 0) == (classified, classified == "post")
     assert read_image("out.exr").any()
+
+
+@pytest.mark.parametrize(
+    "spacing", [3.0, 0.7 / 2, 0.7 / 3]
+)  # px per voxel, where a ray more is cast
+def test_the_number_of_rays_changes_without_a_seam(spacing):
+    look = Appearance("vessels")
+    subject = Subject.of(TREE, look)
+    once = subject.camera(Orbit(30, 20, fov=0), 64, 64).view()
+    usual = spacing_of(lattice_of(TREE), np.zeros(3), once)
+    frames = [
+        render(TREE, look, Orbit(30, 20, share * spacing / usual, fov=0), size=(64, 64))
+        for share in (1.0001, 0.9999)
+    ]
+    more, fewer = (frame.statistics.subpixels for frame in frames)
+    error = np.mean((frames[0].rgba - frames[1].rgba).astype(np.float64) ** 2)
+    assert fewer != more
+    assert -10 * np.log10(error) > 45
