@@ -90,11 +90,10 @@ def test_previews_are_of_voxels():
         (["--filter", "gaussian:sigma=0.6"], "post"),
         (["--method", "points"], "pre"),
         (["--method", "hybrid"], "pre"),
-        (["--kernel", "bspline"], "pre"),
+        (["--kernel", "gaussian:sigma=0.7"], "pre"),
         (["--order", "every-sample"], "pre"),
         (["--order", "rays:step=0.5"], "post"),
         (["--gradient", "sobel"], "pre"),
-        (["--projection", "maximum"], "post"),
     ],
 )
 def test_statistics_say_what_was_painted(words, classified, tmp_path, monkeypatch):

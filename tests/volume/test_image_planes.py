@@ -237,7 +237,8 @@ def test_a_preview_shows_the_plane_where_it_is_in_its_window():
 
 @pytest.mark.parametrize("perspective", [True, False])
 def test_a_pointer_is_on_the_voxel_that_a_plane_shows(perspective):
-    scene, look = Scene(TURNED), Appearance(NOTHING, planes=("1/2/3",))
+    volume = TURNED._replace(values=(TURNED.values / 4).astype(np.uint8))
+    scene, look = Scene(volume), Appearance(NOTHING, planes=("1/2/3",))
     camera, voxel = straight(TURNED, "1/2/3", perspective=perspective)
     ids = scene.sample_ids(look, camera, size=(48, 48))
     inside = within(TURNED, voxel)
@@ -250,7 +251,9 @@ def test_a_pointer_is_on_the_voxel_that_a_plane_shows(perspective):
 
 @COARSE
 def test_a_pointer_is_on_what_is_before_a_plane():
-    volume = EVEN._replace(values=np.where(np.indices((32, 32, 32))[0] >= 16, 100.0, 0.0))
+    volume = EVEN._replace(
+        values=np.where(np.indices((32, 32, 32))[0] >= 16, np.uint8(100), np.uint8(0))
+    )
     scene, camera = Scene(volume), ahead()
     for where, index in (("z=8", 8), ("z=24", 15)):
         look = Appearance("50..150", None, planes=(where,))

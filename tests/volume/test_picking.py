@@ -161,22 +161,22 @@ def test_samples_of_a_field_are_those_of_fine_steps(projection: str, which: int)
 
 
 def test_what_is_picked_is_seen() -> None:
-    values = np.zeros((20, 24, 28), np.int16)
-    values[12:16, 8:14, 5:11] = 900
-    values[:, :, 20] = 300  # that the look does not show
+    values = np.zeros((20, 24, 28), np.uint8)
+    values[12:16, 8:14, 5:11] = 200
+    values[:, :, 20] = 90  # that the look does not show
     volume = Volume(values, np.array([0.5, 0.5, 1.0]), np.array([100.0, 0, -50]), np.eye(3), "box")
-    solid = from_points([(500.0, (1.0, 1.0, 1.0), 0.0), (700.0, (1.0, 1.0, 1.0), 0.9)])
+    solid = from_points([(120.0, (1.0, 1.0, 1.0), 0.0), (160.0, (1.0, 1.0, 1.0), 0.9)])
     scene, look = Scene(volume), Appearance(solid)
     for camera in ((90, 10), (30, 20), Orbit(-90, 0, fov=0)):
         ids = scene.sample_ids(look, camera, size=(60, 50))
         shown = ids[ids[..., 0] >= 0]
         assert len(shown) > 20
-        assert (values[tuple(shown.T)] == 900).all()
+        assert (values[tuple(shown.T)] == 200).all()
         row, column = np.argwhere(ids[..., 0] >= 0)[len(shown) // 2]
         picked = scene.pick(column + 0.5, row + 0.5, look, camera, size=(60, 50))
         assert picked is not None
         assert picked.voxel == tuple(ids[row, column])
-        assert picked.value == 900
+        assert picked.value == 200
         expected = volume.origin + volume.spacing * picked.voxel[::-1]
         np.testing.assert_allclose(picked.position, expected)
     assert scene.pick(0.5, 0.5, look, size=(60, 50)) is None

@@ -8,16 +8,11 @@ from numpy.typing import NDArray
 
 from resample_volume.files.headers import KEPT
 from resample_volume.voxels import parts
-from resample_volume.voxels.kernels.gradients import (
-    BRICK,
-    brick_order,
-    central_gradients,
-    sobel_gradients,
-)
+from resample_volume.voxels.kernels.gradients import BRICK, brick_order, find_gradients
 from resample_volume.voxels.streaming import slopes_at
 from tests.kernels import compiled_only, specialisations
 
-FINDERS = {"central": central_gradients, "sobel": sobel_gradients}
+GRADIENTS = ["central", "sobel"]
 SHAPE = (3 * BRICK + 3, 7, 9)
 LAYOUTS = {
     "rows": np.ascontiguousarray,
@@ -26,11 +21,6 @@ LAYOUTS = {
     "swapped": lambda values: values.astype(values.dtype.newbyteorder()),
 }
 TURN = np.array([[1.0, 0.5, 0.0], [0.0, 2.0, 0.1], [0.3, 0.0, 1.5]])
-
-
-def finders(test: str) -> list[Any]:
-    """Both ways; the second has what finds slopes of doubles compiled once more."""
-    return ["central", pytest.param("sobel", marks=pytest.mark.sweep(kept_by=test))]
 
 
 def values_of(kind: str) -> NDArray[Any]:
@@ -51,7 +41,7 @@ def asked(order: str) -> NDArray[np.int64]:
     return index[bricks]
 
 
-@pytest.mark.parametrize("gradient", finders("test_slopes_do_not_depend_on_type_layout_and_parts"))
+@pytest.mark.parametrize("gradient", GRADIENTS)
 @pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
 @pytest.mark.parametrize("order", ["array", "bricks"])
 @pytest.mark.parametrize("planes", [1, 1 << 22], ids=["layer by layer", "at once"])
@@ -70,18 +60,16 @@ def test_slopes_do_not_depend_on_type_layout_and_parts(
 
 
 @compiled_only
-@pytest.mark.parametrize(
-    "gradient", finders("test_slopes_of_all_types_are_found_by_two_forms_of_a_kernel")
-)
+@pytest.mark.parametrize("gradient", GRADIENTS)
 def test_slopes_of_all_types_are_found_by_two_forms_of_a_kernel(gradient: str) -> None:
-    index, kernel = asked("array"), FINDERS[gradient]
+    index = asked("array")
     for kind in ("float32", "float64"):
         slopes_at(values_of(kind), index, gradient, TURN)
-    before = specialisations(kernel)
+    before = specialisations(find_gradients)
     for kind in KEPT:
         for layout in LAYOUTS.values():
             slopes_at(layout(values_of(kind)), index, gradient, TURN)
-    assert specialisations(kernel) == before
+    assert specialisations(find_gradients) == before
 
 
 def test_of_no_voxels_there_are_no_slopes() -> None:

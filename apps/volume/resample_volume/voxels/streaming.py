@@ -317,15 +317,14 @@ def slopes_at(
 
     `aside`: on one thread, as others look at other values.
     """
-    from resample_volume.voxels.kernels.gradients import central_gradients, sobel_gradients
+    from resample_volume.voxels.kernels.gradients import find_gradients
 
-    slope = np.empty((index.size, 3), np.float32)
-    find = sobel_gradients if gradient == "sobel" else central_gradients
+    slope, is_smooth = np.empty((index.size, 3), np.float32), gradient == "sobel"
     for voxels, near, first in layers_alike(values, index):
         place, found = index[voxels] - first if first else index[voxels], slope[voxels]
 
         def fill(share: slice, near: Any = near, place: Any = place, found: Any = found) -> None:
-            find(near, place[share], to_scene, found[share])
+            find_gradients(near, place[share], to_scene, is_smooth, found[share])
 
         if aside:
             fill(slice(None))

@@ -6,11 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.jit import Counter, inner_step, kernel, parallel_kernel, tasks
+from resample.engine.jit import inner_step, kernel
 from resample.engine.vectors import Matrix, Vector, matrix_of, multiply
 from resample.types import Doubles, Floats
 
-CHUNK = 4096  # voxels that a thread takes at a time
 BRICK = 8  # voxels
 
 Indices = NDArray[np.int64]
@@ -133,23 +132,6 @@ def _store(turn: Matrix, slope: Vector, gradient: Floats, n: int) -> None:
 
 
 @kernel
-def central_gradients(
-    values: NDArray[Any], index: Indices, to_scene: Doubles, gradient: Floats
-) -> None:
-    """Gradients (N, 3) of `values` (Z, Y, X) at flat indices; no slope is known: 0.
-
-    `to_scene` (3, 3) is the inverse transpose of the lattice, which takes slopes per voxel to
-    slopes per scene unit.
-    """
-    turn = matrix_of(to_scene)
-    before, at = 0, (0, 0, 0)
-    for n in range(index.size):
-        at = _next_place(index[n], before, at, values.shape)
-        before = index[n]
-        _store(turn, _central_slopes(values, at), gradient, n)
-
-
-@kernel
 def _moved(place: Step, count: int, step: Step) -> Step:
     return (place[0] + count * step[0], place[1] + count * step[1], place[2] + count * step[2])
 
@@ -175,25 +157,28 @@ def _smooth_slope(values: NDArray[Any], place: Step, step: Step) -> float:
 
 
 @kernel
-def _sobel_chunk(
-    values: NDArray[Any], index: Indices, to_scene: Doubles, gradient: Floats, first: int
+def _smooth_slopes(values: NDArray[Any], place: Step) -> Vector:
+    """Slopes along x, y and z, smoothed across as by Sobel."""
+    return (
+        _smooth_slope(values, place, (0, 0, 1)),
+        _smooth_slope(values, place, (0, 1, 0)),
+        _smooth_slope(values, place, (1, 0, 0)),
+    )
+
+
+@kernel
+def find_gradients(
+    values: NDArray[Any], index: Indices, to_scene: Doubles, is_smooth: bool, gradient: Floats
 ) -> None:
-    """Gradients of one chunk's voxels."""
+    """Gradients (N, 3) of `values` (Z, Y, X) at flat indices; no slope is known: 0.
+
+    `to_scene` (3, 3) is the inverse transpose of the lattice, which takes slopes per voxel to
+    slopes per scene unit. They are central differences, or smoothed across as by Sobel.
+    """
     turn = matrix_of(to_scene)
-    for n in range(first, min(first + CHUNK, index.size)):
-        place = _place_of(index[n], values.shape)
-        slope = (
-            _smooth_slope(values, place, (0, 0, 1)),
-            _smooth_slope(values, place, (0, 1, 0)),
-            _smooth_slope(values, place, (1, 0, 0)),
-        )
-        _store(turn, slope, gradient, n)
-
-
-@parallel_kernel
-def sobel_gradients(
-    counter: Counter, values: NDArray[Any], index: Indices, to_scene: Doubles, gradient: Floats
-) -> None:
-    """Like `central_gradients`, with slopes smoothed across as by Sobel."""
-    for chunk in tasks(counter, (index.size + CHUNK - 1) // CHUNK):
-        _sobel_chunk(values, index, to_scene, gradient, chunk * CHUNK)
+    before, at = 0, (0, 0, 0)
+    for n in range(index.size):
+        at = _next_place(index[n], before, at, values.shape)
+        before = index[n]
+        slopes = _smooth_slopes(values, at) if is_smooth else _central_slopes(values, at)
+        _store(turn, slopes, gradient, n)
