@@ -299,8 +299,10 @@ def test_the_camera_that_fills_the_picture_is_said(tmp_path, monkeypatch, capsys
     said = re.search(r"the camera (\S+) fills the picture", capsys.readouterr().err)
     assert commands.ended(cli.app, *words, "-o", "b.exr", "--camera", said[1]) == 0
     np.testing.assert_allclose(read_image("a.exr"), read_image("b.exr"), atol=2e-3)
-    for more in (("--classify", "post"), ("--projection", "maximum")):
-        assert commands.ended(cli.app, *words, "-o", "c.exr", "--zoom-in", *more) == 0
+    np.save("ball.npy", blob(np.float32))
+    for more in (("--classify", "pre"), ("--projection", "maximum")):
+        by = ("render", "ball.npy", "--size", "48x32", *more)
+        assert commands.ended(cli.app, *by, "-o", "c.exr", "--zoom-in") == 0
     spot = "eye = [0, -40, 0]\ntarget = [0, 0, 0]"
     (tmp_path / "c.toml").write_text(spot)
     capsys.readouterr()
