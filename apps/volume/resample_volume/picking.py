@@ -15,6 +15,7 @@ from resample_volume.media.scales import value_at
 from resample_volume.rendering import Subject
 from resample_volume.types import Volume
 from resample_volume.voxels.gathered import Gathered
+from resample_volume.voxels.slices.thin import SAME, of_samples, voxels_of
 from resample_volume.voxels.visible import Voxels, lattice_of
 
 if TYPE_CHECKING:
@@ -86,14 +87,16 @@ def voxels_at(
         )
     scene = subject.placed(volume)
     reach = resampler.reconstruction.radius if isinstance(voxels, Voxels) else 0.5
-    rays = _rays(camera.view(), scene, pixels, subject.cuts(camera), reach)
+    thin = voxels.thin if isinstance(voxels, Gathered) else SAME
+    samples = of_samples(scene, thin)
+    rays = _rays(camera.view(), samples, pixels, subject.cuts(camera), reach)
     voxel, kept = np.full(len(pixels), -1, np.int64), np.ones(len(pixels))
     if isinstance(voxels, Voxels):
         splatted = _splatted(voxels, scene, camera.view(), resampler)
         find_among_voxels(splatted, rays, level, voxel, kept)
     else:
         find_in_field(_looked(voxels, resampler), rays, level, voxel, kept)
-    return voxel, kept
+    return voxels_of(voxel, scene.values.shape, thin), kept
 
 
 def picked(volume: Volume, voxel: int) -> Picked:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from resample.memory.mapped import array_like, most_of
 from resample.painting.choices import MEASURING, Projection
 from resample.painting.splines import FIELD, bytes_of_field, spline_of
+from resample.profiles.orders import MONOTONE
 from resample.resampler import Resampler
 from resample.types import (
     UNBLOCKED,
@@ -36,6 +37,15 @@ from resample_volume.voxels.glances.looking import are_few
 from resample_volume.voxels.parts import slabs
 from resample_volume.voxels.reaching import field_reached
 from resample_volume.voxels.shading import Light, lamp_of
+from resample_volume.voxels.slices.thin import (
+    SAME,
+    Thin,
+    among_samples,
+    of_samples,
+    repeated,
+    thin_of,
+    thinned,
+)
 from resample_volume.voxels.visible import (
     finite_range,
     gradients_at,
@@ -45,6 +55,8 @@ from resample_volume.voxels.visible import (
 )
 
 BYTES_PER_SLOPE = 40  # of a voxel, until it is known how steep a full surface is
+BYTES_PER_THIN = 6  # of a sample between thick slices, besides its field
+EXTREMES = (Projection.MAXIMUM, Projection.MINIMUM)  # of values that voxels have
 PAD = 2  # voxels that flags go on for on each side, as coefficients do
 NOTHING = -1  # in place of an index, see `kernels.filling`
 BESIDE = 0.1  # of the way between two values, that the field of one does not go to
@@ -65,6 +77,7 @@ class Gathered(NamedTuple):
     each: int = 1  # looks that are beside each other in the table: of voxels, and of labels
     tint: Tint = UNTINTED
     reached: Reached = UNBLOCKED
+    thin: Thin = SAME  # samples of the field for each voxel
 
 
 def gathered(
@@ -103,9 +116,16 @@ def gathered(
     check_iso(resampler.iso, volume, data_range)
     if not transfer.normalized and resampler.iso is None:
         data_range = range_of_looks(volume, transfer, data_range)
-    size = bytes_of_field(volume.values.shape, volume.values.dtype, most_of(volume.values))
+    # Means along rays are those of a spline, which leaves sums of voxels as they are.
+    is_mean = resampler.projection in MEASURING and resampler.projection not in EXTREMES
+    thin = thin_of(volume) if labels is None and not is_mean else SAME
+    samples = of_samples(volume, thin)
+    size = bytes_of_field(samples.values.shape, volume.values.dtype, most_of(volume.values))
+    size += BYTES_PER_THIN * samples.values.size if thin.parts > 1 else 0
     require_memory(size, f"{volume.name} as a field")
-    spline, bounds, known = _on_lattice(volume.values, sharpness)
+    is_within = thin.parts > 1 and resampler.projection in EXTREMES
+    is_within &= getattr(resampler.order, "interpolation", MONOTONE) == MONOTONE
+    spline, bounds, known = _on_lattice(volume.values, sharpness, thin, is_within)
     shape, steep = (1, columns_of(volume, data_range)), 1.0
     if transfer.needs_gradient:
         count = _number_seen(volume, transfer, data_range, resampler)
@@ -130,8 +150,19 @@ def gathered(
     elif two.size == 2:
         looks = _cut_between(looks, two, beside)
     steepest = (data_range[1] - data_range[0]) / float(np.linalg.norm(lattice, axis=0).min())
-    origin = np.asarray(volume.origin, np.float64)
-    return Gathered(spline, bounds, known, lattice, origin, looks, steepest, count, beside, tint)
+    return Gathered(
+        spline,
+        bounds,
+        known,
+        lattice_of(samples),
+        np.asarray(samples.origin, np.float64),
+        looks,
+        steepest,
+        count,
+        beside,
+        tint,
+        thin=thin,
+    )
 
 
 def _cut_between(looks: Looks, two: Doubles, count: int) -> Looks:
@@ -206,7 +237,9 @@ def with_reached(
         The grid of light does not fit in memory.
     """
     parts = _extinctions(field, volume, resampler.iso)
-    return field._replace(reached=field_reached(volume, parts, clip, light))
+    reached = field_reached(volume, parts, clip, light)
+    samples = field.spline.shape[field.thin.axis]
+    return field._replace(reached=among_samples(reached, samples, field.thin))
 
 
 def _extinctions(field: Gathered, volume: Volume, iso: float | None) -> Iterator[Floats]:
@@ -240,10 +273,22 @@ def _extinctions(field: Gathered, volume: Volume, iso: float | None) -> Iterator
 
 
 @found_once(lambda values: values)
-def _on_lattice(values: NDArray[np.generic], sharpness: float) -> tuple[Spline, Bounds, Flags]:
+def _on_lattice(
+    values: NDArray[np.generic], sharpness: float, thin: Thin, is_within: bool
+) -> tuple[Spline, Bounds, Flags]:
     """Field of values, its bounds, and which are known, if not all."""
     filled, known = _without_gaps(values)
-    return *spline_of(filled, sharpness), known
+    if thin.parts == 1:
+        return *spline_of(filled, sharpness), known
+    samples, low = thinned(filled, thin, is_within=is_within)
+    spline, (least, greatest) = spline_of(samples, sharpness, values.dtype)
+    spline = spline._replace(
+        zero=spline.zero + low, floor=spline.floor + low, ceiling=spline.ceiling + low
+    )
+    if known.size:
+        padded = known.reshape([count + 2 * PAD for count in values.shape])
+        known = np.pad(repeated(padded[PAD:-PAD, PAD:-PAD, PAD:-PAD], thin), PAD, "edge").ravel()
+    return spline, Bounds(least + low, greatest + low), known
 
 
 def _without_gaps(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], Flags]:

@@ -1,0 +1,284 @@
+"""Thick slices made thin: between two of them lies what moves from one to the other.
+
+A spline across slices shows a thin structure that is in another place on the next slice as two
+ghosts, and values between these that are nowhere. So the way from a slice to the next is found, by
+optical flow (Kroeger, Timofte, Dai and Van Gool, Fast Optical Flow using Dense Inverse Search,
+2016) in both directions, and what is between them is read along it. Each of the ways and the spline
+counts by how well it fits: a way by how much the two slices differ along it; the spline, which is
+the better one where slices are close enough, by how fast differences of slices grow with their
+order.
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.jit import workers
+from resample.memory.mapped import most_of
+from resample.types import Floats, Reached
+from resample_volume.types import Volume
+
+THICK = 2.5  # times as far apart as the samples of a slice: slices that are made thin
+MOST = 4  # thin slices of one
+MOST_SAMPLES = 1 << 26  # of the thin slices, so that they take little memory
+LEAST_SIDE = 16  # samples, of slices whose structures have a way to go
+SMOOTH = 1.0  # samples, of the places whose differences count together
+UNSURE = 0.2  # of the fourth difference of slices, that a spline may be off by
+WHITE = 3.4  # fourth differences of noise over second ones
+GROWTH, SHARP = 4, 4  # exponents, of trust in a spline and of what fits
+SLACK = 0.002  # of the range of values, that any two may differ by
+TURNS = 3  # of the search for where a way began
+
+Plane = NDArray[np.float32]
+
+
+class Thin(NamedTuple):
+    """How many samples stand for a voxel along one axis of the values."""
+
+    axis: int  # 0 is z
+    parts: int  # 1: a field of the voxels themselves
+
+
+SAME = Thin(0, 1)
+
+
+def thin_of(volume: Volume) -> Thin:
+    """How slices of a volume are made thin; not at all if they are about as far apart as samples.
+
+    Nor if there are too many voxels, if these have colors, or if they are in a file meanwhile.
+    """
+    spacing = np.abs(np.asarray(volume.spacing, np.float64))[::-1]
+    axis = int(spacing.argmax())
+    within = [n for n in range(3) if n != axis]
+    shape = volume.values.shape
+    ratio = float(spacing[axis] / spacing[within].max())
+    if ratio < THICK or volume.colors is not None or most_of(volume.values) is not None:
+        return SAME
+    if min(shape[n] for n in within) < LEAST_SIDE or shape[axis] < 2:
+        return SAME
+    count = min(MOST, round(ratio), MOST_SAMPLES // volume.values.size)
+    return Thin(axis, max(1, count))
+
+
+def of_samples(volume: Volume, thin: Thin) -> Volume:
+    """Volume whose voxels are the samples of a field, without their values."""
+    if thin.parts == 1:
+        return volume
+    across = 2 - thin.axis
+    shape, spacing = list(volume.values.shape), np.array(volume.spacing, np.float64)
+    shape[thin.axis] *= thin.parts
+    spacing[across] /= thin.parts
+    shift = np.zeros(3)
+    shift[across] = 0.5 * (spacing[across] - volume.spacing[across])
+    origin = np.asarray(volume.origin + volume.direction @ shift)
+    values = np.broadcast_to(np.zeros((), volume.values.dtype), shape)
+    return volume._replace(values=values, spacing=spacing, origin=origin)
+
+
+def repeated(flags: NDArray[Any], thin: Thin) -> NDArray[Any]:
+    """What is known of voxels (Z, Y, X, ...) as it is of samples."""
+    return np.repeat(flags, thin.parts, axis=thin.axis)
+
+
+def among_samples(reached: Reached, samples: int, thin: Thin) -> Reached:
+    """Light that gets to cells of voxels, as cells of so many samples along the thin axis."""
+    if thin.parts == 1:
+        return reached
+    last = reached.share.shape[thin.axis] - 1
+    cell = np.arange(-(-samples // reached.per))
+    at = np.clip((cell + 0.5) / thin.parts - 0.5, 0, last)
+    before = at.astype(np.int64)
+    share = (at - before).reshape([-1 if n == thin.axis else 1 for n in range(4)])
+    one = np.take(reached.share, before, thin.axis)
+    two = np.take(reached.share, np.minimum(before + 1, last), thin.axis)
+    return reached._replace(
+        share=np.rint(one + share * (two - one.astype(np.float64))).astype("u1")
+    )
+
+
+def voxels_of(sample: NDArray[np.int64], shape: tuple[int, ...], thin: Thin) -> NDArray[np.int64]:
+    """Flat indices of the voxels (Z, Y, X) that samples stand for; below 0: of none."""
+    if thin.parts == 1:
+        return sample
+    fine = list(shape)
+    fine[thin.axis] *= thin.parts
+    place = list(np.unravel_index(np.maximum(sample, 0), fine))
+    place[thin.axis] = place[thin.axis] // thin.parts
+    return np.where(sample < 0, sample, np.ravel_multi_index(place, shape))
+
+
+def thinned(values: NDArray[Any], thin: Thin, *, is_within: bool) -> tuple[Floats, float]:
+    """Samples of thin slices, as how far they are above the least value, and this.
+
+    Parameters
+    ----------
+    values
+        (Z, Y, X) all finite.
+    thin
+        Of which axis how many; more than one.
+    is_within
+        Samples are kept within the voxels that they come from.
+    """
+    from scipy.ndimage import spline_filter1d
+
+    shape = list(values.shape)
+    shape[thin.axis] *= thin.parts
+    low, high = float(values.min()), float(values.max())
+    thick = np.empty(np.moveaxis(values, thin.axis, 0).shape, np.float32)
+    for n, plane in enumerate(np.moveaxis(values, thin.axis, 0)):
+        thick[n] = plane.astype(np.float64) - low
+    across = spline_filter1d(thick, 3, 0, np.float32, "reflect")
+    slices = _Slices(thick, across, high - low, is_within)
+    found = np.empty(shape, np.float32)
+    put = partial(_put_between, slices, np.moveaxis(found, thin.axis, 0), thin.parts)
+    with ThreadPoolExecutor(workers()) as pool:
+        list(pool.map(put, range(-1, len(thick))))
+    return found, low
+
+
+class _Slices(NamedTuple):
+    """Thick slices (Z, Y, X)."""
+
+    value: Floats  # above the least one
+    coefficient: Floats  # of cubic splines across them
+    span: float  # the greatest value
+    is_within: bool  # as of `thinned`
+
+
+def _put_between(slices: _Slices, found: Floats, count: int, before: int) -> None:
+    """Put thin slices between a thick one and the next; before the first there is a spline only."""
+    last = len(slices.value) - 1
+    first = max(0, _first_after(before, count))
+    end = min(len(found), _first_after(before + 1, count))
+    if before < 0 or before == last or slices.span == 0:
+        for n in range(first, end):
+            found[n] = _spline_at(slices, (n + 0.5) / count - 0.5)
+        return
+    ways = _ways(slices, before)
+    trust = _fit(slices, _bend(slices, before), UNSURE)
+    for n in range(first, end):
+        at = (n + 0.5) / count - 0.5
+        share = trust
+        total = trust * _spline_at(slices, at)
+        for way, is_back in zip(ways, (False, True), strict=True):
+            between, apart = _along(slices, before, at - before, way, is_back=is_back)
+            fit = _fit(slices, _smooth(apart), 1.0)
+            share = share + fit
+            total += fit * between
+        found[n] = total / share
+
+
+def _first_after(slice_: int, count: int) -> int:
+    """Number of the first thin slice that is not before a thick one."""
+    return -((-(2 * slice_ + 1) * count + 1) // 2)
+
+
+def _spline_at(slices: _Slices, at: float) -> Plane:
+    """Slice of the spline across slices, which is mirrored beyond the ends."""
+    first = int(np.floor(at))
+    t = at - first
+    u = 1.0 - t
+    weight = (
+        u**3 / 6,
+        (3 * t**3 - 6 * t * t + 4) / 6,
+        (3 * u**3 - 6 * u * u + 4) / 6,
+        t**3 / 6,
+    )
+    planes = (slices.coefficient[_mirrored(first + n, slices)] for n in range(-1, 3))
+    found = np.asarray(sum(np.float32(w) * p for w, p in zip(weight, planes, strict=True)))
+    if not slices.is_within:
+        return found
+    one, two = (slices.value[_mirrored(first + n, slices)] for n in range(2))
+    return np.asarray(np.clip(found, np.minimum(one, two), np.maximum(one, two)))
+
+
+def _mirrored(n: int, slices: _Slices) -> int:
+    """Number of the slice that stands for one beyond the ends."""
+    count = len(slices.value)
+    n %= 2 * count
+    return n if n < count else 2 * count - 1 - n
+
+
+def _smooth(plane: Plane) -> Plane:
+    import cv2
+
+    return np.asarray(cv2.GaussianBlur(plane, (0, 0), SMOOTH))
+
+
+def _fit(slices: _Slices, error: Plane, factor: float) -> Plane:
+    """How much something counts that is off by so much."""
+    share = np.float32(factor / slices.span) * error
+    return np.asarray((share + np.float32(SLACK)) ** -SHARP)
+
+
+def _bend(slices: _Slices, before: int) -> Plane:
+    """How far a spline may be off between two slices: not far where differences do not grow."""
+    fourth, second = np.zeros((2, *slices.value.shape[1:]), np.float32)
+    for middle in (before, before + 1):
+        a, b, c, d, e = (slices.value[_mirrored(middle + n, slices)] for n in range(-2, 3))
+        np.maximum(fourth, np.abs(a + e - 4 * (b + d) + 6 * c), out=fourth)
+        np.maximum(second, np.abs(b + d - 2 * c), out=second)
+    fourth, second = _smooth(fourth), _smooth(second)
+    growth = fourth / (np.float32(WHITE) * second + np.float32(SLACK * slices.span))
+    return np.asarray(fourth * growth**GROWTH)
+
+
+def _ways(slices: _Slices, before: int) -> tuple[Plane, Plane]:
+    """Ways (Y, X, 2) that what is on a slice goes to the next, and back, samples."""
+    import cv2
+
+    flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
+    flow.setFinestScale(0)
+    one, two = (
+        np.rint(slices.value[n] * np.float32(255 / slices.span)).astype(np.uint8)
+        for n in (before, before + 1)
+    )
+    return np.asarray(flow.calc(one, two, None)), np.asarray(flow.calc(two, one, None))
+
+
+def _along(
+    slices: _Slices, before: int, t: float, way: Plane, *, is_back: bool
+) -> tuple[Plane, Plane]:
+    """What is 0..1 of a way from one slice to the next, and how much the two differ along it."""
+    import cv2
+
+    height, width = way.shape[:2]
+    x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
+    edge = cv2.BORDER_REPLICATE
+    passed = np.float32(1.0 - t if is_back else t)
+    here = way
+    for _ in range(TURNS):
+        right, down = x - passed * here[..., 0], y - passed * here[..., 1]
+        here = cv2.remap(way, right, down, cv2.INTER_LINEAR, borderMode=edge)
+    if is_back:
+        here = -here
+    one, two = (
+        _moved(
+            slices,
+            plane,
+            x + np.float32(share) * here[..., 0],
+            y + np.float32(share) * here[..., 1],
+        )
+        for plane, share in ((before, -t), (before + 1, 1.0 - t))
+    )
+    between = np.float32(1.0 - t) * one + np.float32(t) * two
+    return np.asarray(between), np.asarray(np.abs(one - two))
+
+
+def _moved(slices: _Slices, n: int, right: Plane, down: Plane) -> Plane:
+    """What a slice shows at places beside those of its samples."""
+    import cv2
+
+    value, edge = slices.value[n], cv2.BORDER_REPLICATE
+    found = np.asarray(cv2.remap(value, right, down, cv2.INTER_CUBIC, borderMode=edge))
+    if not slices.is_within:
+        return found
+    beside = np.ones((3, 3), np.uint8)
+    least, most = (
+        cv2.remap(take(value, beside), right, down, cv2.INTER_NEAREST, borderMode=edge)
+        for take in (cv2.erode, cv2.dilate)
+    )
+    return np.asarray(np.clip(found, least, most))
