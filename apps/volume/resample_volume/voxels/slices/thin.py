@@ -31,6 +31,10 @@ WHITE = 3.4  # fourth differences of noise over second ones
 GROWTH, SHARP = 4, 4  # exponents, of trust in a spline and of what fits
 SLACK = 0.002  # of the range of values, that any two may differ by
 TURNS = 3  # of the search for where a way began
+MOST_TURN = 0.25  # of the ways before and behind a slice, that these may differ by
+FINE_SIDE = 320  # samples, of slices on which ways are told from sample to sample
+DARK = 4  # levels of 255, of the least value where ways are looked for
+GROUP = 9  # thick slices that are taken together
 
 Plane = NDArray[np.float32]
 
@@ -131,12 +135,18 @@ def thinned(values: NDArray[Any], thin: Thin, *, is_within: bool) -> tuple[Float
     for n, plane in enumerate(np.moveaxis(values, thin.axis, 0)):
         thick[n] = plane.astype(np.float64) - low
     across = spline_filter1d(thick, 3, 0, np.float32, "reflect")
-    slices = _Slices(thick, across, high - low, is_within)
+    slices = _Slices(thick, across, high - low, is_within, _grain(thick.shape[1:]))
     found = np.empty(shape, np.float32)
-    put = partial(_put_between, slices, np.moveaxis(found, thin.axis, 0), thin.parts)
+    put = partial(_put_group, slices, np.moveaxis(found, thin.axis, 0), thin.parts)
     with ThreadPoolExecutor(workers()) as pool:
-        list(pool.map(put, range(-1, len(thick))))
+        list(pool.map(put, range(-1, len(thick), GROUP)))
     return found, low
+
+
+def _grain(shape: tuple[int, ...]) -> Plane:
+    """Faint texture that does not move, without which nothing tells where edges go along them."""
+    texture = _smooth(np.random.default_rng(7).normal(size=shape).astype(np.float32))
+    return np.asarray(texture / texture.std() + np.float32(DARK))
 
 
 class _Slices(NamedTuple):
@@ -146,29 +156,61 @@ class _Slices(NamedTuple):
     coefficient: Floats  # of cubic splines across them
     span: float  # the greatest value
     is_within: bool  # as of `thinned`
+    grain: Plane  # levels of 255, the same on all slices: edges that are straight move across only
 
 
-def _put_between(slices: _Slices, found: Floats, count: int, before: int) -> None:
-    """Put thin slices between a thick one and the next; before the first there is a spline only."""
+class _Ways(NamedTuple):
+    """Ways (Y, X, 2) that what is on slices goes, samples; by the slice that comes before."""
+
+    on: dict[int, Plane]  # from a slice to the next, on that slice
+    back: dict[int, Plane]  # from the next one to the slice, on the next one
+
+
+def _put_group(slices: _Slices, found: Floats, parts: int, first: int) -> None:
+    """Put thin slices from a thick one on, as far as a group goes."""
     last = len(slices.value) - 1
-    first = max(0, _first_after(before, count))
-    end = min(len(found), _first_after(before + 1, count))
-    if before < 0 or before == last or slices.span == 0:
-        for n in range(first, end):
-            found[n] = _spline_at(slices, (n + 0.5) / count - 0.5)
-        return
-    ways = _ways(slices, before)
+    ways = _Ways({}, {})
+    for before in range(first, min(first + GROUP, last + 1)):
+        start = max(0, _first_after(before, parts))
+        end = min(len(found), _first_after(before + 1, parts))
+        at = [(n + 0.5) / parts - 0.5 for n in range(start, end)]
+        if before < 0 or before == last or slices.span == 0:
+            # Beyond the outermost slices there is a spline only.
+            found[start:end] = [_spline_at(slices, one) for one in at]
+            continue
+        for pair in range(max(0, before - 1), min(last, before + 2)):
+            if pair not in ways.on:
+                ways.on[pair], ways.back[pair] = _ways(slices, pair)
+        for pair in [pair for pair in ways.on if pair < before - 1]:
+            del ways.on[pair], ways.back[pair]
+        _put_between(slices, found[start:end], at, before, ways)
+
+
+def _put_between(slices: _Slices, found: Floats, at: list[float], before: int, ways: _Ways) -> None:
+    """Put thin slices, at some places, between a thick one and the next."""
+    on, back = ways.on[before], ways.back[before]
+    paths = (
+        (on, _turn(on, ways.back.get(before - 1)), False),
+        (back, _turn(back, ways.on.get(before + 1)), True),
+    )
     trust = _fit(slices, _bend(slices, before), UNSURE)
-    for n in range(first, end):
-        at = (n + 0.5) / count - 0.5
+    for n, place in enumerate(at):
         share = trust
-        total = trust * _spline_at(slices, at)
-        for way, is_back in zip(ways, (False, True), strict=True):
-            between, apart = _along(slices, before, at - before, way, is_back=is_back)
+        total = trust * _spline_at(slices, place)
+        for way, turn, is_back in paths:
+            between, apart = _along(slices, before, place - before, (way, turn), is_back=is_back)
             fit = _fit(slices, _smooth(apart), 1.0)
             share = share + fit
             total += fit * between
         found[n] = total / share
+
+
+def _turn(way: Plane, other: Plane | None) -> Plane:
+    """How much the way from a slice differs from the one to it, whose opposite is given."""
+    if other is None:
+        return np.zeros_like(way)
+    most = np.float32(MOST_TURN) * (np.abs(way) + np.abs(other))
+    return _smooth(np.clip(way + other, -most, most))
 
 
 def _first_after(slice_: int, count: int) -> int:
@@ -231,40 +273,42 @@ def _ways(slices: _Slices, before: int) -> tuple[Plane, Plane]:
     import cv2
 
     flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
-    flow.setFinestScale(0)
+    flow.setVariationalRefinementIterations(0)
+    flow.setFinestScale(int(max(slices.value.shape[1:]) > FINE_SIDE))
+    scale = np.float32((255 - 2 * DARK) / slices.span)
     one, two = (
-        np.rint(slices.value[n] * np.float32(255 / slices.span)).astype(np.uint8)
+        np.clip(np.rint(scale * slices.value[n] + slices.grain), 0, 255).astype(np.uint8)
         for n in (before, before + 1)
     )
     return np.asarray(flow.calc(one, two, None)), np.asarray(flow.calc(two, one, None))
 
 
 def _along(
-    slices: _Slices, before: int, t: float, way: Plane, *, is_back: bool
+    slices: _Slices, before: int, t: float, path: tuple[Plane, Plane], *, is_back: bool
 ) -> tuple[Plane, Plane]:
     """What is 0..1 of a way from one slice to the next, and how much the two differ along it."""
     import cv2
 
+    way, turn = path
     height, width = way.shape[:2]
     x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
     edge = cv2.BORDER_REPLICATE
     passed = np.float32(1.0 - t if is_back else t)
-    here = way
+    here, aside = way, np.float32(0.5 * t * (1.0 - t)) * turn
+    bent = aside
     for _ in range(TURNS):
-        right, down = x - passed * here[..., 0], y - passed * here[..., 1]
+        right = x - passed * here[..., 0] + bent[..., 0]
+        down = y - passed * here[..., 1] + bent[..., 1]
         here = cv2.remap(way, right, down, cv2.INTER_LINEAR, borderMode=edge)
-    if is_back:
-        here = -here
+        bent = cv2.remap(aside, right, down, cv2.INTER_LINEAR, borderMode=edge)
+    right, down = x + bent[..., 0], y + bent[..., 1]
+    before_it, behind_it = -passed, np.float32(1.0) - passed
+    start, end = (before + 1, before) if is_back else (before, before + 1)
     one, two = (
-        _moved(
-            slices,
-            plane,
-            x + np.float32(share) * here[..., 0],
-            y + np.float32(share) * here[..., 1],
-        )
-        for plane, share in ((before, -t), (before + 1, 1.0 - t))
+        _moved(slices, n, right + share * here[..., 0], down + share * here[..., 1])
+        for n, share in ((start, before_it), (end, behind_it))
     )
-    between = np.float32(1.0 - t) * one + np.float32(t) * two
+    between = behind_it * one + passed * two
     return np.asarray(between), np.asarray(np.abs(one - two))
 
 
