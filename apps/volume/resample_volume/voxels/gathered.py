@@ -55,7 +55,7 @@ from resample_volume.voxels.visible import (
 )
 
 BYTES_PER_SLOPE = 40  # of a voxel, until it is known how steep a full surface is
-BYTES_PER_THIN = 6  # of a sample between thick slices, besides its field
+BYTES_PER_THIN = 8  # of a sample between thick slices, besides its field
 EXTREMES = (Projection.MAXIMUM, Projection.MINIMUM)  # of values that voxels have
 PAD = 2  # voxels that flags go on for on each side, as coefficients do
 NOTHING = -1  # in place of an index, see `kernels.filling`

@@ -33,6 +33,8 @@ SLACK = 0.002  # of the range of values, that any two may differ by
 TURNS = 3  # of the search for where a way began
 MOST_TURN = 0.25  # of the ways before and behind a slice, that these may differ by
 FINE_SIDE = 320  # samples, of slices on which ways are told from sample to sample
+ASTRAY = 0.05  # of the range of values, for a sample that ways forth and back lead astray
+MOST_ASTRAY = np.float32(2.0)  # samples
 DARK = 4  # levels of 255, of the least value where ways are looked for
 GROUP = 9  # thick slices that are taken together
 
@@ -159,6 +161,15 @@ class _Slices(NamedTuple):
     grain: Plane  # levels of 255, the same on all slices: edges that are straight move across only
 
 
+class _Path(NamedTuple):
+    """Ways (Y, X, 2) from a slice to the one beside it, samples."""
+
+    way: Plane
+    opposite: Plane  # on the one beside it, back
+    turn: Plane  # as of `_turn`
+    is_back: bool  # it goes to the slice before
+
+
 class _Ways(NamedTuple):
     """Ways (Y, X, 2) that what is on slices goes, samples; by the slice that comes before."""
 
@@ -190,15 +201,15 @@ def _put_between(slices: _Slices, found: Floats, at: list[float], before: int, w
     """Put thin slices, at some places, between a thick one and the next."""
     on, back = ways.on[before], ways.back[before]
     paths = (
-        (on, _turn(on, ways.back.get(before - 1)), False),
-        (back, _turn(back, ways.on.get(before + 1)), True),
+        _Path(on, back, _turn(on, ways.back.get(before - 1)), is_back=False),
+        _Path(back, on, _turn(back, ways.on.get(before + 1)), is_back=True),
     )
     trust = _fit(slices, _bend(slices, before), UNSURE)
     for n, place in enumerate(at):
         share = trust
         total = trust * _spline_at(slices, place)
-        for way, turn, is_back in paths:
-            between, apart = _along(slices, before, place - before, (way, turn), is_back=is_back)
+        for path in paths:
+            between, apart = _along(slices, before, place - before, path)
             fit = _fit(slices, _smooth(apart), 1.0)
             share = share + fit
             total += fit * between
@@ -283,13 +294,14 @@ def _ways(slices: _Slices, before: int) -> tuple[Plane, Plane]:
     return np.asarray(flow.calc(one, two, None)), np.asarray(flow.calc(two, one, None))
 
 
-def _along(
-    slices: _Slices, before: int, t: float, path: tuple[Plane, Plane], *, is_back: bool
-) -> tuple[Plane, Plane]:
-    """What is 0..1 of a way from one slice to the next, and how much the two differ along it."""
+def _along(slices: _Slices, before: int, t: float, path: _Path) -> tuple[Plane, Plane]:
+    """What is 0..1 of a way from one slice to the next, and how much the two differ along it.
+
+    Where the way back leads elsewhere, it is taken for as much of a difference.
+    """
     import cv2
 
-    way, turn = path
+    way, turn, is_back = path.way, path.turn, path.is_back
     height, width = way.shape[:2]
     x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
     edge = cv2.BORDER_REPLICATE
@@ -301,15 +313,25 @@ def _along(
         down = y - passed * here[..., 1] + bent[..., 1]
         here = cv2.remap(way, right, down, cv2.INTER_LINEAR, borderMode=edge)
         bent = cv2.remap(aside, right, down, cv2.INTER_LINEAR, borderMode=edge)
-    right, down = x + bent[..., 0], y + bent[..., 1]
     before_it, behind_it = -passed, np.float32(1.0) - passed
     start, end = (before + 1, before) if is_back else (before, before + 1)
     one, two = (
-        _moved(slices, n, right + share * here[..., 0], down + share * here[..., 1])
+        _moved(
+            slices,
+            n,
+            *(x + bent[..., 0] + share * here[..., 0], y + bent[..., 1] + share * here[..., 1]),
+        )
         for n, share in ((start, before_it), (end, behind_it))
     )
+    right, down = (
+        x + bent[..., 0] + behind_it * here[..., 0],
+        y + bent[..., 1] + behind_it * here[..., 1],
+    )
+    lost = here + cv2.remap(path.opposite, right, down, cv2.INTER_LINEAR, borderMode=edge)
+    astray = np.hypot(lost[..., 0], lost[..., 1])
     between = behind_it * one + passed * two
-    return np.asarray(between), np.asarray(np.abs(one - two))
+    off = np.abs(one - two) + np.float32(ASTRAY * slices.span) * np.minimum(astray, MOST_ASTRAY)
+    return np.asarray(between), np.asarray(off)
 
 
 def _moved(slices: _Slices, n: int, right: Plane, down: Plane) -> Plane:
