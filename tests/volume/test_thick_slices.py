@@ -93,6 +93,17 @@ def test_slices_with_labels_and_means_are_splines():
     assert Subject.of(volume, look, mean).voxels.thin == SAME
 
 
+def test_slices_stay_thick_where_memory_holds_no_more(monkeypatch):
+    volume = slices(3)
+
+    def held(count, what):
+        if count > 16 * volume.values.size:
+            raise ValueError(f"{what} does not fit")
+
+    monkeypatch.setattr("resample_volume.voxels.slices.thin.require_memory", held)
+    assert Subject.of(volume, Appearance(light=None)).voxels.thin == SAME
+
+
 def test_gaps_in_thick_slices_stay_as_large():
     values = slices(5).values.astype(np.float32) + 50
     values[:, :, :32] = np.nan

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.memory.mapped import array_like, most_of
+from resample.memory.mapped import array_like
 from resample.painting.choices import MEASURING, Projection
-from resample.painting.splines import FIELD, bytes_of_field, spline_of
+from resample.painting.splines import FIELD, spline_of
 from resample.profiles.orders import MONOTONE
 from resample.resampler import Resampler
 from resample.types import (
@@ -38,12 +38,13 @@ from resample_volume.voxels.parts import slabs
 from resample_volume.voxels.reaching import field_reached
 from resample_volume.voxels.shading import Light, lamp_of
 from resample_volume.voxels.slices.thin import (
+    EXTREMES,
     SAME,
     Thin,
     among_samples,
     of_samples,
     repeated,
-    thin_of,
+    thin_that_fits,
     thinned,
 )
 from resample_volume.voxels.visible import (
@@ -55,8 +56,6 @@ from resample_volume.voxels.visible import (
 )
 
 BYTES_PER_SLOPE = 40  # of a voxel, until it is known how steep a full surface is
-BYTES_PER_THIN = 8  # of a sample between thick slices, besides its field
-EXTREMES = (Projection.MAXIMUM, Projection.MINIMUM)  # of values that voxels have
 PAD = 2  # voxels that flags go on for on each side, as coefficients do
 NOTHING = -1  # in place of an index, see `kernels.filling`
 BESIDE = 0.1  # of the way between two values, that the field of one does not go to
@@ -109,20 +108,16 @@ def gathered(
     Raises
     ------
     ValueError
-        The iso value is none that the data pass, or the field does not fit in memory.
+        The iso value is none that the data pass, or the field does not fit in memory, not even
+        with slices as thick as they are.
     """
     lattice = lattice_of(volume)
     data_range, unit = finite_range(volume.values), unit_of(transfer, volume)
     check_iso(resampler.iso, volume, data_range)
     if not transfer.normalized and resampler.iso is None:
         data_range = range_of_looks(volume, transfer, data_range)
-    # Means along rays are those of a spline, which leaves sums of voxels as they are.
-    is_mean = resampler.projection in MEASURING and resampler.projection not in EXTREMES
-    thin = thin_of(volume) if labels is None and not is_mean else SAME
+    thin = thin_that_fits(volume, resampler.projection, has_labels=labels is not None)
     samples = of_samples(volume, thin)
-    size = bytes_of_field(samples.values.shape, volume.values.dtype, most_of(volume.values))
-    size += BYTES_PER_THIN * samples.values.size if thin.parts > 1 else 0
-    require_memory(size, f"{volume.name} as a field")
     is_within = thin.parts > 1 and resampler.projection in EXTREMES
     is_within &= getattr(resampler.order, "interpolation", MONOTONE) == MONOTONE
     spline, bounds, known = _on_lattice(volume.values, sharpness, thin, is_within)

@@ -11,6 +11,7 @@ order.
 
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
+from math import prod
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,9 +19,14 @@ from numpy.typing import NDArray
 
 from resample.engine.jit import workers
 from resample.memory.mapped import most_of
+from resample.painting.choices import MEASURING, Projection
+from resample.painting.splines import bytes_of_field
 from resample.types import Floats, Reached
+from resample_volume.files.memory import require_memory
 from resample_volume.types import Volume
 
+BYTES_PER_THIN = 8  # of a sample between thick slices, besides its field
+EXTREMES = (Projection.MAXIMUM, Projection.MINIMUM)  # of values that voxels have
 THICK = 2.5  # times as far apart as the samples of a slice: slices that are made thin
 MOST = 4  # thin slices of one
 MOST_SAMPLES = 1 << 26  # of the thin slices, so that they take little memory
@@ -67,6 +73,31 @@ def thin_of(volume: Volume) -> Thin:
         return SAME
     count = min(MOST, round(ratio), MOST_SAMPLES // volume.values.size)
     return Thin(axis, max(1, count))
+
+
+def thin_that_fits(volume: Volume, projection: Projection, *, has_labels: bool) -> Thin:
+    """How slices are made thin; not where memory holds only thick ones, nor for labels.
+
+    Nor for means along rays: those of a spline leave sums of voxels as they are.
+
+    Raises
+    ------
+    ValueError
+        The field does not fit in memory in any case.
+    """
+    is_mean = projection in MEASURING and projection not in EXTREMES
+    thin = SAME if is_mean or has_labels else thin_of(volume)
+    for one in dict.fromkeys((thin, SAME)):
+        shape, per_thin = of_samples(volume, one).values.shape, BYTES_PER_THIN * (one != SAME)
+        size = bytes_of_field(shape, volume.values.dtype, most_of(volume.values))
+        try:
+            require_memory(size + per_thin * prod(shape), f"{volume.name} as a field")
+        except ValueError:
+            if one == SAME:
+                raise
+        else:
+            return one
+    return SAME
 
 
 def of_samples(volume: Volume, thin: Thin) -> Volume:
