@@ -616,9 +616,9 @@ class Resampler:
         """Picture of a field that rays go through."""
         field = field_alike(field)
         style = self._style(field.lattice, field.classifier)
-        quality = self.order.quality if isinstance(self.order, Rays) else "best"
-        gathering = Gathering(style, self._tables, self.order.thickness, quality, clip)
-        return self._developed(*paint_field(field, view, size, gathering, progress))
+        rays, step = self.order if isinstance(self.order, Rays) else Rays(), self.order.thickness
+        how = Gathering(style, self._tables, step, rays.quality, rays.interpolation, clip)
+        return self._developed(*paint_field(field, view, size, how, progress))
 
     def _check_scaled(self) -> None:
         """Refuse choices that would paint samples of a scale each as if they had none."""

@@ -121,8 +121,8 @@ class Spline(NamedTuple):
     scale: float  # data units
     zero: float  # data units
     shape: tuple[int, int, int]  # samples along z, y and x
-    floor: float  # data units, below which extremes and means do not go; -inf: as they come
-    ceiling: float  # data units
+    floor: float  # data units, the least sample, below which extremes and means do not go
+    ceiling: float  # data units, the greatest one
 
 
 class Reached(NamedTuple):

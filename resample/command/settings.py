@@ -140,7 +140,8 @@ class Resampling(Choices):
         Field(
             description="Compositing order: every-sample, axis-sheets, or image-sheets:thickness=1."
             " Fields and their projections are gathered along rays:step=1,sharpness=1,quality=best "
-            "(or usual, or fast), or take image-sheets, too."
+            "(or usual, or fast), or take image-sheets, too. Maxima and minima stay within voxels "
+            "around a place, but for rays:interpolation=spline."
         ),
     ] = None
     projection: Shown = "composite"

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.painting.scene import Clock, Painted, ellipsoid_of, nothing_painted, planes_of
+from resample.profiles.orders import MONOTONE
 from resample.types import (
     ADDITIVE,
     AVERAGE,
@@ -76,6 +77,7 @@ class Gathering(NamedTuple):
     tables: Tables
     step: float  # samples, the longest of a ray
     quality: str  # one of `EFFORTS`
+    interpolation: str  # one of `resample.profiles.orders.INTERPOLATIONS`
     clip: ArrayLike | None  # as of `Resampler`
 
 
@@ -91,7 +93,7 @@ def paint_field(
     from resample.engine.rays.sparing import Evenness
 
     clock, style = Clock(), how.style
-    medium, way = _medium(field, view, how), _way(field, style)
+    medium, way = _medium(field, view, how), _way(field, how)
     clock.lap("look")
     fineness, apart = _rays_of(field, view, how)
     effort = EFFORTS[how.quality]
@@ -254,13 +256,14 @@ def _corners(field: LatticeField) -> Doubles:
     return np.asarray(field.origin + corner.reshape(-1, 3) @ field.lattice.T)
 
 
-def _way(field: LatticeField, style: Style) -> "Way":
+def _way(field: LatticeField, how: Gathering) -> "Way":
     from resample.engine.rays.seeing import Composite, Extreme, Mean, Surface
 
-    look = field.classifier
+    look, style = field.classifier, how.style
     voxel = float(np.cbrt(abs(np.linalg.det(field.lattice))))
     if style.projection in (MAXIMUM, MINIMUM):
-        return Extreme(voxel, style.projection == MINIMUM)
+        is_within = how.interpolation == MONOTONE
+        return Extreme(voxel, style.projection == MINIMUM, is_within)
     if style.projection in (AVERAGE, ADDITIVE):
         return Mean(voxel, style.projection == ADDITIVE)
     if style.projection == FIRST_HIT:
@@ -295,6 +298,8 @@ def _medium(field: LatticeField, view: View, how: Gathering) -> "Medium":
         floor=(spline.floor - look.low) * per_value,
         ceiling=(spline.ceiling - look.low) * per_value,
     )
+    if how.interpolation != MONOTONE:
+        scaled = scaled._replace(floor=-math.inf, ceiling=math.inf)
     columnwise = [_columnwise(bound, look.low, per_value) for bound in field.bounds]
     return Medium(
         scaled,

@@ -17,10 +17,11 @@ LARGEST = 1e37  # data units; coefficients of up to 27 times as much are still f
 MARGINS = (4.0, 13.5)
 FIELD = "the field"
 BYTES_OF_BOUNDS = 0.3  # per sample, of what is made of bounds for a picture
-PLATEAU = 0.01  # of all samples; as many that are alike are an end that the field does not pass
 
 
-def spline_of(values: NDArray[np.generic], sharpness: float = 1.0) -> tuple[Spline, Bounds]:
+def spline_of(
+    values: NDArray[np.generic], sharpness: float = 1.0, like: np.dtype[Any] | None = None
+) -> tuple[Spline, Bounds]:
     """Field that passes through samples, and its bounds in bricks.
 
     Parameters
@@ -30,6 +31,8 @@ def spline_of(values: NDArray[np.generic], sharpness: float = 1.0) -> tuple[Spli
     sharpness
         1 passes through the samples; 0 takes them for coefficients, which smooths; between them
         is a mixture.
+    like
+        Type as which samples are precise, where it is not theirs.
 
     Returns
     -------
@@ -51,7 +54,7 @@ def spline_of(values: NDArray[np.generic], sharpness: float = 1.0) -> tuple[Spli
     span = high - low if high > low else 1.0
     shape = given.shape
     depth, height, width = (count + 2 * PAD for count in shape)
-    is_short = given.dtype in SHORT
+    is_short = (like or given.dtype) in SHORT
     kind = np.uint16 if is_short else np.float32
     flat = array_like(values, (depth * height * width,), kind, FIELD)
     with threads(_threads(shape, most_of(values))):
@@ -65,8 +68,8 @@ def spline_of(values: NDArray[np.generic], sharpness: float = 1.0) -> tuple[Spli
     for bound, raw in zip(bounds, found, strict=True):
         for n, plane in enumerate(raw):
             bound[n] = zero + scale * plane.astype(np.float64)
-    floor, ceiling = (base + end for end in _ends(given, low, high))
-    return Spline(flat, width, height * width, scale, zero, shape, floor, ceiling), bounds
+    field = Spline(flat, width, height * width, scale, zero, shape, base + low, base + high)
+    return field, bounds
 
 
 def bytes_of_field(
@@ -133,18 +136,6 @@ def _range(values: NDArray[np.generic]) -> tuple[float, float]:
             f"values from {low:g} to {high:g}; a field's must be below {LARGEST:g} in size"
         )
     return low, high
-
-
-def _ends(values: NDArray[np.generic], low: float, high: float) -> tuple[float, float]:
-    """Least and greatest sample where many are alike, such as air and what is overexposed.
-
-    Elsewhere the field may well go beyond its samples: peaks lie between these.
-    """
-    least, greatest = np.array([low, high]).astype(values.dtype)
-    many = PLATEAU * values.size
-    floor = low if sum(np.count_nonzero(part == least) for part in values) > many else -np.inf
-    ceiling = high if sum(np.count_nonzero(part == greatest) for part in values) > many else np.inf
-    return floor, ceiling
 
 
 def _filled(

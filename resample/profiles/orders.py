@@ -21,6 +21,8 @@ class Summing(IntEnum):
 
 
 QUALITIES = ("best", "usual", "fast")  # of rays
+MONOTONE = "monotone"
+INTERPOLATIONS = (MONOTONE, "spline")  # of largest and least values
 OF_FIELDS = (Summing.SLABS, Summing.RAYS)  # what orders sum that classify values
 
 
@@ -144,11 +146,16 @@ class Rays:
         How many rays a pixel gets: `best`, as many as voxels that are smallest on screen ask for;
         `usual`, as many as those at the field's middle do, 4 x 4 at most, and fewer where the
         picture is even; `fast`, one.
+    interpolation
+        Of maxima and minima: `monotone` stays within the eight samples around a place, so that no
+        value is shown which no sample has; `spline` may go beyond them, as peaks between samples
+        do. All else is of the spline.
     """
 
     step: float = 1.0
     sharpness: float = 1.0
     quality: str = "best"
+    interpolation: str = MONOTONE
 
     summing = Summing.RAYS
 
@@ -160,6 +167,9 @@ class Rays:
         if self.quality not in QUALITIES:
             known = ", ".join(QUALITIES)
             raise ValueError(f"rays of quality {self.quality!r}; {known} are known")
+        if self.interpolation not in INTERPOLATIONS:
+            known = ", ".join(INTERPOLATIONS)
+            raise ValueError(f"interpolation {self.interpolation!r} of rays; {known} are known")
 
     @property
     def thickness(self) -> float:

@@ -343,13 +343,15 @@ def test_extremes_are_not_taken_from_gaps(projection: Projection, is_behind: boo
     assert np.abs(frame.value[4:-4, 4:-4] - end).max() <= 1.5 + 0.1
 
 
-def test_a_field_does_not_pass_an_end_that_many_samples_share() -> None:
+def test_peaks_lie_between_samples_only_where_that_is_asked_for() -> None:
     values = np.zeros((24, 24, 24), np.float32)
     values[:, 11:13, 11:13] = 100.0
     camera, size = ahead(values, 3.0)
-    least = seen(values, along_rays(Projection.MINIMUM), camera, size).value
-    assert least is not None
-    assert least[6:-6, 6:-6].min() >= -1e-4
-    most = seen(values, along_rays(Projection.MAXIMUM), camera, size).value
-    assert most is not None
-    assert 100 < most.max() < 140  # a peak may lie between samples
+    for interpolation, low, high in (("monotone", 0, 100), ("spline", -30, 140)):
+        order = Rays(interpolation=interpolation)
+        for projection in (Projection.MINIMUM, Projection.MAXIMUM):
+            found = seen(values, Resampler(order=order, projection=projection), camera, size).value
+            assert found is not None
+            least, most = found[6:-6, 6:-6].min(), found.max()
+            assert low - 1e-4 <= least <= most <= high + 1e-4
+        assert (most > 101) == (interpolation == "spline")

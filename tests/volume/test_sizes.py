@@ -54,6 +54,17 @@ def test_a_sphere_in_slices_is_as_wide_as_it_is_high(thickness, turn, fov):
     assert abs(size[1] / size[0] - 1) < 0.02
 
 
+@pytest.mark.parametrize("thickness", [5, 7])
+def test_a_sphere_in_thick_slices_is_as_wide_as_in_thin_ones(thickness):
+    look = Appearance(SOLID, light=None)
+    front, top = (seen(sphere(thickness), look, Orbit(0, up, fov=0)) for up in (0, 90))
+    assert abs(front[0] - WIDE) < 0.01 * WIDE
+    assert abs(front[1] - WIDE) < 0.11 * thickness  # slices end before or after its poles
+    assert np.abs(top[:2] - WIDE).max() < 0.01 * WIDE
+    assert abs(front[2] - WIDE) < 0.01 * WIDE
+    assert abs(top[2] - WIDE) < 0.011 * WIDE
+
+
 @pytest.mark.parametrize(
     ("mask", "wide", "area"),
     [(BALL, 30, BALL.any(axis=1).sum()), (BLOCK, 24, 24**2), (WALL, 1, 48)],

@@ -16,6 +16,7 @@ from resample_volume.rendering import Subject
 from resample_volume.space.image_planes import settled
 from resample_volume.types import Volume
 from resample_volume.voxels.gathered import Gathered
+from resample_volume.voxels.slices.thin import SAME, of_samples, voxels_of
 from resample_volume.voxels.visible import Voxels, lattice_of
 
 if TYPE_CHECKING:
@@ -88,7 +89,9 @@ def voxels_at(
         )
     scene = subject.placed(volume)
     reach = resampler.reconstruction.radius if isinstance(voxels, Voxels) else 0.5
-    rays = _rays(camera.view(), scene, pixels, subject.cuts(camera), reach)
+    thin = voxels.thin if isinstance(voxels, Gathered) else SAME
+    samples = of_samples(scene, thin)
+    rays = _rays(camera.view(), samples, pixels, subject.cuts(camera), reach)
     voxel, kept = np.full(len(pixels), -1, np.int64), np.ones(len(pixels))
     if isinstance(voxels, Voxels):
         splatted = _splatted(voxels, scene, camera.view(), resampler)
@@ -97,6 +100,7 @@ def voxels_at(
         depth, shown = _on_planes(subject, volume, camera.view(), pixels, level)
         rays = rays._replace(last=np.maximum(rays.first, np.minimum(rays.last, depth)))
         find_in_field(_looked(voxels, resampler), rays, level, voxel, kept)
+        voxel = voxels_of(voxel, scene.values.shape, thin)
         is_plane = (voxel < 0) & np.isfinite(depth)
         voxel[is_plane], kept[is_plane] = shown[is_plane], 0.0
     return voxel, kept

@@ -43,7 +43,7 @@ from resample.engine.rays.media import (
     reflected,
     tinted,
 )
-from resample.engine.rays.splines import value_and_slope_at, value_at
+from resample.engine.rays.splines import samples_around, value_and_slope_at, value_at
 from resample.engine.roles import called_role, plays
 from resample.engine.slabs.lighting import length_of
 from resample.engine.vectors import Vector, combine, dot, matrix_of, multiply, scaled
@@ -74,6 +74,7 @@ class Extreme(NamedTuple):
 
     voxel: float  # scene units
     is_least: bool
+    is_within: bool  # the samples around a place: a field may go beyond these
 
 
 class Mean(NamedTuple):
@@ -362,15 +363,20 @@ def _most_of(way: Extreme, bricks: Bricks, place: Vector) -> float:
 
 
 @inner_step
-def _signed(way: Extreme, medium: Medium, place: Vector) -> float:
-    value = value_at(medium.spline, place)
+def _signed(way: Extreme, medium: Medium, place: Vector, best: float) -> float:
+    """Value of a place, or its negative; where it is more than the best one, within samples."""
+    spline = medium.spline
+    value = value_at(spline, place)
+    if way.is_within and (-value if way.is_least else value) > best:
+        least, greatest = samples_around(spline, place)
+        value = min(max(value, least), greatest)
     return -value if way.is_least else value
 
 
 @inner_step
-def _signed_if_known(way: Extreme, medium: Medium, place: Vector) -> float:
+def _signed_if_known(way: Extreme, medium: Medium, place: Vector, best: float) -> float:
     """As `_signed`; less than all where there is a gap."""
-    return _signed(way, medium, place) if is_known(medium, place) else -math.inf
+    return _signed(way, medium, place, best) if is_known(medium, place) else -math.inf
 
 
 @plays(seen, of=Extreme)
@@ -381,7 +387,7 @@ def _(way: Extreme, ray: Ray, medium: Medium) -> Result:
         if _most_of(way, medium.bricks, place) <= best:
             step = max(step + 1, math.ceil(steps_out(ray, place, 1)))
             continue
-        value = _signed(way, medium, place)
+        value = _signed(way, medium, place, best)
         if value > best and is_known(medium, place):
             best, at = value, step
         step += 1
@@ -389,12 +395,12 @@ def _(way: Extreme, ray: Ray, medium: Medium) -> Result:
         return NOTHING
     # A parabola through the best step and half a step before and after it.
     before, after = max(0.0, at - 0.5), min(float(ray.steps), at + 0.5)
-    one = _signed_if_known(way, medium, place_at(ray, before))
-    two = _signed_if_known(way, medium, place_at(ray, after))
+    one = _signed_if_known(way, medium, place_at(ray, before), best)
+    two = _signed_if_known(way, medium, place_at(ray, after), best)
     bend = one - 2.0 * best + two
     if -math.inf < bend < 0.0 and after - before == 1.0:
         away = max(-1.0, min(1.0, 0.5 * (one - two) / bend))
-        best = max(best, _signed(way, medium, place_at(ray, at + 0.5 * away)))
+        best = max(best, _signed(way, medium, place_at(ray, at + 0.5 * away), best))
     best = max(best, one, two)
     value = -best if way.is_least else best
     return _measured(ray, medium, value, depth_at(ray, at), way.voxel)

@@ -20,6 +20,9 @@ PAD = 2  # samples that an array of coefficients goes on for on each side
 Four = tuple[Single, Single, Single, Single]
 
 _SIXTH, _HALF, _TWO_THIRDS = np.float32(1 / 6), np.float32(0.5), np.float32(2 / 3)
+_NONE = np.float32(0)
+_BEFORE = (_SIXTH, _TWO_THIRDS, _SIXTH, _NONE)  # weights of coefficients at the second of four
+_BEHIND = (_NONE, _SIXTH, _TWO_THIRDS, _SIXTH)
 _ONE, _TWO, _THREE, _FOUR = (np.float32(number) for number in (1, 2, 3, 4))
 
 
@@ -134,3 +137,35 @@ def value_and_slope_at(flat: Spline, place: Vector) -> tuple[float, Vector]:
         scale * float(along_z),
     )
     return flat.zero + scale * float(_dot(x, level)), slope
+
+
+@inner_step
+def _ends_of(a: Four, b: Four) -> tuple[Single, Single]:
+    """Least and greatest sample of four on a plane, by its rows of coefficients about two lines."""
+    one, two = _dot(_BEFORE, a), _dot(_BEHIND, a)
+    three, four = _dot(_BEFORE, b), _dot(_BEHIND, b)
+    return min(one, two, three, four), max(one, two, three, four)
+
+
+@inner_step
+def samples_around(flat: Spline, place: Vector) -> tuple[float, float]:
+    """Least and greatest of the eight samples around a place, data units."""
+    i, j, k = np.uint64(place[0]), np.uint64(place[1]), np.uint64(place[2])
+    step = np.uint64(flat.plane)
+    p = k * step + j * np.uint64(flat.row) + i
+    q = p + step
+    r = q + step
+    one, one_behind = _two_planes(flat, p, _BEFORE, _BEHIND)
+    two, two_behind = _two_planes(flat, q, _BEFORE, _BEHIND)
+    three, three_behind = _two_planes(flat, r, _BEFORE, _BEHIND)
+    four, four_behind = _two_planes(flat, r + step, _BEFORE, _BEHIND)
+    least, greatest = _ends_of(
+        _mixed(_BEFORE, one, two, three, four),
+        _mixed(_BEFORE, one_behind, two_behind, three_behind, four_behind),
+    )
+    under, over = _ends_of(
+        _mixed(_BEHIND, one, two, three, four),
+        _mixed(_BEHIND, one_behind, two_behind, three_behind, four_behind),
+    )
+    least, greatest = min(least, under), max(greatest, over)
+    return flat.zero + flat.scale * float(least), flat.zero + flat.scale * float(greatest)

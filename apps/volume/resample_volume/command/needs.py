@@ -57,6 +57,8 @@ def require_room(
     what = volumes[0].name or "the volume"
     if subject is not None:
         parts[f"{subject.seen} visible voxels"] = _bytes_of_seen(subject.voxels, fit) * subject.seen
+        if isinstance(subject.voxels, Gathered) and subject.voxels.thin.parts > 1:
+            parts["slices between thick ones"] = subject.voxels.spline.coefficient.nbytes
     require(what, parts, REMEDY)
 
 

@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.memory.mapped import array_like, most_of
+from resample.memory.mapped import array_like
 from resample.painting.choices import MEASURING, Projection
-from resample.painting.splines import FIELD, bytes_of_field, spline_of
+from resample.painting.splines import FIELD, spline_of
+from resample.profiles.orders import MONOTONE
 from resample.resampler import Resampler
 from resample.types import (
     UNBLOCKED,
@@ -36,6 +37,16 @@ from resample_volume.voxels.glances.looking import are_few
 from resample_volume.voxels.parts import slabs
 from resample_volume.voxels.reaching import field_reached
 from resample_volume.voxels.shading import Light, lamp_of
+from resample_volume.voxels.slices.thin import (
+    EXTREMES,
+    SAME,
+    Thin,
+    among_samples,
+    of_samples,
+    repeated,
+    thin_that_fits,
+    thinned,
+)
 from resample_volume.voxels.visible import (
     finite_range,
     gradients_at,
@@ -65,6 +76,7 @@ class Gathered(NamedTuple):
     each: int = 1  # looks that are beside each other in the table: of voxels, and of labels
     tint: Tint = UNTINTED
     reached: Reached = UNBLOCKED
+    thin: Thin = SAME  # samples of the field for each voxel
 
 
 def gathered(
@@ -96,16 +108,19 @@ def gathered(
     Raises
     ------
     ValueError
-        The iso value is none that the data pass, or the field does not fit in memory.
+        The iso value is none that the data pass, or the field does not fit in memory, not even
+        with slices as thick as they are.
     """
     lattice = lattice_of(volume)
     data_range, unit = finite_range(volume.values), unit_of(transfer, volume)
     check_iso(resampler.iso, volume, data_range)
     if not transfer.normalized and resampler.iso is None:
         data_range = range_of_looks(volume, transfer, data_range)
-    size = bytes_of_field(volume.values.shape, volume.values.dtype, most_of(volume.values))
-    require_memory(size, f"{volume.name} as a field")
-    spline, bounds, known = _on_lattice(volume.values, sharpness)
+    thin = thin_that_fits(volume, resampler.projection, has_labels=labels is not None)
+    samples = of_samples(volume, thin)
+    is_within = thin.parts > 1 and resampler.projection in EXTREMES
+    is_within &= getattr(resampler.order, "interpolation", MONOTONE) == MONOTONE
+    spline, bounds, known = _on_lattice(volume.values, sharpness, thin, is_within)
     shape, steep = (1, columns_of(volume, data_range)), 1.0
     if transfer.needs_gradient:
         count = _number_seen(volume, transfer, data_range, resampler)
@@ -130,8 +145,19 @@ def gathered(
     elif two.size == 2:
         looks = _cut_between(looks, two, beside)
     steepest = (data_range[1] - data_range[0]) / float(np.linalg.norm(lattice, axis=0).min())
-    origin = np.asarray(volume.origin, np.float64)
-    return Gathered(spline, bounds, known, lattice, origin, looks, steepest, count, beside, tint)
+    return Gathered(
+        spline,
+        bounds,
+        known,
+        lattice_of(samples),
+        np.asarray(samples.origin, np.float64),
+        looks,
+        steepest,
+        count,
+        beside,
+        tint,
+        thin=thin,
+    )
 
 
 def _cut_between(looks: Looks, two: Doubles, count: int) -> Looks:
@@ -206,7 +232,9 @@ def with_reached(
         The grid of light does not fit in memory.
     """
     parts = _extinctions(field, volume, resampler.iso)
-    return field._replace(reached=field_reached(volume, parts, clip, light))
+    reached = field_reached(volume, parts, clip, light)
+    samples = field.spline.shape[field.thin.axis]
+    return field._replace(reached=among_samples(reached, samples, field.thin))
 
 
 def _extinctions(field: Gathered, volume: Volume, iso: float | None) -> Iterator[Floats]:
@@ -240,10 +268,22 @@ def _extinctions(field: Gathered, volume: Volume, iso: float | None) -> Iterator
 
 
 @found_once(lambda values: values)
-def _on_lattice(values: NDArray[np.generic], sharpness: float) -> tuple[Spline, Bounds, Flags]:
+def _on_lattice(
+    values: NDArray[np.generic], sharpness: float, thin: Thin, is_within: bool
+) -> tuple[Spline, Bounds, Flags]:
     """Field of values, its bounds, and which are known, if not all."""
     filled, known = _without_gaps(values)
-    return *spline_of(filled, sharpness), known
+    if thin.parts == 1:
+        return *spline_of(filled, sharpness), known
+    samples, low = thinned(filled, thin, is_within=is_within)
+    spline, (least, greatest) = spline_of(samples, sharpness, values.dtype)
+    spline = spline._replace(
+        zero=spline.zero + low, floor=spline.floor + low, ceiling=spline.ceiling + low
+    )
+    if known.size:
+        padded = known.reshape([count + 2 * PAD for count in values.shape])
+        known = np.pad(repeated(padded[PAD:-PAD, PAD:-PAD, PAD:-PAD], thin), PAD, "edge").ravel()
+    return spline, Bounds(least + low, greatest + low), known
 
 
 def _without_gaps(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], Flags]:
