@@ -113,7 +113,7 @@ def schema(application: str, command: str, /) -> None:
     command
         One of its commands, such as render.
     """
-    from resample.files.facts.settings import schema_of
+    from resample.command.settings_files import schema_of
 
     commands = registry.load("apps", application.removeprefix("resample-"))
     names = [name for name in commands if not name.startswith("-")]

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from threading import Event
-from typing import Any, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 from resample.types import Doubles
 
@@ -188,6 +188,16 @@ class Executor(Protocol):
     def map(self, job: Callable[..., Any], /, *parts: Iterable[Any]) -> Iterable[Any]:
         """What a job gives for parts, in their order."""
         ...
+
+
+class Crew(NamedTuple):
+    """Who does parts of a command's work."""
+
+    executor: Executor
+    tasks: int  # that are done at a time
+    threads: int  # of each task
+    memory: int | None  # bytes that the data of a task may take on its machine; None: not known
+    is_local: bool  # whether all are on this machine, and share its memory
 
 
 def shared_out(executor: Executor | None, job: Callable[[P], R], parts: Iterable[P]) -> Iterator[R]:

@@ -6,9 +6,9 @@ from pathlib import Path
 from traceback import extract_tb
 from typing import TYPE_CHECKING, NoReturn
 
-from resample.command.console import listening, say
 from resample.command.stopping import INTERRUPTED, StoppedError
-from resample.command.streams import give_up, open_streams
+from resample.console.messages import listening, say
+from resample.console.streams import give_up, open_streams
 from resample.memory import LOG, amount, held_at_most
 from resample.words import one_line
 

@@ -6,7 +6,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from resample.command.console import Progress, progress_bar
+from resample.console.messages import Progress, progress_bar
 from resample.memory import require
 
 COMPILER = 135 << 20  # bytes that numba and LLVM hold

@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from resample.command.about import About
+from resample.console.backgrounds import Color, linear_color
 
 if TYPE_CHECKING:
+    from resample.files.pictures import Look
     from resample.resampler import Resampler
 
-Color = tuple[float, float, float]
-
-COLORS: dict[str, Color] = {"black": (0.0, 0.0, 0.0), "white": (1.0, 1.0, 1.0)}
 OF_SAMPLES = ("method", "footprint", "threshold", "kernel", "opacity", "color_by")
 SPLAT_COLOR = (0.8, 0.02, 0.02)  # linear red, the paper's Figure 8a
 
@@ -309,28 +308,18 @@ class Written(Choices):
         Field(description="Per channel: PNG 8 or 16, TIFF also 32. As the source where it fits."),
     ] = None
 
+    def look(self) -> "Look":
+        """Choices of the writer.
 
-def linear_color(name: str) -> Color | None:
-    """Linear RGB of a color's name or of #rrggbb; None for none.
+        Raises
+        ------
+        ValueError
+            The background is no color.
+        """
+        from resample.files.pictures import Look
 
-    Raises
-    ------
-    ValueError
-        The name is no color's.
-    """
-    if name.lower() == "none":
-        return None
-    if name in COLORS:
-        return COLORS[name]
-    import matplotlib.colors
-    import numpy as np
-
-    from resample.colors import from_srgb
-
-    if not matplotlib.colors.is_color_like(name):
-        raise ValueError(f"background {name!r}; give none, #rrggbb or a color's name")
-    red, green, blue = from_srgb(np.array(matplotlib.colors.to_rgb(name))).tolist()
-    return red, green, blue
+        behind = None if self.background is None else linear_color(self.background)
+        return Look(self.bits, behind)
 
 
 def height_and_width(size: str) -> tuple[int, int]:

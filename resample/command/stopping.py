@@ -58,14 +58,14 @@ def start(module: str) -> NoReturn:
             signal.signal(number, stop)
     status: Any = 0
     try:
-        from resample.command.streams import open_streams
         from resample.command.threads import leave_algebra_alone
+        from resample.console.streams import open_streams
 
         open_streams()
         leave_algebra_alone()
         _imported(module).main()
     except StoppedError as end:
-        from resample.command.console import say
+        from resample.console.messages import say
 
         say(WORDS[end.number])
         status = end.code

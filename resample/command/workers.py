@@ -6,11 +6,11 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from resample.command.settings import Sharing
 from resample.memory import GIVEN_BACK
-from resample.watching import Executor
+from resample.watching import Crew
 from resample.words import one_line
 
 if TYPE_CHECKING:
@@ -19,16 +19,6 @@ if TYPE_CHECKING:
 PACKAGE = "hybrid-resample"
 PATIENCE = 60  # seconds that work waits for workers that are started again
 SHARE = 0.5  # of a worker's memory that the data of its tasks may take
-
-
-class Crew(NamedTuple):
-    """Who does parts of a command's work."""
-
-    executor: Executor
-    tasks: int  # that are done at a time
-    threads: int  # of each task
-    memory: int | None  # bytes that the data of a task may take on its machine; None: not known
-    is_local: bool  # whether all are on this machine, and share its memory
 
 
 Hire = Callable[[], Crew | None]

@@ -29,8 +29,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.command.console import Progress, say
-from resample.command.workers import Crew
+from resample.console.messages import Progress, say
 from resample.files.films import check_codecs, film_picture, new_film, new_stream
 from resample.files.writing import (
     check_targets,
@@ -39,7 +38,7 @@ from resample.files.writing import (
     replacing,
     write_json,
 )
-from resample.watching import Executor, shared_out
+from resample.watching import Crew, Executor, shared_out
 
 FILMS = (".mp4", ".webp", ".gif", ".apng")
 FRAME = "frame-{:04d}.png"

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from resample.command.settings import Color
+from resample.console.backgrounds import Color
 from resample.files import images, pictures
 from resample.types import Frame
 

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import from_srgb
-from resample.command.console import say
-from resample.command.settings import Written, linear_color
+from resample.console.backgrounds import Color
+from resample.console.messages import say
 from resample.files.facts.geotiff import moved
 from resample.files.facts.metadata import (
     AS_FLOATS,
@@ -62,7 +62,6 @@ FORMS = {  # of OpenImageIO, that are no floats
 }  # fmt: skip
 UNCALIBRATED = 0xFFFF  # Exif's word for neither sRGB nor Adobe RGB
 PLAIN = (("Y",), ("R", "G", "B"), ("R", "G", "B", "A"))  # channels of most pictures
-Color = tuple[float, float, float]
 
 
 class Kind(NamedTuple):
@@ -229,18 +228,6 @@ class Look(NamedTuple):
     bits: int | None = None  # 8, 16 or 32 per channel; None is what fits format and source
     background: Color | None = None  # linear light; None keeps transparency
     is_light: bool = True  # otherwise numbers, which no curve encodes
-
-
-def look_of(written: Written) -> Look:
-    """Choices of the writer.
-
-    Raises
-    ------
-    ValueError
-        The background is no color.
-    """
-    behind = None if written.background is None else linear_color(written.background)
-    return Look(written.bits, behind)
 
 
 def check_output(path: Path, look: Look, *, transparent: bool) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import from_srgb
-from resample.command.console import say
+from resample.console.messages import say
 from resample.files.animations import Stored
 from resample.files.facts.metadata import TIFF, is_animated_png, page_tags
 from resample.files.facts.tags import Directory, Tag

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from resample.cameras.viewpoints import Orbit, viewpoint_of
-from resample.files.facts.settings import as_toml, look_of
+from resample.command.settings_files import as_toml, look_of
 from resample.view.views import Settings, Size, marks_in
 
 ORBITING = {"file": "keyframes.toml", "steered": ["camera", "fov", "up"]}  # films around things

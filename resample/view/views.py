@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from resample import registry
 from resample.command.about import About, Marks, about, marks_of, name_of
 from resample.command.settings import Choices
-from resample.files.facts.settings import options_of, schema_of
+from resample.command.settings_files import options_of, schema_of
 from resample.watching import Cancel, Progress
 
 Settings = Mapping[str, Any]  # options by name, as settings files have them

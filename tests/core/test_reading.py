@@ -17,7 +17,7 @@ from resample import registry
 from resample.cameras.files import read_entries, viewpoint
 from resample.cameras.keyframes import read_keyframes
 from resample.cameras.lens_files import read_lens
-from resample.files.facts.settings import options_of
+from resample.command.settings_files import options_of
 from resample.files.sequences import frames_of
 from resample.reading.limits import check_free, check_unpacked, limits
 from resample.reading.neighbours import allows_outside, neighbour

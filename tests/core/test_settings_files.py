@@ -12,8 +12,8 @@ import pytest
 from resample import registry
 from resample.cli import app
 from resample.command.about import About, marks_of
+from resample.command.settings_files import as_toml, options_of, read_settings
 from resample.files.facts.origin import settings_in, state, stating
-from resample.files.facts.settings import as_toml, options_of, read_settings
 from resample.files.images import read_channels
 from tests import commands
 

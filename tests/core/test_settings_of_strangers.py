@@ -21,8 +21,8 @@ from resample.cli import app
 from resample.command import about as abouts
 from resample.command.about import About, Inline, about, marks_of
 from resample.command.settings import Choices
+from resample.command.settings_files import OWN, options_of, read_settings
 from resample.files.facts.origin import KEY, settings_in
-from resample.files.facts.settings import OWN, options_of, read_settings
 from resample_texture.geometry.matrices import parse_matrix
 from resample_texture.showing import scenes
 from resample_volume.command import animation as volume_films

@@ -14,7 +14,7 @@ from cyclopts import App
 
 from resample import registry
 from resample.command.settings import Choices
-from resample.files.facts.settings import options_of
+from resample.command.settings_files import options_of
 from tests.commands import HEAVY, imported
 from tests.processes import PATIENCE, python
 

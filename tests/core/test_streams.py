@@ -8,8 +8,8 @@ import sys
 import cyclopts
 import pytest
 
-from resample.command import streams
-from resample.command.console import progress_bar, say
+from resample.console import streams
+from resample.console.messages import progress_bar, say
 from tests.commands import ended
 from tests.processes import PATIENCE
 

@@ -10,8 +10,8 @@ from resample.cameras.files import read_entries, viewpoint
 from resample.cameras.keyframes import read_keyframes
 from resample.cameras.lens_files import read_intrinsics, read_lens
 from resample.command.about import marks_of
+from resample.command.settings_files import options_of, read_settings
 from resample.engine.compiled import entries
-from resample.files.facts.settings import options_of, read_settings
 from resample.files.pictures import read_picture
 from resample.files.sequences import frames_of
 from resample_texture.geometry.maps import read_map

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import from_srgb, mapped
-from resample.command.settings import Color, linear_color
+from resample.console.backgrounds import Color, linear_color
 from resample.files.frames import write_frame
 from resample.files.images import screen_levels
 from resample.showable import Behind

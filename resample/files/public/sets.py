@@ -86,7 +86,7 @@ def fetch(
 
 def told(package: str, name: str | None, folder: Path | None) -> None:
     """Write what a `fetch` command says: what there is, or where a set lies and on which terms."""
-    from resample.command.console import say
+    from resample.console.messages import say
 
     if name is None:
         lines = [f"{key}  {each.description}\n" for key, each in available(package).items()]

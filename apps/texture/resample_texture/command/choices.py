@@ -19,15 +19,15 @@ from resample.command.settings import (
     MethodsFilter,
     Threads,
     height_and_width,
-    linear_color,
     number,
 )
+from resample.console.backgrounds import linear_color
 from resample.files.stores import addresses
 
 if TYPE_CHECKING:
     from resample.cameras.models import AnyCamera
     from resample.cameras.viewpoints import Viewpoint
-    from resample.command.settings import Color
+    from resample.console.backgrounds import Color
     from resample_texture.mesh.rendering import Mesh, MeshStyle
 
 Edges = Literal["transparent", "clamp", "wrap", "mirror"]

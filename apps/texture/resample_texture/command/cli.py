@@ -10,7 +10,7 @@ from resample.command import flags
 from resample.command.about import About, words
 from resample.command.options import run
 from resample.command.settings import Serving, Written, height_and_width, method_names
-from resample.files.facts.settings import with_settings
+from resample.command.settings_files import with_settings
 from resample.lazy import installed_version
 from resample_texture.command import everyday
 from resample_texture.command.choices import (
@@ -149,7 +149,7 @@ def rectify(
         photo.
     """
     from resample.command.session import Session
-    from resample.files.pictures import check_output, look_of, read_picture, write_picture
+    from resample.files.pictures import check_output, read_picture, write_picture
     from resample.files.writing import check_targets
     from resample_texture.command.inputs import Target
     from resample_texture.command.jobs import Job
@@ -165,7 +165,7 @@ def rectify(
     ordered = order_corners(parse_points(corners))
     shape = rectified_shape(ordered) if size is None else height_and_width(size)
     target = Target(from_corners(ordered, page_corners(shape)), shape)
-    job = Job(lambda _: target, warping, look_of(written))
+    job = Job(lambda _: target, warping, written.look())
     check_output(output, job.look, transparent=False)
     check_targets(output)
     job.require_room(photo, output)
@@ -319,8 +319,8 @@ def animate(
         What lies beyond the picture's edges.
     """
     from resample import registry
-    from resample.command.console import progress_bar
-    from resample.command.settings import linear_color
+    from resample.console.backgrounds import linear_color
+    from resample.console.messages import progress_bar
     from resample.files.animations import check_film, write_film
     from resample.files.pictures import read_picture
     from resample_texture.command import animation
@@ -393,7 +393,7 @@ def figures(
 def demo(*, output: flags.DemoOutput = DEMO) -> None:
     """Show floors of generated pictures by several methods, and a flight over one."""
     from resample import registry
-    from resample.command.console import progress_bar
+    from resample.console.messages import progress_bar
     from resample.files.animations import write_film
     from resample_texture.command import animation
     from resample_texture.showing.figures import (

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from resample.command.console import Progress, progress_bar, say
 from resample.command.session import Session
 from resample.command.settings import Written
+from resample.console.messages import Progress, progress_bar, say
 from resample.files.batches import batch_of, is_batch
 from resample.files.facts.metadata import About
 from resample.files.pictures import (
@@ -22,7 +22,6 @@ from resample.files.pictures import (
     coverage_picture,
     form_of,
     holds_gaps,
-    look_of,
     read_picture,
     write_picture,
 )
@@ -122,7 +121,7 @@ def warp_all(
     """
     warping.check()
     # Pictures of one size go to one place, whose files are read once.
-    job = Job(lru_cache(maxsize=1)(aim), warping, look_of(written), region(besides.roi))
+    job = Job(lru_cache(maxsize=1)(aim), warping, written.look(), region(besides.roi))
     coverage, stats = besides.coverage, besides.stats
     if coverage is not None:
         check_output(coverage, Look(is_light=False), transparent=False)

@@ -10,7 +10,7 @@ import numpy as np
 
 from resample import registry
 from resample.colors import from_srgb, to_srgb
-from resample.command.console import progress_bar
+from resample.console.messages import progress_bar
 from resample.engine.jit import threads
 from resample.measuring.compare import contact_sheet, enlarged, shown
 from resample.measuring.quality import flip, psnr, ssim

@@ -10,7 +10,6 @@ import numpy as np
 
 from resample.command.settings import Written
 from resample.files.exchange.results import levels_of
-from resample.files.pictures import look_of
 from resample.view.files import file_of, levels_in
 from resample.view.views import Painting, Settings, Size, chosen, settings_of
 from resample.watching import Cancel, cancellable
@@ -197,5 +196,5 @@ def _checked(settings: Settings) -> list[Any]:
 def _written(path: Path, settings: Settings, suffix: str) -> bytes:
     """File that the command writes of a picture."""
     place, warping, written, besides = _checked(settings)
-    job = Job(partial(target_of, place), warping, look_of(written), region(besides.roi))
+    job = Job(partial(target_of, place), warping, written.look(), region(besides.roi))
     return file_of(lambda target: warp_file(path, target, job), suffix)

@@ -20,7 +20,7 @@ import numpy as np
 from resample.cameras.keyframes import Keyframes, keyframes_of, left_out_of
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Orbit, Sphere, Viewpoint
-from resample.command.console import Progress, say
+from resample.console.messages import Progress, say
 from resample.files.animations import (
     MOST_FRAMES,
     Frames,

@@ -14,11 +14,11 @@ from resample.command.settings import (
     LIGHT,
     MEMORY,
     Choices,
-    Color,
     Iso,
     Resampling,
     Shown,
 )
+from resample.console.backgrounds import Color
 from resample_volume.looks.names import PRESETS, TISSUES
 
 if TYPE_CHECKING:

@@ -16,10 +16,10 @@ from resample.command.settings import (
     Resampling,
     Serving,
     Sharing,
-    linear_color,
     method_names,
 )
-from resample.files.facts.settings import with_settings
+from resample.command.settings_files import with_settings
+from resample.console.backgrounds import linear_color
 from resample.lazy import installed_version
 from resample_volume.command.choices import (
     Added,
@@ -262,9 +262,9 @@ def animate(
     threads
         At most this many; pixels do not depend on it.
     """
-    from resample.command.console import progress_bar
     from resample.command.session import require_picture
     from resample.command.workers import hiring
+    from resample.console.messages import progress_bar
     from resample.files.animations import check_film, write_film
     from resample_volume.command import animation, filming
     from resample_volume.command.inputs import over_time
@@ -406,7 +406,7 @@ def convert(
     levels
         Write coarser levels, too.
     """
-    from resample.command.console import progress_bar, say
+    from resample.console.messages import progress_bar, say
     from resample_volume.command.inputs import stored
     from resample_volume.files.stores.writing import (
         Layered,
@@ -476,8 +476,8 @@ def figures(
 @app.command
 def demo(*, output: flags.DemoOutput = DEMO_FOLDER) -> None:
     """Render the generated volumes by all three methods."""
-    from resample.command.console import say
     from resample.command.session import Session
+    from resample.console.messages import say
     from resample.files.images import write_frame
     from resample.measuring.compare import contact_sheet
     from resample_volume.command.rendering import painted, subject_of

@@ -3,7 +3,7 @@
 from typing import Literal
 
 from resample.cameras.viewpoints import Orbit, Viewpoint
-from resample.command.console import say
+from resample.console.messages import say
 from resample.resampler import Resampler
 from resample_volume.media.appearance import Medium, named_or_own
 from resample_volume.media.mixing import Mixed

@@ -10,14 +10,14 @@ import numpy as np
 
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Sphere
-from resample.command.console import progress_bar, say
 from resample.command.session import Session
 from resample.command.settings import Resampling
-from resample.command.workers import Crew, Hire
+from resample.command.workers import Hire
+from resample.console.messages import progress_bar, say
 from resample.files.animations import Frames, Levels, Shots, fingerprint, made_by
 from resample.memory import available_memory, bytes_of
 from resample.resampler import Resampler
-from resample.watching import Executor, told
+from resample.watching import Crew, Executor, told
 from resample_volume.command.animation import (
     Course,
     Flight,

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from resample import registry
-from resample.command.console import progress_bar, say
 from resample.command.workers import Hire
+from resample.console.messages import progress_bar, say
 from resample.memory import allow, amount, available_memory, bytes_of, give_back
 from resample.memory.mapped import is_in_file
 from resample.watching import told

@@ -5,8 +5,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from resample.command.console import progress_bar, say
 from resample.command.workers import Hire
+from resample.console.messages import progress_bar, say
 from resample.painting.choices import Projection
 from resample.resampler import Resampler
 from resample_volume.command.choices import Added, Look, Source

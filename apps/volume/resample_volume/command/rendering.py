@@ -11,10 +11,10 @@ import numpy as np
 
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Viewpoint
-from resample.command.console import progress_bar, say
 from resample.command.session import Session
 from resample.command.settings import Sharing
 from resample.command.workers import Hire, hiring
+from resample.console.messages import progress_bar, say
 from resample.files.tiles import NAME
 from resample.files.writing import beside, inheriting
 from resample.fingerprints import fingerprint

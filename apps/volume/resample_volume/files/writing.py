@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from resample.colors import to_srgb
-from resample.command.settings import Color
+from resample.console.backgrounds import Color
 from resample.files.writing import replacing, save_array
 from resample.painting.choices import MEASURING, Projection
 from resample.resampler import Resampler

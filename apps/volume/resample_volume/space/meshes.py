@@ -210,7 +210,7 @@ def chosen_color(kind: str, name: str) -> tuple[float, float, float]:
     ValueError
         It is none.
     """
-    from resample.command.settings import linear_color
+    from resample.console.backgrounds import linear_color
 
     color = linear_color(name)
     if color is None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from resample.cameras.files import left_out, read_poses
 from resample.colors import Background
-from resample.command.console import say
+from resample.console.messages import say
 from resample.files.animations import Levels, Shots, check_count, fingerprint
 from resample.measuring.compare import shown
 from resample.types import Doubles, Floats

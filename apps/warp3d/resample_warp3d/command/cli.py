@@ -11,7 +11,7 @@ from resample.command import flags
 from resample.command.about import About, words
 from resample.command.options import run
 from resample.command.settings import Serving, Sharing, Written, height_and_width, method_names
-from resample.files.facts.settings import with_settings
+from resample.command.settings_files import with_settings
 from resample.lazy import installed_version
 from resample_warp3d.command.cameras.source import SourceCamera
 from resample_warp3d.command.cameras.target import Aim, TargetCamera
@@ -86,7 +86,7 @@ def render(
         several times.
     """
     from resample.command.session import Session
-    from resample.files.pictures import Look, check_output, look_of, write_picture
+    from resample.files.pictures import Look, check_output, write_picture
     from resample.files.writing import check_targets, write_json
     from resample_warp3d.command.export import write_geometry
     from resample_warp3d.command.films import film_with_depth, render_film
@@ -105,7 +105,7 @@ def render(
     showing.check(unmixed=warping.unmixed)
     reader = Reader.checked(eye, meaning, labels=warping.unmixed)
     warping.built()
-    look = Look(written.bits, is_light=False) if warping.unmixed else look_of(written)
+    look = Look(written.bits, is_light=False) if warping.unmixed else written.look()
     further = [view_names(text) for text in view or []]
     film = film_with_depth(color, depth, extras, further, showing)
     if film is not None:
@@ -181,7 +181,7 @@ def stereo(
         As of render.
     """
     from resample.command.session import Session
-    from resample.files.pictures import check_output, look_of, write_picture
+    from resample.files.pictures import check_output, write_picture
     from resample.files.writing import check_targets
     from resample_warp3d.command.inputs import Reader, read_rectified, read_view
     from resample_warp3d.command.pairs import Eyes, together
@@ -195,7 +195,7 @@ def stereo(
     is_pair = meaning.depth_kind == "pair"
     reader = None if is_pair else Reader.checked(eye.guessed(), meaning)
     warping.built()
-    look = look_of(written)
+    look = written.look()
     check_output(output, look, transparent=not warping.fill)
     check_targets(output, holes, coverage)
     session = Session()
@@ -258,8 +258,8 @@ def animate(
     import numpy as np
 
     from resample.command.session import Session
-    from resample.command.settings import linear_color
     from resample.command.workers import at_work, check_sharing
+    from resample.console.backgrounds import linear_color
     from resample.files.animations import check_film, made_by, write_film
     from resample_warp3d.command.animation import Range, check_path, poses_of
     from resample_warp3d.command.depths import (
@@ -424,8 +424,8 @@ def animate_cloud(
         How many. 96; of a file as many as its times ask for.
     """
     from resample.command.session import Session
-    from resample.command.settings import linear_color
     from resample.command.workers import at_work, check_sharing
+    from resample.console.backgrounds import linear_color
     from resample.files.animations import check_film, made_by, write_film
     from resample_warp3d.command import clouds
     from resample_warp3d.command.rendering import check_memory

@@ -10,7 +10,6 @@ from cyclopts import Parameter
 from pydantic import BeforeValidator, Field
 
 from resample.command.about import NUMBERS, About
-from resample.command.console import say
 from resample.command.flags import Hyphen, Switch, Up, Viewed
 from resample.command.settings import (
     CAMERA,
@@ -18,9 +17,10 @@ from resample.command.settings import (
     Choices,
     Threads,
     height_and_width,
-    linear_color,
     number,
 )
+from resample.console.backgrounds import linear_color
+from resample.console.messages import say
 from resample.lazy import installed_version
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from resample.cameras.models import Camera
     from resample.cameras.viewpoints import Viewpoint
     from resample.command.session import Session
-    from resample.command.settings import Color
+    from resample.console.backgrounds import Color
     from resample.files.animations import Frames, Shots
     from resample.types import Floats
     from resample_warp3d.clouds.coloring import Scale

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from resample.colors import Background
-from resample.command.console import say
 from resample.command.session import Session
 from resample.command.settings import Sharing
+from resample.console.messages import say
 from resample.files.animations import Levels, Shots
 from resample.files.writing import check_targets
 from resample.types import Doubles, Floats

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.panoramic import Equirectangular, check_panorama
-from resample.command.console import say
 from resample.command.session import libraries
+from resample.console.messages import say
 from resample.files.images import read_channels
 from resample.files.pictures import Picture, flattened, form_of, read_picture
 from resample.memory import require, require_memory

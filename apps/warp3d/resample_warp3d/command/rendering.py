@@ -10,8 +10,8 @@ import numpy as np
 
 from resample.cameras.models import Camera, Orthographic
 from resample.colors import Background
-from resample.command.console import say
 from resample.command.session import Session, bytes_written, libraries
+from resample.console.messages import say
 from resample.files.animations import fingerprint
 from resample.lazy import installed_version
 from resample.memory import require

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import from_srgb, over
-from resample.command.console import say
+from resample.console.messages import say
 from resample.files.exchange.results import light_of
 from resample.files.pictures import (
     Kind,

@@ -14,7 +14,7 @@ import numpy as np
 
 from resample.command.session import Session
 from resample.command.settings import Written
-from resample.files.pictures import Kind, Look, Picture, look_of, page_of, write_picture
+from resample.files.pictures import Kind, Look, Picture, page_of, write_picture
 from resample.view.files import file_of, levels_in, shown
 from resample.view.views import Painting, Settings, Size, chosen, settings_of
 from resample.watching import Cancel, Progress, cancellable
@@ -62,7 +62,7 @@ class _DepthWish(NamedTuple):
         """How the picture is written."""
         if self.warping.unmixed:
             return Look(self.written.bits, is_light=False)
-        return look_of(self.written)
+        return self.written.look()
 
 
 class _Ready(NamedTuple):

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from resample.command.streams import told
+from resample.console.streams import told
 from resample.words import visible
 
 Progress = Callable[[float], None]

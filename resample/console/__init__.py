@@ -1,0 +1,1 @@
+"""What commands say to a user, and what they take colors by."""
