@@ -24,7 +24,7 @@ GAPS = BLOBS._replace(values=np.where(np.arange(11) < 4, np.float32(np.nan), BLO
 FLAT = BLOBS._replace(spacing=np.array([1.0, 0.8, 2.0]))
 C, S = np.cos(0.5), np.sin(0.5)
 TURNED = BLOBS._replace(direction=np.array([[C, -S, 0], [S, C, 0], [0, 0, -1.0]]))
-ORBIT, UNLIT = Orbit(30, 20, 1.2), {"light": None}
+ORBIT, UNLIT = Orbit(30, 20, 1.5), {"light": None}
 # Volume, appearance, camera, and dB at the default step and at a tenth of a voxel.
 CASES = {
     "unlit": (BLOBS, UNLIT, ORBIT, 54, 55),
