@@ -144,12 +144,12 @@ class Rays:
         are; between them it is a mixture.
     quality
         How many rays a pixel gets: `best`, as many as voxels that are smallest on screen ask for;
-        `usual`, as many as those at the field's middle do, 4 x 4 at most, and fewer where the
-        picture is even; `fast`, one.
+        `usual`, as many as those at the field's middle do, and fewer where the picture is even;
+        `fast`, one.
     interpolation
-        Of maxima and minima: `monotone` stays within the eight samples around a place, so that no
-        value is shown which no sample has; `spline` may go beyond them, as peaks between samples
-        do. All else is of the spline.
+        `monotone`: maxima and minima stay within the eight samples around a place, so that no value
+        is shown which no sample has; and applications may make thick slices thin. `spline`: the
+        spline through the samples, and nothing else.
     """
 
     step: float = 1.0

@@ -93,6 +93,11 @@ def test_slices_with_labels_and_means_are_splines():
     assert Subject.of(volume, look, mean).voxels.thin == SAME
 
 
+def test_slices_stay_thick_where_a_spline_is_asked_for():
+    by = Resampler(order=Rays(interpolation="spline"))
+    assert Subject.of(slices(5), Appearance("gray"), by).voxels.thin == SAME
+
+
 def test_slices_stay_thick_where_memory_holds_no_more(monkeypatch):
     volume = slices(3)
 

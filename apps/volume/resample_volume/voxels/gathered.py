@@ -116,10 +116,10 @@ def gathered(
     check_iso(resampler.iso, volume, data_range)
     if not transfer.normalized and resampler.iso is None:
         data_range = range_of_looks(volume, transfer, data_range)
-    thin = thin_that_fits(volume, resampler.projection, has_labels=labels is not None)
+    is_plain = getattr(resampler.order, "interpolation", MONOTONE) != MONOTONE
+    thin = thin_that_fits(volume, resampler.projection, stays=is_plain or labels is not None)
     samples = of_samples(volume, thin)
     is_within = thin.parts > 1 and resampler.projection in EXTREMES
-    is_within &= getattr(resampler.order, "interpolation", MONOTONE) == MONOTONE
     spline, bounds, known = _on_lattice(volume.values, sharpness, thin, is_within)
     shape, steep = (1, columns_of(volume, data_range)), 1.0
     if transfer.needs_gradient:

@@ -75,8 +75,8 @@ def thin_of(volume: Volume) -> Thin:
     return Thin(axis, max(1, count))
 
 
-def thin_that_fits(volume: Volume, projection: Projection, *, has_labels: bool) -> Thin:
-    """How slices are made thin; not where memory holds only thick ones, nor for labels.
+def thin_that_fits(volume: Volume, projection: Projection, *, stays: bool) -> Thin:
+    """How slices are made thin; not where memory holds only thick ones, or if they are to stay.
 
     Nor for means along rays: those of a spline leave sums of voxels as they are.
 
@@ -86,7 +86,7 @@ def thin_that_fits(volume: Volume, projection: Projection, *, has_labels: bool) 
         The field does not fit in memory in any case.
     """
     is_mean = projection in MEASURING and projection not in EXTREMES
-    thin = SAME if is_mean or has_labels else thin_of(volume)
+    thin = SAME if is_mean or stays else thin_of(volume)
     for one in dict.fromkeys((thin, SAME)):
         shape, per_thin = of_samples(volume, one).values.shape, BYTES_PER_THIN * (one != SAME)
         size = bytes_of_field(shape, volume.values.dtype, most_of(volume.values))
