@@ -230,15 +230,17 @@ def spacing_of(lattice: Doubles, middle: Doubles, view: View) -> float:
     return voxel * float(view.focal.min()) / away
 
 
+def _mean_spacing(field: LatticeField, view: View) -> float:
+    """Pixels from a sample to the next at the field's middle."""
+    return spacing_of(field.lattice, _corners(field).mean(axis=0), view)
+
+
 def _rays_of(field: LatticeField, view: View, how: Gathering) -> tuple[int, int]:
     """Rays per side of a pixel, and sub-pixels from one that is looked at to the next."""
     if how.style.subpixels:
         return how.style.subpixels, 1
     effort, is_best = EFFORTS[how.quality], how.quality == "best"
-    if is_best:
-        spacing = _least_spacing(field, view)
-    else:
-        spacing = spacing_of(field.lattice, _corners(field).mean(axis=0), view)
+    spacing = _least_spacing(field, view) if is_best else _mean_spacing(field, view)
     fewest = 1 if spacing >= LARGE and not is_best else FEWEST_RAYS
     if len(field.mesh.face):
         fewest = MESH_RAYS
@@ -325,7 +327,7 @@ def _bent(field: LatticeField, view: View, how: Gathering) -> float:
     bent = EFFORTS[how.quality].bent
     if how.quality == "best":
         return bent
-    spacing = spacing_of(field.lattice, _corners(field).mean(axis=0), view)
+    spacing = _mean_spacing(field, view)
     return bent * min(MOST_BENT, max(1.0, CLOSE / spacing))
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -77,10 +77,6 @@ from resample_volume.voxels.visible import (
     finite_range,
     unit_of,
 )
-
-if TYPE_CHECKING:
-    pass
-
 
 NOTHING = np.zeros((0, 3), np.float32)
 NO_VOXELS = Voxels(NOTHING, NOTHING, NOTHING[:, 0], NOTHING, np.eye(3))

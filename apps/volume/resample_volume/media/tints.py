@@ -14,7 +14,7 @@ from resample_volume.looks.transfer import Looks
 from resample_volume.media.recordings import linear_colors
 from resample_volume.types import Volume
 
-PAD = 2  # voxels that colors go on for on each side, as coefficients do
+PAD = 2  # voxels that colors and flags go on for on each side, as coefficients do
 FULL = 65535  # of a color's channel
 
 

@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Doubles
+from resample_volume.media.tints import PAD
 from resample_volume.space.image_planes import ImagePlane, outline
 from resample_volume.space.meshes import SceneMesh
 from resample_volume.types import Volume
-from resample_volume.voxels.gathered import PAD, Gathered
+from resample_volume.voxels.gathered import Gathered
 
 FINEST = 8  # corners per voxel along each axis of a plane, at most
 MOST = 1 << 18  # quadrangles of a plane

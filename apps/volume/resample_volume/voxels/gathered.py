@@ -30,7 +30,7 @@ from resample_volume.keeping import found_once
 from resample_volume.looks.labels import Labels, Ruled
 from resample_volume.looks.surveys import counted
 from resample_volume.looks.transfer import Looks, Transfer, places_seen, tabulated
-from resample_volume.media.tints import numbered, tint_of
+from resample_volume.media.tints import PAD, numbered, tint_of
 from resample_volume.types import Volume
 from resample_volume.voxels.fields import UNLIT, check_iso, columns_of, range_of_looks
 from resample_volume.voxels.glances.looking import are_few
@@ -56,7 +56,6 @@ from resample_volume.voxels.visible import (
 )
 
 BYTES_PER_SLOPE = 40  # of a voxel, until it is known how steep a full surface is
-PAD = 2  # voxels that flags go on for on each side, as coefficients do
 NOTHING = -1  # in place of an index, see `kernels.filling`
 BESIDE = 0.1  # of the way between two values, that the field of one does not go to
 OPAQUE = 4.0  # optical depth of a voxel beyond a surface

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from resample_volume.files.cells.blocks import read_grid, read_pieces
 from resample_volume.files.cells.resampling import resampled
@@ -14,72 +14,58 @@ from resample_volume.types import Recording, Volume
 
 
 @dataclass(frozen=True)
-class Vts:
+class _Cells:
+    """Cells that become voxels of a lattice; values are at points or cells."""
+
+    array: str = ""  # name of the array; empty: the active one, or the only one of scalars
+    part: str = ""  # magnitude: lengths of the array's vectors
+    spacing: Numbers = ""  # of the lattice, as 0.5 or 1x1x2; empty: the mean size of finest cells
+
+    suffixes: ClassVar[tuple[str, ...]]
+    kind: ClassVar[str]  # by which messages name the reader
+
+    def __post_init__(self) -> None:
+        check_part(self.part)
+        steps_of(self.spacing)
+
+    def __call__(self, path: Path) -> Volume:
+        return alone(self.recorded(path, check_alone))
+
+    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+        wanted, steps = Wanted(self.array, self.part, self.kind), steps_of(self.spacing)
+        pieces = self._pieces(existing_file(path))
+        return resampled(pieces, wanted, steps, stem(path, self.suffixes), check)
+
+    def _pieces(self, path: Path) -> list[Any]:
+        """VTK's data sets in a file."""
+        return [read_grid(path)]
+
+
+@dataclass(frozen=True)
+class Vts(_Cells):
     """VTK structured grid, whose cells lie in curved rows; values at points or cells."""
 
-    array: str = ""  # name of the array; empty: the active one, or the only one of scalars
-    part: str = ""  # magnitude: lengths of the array's vectors
-    spacing: Numbers = ""  # of the lattice, as 0.5 or 1x1x2; empty: the mean size of cells
-
-    suffixes: ClassVar[tuple[str, ...]] = (".vts",)
-
-    def __post_init__(self) -> None:
-        check_part(self.part)
-        steps_of(self.spacing)
-
-    def __call__(self, path: Path) -> Volume:
-        return alone(self.recorded(path, check_alone))
-
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
-        wanted, steps = Wanted(self.array, self.part, "vts"), steps_of(self.spacing)
-        grid = read_grid(existing_file(path))
-        return resampled([grid], wanted, steps, stem(path, self.suffixes), check)
+    suffixes = (".vts",)
+    kind = "vts"
 
 
 @dataclass(frozen=True)
-class Vtu:
+class Vtu(_Cells):
     """VTK unstructured grid, of cells of any shape; values at points or cells."""
 
-    array: str = ""  # name of the array; empty: the active one, or the only one of scalars
-    part: str = ""  # magnitude: lengths of the array's vectors
-    spacing: Numbers = ""  # of the lattice, as 0.5 or 1x1x2; empty: the mean size of cells
-
-    suffixes: ClassVar[tuple[str, ...]] = (".vtu",)
-
-    def __post_init__(self) -> None:
-        check_part(self.part)
-        steps_of(self.spacing)
-
-    def __call__(self, path: Path) -> Volume:
-        return alone(self.recorded(path, check_alone))
-
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
-        wanted, steps = Wanted(self.array, self.part, "vtu"), steps_of(self.spacing)
-        grid = read_grid(existing_file(path))
-        return resampled([grid], wanted, steps, stem(path, self.suffixes), check)
+    suffixes = (".vtu",)
+    kind = "vtu"
 
 
 @dataclass(frozen=True)
-class Vtm:
+class Vtm(_Cells):
     """VTK multiblock and AMR files, whose pieces lie in or under their folder.
 
     Where pieces overlap, those with the smallest cells are shown.
     """
 
-    array: str = ""  # name of the array; empty: the active one, or the only one of scalars
-    part: str = ""  # magnitude: lengths of the array's vectors
-    spacing: Numbers = ""  # of the lattice, as 0.5 or 1x1x2; empty: that of the finest piece
+    suffixes = (".vtm", ".vthb")
+    kind = "vtm"
 
-    suffixes: ClassVar[tuple[str, ...]] = (".vtm", ".vthb")
-
-    def __post_init__(self) -> None:
-        check_part(self.part)
-        steps_of(self.spacing)
-
-    def __call__(self, path: Path) -> Volume:
-        return alone(self.recorded(path, check_alone))
-
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
-        wanted, steps = Wanted(self.array, self.part, "vtm"), steps_of(self.spacing)
-        pieces = read_pieces(existing_file(path))
-        return resampled(pieces, wanted, steps, stem(path, self.suffixes), check)
+    def _pieces(self, path: Path) -> list[Any]:
+        return read_pieces(path)
