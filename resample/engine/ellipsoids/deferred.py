@@ -368,8 +368,6 @@ def paint_runs(
         Their members are runs.
     runs
         At most BATCH samples in each.
-    runs
-        At most BATCH samples in one.
     stage
         What all painters share.
     formula

@@ -319,14 +319,15 @@ def paint_point_runs(
 
     A run at a time: close the sheets in front of it, check occlusion, cull it, project its points,
     weigh the sub-pixels around them, and add them to their sheets.
+
+    Parameters
+    ----------
     turn
         Numbers of tiles, all of which have members.
     tiles
         Their members are runs.
     runs
         At most BATCH samples in each, which span at most SLOTS - 1 sheets.
-    runs
-        At most BATCH samples in one, which reaches over at most SLOTS - 1 sheets.
     stage
         As for all painters; its layers are of depth, or around the eye.
     profile, form

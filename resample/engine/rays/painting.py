@@ -184,8 +184,6 @@ def paint_rays(
         What is integrated along rays.
     medium
         The field.
-    medium
-        What they go through.
     output
         The picture, filled.
     """

@@ -438,8 +438,6 @@ def paint_summed_runs(
         How samples are grouped, integrated and composited.
     mixture
         Models of samples that are not all splats of exact footprint; or None.
-    mixture
-        Where samples are not all splats of exact footprint.
     output
         Film (H, W), filled; values (H, W) of projections, filled, or (0, 0); a tally (T, 4),
         filled: points and splats painted by the tiles that hold their centers, 0, and grids; and

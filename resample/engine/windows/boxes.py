@@ -256,8 +256,6 @@ def add_mean(
         In the grid's own coordinates: its first sample covers 0..1. It is moved onto the grid.
     room
         Scratch of `room_for` numbers.
-    room
-        As `room_for` makes it.
     """
     # Weights along both axes; the share is in those along v.
     flat, _, _, rows, columns, channels, there, before = plate
