@@ -195,7 +195,7 @@ def _outline_batch(room: Floats, samples: Samples, begin: int, count: int, stage
 def outline_point_runs(
     counter: Counter, known: Records, start: Indices, samples: Samples, stage: Stage
 ) -> None:
-    """Fill in the records of runs (R,) of at most BATCH samples, which begin at `start` (R + 1,)."""
+    """Fill in records of runs (R,) of at most BATCH samples, which begin at `start` (R + 1,)."""
     room = np.empty(ROOM, np.float32)
     for chunk in tasks(counter, CHUNKS):
         first, last = known.size * chunk // CHUNKS, known.size * (chunk + 1) // CHUNKS
