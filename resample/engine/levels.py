@@ -12,7 +12,7 @@ STRETCH = 1 << 15  # numbers per task
 
 
 class ShortOrLong(NamedTuple):
-    """Levels of one of two types; there are none of the other."""
+    """Levels of one of two types; the other array is empty."""
 
     short: NDArray[np.uint8]  # (N,) or (0,)
     long: NDArray[np.uint16]  # (0,) or (N,)

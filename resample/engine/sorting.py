@@ -1,4 +1,4 @@
-"""Sort a tile's samples into painting order, by keys and, among equal keys, by their looks."""
+"""Sort a tile's samples into painting order, which never depends on the order of the input."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -63,11 +63,11 @@ def _deal_chunk(
         left, right = tiles_met(record["left"], record["right"], margin, size, columns)
         top, bottom = tiles_met(record["top"], record["bottom"], margin, size, tile_rows)
         for row in range(top, bottom + 1):
-            # Keep the smallest spacing, which decides the tile's grid.
             for column in range(left, right + 1):
                 tile = row * columns + column
                 member[position[chunk, tile]] = n
                 position[chunk, tile] += 1
+                # Keep the smallest spacing, which decides the tile's grid.
                 smallest[chunk, tile] = min(smallest[chunk, tile], record["spacing"])
 
 

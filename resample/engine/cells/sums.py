@@ -31,7 +31,7 @@ class Border(NamedTuple):
 
 
 class Means(NamedTuple):
-    """Where means are written."""
+    """Arrays that means are written to."""
 
     image: Floats  # (height, width, C)
     coverage: Floats  # (height, width)
@@ -79,7 +79,7 @@ def _inner_columns(border: Border, y: float, width: int) -> tuple[int, int]:
     """First and last + 1 of a row's pixels whose filters, `reach` px wide, are inside all lines."""
     lines, reach = border.lines, border.reach
     first, last = 0.0, float(width)
-    # Each line bounds the columns from the side that its slope tells.
+    # Each line bounds the columns from one side, by the sign of its slope.
     for line in range(lines.shape[0]):
         a = lines[line, 0]
         rest = lines[line, 1] * y + lines[line, 2] - reach * (abs(a) + abs(lines[line, 1]))
@@ -109,7 +109,7 @@ def _finish_band(
             # Pixels that are full have coverage 1, others that of their weight.
             is_full = weight > zero and (weight >= border.full or is_inner)
             coverage[row, column] = one if is_full else min(max(weight, zero), one)
-            # Divide where the weight is not the coverage.
+            # Divide where the weight is no coverage: in full pixels, and where it is above 1.
             is_mean = (is_full or weight > one) and not is_sum
             share = one / weight if is_mean else one
             for lane in range(weight_at):

@@ -355,7 +355,7 @@ def _splat(record: Record, center: Vector, eye: Eye, shape: Shape, model: int) -
 @kernel
 def _amplitude(center: Vector, eye: Eye, shape: Shape) -> float:
     """Factor of line integrals at the center; exact footprints have one per pixel instead."""
-    # Length of the central ray's unit direction in the ellipsoid's space.
+    # The central ray's direction in the ellipsoid's space, per unit of length.
     ray = column(shape.to_unit, 2)
     if eye.perspective:
         ray = scaled(1.0 / math.sqrt(dot(center, center)), multiply(shape.to_unit, center))

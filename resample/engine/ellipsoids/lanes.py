@@ -312,7 +312,7 @@ def paint_splats_on_rows(
         per_integral, is_thin = per_integral_of(formula.opacity, room[s + EXTINCTION])
         light = (room[s + LIT_RED], room[s + LIT_GREEN], room[s + LIT_BLUE], room[s + FAR])
         mark, bend = Mark(per_integral, is_thin, light), bend_of(mixture, room, s)
-        # Go through its pairs of rows, but those where all its groups are opaque.
+        # Visit its pairs of rows, and skip those where all its groups are opaque.
         across, down = room[s + ACROSS], room[s + DOWN]
         under, whole = groups_between(left, right), (left, right)
         first_column, last_column = whole

@@ -117,8 +117,8 @@ def reach_of(style: Style, radius: float) -> Reach:
 @kernel
 def pad_of(spacing: Single, reach: Reach) -> Single:
     """Px of margin beyond the outline of a sample of this spacing; a tile may be finer."""
-    # Samples that are cut have no spacing; bound it, so that what follows is finite.
     one, zero = np.float32(1.0), np.float32(0.0)
+    # Samples that are cut have no spacing; bound it, so that what follows is finite.
     apart = max(np.float32(1e-6), min(spacing, np.float32(1e15)))
     # Grid of a tile whose smallest spacing is this one, as in `grid`.
     finest = min(reach.for_points, np.floor(reach.closest / apart))

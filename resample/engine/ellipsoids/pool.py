@@ -177,11 +177,11 @@ def _settle_many(room: Floats, offset: Members) -> None:
 
 @kernel
 def put_in_order(ready: Pairs, room: Floats, offset: Members) -> None:
-    """Fill in where in `room` samples sorted by key are, ties resolved by what they look like."""
+    """Fill in where in `room` samples sorted by key are; other numbers break ties."""
     # Sorted by key alone, sample n is the nth of the batches.
     for n in range(ready.size):
         offset[n] = n // BATCH * ROOM + n % BATCH
-    # Find runs of equal keys, and sort each so that the order never depends on the threads.
+    # Sort each run of equal keys by what else is known, so that the input's order is irrelevant.
     start = 0
     while start < ready.size:
         end = start + 1

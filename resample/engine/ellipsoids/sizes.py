@@ -78,7 +78,7 @@ def stand_alone(
         k = np.uint64(n)
         if room[k + CUT] != POINT:
             continue
-        # Length of the central ray through the ellipsoid.
+        # Factor of line integrals along the central ray.
         center = seen_from(eye, vector_at(position, k))
         unit, squared = multiply(t, center), dot(center, center)
         along = shape.scale * (math.sqrt(squared / dot(unit, unit)) if far else parallel)

@@ -35,7 +35,7 @@ def seen_span(x: float, y: float, view: View, planes: Doubles) -> tuple[float, f
 
     x and y are the ray's position at depth 1, or at any depth where rays are parallel.
     """
-    # Each plane bounds the interval from the side that its slope tells.
+    # Each plane bounds the interval from one side, by the sign of its slope.
     start, end = view.near, np.inf
     for n in range(planes.shape[0]):
         across = planes[n, 0] * x + planes[n, 1] * y

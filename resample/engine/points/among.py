@@ -158,7 +158,7 @@ def put_behind(sheet: Sheet, rows: Floats, opaque: Single) -> None:
     """Composite the open sheet under what is painted on rows of sub-pixels, and clear it."""
     cell, dirty = sheet.cell, sheet.dirty
     zero, one = np.float32(0.0), np.float32(1.0)
-    # Visit the dirty rectangle, but sub-pixels that are opaque already.
+    # Composite the dirty rectangle where sub-pixels are not opaque yet.
     for row in range(dirty[0], dirty[1]):
         for column in range(dirty[2], dirty[3]):
             k, total = index_of(row, column), cell[row, column, 0]

@@ -81,7 +81,7 @@ def _filter_rows(part: Floats, count: int, stride: int, width: int) -> None:
     # Start the causal filter in every column.
     for i in range(width):
         part[np.uint64(i)] = np.float32(_first_of(part, stride, count, i))
-    # Causal pass: each row takes the one before it.
+    # Causal pass: each row adds the one before it, times the pole.
     for n in range(1, count):
         at, before = np.uint64(n * stride), np.uint64((n - 1) * stride)
         for i in range(width):
@@ -91,7 +91,7 @@ def _filter_rows(part: Floats, count: int, stride: int, width: int) -> None:
     last = np.uint64((count - 1) * stride)
     for i in range(width):
         part[last + np.uint64(i)] *= _GAIN * _END
-    # Anticausal pass: each row takes the one after it.
+    # Anticausal pass: each row takes the one after it, times the pole, and the gain.
     for n in range(count - 2, -1, -1):
         at, after = np.uint64(n * stride), np.uint64((n + 1) * stride)
         for i in range(width):
@@ -269,7 +269,7 @@ def _spread(line: Floats, count: int, least: Floats, greatest: Floats) -> None:
 
 
 class Held(NamedTuple):
-    """Coefficients of one of two types; there are none of the other."""
+    """Coefficients of one of two types; the other array is empty."""
 
     short: NDArray[np.uint16]  # (N,) or (0,)
     long: Floats  # (0,) or (N,)

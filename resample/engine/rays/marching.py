@@ -170,8 +170,8 @@ def next_step(ray: Ray, step: int, bricks: Bricks) -> int:
     while apart > 0:
         step = max(step, int(steps_out(ray, place, apart)))
         if step >= ray.steps:
-            # A step counts if its end is in a visible brick; test the end where the leap lands.
             return step
+        # A step counts if its end is in a visible brick; test the end where the leap lands.
         place = place_at(ray, step + 1)
         apart = int(bricks.empty[brick_at(bricks, place)])
         step += int(apart > 0)

@@ -25,7 +25,7 @@ class Medium(NamedTuple):
     origin: Doubles  # (3,) scene position of sample position 0
     to_slope: Doubles  # (3, 3) from columns per sample to data units per scene unit
     per_voxel: float  # voxels per scene unit
-    # (M, 4) clip planes of the scene, in voxels; kept is where n · p + d is at least 0.
+    # (M, 4) clip planes of the scene, in voxels; points p with n · p + d >= 0 are kept.
     cuts: Doubles
     known: Flags  # as of `LatticeField`
     tint: Tint
@@ -108,7 +108,7 @@ def number_at(medium: Medium, place: Vector) -> int:
     first, away = _stored(medium, place)
     best, most = 0, 0.0
     for n in range(8):
-        # A look that has been summed just now needs no second sum.
+        # The best look so far needs no second sum.
         index, _ = _corner(medium, first, away, n)
         number, total = int(medium.known[index]), 0.0
         if number == best:

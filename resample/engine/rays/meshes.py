@@ -92,7 +92,7 @@ def _crossed(mesh: Triangles, n: int, start: Vector, way: Vector) -> tuple[float
     v = per * dot(way, turned)
     if not (u >= -BESIDE and v >= -BESIDE and u + v <= 1.0 + BESIDE):
         return math.inf, 0.0, 0.0
-    # Distance along the ray.
+    # Depth along the ray.
     return per * dot(two, turned), u, v
 
 

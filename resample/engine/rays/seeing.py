@@ -50,7 +50,7 @@ from resample.engine.vectors import Vector, combine, dot, matrix_of, multiply, s
 from resample.types import Spline
 
 THIRD = 1 / 3
-THICK = 0.5  # optical depth of a piece, at most
+THICK = 0.5  # optical depth of a piece, about
 MOST_PIECES = 8  # of half a step
 CLOSER = 24  # iterations of the search for a surface, at most
 NEAR = 1e-4  # columns, tolerance of that search
@@ -265,7 +265,7 @@ def _put_half(
     slope = _slope_in(part, begin + at, medium)
     values = (front.value, _value_between(front, back, 0.5), back.value)
     light = _light_of(way, medium, number, place, values, slope)
-    # Split it so that each piece has at most `THICK` optical depth.
+    # Split it into pieces of about `THICK` optical depth.
     length, share = 0.5 * part.share * ray.thickness * ray.length, 1.0
     pieces = 1 + min(MOST_PIECES - 1, int(light[3] * length / THICK))
     if pieces > 1:

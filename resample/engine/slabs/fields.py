@@ -150,7 +150,7 @@ def _see_mean(
     slab: Slab,
     cutting: Cutting,
 ) -> None:
-    """Classify a slab's mean, or compare it with what the projection looks for."""
+    """Classify a slab's mean, or update the maximum or the search for a surface by it."""
     # Clip the slab to the visible part of the ray.
     rows, state, look = canvas.rows, canvas.state, blend.look
     weight, k = found.weight, index_of(row, column)
@@ -246,9 +246,9 @@ def develop(blend: Values, canvas: Canvas) -> None:
             # Skip rays that met nothing.
             if presence <= 0.0:
                 continue
-            # An integral keeps its value, without a color.
             alpha, seen = min(1.0, presence / voxel), 1.0
             value, depth = float(state[VALUE]), float(state[AT_DEPTH])
+            # An integral keeps its value, without a color.
             if blend.projection == ADDITIVE:
                 state[VALUE] = look.low * presence + span * value
                 light = (0.0, 0.0, 0.0)

@@ -123,7 +123,7 @@ class Sweep(NamedTuple):
 
 
 class Ready(NamedTuple):
-    """What a tile's samples are added to slabs with."""
+    """Parameters for adding a tile's samples to slabs."""
 
     summed: Summed
     tools: Tools

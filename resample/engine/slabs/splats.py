@@ -126,7 +126,7 @@ class Spot(NamedTuple):
 
 
 class Tools(NamedTuple):
-    """What all splats of a tile are added with."""
+    """Parameters for adding the splats of a tile."""
 
     slant: Slant
     limits: Limits

@@ -71,7 +71,7 @@ class Canvas(NamedTuple):
 
 
 class Cutting(NamedTuple):
-    """What a sphere that planes cut is integrated with."""
+    """Parameters for integrating spheres that planes cut."""
 
     place: Place
     camera: View
