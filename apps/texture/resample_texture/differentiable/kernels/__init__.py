@@ -1,1 +1,4 @@
-"""The numba code of warps with gradients, in float64: gradients are those of what is computed."""
+"""Numba code of differentiable warps, in float64.
+
+Gradients are those of what is computed.
+"""

@@ -1,6 +1,7 @@
-"""Pixels as means of an interpolated source, with derivatives by its samples and by places.
+"""Pixels as means of an interpolated source, with derivatives.
 
-Pixels cover parallelograms (h, w, 6): u and v of the middle, their steps to the right, and down.
+Derivatives are by the source's samples and by the places of pixels. Pixels cover parallelograms
+(h, w, 6): u and v of the middle, their steps to the right, and down.
 """
 
 from typing import Any, NamedTuple
@@ -202,7 +203,7 @@ def give_back(
     start: Integers,
     patches: Doubles,
 ) -> None:
-    """Transposed `look`: scatter gradients (h, w, C), each tile into a patch of its own.
+    """Transposed `look`: scatter gradients (h, w, C), each tile into its own patch.
 
     Parameters
     ----------
@@ -254,7 +255,7 @@ def _rates(
 
 @inner_step
 def _add_rate(node: Node, axis: int, rate: float, change: Doubles) -> None:
-    """Chain a point's move along an axis to its pixel's six numbers, where no edge cuts it."""
+    """Chain an uncut point's move along an axis to its pixel's six numbers."""
     change[axis] += rate
     change[2 + axis] += rate * node.x
     change[4 + axis] += rate * node.y
@@ -264,7 +265,10 @@ def _add_rate(node: Node, axis: int, rate: float, change: Doubles) -> None:
 def _add_cut_rate(
     lens: Lens, seen: Doubles, node: Node, axis: int, rates: tuple[float, float], change: Doubles
 ) -> None:
-    """Chain a cut point's move along an axis; `rates` are by its place and by its share."""
+    """Chain a cut point's move along an axis to its pixel's six numbers.
+
+    `rates` are by the point's place and by its share.
+    """
     # Differentiate place and share by the place and both sides of the uncut box.
     place = place_in(seen, node)[axis]
     before, after = _reaches(seen, node, axis)
@@ -322,7 +326,7 @@ def change(
     gradient: Doubles,
     changes: Doubles,
 ) -> None:
-    """Fill in derivatives (h, w, 6) of the sum of gradient × picture by the places of pixels."""
+    """Fill in derivatives (h, w, 6) of the sum of gradient × picture by places."""
     room = room_for(lens.weight.shape[1], plate.channels)
     for row in tasks(counter, places.shape[0]):
         _change_along_row(plate, places[row], lens, gradient[row], room, changes[row])

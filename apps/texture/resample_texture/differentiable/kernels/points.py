@@ -85,7 +85,7 @@ def counts_of(lens: Lens, seen: Doubles, cut: bool) -> tuple[int, int]:
 
 @inner_step
 def _along(rules: Doubles, count: int, n: int) -> tuple[float, float, float, float]:
-    """The n-th point along a side: its place, its weight, and its extent to both sides."""
+    """Place, weight and extents to both sides of the n-th point along a side."""
     # Look the two-point rule up, or the four-point rule in its panel.
     if count == 2:
         return rules[n, 0] - 0.5, rules[n, 1], rules[n, 2], rules[n, 3]
@@ -139,7 +139,7 @@ def is_seen(lens: Lens, seen: Doubles) -> bool:
 
 @inner_step
 def sides(along_x: float, along_y: float, node: Node, axis_sign: float) -> tuple[float, float]:
-    """Derivatives of a point's extent to one side (−1, 1) by a pixel's steps along x and y."""
+    """Derivatives of a point's extent to one side (−1, 1) by its pixel's steps."""
     reach_x = node.right if along_x * axis_sign >= 0.0 else -node.left
     reach_y = node.below if along_y * axis_sign >= 0.0 else -node.above
     return axis_sign * reach_x, axis_sign * reach_y
@@ -147,7 +147,7 @@ def sides(along_x: float, along_y: float, node: Node, axis_sign: float) -> tuple
 
 @inner_step
 def cut_at_edges(place: float, before: float, after: float, size: float) -> tuple[float, float]:
-    """Clip a point's box at both edges; return the point's new place and the share that is left.
+    """Clip a point's box at both edges; return its new place and what is left.
 
     `before` and `after` are the extents of the box on both sides of the point.
     """
@@ -166,7 +166,7 @@ def cut_at_edges(place: float, before: float, after: float, size: float) -> tupl
 def slopes_of_cut(
     place: float, before: float, after: float, size: float
 ) -> tuple[float, float, float, float, float, float]:
-    """Derivatives of a cut point's place, and of its share, by its place and its box's sides."""
+    """Derivatives of a cut point's place and share by its place and its box's sides."""
     whole = before + after
     # Points without width, and boxes clipped away, do not change.
     if whole < SHARP:
@@ -191,7 +191,7 @@ def slopes_of_cut(
 
 @inner_step
 def folded_in(lens: Lens, place: float, axis: int) -> tuple[float, float]:
-    """Fold a place into the source and its margin by the edge rule; return also its direction.
+    """Fold a place into the source and its margin; return also its direction.
 
     That is −1 where the source is mirrored, and 0 where it is constant.
     """
@@ -213,7 +213,7 @@ def folded_in(lens: Lens, place: float, axis: int) -> tuple[float, float]:
 
 @inner_step
 def fill_weights(table: Doubles, t: float, weights: Doubles) -> None:
-    """Evaluate polynomials, the columns of a table with the constants in its first row."""
+    """Evaluate polynomials, columns of a table that starts with the constants."""
     terms, taps = table.shape
     # Horner's rule, for all taps at once.
     for k in range(taps):
@@ -225,7 +225,7 @@ def fill_weights(table: Doubles, t: float, weights: Doubles) -> None:
 
 @inner_step
 def first_of(lens: Lens, place: float) -> tuple[int, float]:
-    """First coefficient in the support of a place, and the argument of the polynomials."""
+    """First coefficient in a place's support, and the argument of the polynomials."""
     from_start = place - lens.shift
     whole = math.floor(from_start)
     first = int(whole) - (lens.weight.shape[1] - 1) // 2 + lens.margin

@@ -45,9 +45,9 @@ def _add(
     triangles: Triangles,
     lens: Lens,
 ) -> bool:
-    """Add a cell (center and extent in the block's sub-pixels) to the sub-pixels of its surface.
+    """Add a cell to the sub-pixels that show its surface.
 
-    Returns whether any shows it.
+    `center` and `extent` are in the block's sub-pixels. Returns whether any shows it.
     """
     total = block.sums
     rows, columns = block.owner.shape
@@ -115,7 +115,7 @@ def _crossed(block: Block, count: int, height: float) -> Place:
 
 @kernel
 def _extent(forward: Matrix, place: Place, step: Place, samples: int) -> Place:
-    """Width and height of the box around a cell, sub-pixels: √(a² + b²) of its two sides."""
+    """Box around a cell, sub-pixels: √(a² + b²) of its two sides along x and y."""
     along_u, along_t = stretch(forward, place)
     return (
         max(SMALLEST, samples * math.hypot(along_u[0] * step[0], along_t[0] * step[1])),
@@ -133,7 +133,7 @@ def paint_cells(
     skin: Skin,
     lens: Lens,
 ) -> tuple[int, int]:
-    """Add the cells whose centers lie in a triangle; return how many, and how many were visible.
+    """Add the cells whose centers lie in a triangle; count all, and the visible ones.
 
     `block.corner` and `block.rim` hold the corners of the triangle n and the `count` corners of its
     visible part, in cells.
@@ -145,7 +145,6 @@ def paint_cells(
     step_u = 1.0 / (skin.level[texture, cut.level, 2] * cut.along_u)
     step_t = 1.0 / (skin.level[texture, cut.level, 1] * cut.along_t)
     mass = abs(triangles.determinant[n]) * step_u * step_t * samples * samples
-
     # Allocate a line of texels, padded for the interpolation unless cells are whole texels.
     left, top, right, bottom = box(block.rim, count)
     beside = taps.shape[0] // 2
@@ -154,8 +153,6 @@ def paint_cells(
     longest = math.ceil((right - left + 2 * SLACK) / cut.along_u) + 2 + 2 * beside
     texels = np.empty(3 * longest, np.float32)
     points, seen = 0, 0
-
-    # Visit the lines of cells that the part meets.
     for line in range(math.ceil(top - SLACK - 0.5), math.ceil(bottom + SLACK - 0.5)):
         low, high = _crossed(block, count, line + 0.5)
         if not low < high:
@@ -197,7 +194,6 @@ def paint_cells(
             if 0.0 < inverse < np.inf:
                 weight = mass * inverse * inverse * inverse
                 seen += _add(block, (x, y), extent, weight, color, n, triangles, lens)
-            # Move on to the next part of the texel, or to the next texel.
             part += 1
             if part == cut.along_u:
                 part = 0

@@ -1,4 +1,4 @@
-"""Triangles clipped to a rectangle; convex polygons crossed by level lines, and their bounds."""
+"""Triangles clipped to a rectangle; crossings and bounds of convex polygons."""
 
 import numpy as np
 
@@ -16,7 +16,7 @@ def cut_out(
     polygon: Doubles,
     spare: Doubles,
 ) -> int:
-    """Clip a triangle to left, top, right, bottom, px; return the number of its corners.
+    """Clip a triangle to left, top, right, bottom, px; count its corners.
 
     `polygon` (8, 2) receives them; `spare` is scratch of its shape.
     """
@@ -29,7 +29,7 @@ def cut_out(
 
 @kernel
 def crossing(rim: Doubles, count: int, height: float) -> tuple[float, float]:
-    """X at which a level line enters and leaves a convex polygon; the first is greater if nowhere.
+    """Left and right end of a level line in a convex polygon; not in order if none.
 
     Each edge is computed from its upper end, so that polygons which share it agree on it.
     """

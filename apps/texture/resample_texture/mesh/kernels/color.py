@@ -39,7 +39,10 @@ class Skin(NamedTuple):
 
 @inner_kernel
 def level_for(skin: Skin, texture: int, size: tuple[float, float], widest: float) -> int:
-    """Smallest level whose texels are at most `widest` px where u and t are `size` px long."""
+    """Smallest level with texels of at most `widest` px.
+
+    `size` is how long u and t are on screen, px.
+    """
     found = 0
     for k in range(1, skin.levels[texture]):
         height, width = skin.level[texture, k, 1], skin.level[texture, k, 2]
@@ -102,7 +105,10 @@ def _fill_by_texels(
     across: tuple[int, int, int],
     weight: float,
 ) -> None:
-    """Add a row that begins at number `begin`; `across` is the first column, width, edge rule."""
+    """Add a row that begins at number `begin`, texel by texel.
+
+    `across` is its first column, the level's width and the edge rule.
+    """
     first, width, edge = across
     for m in range(0, length, 3):
         at = begin + 3 * mapped(first + m // 3, width, edge)

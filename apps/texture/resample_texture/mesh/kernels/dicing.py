@@ -1,4 +1,4 @@
-"""Dice a triangle into cells of its texture that are at most a sub-pixel wide on screen.
+"""Dice a triangle into cells of its texture, at most a sub-pixel wide on screen.
 
 Cells are parts of a texel where the texture is magnified, texels of a smaller level where it is
 minified. (Cook, Carpenter and Catmull, The Reyes Image Rendering Architecture, 1987.)
@@ -33,7 +33,7 @@ UNEVEN = 2.0  # sizes of a texture within a part of a tile may differ by this fa
 
 @kernel
 def _cut(skin: Skin, texture: int, level: int, size: Place, finest: float) -> tuple[Cut, float]:
-    """Cut a level into cells at most `1 / finest` px wide; return also how many there are."""
+    """Cut a level into cells at most `1 / finest` px wide; count them."""
     height, width = skin.level[texture, level, 1], skin.level[texture, level, 2]
     along_u = max(1, math.ceil(min(MOST_CUTS, size[0] / width * finest) - 1e-9))
     along_t = max(1, math.ceil(min(MOST_CUTS, size[1] / height * finest) - 1e-9))
@@ -58,7 +58,7 @@ def _best_cut(
 def _set_rim(
     block: Block, triangles: Triangles, uv: Doubles, n: int, count: int
 ) -> tuple[Place, Place]:
-    """Map the clipped polygon to the texture; return least and greatest sizes of u and t, px."""
+    """Map the clipped polygon to the texture; return least and greatest scales, px."""
     forward = matrix_at(triangles.forward, n)
     least_u, least_t, most_u, most_t = np.inf, np.inf, 0.0, 0.0
     for k in range(count):
@@ -73,7 +73,7 @@ def _set_rim(
 
 @kernel
 def _quarter(waiting: Doubles, last: int) -> int:
-    """Replace the rectangle on top of a stack by its quarters; return the stack's new height."""
+    """Replace the rectangle on top of a stack by its quarters; return the new height."""
     left, top = waiting[last, 0], waiting[last, 1]
     right, bottom = waiting[last, 2], waiting[last, 3]
     x, y = 0.5 * (left + right), 0.5 * (top + bottom)

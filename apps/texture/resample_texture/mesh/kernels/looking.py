@@ -1,7 +1,8 @@
-"""Color of a sub-pixel that no cell reached, or whose texture is too compressed for cells.
+"""Color of a sub-pixel by look-ups in the texture.
 
-A sub-pixel may cover very many texels in one direction and few in the other. The few decide the
-level, and the texture is looked up at several places spread evenly over the sub-pixel.
+For sub-pixels that no cell reached, and for textures that are too compressed for cells. A sub-pixel
+may cover very many texels in one direction and few in the other. The few decide the level, and the
+texture is looked up at several places spread evenly over the sub-pixel.
 """
 
 import math
@@ -33,7 +34,7 @@ GOLDEN = 0.6180339887498949  # multiples of it, modulo 1, fill an interval evenl
 
 @inner_kernel
 def _look_up(skin: Skin, texture: int, level: int, place: Place) -> Layer:
-    """Interpolate a texture's level at (u, t): color premultiplied by its alpha, and alpha."""
+    """Interpolate a texture's level at (u, t): premultiplied color, and alpha."""
     base, mode = skin.level[texture, level, 0], skin.mode[texture]
     height, width = skin.level[texture, level, 1], skin.level[texture, level, 2]
     edge_u, edge_t = skin.edge[texture, 0], skin.edge[texture, 1]
@@ -74,7 +75,10 @@ def _nearest(place: float, size: int, edge: int) -> tuple[int, int]:
 
 @inner_kernel
 def _slope(matrix: Matrix, skin: Skin, n: int, axis: int, value: float) -> Place:
-    """Derivatives of u or t, `value` at a place, by x and y there, times the weights' sum."""
+    """Derivatives of u or t by x and y, times the weights' sum.
+
+    `value` is u or t at the place.
+    """
     corner = (
         skin.uv[n, 0, axis] - value,
         skin.uv[n, 1, axis] - value,
@@ -85,7 +89,10 @@ def _slope(matrix: Matrix, skin: Skin, n: int, axis: int, value: float) -> Place
 
 @inner_kernel
 def _reach(triangles: Triangles, skin: Skin, n: int, place: Place, fine: float) -> Place:
-    """Most and fewest texels that a sub-pixel of `fine` px covers: axes of its ellipse."""
+    """Most and fewest texels that a sub-pixel covers: axes of its ellipse.
+
+    `fine` is its size, px.
+    """
     # Differentiate the texture coordinates by x and y, in texels per sub-pixel.
     matrix = matrix_at(triangles.weight, n)
     weight = multiply(matrix, (place[0], place[1], 1.0))
@@ -127,7 +134,10 @@ def _level_and_looks(skin: Skin, texture: int, reach: Place) -> tuple[int, int]:
 def evaluate(
     triangles: Triangles, skin: Skin, n: int, place: Place, corner: Place, fine: float
 ) -> Layer:
-    """Color of triangle n over the sub-pixel of `fine` px at `corner`, visible at `place` in it."""
+    """Color of triangle n over a sub-pixel that shows it at `place`.
+
+    `corner` and `fine` are the sub-pixel's corner and size, px.
+    """
     texture = skin.texture[n]
     # Without a texture, interpolate the colors of the corners.
     if texture < 0:

@@ -26,7 +26,10 @@ NONE, ALL, ONE = np.uint64(0), np.uint64(0xFFFFFFFFFFFFFFFF), np.uint64(1)
 
 @making_kernel
 def open_outline(block: Block) -> None:
-    """Find where outlines may be: beside sub-pixels that show nothing, and at the tile's border."""
+    """Find sub-pixels where outlines may be.
+
+    They are beside those that show nothing, and at the tile's border.
+    """
     owner, taken = block.owner, block.taken
     rows, columns = owner.shape
     least = np.empty(columns, np.int32)
@@ -62,7 +65,7 @@ def _beyond(edge: Doubles, k: int, corner: Place, fine: float) -> np.uint64:
 
 @inner_kernel
 def _points_within(edge: Doubles, count: int, corner: Place, fine: float) -> np.uint64:
-    """Points of a sub-pixel that a polygon covers; a point on an edge belongs to one side of it."""
+    """Points of a sub-pixel that a polygon covers, as bits."""
     points = ALL
     for k in range(count):
         points &= _beyond(edge, k, corner, fine)
@@ -104,7 +107,7 @@ def take_points(triangles: Triangles, n: int, block: Block) -> None:
 
 @inner_kernel
 def close_outline(block: Block) -> None:
-    """Give sub-pixels whose points but not sample are covered to their nearest triangle."""
+    """Show the nearest triangle where points, but not the sample, are covered."""
     owner = block.owner
     for row in range(owner.shape[0]):
         for column in range(owner.shape[1]):

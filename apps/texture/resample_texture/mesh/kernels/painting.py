@@ -1,4 +1,4 @@
-"""Paint textured triangles: visibility per sub-pixel, then the texture's cells that land there.
+"""Paint textured triangles: visibility per sub-pixel, then the texture's cells.
 
 Every sub-pixel has one sample of visibility inside it (`visibility`), at outlines many points that
 measure its coverage (`outlines`). Visible triangles are diced into cells of their texture

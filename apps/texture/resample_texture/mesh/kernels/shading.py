@@ -1,4 +1,4 @@
-"""Color sub-pixels: from the cells that landed there, or by look-ups in the texture.
+"""Color sub-pixels by the cells that landed there, or by look-ups in the texture.
 
 Translucent triangles are composited layer by layer, front to back, in any order: depth peeling.
 (Everitt, Interactive order-independent transparency, 2001.)
@@ -54,7 +54,7 @@ def _mean(block: Block, row: int, column: int) -> Layer:
 
 @inner_kernel
 def count(skin: Skin, block: Block) -> None:
-    """Count the tile's own sub-pixels that show a triangle, and those that no cell reached."""
+    """Count the tile's own sub-pixels that show a triangle, and those without cells."""
     margin, shown, missed = block.margin * block.samples, 0, 0
     for row in range(margin, block.owner.shape[0] - margin):
         for column in range(margin, block.owner.shape[1] - margin):
@@ -68,7 +68,7 @@ def count(skin: Skin, block: Block) -> None:
 
 @inner_kernel
 def shade(triangles: Triangles, skin: Skin, lens: Lens, block: Block) -> None:
-    """Turn sums into colors and coverage, and nearness into depth, of opaque triangles."""
+    """Turn an opaque layer's sums into color and coverage, its nearness into depth."""
     sums = block.sums
     for row in range(block.owner.shape[0]):
         for column in range(block.owner.shape[1]):
@@ -96,7 +96,7 @@ def shade(triangles: Triangles, skin: Skin, lens: Lens, block: Block) -> None:
 
 @inner_kernel
 def put_behind(triangles: Triangles, skin: Skin, block: Block) -> bool:
-    """Composite the current layer under those in front; return whether another may show through."""
+    """Composite the current layer under those in front; tell whether to go on."""
     seen, again = block.seen, False
     for row in range(block.owner.shape[0]):
         for column in range(block.owner.shape[1]):
@@ -134,7 +134,7 @@ def put_behind(triangles: Triangles, skin: Skin, block: Block) -> bool:
 
 @inner_kernel
 def finish(lens: Lens, block: Block) -> None:
-    """Write the composite of all layers where a single layer's sums and nearness would be."""
+    """Write the composite of all layers in place of a single layer's sums."""
     sums, seen = block.sums, block.seen
     for row in range(block.owner.shape[0]):
         for column in range(block.owner.shape[1]):

@@ -1,4 +1,4 @@
-"""Triangles in screen space: clipped at the camera's near plane, with their linear functions.
+"""Triangles in screen space, clipped at the near plane, with linear functions.
 
 On screen, `(x, y)` is in px. `u` and `t` span a texture from its upper left corner, 0..1 each, and
 continue periodically.
@@ -95,7 +95,7 @@ def _cut_near(triangles: Triangles, n: int, faces: Faces, lens: Lens) -> None:
 
 @kernel
 def _set_forward(triangles: Triangles, n: int, faces: Faces) -> None:
-    """Set the homography from texture to screen; it stays 0 if the texture has no area here."""
+    """Set the homography from texture to screen; 0 for a texture without area."""
     point, _, corner, uv = faces
     # Take the texture's edge vectors; their determinant tells whether it has area.
     a, b, c = corner[n, 0], corner[n, 1], corner[n, 2]
@@ -183,13 +183,13 @@ def matrix_at(matrices: Doubles, n: int) -> Matrix:
 
 @kernel
 def plane_at(triangles: Triangles, n: int) -> Vector:
-    """Coefficients of a triangle's nearness for (x, y, 1), valid also outside the triangle."""
+    """Coefficients of a triangle's nearness for (x, y, 1), also outside of it."""
     return triangles.nearness[n, 0], triangles.nearness[n, 1], triangles.nearness[n, 2]
 
 
 @kernel
 def barycentric(triangles: Triangles, n: int, place: Place) -> Vector:
-    """Barycentric weights of the three vertices at a place on screen in the triangle, of sum 1."""
+    """Barycentric weights of the vertices at a place in a triangle, of sum 1."""
     a, b, c = multiply(matrix_at(triangles.weight, n), (place[0], place[1], 1.0))
     # Clamp: rounding may put a place just outside.
     a, b, c = max(0.0, a), max(0.0, b), max(0.0, c)

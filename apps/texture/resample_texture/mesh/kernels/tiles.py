@@ -47,7 +47,7 @@ class Block(NamedTuple):
 def new_block(
     tile: int, tiles: Tiles, size: tuple[int, int], grid: Grid, tally: Ints, is_layered: bool
 ) -> Block:
-    """Allocate an empty tile of a frame (height, width), clipped to the frame and its margin."""
+    """Allocate an empty tile, clipped to the frame (height, width) and its margin."""
     # Clip the tile to the frame, and add the margin.
     row, column = divmod(int(np.int64(tile)), tiles.columns)
     left, top = column * tiles.size, row * tiles.size
@@ -93,7 +93,7 @@ def columns_within(block: Block, left: float, right: float) -> tuple[int, int]:
 
 @inner_kernel
 def span(triangles: Triangles, n: int, block: Block) -> tuple[int, int, int, int]:
-    """First and last row, first and last column of the sub-pixels that a triangle may touch."""
+    """First and last row, first and last column of what a triangle may touch."""
     bounds = triangles.bounds[n]
     top, bottom = bounds["top"], bounds["bottom"]
     first, last = columns_within(block, bounds["left"], bounds["right"])

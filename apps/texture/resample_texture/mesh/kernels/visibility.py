@@ -1,4 +1,4 @@
-"""Visibility: the triangle that each sub-pixel shows, and which others share its surface there."""
+"""Visibility: the triangle that each sub-pixel shows, and those of its surface."""
 
 import math
 
@@ -83,7 +83,7 @@ def nearness_at(plane: Vector, limit: tuple[float, float], place: Place) -> floa
 
 @inner_kernel
 def show(triangles: Triangles, n: int, block: Block) -> None:
-    """Give a triangle the sub-pixels whose sample it covers in front of all others so far."""
+    """Give a triangle the sub-pixels where it passes the depth test."""
     # Set up the edges and the sub-pixels that the triangle may touch.
     edge, count = block.edge, triangles.corners[n]
     plane, limit = plane_at(triangles, n), (triangles.limit[n, 0], triangles.limit[n, 1])
@@ -121,7 +121,7 @@ def is_beside(triangles: Triangles, n: int, other: int, place: Place, lens: Lens
 
 @inner_kernel
 def may_show(triangles: Triangles, n: int, block: Block, lens: Lens) -> bool:
-    """Whether a triangle is visible, or may be part of the visible surface between its samples."""
+    """Whether a triangle may be part of the visible surface, also between samples."""
     plane, limit = plane_at(triangles, n), (triangles.limit[n, 0], triangles.limit[n, 1])
     first, last, start, end = span(triangles, n, block)
     for row in range(first, last + 1):

@@ -1,8 +1,8 @@
-"""Read a pyramid of box means as a graphics card does: bilinear taps in the two nearest levels.
+"""Read a pyramid of box means as a graphics card does.
 
-OpenGL's EXT_texture_filter_anisotropic, but with the exact axes of the pixel's ellipse in the
-source instead of approximate ones: taps lie along the major axis, and one tap's width sets their
-level. With one tap this is trilinear mip mapping.
+Bilinear taps in the two nearest levels: OpenGL's EXT_texture_filter_anisotropic, but with the exact
+axes of the pixel's ellipse in the source instead of approximate ones: taps lie along the major
+axis, and one tap's width sets their level. With one tap this is trilinear mip mapping.
 """
 
 import math
@@ -108,7 +108,7 @@ def _pair(position: float, size: int, edge: int) -> tuple[int, int, Single, Sing
 def _weigh(
     level: Level, x: float, y: float, channels: int, edge: int
 ) -> tuple[tuple[int, int, int, int], tuple[Single, Single, Single, Single]]:
-    """Offsets of the 2 × 2 texels around a place, and their bilinear weights; 0 for no texel."""
+    """Offsets and bilinear weights of the 2 × 2 texels around a place; 0 for no texel."""
     left, right, on_left, on_right = _pair(x, level.width, edge)
     upper, lower, above, below = _pair(y, level.height, edge)
     upper = level.start + upper * level.width * channels
@@ -156,7 +156,7 @@ def _is_somewhere(seen: Doubles, column: int) -> bool:
 
 @kernel
 def _read_row(means: Means, seen: Doubles, reading: Reading, picture: Picture, row: int) -> None:
-    """Fill a row of pixels, each from the two levels whose texels are nearest to a tap's width.
+    """Fill a row of pixels, each from the two levels nearest to a tap's width.
 
     `seen` (w, 6) is what the row shows, texels: a pixel's center (x, y), its side along the
     row and its side along the column; not finite where there is nothing.
@@ -201,7 +201,10 @@ def _read_row(means: Means, seen: Doubles, reading: Reading, picture: Picture, r
 
 @making_role
 def see_row(geometry: ByMatrix | ByMap, row: int, seen: Doubles) -> None:
-    """Fill in what a row shows, as `_read_row` reads it; infinite before, which means nothing."""
+    """Fill in what a row shows, as `_read_row` reads it.
+
+    It is infinite before, which means nothing.
+    """
     raise NotImplementedError
 
 

@@ -13,7 +13,10 @@ from resample.types import Doubles, Floats
 
 @kernel
 def _quartic(t: float, weight: Doubles) -> None:
-    """B-spline weights of the five texels around a place, `t` from the third's center; or one 1."""
+    """B-spline weights of the five texels around a place; or 1 for a single texel.
+
+    `t` is counted from the third texel's center.
+    """
     # A single texel needs no weights.
     if weight.size == 1:
         weight[0] = 1.0
@@ -46,7 +49,7 @@ def _cast_row(
     rays: int,
     row: Doubles,
 ) -> None:
-    """Cast rays along one line of the target, and filter them into its pixels, `row` (w, C)."""
+    """Cast rays along a line of the target; filter them into its pixels, `row` (w, C)."""
     height, width, channels = source.shape
     pixels, taps = row.shape[0], tap.size
     # Rays of the filter before a pixel's own.

@@ -1,9 +1,9 @@
-"""Adjoint of the forward warp: gradients of texels from gradients of pixels, by the same weights.
+"""Adjoint of the forward warp: texels' gradients from those of pixels.
 
-Every step of `painting` transposed, in reverse order: cells gather from the pixels they meet,
-texels gather from the cells between them, and the source from the texels of all blocks. Blocks
-gather in parallel into patches of their own, which are then added one after the other: the same
-bits for any number of threads.
+The weights are those of the forward warp. Every step of `painting` transposed, in reverse order:
+cells gather from the pixels they meet, texels gather from the cells between them, and the source
+from the texels of all blocks. Blocks gather in parallel into patches of their own, which are then
+added one after the other: the same bits for any number of threads.
 """
 
 import numpy as np
@@ -31,7 +31,7 @@ from resample_texture.texels.kernels.texels import (
 
 @kernel
 def _pads(block: Integers, taps: int) -> tuple[int, int]:
-    """Texels of padding that interpolation needs on each side of a block, along u and v."""
+    """Padding of a block that interpolation needs on each side, along u and v."""
     return taps // 2 * (block[0, CUT] > 1), taps // 2 * (block[1, CUT] > 1)
 
 
@@ -54,7 +54,7 @@ def patch_offsets(axes: Integers, taps: int, channels: int) -> Integers:
 
 @kernel
 def _copy_pixels(gradient: Floats, bounds: Integers, pixels: Floats) -> None:
-    """Copy a block's pixels (channels, P) from a picture (H, W, channels); 0 outside the frame."""
+    """Copy a block's pixels (channels, P) from a picture; 0 outside the frame."""
     at = 0
     for row in range(bounds[TOP], bounds[BOTTOM]):
         for column in range(bounds[LEFT], bounds[RIGHT]):
@@ -68,7 +68,7 @@ def _copy_pixels(gradient: Floats, bounds: Integers, pixels: Floats) -> None:
 def _spread_row(
     values: Doubles, block: Integers, parts: tuple[int, int], taps: Floats, line: Doubles
 ) -> None:
-    """Transposed `filter_row`: scatter a row's cells to a line (channels, columns) of texels."""
+    """Transposed `filter_row`: scatter cells to a line (channels, columns)."""
     cut, texels, count = block[0, CUT], texels_along(block, 0), parts[1] - parts[0]
     line[:] = 0.0
     for c in range(line.shape[0]):
@@ -90,7 +90,7 @@ def _spread_row(
 def _spread_line(
     line: Doubles, row: int, part: int, cut: int, taps: Floats, patch: Doubles
 ) -> None:
-    """Transposed `filter_rows`: add a line, weighted by its phase along v, to rows of the patch."""
+    """Transposed `filter_rows`: scatter a line to the rows of the patch."""
     count = 1 if cut == 1 else taps.shape[0]
     at = phase(part, cut)
     for k in range(count):
@@ -272,7 +272,7 @@ def give_back(
     totals: Doubles,
     texels: Doubles,
 ) -> None:
-    """Transposed `fetch`: add the patches of all blocks to the texels they were fetched from.
+    """Transposed `fetch`: add the patches of all blocks to their texels.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Split and dice: blocks of the source, each cut evenly into cells that are small on screen.
+"""Split and dice: blocks of the source, cut evenly into cells small on screen.
 
 A *cell* is what is projected as one point: a texel, a part of one (where the texture is magnified)
 or the mean of several (where it is minified strongly), per axis. All cells of a block are alike:
@@ -66,7 +66,7 @@ def projected(matrix: Doubles, u: float, v: float) -> tuple[float, float, float]
 
 @kernel
 def stretch(matrix: Doubles, axis: int, x: float, y: float, d: float) -> float:
-    """Length on screen, px, of a step of one texel at target point (x, y); d as projected."""
+    """Length of a texel on screen, px, at target point (x, y); d as projected."""
     along_x = matrix[0, axis] - x * matrix[2, axis]
     along_y = matrix[1, axis] - y * matrix[2, axis]
     return math.hypot(along_x, along_y) / d
@@ -88,7 +88,7 @@ def _span(rectangle: Integers, axis: int) -> tuple[float, float]:
 
 @kernel
 def _split(stack: Integers, top: int, axis: int) -> bool:
-    """Replace the rectangle on top of a stack by its two halves; False if it is too small."""
+    """Replace the rectangle on a stack by its halves; False if it is too small."""
     length, depth = stack[top, axis, LENGTH], stack[top, axis, DEPTH]
     # Give up on a texel that is cut as finely as numbers allow.
     if length == 1 and depth == FINEST:
@@ -127,7 +127,7 @@ def _cut_off(stack: Integers, top: int, axis: int, length: int) -> None:
 
 @kernel
 def beside(lines: Doubles, u: Doubles, v: Doubles) -> tuple[bool, bool]:
-    """Whether a rectangle lies outside one of some lines, and whether the last one cuts it."""
+    """Whether a rectangle lies outside one of some lines, and if the last one cuts it."""
     is_cut = False
     for line in range(lines.shape[0]):
         # Count the corners outside the line.
@@ -144,7 +144,7 @@ def beside(lines: Doubles, u: Doubles, v: Doubles) -> tuple[bool, bool]:
 
 @kernel
 def sight(matrix: Doubles, height: int, width: int, reach: float) -> Doubles:
-    """Lines (5, 3) that bound what a frame shows of the source plane: its frustum, in the plane.
+    """Lines (5, 3) that bound what a frame shows of the source plane.
 
     The product with (u, v, 1) is negative outside a line: left, right, above, below and behind.
     `reach` (px) widens the frame.
@@ -167,7 +167,7 @@ def sight_of(matrix: Doubles, frame: tuple[int, int], reach: float) -> Doubles:
 
 @kernel
 def _stretches(matrix: Doubles, u: Doubles, v: Doubles, ranges: Doubles, box: Doubles) -> bool:
-    """Smallest and largest stretch (2, 2) per axis and bounds of a rectangle on screen.
+    """Smallest and largest stretch (2, 2) per axis, and bounds on screen.
 
     False if a corner is behind the camera.
     """
@@ -191,10 +191,10 @@ def _stretches(matrix: Doubles, u: Doubles, v: Doubles, ranges: Doubles, box: Do
 
 @kernel
 def _dice(rectangle: Integers, axis: int, length: float, quality: float, largest: float) -> int:
-    """Turn an axis of a rectangle into that of a block, given its largest stretch; count its cells.
+    """Turn an axis of a rectangle into that of a block; count its cells.
 
-    No cell is then longer than 1 / `quality` px, and a cell of several texels no longer than
-    `largest` px.
+    `length` is its largest stretch, px per texel. No cell is then longer than 1 / `quality` px, and
+    a cell of several texels no longer than `largest` px.
     """
     # Cut each texel into cells no longer than 1 / quality px.
     parts = 1 << rectangle[axis, DEPTH]
@@ -227,7 +227,7 @@ def _longer(ranges: Doubles, cells: Integers) -> int:
 
 @kernel
 def _remainder(rectangle: Integers, block: Integers) -> tuple[int, int]:
-    """Axis and number of the texels that fill no whole cell of several texels; -1 if none."""
+    """Axis and number of texels that fill no whole cell; -1 if there are none."""
     for axis in range(2):
         rest = rectangle[axis, LENGTH] % (1 << block[axis, LEVEL])
         if rest:
@@ -247,7 +247,7 @@ def grown(array: Integers) -> Integers:
 
 @kernel
 def _clipped(box: Doubles, reach: float, height: int, width: int, bounds: Integers) -> bool:
-    """Whole pixels that a block may touch, within the frame and its margin; False if none.
+    """Bound the whole pixels that a block may touch in the frame; False if none.
 
     A point that just touches the frame has its first tap 2 × `reach` px outside.
     """
@@ -386,7 +386,7 @@ def split_plane(
 def _stretches_of_map(
     x: Doubles, y: Doubles, rectangle: Integers, ranges: Doubles, box: Doubles
 ) -> bool:
-    """Return `_stretches` of a rectangle of a map; False if no texel in it has a place."""
+    """Return `_stretches` of a rectangle of a map; False if it has no places."""
     ranges[:, 0], ranges[:, 1] = math.inf, 0.0
     box[:2], box[2:] = math.inf, -math.inf
     column, row = rectangle[0, START], rectangle[1, START]

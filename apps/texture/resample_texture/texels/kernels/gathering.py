@@ -90,7 +90,7 @@ def _read(source: Pixels, u: float, v: float, values: Floats, n: int) -> None:
 
 @inner_kernel
 def _cut_pixel(source: Pixels, place: tuple[int, int], is_sum: bool, batch: Batch) -> int:
-    """Cut one pixel into points: fill values, places within the pixel and masses; count them."""
+    """Cut a pixel into points: values, places within the pixel, masses; count them."""
     texels, edge, map_u, map_v = source.texels, source.edge, source.map_u, source.map_v
     _, along_x, along_y, mass, values = batch
     quality, row, column = source.quality, place[0] + 1, place[1] + 1

@@ -58,7 +58,7 @@ class Tally(NamedTuple):
 
 @kernel
 def _look(look: Lookup, row: int, column: int, rows: Doubles) -> bool:
-    """Fill in the matrix of a pixel, with its center as origin; False if it shows nothing."""
+    """Fill in the matrix of a pixel, around its center; False if it shows nothing."""
     # Under a homography, move the origin to the pixel's center.
     if look.places.shape[1] == 0:
         rows[:] = look.inverse
@@ -77,9 +77,9 @@ def _look(look: Lookup, row: int, column: int, rows: Doubles) -> bool:
 def _cut(
     part: Doubles, count: int, line: tuple[float, float, float], below: Doubles, above: Doubles
 ) -> tuple[int, int]:
-    """Cut a convex polygon where a line's values change sign; corners of the part below and above.
+    """Cut a convex polygon by a line; count the corners of both parts.
 
-    Sutherland-Hodgman, with both sides kept.
+    The line's values are negative below. Sutherland-Hodgman, with both sides kept.
     """
     # Start from the last corner, so that the closing edge is visited too.
     low = high = 0
@@ -142,7 +142,7 @@ def _range(part: Doubles, count: int, rows: Doubles, axis: int) -> tuple[float, 
 
 @kernel
 def _texel(index: int, size: int, edge: int) -> int:
-    """Texel at an index under the edge rule; of a transparent source only indices inside occur."""
+    """Texel at an index under the edge rule; of a transparent source, inside only."""
     if edge == WRAP:
         return index % size
     if edge == MIRROR:
@@ -162,7 +162,7 @@ def _cells(low: float, high: float, size: int, edge: int) -> tuple[int, int]:
 
 @kernel
 def _square(tally: Tally, sizes: tuple[int, int], edge: int) -> tuple[int, int]:
-    """Clip a pixel's square to what shows the source; count corners, and tell which of `parts`."""
+    """Clip a pixel's square to the source; count corners, tell which of `parts`."""
     parts, rows = tally.parts, tally.rows
     # Start from the pixel's square around its center.
     for n in range(4):
@@ -196,7 +196,7 @@ def _square(tally: Tally, sizes: tuple[int, int], edge: int) -> tuple[int, int]:
 def _add_column(
     labels: Labels, tally: Tally, column: int, corners: tuple[int, int], met: int
 ) -> int:
-    """Add the areas of labels in one column of texels of a pixel; return how many were met."""
+    """Add areas of labels in one column of texels; return how many were met."""
     count, now = corners
     parts = tally.parts
     height = labels.code.shape[0]
@@ -239,7 +239,7 @@ def _add_column(
 
 @kernel
 def _add_pixel(labels: Labels, tally: Tally) -> int:
-    """Add the areas of labels in a pixel; return how many were met, −1 if too many to count."""
+    """Add areas of labels in a pixel; count labels, −1 if there are too many texels."""
     height, width = labels.code.shape
 
     # Clip the pixel's square to the source.
@@ -300,7 +300,7 @@ def _largest(tally: Tally, met: int) -> tuple[int, float]:
 
 @kernel
 def _single(labels: Labels, rows: Doubles) -> int:
-    """Return a texel of a pixel all of whose texels have one label; less than 0 if they differ."""
+    """Texel of a pixel whose texels share one label; less than 0 if they differ."""
     # Bound the pixel's corners in the source.
     height, width = labels.code.shape
     left = top = np.inf
@@ -371,6 +371,6 @@ def _find_band(look: Lookup, labels: Labels, found: Found, rows: tuple[int, int]
 
 @parallel_kernel
 def find_labels(counter: Counter, look: Lookup, labels: Labels, found: Found) -> None:
-    """Find the label that covers the most of each pixel, the smallest of those that do."""
+    """Find each pixel's label of the largest area, the smallest of equal ones."""
     for rows in bands(counter, found.texel.shape[0], BAND):
         _find_band(look, labels, found, rows)

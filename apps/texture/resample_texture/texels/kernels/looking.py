@@ -41,7 +41,7 @@ class Map(NamedTuple):
 
 @inner_kernel
 def steps(before: float, here: float, after: float) -> tuple[float, float]:
-    """Steps of a map to both sides of a pixel; a missing or torn one is replaced by the other."""
+    """Steps of a map to both sides; a missing or torn one is as the other."""
     left, right = here - before, after - here
     if not abs(left) <= FARTHEST or abs(left) > TORN * abs(right) + TORN:
         left = right
@@ -70,7 +70,7 @@ def _seen_on_plane(look: Plane, row: int, column: int) -> Seen:
 
 @inner_kernel
 def _squared(along_x: Pair, along_y: Pair) -> tuple[Pair, Pair]:
-    """Sides of a pixel; an unknown one is the other turned by 90°; if both are, a texel."""
+    """Sides of a pixel; unknown ones are the other turned by 90°, or a texel."""
     is_known_x = along_x[0] != 0.0 or along_x[1] != 0.0
     is_known_y = along_y[0] != 0.0 or along_y[1] != 0.0
     if is_known_x and is_known_y:

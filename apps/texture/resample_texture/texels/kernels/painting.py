@@ -1,4 +1,4 @@
-"""Blocks of texels as parts of a source, whose cells the engine's loop over parts places."""
+"""Blocks of texels as parts of a source, painted by the engine's loop over parts."""
 
 from typing import NamedTuple
 

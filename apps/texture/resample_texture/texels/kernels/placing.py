@@ -129,7 +129,10 @@ def _walk(matrix: Doubles, block: Integers, box: Integers, v: float, taps: int) 
 
 @inner_kernel
 def _place_boxes(walk: Walk, offset: Floats, batch: Batch) -> None:
-    """Place cells as boxes as wide as their projection, branch-free and in float32 for SIMD."""
+    """Place cells as boxes around their projections.
+
+    Branch-free and in float32, for SIMD.
+    """
     one, zero, half = np.float32(1), np.float32(0), np.float32(0.5)
     pixel, along_x, along_y, mass, _ = batch
     (x0, y0, d0), (x_step, y_step, d_step) = walk.start, walk.step
@@ -163,7 +166,7 @@ def _place_boxes(walk: Walk, offset: Floats, batch: Batch) -> None:
 
 @inner_kernel
 def _place_points(walk: Walk, offset: Floats, taps: int, batch: Batch) -> None:
-    """Place cells as points, by the first of the `taps` pixels that each meets along an axis."""
+    """Place cells as points, by the first of the `taps` pixels along each axis."""
     one, zero, before = np.float32(1), np.float32(0), np.float32(0.5 * taps - 0.5)
     pixel, along_x, along_y, mass, _ = batch
     (x0, y0, d0), (x_step, y_step, d_step) = walk.start, walk.step

@@ -27,13 +27,16 @@ class Extract(NamedTuple):
 
 @inner_kernel
 def kind_of(block: Integers) -> int:
-    """Texels that a block reads: 0 as they are, 1 prefiltered along u, 2 along v, 3 along both."""
+    """Kind of texels that a block reads.
+
+    0 as they are, 1 prefiltered along u, 2 along v, 3 along both.
+    """
     return int(block[0, CUT] > 1) + 2 * int(block[1, CUT] > 1)
 
 
 @inner_kernel
 def _prefix(index: int, size: int, edge: int) -> tuple[int, float, int, float]:
-    """Express the sum of all values before an index, edges included, by two sums in the source.
+    """Express a prefix sum, edges included, by two sums within the source.
 
     Returns (i, f, j, g): the sum is f S[i] + g S[j], with S[i] that of the first i values.
     """
@@ -98,7 +101,10 @@ def _fetch_means(
 
 @kernel
 def _join_rows(flat: Floats, rows: tuple[int, int], begin: int, line: Floats) -> None:
-    """Sum rows of the source, channels interleaved (H, W × C), from `begin` on into a line."""
+    """Sum rows of the source into a line, from number `begin` on.
+
+    Channels are interleaved (H, W × C).
+    """
     start = np.uint64(begin)
     for row in range(rows[0], rows[1]):
         # Overwrite with the first row, then add the others; unsigned indices let LLVM vectorize.
@@ -204,7 +210,7 @@ def phase(part: int, cut: int) -> int:
 
 @inner_kernel
 def filter_rows(patch: Floats, row: int, part: int, cut: int, taps: Floats, line: Floats) -> None:
-    """Interpolate along v: a line (channels, columns) of values at one part of a row of texels."""
+    """Interpolate along v: a line (channels, columns) at one part of a texel row."""
     # Uncut texels are their own values.
     if cut == 1:
         for c in range(line.shape[0]):
@@ -241,7 +247,7 @@ def filter_rows(patch: Floats, row: int, part: int, cut: int, taps: Floats, line
 def filter_row(
     line: Floats, block: Integers, parts: tuple[int, int], taps: Floats, values: Floats
 ) -> None:
-    """Interpolate along u: values (channels, cells) of a row, in the order of `cell_offsets`."""
+    """Interpolate along u: values (channels, cells), ordered as `cell_offsets`."""
     cut, texels, count = block[0, CUT], texels_along(block, 0), parts[1] - parts[0]
     if cut == 1:
         # Uncut texels are their own values.
@@ -362,7 +368,7 @@ def line_count(block: Integers) -> int:
 
 @inner_kernel
 def line_at(block: Integers, line: int) -> tuple[int, int, float]:
-    """Row of texels that holds a row of cells, which part of it, and its source coordinate (v)."""
+    """Row of texels of a row of cells, which part of it, and its coordinate v."""
     first, last = parts_along(block, 1)
     _, joined = extents(block, 1)
     row, part = line // (last - first), first + line % (last - first)

@@ -28,7 +28,7 @@ NOTHING = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class Grid(NamedTuple):
-    """Samples on their lattice; sample coordinates count from the lattice's first node."""
+    """Samples on their lattice; coordinates count from its first node."""
 
     node: Indices  # (Z, Y, X) which sample stands here, -1: none
     matter: Floats  # (N, 4) extinction and its products with RGB; or value − low and gradient
@@ -99,7 +99,10 @@ def _cut(part: tuple[float, float], here: float, slope: float) -> tuple[float, f
 
 @kernel
 def _new_ray(x: float, y: float, grid: Grid, view: View, plan: Plan) -> Ray:
-    """Ray through a point of the screen, px, clipped to the samples' box, near plane and planes."""
+    """Ray through a point of the screen, px, clipped to all that bounds it.
+
+    That is the samples' box, the near plane and the clip planes.
+    """
     # Set up the ray in camera axes; x and y are its direction, or its start if parallel.
     x, y = (x - view.principal[0]) / view.focal[0], (y - view.principal[1]) / view.focal[1]
     here, way = (0.0, 0.0, 0.0), (x, y, 1.0)
@@ -131,7 +134,7 @@ def _new_ray(x: float, y: float, grid: Grid, view: View, plan: Plan) -> Ray:
 
 @kernel
 def _kernel_at(density: Doubles, squared: float) -> float:
-    """Kernel at a squared distance below 1, linear between its table's nearest entries."""
+    """Kernel at a squared distance below 1, linear between table entries."""
     place = squared * (density.size - 1)
     entry = min(int(place), density.size - 2)
     return float(density[entry] + (place - entry) * (density[entry + 1] - density[entry]))
@@ -224,7 +227,7 @@ def _unit(v: Vector) -> Vector:
 
 @kernel
 def _cell(place: float, count: int) -> tuple[int, float]:
-    """Entry before a place 0..1 in a table of `count` entries, and the fraction to the next."""
+    """Entry before a place 0..1 of a table, and the fraction to the next."""
     position = max(0.0, min(1.0, place)) * (count - 1)
     entry = max(0, min(int(position), count - 2))
     return entry, position - entry
@@ -305,7 +308,7 @@ def _sample_light(sums: Sums) -> Light:
 
 @kernel
 def _composite(ray: Ray, content: Content, plan: Plan) -> Result:
-    """Composite front to back; a step's opacity follows from the extinction at its middle."""
+    """Composite front to back, with a step's opacity by its middle's extinction."""
     grid, look, lamp = content
     red = green = blue = deep = 0.0
     passed = 1.0
@@ -333,7 +336,7 @@ def _composite(ray: Ray, content: Content, plan: Plan) -> Result:
 
 @kernel
 def _measure(ray: Ray, grid: Grid, look: FieldLook, plan: Plan) -> Result:
-    """Largest value, mean value or integral along a ray, and the color of the former two.
+    """Largest value, mean or integral along a ray, and the color of the former two.
 
     Values are weighed by the length within samples, in voxels and at most 1; colors are as opaque
     as a voxel of theirs where that is 1.

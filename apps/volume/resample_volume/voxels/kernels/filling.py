@@ -44,7 +44,10 @@ def _envelope(away: Indices, stack: Indices) -> int:
 
 @kernel
 def _nearest_on_line(away: Indices, stack: Indices, found: Indices) -> None:
-    """Find the place with the nearest known voxel for all places of a line; the first of equals."""
+    """Find the place with the nearest known voxel for all places of a line.
+
+    Of equal distances the first counts.
+    """
     count, at = _envelope(away, stack), 0
     for n in range(away.size):
         if count == 0:
@@ -64,7 +67,7 @@ def _nearest_on_line(away: Indices, stack: Indices, found: Indices) -> None:
 
 @parallel_kernel
 def nearest_in_columns(counter: Counter, deep: Places, z: int, down: Places) -> None:
-    """Find the row (Y, X) of the voxel in the same column that leads to the nearest known one.
+    """Find the row (Y, X) in each column that leads to the nearest known voxel.
 
     `deep` (Y, X) is the z of the known voxel that is nearest along z, or NOTHING.
     """
@@ -85,7 +88,7 @@ def nearest_in_columns(counter: Counter, deep: Places, z: int, down: Places) -> 
 def nearest_in_rows(
     counter: Counter, deep: Places, down: Places, z: int, known: NDArray[np.bool_], across: Places
 ) -> None:
-    """Find the column (Y, X) of the voxel in the same row that leads to the nearest known one.
+    """Find the column (Y, X) in each row that leads to the nearest known voxel.
 
     `down` (Y, X) is of `nearest_in_columns`; rows in which all are `known` (Y, X) are skipped.
     """

@@ -35,7 +35,7 @@ def _next_place(index: int, before: int, at: Step, size: Step) -> Step:
 
 @kernel
 def brick_order(index: Indices, size: Step, order: Indices) -> None:
-    """Find the order (N,) that sorts voxels, by their flat index into (Z, Y, X), into bricks.
+    """Find the order (N,) that sorts voxels into bricks, by flat index into (Z, Y, X).
 
     The sort is stable: within a brick of BRICK voxels per side the order stays.
     """
@@ -76,7 +76,7 @@ def place(index: Indices, size: Step, lattice: Doubles, origin: Doubles, positio
 
 @kernel
 def _mean(behind: float, ahead: float) -> float:
-    """Mean of two differences; one of them if the other is not finite, NaN if neither is.
+    """Mean of two differences; one if the other is not finite, NaN if neither is.
 
     So missing or infinite values change no slope, and linear fields come out exactly.
     """
@@ -149,7 +149,7 @@ def _moved(place: Step, count: int, step: Step) -> Step:
 
 @kernel
 def _smooth_slope(values: NDArray[Any], place: Step, step: Step) -> float:
-    """Mean slope along nine parallel lines, weighted 1-2-1 × 1-2-1; 0 if none is known."""
+    """Mean slope of nine parallel lines, weighted 1-2-1 × 1-2-1; 0 if none is known."""
     # Find the two axes across the step's.
     across = (step[1], step[2], step[0])
     along = (step[2], step[0], step[1])
@@ -183,7 +183,7 @@ def _smooth_slopes(values: NDArray[Any], place: Step) -> Vector:
 def find_gradients(
     values: NDArray[Any], index: Indices, to_scene: Doubles, is_smooth: bool, gradient: Floats
 ) -> None:
-    """Gradients (N, 3) of `values` (Z, Y, X) at flat indices; 0 where no slope is known.
+    """Gradients (N, 3) of `values` (Z, Y, X) at flat indices; 0 if unknown.
 
     `to_scene` (3, 3) is the inverse transpose of the lattice, which takes slopes per voxel to
     slopes per scene unit. They are central differences, or smoothed across like Sobel's.

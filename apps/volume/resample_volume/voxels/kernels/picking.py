@@ -1,4 +1,4 @@
-"""Pick the voxel at which a ray ends: where a share of the light from behind is absorbed."""
+"""Pick the voxel at which a ray ends: where a share of light is absorbed."""
 
 import math
 from typing import NamedTuple
@@ -59,7 +59,7 @@ class Looked(NamedTuple):
 
 
 class Waiting(NamedTuple):
-    """Queue of voxels that a ray has met, by depth, while others may still come before them."""
+    """Queue of voxels by depth, as long as others may come before them."""
 
     depth: Doubles
     voxel: Indices
@@ -74,7 +74,7 @@ def _vector(rows: Doubles, n: int) -> Vector:
 
 @kernel
 def _integral(footprint: Floats, squared: float) -> float:
-    """Look up the line integral at a squared distance from the center, radii², below 1."""
+    """Look up the line integral at a squared distance, radii², below 1."""
     place = squared * (footprint.size - 1)
     k = min(int(place), footprint.size - 2)
     low, high = float(footprint[k]), float(footprint[k + 1])
@@ -83,7 +83,7 @@ def _integral(footprint: Floats, squared: float) -> float:
 
 @kernel
 def _put(waiting: Waiting, count: int, depth: float, voxel: int, thickness: float) -> int:
-    """Insert a voxel into the queue; of equal depths the first of the volume comes first."""
+    """Insert a voxel into the queue; equal depths keep the volume's order."""
     # Move farther voxels back; a full queue loses its last.
     n = min(count, MOST - 1)
     while n > 0 and (
@@ -196,7 +196,7 @@ def _among_voxels(splatted: Splatted, rays: Rays, n: int, level: float, waiting:
 def find_among_voxels(
     counter: Counter, splatted: Splatted, rays: Rays, level: float, voxel: Indices, kept: Doubles
 ) -> None:
-    """Find the voxels (N,) at which lost light exceeds a level, and the transmittances behind."""
+    """Find voxels (N,) where absorbed light exceeds a level, and transmittances."""
     waiting = Waiting(np.empty(MOST), np.empty(MOST, np.int64), np.empty(MOST))
     for chunk in tasks(counter, (voxel.size + CHUNK - 1) // CHUNK):
         for n in range(chunk * CHUNK, min((chunk + 1) * CHUNK, voxel.size)):
@@ -205,7 +205,10 @@ def find_among_voxels(
 
 @kernel
 def _extinction(looked: Looked, number: int, value: float, slope: Vector) -> float:
-    """Optical depth per scene unit of a value and its slope per voxel, by one transfer function."""
+    """Optical depth per scene unit of a value and its slope per voxel.
+
+    `number` selects the transfer function.
+    """
     if number < 0:
         return 0.0
     # Find the column by the value.

@@ -42,7 +42,7 @@ def power(base: float, exponent: float) -> float:
 
 @kernel
 def _shade(position: Floats, color: Floats, gradient: Floats, lamp: Lamp, shaded: Floats) -> None:
-    """Shade voxels by Blinn and Phong; arrays are flat, with three numbers for each voxel."""
+    """Shade voxels by Blinn and Phong; flat arrays of three numbers each."""
     # Load the light: `at_viewer` is a headlight, `is_near` tells perspective.
     eye_x, eye_y, eye_z, is_near = lamp.viewer[0], lamp.viewer[1], lamp.viewer[2], lamp.viewer[3]
     to_x, to_y, to_z = lamp.toward[0], lamp.toward[1], lamp.toward[2]
@@ -94,6 +94,6 @@ def _shade_chunk(
 def shade_voxels(
     counter: Counter, position: Floats, color: Floats, gradient: Floats, lamp: Lamp, shaded: Floats
 ) -> None:
-    """Shade voxels: fill their lit colors. All arrays are flat, with three numbers for each."""
+    """Fill in lit colors of voxels; all arrays are flat, three numbers each."""
     for chunk in tasks(counter, (len(position) // 3 + CHUNK - 1) // CHUNK):
         _shade_chunk(position, color, gradient, lamp, shaded, 3 * CHUNK * chunk)

@@ -1,4 +1,4 @@
-"""Voronoi cell of a cloud's point among its neighbours, in the tangent plane of the surface.
+"""Voronoi cell of a cloud's point among its neighbours, in the tangent plane.
 
 The cell is the part of the tangent plane that is nearer to the point than to any neighbour. Discs
 that contain the cells of their points leave no gap on a surface, however irregular the sampling.
@@ -161,7 +161,7 @@ def _half_turned(x: float, y: float, length: float) -> tuple[float, float]:
 
 @inner_kernel
 def _ellipse(lines: Lines, count: int, corners: int) -> tuple[float, float, float, float]:
-    """Half axes (x₁, y₁), (x₂, y₂) of an ellipse about the origin that contains a cell.
+    """Half axes (x₁, y₁), (x₂, y₂) of a centered ellipse that contains a cell.
 
     Its shape is that of the cell's second moments.
     """
@@ -373,6 +373,9 @@ def _lay(normal: Floats, radius: Floats, axes: Floats, chunk: int) -> None:
 
 @parallel_kernel
 def lay(counter: Counter, normal: Floats, radius: Floats, axes: Floats) -> None:
-    """Make round discs of known radius (N,): fill `axes` (N, 2, 3); normals get unit length."""
+    """Make round discs of known radius (N,): fill `axes` (N, 2, 3).
+
+    Normals are scaled to unit length.
+    """
     for chunk in tasks(counter, (radius.size + CHUNK - 1) // CHUNK):
         _lay(normal, radius, axes, chunk)

@@ -79,7 +79,10 @@ def _project(eye: Eye, vector: Vector, last: float) -> Vector:
 
 @kernel
 def _is_beside(center: float, a: float, b: float) -> bool:
-    """Whether a linear function is negative on a whole disc, by its center and its derivatives."""
+    """Whether a linear function is negative on a whole disc.
+
+    `center` is its value, `a` and `b` are its derivatives.
+    """
     return center + REACH * math.hypot(a, b) < 0.0
 
 
@@ -97,7 +100,7 @@ def _is_outside(eye: Eye, center: Vector, a: Vector, b: Vector) -> bool:
 
 @kernel
 def _bound(center: Vector, a: Vector, b: Vector, axis: int) -> tuple[float, float]:
-    """Middle and half extent, px, of a disc's outline along an axis; infinite behind the camera.
+    """Middle and half extent, px, of a disc's outline; infinite behind the camera.
 
     From the dual conic ρ² (a aᵀ + b bᵀ) − center centerᵀ.
     """
@@ -115,7 +118,7 @@ def _bound(center: Vector, a: Vector, b: Vector, axis: int) -> tuple[float, floa
 
 @kernel
 def _set_exact(record: Record, center: Vector, a: Vector, b: Vector) -> None:
-    """Set the forms of a splat: rows of the inverse of (a b center), relative to the center."""
+    """Set the forms of a splat: rows of the inverse of (a b center)."""
     # Invert by cross products, normalized to 1 at the center.
     u, v, w = cross(b, center), cross(center, a), cross(a, b)
     scale = center[2] / dot(w, center)

@@ -14,7 +14,7 @@ STILL = 2.0**-52  # tangents of rotations that are skipped: 2⁻²⁸ of float32
 
 @kernel
 def _turned(m: Matrix, v: Matrix) -> tuple[Matrix, Matrix]:
-    """Apply one rotation of Jacobi's method: make the entry 0, 1 of a symmetric matrix 0.
+    """Rotate by Jacobi's method: make the entry 0, 1 of a symmetric matrix 0.
 
     Rotations too small for float32 are skipped. `v` accumulates the rotations.
     """
@@ -65,7 +65,7 @@ def _rolled(m: Matrix) -> Matrix:
 
 @kernel
 def _turned_flattest(m: Matrix) -> Vector:
-    """Return `flattest` by Jacobi's method, however near the eigenvalues are to each other."""
+    """Return `flattest` by Jacobi's method, for eigenvalues however close."""
     v: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     for _ in range(SWEEPS):
         # Rotate each of the three pairs of axes once, by permuting it to the front.

@@ -10,7 +10,7 @@ Bytes = NDArray[np.uint8]
 
 @kernel
 def unpack(packed: Bytes, unpacked: Bytes) -> int:
-    """Decompress into `unpacked`; return the number of bytes written, −1 if the data is invalid."""
+    """Decompress into `unpacked`; count the bytes, −1 if the data is invalid."""
     source, target = 0, 0
     while source < packed.size:
         control = int(packed[source])

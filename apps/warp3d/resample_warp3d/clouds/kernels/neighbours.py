@@ -139,7 +139,7 @@ def _apart(blocks: PointBlocks, first: int, box: Box, gap: Doubles) -> None:
 def _take(
     blocks: PointBlocks, block: int, box: Box, far: float, count: int, into: Listed, gap: Doubles
 ) -> int:
-    """Append the points of a block that are not far from a box to a list; return its length."""
+    """Append a block's points near a box to a list; return its length."""
     (x0, y0, z0), (x1, y1, z1) = box
     start, taken = block * BLOCK, 0
     points, name, place = (
@@ -163,7 +163,7 @@ def _take(
 
 @inner_kernel
 def _list(blocks: PointBlocks, box: Box, far: float, looking: Search) -> int:
-    """List the points not far from a box; return their number, 0 if there are too many."""
+    """List the points near a box; count them, 0 if there are too many."""
     stack, gap = looking.stack, looking.square
     stack[0, 0], stack[0, 1], waiting, count = 0, blocks.first.size - 2, 1, 0
     # Descend from the root.
@@ -197,7 +197,7 @@ def _pick(gap: Doubles, count: int, bound: float, picked: Numbers) -> int:
 
 @inner_kernel
 def _choose(box: Box, far: float, count: int, looking: Search) -> int:
-    """Filter the group's list by a block's box; return the number, 0 if there are too many."""
+    """Filter the group's list by a block's box; count, 0 if there are too many."""
     (x0, y0, z0), (x1, y1, z1) = box
     place, gap, picked = looking.around.place, looking.gap, looking.picked
     # Measure the distances from the box.
@@ -237,7 +237,7 @@ def _within(gap: Doubles, count: int, bound: float) -> int:
 
 @inner_kernel
 def _bounded(gap: Doubles, count: int, wanted: int, guess: float, far: float) -> float:
-    """Narrow a bound until enough squares are within it, and few more; `far` if too few are."""
+    """Narrow a bound to few more squares than wanted; `far` if that has too few."""
     low, few, high, many = 0.0, 0, far, count
     bound = guess
     # Narrow the bracket until few more than wanted are inside.
@@ -323,7 +323,7 @@ def _box(blocks: PointBlocks, which: Numbers, count: int) -> Box:
 
 @inner_kernel
 def _bound(blocks: PointBlocks, block: int, wanted: int) -> float:
-    """Squared distance within which a block has enough points, by its neighbours on the curve."""
+    """Squared distance within which a block's neighbours on the curve are enough."""
     # Take so many blocks beside it that all points in their box are enough.
     beside, square = 1 + wanted // BLOCK, 0.0
     begin = max(0, min(block - beside, blocks.first[1] - 2 * beside - 1))
@@ -375,7 +375,7 @@ def _look(looking: Search, first: int, count: int, listed: int) -> float:
 
 @inner_kernel
 def _look_near(looking: Search, first: int, count: int, box: Box, around: int, far: float) -> float:
-    """Find neighbours in the group's list; return their bound, infinity if too few are within."""
+    """Find neighbours in the group's list; return their bound, inf if too few."""
     # Filter the list by the block's box.
     listed, wanted = _choose(box, far, around, looking), looking.found.shape[1]
     if listed < wanted:

@@ -1,4 +1,4 @@
-"""Paint discs of a cloud: the front surface of each sub-pixel, and its mean color there.
+"""Paint discs of a cloud: each sub-pixel's front surface, and its mean color.
 
 A sub-pixel shows all discs of the surface in front of it, weighted by the distance of their
 centers; discs whose planes are farther there than sampling explains belong to the next surface,
@@ -107,7 +107,7 @@ def _rows(disc: Disc, block: Block) -> tuple[int, int]:
 
 @kernel
 def _columns(disc: Disc, block: Block, row: int, core: Single) -> tuple[int, int]:
-    """First and last column of a row's sub-pixels with i² up to `core`; rounded outward."""
+    """First and last column of a row with i² up to `core`, rounded outward."""
     # Write the index along the row as a quadratic form.
     fine = float(block.subpixels)
     dy = block.top + (row + 0.5) / fine - disc.y
@@ -143,7 +143,7 @@ def _columns(disc: Disc, block: Block, row: int, core: Single) -> tuple[int, int
 
 @kernel
 def _in_row(disc: Disc, block: Block, row: int) -> tuple[Single, tuple[Single, Single, Single]]:
-    """Offset of a row's first sub-pixel from a disc, px, and u, v and d on the row below it."""
+    """Offset from a disc to a row's first sub-pixel, px, and u, v, d on the row."""
     dy = np.float32(block.top + (row + 0.5) / block.subpixels - disc.y)
     start = np.float32(
         block.left + (row_shift(row, block.subpixels) + 0.5) / block.subpixels - disc.x
@@ -265,7 +265,7 @@ def _claimed(discs: Discs, tiles: Tiles, tile: int, block: Block) -> None:
 
 @kernel
 def _is_even(records: Records, tiles: Tiles, tile: int, block: Block) -> bool:
-    """Whether one surface of splats fills a tile, so that some of its sub-pixels are enough."""
+    """Whether one surface fills a tile, so that some of its sub-pixels are enough."""
     fine, floor = block.subpixels, block.floor
     if fine % 2 == 1 or tiles.spacing[tile] < EVEN:
         return False

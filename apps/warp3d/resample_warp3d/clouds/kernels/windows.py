@@ -42,7 +42,7 @@ def _find_chunk(
 def find_meeting(
     counter: Counter, records: Records, lattice: Lattice, span: tuple[int, int], flags: Flags
 ) -> None:
-    """Find the discs that touch one of the tiles of a span: its first, and one beyond its last.
+    """Find the discs that touch a tile of a span: its first, and one past its last.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Links between neighbours of a depth image that lie on one surface, and the surface's slopes.
+"""Links between neighbours on one surface of a depth image, and its slopes.
 
 Everything is measured in nearness, which is linear on planes as seen by a pinhole: on a plane the
 second differences vanish, so a jump that the slope beside it explains is no edge.
@@ -49,7 +49,7 @@ def _at(nearness: Floats, row: int, column: int) -> Single:
 
 @kernel
 def _is_linked(nearness: Floats, row: int, column: int, down: bool, allowed: Single) -> bool:
-    """Whether the steps on either side explain a step to the next sample along an axis."""
+    """Whether steps on either side explain the step to the next sample."""
     dr, dc = (1, 0) if down else (0, 1)
     here, there = nearness[row, column], nearness[row + dr, column + dc]
     before, after = (
@@ -137,7 +137,7 @@ def join_rows(counter: Counter, links: Links) -> None:
 def _line(
     values: Floats, links: Links, row: int, column: int, down: bool, reach: int
 ) -> tuple[float, float, int]:
-    """Fit a line through a sample's neighbours on its surface: value there, slope, sample count.
+    """Fit a line to a sample's surface: value there, slope, number of samples.
 
     Least squares over up to `reach` linked samples on each side.
     """
@@ -193,7 +193,7 @@ def fit_rows(
     fitted: Floats,
     slope: Floats,
 ) -> None:
-    """Fit lines along rows (or, `down`, columns) of every surface; all arrays are (H, W)."""
+    """Fit lines along rows (or, `down`, columns) of surfaces; arrays are (H, W)."""
     for row in tasks(counter, values.shape[0]):
         _fit_row(values, links, row, down, reach, fitted, slope)
 
@@ -236,7 +236,10 @@ def _curvature(values: Floats, links: Links, row: int, column: int) -> float:
 
 @kernel
 def curvatures(values: Floats, links: Links, step: int, result: Doubles) -> None:
-    """Relative second differences of every `step`-th row and column; (H // step, W // step)."""
+    """Relative second differences of every `step`-th row and column.
+
+    `result` is (H // step, W // step).
+    """
     for row in range(result.shape[0]):
         for column in range(result.shape[1]):
             result[row, column] = _curvature(values, links, row * step, column * step)

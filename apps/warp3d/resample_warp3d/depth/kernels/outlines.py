@@ -1,4 +1,4 @@
-"""Positions of silhouettes between the samples of a depth image, and removal of mixed colors.
+"""Silhouettes between samples of a depth image, and unmixing of their colors.
 
 A silhouette between two neighbours lies somewhere between their centers: the near one's center is
 still on the near surface, the far one's is not. With the edge T px from the near center (0..1), the
@@ -25,7 +25,7 @@ ROUND = 0.93  # ratio of the last two steps of nearness from which on a surface 
 
 @kernel
 def limb(ratio: float) -> float:
-    """Samples from the last one to where a surface curves away, by the ratio of its last two steps.
+    """Samples to a surface's end, by the ratio of the last two steps of nearness.
 
     Near a limb nearness falls like a square root, √(T − t); the ratio ρ of the steps before the
     last sample (t = 0) yields T: with q = √(T + 1) + √(T + 2), q² = (1 + ρ) / (ρ (1 − ρ)) and
@@ -44,7 +44,7 @@ def _mixture(
     color: Floats, near: tuple[int, int], far: tuple[int, int], step: tuple[int, int],
     more: tuple[bool, bool],
 ) -> tuple[float, float]:  # fmt: skip
-    """Estimate an edge from two pixels' colors: px from the near center, and its weight 0..1.
+    """Estimate an edge by color: px from the near center, and its weight 0..1.
 
     `step` leads from the near to the far sample; `more` tells whether each surface has a third
     sample.
@@ -91,9 +91,9 @@ def _position(
     color: Floats, nearness: Floats, links: Links, error: Doubles,
     row: int, column: int, down: bool,
 ) -> float:  # fmt: skip
-    """Silhouette between a sample and its right (or lower) neighbour, px from the nearer center.
+    """Silhouette between a sample and its right (or lower) neighbour.
 
-    Negative: there is none. 1/2 where nothing is known.
+    In px from the nearer one's center. Negative: there is none. 1/2 where nothing is known.
     """
     # Require two samples on different surfaces.
     dr, dc = (1, 0) if down else (0, 1)
@@ -177,7 +177,7 @@ def find_silhouettes(
 def _side(
     nearness: Floats, edge: Floats, row: int, column: int, side: int
 ) -> tuple[float, int, int]:
-    """Share of a sample's pixel that another surface covers on one side, and the step to there.
+    """Share of a pixel that another surface covers on one side, and the step there.
 
     Sides: 0 left, 1 right, 2 up, 3 down.
     """
@@ -203,7 +203,7 @@ def _side(
 def _pure(
     color: Floats, nearness: Floats, edge: Floats, row: int, column: int, result: Floats,
 ) -> None:  # fmt: skip
-    """Write a sample's color with other surfaces' contributions replaced by its own surface's."""
+    """Write a sample's color without other surfaces' contributions."""
     # Add up what other surfaces cover.
     own, total = 1.0, 0.0
     for side in range(4):
@@ -252,6 +252,6 @@ def _pure_in_row(
 def unmix(
     counter: Counter, color: Floats, nearness: Floats, links: Links, edge: Floats, result: Floats
 ) -> None:
-    """Write the colors (H, W, C) of surfaces without those of surfaces behind or in front."""
+    """Write the colors (H, W, C) of surfaces without those behind or in front."""
     for row in tasks(counter, color.shape[0]):
         _pure_in_row(color, nearness, links, edge, row, result)

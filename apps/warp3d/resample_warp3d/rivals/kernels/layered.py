@@ -1,4 +1,4 @@
-"""Layered depth images: samples of several views in the pixels of one, and splatting of them."""
+"""Layered depth images: samples of several views in the pixels of one."""
 
 import math
 from typing import NamedTuple
@@ -162,7 +162,7 @@ def merge(
 def _put_splat(
     layers: LayeredImage, n: int, place: Pair, patch: Floats, values: Pair, rendered: Rendered
 ) -> None:
-    """Composite a sample over a picture; `values` are its nearness and magnification there.
+    """Composite a sample over a picture; `values` are its depth and magnification.
 
     `patch` (K, K) are the splat's opacities, `place` is its center, px.
     """

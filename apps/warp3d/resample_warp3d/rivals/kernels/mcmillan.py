@@ -1,4 +1,4 @@
-"""McMillan's warping equation sample by sample: places, Jacobians and nearest pixels."""
+"""McMillan's warping equation: places, Jacobians and nearest pixels of samples."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +36,7 @@ def changed(equation: Equation, step: Pair, change: float) -> Homogeneous:
 
 @kernel
 def place_of(place: Doubles, row: int, column: int) -> Pair:
-    """Place of a sample in a camera without distortion, px; an empty array: pixel centers."""
+    """Place of a sample, px, without distortion; its center if the array is empty."""
     if place.shape[0] == 0:
         return column + 0.5, row + 0.5
     return place[row, column, 0], place[row, column, 1]
@@ -105,9 +105,10 @@ def _place_row(
     owner: NDArray[np.int32],
     nearest: Floats,
 ) -> None:
-    """Write a walk of samples along a row to their nearest pixels, by additions and one division.
+    """Write a walk of samples along a row to their nearest pixels.
 
-    Where `nearest` is empty, later samples replace earlier ones, else nearer ones farther ones.
+    A sample costs additions and one division. Where `nearest` is empty, later samples replace
+    earlier ones, else nearer ones farther ones.
     """
     values, place = source.nearness, source.place
     m, e = equation.matrix, equation.epipole

@@ -89,7 +89,7 @@ def project_rows(counter: Counter, source: Source, equation: Equation, vertex: F
 
 @kernel
 def corners(row: int, column: int, part: int) -> tuple[int, int, int, int]:
-    """Row and column of a triangle's right-angled corner, and those of the opposite sides."""
+    """Row and column of a triangle's right-angled corner, and the opposite ones."""
     down, right = part // 2, part % 2
     return row + down, column + right, row + 1 - down, column + 1 - right
 
@@ -108,7 +108,7 @@ def at(vertex: Floats, row: int, column: int) -> Vertex:
 
 @kernel
 def turn(vertex: Floats, row: int, column: int, part: int) -> float:
-    """Twice the area of one of a quad's triangles in the target, signed as in the source."""
+    """Twice the area of a quad's triangle in the target, signed as in the source."""
     r, c, other_r, other_c = corners(row, column, part)
     area = twice_area(at(vertex, r, c), at(vertex, r, other_c), at(vertex, other_r, c))
     return area if (r < other_r) == (c < other_c) else -area
@@ -140,7 +140,7 @@ def _joined(source: Source, row: int, column: int, part: int, step: float) -> in
 def _divide_quad(
     source: Source, vertex: Floats, row: int, column: int, rule: tuple[float, float]
 ) -> int:
-    """Bits of a quad's triangles to draw; its diagonal is the one that keeps more surface."""
+    """Bits of a quad's triangles to draw, by the diagonal that keeps more surface."""
     step, orientation = rule
 
     # Classify the four possible triangles.
@@ -245,7 +245,7 @@ def deal(
     item: NDArray[np.int32],
     width: int,
 ) -> None:
-    """Sort items into bands: write each band's from its `position` on, which moves to their end.
+    """Sort items into bands, each from its `position` on, which moves to their end.
 
     Items are numbered as samples of a source that is `width` wide; one that is not drawn has a box
     with left above right. With an empty `item` only positions move: that counts the items.
@@ -335,7 +335,7 @@ def _draw_triangle(
 
 @kernel
 def _resolve_pixel(fine: Fine, row: int, column: int, rendered: Rendered) -> None:
-    """Mean of a pixel's sub-pixels; depth and magnification are those of the nearest one."""
+    """Average a pixel's sub-pixels; the nearest gives depth and magnification."""
     n, image = fine.samples, rendered.image
     share = np.float32(1.0 / (n * n))
     i, covered = fine.top + row, 0

@@ -1,4 +1,4 @@
-"""Grids of subsamples between linked samples, each written to its nearest sub-pixel."""
+"""Grids of subsamples between linked samples, drawn to nearest sub-pixels."""
 
 import math
 
@@ -132,7 +132,7 @@ def _extent(vertex: Floats, row: int, column: int, axis: int) -> float:
 
 @kernel
 def _may_show(fine: Fine, x: float, y: float, nearness: Single) -> bool:
-    """Depth test: whether a place in sub-pixels is inside a band and nothing nearer is there."""
+    """Depth test: whether a place in sub-pixels is inside, and nothing is nearer."""
     rows, columns = fine.nearness.shape
     if not (0.0 <= x < columns and 0.0 <= y < rows):
         return False
@@ -166,7 +166,7 @@ def _between(a: Corner, b: Corner, share: float) -> Corner:
 def _put_between(
     color: Floats, row: int, column: int, share: tuple[float, float], target: Floats
 ) -> None:
-    """Interpolate color bilinearly, the given shares of a column and a row from a quad's corner."""
+    """Interpolate color bilinearly, at shares of a column and a row in a quad."""
     s, t = share
     a, b = np.float32((1.0 - s) * (1.0 - t)), np.float32(s * (1.0 - t))
     c, d = np.float32((1.0 - s) * t), np.float32(s * t)
@@ -183,10 +183,10 @@ def _put_between(
 def _fill_quad(
     source: Source, vertex: Floats, row: int, column: int, most: int, fine: Fine
 ) -> None:
-    """Write a quad's subsamples: color and homogeneous place are bilinear between its corners.
+    """Write a quad's subsamples.
 
-    Of the n × n cells around the subsamples none is wider or higher than a sub-pixel, so that no
-    sub-pixel inside is missed.
+    Color and homogeneous place are bilinear between its corners. Of the n × n cells around the
+    subsamples none is wider or higher than a sub-pixel, so that no sub-pixel inside is missed.
     """
     # Choose the number of subsamples by the quad's extent.
     scale = float(fine.samples)

@@ -52,7 +52,7 @@ def _sides(coverage: Floats, row: int, column: int) -> tuple[int, int, int, int]
 
 @kernel
 def _rim(reach: Kinds, row: int, column: int) -> tuple[int, int]:
-    """Row and column of the nearest full pixel whose surface may extend to this one; −1: none."""
+    """Row and column of the nearest full pixel that may extend to this one; −1: none."""
     # Search in growing distance, in the four directions along row and column.
     for n in range(1, GROWN + 1):
         for k in range(4):
@@ -106,7 +106,7 @@ def _reach_of_row(coverage: Floats, magnification: Floats, row: int, reach: Kind
 
 @parallel_kernel
 def reach_of_rows(counter: Counter, coverage: Floats, magnification: Floats, reach: Kinds) -> None:
-    """Write how far pixels' surfaces may extend beyond them, px + 1; 0 where they are not full.
+    """Write how far pixels' surfaces may extend, px + 1; 0 where not full.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ def bridge_rows(
     counter: Counter, image: Floats, coverage: Floats, nearness: Floats, magnification: Floats,
     reach: Kinds, new_coverage: Floats, bridged: Flags,
 ) -> None:  # fmt: skip
-    """Close narrow gaps, and let magnified surfaces grow within the uncertainty of their outlines.
+    """Close narrow gaps, and grow magnified surfaces up to their uncertainty.
 
     Parameters
     ----------
@@ -197,7 +197,7 @@ def bridge_rows(
 
 @kernel
 def on_lattice(place: Doubles, x: float, y: float) -> tuple[float, float]:
-    """Invert a distorted source's lattice: place on it of what an ideal camera shows at x, y."""
+    """Place on a distorted source's lattice of what an ideal camera shows at x, y."""
     height, width = place.shape[0], place.shape[1]
     # Iterate to the fixed point: distortion changes little within a pixel.
     u, v = x, y
@@ -256,7 +256,7 @@ def _explain_row(
     coverage: Floats, nearness: Floats, back: Doubles, origin: Doubles, place: Doubles,
     known: Flags, farthest: Floats, row: int, holes: Kinds,
 ) -> None:  # fmt: skip
-    """Classify a row's holes, each assumed as far as the farther of its two sides in the row."""
+    """Classify a row's holes, each as far as the farther of its two sides."""
     width = coverage.shape[1]
     holes[row, :] = 0
     column = 0

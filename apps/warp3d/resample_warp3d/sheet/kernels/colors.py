@@ -1,4 +1,4 @@
-"""Colors inside samples' pixels: parabolas that keep the mean, for a run of a row at a time."""
+"""Colors inside samples' pixels: parabolas that keep the mean."""
 
 import numpy as np
 
@@ -57,7 +57,7 @@ def _bent(values: Five, is_linked: Four) -> tuple[Single, Single]:
 def _turned(
     mean: Single, slope: Single, bend: Single, is_ahead: bool, is_back: bool
 ) -> tuple[Single, Single, Single]:
-    """Mean, slope and bend of a cell beyond which the surface curves away, on one side or none.
+    """Mean, slope and bend of a cell at whose side the surface may curve away.
 
     The cell's outer half shows the last quarter of the sample: what lies at u in −1/2..1/2 of the
     cell is at u + 1/4 − u² of the sample, if it curves away ahead. The slope is one-sided there.
@@ -145,7 +145,7 @@ def write_means(
 
 @inner_kernel
 def color_at(numbers: Floats, m: np.uint64, u: Single, v: Single, uu: Single, vv: Single) -> Single:
-    """One channel at a place u, v in −1/2..1/2 of a sample's pixel, or its mean around there.
+    """Evaluate a channel at u, v in −1/2..1/2 of a pixel, or its mean around there.
 
     `uu` and `vv` are the squares of u and v, or their means, minus 1/12.
     """

@@ -1,4 +1,4 @@
-"""Corners of samples: a depth image as a sheet of cells that is torn where surfaces end.
+"""Corners of samples: a depth image as a sheet of cells, torn at surfaces' ends.
 
 A cell is a sample's pixel; linked neighbours share the nearness of the corners between them, so the
 sheet has no cracks. At a tear each surface extends to the silhouette, with the curvature of its
@@ -27,7 +27,7 @@ BENT = 0.65  # share of the last step of nearness by which the next step may dif
 def change(
     nearness: Floats, links: Links, row: int, column: int, offset: float, down: bool
 ) -> float:
-    """Change of nearness from a sample's center to `offset` px along an axis, on its surface."""
+    """Change of nearness `offset` px from a sample's center, along an axis."""
     # Orient the axis so that the offset is ahead.
     dr, dc = (1, 0) if down else (0, 1)
     ahead, back = (DOWN, UP) if down else (RIGHT, LEFT)
@@ -118,7 +118,7 @@ def _smooth_vertices(nearness: Floats, links: Links, row: int, vertex: Floats) -
 
 @kernel
 def _fill_vertices(nearness: Floats, links: Links, row: int, vertex: Floats) -> None:
-    """Write a row of corners: the smooth ones first, then those with unlinked neighbours."""
+    """Write a row of corners: first smooth ones, then those with open links."""
     vertex[row, :] = 0
     if 2 <= row < nearness.shape[0] - 1:
         _smooth_vertices(nearness, links, row, vertex)
@@ -138,7 +138,7 @@ def _fill_vertices(nearness: Floats, links: Links, row: int, vertex: Floats) -> 
 
 @parallel_kernel
 def fill_vertices(counter: Counter, nearness: Floats, links: Links, vertex: Floats) -> None:
-    """Write the nearness at the lattice's corners (H + 1, W + 1); 0 where the sheet is torn."""
+    """Write the nearness at corners (H + 1, W + 1); 0 where the sheet is torn."""
     for row in tasks(counter, vertex.shape[0]):
         _fill_vertices(nearness, links, row, vertex)
 
@@ -156,7 +156,7 @@ def _is_torn(nearness: Floats, vertex: Floats, row: int, column: int) -> bool:
 
 @kernel
 def number_torn(nearness: Floats, vertex: Floats, index: Indices) -> int:
-    """Number the cells with corners of their own; write −1 for the others, −2 without a cell."""
+    """Number the cells with their own corners; −1 for the others, −2 for none."""
     count = 0
     for row in range(nearness.shape[0]):
         for column in range(nearness.shape[1]):
@@ -172,7 +172,7 @@ def number_torn(nearness: Floats, vertex: Floats, index: Indices) -> int:
 
 @kernel
 def _shift(nearness: Floats, edge: Floats, row: int, column: int, down: bool) -> float:
-    """Offset of a corner of the lattice along an axis, to the silhouettes beside it, px."""
+    """Offset of a corner along an axis to the silhouettes beside it, px."""
     # Extend the sheet at the frame's border.
     height, width = nearness.shape
     place, last = (row, height) if down else (column, width)
@@ -201,7 +201,7 @@ def _shift(nearness: Floats, edge: Floats, row: int, column: int, down: bool) ->
 
 @kernel
 def _linked(links: Links, row: int, column: int, member: int) -> tuple[bool, bool, bool, bool]:
-    """Find the samples around a corner that lie on the surface of one of them, as four flags.
+    """Flags of the samples around a corner on the surface of one of them.
 
     Members: 0 above left, 1 above right, 2 below left, 3 below right of the corner.
     """
@@ -230,7 +230,7 @@ def _linked(links: Links, row: int, column: int, member: int) -> tuple[bool, boo
 def _torn_corner(
     nearness: Floats, links: Links, row: int, column: int, is_member: Four, x: float, y: float
 ) -> float:
-    """Nearness at a shifted corner of the lattice: mean of its members' extrapolations."""
+    """Nearness at a shifted corner: mean of its members' extrapolations."""
     a, b, c, d = is_member
     total, count = 0.0, 0
     if a:

@@ -67,7 +67,7 @@ NONE = np.int32(-1)  # pixel
 
 @inner_kernel
 def nearness_at(numbers: Floats, m: np.uint64, column: Pixel, row: Pixel) -> Single:
-    """Nearness of a cell's plane at a pixel's center, clamped to the cell's own limits."""
+    """Nearness of a cell's plane at a pixel's center, clamped to its own limits."""
     x = np.float32(column) + HALF - numbers[X + m]
     y = np.float32(row) + HALF - numbers[Y + m]
     near = numbers[NEAR + m] + numbers[SLOPE_X + m] * x + numbers[SLOPE_Y + m] * y
@@ -78,7 +78,7 @@ def nearness_at(numbers: Floats, m: np.uint64, column: Pixel, row: Pixel) -> Sin
 def fill_depths(
     begin: int, end: int, i: int, j: int, frame: Frame, numbers: Floats, places: Indices
 ) -> int:
-    """Fill the slot in column i, row j of the pixels that cells may meet with their nearness.
+    """Fill the slot in column i, row j of cells' pixels with their nearness.
 
     Like all functions that fill slots, returns how many are not empty.
     """
@@ -99,7 +99,7 @@ def fill_depths(
 def set_boxes(
     begin: int, end: int, frame: Frame, numbers: Floats, places: Indices
 ) -> tuple[int, int]:
-    """Turn upright cells into boxes; return the most rows and columns of pixels that one meets."""
+    """Turn upright cells into boxes; return the most rows and columns that one meets."""
     rows, columns = np.int32(0), np.int32(0)
     for n in range(begin, end):
         m = np.uint64(n)
@@ -130,7 +130,7 @@ def set_boxes(
 def fill_from_boxes(
     begin: int, end: int, i: int, j: int, frame: Frame, numbers: Floats, places: Indices
 ) -> int:
-    """Fill a slot with the mean color of a box over the part of a pixel that it covers."""
+    """Fill a slot with boxes' mean colors over the part of a pixel they cover."""
     found = 0
     for n in range(begin, end):
         m = np.uint64(n)
@@ -166,7 +166,7 @@ def fill_from_boxes(
 def count_parts(
     begin: int, end: int, frame: Frame, numbers: Floats, places: Indices
 ) -> tuple[int, int]:
-    """Count the parts into which cells are cut along both sides; return the largest counts."""
+    """Count the parts of cells along both sides; return the largest counts."""
     most_u, most_v = np.int32(1), np.int32(1)
     for n in range(begin, end):
         m = np.uint64(n)
@@ -185,7 +185,7 @@ def set_parts(
     begin: int, end: int, i: int, j: int, is_whole: bool, frame: Frame,
     numbers: Floats, places: Indices,
 ) -> int:  # fmt: skip
-    """Cut part (i, j) out of every cell that has it; return how many may lie in the band.
+    """Cut part (i, j) out of every cell; count those that may lie in the band.
 
     A part is an upright box of one color, at most 1 px wide.
     """
@@ -233,7 +233,7 @@ def fill_from_parts(
     begin: int, end: int, i: int, j: int, is_flat: bool, frame: Frame,
     numbers: Floats, places: Indices,
 ) -> int:  # fmt: skip
-    """Fill one slot of 2 × 2 with what parts give to that pixel; labels are not multiplied."""
+    """Fill one slot of 2 × 2 with parts' contributions; labels are not weighted."""
     found = 0
     for n in range(begin, end):
         m = np.uint64(n)

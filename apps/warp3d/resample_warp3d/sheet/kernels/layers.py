@@ -1,4 +1,4 @@
-"""Cells painted into two layers per pixel: the nearest surface, and the one behind it.
+"""Paint cells into two layers per pixel: the nearest surface, and the next.
 
 A band of the target's rows belongs to one thread, which makes three passes over the source's cells:
 for the nearest surface of every pixel, for the nearest of those behind it, and to add colors. A
@@ -141,7 +141,7 @@ def _find_behind(begin: int, end: int, cells: Cells, front: Floats, behind: Floa
 
 @inner_kernel
 def _is_front(bounds: Indices, least: Single, frame: Frame, front: Floats) -> bool:
-    """Occlusion test: whether nothing at `least` or nearer is hidden by the front within bounds."""
+    """Occlusion test: whether nothing as near as `least` is hidden within bounds."""
     left, right = max(0, bounds[0]), min(frame.width, bounds[2])
     top, bottom = max(frame.first, bounds[1]), min(frame.last, bounds[3])
     # Count hidden pixels without a branch.

@@ -1,4 +1,4 @@
-"""Silhouettes of curved surfaces: smooth curves through their ends instead of stairs of samples.
+"""Silhouettes of curved surfaces: smooth curves instead of stairs of samples.
 
 Where a surface curves away, nearness beyond the last sample along an axis falls like a square root
 (`outlines.limb`), which tells the nearness at the surface's end. A corner of the lattice beside
@@ -58,7 +58,7 @@ class Ends(NamedTuple):
 def end_of(
     nearness: Floats, links: Links, error: Doubles, row: int, column: int, down: bool, sign: int
 ) -> tuple[float, float]:
-    """Nearness at which a surface curves away after a sample toward `sign`, and its roundness.
+    """Nearness and roundness at the end of a surface after a sample toward `sign`.
 
     Both are 0 where it does not curve away. Nearness exceeds that at the end by the root of
     roundness times distance.
@@ -85,7 +85,7 @@ def end_of(
 def _end(
     nearness: Floats, links: Links, silhouettes: Silhouettes, row: int, column: int, side: int
 ) -> End:
-    """Return one of the four silhouettes around a corner: above, below, left, right of it."""
+    """Return one of the silhouettes around a corner: above, below, left, right."""
     edge, error = silhouettes
     # Find the pair of samples that it runs between.
     down, second = side >= 2, side % 2
@@ -176,7 +176,7 @@ def _mark_row(nearness: Floats, links: Links, error: Doubles, row: int, marked: 
 def mark_ends(
     counter: Counter, nearness: Floats, links: Links, error: Doubles, marked: Links
 ) -> None:
-    """Write links (H, W) with bits of the sides on which surfaces curve away: TURNS times each.
+    """Mark the sides of links (H, W) on which surfaces curve away: TURNS times each.
 
     `error` is as in `Silhouettes`.
     """
@@ -188,7 +188,7 @@ def mark_ends(
 def rise_of(
     matrix: Doubles, epipole: Doubles, corner: Floats, roundness: Floats, seen: tuple[float, float]
 ) -> float:
-    """Rise of nearness from a surface's end in the source to its silhouette in the target.
+    """Rise of nearness from a surface's end to its silhouette in the target.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Preview with one sample per pixel: the nearest cell over its center, and that cell's color."""
+"""Preview: the nearest cell over each pixel's center, and its color there."""
 
 from typing import NamedTuple
 
@@ -99,7 +99,7 @@ def _fill_looks(
 
 @inner_kernel
 def _look(begin: int, end: int, first: int, cells: Cells, looks: Looks) -> None:
-    """Depth-test fragments and keep their cells; `first` is the number of the first cell."""
+    """Depth-test fragments and keep their cells, numbered from `first` on."""
     (numbers, places), (front, owner) = cells, looks
     for n in range(begin, end):
         m = np.uint64(n)
@@ -133,7 +133,10 @@ def _take(
 def _corners_of(
     screen: Floats, torn: Floats, index: Indices, row: int, column: int
 ) -> tuple[Corner, Corner, Corner, Corner]:
-    """Corners of a cell: top left, top right, bottom left, bottom right; x, y, nearness each."""
+    """Corners of a cell, x, y and nearness.
+
+    Top left, top right, bottom left, bottom right.
+    """
     # A torn cell has its own; the others share the lattice's.
     n = index[row, column]
     if n >= 0:

@@ -31,7 +31,7 @@ class Screen(NamedTuple):
 def seen_at(
     matrix: Doubles, epipole: Doubles, x: float, y: float, nearness: float
 ) -> tuple[Single, Single, Single]:
-    """Project a point by the warping equation: place on the screen, and nearness, −1 if nowhere.
+    """Project a point by the warping equation: place, and nearness, −1 if nowhere.
 
     Branch-free, so that several places are computed at once.
     """
@@ -112,7 +112,10 @@ def _project_corners(
 def project_corners(
     counter: Counter, corner: Floats, matrix: Doubles, epipole: Doubles, screen: Floats
 ) -> None:
-    """Project the corners (N, 4, 3) of torn cells; `screen` (N, 4, 3) holds x, y and nearness."""
+    """Project the corners (N, 4, 3) of torn cells.
+
+    `screen` (N, 4, 3) is filled with x, y and nearness.
+    """
     for block in tasks(counter, (corner.shape[0] + BLOCK - 1) // BLOCK):
         _project_corners(corner, matrix, epipole, block, screen)
 

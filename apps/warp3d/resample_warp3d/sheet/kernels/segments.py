@@ -78,7 +78,7 @@ class Frame(NamedTuple):
 
 
 class Strip(NamedTuple):
-    """A sheet, of which a band is painted; its members are segments, counted row by row."""
+    """A sheet, of which a band is painted; members are segments, row by row."""
 
     screen: Screen
     frame: Frame
@@ -112,7 +112,7 @@ def _write_shared(screen: Floats, row: int, start: int, count: int, numbers: Flo
 def _write_torn(
     torn: Floats, index: Indices, row: int, start: int, count: int, numbers: Floats
 ) -> None:
-    """Overwrite the corners of a segment's torn cells; cells without depth become invisible."""
+    """Overwrite the corners of torn cells; cells without depth become invisible."""
     for n in range(count):
         m, own = np.uint64(n), index[row, start + n]
         if own >= 0:
@@ -128,7 +128,7 @@ def _write_torn(
 
 @inner_kernel
 def _measure_shapes(count: int, numbers: Floats) -> None:
-    """Measure middles, sides, twists, planes of nearness and areas of cells from their corners."""
+    """Measure cells from their corners: sides, twist, nearness plane and area."""
     for n in range(count):
         m = np.uint64(n)
         px, py, pn = numbers[P_X + m], numbers[P_Y + m], numbers[P_NEAR + m]

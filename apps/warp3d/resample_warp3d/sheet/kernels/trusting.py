@@ -36,7 +36,7 @@ def look_up(
     counter: Counter, nearness: Floats, back: Doubles, origin: Doubles, place: Doubles,
     trust: Floats, found: Floats,
 ) -> None:  # fmt: skip
-    """Read a map of the source at the places that pixels of the target project back to.
+    """Read a map of the source where pixels of the target project back to.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Ray casting of generated scenes: patterned rectangles and spheres, with exact intersections.
+"""Ray casting of generated scenes: patterned rectangles and spheres.
 
 A ray is a point plus t times a direction whose component along the camera's axis is 1, so that t is
 the z-depth.
@@ -172,7 +172,10 @@ def _octaves(u: float, v: float, count: int, seed: int) -> float:
 
 @kernel
 def _letters(u: float, v: float) -> float:
-    """Lines of random glyphs: 0 is ink, 1 paper. One cell wide and two high is a letter."""
+    """Lines of random glyphs: 0 is ink, 1 paper.
+
+    A letter is one cell wide and two high.
+    """
     column, line = math.floor(u), math.floor(0.5 * v)
     # Draw a glyph of 5 × 7 dots, with gaps between letters, words and lines.
     x, y = int(6.0 * (u - column)), int(10.0 * (0.5 * v - line))
@@ -183,7 +186,7 @@ def _letters(u: float, v: float) -> float:
 
 @kernel
 def _blend(pattern: int, u: float, v: float) -> tuple[float, float]:
-    """Evaluate a pattern: share of the bright color, and a change of hue, both in 0..1."""
+    """Evaluate a pattern: share of the bright color, and change of hue, in 0..1."""
     if pattern == CHECKER:
         return float((math.floor(u) + math.floor(v)) & 1), 0.5
     if pattern == STRIPES:
@@ -269,7 +272,7 @@ def _render_row(
 def render_rows(
     counter: Counter, objects: Objects, eye: RayCamera, rays: int, color: Floats, depth: Doubles
 ) -> None:
-    """Render a scene: every pixel the mean of rays × rays, and z at the pixels' centers.
+    """Render a scene: means of rays × rays per pixel, and z at pixels' centers.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Edges of depth: changes from one surface to another, at once or over several samples.
+"""Edges of depth: changes between surfaces, at once or over several samples.
 
 A run is a sequence of steps to neighbours that all lead up, or all down: the steepest and adjacent
 ones that are not much smaller. An edge is a run that the slopes beyond its ends do not explain.
@@ -32,7 +32,7 @@ class Edges(NamedTuple):
 
 @kernel
 def _steps(nearness: Floats, line: int, down: bool, step: Doubles) -> None:
-    """Write the steps between the samples of a row, or column; 0 beside unknown samples."""
+    """Write the steps between samples of a row, or column; 0 beside unknown ones."""
     for n in range(step.size):
         if down:
             here, there = nearness[n, line], nearness[n + 1, line]

@@ -26,7 +26,7 @@ class Bends(NamedTuple):
 def _reach(
     nearness: Floats, band: Marks, row: int, column: int, step: tuple[int, int], most: int
 ) -> int:
-    """Count the samples in a direction before the band, the frame's border or unknown ones."""
+    """Count the samples in a direction up to the band, the border or unknown ones."""
     height, width = nearness.shape
     for n in range(1, most + 1):
         r, c = row + n * step[0], column + n * step[1]
@@ -87,7 +87,7 @@ def _measure_row(nearness: Floats, band: Marks, bends: Bends, row: int, slope: F
 def measure_slopes(
     counter: Counter, nearness: Floats, band: Marks, bends: Bends, slope: Floats
 ) -> None:
-    """Write the slopes (H, W, 4) of surfaces: along rows and columns, and their changes.
+    """Write slopes (H, W, 4) of surfaces along rows and columns, and their changes.
 
     0 where `band` (H, W) is not 0, and where a surface is too small.
     """

@@ -1,4 +1,4 @@
-"""Softness of a depth map's edges, and restoration of thin objects that it blurred."""
+"""Softness of a depth map's edges, and restoration of blurred thin objects."""
 
 import math
 from typing import NamedTuple
@@ -26,7 +26,10 @@ class Blur(NamedTuple):
 
 @kernel
 def _run(values: Floats, mark: Marks, row: int, column: int, found: Doubles) -> int:
-    """Measure the edge that begins at a sample, as `measure_edges`; return where it ends."""
+    """Measure the edge that begins at a sample; return where it ends.
+
+    Fills one row of `measure_edges`.
+    """
     # Sum the moments of the steps, and find the two largest.
     kind, total, mean, square, cube = mark[row, column, 0], 0.0, 0.0, 0.0, 0.0
     largest, second, n = 0.0, 0.0, 0
@@ -92,7 +95,7 @@ def _range(values: Floats, row: int, column: int, reach: int) -> tuple[float, fl
 
 @kernel
 def _whole(given: Floats, refined: Floats, row: int, column: int, blur: Blur) -> float:
-    """Value of a thin object without its surroundings' contribution; 0 if that is too much.
+    """Value of a thin object without its surroundings; 0 if that is impossible.
 
     A soft map's value is k a + (1 − k) b with the object's own value a and the surroundings' b.
     The own share k of a sample follows from what lies around it: given values beyond half of the

@@ -1,4 +1,4 @@
-"""Refine samples near edges by a vote of those around them: a weighted median, by color.
+"""Refine samples near edges by votes: a weighted median of those around.
 
 Every sample around votes for the nearness of its own surface, extended to the sample in question,
 with a weight that grows with proximity and similarity of color. The weighted median of the votes
@@ -105,7 +105,7 @@ def _likeness(color: Floats, row: int, column: int, r: int, c: int) -> float:
 
 @kernel
 def _change(slope: float, bend: float, away: int) -> float:
-    """Change of a surface's nearness at a distance from a sample along an axis, by slope and bend.
+    """Change of a surface's nearness at a distance along an axis.
 
     A surface that falls ever more steeply curves away: there nearness is a + b √(T − t), whose
     slope and bend at t = 0 yield T, slope / (2 bend). All others continue as parabolas.
@@ -161,9 +161,10 @@ def _median_of(votes: Votes, weight: Doubles, count: int, middle: float, reach: 
 def _vote(
     voters: Voters, window: Window, row: int, column: int, votes: Votes
 ) -> tuple[float, float]:
-    """Nearness of a sample by vote, and the share of votes for its surface; 0: no votes.
+    """Nearness of a sample by vote, and the share of votes for its surface.
 
-    The share counts less where no color around is similar to the sample's.
+    Both are 0 without votes. The share counts less where no color around is similar to the
+    sample's.
     """
     count = _collect(voters, window, row, column, votes)
     if count == 0:
