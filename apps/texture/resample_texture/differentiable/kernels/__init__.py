@@ -1,4 +1,4 @@
-"""Numba code of differentiable warps, in float64.
+"""Numba kernels of differentiable warps, in float64.
 
-Gradients are those of what is computed.
+Gradients are the exact derivatives of what the forward pass computes.
 """

@@ -33,7 +33,7 @@ class Skin(NamedTuple):
     mode: Ints  # (P,) OPAQUE, MASK or BLEND
     cutoff: Floats  # (P,) least alpha that shows of a mask
     # (N / 3,) alpha beside `texel`, premultiplied into the colors except in a mask's largest level;
-    # a mask's other levels hold what is left of it after the cutoff. Empty if all is opaque.
+    # a mask's other levels are reduced from what passes its cutoff. Empty if all is opaque.
     alpha: Floats
 
 

@@ -334,7 +334,7 @@ def split_plane(
     Parameters
     ----------
     matrix
-        (3, 3) source to target, positive third coordinate in front of the eye.
+        (3, 3) source to target, positive third coordinate in front of the camera.
     roots
         (R, 4) rectangles of the source: first column and row, width and height, texels.
     frame
@@ -353,7 +353,7 @@ def split_plane(
     """
     # Prepare the frustum's lines, growing results, and a stack for a depth-first descent.
     height, width = frame
-    left_over = MOST_LOOKED + PER_PIXEL * height * width  # rectangles that may be looked at
+    left_over = MOST_LOOKED + PER_PIXEL * height * width  # rectangles that may be visited
     lines, cut = sight(matrix, height, width, reach), Cut(quality, largest)
     found = np.empty((256, 2, 6), np.int64), np.empty((256, 4), np.int64), 0
     stack = np.zeros((256, 2, 4), np.int64)

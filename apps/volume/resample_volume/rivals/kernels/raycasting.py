@@ -415,7 +415,7 @@ def _first_hit(ray: Ray, content: Content, plan: Plan) -> Result:
 
 @kernel
 def _cast(ray: Ray, content: Content, plan: Plan) -> Result:
-    """Follow a ray by the projection that is asked for."""
+    """Cast a ray with the projection of the plan."""
     if plan.projection == COMPOSITE:
         return _composite(ray, content, plan)
     if plan.projection == FIRST_HIT:

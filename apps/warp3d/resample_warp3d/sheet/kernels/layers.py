@@ -321,7 +321,7 @@ def _resolve(look: Adding, area: Floats, frame: Frame, picture: DepthPicture) ->
             pixel = (y - frame.first) * frame.width + x
             at = np.uint64(8 * pixel)
             near_mass, far_mass = sums[at + np.uint64(3)], sums[at + np.uint64(7)]
-            # Boxes approximate cells: nearly full is full, and more than full is no more than that.
+            # Boxes only approximate cells: count what is nearly full, or overfull, as full.
             filled = min(max(near_mass + far_mass, FULL), ONE)
             share = min(near_mass / filled, ONE)
             total = min((near_mass + far_mass) / filled, ONE)

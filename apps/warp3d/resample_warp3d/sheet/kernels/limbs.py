@@ -20,7 +20,7 @@ from resample_warp3d.types import DOWN, LEFT, RIGHT, TURNS, UP, Links
 FARTHEST = 1.5  # samples from the last one to a surface's end, at most, as its depth predicts it
 INSET = 0.1  # samples that a surface ends before that: its outermost rim has no color of its own
 INSET_PX = 0.5  # the same on the target's screen, at most
-INSET_BEYOND = 2.0  # the same, in units of the fall of nearness that the target sees, at most
+INSET_BEYOND = 2.0  # the same, over the rise to the target's silhouette (`rise_of`), at most
 
 Four = tuple[float, float, float, float]
 
