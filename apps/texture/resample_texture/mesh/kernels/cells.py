@@ -63,8 +63,7 @@ def _add(
         high = share * (south - north)
         for column in range(max(0, math.floor(left)), min(columns, math.floor(right) + 1)):
             owner = block.owner[row, column]
-            # Skip sub-pixels that show another surface; neighbouring triangles of one surface share
-            # them.
+            # Skip sub-pixels of other surfaces; neighbouring triangles of one surface share them.
             if owner != n:
                 if owner < 0:
                     continue
@@ -74,8 +73,7 @@ def _add(
                 )
                 if not is_beside(triangles, n, owner, place, lens):
                     continue
-            # Add the color by the area of the overlap; read before writing, so that it becomes one
-            # addition.
+            # Add the color by the overlap's area; read all before writing, to make it one addition.
             west, east = within(left, right, float(column))
             part = np.float32(high * (east - west))
             r, c = np.uint64(row), np.uint64(column)

@@ -65,7 +65,7 @@ def _look_up(skin: Skin, texture: int, level: int, place: Place) -> Layer:
 
 @inner_kernel
 def _nearest(place: float, size: int, edge: int) -> tuple[int, int]:
-    """Texel at a texture coordinate, and the row of taps for the place within it."""
+    """Texel at a texture coordinate, and the column of taps for the place within it."""
     turn = float(np.floor(place))
     along = (place - turn) * size
     texel = min(int(along), size - 1)
@@ -117,8 +117,7 @@ def _level_and_looks(skin: Skin, texture: int, reach: Place) -> tuple[int, int]:
     # At the horizon, take the smallest level, which is the mean.
     if not most < TOO_MANY_TEXELS:
         return skin.levels[texture] - 1, 1
-    # Choose the level by the shorter axis, or a smaller one if the longer would need too many
-    # looks.
+    # Choose the level by the shorter axis, or a smaller one if the longer needs too many looks.
     level, texel = 0, 1.0
     while level + 1 < skin.levels[texture]:
         if 2.0 * texel > fewest and most * max(texel, fewest) <= MOST_LOOKS * texel * texel:

@@ -138,8 +138,7 @@ def _gather_block(
         place(geometry, block, box, v, offset, spread.taps, batch)
         if spread.is_sum:
             _share_out(batch.mass, size_u * size_v)
-        # Transpose each step of the forward pass: pixels to cells, cells to a line, the line to the
-        # patch.
+        # Transpose the steps of the forward pass: pixels to cells, to a line, to the patch.
         gather(pixels, width, batch, offset.size, spread)
         _spread_row(values, block, parts, taps, line)
         _spread_line(line, row, part, block[1, CUT], taps, patch)
@@ -299,7 +298,6 @@ def give_back(
         if totals.shape[0] > 0 and (step[0] > 1 or step[1] > 1) and is_outside:
             _give_back_means(patches, start[n], block, pad, shape, edge, totals)
         else:
-            # The others were read from the texels themselves, which were prefiltered along the cut
-            # axes.
+            # The others were read from the texels, prefiltered along the cut axes.
             kind = min(kind_of(block), texels.shape[0] - 1)
             _give_back_texels(patches, start[n], (left, top), step, shape, edge, texels, kind)

@@ -269,7 +269,7 @@ def _rank(away: Doubles, held: Numbers, many: int, rank: Numbers) -> None:
     lanes = (many + LANES - 1) // LANES * LANES
     for n in range(many, lanes):
         away[n] = np.inf
-    # Count the nearer ones of each, all pairs at once: faster than sorting.
+    # Count the nearer ones of each, by all pairs: branch-free for SIMD.
     for n in range(many):
         d, nearer = away[n], 0
         for m in range(lanes):

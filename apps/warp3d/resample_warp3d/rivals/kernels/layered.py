@@ -74,8 +74,7 @@ def _move_row(
         x, y = point[0] / point[2], point[1] / point[2]
         if not (0.0 <= x < shape[1] and 0.0 <= y < shape[0]):
             continue
-        # Extrapolate the nearness to the pixel's center along the surface, unless that is too
-        # steep.
+        # Extrapolate the nearness to the pixel's center, unless the surface is too steep.
         nearness = source.nearness[row, column] / point[2]
         slope = np.float64(source.slope[row, column, 0]), np.float64(source.slope[row, column, 1])
         slope_x, slope_y = _slope_in_target(point, across, down, nearness, slope)

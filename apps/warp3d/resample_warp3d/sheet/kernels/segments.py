@@ -183,8 +183,7 @@ def _choose_ways(count: int, frame: Frame, numbers: Floats, places: Indices) -> 
     for n in range(count):
         m = np.uint64(n)
         ax, ay, bx, by = numbers[A_X + m], numbers[A_Y + m], numbers[B_X + m], numbers[B_Y + m]
-        # Cull cells without depth, across the camera's plane, back faces, and those outside the
-        # band.
+        # Cull cells without depth, across the camera's plane, outside the band, and back faces.
         diagonal = max(
             abs(numbers[S_X + m] - numbers[P_X + m]), abs(numbers[S_Y + m] - numbers[P_Y + m]),
             abs(numbers[R_X + m] - numbers[Q_X + m]), abs(numbers[R_Y + m] - numbers[Q_Y + m]),
@@ -193,8 +192,7 @@ def _choose_ways(count: int, frame: Frame, numbers: Floats, places: Indices) -> 
         is_seen &= frame.orientation * numbers[AREA + m] > SMALLEST
         is_seen &= places[FROM_COLUMN + m] < places[TO_COLUMN + m]
         is_seen &= places[FROM_ROW + m] < places[TO_ROW + m]
-        # Paint cells with nearly axis-aligned sides as boxes, short ones in one color, others in
-        # parts.
+        # Paint nearly axis-aligned cells as boxes, short ones in one color, others in parts.
         is_upright = (abs(ay) <= shear * abs(ax)) & (abs(bx) <= shear * abs(by))
         is_upright &= least_shear == ZERO
         longest = max(ax * ax + ay * ay, bx * bx + by * by)
