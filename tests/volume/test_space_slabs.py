@@ -10,11 +10,11 @@ from resample.files.images import read_channels
 from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
 from resample.resampler import Resampler
-from resample_volume.command.cli import app
+from resample_volume.cli import app
 from resample_volume.media.appearance import Appearance, Classification
 from resample_volume.rendering import Subject
-from resample_volume.space.meshes import scene_mesh
 from resample_volume.space.slabs import boxed, check_slabs, depths, slabs
+from resample_volume.surfaces.meshes import scene_mesh
 from resample_volume.voxels.shading import Light
 from tests.commands import refused
 from tests.volume.test_ray_truth import BLOBS, LOOK

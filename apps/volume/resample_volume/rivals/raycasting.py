@@ -22,7 +22,7 @@ from resample.painting.scene import check_samples
 from resample.profiles.reconstruction import GaussianKernel, Reconstruction
 from resample.types import Classifier, Doubles, Field, Floats, Lamp, Samples, View
 from resample.watching import Progress
-from resample_volume.files.memory import require_memory
+from resample_volume.data.memory import require_memory
 
 if TYPE_CHECKING:
     from resample_volume.rivals.kernels.raycasting import FieldLook, Grid, Plan

@@ -1,1 +1,1 @@
-"""What else is seen in space: axes, boxes, cubes, scale bars, meshes, and slabs of depth."""
+"""What is drawn around a volume: axes, boxes, cubes, scale bars, and slabs of depth."""

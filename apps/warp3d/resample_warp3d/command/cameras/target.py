@@ -176,7 +176,7 @@ class Aim(TargetCamera):
 
     def step(self) -> "Doubles":
         """Pose of the moved and turned camera in the axes of the one that it starts from."""
-        from resample_warp3d.command.animation import stepped
+        from resample_warp3d.command.cameras.steps import stepped
 
         move = [0.0, 0.0, 0.0] if self.move is None else numbers_in("move", self.move, 3)
         turn = [0.0, 0.0, 0.0] if self.turn is None else numbers_in("turn", self.turn, 3)

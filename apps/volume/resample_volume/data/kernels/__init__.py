@@ -1,0 +1,1 @@
+"""The numba code of voxels in their places: bare arrays and numbers."""

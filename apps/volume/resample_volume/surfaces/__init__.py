@@ -1,0 +1,1 @@
+"""Surfaces among voxels: meshes, image planes, isosurfaces and sections."""
