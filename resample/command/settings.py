@@ -229,7 +229,7 @@ class PictureFormat(Choices):
         ValueError
             It is not one or two whole numbers above 0, or more than a picture can hold.
         """
-        from resample.painting.plans import check_size
+        from resample.painting.scenes.plans import check_size
 
         match = re.fullmatch(r"(\d{1,9})(?:[xX](\d{1,9}))?", self.size.strip(), re.ASCII)
         if match is None:

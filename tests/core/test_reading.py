@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 from resample import registry
+from resample.cameras.calibrations.lens_files import read_lens
 from resample.cameras.files import read_entries, viewpoint
 from resample.cameras.keyframes import read_keyframes
-from resample.cameras.lens_files import read_lens
 from resample.command.settings_files import options_of
 from resample.files.sequences import frames_of
 from resample.reading.limits import check_free, check_unpacked, limits

@@ -5,8 +5,8 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from resample.cameras.viewpoints import Orbit
-from resample.files.deep import Slab, read_deep, write_deep
 from resample.files.images import read_channels
+from resample.files.painted.deep import Slab, read_deep, write_deep
 from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
 from resample.resampler import Resampler

@@ -15,8 +15,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from resample.command.session import libraries
+from resample.files.chunked import open_picture
 from resample.files.images import read_image
-from resample.files.stores.pictures import open_picture
 from resample_volume.cli import app
 from resample_volume.data.bricks import as_array
 from resample_volume.data.recordings import volume_at

@@ -89,7 +89,7 @@ def render(
         A file, a folder of slices, or checker-box, vessel-tree, marschner-lobb.
     """
     from resample.command.session import Session, require_picture
-    from resample.files.frames import check_frame, write_frame
+    from resample.files.painted.frames import check_frame, write_frame
     from resample.files.writing import check_targets, write_json
     from resample_volume.command.inputs import require_values
     from resample_volume.command.media import media, with_met

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.memory.alike import alike
-from resample.painting.scene import check_lattice, check_places
+from resample.painting.scenes.scene import check_lattice, check_places
 from resample.types import Doubles
 from resample_volume.data.bricks import Bricks
 from resample_volume.data.recordings import in_color, is_color

@@ -12,7 +12,7 @@ from resample.cameras.viewpoints import Orbit, Spelled, Sphere, Viewpoint, camer
 from resample.console.messages import progress_bar
 from resample.memory import amount
 from resample.painting.choices import MEASURING, Projection
-from resample.painting.plans import shape_of
+from resample.painting.scenes.plans import shape_of
 from resample.profiles.orders import Rays, Summing
 from resample.resampler import Resampler
 from resample.types import (

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Spelled, viewpoint_of
 from resample.painting.choices import Projection
-from resample.painting.plans import shape_of
+from resample.painting.scenes.plans import shape_of
 from resample.resampler import Resampler
 from resample.types import Frame
 from resample.watching import Cancel, Progress, cancellable

@@ -10,7 +10,7 @@ import numpy as np
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Sphere, Viewpoint
 from resample.memory import available_memory
-from resample.painting.scene import nothing_painted
+from resample.painting.scenes.scene import nothing_painted
 from resample.resampler import Resampler
 from resample.types import Doubles, Frame, Indices, Samples, Statistics
 from resample.watching import Executor, Progress

@@ -19,7 +19,7 @@ class Mixture(NamedTuple):
 
 
 class Bend(NamedTuple):
-    """A splat of any model of footprints; see `resample.engine.ellipsoids.models`."""
+    """A splat of any model of footprints; see `resample.engine.mixtures.models`."""
 
     flat: Single
     bent: Single

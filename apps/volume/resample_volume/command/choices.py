@@ -519,7 +519,7 @@ class BesidePicture(Beside):
             check_bar(output, height)
         if self.deep is None:
             return
-        from resample.files.deep import check_deep
+        from resample.files.painted.deep import check_deep
         from resample_volume.space.slabs import check_slabs
 
         check_deep(output)

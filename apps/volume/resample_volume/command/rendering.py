@@ -15,7 +15,7 @@ from resample.command.session import Session
 from resample.command.settings import Sharing
 from resample.command.workers import Hire, hiring
 from resample.console.messages import say
-from resample.files.tiles import NAME
+from resample.files.painted.tiles import NAME
 from resample.files.writing import beside, inheriting
 from resample.fingerprints import fingerprint
 from resample.lazy import installed_version

@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.cameras.models import AnyCamera
-from resample.files.tiles import keep_tile, kept_tile
+from resample.files.painted.tiles import keep_tile, kept_tile
 from resample.memory import trim
-from resample.painting.plans import SPLATS, PicturePlan, PlansOfPart, Window
-from resample.painting.steps.parts import SamplesInParts
+from resample.painting.scenes.parts import SamplesInParts
+from resample.painting.scenes.plans import SPLATS, PicturePlan, PlansOfPart, Window
 from resample.painting.steps.planning import EVERYBODY
 from resample.resampler import Resampler
 from resample.types import Doubles, Film, Samples

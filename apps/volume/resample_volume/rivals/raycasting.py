@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample.cameras.models import AnyCamera
 from resample.painting.choices import SUMS, Projection, number_of
-from resample.painting.scene import check_samples
+from resample.painting.scenes.scene import check_samples
 from resample.profiles.reconstruction import GaussianKernel, Reconstruction
 from resample.types import Classifier, Doubles, Field, Floats, Lamp, Samples, View
 from resample.watching import Progress

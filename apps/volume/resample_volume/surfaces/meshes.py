@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.painting.meshes import mesh_of
-from resample.painting.scene import check_places
-from resample.reading.meshes import check_mesh, trimesh_resolver, unreadable
+from resample.painting.scenes.scene import check_places
+from resample.reading.models.meshes import check_mesh, trimesh_resolver, unreadable
 from resample.reading.names import plain
 from resample.types import NO_TRIANGLES, Doubles, Triangles
 

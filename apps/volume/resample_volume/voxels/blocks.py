@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.painting.plans import Window
+from resample.painting.scenes.plans import Window
 from resample.types import Doubles, Floats, View
 from resample_volume.data.bricks import Asked, Step
 from resample_volume.types import Volume

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from resample.painting.scene import check_lattice, check_places
+from resample.painting.scenes.scene import check_lattice, check_places
 from resample.types import Doubles
 from resample_volume.data.memory import require_memory
 from resample_volume.data.recordings import SeveralTimesError, alone, how

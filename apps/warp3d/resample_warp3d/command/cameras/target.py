@@ -80,7 +80,7 @@ class TargetCamera(Choices):
         if self.target_intrinsics is not None:
             check_intrinsics("target-intrinsics", self.target_intrinsics)
         if self.target_lens is not None:
-            from resample.cameras.lens_files import read_lens
+            from resample.cameras.calibrations.lens_files import read_lens
 
             read_lens(self.target_lens)
 
@@ -122,7 +122,7 @@ class TargetCamera(Choices):
 
     def _pinhole(self, shape: Shape, convention: str) -> "Camera | None":
         """Pinhole or lens that is said."""
-        from resample.cameras.lens_files import read_calibration
+        from resample.cameras.calibrations.lens_files import read_calibration
         from resample.cameras.models import Camera
 
         if self.target_fov is not None:

@@ -5,7 +5,6 @@ import math
 import numpy as np
 
 from resample.engine.ellipsoids.footprints import seen_from
-from resample.engine.ellipsoids.models import POINT
 from resample.engine.ellipsoids.outlines import (
     AREA,
     BATCH,
@@ -18,6 +17,7 @@ from resample.engine.ellipsoids.outlines import (
 )
 from resample.engine.jit import kernel
 from resample.engine.lookup import absorbed, unit_lookup
+from resample.engine.mixtures.models import POINT
 from resample.engine.sorting import Pairs, member_of
 from resample.engine.vectors import dot, multiply, vector_at
 from resample.types import Floats

@@ -41,7 +41,7 @@ def deflated(data: Buffer, most: int, form: int = ANY) -> bytes:
     Examples
     --------
     >>> import zlib
-    >>> from resample.reading.packed.unpacking import deflated
+    >>> from resample.reading.unpacking import deflated
     >>> deflated(zlib.compress(b"a" * 9), most=10)
     b'aaaaaaaaa'
     """

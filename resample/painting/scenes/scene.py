@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.memory.alike import alike
-from resample.painting.plans import PicturePlan, Window
+from resample.painting.scenes.plans import PicturePlan, Window
 from resample.profiles.orders import Summing
 from resample.types import (
     MOST_COLUMNS,

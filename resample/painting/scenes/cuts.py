@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from resample.painting.scene import Scene
-from resample.painting.steps.parts import SLACK, SamplesInParts
+from resample.painting.scenes.parts import SLACK, SamplesInParts
+from resample.painting.scenes.scene import Scene
 from resample.types import Film, Floats, Indices, Runs, Samples, Single, Tally, Tiles
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from resample.files.writing import replacing
-from resample.painting.plans import Window
+from resample.painting.scenes.plans import Window
 from resample.reading.arrays import read_npz
 from resample.types import Film
 

@@ -18,7 +18,7 @@ def size_of(frame: bytes) -> tuple[int, int] | None:
 
     Examples
     --------
-    >>> from resample.reading.packed.codestreams import size_of
+    >>> from resample.reading.codestreams import size_of
     >>> size_of(bytes.fromhex("ffd8 ffc0 000b 08 0010 0020 01 011100"))
     (16, 32)
     """

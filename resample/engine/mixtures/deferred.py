@@ -16,7 +16,6 @@ from resample.engine.canvas import laid_out, pixel_weights
 from resample.engine.ellipsoids.footprints import optics_of
 from resample.engine.ellipsoids.lanes import paint_splats_on_rows
 from resample.engine.ellipsoids.mixed import Mixture, limits_of
-from resample.engine.ellipsoids.models import POINT, choose_points, form_models, tint_splats
 from resample.engine.ellipsoids.outlines import (
     BATCH,
     CUT,
@@ -63,10 +62,13 @@ from resample.engine.ellipsoids.rows import (
     resolve_rows,
 )
 from resample.engine.ellipsoids.run_bounds import CHUNKS
-from resample.engine.ellipsoids.sizes import gather_sizes, resize, stand_alone
+from resample.engine.ellipsoids.runs import finest_of, home_of, in_order, is_run_open, may_be_finer
 from resample.engine.ellipsoids.steps import Carried, lay_down, leave_out, take_up
 from resample.engine.grid import grid
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.engine.mixtures.keys import key_by_sheets
+from resample.engine.mixtures.models import POINT, choose_points, form_models, tint_splats
+from resample.engine.mixtures.sizes import gather_sizes, resize, stand_alone
 from resample.engine.points.among import (
     Sheet,
     add_among,
@@ -75,8 +77,6 @@ from resample.engine.points.among import (
     new_sheet,
     put_behind,
 )
-from resample.engine.runs import finest_of, home_of, in_order, is_run_open, may_be_finer
-from resample.engine.slabs.keys import key_by_sheets
 from resample.engine.sorting import HALF, bits_of, key_of_bits, sort_pairs
 from resample.types import (
     Film,

@@ -8,11 +8,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from resample.reading.gltf import PARTS, SIZES, check_gltf, header_of
 from resample.reading.limits import check_items, check_size, check_unpacked
 from resample.reading.markup import check_xml_file, check_xml_member
+from resample.reading.models.gltf import PARTS, SIZES, check_gltf, header_of
 from resample.reading.neighbours import neighbour
-from resample.reading.packed.unpacking import check_members
+from resample.reading.unpacking import check_members
 from resample.words import naming, one_line, visible
 
 ARCHIVES = (".zip", ".3mf", ".zae")  # in which there are files

@@ -1,0 +1,1 @@
+"""Samples of which each is a splat or a point, projected and painted nearest first."""

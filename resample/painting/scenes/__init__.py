@@ -1,0 +1,1 @@
+"""What painters have in common: scenes, plans of pictures, and parts of samples, nearest first."""

@@ -1,0 +1,1 @@
+"""Triangle meshes and glTF files that nobody vouches for."""
