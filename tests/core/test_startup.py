@@ -109,7 +109,7 @@ def test_choices_of_which_none_is_given_are_those_that_a_check_lets_through():
 
 def test_models_are_built_when_they_are_first_given_something():
     said = python(
-        "from resample_warp3d.command import cli\n"
+        "from resample_warp3d import cli\n"
         "from resample.command.settings import Choices, Written\n"
         "built = [kind.__pydantic_complete__ for kind in Choices.__subclasses__()]\n"
         "print(any(built), Written(bits='16').bits, Written.__pydantic_complete__)"
