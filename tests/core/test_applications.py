@@ -43,7 +43,7 @@ def watched(what):
 session.progress_bar = watched
 """,
     "volume": """
-from resample_volume.command import rendering
+from resample_volume import rendering
 
 @contextlib.contextmanager
 def watched(what):
