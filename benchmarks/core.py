@@ -22,7 +22,7 @@ from benchmarks.measure import Spread, take_turns
 from benchmarks.tables import Row, Section
 from benchmarks.volume import POINTS, View
 from resample.painting.choices import Primitive
-from resample.painting.scene import ellipsoid_of
+from resample.painting.scenes.scene import ellipsoid_of
 from resample.profiles.reconstruction import footprint_table
 from resample.resampler import OPAQUE, Resampler
 from resample.types import Samples

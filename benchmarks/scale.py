@@ -114,9 +114,9 @@ def rendered(job: Job) -> dict[str, Any]:
     """Facts of a picture: memory in bytes, bricks and their reads, seconds and a hash."""
     from resample_volume.command.choices import Source
     from resample_volume.command.inputs import prepared
+    from resample_volume.data.bricks import Bricks
     from resample_volume.files.source import generate
     from resample_volume.rendering import render
-    from resample_volume.voxels.bricks import Bricks
 
     render(generate("checker-box:size=16"), LOOK, size=(32, 32))  # kernels are compiled or loaded
     base, start, busy = _peak(), time.perf_counter(), _busy()

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Doubles
-from resample_volume.voxels.bricks import Box, Bricks
+from resample_volume.data.bricks import Box, Bricks
 
 BUBBLES = 48
 WALL, SOFT = 4.0, 1.2  # voxels, half of what is not 0 across a wall, and its width

@@ -3,9 +3,10 @@
 The names below are imported when they are first used, so that `import resample` is quick.
 """
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from resample.lazy import attributes, listing, warn_of_namesake
+from resample.showable import register_exporter
 
 if TYPE_CHECKING:
     from resample.cameras.models import Camera, Orthographic
@@ -63,6 +64,14 @@ __all__ = [
     "sample_path",
 ]
 
+
+def _exporter() -> Any:
+    from resample.files.exchange import results
+
+    return results
+
+
 warn_of_namesake(__path__[0])
+register_exporter(_exporter)
 __getattr__ = attributes(__name__, _HOMES)
 __dir__ = listing(_HOMES)

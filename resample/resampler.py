@@ -24,7 +24,16 @@ from resample.painting.choices import (
     number_of,
 )
 from resample.painting.layers import layers_of
-from resample.painting.plans import (
+from resample.painting.points import (
+    can_defer_points,
+    paint_points,
+    points_in_steps,
+    spacings_of_points,
+)
+from resample.painting.rays import Gathering, paint_field
+from resample.painting.scenes.cuts import InSteps, most_waiting
+from resample.painting.scenes.parts import SamplesInParts
+from resample.painting.scenes.plans import (
     NOTHING,
     POINTS,
     SPLATS,
@@ -34,14 +43,7 @@ from resample.painting.plans import (
     check_size,
     checked_window,
 )
-from resample.painting.points import (
-    can_defer_points,
-    paint_points,
-    points_in_steps,
-    spacings_of_points,
-)
-from resample.painting.rays import Gathering, paint_field
-from resample.painting.scene import (
+from resample.painting.scenes.scene import (
     Painted,
     Scene,
     check_samples,
@@ -62,9 +64,7 @@ from resample.painting.splats import (
     spacings_of,
     splats_in_steps,
 )
-from resample.painting.steps.cuts import InSteps, most_waiting
 from resample.painting.steps.painting import bytes_kept, paint_in_steps
-from resample.painting.steps.parts import SamplesInParts
 from resample.painting.steps.planning import (
     EVERYBODY,
     Painters,

@@ -1,25 +1,31 @@
-"""What results have in common: they can be saved, looked at, and handed to others as levels.
+"""What results have in common: they can be saved, shown, and handed to others as 8-bit levels.
 
-Results are made far below what knows files and pictures; that is looked up when it is asked for.
+Results are made far below what knows files and pictures. `resample/__init__.py` registers that
+with `register_exporter`; it is imported when a result is first saved or shown.
 """
 
-from collections.abc import Sequence
-from importlib import import_module
+from collections.abc import Callable, Sequence
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # `import resample` reads this file: NumPy would take most of the time
+    import numpy as np
+    from numpy.typing import NDArray
     from PIL.Image import Image
 
 # 3 values of linear light, or what the commands' --background takes: white, #rrggbb, none...
 Behind = Sequence[float] | str | None
 
+_exporters: list[Callable[[], Any]] = []  # one: imports the module that makes pictures of results
+
+
+def register_exporter(find: Callable[[], Any]) -> None:
+    """Let `find` give the module that saves and shows results, when one is first needed."""
+    _exporters[:] = [find]
+
 
 def _results() -> Any:
-    return import_module("resample.files.exchange.results")
+    return _exporters[0]()
 
 
 class Showable:
@@ -54,7 +60,7 @@ class Showable:
         """
         _results().save(self, path, bits=bits, background=background)
 
-    def to_uint8(self, of: str = "color", *, background: Behind = None) -> NDArray[np.uint8]:
+    def to_uint8(self, of: str = "color", *, background: Behind = None) -> "NDArray[np.uint8]":
         """Levels (H, W, 3) of sRGB, or (H, W, 4) with straight opacity where none is behind.
 
         Parameters

@@ -78,7 +78,7 @@ def interrupted(slow: str, application: str, *words: str) -> tuple[int, list[str
 
     `slow` is Python that puts `work` where the command is to stay.
     """
-    main = f"from resample_{application}.command.cli import main\nmain()\n"
+    main = f"from resample_{application}.cli import main\nmain()\n"
     with subprocess.Popen(
         [sys.executable, "-c", INTERRUPTIBLE + slow + main, *words],
         stdout=subprocess.PIPE,

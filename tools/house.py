@@ -3,8 +3,9 @@
 With `--map` it prints the map of folders that stands in docs/ARCHITECTURE.md.
 
 Folders are small enough to be read at a glance, kernels take what travels together as one bundle, a
-class name has few meanings, and modules do not import each other in circles, type-only imports
-included. What is known to be over a limit is listed in `pyproject.toml` and may only shrink.
+class name has few meanings, and neither modules nor folders import each other in circles, type-only
+imports included. What is known to be over a limit is listed in `pyproject.toml`, which may only
+shrink.
 """
 
 import ast
@@ -80,21 +81,63 @@ def ambiguous_names(known: list[Module]) -> Iterator[str]:
             yield f"class {name}: {len(paths)} homes ({', '.join(sorted(paths))})"
 
 
+def imported(module: Module, names: set[str]) -> set[str]:
+    """Modules of `names` that a module imports, also for types alone, in functions or by name."""
+    found = set()
+    for node in ast.walk(module.tree):
+        if isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+            parts = [f"{node.module}.{alias.name}" for alias in node.names]
+            found |= {name if name in names else node.module for name in parts}
+        elif isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith("import_module"):
+            found |= {
+                argument.value for argument in node.args if isinstance(argument, ast.Constant)
+            }
+    return found & names - {module.name}
+
+
 def circles(known: list[Module]) -> Iterator[str]:
     """Modules that import each other, in one circle at most."""
     names = {module.name for module in known}
-    graph = {}
-    for module in known:
-        found = set()
-        for node in ast.walk(module.tree):
-            if isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
-                parts = [f"{node.module}.{alias.name}" for alias in node.names]
-                found |= {name if name in names else node.module for name in parts} & names
-        graph[module.name] = found - {module.name}
     try:
-        TopologicalSorter(graph).prepare()
+        TopologicalSorter({module.name: imported(module, names) for module in known}).prepare()
     except CycleError as error:
         yield f"modules import each other: {' <- '.join(error.args[1])}"
+
+
+def folder_of(module: Module) -> str:
+    """Folder of a module; a module at the top of a package counts as a place of its own."""
+    folder = module.name if module.path.stem == "__init__" else module.name.rpartition(".")[0]
+    return folder if "." in folder else module.name
+
+
+def circles_of_folders(known: list[Module]) -> Iterator[str]:
+    """Import cycles of folders, also of a folder and one inside it."""
+    names = {module.name for module in known}
+    folders = {module.name: folder_of(module) for module in known}
+    below = defaultdict(set)  # folders that a folder imports
+    for module in known:
+        below[folders[module.name]] |= {folders[name] for name in imported(module, names)}
+    reached = {folder: reachable(folder, below) for folder in below}
+    circle = {
+        folder: {other for other in all_ if folder in reached[other]}
+        for folder, all_ in reached.items()
+    }
+    for found in {tuple(sorted(circle[folder] | {folder})) for folder in below}:
+        if len(found) > 1:
+            yield f"folders import each other: {', '.join(found)}"
+
+
+def reachable(start: str, below: dict[str, set[str]]) -> set[str]:
+    """Folders that a folder imports, directly or not."""
+    found: set[str] = set()
+    waiting = [start]
+    while waiting:
+        new = below[waiting.pop()] - found
+        found |= new
+        waiting.extend(new)
+    return found
 
 
 def map_of_folders(known: list[Module]) -> str:
@@ -119,7 +162,14 @@ def main() -> int:
     if "--map" in sys.argv:
         sys.stdout.write(map_of_folders(known))
         return 0
-    rules = (crowded_folders, long_functions, ambiguous_names, circles, untrue_map)
+    rules = (
+        crowded_folders,
+        long_functions,
+        ambiguous_names,
+        circles,
+        circles_of_folders,
+        untrue_map,
+    )
     found = {line for rule in rules for line in rule(known)}
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     allowed = set(settings.get("tool", {}).get("house", {}).get("known", []))

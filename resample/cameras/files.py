@@ -239,7 +239,7 @@ def _recognised(path: Path) -> str:
         return "colmap"
     known = SUFFIXES.get(path.suffix.lower())
     if known == "nerf":
-        from resample.cameras.calibrations.open3d import is_open3d
+        from resample.cameras.open3d import is_open3d
 
         return "open3d" if is_open3d(path) else known
     if known is not None:

@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from resample.command.about import About
-from resample.console.backgrounds import Color, linear_color
+from resample.console.backgrounds import SPLAT_COLOR, Color, linear_color
 
 if TYPE_CHECKING:
     from resample.files.pictures import Look
     from resample.resampler import Resampler
 
 OF_SAMPLES = ("method", "footprint", "threshold", "kernel", "opacity", "color_by")
-SPLAT_COLOR = (0.8, 0.02, 0.02)  # linear red, the paper's Figure 8a
 
 # What descriptions begin with.
 SIZE = "In px: 400 for a square, 640x480 for width and height."
@@ -230,7 +229,7 @@ class PictureFormat(Choices):
         ValueError
             It is not one or two whole numbers above 0, or more than a picture can hold.
         """
-        from resample.painting.plans import check_size
+        from resample.painting.scenes.plans import check_size
 
         match = re.fullmatch(r"(\d{1,9})(?:[xX](\d{1,9}))?", self.size.strip(), re.ASCII)
         if match is None:

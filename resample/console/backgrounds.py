@@ -2,6 +2,7 @@
 
 Color = tuple[float, float, float]  # linear light
 
+SPLAT_COLOR: Color = (0.8, 0.02, 0.02)  # linear red, the paper's Figure 8a
 COLORS: dict[str, Color] = {"black": (0.0, 0.0, 0.0), "white": (1.0, 1.0, 1.0)}
 
 

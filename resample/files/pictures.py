@@ -14,6 +14,14 @@ from numpy.typing import NDArray
 from resample.colors import from_srgb
 from resample.console.backgrounds import Color
 from resample.console.messages import say
+from resample.files.chunked import SUFFIX as STORE
+from resample.files.chunked import (
+    StoredPicture,
+    check_store,
+    is_in_store,
+    open_picture,
+    writing_store,
+)
 from resample.files.facts.geotiff import moved
 from resample.files.facts.metadata import (
     AS_FLOATS,
@@ -30,6 +38,7 @@ from resample.files.facts.metadata import (
     upright,
 )
 from resample.files.facts.origin import state
+from resample.files.held import HeldJpeg
 from resample.files.images import (
     check_pixels,
     light_of,
@@ -40,15 +49,6 @@ from resample.files.images import (
 )
 from resample.files.levels import fits, gaps_of, levels, whole_numbers, with_word
 from resample.files.stores.addresses import Address, Place, place_of
-from resample.files.stores.pictures import SUFFIX as STORE
-from resample.files.stores.pictures import (
-    StoredPicture,
-    check_store,
-    is_in_store,
-    open_picture,
-    writing_store,
-)
-from resample.files.strips.held import HeldJpeg
 from resample.files.writing import INCOMPLETE, check_end, refused, replacing
 from resample.memory import require_memory
 from resample.reading.names import plain

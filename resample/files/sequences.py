@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from resample.colors import from_srgb
 from resample.console.messages import say
 from resample.files.animations import Stored
+from resample.files.chunked import is_in_store
 from resample.files.facts.metadata import TIFF, is_animated_png, page_tags
 from resample.files.facts.tags import Directory, Tag
 from resample.files.films import (
@@ -37,7 +38,6 @@ from resample.files.pictures import (
     write_pages,
 )
 from resample.files.stores.addresses import Address, Place
-from resample.files.stores.pictures import is_in_store
 from resample.files.writing import replacing
 from resample.reading.limits import check_animation, check_unpacked
 from resample.reading.pictures import decoding

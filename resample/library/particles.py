@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from resample.painting.scene import check_samples
+from resample.painting.scenes.scene import check_samples
 from resample.profiles.reconstruction import GaussianKernel, Reconstruction, footprint_table
 from resample.types import Doubles, Samples
 

@@ -12,7 +12,7 @@ from typing import NamedTuple, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from resample.painting.plans import check_size
+from resample.painting.scenes.plans import check_size
 from resample.profiles.filters import Area, PixelFilter, profile_table
 from resample.registry import build
 from resample.types import Doubles, Floats

@@ -8,7 +8,6 @@ import math
 
 import numpy as np
 
-from resample.painting.plans import POINTS, PicturePlan
 from resample.painting.runs import (
     RUN_EXTENT,
     breaks,
@@ -18,8 +17,9 @@ from resample.painting.runs import (
     plan_of,
     planned,
 )
-from resample.painting.scene import Clock, Painted, Scene, size_of_tiles
-from resample.painting.steps.cuts import Between, InSteps, Output
+from resample.painting.scenes.cuts import Between, InSteps, Output
+from resample.painting.scenes.plans import POINTS, PicturePlan
+from resample.painting.scenes.scene import Clock, Painted, Scene, size_of_tiles
 from resample.profiles.orders import Summing
 from resample.types import (
     MOST_COLUMNS,

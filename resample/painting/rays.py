@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from resample.painting.scene import Clock, Painted, ellipsoid_of, nothing_painted, planes_of
+from resample.painting.scenes.scene import Clock, Painted, ellipsoid_of, nothing_painted, planes_of
 from resample.profiles.orders import MONOTONE
 from resample.types import (
     ADDITIVE,

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.painting.plans import NOTHING, PicturePlan
-from resample.painting.scene import (
+from resample.painting.scenes.plans import NOTHING, PicturePlan
+from resample.painting.scenes.scene import (
     Painted,
     Scene,
     nothing_painted,
@@ -88,8 +88,8 @@ def dealt(
 
     `find_spacings` fills in the spacings of tiles of a scene that was planned.
     """
+    from resample.engine.ellipsoids.runs import count_runs, deal_runs
     from resample.engine.grid import grid_of
-    from resample.engine.runs import count_runs, deal_runs
 
     known, screen, style = runs.known, scene.screen, scene.style
     plan = plan_of(scene)

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from resample.painting.plans import MIXTURE, SPLATS, PicturePlan
 from resample.painting.runs import counted, dealt, paint_tiles, plan_of, planned
-from resample.painting.scene import Clock, Painted, Scene
+from resample.painting.scenes.cuts import Between, InSteps, Output
+from resample.painting.scenes.plans import MIXTURE, SPLATS, PicturePlan
+from resample.painting.scenes.scene import Clock, Painted, Scene
 from resample.painting.splats import (
     are_splats_exact,
     count_of_points,
@@ -21,7 +22,6 @@ from resample.painting.splats import (
     runs_of,
     spacings_of,
 )
-from resample.painting.steps.cuts import Between, InSteps, Output
 from resample.profiles.orders import Summing
 from resample.profiles.reconstruction import (
     Reconstruction,
@@ -66,8 +66,8 @@ def paint_summed(
     progress: Progress | None,
 ) -> tuple[Painted, Statistics]:
     """Picture of samples that are summed before they are composited."""
-    from resample.engine.ellipsoids.deferred import find_spacings
     from resample.engine.ellipsoids.steps import AT_ONCE
+    from resample.engine.mixtures.deferred import find_spacings
     from resample.engine.slabs.painting import Ways, paint_summed_runs
 
     clock = Clock()
@@ -199,7 +199,7 @@ def _sums_of(scene: Scene) -> "Summed":
 
 def _keyed(scene: Scene, summed: "Summed", runs: Runs) -> Runs:
     """Runs, which get keys of sheets where these are summed."""
-    from resample.engine.slabs.keys import find_first_sheets
+    from resample.engine.mixtures.keys import find_first_sheets
     from resample.engine.slabs.painting import WHOLES
 
     if summed.what == WHOLES:

@@ -1,14 +1,13 @@
 """Samples in runs of neighbours, which only those tiles project that show them.
 
 Splats of exact footprint take the quicker form of the painter; where there are other footprints or
-points, the samples are a mixture. See `resample.engine.ellipsoids.deferred`.
+points, the samples are a mixture. See `resample.engine.mixtures.deferred`.
 """
 
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from resample.painting.plans import MIXTURE, SPLATS, PicturePlan
 from resample.painting.runs import (
     RUN_EXTENT,
     breaks,
@@ -18,8 +17,9 @@ from resample.painting.runs import (
     plan_of,
     planned,
 )
-from resample.painting.scene import Clock, Painted, Scene, size_of_tiles
-from resample.painting.steps.cuts import Between, InSteps, Output
+from resample.painting.scenes.cuts import Between, InSteps, Output
+from resample.painting.scenes.plans import MIXTURE, SPLATS, PicturePlan
+from resample.painting.scenes.scene import Clock, Painted, Scene, size_of_tiles
 from resample.types import (
     DISC,
     EXACT,
@@ -154,7 +154,7 @@ def spacings_of(scene: Scene, samples: Samples) -> Floats:
 
     They are splats, or a mixture.
     """
-    from resample.engine.ellipsoids.deferred import find_spacings
+    from resample.engine.mixtures.deferred import find_spacings
 
     are_mixed = mixture_of(scene) is not None
     runs = runs_of(scene, samples, are_mixed=are_mixed)
@@ -164,8 +164,8 @@ def spacings_of(scene: Scene, samples: Samples) -> Floats:
 
 def splats_in_steps(scene: Scene, formula: Formula) -> InSteps:
     """How splats, or a mixture, of a scene that was planned are painted step by step."""
-    from resample.engine.ellipsoids.deferred import paint_runs
     from resample.engine.ellipsoids.steps import KEPT
+    from resample.engine.mixtures.deferred import paint_runs
 
     mixture, stage = mixture_of(scene), scene.stage
 
@@ -209,8 +209,8 @@ def _painted(
     progress: Progress | None,
 ) -> tuple[Painted, Statistics]:
     """Picture of samples in runs."""
-    from resample.engine.ellipsoids.deferred import find_spacings, paint_runs
     from resample.engine.ellipsoids.steps import AT_ONCE
+    from resample.engine.mixtures.deferred import find_spacings, paint_runs
 
     stage, are_mixed = scene.stage, mixture is not None
     deal = dealt(scene, runs, lambda tiles: find_spacings(tiles, runs, stage, are_mixed))
@@ -228,8 +228,8 @@ def _painted(
 
 def count_of_points(scene: Scene, runs: Runs, tiles: Tiles) -> int:
     """How many of the samples that are seen are points."""
-    from resample.engine.ellipsoids.deferred import count_points
     from resample.engine.ellipsoids.run_bounds import CHUNKS
+    from resample.engine.mixtures.deferred import count_points
 
     count = np.zeros(CHUNKS, np.int64)
     if 0 < scene.style.threshold >= runs.known["least_spacing"].min():

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.reading.limits import check_unpacked
-from resample.reading.packed.unpacking import check_members
+from resample.reading.unpacking import check_members
 from resample.words import one_line
 
 MAGIC = b"\x93NUMPY"  # what an array's file begins with

@@ -8,11 +8,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from resample.reading.codestreams import size_at_once
 from resample.reading.limits import check_free, check_size, check_unpacked
 from resample.reading.names import plain
-from resample.reading.packed.codestreams import size_at_once
-from resample.reading.packed.unpacking import PIECE
 from resample.reading.silence import suppressed_output
+from resample.reading.unpacking import PIECE
 from resample.words import one_line
 
 PNG = b"\x89PNG\r\n\x1a\n"

@@ -43,7 +43,7 @@ def watched(what):
 session.progress_bar = watched
 """,
     "volume": """
-from resample_volume.command import rendering
+from resample_volume import rendering
 
 @contextlib.contextmanager
 def watched(what):
@@ -71,9 +71,7 @@ def app_of(application):
 @pytest.mark.parametrize("application", HELP)
 def test_help_imports_nothing_heavy(application):
     """None of its kinds, one after the other in one process."""
-    assert (
-        imported_by_all(f"resample_{application}.command.cli", HELP[application]) & HEAVY == set()
-    )
+    assert imported_by_all(f"resample_{application}.cli", HELP[application]) & HEAVY == set()
 
 
 @pytest.mark.parametrize("application", HELP)

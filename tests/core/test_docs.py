@@ -92,7 +92,7 @@ def app_of(program):
     """Command line of a program."""
     if program == "resample":
         return import_module("resample.cli").app
-    return import_module(f"resample_{program.removeprefix('resample-')}.command.cli").app
+    return import_module(f"resample_{program.removeprefix('resample-')}.cli").app
 
 
 def test_every_page_is_in_the_tree_once():

@@ -12,11 +12,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from resample.files import images
+from resample.files import held, images
 from resample.files.animations import Shots, write_film
-from resample.files.deep import Slab, write_deep
 from resample.files.facts.metadata import About
 from resample.files.facts.tags import ASCII, Tag
+from resample.files.held import HeldJpeg
+from resample.files.painted.deep import Slab, write_deep
+from resample.files.painted.tiles import keep_tile
 from resample.files.pictures import (
     Kind,
     Look,
@@ -27,10 +29,7 @@ from resample.files.pictures import (
     write_picture,
 )
 from resample.files.sequences import write_frames
-from resample.files.strips import held
-from resample.files.strips.held import HeldJpeg
 from resample.files.strips.writing import writing_rows
-from resample.files.tiles import keep_tile
 from resample.files.writing import check_end, refused, write_json
 from resample.measuring.compare import contact_sheet
 from resample.types import Film, Frame

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from resample import Camera, Resampler, particles
-from resample.engine.ellipsoids.deferred import find_spacings, paint_runs
 from resample.engine.ellipsoids.run_bounds import break_runs, outline_runs
 from resample.engine.grid import grid, grid_of
+from resample.engine.mixtures.deferred import find_spacings, paint_runs
 from resample.engine.points.runs import paint_point_runs
 from resample.engine.rays.coefficients import find_bounds, find_coefficients
 from resample.engine.rays.painting import paint_rays

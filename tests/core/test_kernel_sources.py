@@ -98,7 +98,7 @@ def test_a_kernel_of_the_engine_depends_on_a_part_of_it():
         for path in root.rglob("*.py")
         if path.name != "__init__.py"
     }
-    needed = sources.closure("resample.engine.ellipsoids.deferred")
+    needed = sources.closure("resample.engine.mixtures.deferred")
     assert len(needed & modules) < 0.6 * len(modules)
 
 

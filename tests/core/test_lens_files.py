@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
+from resample.cameras.calibrations.lens_files import read_calibration, read_intrinsics
 from resample.cameras.calibrations.plain_yaml import plain_yaml
-from resample.cameras.lens_files import read_calibration, read_intrinsics
 
 MATRIX = [[525.5, 0.0, 320.25], [0.0, 526.5, 240.75], [0.0, 0.0, 1.0]]  # centers at 0
 HALVES = [[525.5, 0.0, 320.75], [0.0, 526.5, 241.25], [0.0, 0.0, 1.0]]

@@ -37,7 +37,7 @@ class Hann:
         return 0.5 + 0.5 * np.cos(np.pi * distance / self.radius)
 '''
 
-has_application = importlib.util.find_spec("resample_volume.command.cli") is not None
+has_application = importlib.util.find_spec("resample_volume.cli") is not None
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +98,7 @@ def test_it_passes_the_check_for_authors(installed):
 
 
 def render(installed: Path, pixel_filter: str, picture: Path) -> subprocess.CompletedProcess[str]:
-    code = "from resample_volume.command.cli import main; main()"
+    code = "from resample_volume.cli import main; main()"
     words = ["render", "checker-box:size=16", "--filter", pixel_filter, "--size", "32"]
     return command(installed, "-c", code, *words, "-o", str(picture))
 

@@ -90,7 +90,7 @@ def test_the_command_lists_sets_and_says_their_terms(
 
     monkeypatch.chdir(tmp_path)
 
-    app = import_module(f"{package}.command.cli").app
+    app = import_module(f"{package}.cli").app
     assert ended(app, "fetch") == 0
     assert capsys.readouterr().out == "tiny  Two files.\n"
     fetch(package, "tiny", folder=tmp_path, base_url=serving.url_for(""))

@@ -6,8 +6,8 @@ import pytest
 from pydantic import ValidationError
 
 from resample.colors import from_srgb
-from resample.command.settings import SPLAT_COLOR, PictureFormat, Resampling
-from resample.console.backgrounds import linear_color
+from resample.command.settings import PictureFormat, Resampling
+from resample.console.backgrounds import SPLAT_COLOR, linear_color
 from resample.painting.choices import Footprint, Opacity, Primitive, Projection
 from resample.profiles.filters import Gaussian
 from resample.resampler import Resampler

@@ -177,7 +177,7 @@ def test_texts_are_read_as_they_were_written(text):
 
 @pytest.mark.parametrize("application", registry.names("apps"))
 def test_the_schema_of_every_command_knows_its_options(application, capsys):
-    commands_of = import_module(f"resample_{application}.command.cli").app
+    commands_of = import_module(f"resample_{application}.cli").app
     for name in [name for name in commands_of if not name.startswith("-")]:
         assert ended("schema", f"resample-{application}", name) == 0
         schema = commands.strict_json(capsys.readouterr().out)
@@ -206,7 +206,7 @@ def test_the_schema_of_an_unknown_command_lists_the_known_ones(capsys):
 def test_options_read_are_those_of_the_file():
     path = Path("view.toml")
     path.write_text('\ufeffsize = "24"\nfov = 0\n', encoding="utf-8")
-    render = import_module("resample_volume.command.cli").app["render"]
+    render = import_module("resample_volume.cli").app["render"]
     options, marks = options_of(render), marks_of(render.default_command)
     read = read_settings(path, "resample-volume render", options, marks)
     assert read == {"size": "24", "fov": 0}

@@ -72,7 +72,7 @@ def all_commands() -> list[tuple[str, App]]:
     """Names of all commands of applications that take settings, and they."""
     found = []
     for application in registry.names("apps"):
-        home = import_module(f"resample_{application}.command.cli").app
+        home = import_module(f"resample_{application}.cli").app
         found += [
             (f"resample-{application} {name}", home[name])
             for name in home
@@ -212,7 +212,7 @@ def test_words_of_paths_are_those_that_there_are():
         ("warp3d", "animate-cloud", "path"): clouds.PATHS,
     }
     for (application, command, option), names in known.items():
-        home = import_module(f"resample_{application}.command.cli").app
+        home = import_module(f"resample_{application}.cli").app
         mark = marks_of(home[command].default_command)[option]
         assert [about(mark, name) for name in names] == [About.LOOK] * len(names)
         assert about(mark, "poses.toml") is About.SOURCE

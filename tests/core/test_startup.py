@@ -42,7 +42,7 @@ def count(app, *args, **kwargs):
     return assemble(app, *args, **kwargs)
 
 cyclopts.App.assemble_argument_collection = count
-from resample_{application}.command.cli import app
+from resample_{application}.cli import app
 begun = list(assembled)
 try:
     app(["{command}"], exit_on_error=False, print_error=False)
@@ -62,7 +62,7 @@ def of_all(kind: type) -> set[type]:
 @pytest.mark.parametrize("words", [[], ["command"]], ids=["all", "one"])
 def test_help_imports_neither_numpy_nor_what_finds_packages(application, words):
     command = COMMANDS[application][: len(words)]
-    loaded = imported(f"resample_{application}.command.cli", *command, "--help")
+    loaded = imported(f"resample_{application}.cli", *command, "--help")
     assert loaded & (HEAVY | {"numpy", "importlib.metadata", "email.message"}) == set()
 
 
@@ -73,7 +73,7 @@ def test_a_picture_imports_nothing_that_it_does_not_need(application, tmp_path, 
     cv2.imwrite("photo.png", np.full((16, 24), 99, np.uint8))
     np.save("depth.npy", np.full((16, 24), 2.0))
     words = [*COMMANDS[application], "-o", "out.png"]
-    assert imported(f"resample_{application}.command.cli", *words) & UNUSED == set()
+    assert imported(f"resample_{application}.cli", *words) & UNUSED == set()
     assert (tmp_path / "out.png").exists()
 
 
@@ -109,7 +109,7 @@ def test_choices_of_which_none_is_given_are_those_that_a_check_lets_through():
 
 def test_models_are_built_when_they_are_first_given_something():
     said = python(
-        "from resample_warp3d.command import cli\n"
+        "from resample_warp3d import cli\n"
         "from resample.command.settings import Choices, Written\n"
         "built = [kind.__pydantic_complete__ for kind in Choices.__subclasses__()]\n"
         "print(any(built), Written(bits='16').bits, Written.__pydantic_complete__)"
@@ -158,7 +158,7 @@ def test_algebra_has_one_thread_unless_the_environment_says_more(given, found):
 
 
 CYCLE = """
-import resample_texture.command.cli as cli
+import resample_texture.cli as cli
 from resample.command.stopping import start
 
 def main():
@@ -167,7 +167,7 @@ def main():
     holder.append(holder)  # freed when garbage is collected at the end, which OpenImageIO looks at
 
 cli.main = main
-start("resample_texture.command.cli")
+start("resample_texture.cli")
 """
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from resample import Footprint, Opacity, Primitive
 from resample.painting.choices import Projection
-from resample.painting.plans import MIXTURE, POINTS, SPLATS
+from resample.painting.scenes.plans import MIXTURE, POINTS, SPLATS
 from resample.profiles.filters import Gaussian
 from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
 from resample.types import Classifier, Field

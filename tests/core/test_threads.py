@@ -134,7 +134,7 @@ ALONE = """
 import os
 import sys
 
-from resample_volume.command.cli import app
+from resample_volume.cli import app
 
 words = ["render", "checker-box:size=8", "--size", "16", "-o", sys.argv[1]]
 app([*words, "--threads", "1"], result_action="return_value")

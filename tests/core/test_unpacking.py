@@ -14,23 +14,23 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from resample.files.deep import Slab, read_deep, write_deep
 from resample.files.facts.origin import settings_in
 from resample.files.facts.tags import read_tags
 from resample.files.films import film_picture, new_film, new_stream
 from resample.files.images import read_image, read_rows
+from resample.files.painted.deep import Slab, read_deep, write_deep
+from resample.files.painted.tiles import NAME, kept_tile
 from resample.files.pictures import read_picture
 from resample.files.sequences import frames_of
-from resample.files.tiles import NAME, kept_tile
 from resample.reading.arrays import read_npz
-from resample.reading.meshes import check_mesh
-from resample.reading.packed.codestreams import size_at_once, size_of
-from resample.reading.packed.unpacking import bunzipped, deflated, unlzma
+from resample.reading.codestreams import size_at_once, size_of
+from resample.reading.models.meshes import check_mesh
+from resample.reading.unpacking import bunzipped, deflated, unlzma
 from resample.words import one_line
 from resample_texture.mesh.files import load_mesh
 from resample_volume.files.readers import Dicom, Nrrd, TiffStack
-from resample_volume.files.vtk_blocks import check_blocks
-from resample_volume.space.meshes import read_mesh
+from resample_volume.files.xml.vtk_blocks import check_blocks
+from resample_volume.surfaces.meshes import read_mesh
 from resample_warp3d.clouds import storing
 from resample_warp3d.clouds.files import read_cloud
 from resample_warp3d.depth.files import read_depth

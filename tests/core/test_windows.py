@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from resample import Camera, Primitive, Resampler
-from resample.painting.plans import MIXTURE, POINTS, SPLATS
+from resample.painting.scenes.plans import MIXTURE, POINTS, SPLATS
 from resample.profiles.orders import AxisSheets, ImageSheets
 from resample.types import Samples
 

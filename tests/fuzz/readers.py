@@ -6,9 +6,9 @@ from unittest.mock import patch
 
 import numpy as np
 
+from resample.cameras.calibrations.lens_files import read_intrinsics, read_lens
 from resample.cameras.files import read_entries, viewpoint
 from resample.cameras.keyframes import read_keyframes
-from resample.cameras.lens_files import read_intrinsics, read_lens
 from resample.command.about import marks_of
 from resample.command.settings_files import options_of, read_settings
 from resample.engine.compiled import entries
@@ -17,10 +17,10 @@ from resample.files.sequences import frames_of
 from resample_texture.geometry.maps import read_map
 from resample_texture.geometry.matrices import parse_matrix
 from resample_texture.mesh.files import load_mesh
-from resample_volume.command.cli import app
+from resample_volume.cli import app
 from resample_volume.files.source import open_recording
 from resample_volume.looks.files import read_transfer
-from resample_volume.space.meshes import read_mesh
+from resample_volume.surfaces.meshes import read_mesh
 from resample_warp3d.clouds.files import read_cloud
 from resample_warp3d.depth.files import read_depth
 

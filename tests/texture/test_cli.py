@@ -12,7 +12,7 @@ from PIL import Image
 
 from resample.command.session import libraries
 from resample.files.images import read_channels, read_image
-from resample_texture.command import cli
+from resample_texture import cli
 from tests import commands
 from tests.commands import store
 

@@ -11,8 +11,8 @@ from PIL import Image
 from resample.files.batches import batch_of, is_batch
 from resample.files.pictures import read_picture
 from resample.files.stores.addresses import Address
-from resample_texture import warp
-from resample_texture.command import cli, large
+from resample_texture import cli, warp
+from resample_texture.command import large
 from tests import commands
 from tests.servers import Server
 

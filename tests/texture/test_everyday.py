@@ -11,8 +11,7 @@ from PIL import Image, TiffImagePlugin
 
 from resample.files.images import read_channels, read_image
 from resample.files.sequences import frames_of
-from resample_texture import Hybrid, resize, rotate, scale
-from resample_texture.command import cli
+from resample_texture import Hybrid, cli, resize, rotate, scale
 from resample_texture.geometry.sizes import scaled_shape, turned_shape
 from tests import commands
 from tests.commands import HEAVY, imported, store
@@ -407,7 +406,7 @@ def test_help_has_an_example(name, capsys):
     ],
 )
 def test_help_imports_nothing_heavy(name):
-    assert imported("resample_texture.command.cli", name, "--help") & HEAVY == set()
+    assert imported("resample_texture.cli", name, "--help") & HEAVY == set()
 
 
 @pytest.mark.parametrize(

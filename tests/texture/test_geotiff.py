@@ -11,7 +11,7 @@ from PIL import Image, TiffImagePlugin
 from resample.files.facts.geotiff import geo_of, moved
 from resample.files.facts.tags import Tag, add_tags, text_tag
 from resample.files.images import read_channels
-from resample_texture.command import cli
+from resample_texture import cli
 from tests import commands
 from tests.commands import store
 

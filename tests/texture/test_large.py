@@ -10,7 +10,8 @@ from PIL import Image
 from resample.files.images import read_channels
 from resample.files.pictures import Kind, Look, Picture, has_levels
 from resample.files.strips.writing import writing_rows
-from resample_texture.command import cli, large
+from resample_texture import cli
+from resample_texture.command import large
 from tests import commands
 
 ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli.app)

@@ -13,8 +13,9 @@ from resample.files.images import read_channels
 from resample.files.pictures import read_picture
 from resample.files.strips.reading import keepable
 from resample.memory import mapped
+from resample_texture import cli
 from resample_texture import drawing as drawings
-from resample_texture.command import cli, large
+from resample_texture.command import large
 from resample_texture.texels import partly
 from tests import commands
 

@@ -13,7 +13,7 @@ from resample.files.facts.metadata import turn, upright
 from resample.files.facts.tags import Tag, add_tags
 from resample.files.images import read_channels
 from resample.files.pictures import read_picture
-from resample_texture.command import cli
+from resample_texture import cli
 from tests import commands
 
 SAME = ["--matrix", "1,0,0,0,1,0"]

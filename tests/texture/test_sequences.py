@@ -15,7 +15,7 @@ from PIL import Image
 from resample.files.facts.tags import Tag, add_tags
 from resample.files.images import read_channels
 from resample.files.sequences import frames_of
-from resample_texture.command import cli
+from resample_texture import cli
 from tests import commands
 
 SAME = ["--matrix", "1,0,0,0,1,0"]

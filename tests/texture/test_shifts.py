@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from resample_texture.geometry.shifts import moved, whole_move
-from resample_texture.types import Edge
+from resample_texture.geometry.shifts import picks_of_move, whole_move
+from resample_texture.types import Edge, Warped
 from resample_texture.warping import warp
 
 PADDINGS = {Edge.CLAMP: "edge", Edge.WRAP: "wrap", Edge.MIRROR: "symmetric"}
@@ -21,6 +21,11 @@ TURNS = {
 
 def shift(x, y):
     return np.array([[1.0, 0.0, x], [0.0, 1.0, y], [0.0, 0.0, 1.0]])
+
+
+def moved(image, move, shape, edge):
+    picks = picks_of_move(move, image.shape[:2], shape, edge)
+    return Warped(picks.of(image), picks.coverage)
 
 
 def shifted(image, move, shape, edge):

@@ -12,7 +12,8 @@ from PIL import Image
 from resample.files.images import read_image, read_rows
 from resample.files.pictures import read_picture, read_picture_levels
 from resample.memory import mapped
-from resample_texture.command import cli, large
+from resample_texture import cli
+from resample_texture.command import large
 from tests import commands
 
 ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli.app)

@@ -15,13 +15,13 @@ from PIL import Image
 
 from resample.cameras.keyframes import keyframes_of
 from resample.view.views import controls_of
-from resample_texture.command.cli import app as pictures
+from resample_texture.cli import app as pictures
 from resample_texture.viewing import COMMAND, PictureView
-from resample_volume.command.cli import app
+from resample_volume.cli import app
 from resample_volume.viewing import VolumeView
+from resample_warp3d.cli import app as depth_images
 from resample_warp3d.command.cameras.source import SourceCamera
 from resample_warp3d.command.choices import Depth
-from resample_warp3d.command.cli import app as depth_images
 from resample_warp3d.viewing import DepthView
 from tests.commands import ended
 from tests.view.conftest import Served, frames_of, served

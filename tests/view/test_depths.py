@@ -11,9 +11,9 @@ import pytest
 
 from resample.view import exports
 from resample.view.views import controls_of
+from resample_warp3d.cli import app
 from resample_warp3d.command.cameras.source import SourceCamera
 from resample_warp3d.command.choices import Depth
-from resample_warp3d.command.cli import app
 from resample_warp3d.viewing import CloudView, DepthView, clouds, depths, films, suits
 from tests.commands import ended, refused
 from tests.view.conftest import Served, frames_of, levels, served

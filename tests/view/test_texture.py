@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from resample.view.views import controls_of
-from resample_texture.command.cli import app
+from resample_texture.cli import app
 from resample_texture.viewing import COMMAND, ModelView, PictureView, meshes, suits
 from tests.commands import ended, refused
 from tests.view.conftest import Served, levels, served

@@ -20,8 +20,8 @@ from resample.console.backgrounds import linear_color
 from resample.files.images import screen_levels
 from resample.view.views import controls_of
 from resample_volume import viewing
+from resample_volume.cli import app
 from resample_volume.command.choices import Look
-from resample_volume.command.cli import app
 from resample_volume.editing import MOST, points_of, spelled
 from resample_volume.looks.materials import spread
 from resample_volume.looks.presets import load_transfer

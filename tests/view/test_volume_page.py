@@ -17,8 +17,8 @@ from PIL import Image
 from resample.command.settings import PictureFormat
 from resample.view.views import controls_of
 from resample.watching import Cancel
+from resample_volume.cli import app
 from resample_volume.command.choices import Look
-from resample_volume.command.cli import app
 from resample_volume.viewing import VolumeView
 from tests.commands import ended
 from tests.view.conftest import served

@@ -4,9 +4,9 @@ import numpy as np
 
 from resample import Resampler
 from resample.cameras.viewpoints import Orbit
+from resample_volume.data.bricks import Bricks
 from resample_volume.rendering import Subject
 from resample_volume.types import Volume
-from resample_volume.voxels.bricks import Bricks
 
 SIZE = (120, 150)
 EYE = Orbit(30, 20, 1.3)

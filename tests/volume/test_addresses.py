@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from resample.files.stores.addresses import Address
-from resample_volume.command.cli import app
+from resample_volume.cli import app
 from resample_volume.files.source import open_streamed, open_volume
 from resample_volume.files.stores import kept
 from resample_volume.files.stores.reader import Zarr

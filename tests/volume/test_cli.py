@@ -9,7 +9,7 @@ import pytest
 
 from resample.command.session import libraries
 from resample.files.images import read_channels, read_image
-from resample_volume.command import cli
+from resample_volume import cli
 from resample_volume.files.source import open_volume
 from resample_volume.looks import names
 from resample_volume.looks.names import TISSUES

@@ -9,7 +9,7 @@ import pytest
 
 from resample.files.images import read_image
 from resample.resampler import Resampler
-from resample_volume.command import cli
+from resample_volume import cli
 from resample_volume.command.choices import Added, Look, Source
 from resample_volume.command.inputs import held
 from resample_volume.command.media import media, others

@@ -10,7 +10,7 @@ import pytest
 from resample.files.images import read_channels, read_image
 from resample.profiles.orders import ImageSheets
 from resample.resampler import Resampler
-from resample_volume.command import cli
+from resample_volume import cli
 from resample_volume.files.generated import checker_box, vessel_tree
 from resample_volume.showing.compare import thickest, variants
 from tests import commands

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from resample_volume.media.appearance import Appearance
+from resample_volume.outofcore import ball
 from resample_volume.rendering import Subject
-from resample_volume.voxels.dense import ball
 from resample_volume.windows import Spent, paint_unseen, unseen_together
 from tests.volume.dense import EYE, SIZE, assert_same, in_bricks, smoke, whole_of
 

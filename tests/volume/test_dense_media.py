@@ -13,12 +13,12 @@ from resample_volume.looks.labels import Labels, Rule
 from resample_volume.looks.regions import Region, RegionTransfer
 from resample_volume.media import resampling
 from resample_volume.media.appearance import Appearance
-from resample_volume.media.dense import dense_of, share_lattice
 from resample_volume.media.lattices import common_lattice, first_in
-from resample_volume.media.together import in_grid
+from resample_volume.outofcore.dense import dense_of, share_lattice
+from resample_volume.outofcore.passes import Looking
+from resample_volume.outofcore.together import in_grid
 from resample_volume.rendering import Subject
 from resample_volume.types import Volume
-from resample_volume.voxels.dense.passes import Looking
 from resample_volume.voxels.shading import DepthCue, Light
 from resample_volume.voxels.streaming import TooManyVoxelsError
 from resample_volume.windows import Spent, paint_unseen, unseen_together

@@ -8,7 +8,7 @@ from resample.cameras.models import Camera, Orthographic
 from resample.cameras.viewpoints import Orbit, Sphere, Spot
 from resample.command.settings import Resampling
 from resample.files.images import read_image
-from resample_volume.command import cli
+from resample_volume import cli
 from resample_volume.command.choices import Look
 from resample_volume.inputs import as_volume
 from resample_volume.looks.presets import load_transfer

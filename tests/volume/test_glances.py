@@ -14,16 +14,16 @@ from hypothesis import strategies as st
 from resample.command.settings import Sharing
 from resample.command.workers import Crew, at_work
 from resample.files.images import read_image
+from resample_volume.cli import app
 from resample_volume.command import rendering
-from resample_volume.command.cli import app
+from resample_volume.data.bricks import Bricks
+from resample_volume.data.glances import looking
+from resample_volume.data.glances.looking import Helpers
 from resample_volume.files.source import open_streamed
 from resample_volume.files.stores import kept
 from resample_volume.files.stores.chunks import Single
 from resample_volume.files.stores.writing import Layered, write_store
 from resample_volume.types import Recording
-from resample_volume.voxels.bricks import Bricks
-from resample_volume.voxels.glances import looking
-from resample_volume.voxels.glances.looking import Helpers
 from tests.commands import ended
 from tests.killing import Killing
 

@@ -16,8 +16,8 @@ from resample_volume.looks.transfer import from_points
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import Subject, render
 from resample_volume.scenes import Scene
-from resample_volume.space import plane_meshes
-from resample_volume.space.image_planes import ImagePlane, outline, settled
+from resample_volume.surfaces import plane_meshes
+from resample_volume.surfaces.image_planes import ImagePlane, outline, settled
 from resample_volume.voxels.shading import DepthCue, Light
 from resample_volume.voxels.visible import lattice_of
 from tests.commands import ended, refused
@@ -150,7 +150,7 @@ def test_a_window_that_is_not_given_is_the_range_without_padding():
 
 
 def test_windows_and_surfaces_on_a_scale_are_of_values():
-    from resample_volume.media.scales import scaled
+    from resample_volume.looks.scales import scaled
 
     ramp = as_volume(10.0 ** np.linspace(0, 3, 16) * np.ones((12, 12, 1)))
     volume = scaled(ramp, "log")
@@ -305,7 +305,7 @@ def test_words_of_planes(text, plane):
     ],
 )
 def test_what_is_no_plane_is_one_line(text, said, tmp_path, monkeypatch, capsys):
-    from resample_volume.command.cli import app
+    from resample_volume.cli import app
 
     monkeypatch.chdir(tmp_path)
     output = "out.png"
@@ -322,7 +322,7 @@ def test_what_is_no_plane_is_one_line(text, said, tmp_path, monkeypatch, capsys)
     ],
 )
 def test_what_shows_no_planes_is_one_line(words, said, tmp_path, monkeypatch, capsys):
-    from resample_volume.command.cli import app
+    from resample_volume.cli import app
 
     monkeypatch.chdir(tmp_path)
     output = "out.png"
@@ -334,7 +334,7 @@ def test_what_shows_no_planes_is_one_line(words, said, tmp_path, monkeypatch, ca
 def test_a_film_of_times_has_one_window(tmp_path, monkeypatch):
     from PIL import Image
 
-    from resample_volume.command.cli import app
+    from resample_volume.cli import app
 
     monkeypatch.chdir(tmp_path)
     step = np.repeat([0.0, 30.0], 6).astype(np.float32) * np.ones((12, 12, 1), np.float32)
@@ -352,7 +352,7 @@ def test_a_film_of_times_has_one_window(tmp_path, monkeypatch):
 def test_a_plane_fills_the_picture_that_zooms_in(transfer, fov, tmp_path, monkeypatch):
     from PIL import Image
 
-    from resample_volume.command.cli import app
+    from resample_volume.cli import app
 
     monkeypatch.chdir(tmp_path)
     values = np.zeros((12, 12, 12), np.uint8)

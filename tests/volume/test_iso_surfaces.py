@@ -10,8 +10,8 @@ from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import Subject, render
 from resample_volume.scenes import Scene
-from resample_volume.space import iso_surfaces
-from resample_volume.space.iso_surfaces import IsoSurface
+from resample_volume.surfaces import iso_surfaces
+from resample_volume.surfaces.iso_surfaces import IsoSurface
 from resample_volume.voxels.shading import Light
 from tests.commands import ended, refused
 from tests.volume.test_space_meshes import FOG, RED, ahead, fog
@@ -110,7 +110,7 @@ def test_a_preview_has_the_surface_too():
 def test_the_command_shows_a_surface_of_what_is_not_shown_else(tmp_path, monkeypatch):
     from PIL import Image
 
-    from resample_volume.command.cli import app
+    from resample_volume.cli import app
 
     monkeypatch.chdir(tmp_path)
     np.save("ball.npy", BALL.values)
@@ -120,7 +120,7 @@ def test_the_command_shows_a_surface_of_what_is_not_shown_else(tmp_path, monkeyp
 
 
 def test_a_volume_in_chunks_has_the_surface_of_an_array(tmp_path, monkeypatch):
-    from resample_volume.command.cli import app
+    from resample_volume.cli import app
 
     monkeypatch.chdir(tmp_path)
     np.save("ball.npy", BALL.values)
@@ -144,7 +144,7 @@ def test_a_volume_in_chunks_has_the_surface_of_an_array(tmp_path, monkeypatch):
     ],
 )
 def test_what_is_no_surface_is_one_line(text, said, tmp_path, monkeypatch, capsys):
-    from resample_volume.command.cli import app
+    from resample_volume.cli import app
 
     monkeypatch.chdir(tmp_path)
     words = ("checker-box:size=16", "-o", "out.png", "--size", "16x16", "--surface", text)

@@ -8,11 +8,11 @@ import pytest
 
 from benchmarks.sparse import Bubbles
 from resample.files.writing import replacing
+from resample_volume.data.recordings import volume_at
 from resample_volume.files.source import open_streamed
 from resample_volume.files.stores import kept
 from resample_volume.files.stores.chunks import Single
 from resample_volume.files.stores.writing import Layered, write_store
-from resample_volume.media.recordings import volume_at
 from resample_volume.rendering import render
 from resample_volume.types import Recording
 

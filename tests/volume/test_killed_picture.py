@@ -14,9 +14,9 @@ import pytest
 from resample.command.workers import Crew
 from resample.files import writing
 from resample.files.images import read_image
+from resample_volume.cli import app
 from resample_volume.command import rendering
-from resample_volume.command.cli import app
-from resample_volume.voxels import windowed
+from resample_volume.outofcore import windowed
 from tests import commands
 from tests.processes import PATIENCE
 
@@ -35,7 +35,7 @@ from pathlib import Path
 
 from resample.command.workers import Crew
 from resample_volume.command import rendering
-from resample_volume.command.cli import app
+from resample_volume.cli import app
 
 
 class Ending:

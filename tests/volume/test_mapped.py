@@ -10,13 +10,13 @@ import pytest
 from resample.files.images import read_image
 from resample.memory.mapped import is_in_file
 from resample.painting.choices import Projection
-from resample_volume.command.cli import app
+from resample_volume.cli import app
+from resample_volume.data.bricks import Bricks, as_array
 from resample_volume.looks.transfer import from_points
 from resample_volume.media.appearance import ALONG_RAYS, Appearance, Classification
 from resample_volume.rendering import render
 from resample_volume.scenes import Scene
 from resample_volume.types import Volume
-from resample_volume.voxels.bricks import Bricks, as_array
 from tests.commands import ended
 
 SIZE = (40, 36)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from resample.reading.limits import SETTING
+from resample_volume.data.recordings import volume_at
 from resample_volume.files.readers import Cube, Mrc
 from resample_volume.files.source import find_reader, open_volume
-from resample_volume.media.recordings import volume_at
 
 AXES = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
 BOHR = 0.529177210903

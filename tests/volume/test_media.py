@@ -9,7 +9,7 @@ from resample.cameras.viewpoints import Orbit
 from resample.painting.choices import Projection
 from resample.profiles.orders import ImageSheets, Rays
 from resample.resampler import Resampler
-from resample_volume.files import memory
+from resample_volume.data import memory
 from resample_volume.files.generated import vessel_tree
 from resample_volume.looks.labels import Labels
 from resample_volume.looks.transfer import TransferFunction, from_points

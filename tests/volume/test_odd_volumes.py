@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from resample.files.images import read_image
-from resample_volume.command import cli
+from resample_volume import cli
 from resample_volume.inputs import as_volume
 from resample_volume.looks.presets import transfer_for
 from resample_volume.rendering import render

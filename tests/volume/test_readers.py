@@ -12,7 +12,8 @@ import pytest
 import SimpleITK
 
 from resample.memory import physical_memory
-from resample_volume.files import memory
+from resample_volume.data import memory
+from resample_volume.data.recordings import volume_at
 from resample_volume.files.readers import (
     Cube,
     Dicom,
@@ -27,7 +28,6 @@ from resample_volume.files.readers import (
     Vtk,
 )
 from resample_volume.files.source import describe
-from resample_volume.media.recordings import volume_at
 
 SPACING, ORIGIN = (1.0, 2.0, 3.5), (5.0, 6.0, -7.0)
 ROTATED = ((0, -1, 0), (1, 0, 0), (0, 0, 1))

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import resample_volume
-from resample_volume.files import memory
+from resample_volume.data import memory
+from resample_volume.data import rectilinear as module
+from resample_volume.data.rectilinear import rectilinear
 from resample_volume.files.grids import Npz, Vtr
 from resample_volume.files.source import describe, open_volume
-from resample_volume.media import rectilinear as module
-from resample_volume.media.rectilinear import rectilinear
 
 X = np.array([0.0, 1.0, 2.0, 3.0, 4.0])
 Y = np.array([-3.0, -2.5, -1.0, 0.0, 2.0, 3.0])

@@ -7,15 +7,15 @@ import pytest
 from matplotlib.colors import LogNorm, SymLogNorm
 
 from resample.command.settings import Resampling
-from resample_volume.command import cli
+from resample_volume import cli
 from resample_volume.command.choices import Look, Source
 from resample_volume.command.inputs import prepared
 from resample_volume.files.source import describe
 from resample_volume.inputs import as_volume
 from resample_volume.looks.presets import transfer_for
+from resample_volume.looks.scales import Scale, edges_of, on_scale, scale_named, scaled
 from resample_volume.looks.surveys import survey
 from resample_volume.media.appearance import Appearance
-from resample_volume.media.scales import Scale, edges_of, on_scale, scale_named, scaled
 from resample_volume.picking import picked
 from resample_volume.rendering import render
 from resample_volume.viewing import VolumeView

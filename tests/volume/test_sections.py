@@ -12,13 +12,12 @@ from resample.files.images import read_channels
 from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
 from resample.resampler import Resampler
-from resample_volume import Appearance, Scene, Volume, XRay, render
-from resample_volume.command import cli
+from resample_volume import Appearance, Scene, Volume, XRay, cli, render
 from resample_volume.command.choices import Look
 from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Classification
-from resample_volume.media.dense import check_windows
-from resample_volume.space.sections import Section
+from resample_volume.outofcore.dense import check_windows
+from resample_volume.surfaces.sections import Section
 from tests import commands
 
 LAYERS = np.array([0, 10, 20, 30, 40, 50, 60, 70], np.float32)  # along y, the view from the front

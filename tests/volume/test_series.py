@@ -10,13 +10,13 @@ import pytest
 from resample.cameras.viewpoints import Orbit
 from resample.files.images import read_image
 from resample.resampler import Resampler
-from resample_volume.command import cli
-from resample_volume.command.animation import Course
+from resample_volume import cli
+from resample_volume.command.animation import Course, around
 from resample_volume.command.choices import Look, Source
 from resample_volume.command.inputs import held
 from resample_volume.command.media import labelled, look_over_time, times_of
 from resample_volume.looks.transfer import from_points
-from resample_volume.media.series import Series, around
+from resample_volume.media.series import Series
 from resample_volume.rendering import Subject
 from resample_volume.types import Recording
 from tests import commands

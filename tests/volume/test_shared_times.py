@@ -11,7 +11,7 @@ import pytest
 
 from resample.command import workers
 from resample.command.workers import Crew
-from resample_volume.command import cli
+from resample_volume import cli
 from resample_volume.files.source import open_recording, open_streamed
 from resample_volume.files.stores import chunks, kept
 from resample_volume.media.series import Series, whole

@@ -6,12 +6,12 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from resample_volume.data.bricks import Bricks
+from resample_volume.data.glances import shelves
+from resample_volume.data.glances.shelves import Shelf
 from resample_volume.looks.surveys import survey, without_padding
 from resample_volume.rendering import Subject
 from resample_volume.types import Volume
-from resample_volume.voxels.bricks import Bricks
-from resample_volume.voxels.glances import shelves
-from resample_volume.voxels.glances.shelves import Shelf
 from tests.volume.of_voxels import of_voxels
 
 SIDE = (4, 4, 4)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from resample_volume.files.headers import KEPT
-from resample_volume.voxels import parts
-from resample_volume.voxels.kernels.gradients import BRICK, brick_order, find_gradients
+from resample_volume.data import parts
+from resample_volume.data.kernels.gradients import BRICK, brick_order, find_gradients
+from resample_volume.files.parsing.headers import KEPT
 from resample_volume.voxels.streaming import slopes_at
 from tests.kernels import compiled_only, specialisations
 

@@ -182,7 +182,7 @@ def test_a_histogram_without_bins_is_refused():
 def test_slabs_change_nothing(rng, monkeypatch):
     made = volume(rng.integers(0, 255, (9, 4, 4)).astype(np.uint8))
     whole = describe(made)
-    monkeypatch.setattr("resample_volume.voxels.parts.CHUNK", 40)
+    monkeypatch.setattr("resample_volume.data.parts.CHUNK", 40)
     assert describe(made) == whole
 
 

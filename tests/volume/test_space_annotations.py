@@ -8,7 +8,7 @@ from resample.cameras.viewpoints import Orbit
 from resample.files.images import read_image
 from resample.types import Frame, Statistics
 from resample_volume import Annotations, annotate, open_volume
-from resample_volume.command.cli import app
+from resample_volume.cli import app
 from resample_volume.files.writing import write_volume
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import Subject, as_volume, render

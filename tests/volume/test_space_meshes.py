@@ -13,7 +13,7 @@ from resample.resampler import Resampler
 from resample_volume.looks.transfer import from_points
 from resample_volume.media.appearance import Appearance, Classification
 from resample_volume.rendering import Subject, as_volume, render
-from resample_volume.space.meshes import read_mesh, scene_mesh
+from resample_volume.surfaces.meshes import read_mesh, scene_mesh
 from resample_volume.voxels.shading import Light
 from tests import naive, ray_truth
 from tests.commands import refused
@@ -307,7 +307,7 @@ def test_colors_of_corners_are_kept(tmp_path):
     ],
 )
 def test_what_cannot_be_is_one_line(words, said, tmp_path, monkeypatch, capsys):
-    from resample_volume.command.cli import app
+    from resample_volume.cli import app
 
     monkeypatch.chdir(tmp_path)
     trimesh.creation.icosphere(1).export("ball.ply")

@@ -5,16 +5,16 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from resample.cameras.viewpoints import Orbit
-from resample.files.deep import Slab, read_deep, write_deep
 from resample.files.images import read_channels
+from resample.files.painted.deep import Slab, read_deep, write_deep
 from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
 from resample.resampler import Resampler
-from resample_volume.command.cli import app
+from resample_volume.cli import app
 from resample_volume.media.appearance import Appearance, Classification
 from resample_volume.rendering import Subject
-from resample_volume.space.meshes import scene_mesh
 from resample_volume.space.slabs import boxed, check_slabs, depths, slabs
+from resample_volume.surfaces.meshes import scene_mesh
 from resample_volume.voxels.shading import Light
 from tests.commands import refused
 from tests.volume.test_ray_truth import BLOBS, LOOK

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from resample.files.stores import addresses
-from resample_volume.command.cli import app
+from resample_volume.cli import app
 from resample_volume.files.source import open_recording, open_streamed, open_volume
 from resample_volume.files.stores import kept
 from resample_volume.files.stores.writing import Layered, bricks_of, write_store
@@ -239,7 +239,7 @@ def test_bars_count_bricks_and_say_how_much_time_is_left(form, values, monkeypat
 FULL = """
 import resource, signal, sys
 
-from resample_volume.command.cli import main
+from resample_volume.cli import main
 
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv.pop(1)),) * 2)

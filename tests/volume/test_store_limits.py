@@ -18,9 +18,9 @@ import pytest
 
 from resample.files.pictures import read_picture
 from resample.files.stores import holes
-from resample_volume.command.cli import app
+from resample_volume.cli import app
+from resample_volume.data.recordings import volume_at
 from resample_volume.files.source import describe, open_streamed, open_volume
-from resample_volume.media.recordings import volume_at
 from tests import commands
 from tests.processes import PATIENCE
 

@@ -15,9 +15,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from resample.command.session import libraries
+from resample.files.chunked import open_picture
 from resample.files.images import read_image
-from resample.files.stores.pictures import open_picture
-from resample_volume.command.cli import app
+from resample_volume.cli import app
+from resample_volume.data.bricks import as_array
+from resample_volume.data.recordings import volume_at
 from resample_volume.files.readers import alone
 from resample_volume.files.source import (
     describe,
@@ -29,10 +31,8 @@ from resample_volume.files.source import (
 from resample_volume.files.stores.pyramid import halved, per_axis
 from resample_volume.files.stores.reader import Zarr
 from resample_volume.files.writing import write_volume
-from resample_volume.media.recordings import volume_at
 from resample_volume.rendering import render
 from resample_volume.types import Volume
-from resample_volume.voxels.bricks import as_array
 from tests.commands import ended, imported, refused
 
 zarr = pytest.importorskip("zarr")
@@ -408,7 +408,7 @@ def test_a_missing_extra_is_named_with_its_remedy(values, tmp_path, monkeypatch)
 
 
 def test_zarr_is_not_imported_before_a_store_is_read():
-    assert "zarr" not in imported("resample_volume.command.cli", "fetch")
+    assert "zarr" not in imported("resample_volume.cli", "fetch")
 
 
 # Written

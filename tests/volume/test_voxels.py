@@ -165,7 +165,7 @@ def test_large_volumes_are_looked_at_in_chunks(
 ) -> None:
     volume = unit_volume(rng.normal(50, 30, (7, 6, 5)))
     whole = classify(volume, UPPER)
-    monkeypatch.setattr("resample_volume.voxels.parts.CHUNK", 70)  # 2 slices, 1 left over
+    monkeypatch.setattr("resample_volume.data.parts.CHUNK", 70)  # 2 slices, 1 left over
     assert_same(classify(volume, UPPER), whole)
 
 
@@ -200,7 +200,7 @@ def test_missing_values_are_not_seen() -> None:
 
 
 def test_the_range_leaves_out_what_is_not_finite(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("resample_volume.voxels.parts.CHUNK", 1)
+    monkeypatch.setattr("resample_volume.data.parts.CHUNK", 1)
     values = np.array([np.nan, -3, np.inf, 8, -np.inf, np.nan]).reshape(6, 1, 1)
     assert finite_range(values) == (-3, 8)
     assert finite_range(np.full((2, 2, 2), np.nan)) == (0, 1)
@@ -442,7 +442,7 @@ def test_reach_does_not_depend_on_chunks(
 ) -> None:
     volume, looks = unit_volume(smooth("f4", rng)), looks_of(SHOWN["above"])
     whole = reachable(volume, looks)
-    monkeypatch.setattr("resample_volume.voxels.parts.CHUNK", 250)
+    monkeypatch.setattr("resample_volume.data.parts.CHUNK", 250)
     np.testing.assert_array_equal(reachable(volume, looks), whole)
 
 

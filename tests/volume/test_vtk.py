@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from resample.reading.limits import SETTING
+from resample_volume.data.recordings import volume_at
+from resample_volume.data.rectilinear import rectilinear
 from resample_volume.files.grids import Vtr
 from resample_volume.files.readers import Vti, Vtk
 from resample_volume.files.source import open_volume
-from resample_volume.media.recordings import volume_at
-from resample_volume.media.rectilinear import rectilinear
 
 NAMES = {
     "unsigned_char": "u1",

@@ -14,6 +14,8 @@ from resample.command.settings import Sharing
 from resample.command.workers import at_work
 from resample.profiles.orders import AxisSheets, ImageSheets
 from resample_volume import windows
+from resample_volume.data.bricks import Bricks
+from resample_volume.data.recordings import volume_at
 from resample_volume.files.source import open_streamed
 from resample_volume.files.stores.chunks import Single
 from resample_volume.files.stores.writing import Layered, write_store
@@ -22,15 +24,14 @@ from resample_volume.looks.materials import Windowed
 from resample_volume.looks.regions import Region, RegionTransfer
 from resample_volume.looks.transfer import places_seen
 from resample_volume.media.appearance import Appearance, Classification
-from resample_volume.media.recordings import volume_at
+from resample_volume.outofcore import windowed
+from resample_volume.outofcore.passes import Looking, passed
+from resample_volume.outofcore.steepness import Slopes, steepness_by_bricks
 from resample_volume.rendering import Subject
-from resample_volume.space.meshes import scene_mesh
+from resample_volume.surfaces.meshes import scene_mesh
 from resample_volume.types import Recording, Volume
-from resample_volume.voxels import blocks, windowed
+from resample_volume.voxels import blocks
 from resample_volume.voxels.blocks import Lattice, bounds_of, lattice_for
-from resample_volume.voxels.bricks import Bricks
-from resample_volume.voxels.dense.passes import Looking, passed
-from resample_volume.voxels.dense.steepness import Slopes, steepness_by_bricks
 from resample_volume.voxels.framing import centered
 from resample_volume.voxels.shading import DepthCue
 from resample_volume.voxels.visible import gradients_at, lattice_of, steepness

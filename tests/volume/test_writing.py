@@ -11,11 +11,11 @@ from resample_volume.files.readers import Npy
 from resample_volume.files.source import open_volume
 from resample_volume.files.writing import (
     SUFFIXES,
-    with_bar,
     write_volume,
 )
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import render
+from resample_volume.showing.color_bar import with_bar
 from resample_volume.types import Volume
 
 TURNED = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])

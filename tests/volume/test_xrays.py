@@ -15,8 +15,7 @@ from resample.painting.choices import Projection
 from resample.profiles.orders import ImageSheets, Rays
 from resample.resampler import Resampler
 from resample.types import Frame
-from resample_volume import Appearance, Scene, Volume, XRay, render
-from resample_volume.command import cli
+from resample_volume import Appearance, Scene, Volume, XRay, cli, render
 from resample_volume.command.choices import Look, Projecting
 from resample_volume.inputs import as_volume
 from resample_volume.media.series import Series

@@ -13,7 +13,7 @@ import trimesh
 from PIL import Image
 
 from resample.files.images import read_channels, read_image
-from resample_warp3d.command import cli
+from resample_warp3d import cli
 from resample_warp3d.types import Hole
 from tests import commands
 from tests.commands import store
@@ -597,7 +597,7 @@ def killing(*arguments, **choices):
     return whole(*arguments, **choices)
 
 rendering.on_screen = killing
-from resample_warp3d.command.cli import main
+from resample_warp3d.cli import main
 main()
 """
 

@@ -11,8 +11,8 @@ from PIL import Image
 
 from resample.files.images import read_image
 from resample.memory import mapped
+from resample_warp3d import cli
 from resample_warp3d.clouds import storing
-from resample_warp3d.command import cli
 from tests import commands
 
 ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli.app)

@@ -11,6 +11,7 @@ from resample.command.session import Session
 from resample.files.images import read_image
 from resample.memory import allowing
 from resample.memory.mapped import array_in_file, is_in_file
+from resample_warp3d import cli
 from resample_warp3d.clouds import framing, parts, sorting, spacing, windows
 from resample_warp3d.clouds.cloud import Cloud
 from resample_warp3d.clouds.coloring import colored
@@ -18,7 +19,6 @@ from resample_warp3d.clouds.files import read_cloud
 from resample_warp3d.clouds.framing import ball_around, framed, framed_together
 from resample_warp3d.clouds.rendering import CloudStyle, render_cloud
 from resample_warp3d.clouds.spacing import prepare_cloud
-from resample_warp3d.command import cli
 from resample_warp3d.command.clouds import CloudLook, film_of, frames_of, memory_of_each, scene_of
 from tests import commands
 from tests.bits import assert_same

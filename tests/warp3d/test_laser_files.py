@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from resample.colors import from_srgb
+from resample_warp3d.cli import app
 from resample_warp3d.clouds import parts as clouds_in_parts
 from resample_warp3d.clouds.coloring import BRIGHT
 from resample_warp3d.clouds.files import read_cloud
 from resample_warp3d.clouds.spacing import prepare_cloud
-from resample_warp3d.command.cli import app
 from tests.laser import CENTER, SCALE, copc_of, las_of
 
 pytest.importorskip("laspy", reason="the extra las is not installed")

@@ -3,8 +3,8 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from resample_warp3d.merging import merge
 from resample_warp3d.types import Hole, Warped
+from resample_warp3d.views.merging import merge
 from resample_warp3d.warping import warp
 from tests.warp3d.naive_sheet import camera_at, depth_image, flat, pattern, plane, see
 

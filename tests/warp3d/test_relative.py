@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from resample.files.images import read_image
-from resample_warp3d.command import cli
+from resample_warp3d import cli
 from resample_warp3d.depth.encodings import RelativeDepth
 from tests import commands
 

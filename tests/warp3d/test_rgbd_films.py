@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from resample.files.images import read_image
-from resample_warp3d.command import cli
+from resample_warp3d import cli
 from resample_warp3d.command.depths import DepthFrames
 from resample_warp3d.depth.files import read_depth
 from tests import commands

@@ -11,7 +11,7 @@ import pytest
 
 from resample.command import workers
 from resample.command.workers import Crew
-from resample_warp3d.command.cli import app
+from resample_warp3d.cli import app
 from tests.commands import ended, refused
 from tests.killing import Killing
 

@@ -12,7 +12,7 @@ from resample.cameras.panoramic import Equirectangular
 from resample.files.images import read_channels, read_image
 from resample.files.pictures import Kind, Look, Picture, write_picture
 from resample.measuring.quality import psnr
-from resample_warp3d.command import cli
+from resample_warp3d import cli
 from tests import commands
 from tests.warp3d.naive_sights import traced
 from tests.warp3d.test_sights import EYE, SHAPE, SOURCES, TARGETS, THINGS, pose

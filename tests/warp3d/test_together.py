@@ -7,11 +7,11 @@ import pytest
 from resample.engine import jit
 from resample_warp3d.depth.equation import between
 from resample_warp3d.depth.preparation import prepare
-from resample_warp3d.merging import merge
 from resample_warp3d.types import DepthImage
 from resample_warp3d.views import blending, voting
 from resample_warp3d.views.aligning import match_depths, scaled
 from resample_warp3d.views.matching import balanced, match_colors
+from resample_warp3d.views.merging import merge
 from resample_warp3d.views.together import PLAIN, Joining, Standing, agreed, render_together
 from resample_warp3d.warping import render
 from tests.warp3d import naive_together as naive

@@ -10,7 +10,7 @@ from resample.cameras.models import Camera, LensModel
 from resample.cameras.pixels import pixel_centers
 from resample.files.images import read_image
 from resample.measuring.quality import psnr
-from resample_warp3d.command import cli
+from resample_warp3d import cli
 from resample_warp3d.depth.encodings import PlanarDepth, RayLength
 from resample_warp3d.warping import warp
 from tests import commands

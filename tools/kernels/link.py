@@ -39,7 +39,7 @@ WORD = ir.IntType(64)
 UNKNOWN = "arrays of a kernel do not fit each other; RESAMPLE_KERNELS=off tells their shapes"
 # Kernels that take 4 to 10 % longer without AVX-512 are there twice.
 WIDE = (
-    "resample.engine.ellipsoids.deferred.paint_runs",
+    "resample.engine.mixtures.deferred.paint_runs",
     "resample.engine.rays.painting.paint_rays",
 )
 WIDE_LEVEL = "x86-64-v4"

@@ -205,8 +205,7 @@ def run(group: str) -> int:
                 line()
                 continue
             program, *words = shlex.split(line, comments=True)
-            package = f"{program.replace('-', '_')}.command" if "-" in program else program
-            app = import_module(f"{package}.cli").app
+            app = import_module(f"{program.replace('-', '_')}.cli").app
             try:
                 answer(app, words)
             except SystemExit as end:

@@ -38,7 +38,7 @@ def view(image: Any, /, **settings: Any) -> "Viewer":
     """
     from resample.view.views import controls_of
     from resample.view.widgets import SIZE, kept, shown
-    from resample_texture.command.cli import app
+    from resample_texture.cli import app
     from resample_texture.viewing import COMMAND, PLACES, PictureView
 
     path, folder = kept("picture.png", image)

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.files.exchange.inputs import as_picture
-from resample.painting.plans import shape_of
 from resample.painting.previews import enlarged
+from resample.painting.scenes.plans import shape_of
 from resample.types import Doubles, Floats
 from resample.watching import Cancel, cancellable
 from resample_texture.asking import Places, check_shape, edge_named, geometry_of, method_named

@@ -4,7 +4,6 @@ Continuous pixel coordinates everywhere: the pixel in row i, column j covers [j,
 and has its center at (j + 0.5, i + 0.5), in the source as in the target.
 """
 
-from enum import StrEnum
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -12,29 +11,10 @@ from numpy.typing import NDArray
 
 from resample.showable import Showable
 from resample.types import Floats
+from resample_texture.geometry.edges import Edge
 from resample_texture.geometry.mappings import Geometry
 
-
-class Edge(StrEnum):
-    """What lies beyond the source's edges.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from resample_texture import Edge, warp
-    >>> row, right = np.uint8([[1, 2, 3, 4]]), [[1, 0, 2], [0, 1, 0]]
-    >>> for edge in Edge:
-    ...     print(f"{edge:11}", *warp(row, right, (1, 6), edge=edge).image[0])
-    transparent 0 0 1 2 3 4
-    clamp       1 1 1 2 3 4
-    wrap        3 4 1 2 3 4
-    mirror      2 1 1 2 3 4
-    """
-
-    TRANSPARENT = "transparent"  # nothing: coverage ends there
-    CLAMP = "clamp"  # the outermost texels, for ever
-    WRAP = "wrap"  # the source again: a b c | a b c
-    MIRROR = "mirror"  # the source's mirror image: a b c | c b a
+__all__ = ["Edge", "Method", "Previewed", "Warped"]
 
 
 class _Warped(NamedTuple):

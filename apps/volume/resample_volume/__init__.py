@@ -15,21 +15,21 @@ except ModuleNotFoundError as error:
 
 if TYPE_CHECKING:
     from resample.cameras.viewpoints import Orbit
+    from resample_volume.data.rectilinear import rectilinear
     from resample_volume.files.source import open_volume
     from resample_volume.inputs import as_volume
     from resample_volume.looks.presets import load_transfer
     from resample_volume.looks.transfer import TransferFunction
     from resample_volume.media.appearance import Appearance
-    from resample_volume.media.rectilinear import rectilinear
     from resample_volume.media.xrays import XRay
     from resample_volume.notebooks import view
     from resample_volume.rendering import render
     from resample_volume.scenes import Scene
     from resample_volume.space.annotations import Annotations, annotate
-    from resample_volume.space.image_planes import ImagePlane
-    from resample_volume.space.iso_surfaces import IsoSurface
     from resample_volume.space.measuring import measure
-    from resample_volume.space.meshes import SceneMesh, read_mesh, scene_mesh
+    from resample_volume.surfaces.image_planes import ImagePlane
+    from resample_volume.surfaces.iso_surfaces import IsoSurface
+    from resample_volume.surfaces.meshes import SceneMesh, read_mesh, scene_mesh
     from resample_volume.types import Volume
     from resample_volume.viewing import picture
     from resample_volume.voxels.shading import Light
@@ -37,12 +37,12 @@ if TYPE_CHECKING:
 _HOMES = {
     "Annotations": "space.annotations",
     "Appearance": "media.appearance",
-    "ImagePlane": "space.image_planes",
-    "IsoSurface": "space.iso_surfaces",
+    "ImagePlane": "surfaces.image_planes",
+    "IsoSurface": "surfaces.iso_surfaces",
     "Light": "voxels.shading",
     "Orbit": "resample.cameras.viewpoints",
     "Scene": "scenes",
-    "SceneMesh": "space.meshes",
+    "SceneMesh": "surfaces.meshes",
     "TransferFunction": "looks.transfer",
     "Volume": "types",
     "XRay": "media.xrays",
@@ -51,11 +51,11 @@ _HOMES = {
     "load_transfer": "looks.presets",
     "measure": "space.measuring",
     "open_volume": "files.source",
-    "read_mesh": "space.meshes",
+    "read_mesh": "surfaces.meshes",
     "picture": "viewing",
-    "rectilinear": "media.rectilinear",
+    "rectilinear": "data.rectilinear",
     "render": "rendering",
-    "scene_mesh": "space.meshes",
+    "scene_mesh": "surfaces.meshes",
     "view": "notebooks",
 }
 

@@ -7,7 +7,7 @@ from resample.command.stopping import start
 
 def main() -> NoReturn:
     """Run the command line, which signals can stop at any moment."""
-    start("resample_volume.command.cli")
+    start("resample_volume.cli")
 
 
 if __name__ == "__main__":

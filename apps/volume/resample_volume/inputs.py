@@ -7,16 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.memory.alike import alike
-from resample.painting.scene import check_lattice, check_places
+from resample.painting.scenes.scene import check_lattice, check_places
 from resample.types import Doubles
+from resample_volume.data.bricks import Bricks
+from resample_volume.data.recordings import in_color, is_color
 from resample_volume.exchange.parts import Part, check_whole
 from resample_volume.exchange.taking import taker_of
-from resample_volume.files.headers import KEPT
+from resample_volume.files.parsing.headers import KEPT
 from resample_volume.files.source import open_volume
-from resample_volume.media.recordings import in_color, is_color
-from resample_volume.media.scales import LINEAR, scaled
+from resample_volume.looks.scales import LINEAR, scaled
 from resample_volume.types import Volume
-from resample_volume.voxels.bricks import Bricks
 
 TAKEN = (
     "an array (Z, Y, X), nested lists, a path, a Volume, or what xarray, SimpleITK, nibabel, VTK, "

@@ -42,7 +42,7 @@ def view(volume: Any, /, **settings: Any) -> "Viewer":
     'top'
     """
     from resample.view.widgets import shown
-    from resample_volume.command.cli import app
+    from resample_volume.cli import app
 
     folder = None
     if not isinstance(volume, str | Path):

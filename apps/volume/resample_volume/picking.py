@@ -11,9 +11,9 @@ from resample.painting.choices import Projection
 from resample.profiles.reconstruction import footprint_table
 from resample.resampler import Resampler
 from resample.types import Doubles, View
-from resample_volume.media.scales import value_at
+from resample_volume.looks.scales import value_at
 from resample_volume.rendering import Subject
-from resample_volume.space.image_planes import settled
+from resample_volume.surfaces.image_planes import settled
 from resample_volume.types import Volume
 from resample_volume.voxels.gathered import Gathered
 from resample_volume.voxels.slices.thin import SAME, of_samples, voxels_of

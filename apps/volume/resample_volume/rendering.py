@@ -9,9 +9,10 @@ import numpy as np
 
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Orbit, Spelled, Sphere, Viewpoint, camera_from, viewpoint_of
+from resample.console.messages import progress_bar
 from resample.memory import amount
 from resample.painting.choices import MEASURING, Projection
-from resample.painting.plans import shape_of
+from resample.painting.scenes.plans import shape_of
 from resample.profiles.orders import Rays, Summing
 from resample.resampler import Resampler
 from resample.types import (
@@ -26,6 +27,8 @@ from resample.types import (
     View,
 )
 from resample.watching import Progress
+from resample_volume.data.bricks import Bricks, Values, as_array
+from resample_volume.data.recordings import how
 from resample_volume.inputs import as_volume
 from resample_volume.looks.automatic import LEVELS
 from resample_volume.looks.materials import Windowed
@@ -46,14 +49,12 @@ from resample_volume.media.appearance import (
 )
 from resample_volume.media.lattices import Lattice, bytes_onto, common_lattice, first_in, onto
 from resample_volume.media.mixing import Mixed, added, mixed, with_light
-from resample_volume.media.recordings import how
 from resample_volume.media.xrays import AS_IT_IS, Tone, XRay, exposed, settled, tone_of
-from resample_volume.space.image_planes import settled as settled_plane
-from resample_volume.space.meshes import SceneMesh, placed
-from resample_volume.space.plane_meshes import plane_mesh
-from resample_volume.space.surface_meshes import surface_mesh
+from resample_volume.surfaces.image_planes import settled as settled_plane
+from resample_volume.surfaces.meshes import SceneMesh, placed
+from resample_volume.surfaces.plane_meshes import plane_mesh
+from resample_volume.surfaces.surface_meshes import surface_mesh
 from resample_volume.types import Volume
-from resample_volume.voxels.bricks import Bricks, Values, as_array
 from resample_volume.voxels.cropping import faced, keep, planes
 from resample_volume.voxels.fields import FieldVoxels, field_voxels, framed, lit_field
 from resample_volume.voxels.framing import (
@@ -548,3 +549,24 @@ def _medium(volume: Any, appearance: Appearance | str) -> Medium:
 def _eye(view: View) -> Doubles:
     """Place (3,) of a perspective camera, scene units."""
     return -view.rotation.T @ view.translation
+
+
+def painted_with_bar(
+    resampler: Resampler,
+    seen: Samples | Field | LatticeField,
+    camera: AnyCamera,
+    size: tuple[int, int],
+    threads: int | None = None,
+    clip: Doubles | None = None,
+) -> Frame:
+    """Picture (height, width) of what a camera sees, with a bar on a terminal if it takes long."""
+    with progress_bar("painting") as progress:
+        return resampler(
+            seen,
+            camera,
+            height=size[0],
+            width=size[1],
+            threads=threads,
+            progress=progress,
+            clip=clip,
+        )

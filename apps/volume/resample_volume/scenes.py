@@ -10,21 +10,21 @@ from numpy.typing import NDArray
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Spelled, viewpoint_of
 from resample.painting.choices import Projection
-from resample.painting.plans import shape_of
+from resample.painting.scenes.plans import shape_of
 from resample.resampler import Resampler
 from resample.types import Frame
 from resample.watching import Cancel, Progress, cancellable
+from resample_volume.data.bricks import as_array
+from resample_volume.data.keeping import Kept, keeping
 from resample_volume.inputs import as_volume
-from resample_volume.keeping import Kept, keeping
 from resample_volume.looks.surveys import survey, without_padding
 from resample_volume.media.appearance import Appearance, Classification, of_voxels, resampler_for
 from resample_volume.media.xrays import XRay, settled
 from resample_volume.picking import Behind, Picked, picked, voxels_at
 from resample_volume.previews import PER, Shrunk, enlarged, kept_cuts, merged, merged_labels
 from resample_volume.rendering import Fit, Subject, kept_look
-from resample_volume.space.image_planes import settled as settled_plane
+from resample_volume.surfaces.image_planes import settled as settled_plane
 from resample_volume.types import Volume
-from resample_volume.voxels.bricks import as_array
 
 KEPT = 4  # looks whose samples are kept
 MERGED = 2  # voxels each way that are one in a preview

@@ -21,7 +21,7 @@ class Volume(NamedTuple):
     """
 
     # (Z, Y, X) uint8/16, int8/16/32, float32/64; NaN is "no value here". Where a caller asked for
-    # values that stay in their file, these are `voxels.bricks.Bricks` instead.
+    # values that stay in their file, these are `data.bricks.Bricks` instead.
     values: NDArray[Any]
     spacing: Doubles  # (3,) x, y, z; scene units between neighbours, > 0
     origin: Doubles  # (3,) x, y, z; scene position of values[0, 0, 0]
@@ -32,7 +32,7 @@ class Volume(NamedTuple):
     note: str = ""  # what was made of a file's values, for who looks at them
     space: str = ""  # lps: a patient's, in mm, whose left, back and head x, y and z point to
     thickness: float = 0.0  # scene units that opacities hold for; 0: cube root of a voxel's volume
-    scale: str = ""  # that values are on, see `media.scales`; empty: they are what was measured
+    scale: str = ""  # that values are on, see `looks.scales`; empty: they are what was measured
 
 
 class Recording(NamedTuple):

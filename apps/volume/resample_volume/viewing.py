@@ -13,8 +13,8 @@ import numpy as np
 from resample.command.settings import PictureFormat, Resampling
 from resample.files.animations import write_film
 from resample.files.exchange.results import levels_of
-from resample.files.frames import write_frame
 from resample.files.images import screen_levels
+from resample.files.painted.frames import write_frame
 from resample.files.stores.addresses import is_address
 from resample.registry import names
 from resample.resampler import Resampler
@@ -26,14 +26,14 @@ from resample.watching import Cancel, Progress
 from resample_volume.command.animation import Paint, cameras_of, drawing, flight_of, shots
 from resample_volume.command.choices import Beside, Look, Source
 from resample_volume.command.inputs import prepared
+from resample_volume.data.keeping import Kept, keeping
 from resample_volume.editing import points_of, spelled
 from resample_volume.files.generated import GENERATED
 from resample_volume.files.source import find_reader
-from resample_volume.keeping import Kept, keeping
 from resample_volume.looks.names import PRESETS, TISSUES
+from resample_volume.looks.scales import scale_named, value_at
 from resample_volume.looks.surveys import survey
 from resample_volume.media.appearance import Appearance, transfer_of
-from resample_volume.media.scales import scale_named, value_at
 from resample_volume.picking import Picked
 from resample_volume.rendering import Subject
 from resample_volume.scenes import Quality, Scene
@@ -45,7 +45,7 @@ from resample_volume.voxels.visible import lattice_of
 
 if TYPE_CHECKING:
     from resample.cameras.models import AnyCamera
-    from resample_volume.rivals.beside import VtkBeside
+    from resample_volume.showing.beside import VtkBeside
 
 VTK = "VTK"  # what can paint the same
 COMMAND, FILM = "resample-volume render", "resample-volume animate"
@@ -163,7 +163,7 @@ class VolumePainter:
 
     def beside(self, rival: str, settings: Settings, size: Size) -> Painting:
         """Picture of VTK, see `resample.view.views.Comparing`."""
-        from resample_volume.rivals.beside import VtkBeside
+        from resample_volume.showing.beside import VtkBeside
 
         if rival != VTK:
             raise ValueError(f"{rival!r:.40} is not known; a page can compare with {VTK}")

@@ -10,27 +10,27 @@ import numpy as np
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Sphere, Viewpoint
 from resample.memory import available_memory
-from resample.painting.scene import nothing_painted
+from resample.painting.scenes.scene import nothing_painted
 from resample.resampler import Resampler
 from resample.types import Doubles, Frame, Indices, Samples, Statistics
 from resample.watching import Executor, Progress
+from resample_volume.data.bricks import Bricks
+from resample_volume.data.glances.shelves import SHARE
 from resample_volume.media.appearance import OF_VOXELS, Appearance, Medium, of_voxels
-from resample_volume.media.dense import Dense, check_windows, dense_of
 from resample_volume.media.mixing import Mixed, added
+from resample_volume.outofcore.ball import ball_of
+from resample_volume.outofcore.dense import Dense, check_windows, dense_of
+from resample_volume.outofcore.known import keep_looked_at, known_of
+from resample_volume.outofcore.light import Reaching, light_reached
+from resample_volume.outofcore.looked import Outline, ToSee, outlined
+from resample_volume.outofcore.passes import Looking
+from resample_volume.outofcore.windowed import Work, painted_in_windows, surveyed
 from resample_volume.rendering import NO_VOXELS, Fit, Subject, lit_samples, placement
 from resample_volume.types import Volume
-from resample_volume.voxels.bricks import Bricks
 from resample_volume.voxels.cropping import Steeps, faced, planes
-from resample_volume.voxels.dense.ball import ball_of
-from resample_volume.voxels.dense.known import keep_looked_at, known_of
-from resample_volume.voxels.dense.light import Reaching, light_reached
-from resample_volume.voxels.dense.looked import Outline, ToSee, outlined
-from resample_volume.voxels.dense.passes import Looking
 from resample_volume.voxels.framing import ball_around, centered, sphere_around
-from resample_volume.voxels.glances.shelves import SHARE
 from resample_volume.voxels.shading import cue_range, cued
 from resample_volume.voxels.visible import Voxels, lattice_of
-from resample_volume.voxels.windowed import Work, painted_in_windows, surveyed
 
 
 class Spent(NamedTuple):

@@ -24,13 +24,13 @@ if TYPE_CHECKING:
     from resample_warp3d.depth.equation import between, of_rectified
     from resample_warp3d.depth.preparation import prepare
     from resample_warp3d.depth.refining.conditioning import refine
-    from resample_warp3d.depth.refining.registering import registered
-    from resample_warp3d.merging import merge
     from resample_warp3d.methods.hybrid import Hybrid
+    from resample_warp3d.notebooks import view
+    from resample_warp3d.registering import registered
     from resample_warp3d.scenes import DepthScene
     from resample_warp3d.sheet.behind import background, behind
     from resample_warp3d.types import DepthImage, Equation, Hole, Source, Warped
-    from resample_warp3d.viewing.notebooks import view
+    from resample_warp3d.views.merging import merge
     from resample_warp3d.views.panoramas import SEAMLESS, panorama
     from resample_warp3d.views.together import Joining, Standing, agreed, render_together
     from resample_warp3d.warping import render, warp, warp_disparity
@@ -57,18 +57,18 @@ _HOMES = {
     "behind": "sheet.behind",
     "between": "depth.equation",
     "framed": "clouds.framing",
-    "merge": "merging",
+    "merge": "views.merging",
     "of_rectified": "depth.equation",
     "panorama": "views.panoramas",
     "prepare": "depth.preparation",
     "prepare_cloud": "clouds.spacing",
     "read_cloud": "clouds.files",
     "refine": "depth.refining.conditioning",
-    "registered": "depth.refining.registering",
+    "registered": "registering",
     "render": "warping",
     "render_cloud": "clouds.rendering",
     "render_together": "views.together",
-    "view": "viewing.notebooks",
+    "view": "notebooks",
     "warp": "warping",
     "way_between": "wide.passages",
     "warp_disparity": "warping",

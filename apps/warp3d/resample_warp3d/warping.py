@@ -16,13 +16,13 @@ from resample.types import Doubles, Floats
 from resample_warp3d.depth.equation import of_rectified
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.methods.filtering import filtered
+from resample_warp3d.painting import explained as wide_explained
+from resample_warp3d.painting import painted
+from resample_warp3d.painting import trusted as wide_trusted
 from resample_warp3d.sheet.behind import background, behind
 from resample_warp3d.sheet.filling import fill as fill_holes
 from resample_warp3d.sheet.holes import explained, trusted
 from resample_warp3d.types import DepthImage, Equation, Method, Rendered, Source, Warped
-from resample_warp3d.wide.painting import explained as wide_explained
-from resample_warp3d.wide.painting import painted
-from resample_warp3d.wide.painting import trusted as wide_trusted
 from resample_warp3d.wide.passages import Passage, Way, way_between
 from resample_warp3d.wide.sights import Sight, taken_by
 

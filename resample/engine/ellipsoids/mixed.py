@@ -19,7 +19,7 @@ class Mixture(NamedTuple):
 
 
 class Bend(NamedTuple):
-    """Index correction of a splat's model; see `resample.engine.ellipsoids.models`."""
+    """Index correction of a splat's model; see `resample.engine.mixtures.models`."""
 
     flat: Single
     bent: Single

@@ -24,10 +24,10 @@ from resample.engine.ellipsoids.outlines import (
     sight_of,
 )
 from resample.engine.ellipsoids.run_bounds import CHUNKS, sum_up
+from resample.engine.ellipsoids.runs import finest_of, may_be_finer
 from resample.engine.grid import POINT_SPACING
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.layers import key_of, place_of
-from resample.engine.runs import finest_of, may_be_finer
 from resample.engine.vectors import Vector, dot, vector_at
 from resample.types import (
     Doubles,

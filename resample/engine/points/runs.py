@@ -1,6 +1,6 @@
 """Paint points that each tile projects for itself, nearest runs first.
 
-As `resample.engine.ellipsoids.deferred`, for scenes of points only. Points are summed sheet by
+As `resample.engine.mixtures.deferred`, for scenes of points only. Points are summed sheet by
 sheet, so they need no order among themselves: a tile takes a run of neighbours, adds its points to
 the sheets they lie in, and composites the sheets that no later run can reach.
 """
@@ -26,6 +26,7 @@ from resample.engine.ellipsoids.rows import (
     open_rows,
     resolve_rows,
 )
+from resample.engine.ellipsoids.runs import home_of, in_order, is_run_open
 from resample.engine.ellipsoids.steps import Carried, go_on, in_steps, lay_down
 from resample.engine.grid import point_width
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
@@ -44,7 +45,6 @@ from resample.engine.points.cells import (
 )
 from resample.engine.points.eights import spread
 from resample.engine.points.outlines import is_clipped, projected, spacing_on_grid, squared_spacing
-from resample.engine.runs import home_of, in_order, is_run_open
 from resample.types import (
     Doubles,
     Film,

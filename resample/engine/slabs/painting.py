@@ -1,6 +1,6 @@
 """Paint tiles from runs of samples that are summed before they are composited.
 
-As in `resample.engine.ellipsoids.deferred`, a tile takes runs nearest first, culls those behind
+As in `resample.engine.mixtures.deferred`, a tile takes runs nearest first, culls those behind
 opaque sub-pixels, and projects the samples of the others. It sums them in slabs that cut splats, as
 many of them open as a splat reaches over; in sheets of whole splats, one after the other; or all in
 one sum. A slab is composited when no splat that is still to come can reach it.
@@ -12,10 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from resample.engine.canvas import Home, laid_out, pixel_weights
-from resample.engine.ellipsoids.deferred import TAKEN, beyond_of, form, make_ready, take_runs
 from resample.engine.ellipsoids.footprints import optics_of
 from resample.engine.ellipsoids.mixed import Mixture, limits_of
-from resample.engine.ellipsoids.models import POINT
 from resample.engine.ellipsoids.outlines import (
     CUT,
     DEPTH,
@@ -39,12 +37,15 @@ from resample.engine.ellipsoids.rows import (
     open_rows,
     resolve_rows,
 )
+from resample.engine.ellipsoids.runs import home_of, in_order
 from resample.engine.ellipsoids.steps import Carried, go_on, lay_down, leave_out
 from resample.engine.grid import grid
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.engine.mixtures.deferred import TAKEN, beyond_of, form, make_ready, take_runs
+from resample.engine.mixtures.keys import end_of_sheet, sort_by_depth
+from resample.engine.mixtures.models import POINT
 from resample.engine.points.adding import MOST_TAPS
 from resample.engine.roles import making_role, plays
-from resample.engine.runs import home_of, in_order
 from resample.engine.slabs.blends import Blend, Colors, Mixed, Values
 from resample.engine.slabs.colors import composite_beside, composite_colors
 from resample.engine.slabs.fields import (
@@ -55,7 +56,6 @@ from resample.engine.slabs.fields import (
     take_in_values,
 )
 from resample.engine.slabs.integrals import WORK, Integral
-from resample.engine.slabs.keys import end_of_sheet, sort_by_depth
 from resample.engine.slabs.points import add_point
 from resample.engine.slabs.splats import Span, Tools, add_splats, slant_of
 from resample.engine.slabs.steps import (
@@ -433,7 +433,7 @@ def paint_summed_runs(
     Parameters
     ----------
     turn, tiles, runs, stage
-        As of `resample.engine.ellipsoids.deferred.paint_runs`.
+        As of `resample.engine.mixtures.deferred.paint_runs`.
     ways
         How samples are grouped, integrated and composited.
     mixture

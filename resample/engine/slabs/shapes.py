@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from resample.engine.ellipsoids.mixed import Bend, Mixture, bend_of
-from resample.engine.ellipsoids.models import POINT
 from resample.engine.ellipsoids.outlines import ACROSS, DOWN, A, X, Y
+from resample.engine.mixtures.models import POINT
 from resample.engine.roles import lane_role, plays
 from resample.types import Floats, Place, Single
 

@@ -1,1 +1,1 @@
-"""Arrays in chunks, of zarr: opened, and what OME-Zarr says of them; pictures in and out."""
+"""Arrays in chunks, of zarr: opened, and what OME-Zarr says of them."""

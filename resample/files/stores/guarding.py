@@ -14,7 +14,7 @@ from resample.files.stores.codecs import bound
 from resample.memory import amount
 from resample.reading.limits import LimitError, check_free, check_size
 from resample.reading.neighbours import allows_outside, neighbour
-from resample.reading.packed.unpacking import check_member
+from resample.reading.unpacking import check_member
 
 PER_VALUE, BESIDE = 2, 4096  # what packed data may take, by what their values do, and besides
 LEAST = 1 << 20  # bytes that a codec may make, however small a chunk is

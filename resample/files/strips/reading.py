@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.files.chunked import Part, StoredPicture, is_in_store, open_picture
 from resample.files.facts.metadata import About, upright
 from resample.files.images import holds_half, light_of, number_rows, read_levels, read_rows
 from resample.files.pictures import (
@@ -25,7 +26,6 @@ from resample.files.pictures import (
     with_gaps,
 )
 from resample.files.stores.addresses import Address, Place
-from resample.files.stores.pictures import Part, StoredPicture, is_in_store, open_picture
 from resample.memory.mapped import array_where_it_fits
 from resample.types import Floats
 

@@ -5,10 +5,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from resample.files.chunked import SUFFIX as STORE
+from resample.files.chunked import writing_store
 from resample.files.facts.metadata import About, Stored
 from resample.files.pictures import Look, Picture, complaint_of, finish, opened, page_of
-from resample.files.stores.pictures import SUFFIX as STORE
-from resample.files.stores.pictures import writing_store
 from resample.files.writing import refused, replacing
 
 Put = Callable[[Picture], None]

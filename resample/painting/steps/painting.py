@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from resample.painting.layers import sheets_of
 from resample.painting.runs import dealt, film_of, plan_of, shown, turn_of, values_of
-from resample.painting.scene import (
+from resample.painting.scenes.cuts import NEVER, Between, EndOfStep, InSteps, cut_at, keys_of
+from resample.painting.scenes.parts import SamplesInParts
+from resample.painting.scenes.scene import (
     Painted,
     Scene,
     check_samples,
@@ -19,8 +21,6 @@ from resample.painting.scene import (
     samples_of,
     tiles_along,
 )
-from resample.painting.steps.cuts import NEVER, Between, EndOfStep, InSteps, cut_at, keys_of
-from resample.painting.steps.parts import SamplesInParts
 from resample.profiles.orders import Summing
 from resample.types import Field, Floats, Indices, Samples, Tiles
 from resample.watching import Progress, look, told

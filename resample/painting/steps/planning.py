@@ -5,12 +5,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.painting.plans import MIXTURE, POINTS, SPLATS, PicturePlan, PlansOfPart, together
 from resample.painting.points import can_defer_points, plan_of_points, suits_points
-from resample.painting.scene import Scene, size_of_tiles
+from resample.painting.scenes.parts import SLACK, SamplesInParts
+from resample.painting.scenes.plans import (
+    MIXTURE,
+    POINTS,
+    SPLATS,
+    PicturePlan,
+    PlansOfPart,
+    together,
+)
+from resample.painting.scenes.scene import Scene, size_of_tiles
 from resample.painting.slabs import columns_of, planned_as_summed
 from resample.painting.splats import are_splats_exact, has_points, planned_as
-from resample.painting.steps.parts import SLACK, SamplesInParts
 from resample.types import AFFINE, MOST_COLUMNS, SMALL_ANGLE, Samples
 
 EVERYBODY = (SPLATS, POINTS, MIXTURE)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from resample.cameras.lens_files import Calibration, pinhole_of, read_calibration
+from resample.cameras.calibrations.lens_files import Calibration, pinhole_of, read_calibration
 from resample_texture.asking import Places, geometry_of
 from resample_texture.command.choices import Place
 from resample_texture.geometry.mappings import Geometry

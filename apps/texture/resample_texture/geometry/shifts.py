@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Doubles, Floats, Indices
-from resample_texture.types import Edge, Warped
+from resample_texture.geometry.edges import Edge
 
 FARTHEST = 2.0**52  # px or texels; beyond it float64 has no halves
 
@@ -64,12 +64,6 @@ def _counted(size: int, shift: int, sign: int) -> Indices:
     """Texels along an axis of so many pixels."""
     place = np.arange(size) - shift
     return place if sign > 0 else -1 - place
-
-
-def moved(image: NDArray[Any], move: Move, shape: tuple[int, int], edge: Edge) -> Warped:
-    """Picture moved, value for value."""
-    picks = picks_of_move(move, (image.shape[0], image.shape[1]), shape, edge)
-    return Warped(picks.of(image), picks.coverage)
 
 
 def nearest_texels(x: Doubles, y: Doubles, source_shape: tuple[int, int], edge: Edge) -> Picks:

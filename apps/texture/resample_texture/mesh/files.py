@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from resample.colors import from_srgb
 from resample.files.images import read_image
 from resample.reading.limits import check_unpacked
-from resample.reading.meshes import check_mesh, named_textures, trimesh_resolver, unreadable
+from resample.reading.models.meshes import check_mesh, named_textures, trimesh_resolver, unreadable
 from resample.reading.names import plain
 from resample.types import Floats
 from resample_texture.mesh.covers import Alpha, Cover

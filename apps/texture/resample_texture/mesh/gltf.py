@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from resample.reading.gltf import JSON, header_of
+from resample.reading.models.gltf import JSON, header_of
 from resample.types import Floats
 from resample_texture.mesh.covers import Alpha, Cover
 from resample_texture.types import Edge

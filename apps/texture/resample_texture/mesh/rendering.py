@@ -14,8 +14,8 @@ import numpy as np
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Orbit, Sphere
 from resample.engine.jit import threads
-from resample.painting.plans import shape_of
-from resample.painting.scene import dealt_to_tiles
+from resample.painting.scenes.plans import shape_of
+from resample.painting.scenes.scene import dealt_to_tiles
 from resample.profiles.filters import Box, PixelFilter
 from resample.profiles.interpolation import LARGEST_RADIUS, CatmullRom, Interpolation, prefilter
 from resample.types import Doubles, Frame, Screen, View

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from resample.files.frames import write_frame
 from resample.files.images import screen_levels
+from resample.files.painted.frames import write_frame
 from resample.types import Frame
 from resample.view.files import file_of, levels_in
 from resample.view.views import Painting, Settings, Size, chosen, settings_of

@@ -10,7 +10,7 @@ downloads the second volume::
                         voxels become points at 1 px as in Figure 8a and not at 0.04 px
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -34,7 +34,6 @@ from resample.measuring.compare import shown
 from resample.resampler import Resampler
 from resample.types import Doubles, Frame
 from resample_volume.media.appearance import BY_DEFAULT
-from resample_volume.media.series import around
 from resample_volume.rendering import Subject
 from resample_volume.space.annotations import Annotations, annotated
 from resample_volume.types import Volume
@@ -337,3 +336,17 @@ def _spacing(subject: Subject, flight: Flight | Tour, size: tuple[int, int]) -> 
 def _numbers(camera: AnyCamera) -> Doubles:
     """Everything that tells a camera from others."""
     return np.concatenate([np.ravel(part) for part in camera.view()])
+
+
+def around(subjects: Iterable[Subject]) -> Sphere:
+    """Ball around all that is seen of some subjects, where anything is."""
+    spheres: list[Sphere] = []
+    empty: list[Sphere] = []
+    for subject in subjects:
+        (empty if subject.is_empty else spheres).append(subject.sphere)
+    every = spheres or empty
+    center = np.array([sphere.center for sphere in every])
+    radius = np.array([[sphere.radius] for sphere in every])
+    middle = ((center - radius).min(axis=0) + (center + radius).max(axis=0)) / 2
+    away = np.linalg.norm(center - middle, axis=1)
+    return Sphere(middle, float((away + radius[:, 0]).max()))

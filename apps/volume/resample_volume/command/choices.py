@@ -281,9 +281,9 @@ class Look(Choices):
         ValueError, LookupError
             A choice is unknown or not allowed, or two do not go together.
         """
+        from resample_volume.looks.scales import scale_named
         from resample_volume.media.appearance import Classification, check_together
-        from resample_volume.media.scales import scale_named
-        from resample_volume.space.sections import Section
+        from resample_volume.surfaces.sections import Section
 
         if self.label and self.labels is None:
             raise ValueError("label says what a label looks like; give the labels' volume too")
@@ -316,7 +316,7 @@ class Look(Choices):
             A choice is unknown or not allowed.
         """
         from resample.painting.choices import MEASURING, Projection
-        from resample_volume.looks.labels import read_labels
+        from resample_volume.files.labels import read_labels
         from resample_volume.media.appearance import Appearance, Classification, named_transfer
         from resample_volume.media.xrays import MU_WATER, XRay
         from resample_volume.voxels.shading import DepthCue, Light
@@ -368,7 +368,7 @@ class Look(Choices):
 
     def _window(self, scale: str) -> tuple[float, float] | None:
         """Least and greatest value of the window, on a scale."""
-        from resample_volume.media.scales import scale_named
+        from resample_volume.looks.scales import scale_named
 
         if self.window is None:
             return None
@@ -462,9 +462,9 @@ class Beside(Choices):
             The renderer shows none, or a file cannot be read.
         """
         from resample_volume.media.appearance import Classification, Met, check_together
-        from resample_volume.space.image_planes import ImagePlane
-        from resample_volume.space.iso_surfaces import IsoSurface
-        from resample_volume.space.meshes import read_mesh
+        from resample_volume.surfaces.image_planes import ImagePlane
+        from resample_volume.surfaces.iso_surfaces import IsoSurface
+        from resample_volume.surfaces.meshes import read_mesh
 
         given = {"mesh": self.mesh, "plane": self.plane, "surface": self.surface}
         names = [name for name, texts in given.items() if texts]
@@ -519,7 +519,7 @@ class BesidePicture(Beside):
             check_bar(output, height)
         if self.deep is None:
             return
-        from resample.files.deep import check_deep
+        from resample.files.painted.deep import check_deep
         from resample_volume.space.slabs import check_slabs
 
         check_deep(output)

@@ -46,12 +46,12 @@ from resample_volume.command.media import (
 )
 from resample_volume.command.needs import is_in_bricks
 from resample_volume.command.rendering import say_missed, scene_of, spent_here
+from resample_volume.data.bricks import Bricks, Values
 from resample_volume.looks.surveys import NO_LEVELS, Survey
 from resample_volume.media.appearance import Appearance, Medium, transfer_of
 from resample_volume.media.series import Ready, Series, is_chunked, whole
 from resample_volume.rendering import Fit, Subject
 from resample_volume.types import Recording, Volume
-from resample_volume.voxels.bricks import Bricks, Values
 from resample_volume.voxels.streaming import TooManyVoxelsError
 from resample_volume.voxels.visible import finite_range
 from resample_volume.windows import paint_unseen, unseen_together

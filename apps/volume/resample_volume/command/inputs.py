@@ -15,6 +15,11 @@ from resample.memory import allow, amount, available_memory, bytes_of, give_back
 from resample.memory.mapped import is_in_file
 from resample.watching import told
 from resample_volume.command.choices import Source
+from resample_volume.data.bricks import Bricks, Values, as_array
+from resample_volume.data.glances.looking import Helpers
+from resample_volume.data.glances.shelves import SHARE
+from resample_volume.data.recordings import SeveralTimesError, how, volume_at
+from resample_volume.files.parsing.steps import three_numbers
 from resample_volume.files.readers import Raw, Reader
 from resample_volume.files.source import (
     find_reader,
@@ -23,18 +28,13 @@ from resample_volume.files.source import (
     open_streamed,
     open_volume,
 )
-from resample_volume.files.steps import three_numbers
 from resample_volume.files.stores import kept
 from resample_volume.files.stores.chunks import Single
 from resample_volume.files.stores.reader import with_level
+from resample_volume.looks.scales import LINEAR, scaled
 from resample_volume.looks.surveys import Survey, findings, survey, without_padding
-from resample_volume.media.recordings import SeveralTimesError, how, volume_at
-from resample_volume.media.scales import LINEAR, scaled
 from resample_volume.media.series import whole
 from resample_volume.types import Recording, Volume
-from resample_volume.voxels.bricks import Bricks, Values, as_array
-from resample_volume.voxels.glances.looking import Helpers
-from resample_volume.voxels.glances.shelves import SHARE
 
 
 def opened(

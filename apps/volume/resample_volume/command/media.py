@@ -20,13 +20,13 @@ from resample_volume.command.inputs import (
     said,
     with_memory,
 )
+from resample_volume.data.recordings import volume_at, with_times_first
+from resample_volume.files.labels import read_labels
 from resample_volume.files.stores.chunks import Chunked
-from resample_volume.looks.labels import read_labels
 from resample_volume.looks.presets import PRESETS
+from resample_volume.looks.scales import scaled
 from resample_volume.looks.surveys import findings
 from resample_volume.media.appearance import Appearance, Medium, Met
-from resample_volume.media.recordings import volume_at, with_times_first
-from resample_volume.media.scales import scaled
 from resample_volume.media.series import Series
 from resample_volume.rendering import Subject
 from resample_volume.types import Recording

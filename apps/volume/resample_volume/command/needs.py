@@ -12,10 +12,10 @@ from math import prod
 from resample.command.session import libraries
 from resample.memory import require
 from resample.memory.mapped import is_in_file
+from resample_volume.data.bricks import Bricks, Values
 from resample_volume.media.appearance import Medium
 from resample_volume.rendering import Fit, Subject
 from resample_volume.types import Volume
-from resample_volume.voxels.bricks import Bricks, Values
 from resample_volume.voxels.gathered import Gathered
 
 BYTES_PER_PIXEL = 80  # of a picture and the copies that are made when it is written

@@ -14,8 +14,8 @@ from resample.cameras.viewpoints import Viewpoint
 from resample.command.session import Session
 from resample.command.settings import Sharing
 from resample.command.workers import Hire, hiring
-from resample.console.messages import progress_bar, say
-from resample.files.tiles import NAME
+from resample.console.messages import say
+from resample.files.painted.tiles import NAME
 from resample.files.writing import beside, inheriting
 from resample.fingerprints import fingerprint
 from resample.lazy import installed_version
@@ -26,6 +26,7 @@ from resample.types import Doubles, Field, Frame, LatticeField, Samples
 from resample.watching import told
 from resample_volume.command import needs
 from resample_volume.command.filling import Fitted, ball_fit, filled, whole_fit
+from resample_volume.data.bricks import Bricks, Values
 from resample_volume.looks.surveys import survey
 from resample_volume.media.appearance import (
     Appearance,
@@ -34,10 +35,9 @@ from resample_volume.media.appearance import (
     check_together,
     fits_as_field,
 )
-from resample_volume.media.dense import is_in_store, share_lattice
-from resample_volume.rendering import Fit, Subject
+from resample_volume.outofcore.dense import is_in_store, share_lattice
+from resample_volume.rendering import Fit, Subject, painted_with_bar
 from resample_volume.types import Volume
-from resample_volume.voxels.bricks import Bricks, Values
 from resample_volume.voxels.streaming import TooManyVoxelsError
 from resample_volume.windows import Spent, paint_unseen, unseen_together
 
@@ -342,16 +342,7 @@ def painted(
     clip: Doubles | None = None,
 ) -> Frame:
     """Picture (height, width) of samples, with a bar while it takes long."""
-    with progress_bar("painting") as progress:
-        frame = resampler(
-            samples,
-            camera,
-            height=size[0],
-            width=size[1],
-            threads=threads,
-            progress=progress,
-            clip=clip,
-        )
+    frame = painted_with_bar(resampler, samples, camera, size, threads, clip)
     for name, seconds in frame.statistics.seconds.items():
         session.seconds[name] = seconds
     return frame

@@ -5,13 +5,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from resample_volume.data.recordings import alone
+from resample_volume.data.rectilinear import rectilinear
 from resample_volume.files.cells.resampling import pieces_of, resampled
 from resample_volume.files.cells.validity import points_along
-from resample_volume.files.formats.choosing import Wanted, cells_between, choose, middles
-from resample_volume.files.headers import check_alone, check_shape
-from resample_volume.files.vti import arrays_of, image_header
-from resample_volume.media.recordings import alone
-from resample_volume.media.rectilinear import rectilinear
+from resample_volume.files.parsing.choosing import Wanted, cells_between, choose, middles
+from resample_volume.files.parsing.headers import check_alone, check_shape
+from resample_volume.files.xml.vti import arrays_of, image_header
 from resample_volume.types import Volume
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample_volume.exchange.parts import check_whole
-from resample_volume.files.formats.texts import is_hounsfield
+from resample_volume.files.parsing.texts import is_hounsfield
 from resample_volume.types import Volume
 
 TO_LPS = np.diag([-1.0, -1.0, 1.0])  # from RAS, and back

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from resample.types import Doubles
+from resample_volume.data.rectilinear import rectilinear
 from resample_volume.exchange.parts import check_whole
-from resample_volume.media.rectilinear import rectilinear
 from resample_volume.types import Volume
 
 AXES = ("z", "y", "x")

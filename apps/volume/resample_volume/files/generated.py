@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Doubles, Floats
-from resample_volume.files.memory import require_memory
+from resample_volume.data.memory import require_memory
 from resample_volume.types import Volume
 
 DARK, BRIGHT = 64, 192  # of the Checker Box; neither is transparent

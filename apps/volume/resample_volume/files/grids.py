@@ -1,14 +1,14 @@
-"""Readers of rectilinear grids, whose planes may be uneven; see `media.rectilinear`."""
+"""Readers of rectilinear grids, whose planes may be uneven; see `data.rectilinear`."""
 
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
 from resample.reading.arrays import DamageError, read_npz
-from resample_volume.files.formats.choosing import Wanted, check_part
-from resample_volume.files.headers import existing_file, header, stem
-from resample_volume.files.vti import read_vtr
-from resample_volume.media.rectilinear import rectilinear
+from resample_volume.data.rectilinear import rectilinear
+from resample_volume.files.parsing.choosing import Wanted, check_part
+from resample_volume.files.parsing.headers import existing_file, header, stem
+from resample_volume.files.xml.vti import read_vtr
 from resample_volume.types import Volume
 
 AXES = ("x", "y", "z")

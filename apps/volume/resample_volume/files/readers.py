@@ -15,15 +15,15 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 import numpy as np
 
 from resample.reading.arrays import DamageError, read_npy
-from resample_volume.files.formats.choosing import Wanted, check_part
+from resample_volume.data.recordings import alone, is_color
 from resample_volume.files.formats.cube import read_cube
 from resample_volume.files.formats.metaimage import read_metaimage
 from resample_volume.files.formats.mrc import SUFFIXES, read_mrc
 from resample_volume.files.formats.nifti import read_nifti
 from resample_volume.files.formats.nrrd import read_nrrd
-from resample_volume.files.formats.voxels import VoxelData, voxels, wrong_size
 from resample_volume.files.formats.vtk import read_vtk
-from resample_volume.files.headers import (
+from resample_volume.files.parsing.choosing import Wanted, check_part
+from resample_volume.files.parsing.headers import (
     Check,
     Header,
     check_alone,
@@ -35,11 +35,11 @@ from resample_volume.files.headers import (
     recording,
     stem,
 )
+from resample_volume.files.parsing.steps import Numbers, sizes_of, steps_of, three_numbers
+from resample_volume.files.parsing.voxels import VoxelData, voxels, wrong_size
 from resample_volume.files.stacks import dicom, slices
 from resample_volume.files.stacks.pages import page_order
-from resample_volume.files.steps import Numbers, sizes_of, steps_of, three_numbers
-from resample_volume.files.vti import read_vti
-from resample_volume.media.recordings import alone, is_color
+from resample_volume.files.xml.vti import read_vti
 from resample_volume.types import Recording, Volume
 
 BYTE_ORDERS = {"<": "little", ">": "big", "=": sys.byteorder}  # by NumPy's sign
@@ -71,7 +71,7 @@ class Streamer(Protocol):
     """What a reader has, too, whose files can be read brick by brick."""
 
     def streamed(self, path: Path, check: Check = check_nothing) -> Recording:
-        """All times and channels; one of them, once chosen, has `voxels.bricks.Bricks`."""
+        """All times and channels; one of them, once chosen, has `data.bricks.Bricks`."""
 
     def levels(self, path: Path) -> list[dict[str, Any]]:
         """Sizes that the file has, the finest first: `path`, `shape` and `spacing` of each."""

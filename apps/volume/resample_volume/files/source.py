@@ -11,15 +11,15 @@ from resample import registry
 from resample.files.stores.addresses import Address, is_address
 from resample.files.stores.opening import is_store
 from resample.samples.finding import PREFIX, sample_path
+from resample_volume.data.bricks import Values, parts
+from resample_volume.data.recordings import volume_at
+from resample_volume.data.thresholds import otsu
 from resample_volume.files.generated import GENERATED
 from resample_volume.files.readers import Reader, Recorder, Streamer
 from resample_volume.files.stacks.dicom import is_dicom
+from resample_volume.looks.scales import LINEAR, value_at
 from resample_volume.looks.surveys import findings, survey
-from resample_volume.looks.thresholds import otsu
-from resample_volume.media.recordings import volume_at
-from resample_volume.media.scales import LINEAR, value_at
 from resample_volume.types import Recording, Volume
-from resample_volume.voxels.bricks import Values, parts
 
 if TYPE_CHECKING:
     from resample_volume.files.stores.reader import Zarr

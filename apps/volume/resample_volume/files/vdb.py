@@ -14,8 +14,15 @@ import numpy as np
 from resample.reading.limits import check_items, check_unpacked
 from resample.reading.names import plain
 from resample.words import one_line
-from resample_volume.files.headers import Header, check_shape, existing_file, header, stem, volume
-from resample_volume.files.memory import require_memory
+from resample_volume.data.memory import require_memory
+from resample_volume.files.parsing.headers import (
+    Header,
+    check_shape,
+    existing_file,
+    header,
+    stem,
+    volume,
+)
 from resample_volume.types import Volume
 
 FLOATS = "Tree_float"  # begins names of types that are read

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from resample_volume.looks.thresholds import Levels
+from resample_volume.data.thresholds import Levels
 from resample_volume.types import Volume
 
 STORED = 1024.0  # what is added to Hounsfield units where they are kept without a sign

@@ -9,12 +9,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample.colors import from_srgb
 from resample.types import Flags, Floats
+from resample_volume.data.bricks import Bricks, Values
+from resample_volume.data.glances.looking import are_few
+from resample_volume.data.parts import slabs
 from resample_volume.looks.surveys import counted
 from resample_volume.looks.transfer import Color, DataRange, Transfer
 from resample_volume.types import Volume
-from resample_volume.voxels.bricks import Bricks, Values
-from resample_volume.voxels.glances.looking import are_few
-from resample_volume.voxels.parts import slabs
 
 LISTED = 16  # labels that an error message names
 MOST_RULES = 254  # whose number is one of 8 bits, see `Labels.numbers`
@@ -145,39 +145,6 @@ class Ruled:
         return replace(self, transfer=self.transfer.cut(low))
 
 
-def read_labels(path: str, rules: Sequence[str], volume: Volume) -> Labels:
-    """Labels of a volume's voxels from a file.
-
-    Parameters
-    ----------
-    path
-        What `open_volume` takes; of a store the labels stay there, if the volume's values do.
-    rules
-        Each such as `1:color=tomato,opacity=0.5` or `2:hidden`, one for a label.
-    volume
-        Whose voxels; of the same shape.
-
-    Raises
-    ------
-    ValueError
-        The file holds no whole numbers, or is of another shape than the volume; a rule cannot be
-        read, or no voxel has its label.
-    OSError
-        The file cannot be read.
-    """
-    chosen = parse_rules(rules)
-    try:
-        found = _volume_of(path, isinstance(volume.values, Bricks))
-        if found.colors is not None:
-            raise ValueError("labels are whole numbers, one for each voxel, not colors")
-        labels = Labels(found.values, chosen)
-        labels.check(volume)
-        _check_known(labels)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
-    return labels
-
-
 def parse_rules(rules: Sequence[str]) -> dict[int, Rule]:
     """Rules by label, from texts such as `1:color=tomato,opacity=0.5` and `2:hidden`.
 
@@ -230,7 +197,8 @@ def _number(text: str) -> float:
         raise ValueError(f"opacity must be a number (got {text!r})") from None
 
 
-def _check_known(labels: Labels) -> None:
+def check_known(labels: Labels) -> None:
+    """Refuse rules for labels that no voxel has."""
     if not labels.rules:
         return
     present = _present(labels.values)
@@ -239,15 +207,6 @@ def _check_known(labels: Labels) -> None:
             some = ", ".join(map(str, sorted(present)[:LISTED]))
             more = f" and {len(present) - LISTED} more" if len(present) > LISTED else ""
             raise ValueError(f"no voxel has the label {label}; there are {some}{more}")
-
-
-def _volume_of(path: str, streamed: bool) -> Volume:
-    """Volume of labels, whose values stay in their file if they can and are to."""
-    from resample_volume.files.source import open_streamed, open_volume
-    from resample_volume.media.recordings import volume_at
-
-    held = open_streamed(path) if streamed else None
-    return open_volume(path) if held is None else volume_at(held, None, None)
 
 
 def _labels_at(values: Values, voxel: NDArray[np.int64]) -> NDArray[Any]:

@@ -13,10 +13,10 @@ from resample_volume.looks.automatic import automatic, ramp, tomographic
 from resample_volume.looks.materials import Materials, spread
 from resample_volume.looks.names import TISSUES
 from resample_volume.looks.regions import Faded, Region, RegionTransfer
+from resample_volume.looks.scales import on_scale
 from resample_volume.looks.surveys import Survey, survey
 from resample_volume.looks.tissues import tissue
 from resample_volume.looks.transfer import SUFFIXES, Transfer, TransferFunction, from_points
-from resample_volume.media.scales import on_scale
 from resample_volume.types import Volume
 
 BLACK, WHITE, RED = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (0.85, 0.12, 0.08)

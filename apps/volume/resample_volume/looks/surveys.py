@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 
 from resample.memory.mapped import array_like
 from resample.types import Doubles
-from resample_volume.keeping import found_once
+from resample_volume.data.bricks import Bricks, Values, parts, sampled
+from resample_volume.data.glances.looking import are_few, count_codes, step_of
+from resample_volume.data.keeping import found_once
+from resample_volume.data.parts import slabs
+from resample_volume.data.thresholds import Counts, Levels
 from resample_volume.looks.hounsfield import Units, looks_like_ct, units_of
-from resample_volume.looks.thresholds import Counts, Levels
 from resample_volume.looks.tissues import METAL
 from resample_volume.types import Volume
-from resample_volume.voxels.bricks import Bricks, Values, parts, sampled
-from resample_volume.voxels.glances.looking import are_few, count_codes, step_of
-from resample_volume.voxels.parts import slabs
 
 STRAY_SHARE = 2e-5  # of all voxels: so few, and far from all others, are strays
 STRAY_GAP = 0.5  # of the range of the others, by which strays are away from it

@@ -1,1 +1,1 @@
-"""Several volumes, colors, channels, times and uneven grids, put together."""
+"""Several volumes, colors, channels and times, put together."""

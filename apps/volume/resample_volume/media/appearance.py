@@ -10,18 +10,18 @@ from resample.painting.choices import MEASURING, Projection
 from resample.painting.splines import LARGEST, bytes_of_field
 from resample.profiles.orders import OF_FIELDS, EverySample, Rays, Summing
 from resample.resampler import Resampler
+from resample_volume.data.bricks import Bricks, Values
 from resample_volume.looks.automatic import levels
 from resample_volume.looks.labels import MOST_RULES
 from resample_volume.looks.presets import Window, transfer_for
 from resample_volume.looks.surveys import survey
 from resample_volume.looks.transfer import Transfer
 from resample_volume.media.xrays import XRay
-from resample_volume.space.image_planes import ImagePlane
-from resample_volume.space.iso_surfaces import IsoSurface
-from resample_volume.space.meshes import SceneMesh
-from resample_volume.space.sections import Section
+from resample_volume.surfaces.image_planes import ImagePlane
+from resample_volume.surfaces.iso_surfaces import IsoSurface
+from resample_volume.surfaces.meshes import SceneMesh
+from resample_volume.surfaces.sections import Section
 from resample_volume.types import Volume
-from resample_volume.voxels.bricks import Bricks, Values
 from resample_volume.voxels.shading import DepthCue, Light
 from resample_volume.voxels.visible import finite_range
 

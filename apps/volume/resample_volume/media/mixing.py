@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from resample.types import Doubles, Floats, Samples
-from resample_volume.files.memory import require_memory
+from resample_volume.data.memory import require_memory
 from resample_volume.media.lattices import Lattice
 from resample_volume.voxels.reaching import voxels_reached
 from resample_volume.voxels.shading import Light
@@ -43,7 +43,7 @@ def mixed(parts: Sequence[Voxels], lattice: Lattice) -> Mixed:
     ValueError
         They do not fit in memory.
     """
-    from resample_volume.voxels.kernels.gradients import brick_order
+    from resample_volume.data.kernels.gradients import brick_order
 
     x, y, z = map(int, lattice.size)
     count = sum(len(part.position) for part in parts)

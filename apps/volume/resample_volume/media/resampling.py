@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from resample.memory.mapped import array_like
 from resample.types import Doubles, Floats
-from resample_volume.media.recordings import linear_colors
-from resample_volume.voxels.parts import slabs
+from resample_volume.data.parts import slabs
+from resample_volume.data.recordings import linear_colors
 from resample_volume.voxels.visible import finite_range
 
 HALF = 0.5 + 1e-3  # voxels around a voxel's place that it stands for, and what lattices may differ

@@ -6,19 +6,17 @@ from typing import Any
 
 import numpy as np
 
-from resample.cameras.viewpoints import Sphere
 from resample.painting.choices import Projection
+from resample_volume.data.bricks import Bricks
+from resample_volume.data.recordings import alone, volume_at, with_times_first
 from resample_volume.files.stores.chunks import Chunked, Single
 from resample_volume.looks.materials import Windowed
 from resample_volume.looks.regions import Faded
 from resample_volume.looks.surveys import Survey, survey, without_padding
 from resample_volume.looks.transfer import DataRange, Transfer
 from resample_volume.media.appearance import Appearance, named_or_own, transfer_of
-from resample_volume.media.recordings import alone, volume_at, with_times_first
 from resample_volume.media.xrays import XRay, settled
-from resample_volume.rendering import Subject
 from resample_volume.types import Recording, Volume
-from resample_volume.voxels.bricks import Bricks
 from resample_volume.voxels.visible import finite_range, seen_with_slopes, steepness
 
 Ready = Callable[[Volume], Volume]  # how a volume in bricks is read: within which memory
@@ -141,17 +139,3 @@ def steepest(
         for volume in volumes
     )
     return max((steepness(length) for length in lengths), default=0.0)
-
-
-def around(subjects: Iterable[Subject]) -> Sphere:
-    """Ball around all that is seen of some subjects, where anything is."""
-    spheres: list[Sphere] = []
-    empty: list[Sphere] = []
-    for subject in subjects:
-        (empty if subject.is_empty else spheres).append(subject.sphere)
-    every = spheres or empty
-    center = np.array([sphere.center for sphere in every])
-    radius = np.array([[sphere.radius] for sphere in every])
-    middle = ((center - radius).min(axis=0) + (center + radius).max(axis=0)) / 2
-    away = np.linalg.norm(center - middle, axis=1)
-    return Sphere(middle, float((away + radius[:, 0]).max()))

@@ -11,13 +11,13 @@ from resample.colors import from_srgb, to_srgb
 from resample.memory.mapped import array_like, most_of
 from resample.painting.choices import Projection
 from resample.types import Frame
-from resample_volume.files.memory import require_memory
-from resample_volume.keeping import found_once
+from resample_volume.data.keeping import found_once
+from resample_volume.data.memory import require_memory
+from resample_volume.data.parts import slabs
+from resample_volume.data.recordings import how
 from resample_volume.looks.automatic import BRIGHT
 from resample_volume.looks.surveys import Survey, survey
-from resample_volume.media.recordings import how
 from resample_volume.types import Volume
-from resample_volume.voxels.parts import slabs
 
 # Of water, per mm, near 70 keV. NIST's tables (Hubbell and Seltzer, NISTIR 5632, 2004) have 0.0206
 # at 60 keV and 0.0184 at 80 keV.

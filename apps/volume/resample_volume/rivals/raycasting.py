@@ -18,11 +18,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample.cameras.models import AnyCamera
 from resample.painting.choices import SUMS, Projection, number_of
-from resample.painting.scene import check_samples
+from resample.painting.scenes.scene import check_samples
 from resample.profiles.reconstruction import GaussianKernel, Reconstruction
 from resample.types import Classifier, Doubles, Field, Floats, Lamp, Samples, View
 from resample.watching import Progress
-from resample_volume.files.memory import require_memory
+from resample_volume.data.memory import require_memory
 
 if TYPE_CHECKING:
     from resample_volume.rivals.kernels.raycasting import FieldLook, Grid, Plan

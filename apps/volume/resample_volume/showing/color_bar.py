@@ -4,7 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from resample.colors import Background
+from resample.colors import Background, to_srgb
+from resample.console.backgrounds import Color
 from resample.measuring.color_bars import (
     BLACK,
     Form,
@@ -18,10 +19,17 @@ from resample.measuring.color_bars import (
     painted,
     show,
     thin,
+    with_color_bar,
 )
-from resample.types import Floats
-from resample_volume.looks.transfer import DataRange, Transfer
-from resample_volume.media.scales import scale_named
+from resample.painting.choices import MEASURING, Projection
+from resample.resampler import Resampler
+from resample.types import Floats, Frame
+from resample_volume.looks.scales import scale_named
+from resample_volume.looks.surveys import survey
+from resample_volume.looks.transfer import DataRange, Transfer, TransferFunction, from_points
+from resample_volume.media.appearance import Appearance, transfer_of
+from resample_volume.media.xrays import AS_IT_IS, Tone, negative
+from resample_volume.types import Volume
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,6 +38,7 @@ FINE = 8  # parts of a row of px over which colors are averaged, so that no step
 FAIR = 2  # the same where colors also vary across
 PURE = 0.3  # share of a bar that shows the colors alone
 FORMS: tuple[Form, Form] = ("curve", "plane")  # of functions of values, and of gradients too
+GRAYS = from_points([(0.0, (0.0,) * 3, 1.0), (1.0, (1.0,) * 3, 1.0)], normalized=True)
 SQUARES = (0.16, 0.42)  # linear gray of the checkerboard
 
 
@@ -65,7 +74,7 @@ def color_bar(
     background
         Linear color behind all this. Text is light on dark and dark on light.
     scale
-        That values are on, see `media.scales`: decades stand beside it.
+        That values are on, see `looks.scales`: decades stand beside it.
 
     Returns
     -------
@@ -139,3 +148,50 @@ def _show_over_squares(axes: "Axes", page: Page, color: Floats, opacity: Floats,
     share = opacity[..., np.newaxis]
     linear = (share * color + (1 - share) * squares).mean(axis=1)
     show(axes, page, linear, ink)
+
+
+def with_bar(
+    frame: Frame,
+    volume: Volume,
+    appearance: Appearance,
+    resampler: Resampler,
+    background: Color | None,
+    tone: Tone = AS_IT_IS,
+) -> Frame:
+    """Picture with a bar of colors, opacities and values, or of sums, to its right."""
+    transfer: Transfer = GRAYS
+    scale = "" if resampler.projection is Projection.ADDITIVE else volume.scale
+    if tone.window is not None:
+        extent = tone.window
+    elif resampler.projection is Projection.ADDITIVE:
+        transfer, extent = _sums(frame)
+    else:
+        transfer = transfer_of(volume, appearance, resampler.projection)
+        extent = survey(volume).span
+        if resampler.projection in MEASURING and isinstance(transfer, TransferFunction):
+            extent = extent if transfer.normalized else (transfer.value[0], transfer.value[-1])
+    if tone.is_negative:
+        transfer = _negative(transfer, extent)
+    behind = background or (0.0, 0.0, 0.0)
+    bar = color_bar(
+        transfer, extent, len(frame.rgba), title=volume.name, background=behind, scale=scale
+    )
+    return frame._replace(rgba=with_color_bar(frame.rgba, bar, background))
+
+
+def _negative(transfer: Transfer, extent: DataRange) -> Transfer:
+    """What is shown of it with black and white exchanged, before black."""
+    value = np.linspace(*extent, 256)
+    color, opacity = transfer.looks(value, None, extent, 0.0)
+    shown = to_srgb(negative(color * opacity[:, np.newaxis]))
+    return TransferFunction(value, shown, np.ones(value.size))
+
+
+def _sums(frame: Frame) -> tuple[Transfer, DataRange]:
+    """What the gray levels of an X-ray mean: light grows with the sum, and the largest is white."""
+    share = np.linspace(0.0, 1.0, 256)
+    gray = np.repeat(to_srgb(share)[:, np.newaxis], 3, axis=1)
+    value = np.zeros(1) if frame.value is None else frame.value
+    known = value[np.isfinite(value)]
+    levels = TransferFunction(share, gray, np.ones(share.size), normalized=True)
+    return levels, (0.0, float(known.max(initial=0.0)))

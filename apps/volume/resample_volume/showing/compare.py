@@ -11,16 +11,14 @@ import numpy as np
 from resample import registry
 from resample.cameras.models import AnyCamera
 from resample.colors import from_srgb
-from resample.command.session import Session
 from resample.measuring.compare import shown
 from resample.measuring.quality import measure
 from resample.painting.choices import Footprint, Primitive, Projection
 from resample.profiles.orders import Rays, Summing
 from resample.resampler import Resampler
 from resample.types import Floats, LatticeField
-from resample_volume.command.rendering import painted
 from resample_volume.media.appearance import Appearance, transfer_of
-from resample_volume.rendering import Subject
+from resample_volume.rendering import Subject, painted_with_bar
 from resample_volume.rivals.raycasting import Casting, cast_rays
 from resample_volume.types import Volume
 
@@ -196,6 +194,6 @@ class Contest:
             subject = self.gathered
         seen = subject.seen_by(self.camera)
         cuts = self.subject.cuts(self.camera)
-        frame = painted(Session(), resampler, seen, self.camera, self.size, clip=cuts)
+        frame = painted_with_bar(resampler, seen, self.camera, self.size, clip=cuts)
         frame = subject.developed(frame)
         return frame.rgba, frame.statistics.splat_fraction

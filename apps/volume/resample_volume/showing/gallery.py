@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from resample.cameras.viewpoints import Orbit
-from resample.command.settings import SPLAT_COLOR
+from resample.console.backgrounds import SPLAT_COLOR
 from resample.files.images import write_png
 from resample.measuring.compare import contact_sheet
 from resample.painting.choices import Primitive

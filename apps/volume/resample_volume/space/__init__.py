@@ -1,1 +1,1 @@
-"""What else is seen in space: axes, boxes, cubes, scale bars, meshes, and slabs of depth."""
+"""Axes, boxes, orientation cubes, scale bars and depth slabs around a volume."""

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from resample.cameras.models import AnyCamera
-from resample.files.deep import Slab, write_deep
+from resample.files.painted.deep import Slab, write_deep
 from resample.painting.choices import MEASURING
 from resample.resampler import Resampler
 from resample.types import Doubles, Frame, View
@@ -67,7 +67,7 @@ def write_slabs(path: Path, count: int, paint: Painter, camera: AnyCamera, place
     Raises
     ------
     OSError
-        See `resample.files.deep.write_deep`.
+        See `resample.files.painted.deep.write_deep`.
     """
     write_deep(path, slabs(paint, camera, depths(camera, places, count)))
 

@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.painting.plans import Window
+from resample.painting.scenes.plans import Window
 from resample.types import Doubles, Floats, View
+from resample_volume.data.bricks import Asked, Step
 from resample_volume.types import Volume
-from resample_volume.voxels.bricks import Asked, Step
 from resample_volume.voxels.visible import lattice_of
 
 SIDE = 8  # voxels, at least

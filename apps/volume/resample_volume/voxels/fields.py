@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from resample.painting.choices import SUMS, Projection
 from resample.resampler import Resampler
 from resample.types import Classifier, Doubles, Field, Floats
-from resample_volume.files.memory import require_memory
+from resample_volume.data.memory import require_memory
 from resample_volume.looks.surveys import survey
 from resample_volume.looks.transfer import Looks, Transfer, tabulated
 from resample_volume.types import Volume

@@ -25,16 +25,15 @@ from resample.types import (
     Spline,
     Tint,
 )
-from resample_volume.files.memory import require_memory
-from resample_volume.keeping import found_once
+from resample_volume.data.glances.looking import are_few
+from resample_volume.data.keeping import found_once
+from resample_volume.data.memory import require_memory
+from resample_volume.data.parts import slabs
 from resample_volume.looks.labels import Labels, Ruled
 from resample_volume.looks.surveys import counted
 from resample_volume.looks.transfer import Looks, Transfer, places_seen, tabulated
-from resample_volume.media.tints import PAD, numbered, tint_of
 from resample_volume.types import Volume
 from resample_volume.voxels.fields import UNLIT, check_iso, columns_of, range_of_looks
-from resample_volume.voxels.glances.looking import are_few
-from resample_volume.voxels.parts import slabs
 from resample_volume.voxels.reaching import field_reached
 from resample_volume.voxels.shading import Light, lamp_of
 from resample_volume.voxels.slices.thin import (
@@ -47,6 +46,7 @@ from resample_volume.voxels.slices.thin import (
     thin_that_fits,
     thinned,
 )
+from resample_volume.voxels.tints import PAD, numbered, tint_of
 from resample_volume.voxels.visible import (
     finite_range,
     gradients_at,

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Doubles, Flags, Floats, Reached
-from resample_volume.files.memory import require_memory
+from resample_volume.data.memory import require_memory
 from resample_volume.types import Volume
 from resample_volume.voxels.shading import Light
 from resample_volume.voxels.visible import Voxels, lattice_of

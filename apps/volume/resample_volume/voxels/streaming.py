@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from resample import memory
 from resample.types import Doubles, Floats
 from resample.watching import look
+from resample_volume.data.bricks import Box, Bricks, Step, held_together, with_neighbours
+from resample_volume.data.glances.looking import are_few
+from resample_volume.data.parts import layers_alike, side_by_side, threads_at_work
 from resample_volume.looks.transfer import DataRange, Transfer, places_seen
-from resample_volume.voxels.bricks import Box, Bricks, Step, held_together, with_neighbours
-from resample_volume.voxels.glances.looking import are_few
-from resample_volume.voxels.parts import layers_alike, side_by_side, threads_at_work
 
 BYTES_PER_VOXEL = 100  # of one that may be seen, from here to the picture, at most
 BYTES_OF_SLOPE = 16  # more of the same where its look depends on its slope
@@ -225,7 +225,7 @@ def _nothing(bricks: Bricks) -> Candidates:
 
 def near_to_each_other(part: Candidates, box: Box, size: Step) -> Candidates:
     """Voxels of a box of a volume (Z, Y, X), in the order of the painter's bricks."""
-    from resample_volume.voxels.kernels.gradients import brick_order
+    from resample_volume.data.kernels.gradients import brick_order
 
     at = np.unravel_index(part.place, size)
     z, y, x = (n - side.start for n, side in zip(at, box, strict=True))
@@ -317,7 +317,7 @@ def slopes_at(
 
     `aside`: on one thread, as others look at other values.
     """
-    from resample_volume.voxels.kernels.gradients import find_gradients
+    from resample_volume.data.kernels.gradients import find_gradients
 
     slope, is_smooth = np.empty((index.size, 3), np.float32), gradient == "sobel"
     for voxels, near, first in layers_alike(values, index):
@@ -335,7 +335,7 @@ def slopes_at(
 
 def _in_order(parts: list[Candidates], bricks: Bricks) -> Candidates:
     """Voxels of all bricks in the order in which an array gives them; parts are used up."""
-    from resample_volume.voxels.kernels.gradients import brick_order
+    from resample_volume.data.kernels.gradients import brick_order
 
     place = np.concatenate([part.place for part in parts])
     order = np.empty(place.size, np.int64)

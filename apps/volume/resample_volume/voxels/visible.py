@@ -6,8 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Doubles, Floats
-from resample_volume.files.memory import require_memory
-from resample_volume.keeping import found_once
+from resample_volume.data.bricks import Bricks, Values
+from resample_volume.data.keeping import found_once
+from resample_volume.data.memory import require_memory
+from resample_volume.data.parts import side_by_side, slabs
+from resample_volume.data.recordings import linear_colors
 from resample_volume.looks.regions import Faded
 from resample_volume.looks.transfer import (
     DataRange,
@@ -17,10 +20,7 @@ from resample_volume.looks.transfer import (
     extinction,
     places_seen,
 )
-from resample_volume.media.recordings import linear_colors
 from resample_volume.types import Volume
-from resample_volume.voxels.bricks import Bricks, Values
-from resample_volume.voxels.parts import side_by_side, slabs
 from resample_volume.voxels.streaming import (
     Candidates,
     Looked,
@@ -232,7 +232,7 @@ def to_scene_of(volume: Volume) -> Doubles:
 
 def positions_at(volume: Volume, voxel: Indices) -> Floats:
     """Scene positions (N, 3) of voxels that are given by their flat index (N,), z slowest."""
-    from resample_volume.voxels.kernels.gradients import place
+    from resample_volume.data.kernels.gradients import place
 
     position = np.empty((voxel.size, 3), np.float32)
     origin = np.asarray(volume.origin, np.float64)
@@ -332,7 +332,7 @@ def seen_with_slopes(
 
 def _in_bricks(seen: Candidates, volume: Volume) -> Candidates:
     """Voxels with neighbours close to each other, which painters are quicker with."""
-    from resample_volume.voxels.kernels.gradients import brick_order
+    from resample_volume.data.kernels.gradients import brick_order
 
     order = np.empty(seen.place.size, np.int64)
     brick_order(seen.place, volume.values.shape, order)

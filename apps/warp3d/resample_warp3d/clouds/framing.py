@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from resample.cameras.models import Camera
 from resample.cameras.poses import orbit
 from resample.cameras.viewpoints import Sphere
-from resample.painting.plans import shape_of
+from resample.painting.scenes.plans import shape_of
 from resample.types import Doubles, Floats
 from resample_warp3d.clouds.cloud import Cloud, places
 from resample_warp3d.clouds.parts import STEP, room_beside, rows_of

@@ -14,8 +14,8 @@ import numpy as np
 from resample import registry
 from resample.cameras.models import AnyCamera, Camera
 from resample.memory.mapped import most_of
-from resample.painting.plans import shape_of
-from resample.painting.scene import dealt_to_tiles
+from resample.painting.scenes.plans import shape_of
+from resample.painting.scenes.scene import dealt_to_tiles
 from resample.profiles.filters import PixelFilter
 from resample.profiles.subpixels import Subpixels, subpixels_of
 from resample.types import Floats, Frame, Records, Screen, Statistics

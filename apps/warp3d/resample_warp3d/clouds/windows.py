@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.memory.mapped import array_in_file
-from resample.painting.scene import dealt_to_tiles, tiles_along
+from resample.painting.scenes.scene import dealt_to_tiles, tiles_along
 from resample.types import Records, Screen
 from resample.watching import look, portion, told
 from resample_warp3d.clouds.parts import room_beside, rows_of

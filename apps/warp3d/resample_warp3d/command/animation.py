@@ -13,6 +13,7 @@ from resample.console.messages import say
 from resample.files.animations import Levels, Shots, check_count, fingerprint
 from resample.measuring.compare import shown
 from resample.types import Doubles, Floats
+from resample_warp3d.command.cameras.steps import stepped
 from resample_warp3d.types import Warped
 from resample_warp3d.wide.sights import Sight
 
@@ -82,24 +83,6 @@ class NearbyPath:
         down = 0.5 * reach * math.cos(phase) if self.path == "orbit" else 0.0
         yaw, pitch = -math.atan2(right, distance.middle), math.atan2(down, distance.middle)
         return stepped([right, down, 0.0], [math.degrees(yaw), math.degrees(pitch), 0.0]) @ start
-
-
-def stepped(move: Sequence[float], turn: Sequence[float] = (0.0, 0.0, 0.0)) -> Doubles:
-    """Pose (4, 4) of a camera that moved and then turned, in the axes that it had before.
-
-    Parameters
-    ----------
-    move
-        To the right, down and ahead, scene units.
-    turn
-        To the right, up and clockwise, degrees; in this order, each about the camera's new axes.
-    """
-    yaw, pitch, roll = np.radians(np.asarray(turn, np.float64))
-    axes = _about(1, yaw) @ _about(0, pitch) @ _about(2, roll)  # columns: the new axes in the old
-    pose = np.eye(4)
-    pose[:3, :3] = axes.T
-    pose[:3, 3] = -axes.T @ np.asarray(move, np.float64)
-    return pose
 
 
 def poses_between(poses: Sequence[Doubles], count: int) -> list[Doubles]:
@@ -216,13 +199,3 @@ def on_screen(warped: Warped, *, has_alpha: bool, background: Background) -> Flo
         coverage = np.clip(warped.coverage, 0.0, 1.0)[..., None]
         image = np.concatenate([image, coverage], axis=2, dtype=np.float32)
     return shown(image, background)
-
-
-def _about(axis: int, angle: float) -> Doubles:
-    """Rotation (3, 3) about a camera's axis; 0 is x."""
-    cosine, sine = math.cos(angle), math.sin(angle)
-    first, second = (axis + 1) % 3, (axis + 2) % 3
-    turned = np.eye(3)
-    turned[[first, second], [first, second]] = cosine
-    turned[first, second], turned[second, first] = -sine, sine
-    return turned

@@ -24,7 +24,7 @@ from resample.console.messages import say
 from resample.lazy import installed_version
 
 if TYPE_CHECKING:
-    from resample.cameras.lens_files import Calibration
+    from resample.cameras.calibrations.lens_files import Calibration
     from resample.cameras.models import Camera
     from resample.cameras.viewpoints import Viewpoint
     from resample.command.session import Session

@@ -25,7 +25,7 @@ from resample_warp3d.depth.encodings import BareDisparity, Encoding, Raw, Relati
 from resample_warp3d.depth.equation import lens_places
 from resample_warp3d.depth.files import read_depth
 from resample_warp3d.depth.refining.conditioning import fitted
-from resample_warp3d.depth.refining.registering import registered
+from resample_warp3d.registering import registered
 from resample_warp3d.types import DepthImage
 from resample_warp3d.wide.sights import Sight, taken_by
 

@@ -8,9 +8,9 @@ import math
 import numpy as np
 
 from resample.types import Floats
-from resample_warp3d.depth.measuring import known, linked, noise_of
 from resample_warp3d.depth.refining.conditioning import Refined
 from resample_warp3d.depth.refining.conditioning import refine as conditioned
+from resample_warp3d.depth.refining.measuring import known, linked, noise_of
 from resample_warp3d.types import AS_GIVEN, DepthImage, Links, Source
 
 CLEAN = 1e-4  # of the nearness: noise below this is none

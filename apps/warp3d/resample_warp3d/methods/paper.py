@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from resample.painting.scene import dealt_to_tiles
+from resample.painting.scenes.scene import dealt_to_tiles
 from resample.types import Doubles, Screen
 from resample_warp3d.types import Equation, Rendered, Source
 

@@ -10,11 +10,11 @@ from resample.cameras.models import Camera
 from resample.profiles.filters import PixelFilter
 from resample.types import Doubles
 from resample_warp3d.depth.equation import between
-from resample_warp3d.merging import merge, order_of_bits
 from resample_warp3d.types import Method, Source, Warped
 from resample_warp3d.views.aligning import check_depths, match_depths, scaled
 from resample_warp3d.views.blending import angle_share, check_blend
 from resample_warp3d.views.matching import Match, balanced, check_colors, match_colors
+from resample_warp3d.views.merging import merge, order_of_bits
 from resample_warp3d.views.voting import check_votes, outvoted
 from resample_warp3d.wide.passages import way_between
 from resample_warp3d.wide.sights import Sight
@@ -28,7 +28,8 @@ class Joining:
     ----------
     blend
         Of the views that show a pixel's surface: `feathered`, `confident` or `best`; see
-        `resample_warp3d.merging.merge`. Feathered ones count by their angle to the target, too.
+        `resample_warp3d.views.merging.merge`. Feathered ones count by their angle to the target
+        as well.
     colors
         Matched by `gain`, `gain-bias` or `none`.
     depths

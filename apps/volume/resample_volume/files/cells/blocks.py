@@ -11,10 +11,10 @@ from xml.etree import ElementTree
 from resample.reading.limits import check_items, check_size
 from resample.reading.markup import check_xml_file
 from resample.reading.neighbours import neighbour
+from resample_volume.data.memory import require_memory
 from resample_volume.files.cells.needs import require_vtk
-from resample_volume.files.headers import existing_file
-from resample_volume.files.memory import require_memory
-from resample_volume.files.vti import UNSTRUCTURED, grid_of
+from resample_volume.files.parsing.headers import existing_file
+from resample_volume.files.xml.vti import UNSTRUCTURED, grid_of
 
 READERS = {  # class of VTK's, by suffix
     ".vti": "vtkXMLImageDataReader",

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample_volume.files.cells.needs import require_vtk
-from resample_volume.files.formats.choosing import cells_between
-from resample_volume.files.formats.sections import Array, Sections
+from resample_volume.files.parsing.choosing import cells_between
+from resample_volume.files.parsing.sections import Array, Sections
 
 GRIDS = ("structured_grid", "unstructured_grid")
 Cells = tuple[NDArray[Any], NDArray[Any]]  # where each begins, and its corners

@@ -4,12 +4,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
+from resample_volume.data.recordings import alone
 from resample_volume.files.cells.blocks import read_grid, read_pieces
 from resample_volume.files.cells.resampling import resampled
-from resample_volume.files.formats.choosing import Wanted, check_part
-from resample_volume.files.headers import Check, check_alone, check_nothing, existing_file, stem
-from resample_volume.files.steps import Numbers, steps_of
-from resample_volume.media.recordings import alone
+from resample_volume.files.parsing.choosing import Wanted, check_part
+from resample_volume.files.parsing.headers import (
+    Check,
+    check_alone,
+    check_nothing,
+    existing_file,
+    stem,
+)
+from resample_volume.files.parsing.steps import Numbers, steps_of
 from resample_volume.types import Recording, Volume
 
 

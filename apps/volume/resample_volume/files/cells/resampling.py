@@ -10,9 +10,9 @@ from resample.memory import require_memory
 from resample_volume.files.cells.lattice import Leaf, Raster, lattice_of, mean_cell
 from resample_volume.files.cells.probing import NAME, Error, probed
 from resample_volume.files.cells.validity import check_cells
-from resample_volume.files.formats.choosing import Named, Wanted, choose, of_parts, part_of
-from resample_volume.files.headers import Check, header, recording
-from resample_volume.files.vti import arrays_of
+from resample_volume.files.parsing.choosing import Named, Wanted, choose, of_parts, part_of
+from resample_volume.files.parsing.headers import Check, header, recording
+from resample_volume.files.xml.vti import arrays_of
 from resample_volume.types import Recording
 
 GHOSTS = "vtkGhostType"  # says which points and cells are hidden

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resample_volume.files.headers import check_shape
+from resample_volume.files.parsing.headers import check_shape
 
 ANY = -1  # number of corners
 CORNERS = {  # of a cell, by VTK's number of its kind

@@ -1,1 +1,1 @@
-"""Formats of volumes: what their headers say, how values lie, and how some are written."""
+"""Formats of volumes: read their files, write some."""

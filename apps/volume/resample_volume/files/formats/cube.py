@@ -13,9 +13,9 @@ import numpy as np
 from resample.reading.headers import whole
 from resample.reading.limits import check_items, check_size
 from resample.types import Doubles
-from resample_volume.files.formats.numbers import check_enough, numbers
-from resample_volume.files.headers import Check, Header, check_shape, header, recording
-from resample_volume.files.memory import require_memory
+from resample_volume.data.memory import require_memory
+from resample_volume.files.parsing.headers import Check, Header, check_shape, header, recording
+from resample_volume.files.parsing.numbers import check_enough, numbers
 from resample_volume.types import Recording
 
 BOHR = 0.529177210903  # Å (CODATA 2018)

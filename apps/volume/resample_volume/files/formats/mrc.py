@@ -11,8 +11,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from resample.types import Doubles
-from resample_volume.files.formats.voxels import VoxelData, first_bytes, voxels
-from resample_volume.files.headers import Check, Header, check_shape, header, recording
+from resample_volume.files.parsing.headers import Check, Header, check_shape, header, recording
+from resample_volume.files.parsing.voxels import VoxelData, first_bytes, voxels
 from resample_volume.types import Recording
 
 SUFFIXES = (".mrc", ".map", ".ccp4", ".mrcs", ".mrc.gz", ".map.gz", ".ccp4.gz", ".mrcs.gz")

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Doubles
-from resample_volume.files.formats.texts import is_hounsfield
-from resample_volume.files.formats.voxels import VoxelData, first_bytes, voxels
-from resample_volume.files.headers import Check, Header, check_shape, header, recording
-from resample_volume.files.memory import require_memory
-from resample_volume.media.recordings import is_color
+from resample_volume.data.memory import require_memory
+from resample_volume.data.recordings import is_color
+from resample_volume.files.parsing.headers import Check, Header, check_shape, header, recording
+from resample_volume.files.parsing.texts import is_hounsfield
+from resample_volume.files.parsing.voxels import VoxelData, first_bytes, voxels
 from resample_volume.types import Recording, Volume
 
 FIELDS = {  # name: NumPy's type in NIfTI-1, its place there, and both in NIfTI-2

@@ -15,10 +15,10 @@ import numpy as np
 
 from resample.reading.headers import check_nrrd_numbers, whole
 from resample.types import Doubles
-from resample_volume.files.formats.texts import Fields, files_named, is_hounsfield, text_fields
-from resample_volume.files.formats.voxels import VoxelData, voxels
-from resample_volume.files.headers import Check, Header, check_shape, header, recording
-from resample_volume.media.recordings import is_color
+from resample_volume.data.recordings import is_color
+from resample_volume.files.parsing.headers import Check, Header, check_shape, header, recording
+from resample_volume.files.parsing.texts import Fields, files_named, is_hounsfield, text_fields
+from resample_volume.files.parsing.voxels import VoxelData, voxels
 from resample_volume.types import Recording, Volume
 
 TYPES = {

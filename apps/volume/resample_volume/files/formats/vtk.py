@@ -11,9 +11,12 @@ import numpy as np
 
 from resample.reading.limits import check_size
 from resample.types import Doubles
+from resample_volume.data.memory import require_memory
+from resample_volume.data.recordings import alone
+from resample_volume.data.rectilinear import rectilinear
 from resample_volume.files.cells.legacy import GRIDS, legacy_grid
 from resample_volume.files.cells.resampling import resampled
-from resample_volume.files.formats.choosing import (
+from resample_volume.files.parsing.choosing import (
     Wanted,
     cells_between,
     check_single,
@@ -22,13 +25,10 @@ from resample_volume.files.formats.choosing import (
     of_parts,
     part_of,
 )
-from resample_volume.files.formats.numbers import numbers
-from resample_volume.files.formats.sections import Array, Sections
-from resample_volume.files.formats.voxels import VoxelData, voxels
-from resample_volume.files.headers import Check, Header, check_shape, header, recording
-from resample_volume.files.memory import require_memory
-from resample_volume.media.recordings import alone
-from resample_volume.media.rectilinear import rectilinear
+from resample_volume.files.parsing.headers import Check, Header, check_shape, header, recording
+from resample_volume.files.parsing.numbers import numbers
+from resample_volume.files.parsing.sections import Array, Sections
+from resample_volume.files.parsing.voxels import VoxelData, voxels
 from resample_volume.types import Recording
 
 OTHERS = {

@@ -12,15 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.reading.limits import LimitError, check_items, check_unpacked
-from resample.reading.packed.unpacking import RAW, check_deflated
 from resample.reading.silence import suppressed_output
+from resample.reading.unpacking import RAW, check_deflated
 from resample.types import Doubles
-from resample_volume.files.headers import check_alone, header, volume
-from resample_volume.files.memory import require_memory
+from resample_volume.data.memory import require_memory
+from resample_volume.data.rectilinear import rectilinear
+from resample_volume.files.parsing.headers import check_alone, header, volume
 from resample_volume.files.stacks.frames import check_frames
 from resample_volume.files.stacks.slices import natural
 from resample_volume.files.stacks.tags import check_lengths, check_text, numbers, text, whole
-from resample_volume.media.rectilinear import rectilinear
 from resample_volume.types import Volume
 
 EVEN_GAPS = 0.01  # of their mean, by which distances of slices may differ

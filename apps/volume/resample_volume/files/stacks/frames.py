@@ -2,8 +2,8 @@
 
 from typing import Any
 
+from resample.reading.codestreams import size_of
 from resample.reading.limits import LimitError
-from resample.reading.packed.codestreams import size_of
 
 
 def check_frames(told: Any, name: str) -> None:

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from resample.reading.limits import check_items, check_unpacked
 from resample.reading.pictures import check_picture, opened
 from resample.reading.silence import suppressed_output
-from resample_volume.files.headers import Header
-from resample_volume.files.memory import require_memory
+from resample_volume.data.memory import require_memory
+from resample_volume.files.parsing.headers import Header
 
 NUMPY = {"half": "float16", "float": "float32", "double": "float64"}  # OpenImageIO's name: NumPy's
 

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from resample.files.stores.addresses import Place
 from resample.files.stores.holes import Holes, values_of
 from resample.files.stores.opening import reading
-from resample_volume.files.headers import WIDENED
+from resample_volume.data.bricks import Box, Bricks, Step, Values
+from resample_volume.files.parsing.headers import WIDENED
 from resample_volume.files.stores.kept import Kept
 from resample_volume.files.stores.states import Portion
-from resample_volume.voxels.bricks import Box, Bricks, Step, Values
 
 if TYPE_CHECKING:
     import zarr

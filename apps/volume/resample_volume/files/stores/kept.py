@@ -18,9 +18,9 @@ from resample.files.stores.addresses import Address, Place
 from resample.files.writing import replacing
 from resample.memory.mapped import folder
 from resample.reading.arrays import read_npz
+from resample_volume.data.bricks import Bricks
+from resample_volume.data.glances.looking import Glance, are_few, step_of
 from resample_volume.files.stores.states import Portion, State, state_of_files, state_of_server
-from resample_volume.voxels.bricks import Bricks
-from resample_volume.voxels.glances.looking import Glance, are_few, step_of
 
 LEAST = 1 << 23  # voxels; of fewer a pass takes less than a second
 FORM = 1  # of the files that are kept

@@ -12,7 +12,10 @@ from resample.files.stores.holes import holes_of
 from resample.files.stores.metadata import SPACE, Layout, Level, layout_of, moved
 from resample.files.stores.opening import open_node, reading_metadata
 from resample.reading.limits import check_free
-from resample_volume.files.headers import (
+from resample_volume.data.bricks import Step
+from resample_volume.data.memory import require_memory
+from resample_volume.data.recordings import alone
+from resample_volume.files.parsing.headers import (
     Check,
     Header,
     check_alone,
@@ -21,12 +24,9 @@ from resample_volume.files.headers import (
     header,
     stem,
 )
-from resample_volume.files.memory import require_memory
-from resample_volume.files.steps import Numbers, three_numbers
+from resample_volume.files.parsing.steps import Numbers, three_numbers
 from resample_volume.files.stores.chunks import Chunked
-from resample_volume.media.recordings import alone
 from resample_volume.types import Recording, Volume
-from resample_volume.voxels.bricks import Step
 
 if TYPE_CHECKING:
     import zarr

@@ -17,9 +17,9 @@ from resample.files.stores.opening import require_zarr
 from resample.files.writing import beside, unwritten
 from resample.types import Doubles
 from resample.watching import Progress
+from resample_volume.data.bricks import Box, Bricks, Step, Values
 from resample_volume.files.stores.pyramid import halved, per_axis, sizes
 from resample_volume.types import Recording
-from resample_volume.voxels.bricks import Box, Bricks, Step, Values
 
 if TYPE_CHECKING:
     import zarr

@@ -22,7 +22,7 @@ from resample.memory.mapped import most_of
 from resample.painting.choices import MEASURING, Projection
 from resample.painting.splines import bytes_of_field
 from resample.types import Floats, Reached
-from resample_volume.files.memory import require_memory
+from resample_volume.data.memory import require_memory
 from resample_volume.types import Volume
 
 BYTES_PER_THIN = 8  # of a sample between thick slices, besides its field

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from resample.words import numbers_in
 
 if TYPE_CHECKING:
-    from resample.cameras.lens_files import Calibration
+    from resample.cameras.calibrations.lens_files import Calibration
 
 Shape = tuple[int, int]  # height and width, px
 FILES = "a file of Open3D (.json), ROS (.yaml) or OpenCV (.yml, .xml)"
@@ -38,7 +38,7 @@ def with_intrinsics(name: str, text: str, convention: str) -> "Calibration":
     ValueError, OSError
         It is neither, or the file cannot be read.
     """
-    from resample.cameras.lens_files import Calibration, is_file, read_intrinsics
+    from resample.cameras.calibrations.lens_files import Calibration, is_file, read_intrinsics
     from resample.cameras.models import Camera
 
     if is_file(text):

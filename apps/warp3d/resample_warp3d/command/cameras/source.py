@@ -100,7 +100,7 @@ class SourceCamera(Choices):
             )
 
     def _check_pinhole(self) -> None:
-        from resample.cameras.lens_files import read_lens
+        from resample.cameras.calibrations.lens_files import read_lens
         from resample.cameras.models import Camera
 
         whole_lens = None if self._coefficients else self.lens
@@ -165,8 +165,8 @@ class SourceCamera(Choices):
         ValueError, LookupError, OSError
             The numbers are no camera's, or a file cannot be read.
         """
+        from resample.cameras.calibrations.lens_files import read_calibration
         from resample.cameras.files import read_pose, read_shot
-        from resample.cameras.lens_files import read_calibration
         from resample.cameras.trajectories import Shot
 
         name = self.source_pose if pose is None else pose

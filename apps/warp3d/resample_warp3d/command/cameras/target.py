@@ -80,7 +80,7 @@ class TargetCamera(Choices):
         if self.target_intrinsics is not None:
             check_intrinsics("target-intrinsics", self.target_intrinsics)
         if self.target_lens is not None:
-            from resample.cameras.lens_files import read_lens
+            from resample.cameras.calibrations.lens_files import read_lens
 
             read_lens(self.target_lens)
 
@@ -122,7 +122,7 @@ class TargetCamera(Choices):
 
     def _pinhole(self, shape: Shape, convention: str) -> "Camera | None":
         """Pinhole or lens that is said."""
-        from resample.cameras.lens_files import read_calibration
+        from resample.cameras.calibrations.lens_files import read_calibration
         from resample.cameras.models import Camera
 
         if self.target_fov is not None:
@@ -176,7 +176,7 @@ class Aim(TargetCamera):
 
     def step(self) -> "Doubles":
         """Pose of the moved and turned camera in the axes of the one that it starts from."""
-        from resample_warp3d.command.animation import stepped
+        from resample_warp3d.command.cameras.steps import stepped
 
         move = [0.0, 0.0, 0.0] if self.move is None else numbers_in("move", self.move, 3)
         turn = [0.0, 0.0, 0.0] if self.turn is None else numbers_in("turn", self.turn, 3)

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Floats
-from resample_warp3d.depth.measuring import known, linked, noise_of, quantum_of
 from resample_warp3d.depth.refining.inspecting import NOTHING, Findings, depth_of, edges_of, inspect
+from resample_warp3d.depth.refining.measuring import known, linked, noise_of, quantum_of
 from resample_warp3d.types import DepthImage
 
 if TYPE_CHECKING:

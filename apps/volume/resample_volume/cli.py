@@ -1,0 +1,545 @@
+"""The `resample-volume` command."""
+
+import json
+import math
+import sys
+from pathlib import Path
+from typing import Annotated, Any, Literal, NoReturn
+
+from cyclopts import App, Parameter
+
+from resample.command import flags
+from resample.command.about import About, words
+from resample.command.options import run
+from resample.command.settings import (
+    PictureFormat,
+    Resampling,
+    Serving,
+    Sharing,
+    method_names,
+)
+from resample.command.settings_files import with_settings
+from resample.console.backgrounds import linear_color
+from resample.lazy import installed_version
+from resample_volume.command.choices import (
+    Added,
+    Beside,
+    BesidePicture,
+    Look,
+    Projecting,
+    Source,
+)
+
+Unshown = Parameter(show_default=False)
+
+PictureOutput = Annotated[
+    flags.Output,
+    Parameter(
+        help="Written to: .png, .jpg, .tif, or .exr with linear RGBA, depth (Z) and coverage."
+    ),
+]
+
+app = App(
+    name="resample-volume",
+    help="Volume rendering: splats where voxels grow on screen, points where they shrink.\n\n"
+    "Example: resample-volume render checker-box -o box.png",
+    version=installed_version,
+)
+app.register_install_completion_command()
+
+LOOK, RESAMPLING, PICTURE = Look.usual(), Resampling.usual(), PictureFormat.usual()
+SOURCE, PROJECTING, ADDED = Source.usual(), Projecting.usual(), Added.usual()
+BESIDE, BESIDE_PICTURE = Beside.usual(), BesidePicture.usual()
+SERVING, SHARING = Serving.usual(), Sharing.usual()
+# In a small picture voxels shrink, and primitives differ.
+FAR_LOOK = LOOK.model_copy(update={"camera": "30/20/0.8"})
+MOST_RAYS = 32
+BAR = 40  # characters of the longest bar
+UNLISTED = ("histogram", "thresholds", "findings", "levels")  # which are shown in another way
+DEMO_FOLDER, FIGURES = Path("demo"), Path("figures")
+DEMO = {  # camera and side of the picture, px
+    "checker-box": ("30/25/0.9", 64),  # 0.3 px per voxel, where primitives differ
+    "vessel-tree": ("30/15/1", 400),
+    "marschner-lobb": ("30/40/1", 400),
+}
+
+
+@app.command
+def render(
+    volume: str,
+    /,
+    *,
+    output: PictureOutput,
+    look: Annotated[Look, flags.Flat] = LOOK,
+    resampling: Annotated[Resampling, flags.Flat] = RESAMPLING,
+    picture: Annotated[PictureFormat, flags.Flat] = PICTURE,
+    source: Annotated[Source, flags.Flat] = SOURCE,
+    added: Annotated[Added, flags.Flat] = ADDED,
+    beside: Annotated[BesidePicture, flags.Flat] = BESIDE_PICTURE,
+    sharing: Annotated[Sharing, flags.Flat] = SHARING,
+    stats: flags.Stats = None,
+) -> None:
+    """Render a volume to a picture.
+
+    Example: resample-volume render engine.nhdr -o engine.png --camera 30/20/1.2
+
+    Parameters
+    ----------
+    volume
+        A file, a folder of slices, or checker-box, vessel-tree, marschner-lobb.
+    """
+    from resample.command.session import Session, require_picture
+    from resample.files.painted.frames import check_frame, write_frame
+    from resample.files.writing import check_targets, write_json
+    from resample_volume.command.inputs import require_values
+    from resample_volume.command.media import media, with_met
+    from resample_volume.command.rendering import (
+        BYTES_PER_PIXEL,
+        doing_by,
+        picture_of,
+        report,
+        to_paint,
+    )
+    from resample_volume.showing.color_bar import with_bar
+    from resample_volume.space.annotations import annotated
+    from resample_volume.space.slabs import boxed, write_slabs
+
+    size = picture.height_and_width()
+    background = picture.behind(output.suffix)
+    check_frame(output, picture.bits, background)
+    resampler = look.renderer(resampling, source.scale)
+    beside.check(output, resampler, size[0])
+    met = beside.met(look, resampler)
+    viewpoint = look.viewpoint()
+    require_picture(size, BYTES_PER_PIXEL)
+    session = Session()
+    with doing_by(picture.threads, sharing, output) as doing:
+        check_targets(output, stats)
+        with session.stage("read"):
+            shown = media(source, volume, look, added, resampler, hire=doing.hire)
+            shown = with_met(shown, met)
+            if beside.color_bar:
+                require_values(shown[0][0], "a color bar")
+        scene = to_paint(session, shown, resampler, beside.fit(look), viewpoint, size, doing)
+        subject, camera, paint = scene
+        frame = picture_of(scene, shown, resampler.projection)
+        with session.stage("write"):
+            if beside.deep is not None:
+                write_slabs(output, beside.deep, paint, camera, boxed(shown, subject))
+            else:
+                marks = beside.annotations(background)
+                drawn = annotated(frame, camera, subject.placed(shown[0][0]), marks)
+                if beside.color_bar:
+                    drawn = with_bar(drawn, *shown[0], resampler, background, subject.tone)
+                write_frame(output, drawn, picture.bits, background)
+    if stats is not None:
+        write_json(stats, report(session, frame, subject))
+
+
+@app.command
+def compare(
+    volume: str,
+    /,
+    *,
+    methods: flags.Look[str] = "points,splats,hybrid",
+    footprints: Annotated[str, About.LOOK, Unshown] = "",
+    orders: Annotated[str, About.LOOK, Unshown] = "",
+    peer: Annotated[Literal["vtk"] | None, About.LOOK, flags.Switch] = None,
+    reference: flags.Look[Literal["splats", "rays"]] = "splats",
+    output: flags.OptionalOutput = None,
+    difference: Annotated[bool, About.LOOK, flags.Switch] = False,
+    rays: flags.Look[int] = 8,
+    as_json: flags.Json = False,
+    look: Annotated[Look, flags.Flat] = FAR_LOOK,
+    projection: Annotated[Projecting, flags.Flat] = PROJECTING,
+    size: flags.Size = "96",
+    source: Annotated[Source, flags.Flat] = SOURCE,
+) -> None:
+    """Render a volume by several methods, footprints, orders and peers, and measure them.
+
+    Example: resample-volume compare checker-box --methods points,splats,hybrid -o compare.png
+
+    Parameters
+    ----------
+    volume
+        As in render.
+    methods
+        Separated by commas; of hybrid, points, splats, paper, inflate, ewa.
+    footprints
+        Separated by commas; of exact, corrected, small-angle, affine, disc. Each method's own.
+    orders
+        Separated by commas; of every-sample, axis-sheets, image-sheets:thickness=0.5, rays. As in
+        render, but fields and their projections take image-sheets.
+    peer
+        Also VTK's ray caster, at 1 and 4 x 4 rays per pixel; with the extra peers.
+    reference
+        Made of exact splats in the first order, or of rays through the field (slow).
+    output
+        Written to: all pictures side by side (.png).
+    difference
+        Show the errors, too, enlarged.
+    rays
+        Of the reference per side of a pixel, 1 to 32.
+    """
+    from resample.command.session import Session, require_picture
+    from resample.files.writing import check_targets, rows_as_json
+    from resample.measuring.compare import check_sheet, contact_sheet, plain
+    from resample_volume.command.inputs import prepared, require_values
+    from resample_volume.command.rendering import BYTES_PER_PIXEL, subject_of
+    from resample_volume.showing.compare import Contest, check_vtk, gathered_for, thickest, variants
+    from resample_volume.voxels.framing import centered
+
+    pixels = PictureFormat(size=size).height_and_width()
+    look = look.of_voxels()
+    first = look.renderer(projection.painting(look), source.scale)
+    choice = variants(first, _words(methods), _words(footprints), method_names(orders, least=0))
+    if not 1 <= rays <= MOST_RAYS:
+        raise ValueError(f"{rays} rays per side of a pixel; 1 to {MOST_RAYS} are allowed")
+    if output is not None:
+        check_sheet(output)
+    elif difference:
+        raise ValueError("differences are shown in a picture; give its name by --output")
+    viewpoint = look.viewpoint()
+    check_targets(output)
+    require_picture(pixels, BYTES_PER_PIXEL)
+    scene = prepared(source, volume)
+    require_values(scene, "a comparison")
+    appearance = look.appearance(scene, first)
+    if peer is not None:
+        check_vtk(appearance, first)
+    first = next(iter(choice.values()))
+    subject = subject_of(Session(), scene, appearance, thickest(choice), look.fit)
+    gathered = gathered_for(choice, scene, appearance)
+    contest = Contest(subject, gathered, subject.camera(viewpoint, *pixels), pixels)
+    (contest.cast if reference == "rays" else contest.splatted)(first, rays)
+    for name, resampler in choice.items():
+        contest.draw(name, resampler)
+    for count in () if peer is None else (1, 4):
+        contest.draw_vtk(centered(scene)[0], count)
+    if output is not None:
+        notes = {
+            str(row["picture"]): f"{row['psnr']:.2f} dB, {row['ms']:.0f} ms" for row in contest.rows
+        }
+        errors = contest.differences() if difference else {}
+        contact_sheet(contest.pictures | errors, output, captions=notes)
+    sys.stdout.write(rows_as_json(contest.rows) if as_json else plain(contest.rows))
+
+
+@app.command
+def animate(
+    volume: str,
+    /,
+    *,
+    output: flags.FilmOutput,
+    path: Annotated[str, words("orbit", "zoom", "threshold", "still")] = "orbit",
+    frames: flags.Look[int | None] = None,
+    fps: flags.FramesPerSecond = 24.0,
+    look: Annotated[Look, flags.Flat] = LOOK,
+    resampling: Annotated[Resampling, flags.Flat] = RESAMPLING,
+    size: flags.Size = "400",
+    background: flags.FilmBackground = "black",
+    threads: Annotated[int | None, About.RESOURCE] = None,
+    source: Annotated[Source, flags.Flat] = SOURCE,
+    added: Annotated[Added, flags.Flat] = ADDED,
+    beside: Annotated[Beside, flags.Flat] = BESIDE,
+    sharing: Annotated[Sharing, flags.Flat] = SHARING,
+    resume: flags.Resume = False,
+) -> None:
+    """Move a camera around a volume, or away from it; a volume of several times moves itself.
+
+    Example: resample-volume animate engine.nhdr --path orbit -o engine.mp4
+
+    Parameters
+    ----------
+    volume
+        As in render.
+    path
+        The camera's way: orbit, once around; zoom, from the camera to 16 times as far; threshold,
+        from voxels that are splats to voxels that are points; still, where it is; or a file of
+        keyframes or poses.
+    frames
+        How many. 96, or as many as the volume's times, or as the keyframes' times ask for.
+    threads
+        At most this many; pixels do not depend on it.
+    """
+    from resample.command.session import require_picture
+    from resample.command.workers import hiring
+    from resample.console.messages import progress_bar
+    from resample.files.animations import check_film, write_film
+    from resample_volume.command import animation, filming
+    from resample_volume.command.inputs import over_time
+    from resample_volume.command.rendering import BYTES_PER_PIXEL
+
+    check_film(output, fps)
+    flight = animation.flight_of(path, frames, fps, look.viewpoint())
+    shape = PictureFormat(size=size, threads=threads).height_and_width()
+    behind = linear_color(background) or (0.0, 0.0, 0.0)
+    resampler = look.renderer(resampling, source.scale)
+    beside.met(look, resampler)
+    require_picture(shape, BYTES_PER_PIXEL)
+    paint = animation.Paint(resampler, shape, behind, threads)
+    script = filming.Script(volume, source, look, added, beside, resampling, frames)
+    about = {"volume": volume, "path": path, "transfer": look.transfer}
+    with hiring(sharing, threads) as hire:
+        recording = None
+        if source.time is None and not added.channels:
+            recording = over_time(source, volume)
+        film = filming.film_of(script, recording, flight, paint, about, hire)
+        made, executor = filming.shared_by(hire(), script, film)
+        with progress_bar("filming") as progress:
+            write_film(output, made, fps, resume=resume, progress=progress, executor=executor)
+
+
+@app.command
+def view(
+    volume: str,
+    /,
+    *,
+    look: Annotated[Look, flags.Flat] = LOOK,
+    resampling: Annotated[Resampling, flags.Flat] = RESAMPLING,
+    source: Annotated[Source, flags.Flat] = SOURCE,
+    beside: Annotated[Beside, flags.Flat] = BESIDE,
+    page: Annotated[Serving, flags.Flat] = SERVING,
+) -> None:
+    """Show a volume in the browser: turn it, change its look, take the command of what you see.
+
+    Example: resample-volume view engine.nhdr
+
+    Parameters
+    ----------
+    volume
+        As in render.
+    """
+    from resample.view.server import require_parts, serve
+    from resample.view.views import controls_of
+    from resample_volume.viewing import COMMAND, VolumeView
+
+    require_parts()
+    controls = controls_of(COMMAND, app["render"])
+    shown = VolumeView(volume, source, (look, resampling, beside), controls)
+    shown.check()
+    serve(shown, host=page.host, port=page.port, browser=page.browser)
+
+
+@app.command
+def info(
+    volume: str,
+    /,
+    *,
+    bins: flags.Look[int] = 32,
+    as_json: Annotated[bool, About.LOOK, Parameter(name="--json", negative="")] = False,
+    source: Annotated[Source, flags.Flat] = SOURCE,
+) -> None:
+    """Print a volume's size, spacing, values, histogram and the thresholds that this suggests.
+
+    Example: resample-volume info engine.nhdr
+
+    Parameters
+    ----------
+    volume
+        As in render.
+    bins
+        Of the histogram.
+    as_json
+        Print JSON instead of a table.
+    """
+    from resample_volume.command.inputs import levels, opened_of_several
+    from resample_volume.files.source import describe
+
+    shown, (times, channels) = opened_of_several(source, volume, streamed=True)
+    facts = describe(shown, bins) | {"times": times, "channels": channels}
+    if sizes := levels(source, volume):
+        facts["levels"] = sizes
+    sys.stdout.write(json.dumps(facts, indent=2) + "\n" if as_json else _listed(facts))
+
+
+@app.command
+def generate(name: str, /, *, output: flags.Output) -> None:
+    """Write a generated volume to a file.
+
+    Example: resample-volume generate vessel-tree:size=256 -o vessels.nrrd
+
+    Parameters
+    ----------
+    name
+        checker-box, vessel-tree or marschner-lobb, with parameters: checker-box:size=64,block=8.
+    output
+        Written to: .nrrd, .mha, .nii or .nii.gz; or .npy, which keeps the values alone.
+    """
+    from resample.files.writing import check_targets
+    from resample_volume.files.source import generate as generated
+    from resample_volume.files.writing import check_suffix, write_volume
+
+    check_suffix(output)
+    check_targets(output)
+    write_volume(output, generated(name))
+
+
+@app.command
+def convert(
+    volume: str,
+    output: Path,
+    /,
+    *,
+    chunk: flags.Look[int] = 64,
+    shard: flags.Look[int | None] = None,
+    compression: flags.Look[Literal["zstd", "blosc", "none"]] = "zstd",
+    levels: flags.Look[bool] = True,
+    source: Annotated[Source, flags.Flat] = SOURCE,
+) -> None:
+    """Write any volume as OME-Zarr 0.5, brick by brick, with coarser levels of exact means.
+
+    Example: resample-volume convert engine.nhdr engine.ome.zarr
+
+    Parameters
+    ----------
+    volume
+        As in render; all its times and channels, or those that are chosen.
+    output
+        Written to: a folder engine.ome.zarr, which appears when it is whole.
+    chunk
+        Voxels along each side of a chunk.
+    shard
+        Voxels along each side of a file, which then holds several chunks. A file for each.
+    compression
+        Of chunks.
+    levels
+        Write coarser levels, too.
+    """
+    from resample.console.messages import progress_bar, say
+    from resample_volume.command.inputs import stored
+    from resample_volume.files.stores.writing import (
+        Layered,
+        bricks_of,
+        check_store,
+        write_store,
+    )
+
+    form = Layered(chunk, shard, compression, levels)
+    check_store(output)
+    recording = stored(source, volume)
+    if recording.note:
+        say(recording.note)
+    with progress_bar("converting bricks", bricks_of(recording, form)) as progress:
+        write_store(output, recording, form, progress)
+
+
+@app.command
+def fetch(name: str | None = None, /, *, folder: flags.Target = None) -> None:
+    """Download a public volume, check it and print where it is; without a name, list them.
+
+    Example: resample-volume render $(resample-volume fetch engine) -o engine.png
+
+    Parameters
+    ----------
+    name
+        Of the open-scivis collection.
+    folder
+        Where to keep it; the user's cache.
+    """
+    from resample_volume.files.public import fetch as store
+
+    if name is None:
+        entries = store.available()
+        sys.stdout.write(
+            "".join(f"{key}  {entry['description']}\n" for key, entry in entries.items())
+        )
+    else:
+        sys.stdout.write(f"{store.fetch(name, folder=folder)}\n")
+
+
+@app.command
+def figures(
+    *,
+    output: flags.Output = FIGURES,
+    figure: Annotated[tuple[str, ...], About.LOOK, Parameter(negative="", show_default=False)] = (),
+    data: flags.Source = None,
+) -> None:
+    """Remake the paper's Figures 1 to 4 and 7 to 9, as pictures with their numbers.
+
+    Example: resample-volume figures -o figures --figure 7
+
+    Parameters
+    ----------
+    output
+        Written to: folder for .png, .csv and .json files; created if missing.
+    figure
+        1-2, 3-4, 7, 8 or 9. All of them.
+    data
+        Folder of the paper's volumes (engine.nhdr, ...). What fetch has stored.
+    """
+    from resample_volume.showing.figures import make
+
+    sys.stdout.write(make(output, figure or None, data))
+
+
+@app.command
+def demo(*, output: flags.DemoOutput = DEMO_FOLDER) -> None:
+    """Render the generated volumes by all three methods."""
+    from resample.command.session import Session
+    from resample.console.messages import say
+    from resample.files.images import write_frame
+    from resample.measuring.compare import contact_sheet
+    from resample_volume.command.rendering import painted, subject_of
+    from resample_volume.files.source import generate as generated
+
+    output.mkdir(parents=True, exist_ok=True)
+    for name, (camera_angles, side) in DEMO.items():
+        session, size, pictures = Session(), (side, side), {}
+        volume, look = generated(name), Look(camera=camera_angles)
+        subject = subject_of(session, volume, look.appearance(volume), Resampling().resampler())
+        camera = subject.camera(look.viewpoint(), *size)
+        for method in ("hybrid", "points", "splats"):
+            resampler = Resampling(method=method).resampler()
+            frame = painted(session, resampler, subject.seen_by(camera), camera, size)
+            path = output / f"{name}-{method}.png"
+            write_frame(path, frame, background=(0.0, 0.0, 0.0))
+            say(f"{path}: {frame.statistics.points} points, {frame.statistics.splats} splats")
+            pictures[method] = frame.rgba
+        contact_sheet(pictures, output / f"{name}.png", columns=3)
+    sys.stdout.write(f"The pictures are in {output.resolve()}\n")
+
+
+with_settings(app)
+
+
+def main() -> NoReturn:
+    """Run the process's command line."""
+    run(app)
+
+
+def _words(text: str) -> list[str]:
+    return [word.strip() for word in text.split(",") if word.strip()]
+
+
+def _listed(facts: dict[str, Any]) -> str:
+    """Facts as lines, the histogram as bars."""
+    shown = {key: value for key, value in facts.items() if key not in UNLISTED}
+    lines = [f"{key.replace('_', ' '):<12} {value}" for key, value in shown.items()]
+    for classes, values in facts["thresholds"].items():
+        lines.append(f"{f'{classes} classes':<12} {', '.join(f'{v:.6g}' for v in values)}")
+    for n, level in enumerate(facts.get("levels", ())):
+        lines.append(f"{f'level {n}':<12} {level['shape']}, spacing {level['spacing']}")
+    return "\n".join([*lines, *facts["findings"], *_bars(facts)]) + "\n"
+
+
+def _bars(facts: dict[str, Any]) -> list[str]:
+    """Histogram as bars whose lengths are logarithms, so that what is rare is seen, too."""
+    from resample_volume.looks.scales import edges_of
+
+    counts, (two, three) = facts["histogram"], facts["thresholds"].values()
+    low, high = facts["robust_range"] or (0.0, 0.0)
+    edges = edges_of((low, high), len(counts), facts["scale"])
+    longest = math.log1p(max(*counts, 1))
+    lines = ["values from   voxels; bars are logarithms"]
+    for n, count in enumerate(counts):
+        bar = "#" * math.ceil(BAR * math.log1p(count) / longest) if count else ""
+        marks = [mark for mark, limits in (("2", two), ("3", three)) if _within(limits, edges, n)]
+        note = f"  <- between {' and '.join(marks)} classes" if marks else ""
+        lines.append(f"{edges[n]:>12.6g}  {bar:<{BAR}}  {count}{note}")
+    return lines
+
+
+def _within(limits: list[float], edges: list[float], n: int) -> bool:
+    """Whether one of some values lies in a bin."""
+    return any(edges[n] < limit <= edges[n + 1] for limit in limits)

@@ -1,0 +1,1 @@
+"""Volume data: arrays, bricks, recordings, rectilinear grids, and cached statistics."""

@@ -1,0 +1,1 @@
+"""Numba kernels for voxel addresses and gradients: bare arrays and numbers."""

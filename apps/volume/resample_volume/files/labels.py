@@ -1,0 +1,48 @@
+"""Labels of voxels from files."""
+
+from collections.abc import Sequence
+
+from resample_volume.data.bricks import Bricks
+from resample_volume.data.recordings import volume_at
+from resample_volume.files.source import open_streamed, open_volume
+from resample_volume.looks.labels import Labels, check_known, parse_rules
+from resample_volume.types import Volume
+
+
+def read_labels(path: str, rules: Sequence[str], volume: Volume) -> Labels:
+    """Labels of a volume's voxels from a file.
+
+    Parameters
+    ----------
+    path
+        What `open_volume` takes; of a store the labels stay there, if the volume's values do.
+    rules
+        Each such as `1:color=tomato,opacity=0.5` or `2:hidden`, one for a label.
+    volume
+        Whose voxels; of the same shape.
+
+    Raises
+    ------
+    ValueError
+        The file holds no whole numbers, or is of another shape than the volume; a rule cannot be
+        read, or no voxel has its label.
+    OSError
+        The file cannot be read.
+    """
+    chosen = parse_rules(rules)
+    try:
+        found = _volume_of(path, isinstance(volume.values, Bricks))
+        if found.colors is not None:
+            raise ValueError("labels are whole numbers, one for each voxel, not colors")
+        labels = Labels(found.values, chosen)
+        labels.check(volume)
+        check_known(labels)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    return labels
+
+
+def _volume_of(path: str, streamed: bool) -> Volume:
+    """Volume of labels, whose values stay in their file if they can and are to."""
+    held = open_streamed(path) if streamed else None
+    return open_volume(path) if held is None else volume_at(held, None, None)

@@ -1,0 +1,1 @@
+"""Parts that readers of volumes share: headers, texts, numbers, sections, voxel layouts."""

@@ -1,0 +1,132 @@
+"""Which of the arrays of a file of VTK is meant, and what of it."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.types import Doubles
+from resample_volume.data.memory import require_memory
+from resample_volume.data.recordings import is_color
+from resample_volume.files.parsing.headers import Header
+
+PARTS = ("", "magnitude")
+ROWS = 1 << 18  # whose lengths are found at a time
+HIDDEN = "vtkGhost"  # begins names of arrays that VTK keeps for itself
+
+
+class Wanted(NamedTuple):
+    """What a user asks for."""
+
+    array: str  # its name; empty: the active one, or the only one that it can be
+    part: str  # one of PARTS
+    reader: str  # which is asked; empty: none, a caller has the data
+
+
+class Named(NamedTuple):
+    """An array of a file."""
+
+    name: str
+    parts: int  # numbers at each place
+    is_of_cells: bool
+    is_active: bool  # whether the file marks it as the scalars
+
+
+def choose(known: Sequence[Named], wanted: Wanted, file: str) -> Named:
+    """Array that is meant: by name; or the active one, the only one, the only one of scalars.
+
+    Those of points come first: where there are any, cells are chosen by name.
+
+    Raises
+    ------
+    ValueError
+        There is none, or none of that name, or there are several.
+    """
+    shown = [each for each in known if not each.name.startswith(HIDDEN)]
+    if wanted.array:
+        found = [each for each in known if each.name == wanted.array]
+    else:
+        some = [each for each in shown if not each.is_of_cells] or shown
+        active = [each for each in some if each.is_active]
+        scalars = [each for each in some if each.parts == 1]
+        found = next((one for one in (active, some, scalars) if len(one) == 1), [])
+    if not found:
+        names = ", ".join(each.name + " (cells)" * each.is_of_cells for each in shown)
+        how = f"--reader {wanted.reader}:array=NAME" if wanted.reader else "part=NAME"
+        given, known_names = wanted.array or "none", names or "there is none"
+        raise ValueError(f"{file}: choose an array, {how} ({given} given): {known_names}")
+    return found[0]
+
+
+def check_part(part: str) -> None:
+    """Refuse what no part of vectors is."""
+    if part not in PARTS:
+        raise ValueError(f"part is magnitude, or left out, not {part!r}")
+
+
+def listed(known: Sequence[Named]) -> str:
+    """Names of all arrays, with how many numbers each has at a place."""
+    return f"arrays are {', '.join(f'{each.name}: {each.parts}' for each in known)}"
+
+
+def of_parts(known: Header, chosen: Named, every: Sequence[Named], wanted: Wanted) -> Header:
+    """Header for an array, with what is shown of its several numbers.
+
+    Raises
+    ------
+    ValueError
+        The magnitude of plain numbers is asked for.
+    """
+    parts = chosen.parts
+    if wanted.part and parts < 2:
+        raise ValueError(
+            f"{known.name}: {chosen.name} has one number at each place; leave out "
+            f"part={wanted.part}, or choose a vector ({listed(every)})"
+        )
+    if wanted.part:
+        return known._replace(dtype=_kind(known.dtype))
+    kind = f"vector of {known.dtype.name} ({chosen.name}; {listed(every)})"
+    return known._replace(parts=parts, is_color=is_color((parts,), known.dtype), pixel=kind)
+
+
+def part_of(values: NDArray[Any], chosen: Named, wanted: Wanted, name: str) -> NDArray[Any]:
+    """Values (N * C,) as they are, or lengths (N,) of these vectors where they are asked for."""
+    if not wanted.part:
+        return values
+    rows = values.reshape(-1, chosen.parts)
+    found = np.empty(len(rows), _kind(values.dtype))
+    require_memory(found.nbytes, name)
+    for start in range(0, len(rows), ROWS):
+        some = rows[start : start + ROWS].astype(np.float64)
+        found[start : start + ROWS] = np.linalg.norm(some, axis=1)
+    return found
+
+
+def check_single(known: Header, file: str) -> None:
+    """Refuse several numbers at a place of an uneven grid.
+
+    Raises
+    ------
+    ValueError
+        There are.
+    """
+    if known.parts > 1:
+        raise ValueError(
+            f"{file} has {known.parts} numbers at each place, a volume on an uneven grid has one; "
+            f"choose another array, or --reader vtr:part=magnitude; it is a {known.pixel}"
+        )
+
+
+def cells_between(points: Sequence[int]) -> tuple[int, ...]:
+    """Cells along x, y, z between so many points."""
+    return tuple(max(1, count - 1) for count in points)
+
+
+def middles(planes: Doubles, *, of_cells: bool) -> Doubles:
+    """Coordinates of planes as they are, or where the centers of the cells between them lie."""
+    return (planes[1:] + planes[:-1]) / 2 if of_cells else planes
+
+
+def _kind(dtype: np.dtype[Any]) -> np.dtype[Any]:
+    return np.dtype(np.float64 if dtype.newbyteorder("=") == np.float64 else np.float32)

@@ -1,0 +1,233 @@
+"""What a volume file must say about itself, checked before its voxels are read."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path, PurePath
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from resample.painting.scenes.scene import check_lattice, check_places
+from resample.types import Doubles
+from resample_volume.data.memory import require_memory
+from resample_volume.data.recordings import SeveralTimesError, alone, how
+from resample_volume.types import Recording, Volume
+
+KEPT = ("uint8", "int8", "uint16", "int16", "int32", "float32", "float64")
+WIDENED = {"bool": "uint8", "float16": "float32"}  # kept exactly in a larger type
+
+
+class Header(NamedTuple):
+    """A volume without its values."""
+
+    shape: tuple[int, ...]  # voxels along x, y, z
+    dtype: np.dtype[Any]  # of the voxels in the file
+    spacing: Doubles  # (3,) x, y, z
+    origin: Doubles  # (3,) position of the first voxel
+    direction: Doubles  # (3, 3) columns are the steps of x, y, z
+    name: str  # for messages
+    units: str = ""  # of the values, as `Volume` has them
+    times: int = 1  # volumes one after the other
+    parts: int = 1  # numbers of a voxel
+    is_color: bool = False  # whether these are the parts of a color
+    pixel: str = ""  # what the file calls voxels of several numbers
+
+    @property
+    def size(self) -> int:
+        """Bytes of the voxels, unpacked."""
+        return math.prod(self.shape) * self.times * self.parts * self.dtype.itemsize
+
+
+def header(
+    shape: tuple[int, ...],
+    dtype: Any,
+    name: str,
+    *,
+    spacing: ArrayLike = (1, 1, 1),
+    origin: ArrayLike = (0, 0, 0),
+    direction: ArrayLike = ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
+) -> Header:
+    """Put a header together and refuse what is not a scalar volume.
+
+    Columns of `direction` that are longer or shorter than 1 give their length to the spacing, which
+    leaves every position where it is.
+
+    Raises
+    ------
+    ValueError
+        Not three dimensions, an empty one, a single slice, voxels that are no plain number, a
+        spacing that is not positive and finite, a direction that cannot be inverted.
+    """
+    check_shape(shape, name)
+    kind = check_type(np.dtype(dtype), name)
+    steps, lattice = _lattice(_doubles(spacing), _doubles(direction), name)
+    start = _doubles(origin)
+    if not np.isfinite(start).all():
+        raise ValueError(
+            f"{name}: origin {_listed(start)} is not finite; correct the file's header"
+        )
+    check_places(start, f"{name}: its origin")
+    return Header(tuple(shape), kind, steps, start, lattice, name)
+
+
+def check_shape(shape: tuple[int, ...], name: str) -> None:
+    """Refuse all but three dimensions of at least two voxels, given as x, y, z."""
+    if len(shape) != 3:
+        raise ValueError(
+            f"{name} has {len(shape)} dimensions, {_sized(shape)}; a volume has 3 (x, y, z)"
+        )
+    if min(shape) < 1:
+        raise ValueError(f"{name} is empty: {_sized(shape)} voxels; every dimension must be over 0")
+    if min(shape) < 2:
+        raise ValueError(
+            f"{name} is a single slice of {_sized(shape)} voxels; a volume has at least 2 along "
+            "x, y and z (give the folder if it is one of a series)"
+        )
+
+
+def check_type(dtype: np.dtype[Any], name: str) -> np.dtype[Any]:
+    """Pass on a type of voxel that can be kept exactly; refuse any other."""
+    if dtype.kind not in "biuf" or dtype.newbyteorder("=").name not in (*KEPT, *WIDENED):
+        raise ValueError(
+            f"{name} has voxels of type {dtype}; known are {', '.join(KEPT)} "
+            "(bool and float16 are widened to them); convert the volume"
+        )
+    return dtype
+
+
+def check_held(known: Header) -> None:
+    """Refuse what has no times, or no numbers at its voxels.
+
+    Raises
+    ------
+    ValueError
+        It has none.
+    """
+    if known.times < 1 or known.parts < 1:
+        raise ValueError(
+            f"{known.name} is empty: {known.times} times, {known.parts} numbers at each voxel; "
+            "both must be over 0"
+        )
+
+
+def check_alone(known: Header) -> None:
+    """Refuse what is more than one volume; the parts of colors are one."""
+    if known.times > 1:
+        raise SeveralTimesError(
+            f"{known.name} has 4 dimensions, {_sized((*known.shape, known.times))}; a volume has 3 "
+            f"(x, y, z): {how('time', known.times)}"
+        )
+    if known.parts > 1 and not known.is_color:
+        raise ValueError(
+            f"{known.name} has voxels of type {known.pixel or known.dtype.name!r}, {known.parts} "
+            f"numbers each; a volume has one real number per voxel: {how('channel', known.parts)}"
+        )
+
+
+Check = Callable[[Header], None]  # of what a file says, before its values are read
+
+
+def check_nothing(known: Header) -> None:
+    """Take any header."""
+
+
+def volume(values: NDArray[Any], known: Header) -> Volume:
+    """Values (Z, Y, X) with their header; types the renderer does not know are widened.
+
+    Raises
+    ------
+    ValueError
+        They are more than one volume.
+    """
+    check_alone(known)
+    return alone(recording(values, known))
+
+
+def recording(values: NDArray[Any], known: Header, *, channels_first: bool = False) -> Recording:
+    """All values with their header; types the renderer does not know are widened.
+
+    Parameters
+    ----------
+    values
+        (T, Z, Y, X, C) without those axes that the header knows but one of.
+    known
+        What the file says.
+    channels_first
+        They are (T, C, Z, Y, X) instead.
+    """
+    check_held(known)
+    kind = known.dtype.newbyteorder("=")
+    kept = np.dtype(WIDENED.get(kind.name, kind))
+    if kept != values.dtype:
+        require_memory(values.size * kept.itemsize, known.name)
+        values = values.astype(kept)
+    space = known.shape[::-1]
+    if channels_first:
+        every = values.reshape(known.times, known.parts, *space)
+    else:
+        every = values.reshape(known.times, *space, known.parts)
+        every = every.transpose(0, 4, 1, 2, 3)
+    places = (known.spacing, known.origin, known.direction)
+    return Recording(every, *places, known.name, known.units, known.is_color)
+
+
+def existing_file(path: Path) -> Path:
+    """Pass on a file that can be opened.
+
+    Raises
+    ------
+    OSError
+        It is missing, a folder, or must not be read.
+    """
+    if path.is_dir():
+        raise IsADirectoryError(f"{path} is a folder; name one of its files")
+    if not path.exists():
+        raise FileNotFoundError(f"{path}: there is no such file")
+    if not path.is_file():
+        raise OSError(f"{path} is a device or a pipe, not a file")
+    try:
+        path.open("rb").close()
+    except OSError as error:
+        raise type(error)(f"{path} cannot be read: {error.strerror}") from None
+    return path
+
+
+def stem(path: PurePath, suffixes: tuple[str, ...]) -> str:
+    """File name without its format's suffix: `engine` of `engine.nii.gz`."""
+    for suffix in sorted(suffixes, key=len, reverse=True):
+        if path.name.lower().endswith(suffix) and len(path.name) > len(suffix):
+            return path.name[: -len(suffix)]
+    return path.name
+
+
+@np.errstate(all="ignore")  # numbers that make no sense are refused, not warned of
+def _lattice(spacing: Doubles, direction: Doubles, name: str) -> tuple[Doubles, Doubles]:
+    if not (np.isfinite(spacing).all() and (spacing > 0).all()):
+        raise ValueError(
+            f"{name}: spacing {_listed(spacing)} must be positive and finite along x, y, z; "
+            "correct it (a mirrored axis is the direction's business)"
+        )
+    if not np.isfinite(direction).all():
+        raise ValueError(f"{name}: direction {_listed(direction)} is not finite; correct it")
+    length = np.linalg.norm(direction, axis=0)
+    if not length.all() or abs(np.linalg.det(direction / length)) < 1e-6:
+        raise ValueError(
+            f"{name}: direction {_listed(direction)} is singular; its columns must span space"
+        )
+    check_lattice(spacing * direction, f"{name}: its lattice")
+    if np.allclose(length, 1, atol=1e-5):  # headers are rounded: those are kept as they are
+        return spacing, direction
+    return spacing * length, direction / length
+
+
+def _doubles(numbers: ArrayLike) -> Doubles:
+    return np.array(numbers, np.float64)
+
+
+def _listed(numbers: Doubles) -> str:
+    return f"({', '.join(f'{number:g}' for number in numbers.ravel())})"
+
+
+def _sized(shape: tuple[int, ...]) -> str:
+    return " x ".join(map(str, shape))

@@ -1,0 +1,1 @@
+"""VTK's XML files: elements, data blocks and images."""

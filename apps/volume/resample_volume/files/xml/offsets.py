@@ -1,0 +1,115 @@
+"""Where cells end in VTK's XML, looked at before VTK makes room for the corners up to there.
+
+An array may be text, base64 or raw, packed in one of several ways; VTK itself reads it here, from a
+file made of that array alone as a column of a table, which has as many rows as are told.
+"""
+
+import tempfile
+from collections.abc import Iterator
+from importlib import import_module
+from mmap import ACCESS_READ, mmap
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from resample.reading.limits import check_unpacked
+from resample.reading.silence import suppressed_output
+from resample_volume.files.xml.vtk_blocks import count_of
+from resample_volume.files.xml.vtk_elements import APPENDED, Element, data_start, elements_of
+
+KEPT = ("version", "byte_order", "header_type", "compressor")  # of the whole file
+NAME = "offsets"
+POLYHEDRA = ("faceoffsets", "face_offsets", "polyhedron_offsets", "faces")
+BYTES = 8  # of a corner's number in memory
+
+
+class _Ends(NamedTuple):
+    """An array of where cells end."""
+
+    cells: int
+    told: dict[str, str]  # of the array
+    data: bytes  # within its element, or appended
+
+
+def check_offsets(path: Path) -> None:
+    """Refuse a file of an unstructured grid whose cells have far more corners than it can hold.
+
+    Raises
+    ------
+    ValueError
+        They have; or ends of cells cannot be read, or cells are polyhedra, which have others.
+    """
+    with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
+        every = elements_of(content)
+        about = {key: told for key, told in every[0].told.items() if key in KEPT}
+        form = every[-1].told.get("encoding", "") if every[-1].name == APPENDED else ""
+        for ends in _ends(path.name, content, every):
+            corners = _last(path.name, _table(about, form, ends))
+            check_unpacked(path.name, len(content), BYTES * corners)
+
+
+def _ends(name: str, content: mmap, every: list[Element]) -> Iterator[_Ends]:
+    """All arrays of ends, one for each piece."""
+    first = data_start(content, every[-1]) if every[-1].name == APPENDED else -1
+    starts = sorted({count_of(each.told.get("offset", "")) for each in every})
+    cells = 0
+    for element in every:
+        told, label = element.told, element.told.get("Name", "").lower()
+        if element.name == "Piece":
+            cells = count_of(told.get("NumberOfCells", "0"))
+        elif label in POLYHEDRA:
+            raise ValueError(
+                f"{name} has polyhedra, which are not read from files; cut their cells "
+                "(ParaView's Tetrahedralize), or give the grid to as_volume in Python"
+            )
+        elif label == NAME and cells:
+            if told.get("format") != "appended":
+                yield _Ends(cells, told, content[element.data : element.end] or b" ")
+            elif first >= 0:
+                start = count_of(told.get("offset", ""))
+                following = [each for each in starts if each > start]
+                end = first + min(following[0] if following else len(content), len(content))
+                yield _Ends(cells, told, content[first + start : end])
+
+
+def _table(about: dict[str, str], form: str, ends: _Ends) -> bytes:
+    """File of a table with that column alone."""
+    is_apart = ends.told.get("format") == "appended"
+    told = {key: ends.told.get(key, "") for key in ("type", "format")}
+    about, rows = {"type": "Table", **about}, {"NumberOfCols": "1", "NumberOfRows": str(ends.cells)}
+    column = f"<DataArray{_attributes({'Name': NAME, **told})}"
+    head = f'<?xml version="1.0"?><VTKFile{_attributes(about)}><Table><Piece{_attributes(rows)}>'
+    head += f"<RowData>{column}"
+    foot = "</RowData></Piece></Table>"
+    if not is_apart:
+        return f"{head}>".encode() + ends.data + f"</DataArray>{foot}</VTKFile>".encode()
+    head += f' offset="0"/>{foot}<AppendedData{_attributes({"encoding": form})}>_'
+    end = b"</AppendedData></VTKFile>"
+    return head.encode() + ends.data.partition(b"</AppendedData")[0] + end
+
+
+def _attributes(told: dict[str, str]) -> str:
+    from xml.sax.saxutils import quoteattr
+
+    return "".join(f" {key}={quoteattr(text)}" for key, text in told.items())
+
+
+def _last(name: str, table: bytes) -> int:
+    """Largest end of a cell."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    failures: list[str] = []
+    reader: Any = import_module("vtkmodules.vtkIOXML").vtkXMLTableReader()
+    reader.AddObserver("ErrorEvent", lambda _, event: failures.append(event))
+    with tempfile.TemporaryDirectory(prefix="resample-offsets-") as folder:
+        place = Path(folder, "a.vtt")
+        place.write_bytes(table)
+        reader.SetFileName(str(place))
+        with suppressed_output():
+            reader.Update()
+    column = reader.GetOutput().GetRowData().GetArray(NAME)
+    if failures or column is None or not column.GetNumberOfTuples():
+        raise ValueError(f"{name} is damaged: where its cells end cannot be read")
+    found = vtk_to_numpy(column)
+    if found.min() < 0:
+        raise ValueError(f"{name} is damaged: cells end before they begin")
+    return int(found.max())

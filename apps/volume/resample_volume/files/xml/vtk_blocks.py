@@ -1,0 +1,137 @@
+"""Sizes of what VTK's XML files hold, looked at before VTK makes room for them."""
+
+import base64
+import re
+import struct
+from collections.abc import Iterator
+from math import prod
+from mmap import ACCESS_READ, mmap
+from pathlib import Path
+
+from resample.reading.limits import check_ratio, check_unpacked
+from resample_volume.data.memory import require_memory
+from resample_volume.files.xml.vtk_elements import APPENDED, Element, data_start, elements_of
+
+WHOLE = ("ImageData", "RectilinearGrid", "StructuredGrid")  # elements that pieces fill
+ARRAYS = ("DataArray", "Array")
+NUMBER = re.compile(r"-?\d{1,12}", re.ASCII)
+LARGEST = 1 << 40  # of a count that is believed
+WIDEST = 32  # bytes of a text that is empty
+WIDTHS = {"8": 1, "6": 2, "2": 4, "4": 8}  # bytes of a number, by the last digit of its type
+LETTERS = 32  # of base64, in which there are three numbers of 64 bits
+LETTER = re.compile(rb"[A-Za-z0-9+/]*")
+
+
+def check_blocks(path: Path) -> None:
+    """Refuse data whose sizes are not those of what the file can hold: VTK ends the process.
+
+    Raises
+    ------
+    ValueError
+        There are more blocks, or bytes, than the file has, or they unpack to far too much; points,
+        cells or numbers at each take more than it can honestly hold, or memory has; or pieces do
+        not fill the whole.
+    """
+    with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
+        every = elements_of(content)
+        if not every:
+            raise ValueError(f"{path.name} is damaged: it is no XML")
+        _check_packed(path.name, content, every)
+        _check_counts(path.name, len(content), every)
+
+
+def count_of(text: str) -> int:
+    """Count as a number; what is none counts as many."""
+    number = _number(text)
+    return LARGEST if number < 0 else number
+
+
+def _check_counts(name: str, size: int, every: list[Element]) -> None:
+    """Refuse arrays for which VTK would make far more room than the file can fill."""
+    needed = places = whole = filled = 0
+    for element in every:
+        told = element.told
+        if element.name == "Piece":
+            places = _places(told)
+            filled += places
+            needed += places
+        elif element.name in WHOLE:
+            whole = _inside(told.get("WholeExtent", ""))
+        elif element.name in ARRAYS:
+            rows = max(places, count_of(told.get("NumberOfTuples", "0")))
+            width = WIDTHS.get(told.get("type", "")[-1:], WIDEST)
+            needed += rows * count_of(told.get("NumberOfComponents", "1")) * width
+        check_ratio(name, size, needed)
+    if whole > filled:
+        raise ValueError(f"{name} is damaged: its pieces hold {filled} of {whole} points")
+    require_memory(needed, name)
+
+
+def _places(told: dict[str, str]) -> int:
+    """Points of a piece, or its cells where these are more; at least one."""
+    counts = [count_of(told.get(key, "1")) for key in ("NumberOfPoints", "NumberOfCells")]
+    return max(1, _inside(told.get("Extent", "")), *counts)
+
+
+def _inside(extent: str) -> int:
+    """Points within an extent; none of what is no extent."""
+    ends = [_number(end) for end in extent.split()]
+    if len(ends) != 6:
+        return 0
+    return prod(max(0, b - a + 1) for a, b in zip(ends[::2], ends[1::2], strict=True))
+
+
+def _number(text: str) -> int:
+    """Whole number; what is none is a large one."""
+    known = NUMBER.fullmatch(text.strip())
+    return int(text) if known else LARGEST
+
+
+def _check_packed(name: str, content: mmap, every: list[Element]) -> None:
+    size, told = len(content), every[0].told
+    number = "<Q" if told.get("header_type") == "UInt64" else "<I"
+    if told.get("byte_order") == "BigEndian":
+        number = number.replace("<", ">")
+    is_packed = "compressor" in told
+    if every[-1].name == APPENDED and data_start(content, every[-1]) < 0:
+        raise ValueError(f"{name} is damaged: its data do not begin with an underscore")
+    unpacked = 0
+    for begin in _begins(content, every):
+        numbers = [one for (one,) in struct.iter_unpack(number, _whole(begin, number))]
+        if not numbers or (is_packed and numbers[0] and len(numbers) < 2):
+            raise ValueError(f"{name} is damaged: data do not begin with their size")
+        if numbers[0] > size:
+            raise ValueError(f"{name} is damaged: {numbers[0]} bytes or blocks are not there")
+        if is_packed and len(numbers) > 1:
+            if numbers[0] and not numbers[1]:  # VTK divides by it
+                raise ValueError(f"{name} is damaged: blocks of data have no size")
+            unpacked += numbers[0] * numbers[1]
+            check_unpacked(name, size, unpacked)
+
+
+def _begins(content: mmap, every: list[Element]) -> Iterator[bytes]:
+    """First bytes of each array's data."""
+    appended = every[-1] if every[-1].name == APPENDED else None
+    start = -1 if appended is None else data_start(content, appended)
+    for element in every:
+        told = element.told
+        if told.get("format") == "binary" and element.data >= 0:
+            yield _decoded(content[element.data : element.data + LETTERS])
+        elif appended is not None and (told.get("offset") or "-").strip().isdecimal():
+            place = start + count_of(told["offset"])
+            begin = content[place : place + LETTERS]
+            yield _decoded(begin) if appended.told.get("encoding") == "base64" else begin
+
+
+def _decoded(letters: bytes) -> bytes:
+    """Bytes of the letters before the first that is none of base64, or that fills a group up."""
+    known = LETTER.match(letters)
+    found = known[0] if known else b""
+    found = found[: len(found) - (len(found) % 4 == 1)]
+    return base64.b64decode(found + b"=" * (-len(found) % 4))
+
+
+def _whole(begin: bytes, number: str) -> bytes:
+    """Bytes of two numbers, or of as many as there are."""
+    width = struct.calcsize(number)
+    return begin[: min(2, len(begin) // width) * width]

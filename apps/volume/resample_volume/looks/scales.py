@@ -1,0 +1,216 @@
+"""Values on a logarithmic scale: fields over decades, as they are looked at."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.memory.mapped import array_like
+from resample.types import Doubles
+from resample_volume.data.bricks import as_array
+from resample_volume.data.parts import slabs
+from resample_volume.looks.materials import Materials
+from resample_volume.looks.regions import Faded, RegionTransfer
+from resample_volume.looks.surveys import findings, survey, without_padding
+from resample_volume.looks.transfer import Transfer, TransferFunction
+from resample_volume.types import Volume
+
+LINEAR, LOG, SYMLOG = "linear", "log", "symlog"
+FORMS = "linear, log, or symlog:linear=0.01, which is linear from -0.01 to 0.01"
+NEAR = 1 / (1 - 1 / 10)  # decades that the linear part of symlog has at either side of 0
+MANTISSAS: tuple[tuple[float, ...], ...] = ((1, 2, 5), (1,))
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Logarithms to the base 10, or those of matplotlib's `SymLogNorm` in units of its threshold.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> Scale().scaled(np.array([0.0, 1.0, 1000.0]))
+    array([nan,  0.,  3.])
+    >>> Scale(0.01).value(Scale(0.01).scaled(np.array([-5.0, 0.002]))).round(6).tolist()
+    [-5.0, 0.002]
+    """
+
+    linear: float | None = None  # values up to this one, either side of 0, are linear; None: log
+
+    def scaled(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Values on this scale; NaN for those that have no logarithm."""
+        given = np.asarray(values, np.float64)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            if self.linear is None:
+                return np.log10(np.where(given > 0, given, np.nan))
+            away = np.abs(given) / self.linear
+            far = np.sign(given) * (NEAR + np.log10(away))
+            return np.where(away <= 1, given / self.linear * NEAR, far)
+
+    def value(self, scaled: NDArray[Any]) -> NDArray[Any]:
+        """Values whose places on this scale these are."""
+        given = np.asarray(scaled, np.float64)
+        if self.linear is None:
+            return np.asarray(10.0**given)
+        away = np.abs(given)
+        far = np.sign(given) * 10.0 ** (np.maximum(away, NEAR) - NEAR)
+        return np.where(away <= NEAR, given / NEAR, far) * self.linear
+
+    def place(self, value: float, what: str) -> float:
+        """Place of one value, which must have one.
+
+        Raises
+        ------
+        ValueError
+            It has no logarithm.
+        """
+        place = float(self.scaled(np.array(value)))
+        if not math.isfinite(place):
+            raise ValueError(
+                f"{what} {value:g} has no logarithm; on the scale log give what is above 0, or "
+                "take the scale symlog"
+            )
+        return place
+
+    def ticks(self, span: tuple[float, float], most: float) -> dict[float, str]:
+        """Decades between two places on this scale, and what is written beside them."""
+        from resample.measuring.color_bars import ticks_of
+
+        low, high = self.value(np.array(span)).tolist()
+        found: dict[float, float] = {}
+        for mantissas in MANTISSAS:
+            found = self._decades(low, high, mantissas)
+            if len(found) <= max(2.0, most):
+                break
+        step = math.ceil(len(found) / max(2.0, most))
+        places = sorted(found)
+        middle = places.index(0.0) if 0.0 in found and self.linear is not None else 0
+        kept = [place for n, place in enumerate(places) if (n - middle) % step == 0]
+        if len(kept) < 2:
+            even = ticks_of((low, high), most)
+            return {float(self.scaled(np.array(at))): text for at, text in even.items()}
+        return {place: f"{found[place]:g}".replace("-", "−") for place in kept}
+
+    def _decades(self, low: float, high: float, mantissas: tuple[float, ...]) -> dict[float, float]:
+        """Places of round values between two, and these."""
+        least = low if self.linear is None else self.linear
+        largest = max(abs(low), abs(high))
+        powers = range(math.floor(math.log10(least)), math.floor(math.log10(largest)) + 1)
+        above = [float(f"{m:g}e{power}") for power in powers for m in mantissas]
+        every = above if self.linear is None else [*(-one for one in above), 0.0, *above]
+        inside = [one for one in every if low <= one <= high]
+        return {float(self.scaled(np.array(one))): one for one in inside}
+
+
+def scale_named(text: str) -> Scale | None:
+    """Scale of a text; None: values are as they are.
+
+    Raises
+    ------
+    ValueError
+        There is no such scale.
+    """
+    name, _, rest = text.partition(":")
+    if not rest and name in ("", LINEAR):
+        return None
+    if not rest and name == LOG:
+        return Scale()
+    key, _, given = rest.partition("=")
+    try:
+        threshold = float(given)
+    except ValueError:
+        threshold = math.nan
+    if name != SYMLOG or key != LINEAR or not 0 < threshold < math.inf:
+        raise ValueError(f"the scale {text!r}; give {FORMS}")
+    return Scale(threshold)
+
+
+def scaled(volume: Volume, scale: str) -> Volume:
+    """Volume whose field is that of logarithms; it is reconstructed, classified and lit as such.
+
+    Padding of the values becomes NaN, and so does what has no logarithm. `note` says so. Looks by
+    name or as a text speak of the values as they were; fractions are of the scaled range.
+
+    Parameters
+    ----------
+    volume
+        Of values; one in chunks is read.
+    scale
+        `log`, `symlog:linear=0.01`, or `linear`, which changes nothing.
+
+    Raises
+    ------
+    ValueError
+        There is no such scale, the volume has colors or another scale, or no value has a
+        logarithm.
+    """
+    by = scale_named(scale)
+    if by is None:
+        return volume
+    if volume.colors is not None or volume.scale:
+        what = "colors" if volume.colors is not None else f"the scale {volume.scale}"
+        raise ValueError(f"{volume.name} has {what}; leave the scale {scale} out")
+    known = survey(volume)
+    given = as_array(without_padding(volume, known))
+    values = array_like(given.values, given.values.shape, np.dtype(np.float32), volume.name)
+    lost, kept = 0, 0
+    for slab, raw in zip(slabs(values), slabs(given.values), strict=True):
+        slab[:] = by.scaled(raw)
+        left_out = np.isnan(slab)
+        lost += int(left_out.sum()) - int(np.isnan(raw).sum())
+        kept += slab.size - int(left_out.sum())
+    if lost and not kept:
+        raise ValueError(f"{volume.name} has no value above 0; take the scale symlog or linear")
+    words = [volume.note] * bool(volume.note)
+    words += [line for line in findings(known) if "padding" in line]
+    if lost:
+        words.append(f"{lost} voxels of 0 or below have no logarithm and are left out")
+    return given._replace(values=values, units="none", note="; ".join(words), scale=scale)
+
+
+def on_scale(transfer: Transfer, scale: str) -> Transfer:
+    """Look in data units as one of the same values on a scale.
+
+    Raises
+    ------
+    ValueError
+        A value has no logarithm, or the look is of the steepness of values.
+    """
+    by = scale_named(scale)
+    if by is None or transfer.normalized:
+        return transfer
+    if isinstance(transfer, Materials):
+        return replace(transfer, parts=tuple(on_scale(part, scale) for part in transfer.parts))
+    if isinstance(transfer, TransferFunction):
+        return _function_on(transfer, by)
+    if isinstance(transfer, Faded):
+        return Faded(on_scale(transfer.transfer, scale), transfer.ramp)
+    if isinstance(transfer, RegionTransfer):
+        raise ValueError(
+            f"regions in data units are of values and gradients that the scale {scale} changes; "
+            "give normalized ones, or points"
+        )
+    return transfer
+
+
+def _function_on(transfer: TransferFunction, by: Scale) -> TransferFunction:
+    if transfer.value.size == 1:
+        return transfer
+    places = [by.place(float(value), "the look's value") for value in transfer.value]
+    return replace(transfer, value=np.array(places))
+
+
+def value_at(place: Any, scale: str) -> Doubles:
+    """Values as they were, of places on a volume's scale."""
+    by = scale_named(scale)
+    return np.asarray(place if by is None else by.value(place), np.float64)
+
+
+def edges_of(span: tuple[float, float], count: int, scale: str) -> list[float]:
+    """Ends of so many bins of values, which are even on a scale."""
+    by, (low, high) = scale_named(scale), span
+    if by is not None:
+        low, high = by.scaled(np.array(span)).tolist()
+    edges = [low + (high - low) * n / count for n in range(count + 1)]
+    return [float(edge) for edge in value_at(edges, scale)]

@@ -1,0 +1,1 @@
+"""Volumes larger than memory: windows, and statistics of all voxels, brick by brick."""

@@ -1,0 +1,125 @@
+"""Voxels of volumes in bricks with their looks, a brick at a time."""
+
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+
+import numpy as np
+
+from resample_volume.data.bricks import Box
+from resample_volume.data.recordings import linear_colors
+from resample_volume.looks.transfer import DataRange, Transfer, extinction
+from resample_volume.types import Volume
+from resample_volume.voxels.streaming import (
+    Candidates,
+    Looked,
+    brick_by_brick,
+    near_to_each_other,
+    visible_bricks,
+)
+from resample_volume.voxels.visible import (
+    Indices,
+    Voxels,
+    extinctions_of,
+    finite_range,
+    lattice_of,
+    looks_of,
+    positions_at,
+    to_scene_of,
+    unit_of,
+)
+
+if TYPE_CHECKING:
+    from resample_volume.looks.labels import Labels
+
+R = TypeVar("R")
+
+
+class Classifying(NamedTuple):
+    """What voxels of a volume get their looks by."""
+
+    transfer: Transfer
+    gradient: str | None  # as of `classify`
+    steep: float = 0.0  # data units per scene unit, see `steepness`; of no account without gradient
+    labels: "Labels | None" = None
+
+    @property
+    def sifts(self) -> bool:
+        """Whether voxels that may be seen by their value turn out to be transparent."""
+        return self.transfer.needs_gradient or self.labels is not None
+
+
+def candidates_by_bricks(
+    volume: Volume,
+    transfer: Transfer,
+    gradient: str | None,
+    finish: Callable[[Candidates, Box], R],
+) -> Iterator[R]:
+    """What a job makes of those voxels of one brick after the other whose value may be seen.
+
+    Parameters
+    ----------
+    volume
+        Whose values are `Bricks`.
+    transfer, gradient
+        As of `classify`.
+    finish
+        The job, of voxels and their brick's box; done for several bricks at a time.
+    """
+    values: Any = volume.values
+    data_range = range_for(transfer, volume)
+    wanted = Looked(transfer, data_range, gradient, to_scene_of(volume))
+    chosen = visible_bricks(values, transfer, data_range)
+    return brick_by_brick(values, wanted, chosen, finish)
+
+
+def classified_by_bricks(
+    volume: Volume, by: Classifying, finish: Callable[[Indices, Voxels], R]
+) -> Iterator[R]:
+    """What a job makes of the visible voxels of one brick after the other.
+
+    Parameters
+    ----------
+    volume
+        Whose values are `Bricks`.
+    by
+        Gives voxels their looks.
+    finish
+        The job, of flat indices (N,) into the volume and their voxels, which are those that
+        `classify` gives; done for several bricks at a time.
+    """
+    data_range = range_for(by.transfer, volume)
+
+    def job(found: Candidates, box: Box) -> R:
+        return finish(*classified(volume, by, data_range, found, box))
+
+    return candidates_by_bricks(volume, by.transfer, by.gradient, job)
+
+
+def range_for(transfer: Transfer, volume: Volume) -> DataRange:
+    """Least and greatest finite value, as far as a transfer function asks for them."""
+    return finite_range(volume.values) if transfer.normalized else (0.0, 1.0)
+
+
+def classified(
+    volume: Volume, by: Classifying, data_range: DataRange, found: Candidates, box: Box
+) -> tuple[Indices, Voxels]:
+    """Flat indices (N,) of a brick's visible voxels, and these, as `classify` makes them."""
+    transfer, unit = by.transfer, unit_of(by.transfer, volume)
+    seen = near_to_each_other(found, box, volume.values.shape)
+    length = np.linalg.norm(seen.slope, axis=1) if transfer.needs_gradient else None
+    color, opacity = looks_of(transfer, seen.value, length, data_range, by.steep)
+    if volume.colors is not None:
+        color = linear_colors(volume.colors.reshape(-1, volume.colors.shape[-1])[seen.place])
+    if by.labels is not None:
+        color, opacity = by.labels.applied(seen.place, color, opacity)
+    kept = np.flatnonzero(opacity > 0)
+    if kept.size < opacity.size:
+        slope = seen.slope[kept] if len(seen.slope) else seen.slope
+        seen = Candidates(seen.place[kept], seen.value[kept], slope)
+        color, opacity = color[kept], opacity[kept]
+    if by.sifts:
+        thickness = extinction(opacity, unit)
+    else:
+        thickness = extinctions_of(transfer, seen.value, data_range, unit)
+    position = positions_at(volume, seen.place)
+    return seen.place, Voxels(position, color, thickness, seen.slope, lattice_of(volume))

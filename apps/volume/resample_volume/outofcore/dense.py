@@ -1,0 +1,198 @@
+"""Volumes in bricks as windows see them: where they lie, and what their voxels get looks by."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from resample.resampler import Resampler
+from resample.types import Doubles, Indices
+from resample_volume.data.bricks import Bricks, Step
+from resample_volume.data.glances.shelves import Recent
+from resample_volume.looks.labels import Labels
+from resample_volume.looks.regions import Faded
+from resample_volume.media.appearance import Appearance, Classification, Medium, transfer_of
+from resample_volume.media.lattices import Lattice, common_lattice, first_in
+from resample_volume.outofcore.classified import Classifying, classified_by_bricks
+from resample_volume.outofcore.known import known_of
+from resample_volume.outofcore.looked import Finish
+from resample_volume.outofcore.passes import Looking
+from resample_volume.outofcore.steepness import Slopes, steepness_by_bricks
+from resample_volume.outofcore.together import (
+    Member,
+    Together,
+    in_grid,
+    mixed_by_bricks,
+    resampled_bricks,
+)
+from resample_volume.rendering import kept_look, placement
+from resample_volume.types import Volume
+from resample_volume.voxels.cropping import chosen as chosen_of
+from resample_volume.voxels.cropping import kept_index, planes
+from resample_volume.voxels.framing import centered
+from resample_volume.voxels.visible import Voxels, check_gradient
+
+OF_FILES = 8  # share of memory, inverted, that takes pages of volumes that were resampled
+OF_LABELS = 8  # share of memory, inverted, that takes bricks of labels which were read lately
+
+
+@dataclass(frozen=True, eq=False)
+class Cutting:
+    """What of voxels is left."""
+
+    clip: Doubles  # (M, 4) planes
+    radius: float  # of the kernels around voxels, voxels
+
+    def __call__(self, place: Indices, voxels: Voxels) -> tuple[Indices, Voxels]:
+        """Voxels and their places, without those that are wholly cut away."""
+        if not len(self.clip):
+            return place, voxels
+        index = kept_index(voxels, self.clip, self.radius)
+        return place[index], chosen_of(voxels, index)
+
+
+@dataclass(frozen=True, eq=False)
+class Dense:
+    """Volumes in bricks, whose voxels are seen brick by brick."""
+
+    members: tuple[Member, ...]
+    lattice: Lattice | None  # of several together
+    cut: Cutting
+    beside: int  # bytes that bricks of labels take which were read last
+
+    @property
+    def kind(self) -> "Dense":
+        """What is the same where the same is seen."""
+        return replace(self, beside=0)
+
+    @property
+    def sifts(self) -> bool:
+        """Whether voxels that may be seen turn out to be transparent."""
+        return any(member.by.sifts for member in self.members)
+
+    def __call__(self, volume: Volume, finish: Finish) -> Iterator[Any]:
+        """What a job makes of visible voxels of a volume of bricks, brick by brick."""
+        members = [self._with_labels(member) for member in self.members]
+        if self.lattice is None:
+            (member,) = members
+            return classified_by_bricks(volume, member.by, lambda *one: finish(*self.cut(*one)))
+        together: Any = volume.values
+        return mixed_by_bricks(together, self.lattice, members, self.cut, finish)
+
+    def _with_labels(self, member: Member) -> Member:
+        """Volume whose bricks of labels are kept for a while."""
+        labels = member.by.labels
+        if labels is None or not isinstance(labels.values, Bricks):
+            return member
+        values = labels.values.within(None, Recent(self.beside // len(self.members)))
+        return member._replace(by=member.by._replace(labels=replace(labels, values=values)))
+
+
+def check_windows(media: Sequence[Medium]) -> None:
+    """Refuse what depends on all visible voxels together, or is not in bricks."""
+    for volume, look in media:
+        is_pre = look.classification is not Classification.POST
+        if look.met or not is_pre:
+            what = f"a {look.met[0]}" if look.met else "the classification post"
+            raise ValueError(
+                f"{what} needs rays through a field, which cannot be painted window by window; "
+                "render it as a whole by classify post: a file holds the field if memory does not"
+            )
+        if look.section is not None and look.section.normal is None:
+            raise ValueError(
+                f"the slab {look.slab} is across the view, which cannot be painted window by "
+                "window; give its direction in the scene, as in 20/10/0/0/1"
+            )
+        if not isinstance(volume.values, Bricks):
+            raise ValueError(
+                f"{volume.name} is in memory as a whole and cannot be painted window by window; "
+                "convert it to OME-Zarr"
+            )
+        if look.labels is not None:
+            look.labels.check(volume)
+
+
+def dense_of(
+    media: Sequence[Medium], painter: Resampler, memory: int, looking: Looking
+) -> tuple[Volume, Dense]:
+    """Volumes as they are seen brick by brick, and the scene that they make up."""
+    check_windows(media)
+    light, beside = media[0][1].light, 0
+    if any(is_in_store(look.labels) for _, look in media):
+        beside = memory // OF_LABELS
+    if len(media) == 1:
+        scene, _ = centered(media[0][0])
+        lattice, clip = None, planes(scene, media[0][1].crop, media[0][1].cuts)
+        placed = [(scene, media[0][1])]
+    else:
+        given, lattice, _, clip = placement(media)
+        placed = [_on_lattice(medium, lattice, memory // OF_FILES) for medium in given]
+        beside += memory // OF_FILES * (not share_lattice(media))
+        scene = _together(placed, lattice)
+    members = []
+    for volume, look in placed:
+        by = _classifying(volume, replace(look, light=light), looking)
+        first = (0, 0, 0) if lattice is None else _first(volume, lattice)
+        members.append(Member(volume, by, first))
+    cut = Cutting(clip, painter.reconstruction.radius)
+    return scene, Dense(tuple(members), lattice, cut, beside)
+
+
+def share_lattice(media: Sequence[Medium]) -> bool:
+    """Whether no volume needs to be resampled to be seen with the others."""
+    lattice = common_lattice([volume for volume, _ in media])
+    return all(first_in(volume, lattice) is not None for volume, _ in media)
+
+
+def _on_lattice(medium: Medium, lattice: Lattice, most: int) -> Medium:
+    """Volume on the lattice of all, and its look; of pages of files, memory holds so many bytes."""
+    volume, look = medium
+    if first_in(volume, lattice) is not None:
+        return medium
+
+    def make() -> Volume:
+        return resampled_bricks(volume, lattice, most)
+
+    there = known_of(volume, ("resampled", volume.values, lattice), make)
+    return there, kept_look(volume, look)
+
+
+def _together(placed: Sequence[Medium], lattice: Lattice) -> Volume:
+    """Volumes in bricks as one on the lattice of all, which is made once."""
+    x, y, z = map(int, lattice.size)
+    bricks: list[Any] = [volume.values for volume, _ in placed]
+    firsts = [_first(volume, lattice) for volume, _ in placed]
+
+    def make() -> Together:
+        pairs = zip(bricks, firsts, strict=True)
+        parts = [in_grid(own, first, (z, y, x), bricks[0].side) for own, first in pairs]
+        return Together(parts, bricks[0].found)
+
+    values: Any = known_of(placed[0][0], ("together", bricks, firsts, lattice), make)
+    return lattice.volume()._replace(values=values)
+
+
+def _first(volume: Volume, lattice: Lattice) -> Step:
+    """Place of the lattice of all that a volume's first voxel is at."""
+    first = first_in(volume, lattice)
+    if first is None:
+        raise RuntimeError(f"{volume.name} is not on the lattice that it was resampled to")
+    return first
+
+
+def _classifying(volume: Volume, look: Appearance, looking: Looking) -> Classifying:
+    """What voxels get their looks by; slopes of all of them are looked at once, if need be."""
+    transfer = transfer_of(volume, look)
+    if look.gradient_opacity is not None:
+        transfer = Faded(transfer, look.gradient_opacity)
+    gradient = look.gradient if transfer.needs_gradient else look.needed_gradient
+    check_gradient(transfer, gradient)
+    steep = 0.0
+    if transfer.needs_gradient:
+        slopes = Slopes(volume, transfer, look.gradient)
+        steep = known_of(volume, (transfer, gradient), lambda: steepness_by_bricks(slopes, looking))
+    return Classifying(transfer, gradient, steep, look.labels)
+
+
+def is_in_store(labels: Labels | None) -> bool:
+    """Whether labels stay in their file."""
+    return labels is not None and isinstance(labels.values, Bricks)

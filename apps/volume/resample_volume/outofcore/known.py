@@ -1,0 +1,205 @@
+"""What was found of a volume in bricks: by this command, or by one before.
+
+In this process it lies beside the bricks. What pictures of one look depend on, whatever their
+camera, is also kept in the user's cache, so that later commands need not look at all voxels again:
+they ask for nothing then that is hidden.
+"""
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.cameras.viewpoints import Sphere
+from resample.files.cached import make_room, note_use
+from resample.files.writing import replacing
+from resample.fingerprints import fingerprint
+from resample.memory import mapped
+from resample.reading.arrays import read_npz
+from resample_volume.data.bricks import Bricks
+from resample_volume.files.stores import kept
+from resample_volume.outofcore.looked import LookedAt
+from resample_volume.types import Volume
+from resample_volume.voxels.cropping import Steep
+
+LARGE = 1 << 16  # bytes of an array that is told by where it is
+LARGEST = 1 << 26  # bytes of an array that other commands can be told of
+MOST_BYTES = 1 << 28  # of all that is kept
+KINDS = {kind.__name__: kind for kind in (LookedAt, Steep, Sphere)}  # that files hold
+
+R = TypeVar("R")
+
+
+class Found(NamedTuple):
+    """What was found."""
+
+    result: Any
+    depends: Any  # on what: as long as it is here, no other has its place in memory
+
+
+def known_of(volume: Volume, depends: Any, find: Callable[[], R], *, lasts: bool = False) -> R:
+    """What is found of a volume in bricks, which keep it for as long as they are.
+
+    Parameters
+    ----------
+    volume
+        Whose values keep it.
+    depends
+        What else it depends on; where that cannot be told, it is found each time.
+    find
+        Finds it.
+    lasts
+        Keep it for later commands, too: numbers, arrays, and tuples of such.
+    """
+    found = _found_before(volume, depends, lasts=lasts)
+    if found is None:
+        found = Found(find(), depends)
+        _keep(volume, found, lasts=lasts)
+    known: R = found.result
+    return known
+
+
+def looked_at_before(volume: Volume, depends: Any) -> LookedAt | None:
+    """What is known of a look, if all voxels were looked at; arguments as of `known_of`."""
+    found = _found_before(volume, depends, lasts=True)
+    return None if found is None else found.result
+
+
+def keep_looked_at(volume: Volume, depends: Any, looked: LookedAt) -> None:
+    """Let pictures of a look do with what is known already; arguments as of `known_of`."""
+    bricks: Any = volume.values
+    if _name_of(volume, depends) not in bricks.found:
+        _keep(volume, Found(looked, depends), lasts=True)
+
+
+def _found_before(volume: Volume, depends: Any, *, lasts: bool) -> Found | None:
+    """What this command has found or, of what lasts, one before; None if nothing."""
+    bricks: Any = volume.values
+    name = _name_of(volume, depends)
+    if name is not None and lasts and name not in bricks.found:
+        file = _file_of(volume, depends)
+        read = None if file is None else _read(file)
+        if read is not None:
+            bricks.found[name] = read._replace(depends=depends)
+    found: Found | None = bricks.found.get(name)
+    return found
+
+
+def _keep(volume: Volume, found: Found, *, lasts: bool) -> None:
+    """Keep what was found for this command and, if it lasts, for later ones."""
+    bricks: Any = volume.values
+    name = _name_of(volume, found.depends)
+    if name is None:
+        return
+    bricks.found[name] = found
+    file = _file_of(volume, found.depends) if lasts else None
+    if file is not None:
+        _write(file, found.result)
+
+
+def _name_of(volume: Volume, depends: Any) -> str | None:
+    """What is the same where the same is found of a volume; None: that cannot be said."""
+    return fingerprint((depends, volume[1:4]), _place_of)
+
+
+def _place_of(part: Any) -> int | None:
+    """Large arrays and bricks are told by where they are in memory."""
+    is_large = isinstance(part, np.ndarray) and part.nbytes > LARGE
+    return id(part) if is_large or isinstance(part, Bricks) else None
+
+
+def _file_of(volume: Volume, depends: Any) -> Path | None:
+    """File for what is found of a volume in a store; None: it is small, or may change unseen."""
+    bricks: Any = volume.values
+    if not isinstance(bricks, Bricks) or bricks.size < kept.LEAST:
+        return None
+    name = fingerprint((_code(), bricks, depends, volume[1:4]), _content_of)
+    return None if name is None else mapped.folder() / "looks" / f"{name[:40]}.npz"
+
+
+def _content_of(part: Any) -> object | None:
+    """Bricks are told by their store and its state; an array that is large by nothing.
+
+    Raises
+    ------
+    ValueError
+        It cannot be told.
+    """
+    if isinstance(part, Bricks):
+        state = part.state()
+        if state is None:
+            raise ValueError("values may change unseen")
+        return state
+    if isinstance(part, np.ndarray) and part.nbytes > LARGEST:
+        raise ValueError("an array is too large")
+    return None
+
+
+@cache
+def _code() -> str:
+    """Fingerprint of the sources by which voxels are looked at."""
+    from resample.engine.compiled.sources import engine_digest
+
+    home = Path(__file__).parents[2]
+    sources = sorted(file for name in ("voxels", "looks") for file in (home / name).rglob("*.py"))
+    read = b"".join(source.read_bytes() for source in sources)
+    return hashlib.sha256(engine_digest().encode() + read).hexdigest()
+
+
+def _read(file: Path) -> Found | None:
+    """What a file holds, if it is there and whole."""
+    if not file.is_file():
+        return None
+    with suppress(ValueError, OSError, LookupError, TypeError):
+        held = read_npz(file)
+        found = Found(_restored(json.loads(str(held["form"])), held), None)
+        note_use(file)
+        return found
+    return None
+
+
+def _write(file: Path, found: Any) -> None:
+    """Keep what was found, if it can be."""
+    arrays: dict[str, Any] = {}
+    form = np.array(json.dumps(_formed(found, arrays)))
+    size = sum(array.nbytes for array in arrays.values())
+    with suppress(OSError):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        make_room(file.parent, size, MOST_BYTES)
+        with replacing(file) as temporary, temporary.open("wb") as stream:
+            np.savez(stream, **arrays, form=form)
+
+
+def _formed(value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
+    """Value as JSON has it, whose arrays are put beside."""
+    if value is None or isinstance(value, bool | int | float):
+        return value
+    if isinstance(value, tuple):
+        kind = "" if type(value) is tuple else type(value).__name__
+        return {"kind": kind, "parts": [_formed(part, arrays) for part in value]}
+    name = f"array {len(arrays)}"
+    arrays[name] = np.asarray(value)
+    return {"array": name}
+
+
+def _restored(form: Any, arrays: Mapping[str, NDArray[Any]]) -> Any:
+    """The value again.
+
+    Raises
+    ------
+    LookupError, TypeError
+        The form is none of such a value.
+    """
+    if not isinstance(form, dict):
+        return form
+    if "array" in form:
+        array = arrays[form["array"]]
+        return array if array.ndim else array[()]
+    parts = [_restored(part, arrays) for part in form["parts"]]
+    return KINDS[form["kind"]](*parts) if form["kind"] else tuple(parts)

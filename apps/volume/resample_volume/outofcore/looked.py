@@ -1,0 +1,132 @@
+"""What pictures of a look depend on, whatever their camera: found by one look at all voxels."""
+
+from collections.abc import Callable, Iterator
+from functools import partial, reduce
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.types import Doubles
+from resample_volume.data.bricks import Bricks
+from resample_volume.outofcore.passes import Looking, passed
+from resample_volume.types import Volume
+from resample_volume.voxels.blocks import Indices, Lattice, lattice_for
+from resample_volume.voxels.cropping import Steeps, merged_steeps, steeps_of
+from resample_volume.voxels.framing import bounds
+
+FINE = 8  # voxels per side of the bricks that voxels in memory are ordered by
+
+Finish = Callable[[Indices, Any], Any]  # of places, and `Voxels` there or `Mixed` ones
+Classified = Callable[[Volume, Finish], Iterator[Any]]  # what a job makes of bricks' voxels
+
+
+class LookedAt(NamedTuple):
+    """What any picture of the same look depends on."""
+
+    steep: Steeps  # of voxels that have gradients
+    number: Indices  # (N,) blocks with visible voxels, by flat indices
+    seen: Indices  # (N,) how many these are
+
+
+class Outline(NamedTuple):
+    """Where voxels are seen."""
+
+    looked: LookedAt
+    fine: Indices  # (M,) bricks of `FINE` voxels per side with visible ones, by flat indices
+    fine_seen: Indices  # (M,) how many these are
+    low: Doubles  # (3,) least coordinates of all, scene units; inf where nothing is seen
+    high: Doubles  # (3,) greatest; -inf
+    first: Indices  # (3,) least indices along z, y and x
+    last: Indices  # (3,) greatest
+    densest: float  # greatest optical depth per scene unit
+
+    @property
+    def total(self) -> int:
+        """Visible voxels."""
+        return int(self.looked.seen.sum())
+
+
+class ToSee(NamedTuple):
+    """What is to be looked at."""
+
+    volume: Volume  # as of `Work`
+    classified: Classified
+    clip: Doubles  # (M, 4) planes
+
+
+def outlined(seen: ToSee, looking: Looking) -> Outline:
+    """Where voxels are seen, after each was looked at once; a process holds few of them."""
+    bricks: Any = seen.volume.values
+    lattice = lattice_for(bricks.shape)
+    parts = passed(bricks, lattice, partial(_outlined, seen, lattice), looking)
+    return reduce(_both, parts)
+
+
+def _outlined(seen: ToSee, lattice: Lattice, bricks: Bricks) -> Outline:
+    """Outline of bricks of which some layers are asked for."""
+    values: Any = bricks
+    fine = lattice._replace(side=FINE)
+    steeps: list[Steeps] = []
+    count = np.zeros(int(np.prod(fine.blocks)), np.int32)
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+
+    first, last, densest = np.array(lattice.size), np.full(3, -1), 0.0
+
+    def found(place: Indices, voxels: Any) -> tuple[Any, ...]:
+        position, at = voxels.position, np.unravel_index(place, lattice.size)
+        sides = np.array([(n.min(), n.max()) for n in at]).T if place.size else None
+        box = bounds(position) if place.size else None
+        most = float(voxels.extinction.max(initial=0.0))
+        return fine.counted(place), box, sides, most, steeps_of(voxels.parts, seen.clip)
+
+    every = seen.classified(seen.volume._replace(values=values), found)
+    for (index, more), box, sides, most, own in every:
+        count[index] += more.astype(np.int32)
+        if box is not None:
+            low, high = np.minimum(low, box[0]), np.maximum(high, box[1])
+            first, last = np.minimum(first, sides[0]), np.maximum(last, sides[1])
+        densest = max(densest, most)
+        steeps.append(own)
+    small = np.flatnonzero(count)
+    steep: Steeps = reduce(merged_steeps, steeps) if steeps else ()
+    looked = LookedAt(steep, *_in_blocks(lattice, fine, small, count[small]))
+    return Outline(looked, small, count[small].astype(np.int64), low, high, first, last, densest)
+
+
+def _in_blocks(
+    lattice: Lattice, fine: Lattice, small: Indices, count: NDArray[np.int32]
+) -> tuple[Indices, Indices]:
+    """Blocks of a lattice with visible voxels and how many each has, from those of a finer one."""
+    at = [n * fine.side // lattice.side for n in np.unravel_index(small, fine.blocks)]
+    total = np.bincount(np.ravel_multi_index(at, lattice.blocks), count)
+    number = np.flatnonzero(total)
+    return number, total[number].astype(np.int64)
+
+
+def _both(one: Outline, other: Outline) -> Outline:
+    """Outline of two."""
+    looked, more = one.looked, other.looked
+    pairs = [
+        _summed((looked.number, looked.seen), (more.number, more.seen)),
+        _summed((one.fine, one.fine_seen), (other.fine, other.fine_seen)),
+    ]
+    steep = (
+        merged_steeps(looked.steep, more.steep)
+        if looked.steep and more.steep
+        else (looked.steep or more.steep)
+    )
+    ends = np.minimum(one.low, other.low), np.maximum(one.high, other.high)
+    sides = np.minimum(one.first, other.first), np.maximum(one.last, other.last)
+    densest = max(one.densest, other.densest)
+    return Outline(LookedAt(steep, *pairs[0]), *pairs[1], *ends, *sides, densest)
+
+
+def _summed(
+    one: tuple[Indices, Indices], other: tuple[Indices, Indices]
+) -> tuple[Indices, Indices]:
+    """Counts of numbers that ascend, added up."""
+    index, home = np.unique(np.concatenate([one[0], other[0]]), return_inverse=True)
+    total = np.zeros(index.size, np.int64)
+    np.add.at(total, home, np.concatenate([one[1], other[1]]))
+    return index, total

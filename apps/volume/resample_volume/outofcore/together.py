@@ -1,0 +1,315 @@
+"""Volumes in bricks that are seen together, brick by brick on one grid."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.memory.mapped import array_in_file
+from resample.types import Doubles
+from resample_volume.data.bricks import Asked, Box, Bricks, Step
+from resample_volume.data.glances.shelves import Recent
+from resample_volume.media.lattices import Lattice, onto
+from resample_volume.media.mixing import Mixed, mixed_at
+from resample_volume.outofcore.classified import Classifying, classified, range_for
+from resample_volume.types import Volume
+from resample_volume.voxels.streaming import (
+    Candidates,
+    Looked,
+    OnGrid,
+    bricks_together,
+    visible_bricks,
+)
+from resample_volume.voxels.visible import Indices, Voxels, to_scene_of
+
+R = TypeVar("R")
+
+
+class Together:
+    """Bricks of several volumes on one grid; what windows ask of `Bricks`, they have, too."""
+
+    def __init__(
+        self,
+        parts: Sequence[Bricks],
+        found: dict[Any, Any] | None = None,
+        recent: "tuple[Recent, ...] | None" = None,
+    ) -> None:
+        self.parts, self.recent = tuple(parts), recent
+        self.found = {} if found is None else found  # as of `Bricks`
+        self._others = 0
+
+    @property
+    def reads(self) -> int:
+        """Bricks that were read of all volumes, here and by others."""
+        return self._others + sum(part.reads for part in self.parts)
+
+    @reads.setter
+    def reads(self, count: int) -> None:
+        self._others += count - self.reads
+
+    @property
+    def shape(self) -> Step:
+        """Voxels along z, y and x."""
+        return self.parts[0].shape
+
+    @property
+    def side(self) -> Step:
+        """Voxels of a brick."""
+        return self.parts[0].side
+
+    @property
+    def count(self) -> Step:
+        """Bricks along z, y and x."""
+        return self.parts[0].count
+
+    @property
+    def bytes_each(self) -> int:
+        """Of a brick of all of them."""
+        return sum(part.bytes_each for part in self.parts)
+
+    def shelve(self, most: int) -> None:
+        """As `Bricks.shelve`, in shares of so many bytes."""
+        for part in self.parts:
+            part.shelve(most // len(self.parts))
+
+    @property
+    def shelved(self) -> int:
+        """Bytes that bricks of all of them take which were read first, at most."""
+        return sum(part.shelved for part in self.parts)
+
+    def within(
+        self, asked: Asked | None, recent: "Recent | tuple[Recent, ...] | None" = None
+    ) -> "Together":
+        """As `Bricks.within`."""
+        if isinstance(recent, Recent):
+            recent = tuple(Recent(recent.most // len(self.parts)) for _ in self.parts)
+        each = [None] * len(self.parts) if recent is None else recent
+        parts = [part.within(asked, own) for part, own in zip(self.parts, each, strict=True)]
+        return Together(parts, self.found, recent)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"found": {}, "recent": None}
+
+
+@dataclass(eq=False)
+class InGrid(Bricks):
+    """Bricks of a volume that is a part of a larger lattice, whose voxels they are counted by."""
+
+    own: Box = (slice(0, 0), slice(0, 0), slice(0, 0))  # of the lattice's voxels
+
+    @property
+    def limits(self) -> Box:
+        return self.own
+
+    def shelve(self, most: int) -> None:
+        self._inner.shelve(most)
+
+    @property
+    def shelved(self) -> int:
+        return self._inner.shelved
+
+    @property
+    def _inner(self) -> Bricks:
+        """Bricks of the volume alone."""
+        assembled: Any = self.read
+        bricks: Bricks = assembled.bricks
+        return bricks
+
+    def box(self, index: Step) -> Box:
+        parts = zip(super().box(index), self.own, strict=True)
+        ends = [(max(box.start, own.start), min(box.stop, own.stop)) for box, own in parts]
+        z, y, x = (slice(start, max(start, stop)) for start, stop in ends)
+        return z, y, x
+
+
+@dataclass(frozen=True, eq=False)
+class Assembled:
+    """Reads boxes of a lattice from bricks of a volume that lies in it."""
+
+    bricks: Bricks
+    first: Step  # of the lattice's voxels, where the volume begins
+
+    def __call__(self, box: Box) -> NDArray[Any]:
+        """Values (Z, Y, X) of a box."""
+        own = [slice(p.start - n, p.stop - n) for p, n in zip(box, self.first, strict=True)]
+        values = np.empty([part.stop - part.start for part in own], self.bricks.dtype)
+        if not values.size:
+            return values
+        homes = [
+            range(part.start // side, (part.stop - 1) // side + 1)
+            for part, side in zip(own, self.bricks.side, strict=True)
+        ]
+        for z in homes[0]:
+            for y in homes[1]:
+                for x in homes[2]:
+                    self._put((z, y, x), own, values)
+        return values
+
+    def _put(self, index: Step, own: Sequence[slice], values: NDArray[Any]) -> None:
+        """Put what a brick has of a box into its values."""
+        to, of = [], []
+        for part, mine in zip(self.bricks.box(index), own, strict=True):
+            start, stop = max(part.start, mine.start), min(part.stop, mine.stop)
+            to.append(slice(start - mine.start, stop - mine.start))
+            of.append(slice(start - part.start, stop - part.start))
+        values[tuple(to)] = self.bricks.brick(index)[tuple(of)]
+
+
+def in_grid(bricks: Bricks, first: Step, size: Step, side: Step) -> Bricks:
+    """Bricks of a volume on the grid of a lattice.
+
+    Parameters
+    ----------
+    bricks
+        Of the volume.
+    first
+        Voxel of the lattice that its first one is.
+    size
+        Of the lattice, z, y, x.
+    side
+        Of the grid's bricks.
+    """
+    if first == (0, 0, 0) and (size, side) == (bricks.shape, bricks.side):
+        return bricks
+    z, y, x = (slice(n, n + own) for n, own in zip(first, bricks.shape, strict=True))
+    part = InGrid(
+        Assembled(bricks, first),
+        size,
+        bricks.dtype,
+        side,
+        found=bricks.found,
+        memory=bricks.memory,
+        own=(z, y, x),
+    )
+    part.__dict__["ends"] = _ends(bricks, part)
+    return part
+
+
+def _ends(bricks: Bricks, part: InGrid) -> tuple[Doubles, Doubles]:
+    """Least and greatest of those bricks that share voxels with each brick of a grid."""
+    least, greatest = bricks.ends
+    for axis, (own, side, count) in enumerate(zip(part.own, part.side, part.count, strict=True)):
+        rows = []
+        for n in range(count):
+            start = max(n * side, own.start) - own.start
+            stop = min((n + 1) * side, own.stop) - own.start
+            step = bricks.side[axis]
+            rows.append(slice(start // step, (stop - 1) // step + 1) if start < stop else None)
+        least = _joined(least, rows, axis, np.minimum, np.inf)
+        greatest = _joined(greatest, rows, axis, np.maximum, -np.inf)
+    return least, greatest
+
+
+def _joined(
+    ends: Doubles, rows: Sequence[slice | None], axis: int, join: np.ufunc, nothing: float
+) -> Doubles:
+    """Ends of some rows along an axis, each joined to one; of none there is nothing."""
+    each = np.moveaxis(ends, axis, 0)
+    none = np.full(each.shape[1:], nothing)
+    found = [none if row is None else join.reduce(each[row], axis=0) for row in rows]
+    return np.stack(found, axis)
+
+
+@dataclass(frozen=True, eq=False)
+class Sliced:
+    """Reads boxes of an array that only this process has."""
+
+    values: NDArray[Any]
+
+    def __call__(self, box: Box) -> NDArray[Any]:
+        """Values (Z, Y, X) of a box."""
+        return np.ascontiguousarray(self.values[box])
+
+    def __reduce__(self) -> str:
+        raise ValueError(
+            "a volume that was resampled is painted by the process that did so; leave other "
+            "processes out, or resample it before"
+        )
+
+
+def resampled_bricks(volume: Volume, lattice: Lattice, most: int) -> Volume:
+    """Volume in bricks, brought to a lattice; it lies in a file of the user's cache meanwhile.
+
+    Parameters
+    ----------
+    volume
+        In bricks.
+    lattice
+        Of several.
+    most
+        Bytes of pages of files that may be in memory.
+
+    Raises
+    ------
+    ValueError
+        The disk has no room for it.
+    """
+    bricks: Any = volume.values
+    values = array_in_file(bricks.shape, bricks.dtype, most, volume.name)
+    bricks.put_into(values)
+    there = onto(volume._replace(values=values), lattice)
+    shape, kind = there.values.shape, there.values.dtype
+    size: Step = (shape[0], shape[1], shape[2])
+    in_file: Any = Bricks(Sliced(there.values), size, kind, bricks.side, memory=bricks.memory)
+    return there._replace(values=in_file)
+
+
+class Member(NamedTuple):
+    """A volume of several, and what its voxels get their looks by."""
+
+    volume: Volume  # in bricks, as it lies in the scene
+    by: Classifying
+    first: Step  # voxel of the common lattice that its first one is
+
+
+def mixed_by_bricks(
+    together: Together,
+    lattice: Lattice,
+    members: Sequence[Member],
+    cut: Callable[[Indices, Voxels], tuple[Indices, Voxels]],
+    finish: Callable[[Indices, Mixed], R],
+) -> Iterator[R]:
+    """What a job makes of the visible voxels of several volumes, one brick after the other.
+
+    Parameters
+    ----------
+    together
+        Their values.
+    lattice
+        Of all of them.
+    members
+        The volumes.
+    cut
+        Leaves out voxels of a volume.
+    finish
+        The job, of flat indices (N,) into the lattice and their voxels.
+    """
+    ranges, parts = [], []
+    for member, bricks in zip(members, together.parts, strict=True):
+        (volume, by, _), data_range = member, range_for(member.by.transfer, member.volume)
+        wanted = Looked(by.transfer, data_range, by.gradient, to_scene_of(volume))
+        parts.append(OnGrid(bricks, wanted, visible_bricks(bricks, by.transfer, data_range)))
+        ranges.append(data_range)
+
+    def job(found: list[Candidates], boxes: list[Box]) -> R:
+        each = []
+        for member, data_range, seen, box in zip(members, ranges, found, boxes, strict=True):
+            size, first = member.volume.values.shape, member.first
+            z, y, x = (slice(p.start - n, p.stop - n) for p, n in zip(box, first, strict=True))
+            own = seen._replace(place=_moved(seen.place, together.shape, size, first, -1))
+            place, voxels = cut(*classified(member.volume, member.by, data_range, own, (z, y, x)))
+            each.append((_moved(place, size, together.shape, first, 1), voxels))
+        return finish(*mixed_at(each, lattice))
+
+    return bricks_together(parts, job)
+
+
+def _moved(place: Indices, size: Step, to: Step, first: Step, sign: int) -> Indices:
+    """Flat indices (N,) from one lattice into another, of which one begins within the other."""
+    if size == to:
+        return place
+    at = np.unravel_index(place, size)
+    moved = [n + sign * start for n, start in zip(at, first, strict=True)]
+    return np.asarray(np.ravel_multi_index(moved, to), np.int64)

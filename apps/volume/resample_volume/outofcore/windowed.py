@@ -1,0 +1,440 @@
+"""Dense volumes in bricks, painted window by window, and in each from the nearest blocks on.
+
+Each visible voxel is looked at once for what the picture has in common (`surveyed`), then once for
+each window that it may be seen in (`_painted`), unless others hide it there. Parts of both can be
+done by several processes: they depend on nothing but the work, and may be done again.
+"""
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from functools import partial, reduce
+from itertools import product
+from math import prod
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.cameras.models import AnyCamera
+from resample.files.painted.tiles import keep_tile, kept_tile
+from resample.memory import trim
+from resample.painting.scenes.parts import SamplesInParts
+from resample.painting.scenes.plans import SPLATS, PicturePlan, PlansOfPart, Window
+from resample.painting.steps.planning import EVERYBODY
+from resample.resampler import Resampler
+from resample.types import Doubles, Film, Samples
+from resample.watching import Executor, Progress, look, shared_out, told
+from resample_volume.data.bricks import Bricks, held_together, with_neighbours
+from resample_volume.data.glances.shelves import Recent
+from resample_volume.data.parts import threads_at_work
+from resample_volume.outofcore.known import keep_looked_at, looked_at_before
+from resample_volume.outofcore.looked import Classified, LookedAt
+from resample_volume.outofcore.passes import Looking, between, passed
+from resample_volume.types import Volume
+from resample_volume.voxels.blocks import (
+    Blocks,
+    Indices,
+    Lattice,
+    bounds_of,
+    ends_of,
+    lattice_for,
+    widened,
+)
+from resample_volume.voxels.cropping import Steeps, merged_steeps, steeps_of
+from resample_volume.voxels.streaming import BYTES_PER_VOXEL, REMEDY
+from resample_volume.voxels.visible import BYTES_PER_CANDIDATE, lattice_of
+
+LOOKING = 0.4  # share of the work until all visible voxels were looked at once, about
+WINDOWS = 16  # of a picture that they paint, at least, if it does not fit in memory at once
+RECENT = 4, 8  # shares of memory, inverted, for bricks that were read lately: the most that fits
+STEPS = 16  # in which a window is painted, about: the more, the less is read that is hidden
+LEAST = 1 << 19  # voxels of a step, at least
+BYTES_PER_SAMPLE = 40  # of a visible voxel of a window, lit, and what finds it
+BYTES_IN_STEPS = 72  # likewise where some wait for others
+
+Lit = Callable[[Indices, Any, Steeps], Samples]  # of places, voxels and extreme gradients of all
+
+
+class Work(NamedTuple):
+    """How a volume in bricks is painted; for other processes all of it has to pickle."""
+
+    volume: Volume  # around the scene's origin; in `Bricks`, or several `Together`
+    classified: Classified
+    lit: Lit
+    resampler: Resampler
+    camera: AnyCamera
+    size: tuple[int, int]  # height and width, px
+    clip: Doubles  # (M, 4) planes, for the resampler
+    memory: int  # bytes that a process may take for voxels and bricks
+    threads: int | None = None  # that a process takes
+    folder: Path | None = None  # windows are written there; None: they are in memory
+    sifts: bool = False  # whether voxels that may be seen turn out to be transparent
+    beside: int = 0  # bytes of the memory that something else takes
+    volumes: int = 1  # that are seen together
+    depends: Any = None  # what is the same where the same is seen; None: what classifies voxels
+
+    @property
+    def kind(self) -> Any:
+        """What is the same where the same is seen."""
+        return self.depends or self.classified
+
+
+class Surveyed(NamedTuple):
+    """What is known of a picture after each visible voxel was looked at once."""
+
+    plan: PicturePlan
+    steep: Steeps  # of voxels that have gradients
+    blocks: Blocks
+
+
+class Guess(NamedTuple):
+    """What is asked of visible voxels while they are looked at once."""
+
+    painters: tuple[str, ...]  # who may turn out to paint all of them
+    spaced: PicturePlan | None  # that learns how fine tiles are; None: all are as fine
+
+
+class FoundInLayers(NamedTuple):
+    """What was found in some layers of blocks."""
+
+    plans: list[PlansOfPart]
+    steep: list[Steeps]  # of bricks
+    seen: list[tuple[Indices, Indices]]  # blocks, by flat indices, and their visible voxels
+    spaced: PicturePlan | None  # that knows how fine the tiles are which show them
+
+
+class Task(NamedTuple):
+    """A window that is to be painted."""
+
+    window: Window
+    number: NDArray[np.int32]  # (N,) blocks that have part in it, by flat indices
+    seen: NDArray[np.int32]  # (N,) visible voxels of each
+    step: int = 0  # of these that are loaded together; 0: all of them
+    recent: int = 0  # bytes that bricks take which one step has read and the next may ask for
+
+    @property
+    def voxels(self) -> int:
+        """Visible voxels of all its blocks."""
+        return int(self.seen.sum(dtype=np.int64))
+
+
+class PaintedWindow(NamedTuple):
+    """A window that was painted."""
+
+    window: Window
+    film: Film | None  # None: it is in its file
+    reads: int  # of bricks
+
+
+def painted_in_windows(
+    work: Work, known: Surveyed, tell: Progress, executor: Executor | None = None
+) -> Iterator[tuple[Window, Film]]:
+    """Windows that make up the picture.
+
+    Parameters
+    ----------
+    work
+        What is painted.
+    known
+        About it, from `surveyed`.
+    tell
+        Called with the share of the work that is done.
+    executor
+        Does parts of it; without one they are done here.
+
+    Raises
+    ------
+    ValueError
+        A tile's voxels do not fit, or the picture cannot be painted by windows.
+    OSError
+        A window cannot be written or read.
+    """
+    bricks: Bricks = work.volume.values  # type: ignore[assignment]
+    tasks = tasks_of(work, known, 1 if executor is None else WINDOWS)
+    common = partial(_painted, work, known._replace(blocks=known.blocks.bare()))
+    done = np.cumsum([0] + [task.voxels for task in tasks])
+    shares = done / max(1, done[-1])
+    parts = shared_out(executor, common, tasks)
+    for n in range(len(tasks)):
+        first, last = (LOOKING + (1 - LOOKING) * float(shares[at]) for at in (n, n + 1))
+        with told(between(tell, first, last)):
+            window, film, reads = next(parts)
+        bricks.reads += reads
+        if film is None and work.folder is not None:
+            stored = kept_tile(work.folder, window)
+            film = None if stored is None else stored[0]
+        if film is None:
+            raise OSError(f"{work.folder}: a window of the picture has gone; try again")
+        yield window, film
+
+
+def surveyed(work: Work, tell: Progress, executor: Executor | None = None) -> Surveyed | None:
+    """What a picture depends on, found a brick at a time; None if nothing is seen."""
+    bricks: Bricks = work.volume.values  # type: ignore[assignment]
+    lattice = lattice_for(bricks.shape)
+    before = _known_before(work, lattice)
+    if before is not None:
+        return before
+    guess: Guess | None = _guessed(work)
+    while guess is not None:
+        looking = Looking(executor, work.threads, between(tell, 0.0, LOOKING))
+        found = passed(bricks, lattice, partial(_look, work, lattice, guess), looking)
+        if not any(part.seen for part in found):
+            return None
+        plan = _planned(work, found)
+        guess = _better(work, guess, plan)
+    seen = np.zeros(int(np.prod(lattice.blocks)), np.int64)
+    for index, count in (counted for part in found for counted in part.seen):
+        seen[index] += count
+    index = np.flatnonzero(seen)
+    steep = reduce(merged_steeps, [one for part in found for one in part.steep])
+    keep_looked_at(work.volume, work.kind, LookedAt(steep, index, seen[index]))
+    if plan is None or not plan.seen:
+        return None
+    bounds = _in_parts(work, lattice, index, seen[index], plan).bounds
+    return Surveyed(plan, steep, Blocks(lattice, index, seen[index], bounds))
+
+
+def _known_before(work: Work, lattice: Lattice) -> Surveyed | None:
+    """What is known of a picture because all voxels were looked at for another, if that will do."""
+    looked = looked_at_before(work.volume, work.kind)
+    if looked is None:
+        return None
+    height, width = work.size
+    source = _in_parts(work, lattice, looked.number, looked.seen)
+    plan = work.resampler.plan_of_parts(source, work.camera, height=height, width=width)
+    if plan is None:
+        return None
+    blocks = Blocks(lattice, looked.number, looked.seen, source.bounds)
+    return Surveyed(plan, looked.steep, blocks)
+
+
+def _guessed(work: Work) -> Guess:
+    """As the volume's corners have it, between which most often all spacings lie."""
+    scene = work.volume
+    size = np.array(scene.values.shape[::-1]) - 1
+    corner = np.array(list(product((0, 1), repeat=3))) * size @ lattice_of(scene).T + scene.origin
+    alike = np.ones(len(corner), np.float32)
+    samples = Samples(corner.astype(np.float32), np.ones_like(corner), alike, lattice_of(scene))
+    height, width = work.size
+    plan = work.resampler.plan(samples, work.camera, height=height, width=width)
+    is_uneven = plan.seen > 0 and not work.resampler.is_even(plan)
+    painters = (SPLATS,) if plan.painter == SPLATS else EVERYBODY
+    return Guess(painters, plan if is_uneven else None)
+
+
+def _better(work: Work, guess: Guess, plan: PicturePlan | None) -> Guess | None:
+    """What to ask for if a plan does not say all that it might; None: it does."""
+    if plan is None:
+        return Guess(EVERYBODY, guess.spaced)
+    return None if work.resampler.can_step(plan) else Guess(guess.painters, plan)
+
+
+def _planned(work: Work, found: list[FoundInLayers]) -> PicturePlan | None:
+    """Plan of all samples; None: more painters have to be asked."""
+    height, width = work.size
+    plans = [plan for part in found for plan in part.plans]
+    by = (lattice_of(work.volume), work.camera)
+    plan = work.resampler.plan_of(plans, *by, height=height, width=width)
+    if plan is None:
+        return None
+    known = [part.spaced for part in found if part.spaced is not None]
+    alike = [part for part in known if (part.tile, part.painter) == (plan.tile, plan.painter)]
+    spacings = [part.spacing for part in alike if part.spacing is not None]
+    return plan._replace(spacing=np.minimum.reduce(spacings)) if spacings else plan
+
+
+def _look(work: Work, lattice: Lattice, guess: Guess, bricks: Bricks) -> FoundInLayers:
+    """What is found of a picture in bricks of which some layers are asked for."""
+    values: Any = bricks
+    found = FoundInLayers([], [], [], None)
+
+    def counted(place: Indices, voxels: Any) -> tuple[tuple[Indices, Indices], Any]:
+        return lattice.counted(place), voxels
+
+    (height, width), spaced = work.size, guess.spaced
+    by: dict[str, Any] = {
+        "height": height,
+        "width": width,
+        "clip": work.clip,
+        "painters": guess.painters,
+    }
+    for seen, voxels in work.classified(work.volume._replace(values=values), counted):
+        if not len(voxels.position):
+            continue
+        found.steep.append(steeps_of(voxels.parts, work.clip))
+        samples = Samples(voxels.position, voxels.color, voxels.extinction, voxels.lattice)
+        plans = work.resampler.plans(samples, work.camera, **by)
+        found.plans.append(plans)
+        if plans.seen and spaced is not None:
+            spaced = work.resampler.with_spacing(spaced, samples, work.camera, work.clip)
+        found.seen.append(seen)
+    return found._replace(spaced=spaced)
+
+
+def tasks_of(work: Work, known: Surveyed, fewest: int = 1) -> list[Task]:
+    """Windows of whole tiles, each of which takes no more memory than is allowed.
+
+    Where not all of the picture fits in memory at once, there are so many at least.
+
+    Raises
+    ------
+    ValueError
+        One tile takes more.
+    """
+    (height, width), tile = known.plan.size, known.plan.tile
+    values: Bricks = work.volume.values  # type: ignore[assignment]
+    found: list[Task] = []
+    waiting: deque[Window] = deque([(0, 0, width, height)])
+    while waiting:
+        window = x0, y0, x1, y1 = waiting.popleft()
+        task, fits = _task(work, known, window)
+        columns, rows = -(-(x1 - x0) // tile), -(-(y1 - y0) // tile)
+        is_tile = max(columns, rows) == 1
+        if fits and (task.step == 0 or is_tile or len(found) + len(waiting) + 1 >= fewest):
+            found.append(task)
+            continue
+        if is_tile and values.shelved:
+            values.shelve(0)
+            waiting.appendleft(window)
+            continue
+        if is_tile:
+            raise ValueError(
+                f"a window of {tile} x {tile} px shows {task.voxels} visible voxels, more than fit "
+                f"in the memory that is allowed; {REMEDY}"
+            )
+        if columns >= rows:
+            middle = x0 + columns // 2 * tile
+            waiting += [(x0, y0, middle, y1), (middle, y0, x1, y1)]
+        else:
+            middle = y0 + rows // 2 * tile
+            waiting += [(x0, y0, x1, middle), (x0, middle, x1, y1)]
+    return found
+
+
+def _task(work: Work, known: Surveyed, window: Window) -> tuple[Task, bool]:
+    """A window, and whether the memory that is allowed is enough for it."""
+    blocks = known.blocks
+    are_asked = blocks.within(window, known.plan.margin + 1)
+    number, seen = (part[are_asked].astype(np.int32) for part in (blocks.number, blocks.seen))
+    task = Task(window, number, seen)
+    values: Bricks = work.volume.values  # type: ignore[assignment]
+    free = work.memory - work.beside - values.shelved - _bytes_of_bricks(work, blocks, are_asked)
+    if task.voxels * BYTES_PER_SAMPLE <= free or not work.resampler.can_step(known.plan):
+        return task, task.voxels * BYTES_PER_SAMPLE <= free
+    source = _source(work, known, task, values)
+    kept, waiting = work.resampler.kept_between_steps(source, work.camera, known.plan, window)
+    for recent in (work.memory // share for share in RECENT):
+        # What waits is looked at again in each step.
+        most = (free - kept - recent) // BYTES_IN_STEPS - waiting
+        step = min(most, max(LEAST, task.voxels // STEPS))
+        task = task._replace(step=step, recent=recent)
+        if most >= max(LEAST, waiting):
+            return task, True
+    return task, False
+
+
+def _bytes_of_bricks(work: Work, blocks: Blocks, are_asked: NDArray[np.bool_]) -> int:
+    """What bricks take that are held together, and what is made of those that are looked at."""
+    bricks: Bricks = work.volume.values  # type: ignore[assignment]
+    if not are_asked.any():
+        return 0
+    lattice, seen = blocks.lattice, blocks.seen[are_asked]
+    at = np.stack(np.unravel_index(blocks.number[are_asked], lattice.blocks), axis=1) * lattice.side
+    last = np.minimum(at + lattice.side, bricks.shape) - 1
+    is_near = np.zeros(bricks.count, bool)
+    for ends in product((0, 1), repeat=3):
+        z, y, x = (np.where(ends, last, at) // bricks.side).T
+        is_near[z, y, x] = True
+    held = held_together(with_neighbours(is_near))
+    threads = work.threads or threads_at_work()
+    within = np.ravel_multi_index(tuple((at // bricks.side).T), bricks.count)
+    each = int(np.bincount(within, seen).max()) * BYTES_PER_VOXEL
+    if work.sifts:
+        most = min(int(np.bincount(within).max()) * lattice.side**3, prod(bricks.side))
+        each = max(each, most * BYTES_PER_CANDIDATE)
+    return (held + threads) * bricks.bytes_each + (threads + 1) * work.volumes * each
+
+
+def _painted(work: Work, known: Surveyed, task: Task) -> PaintedWindow:
+    """A window, after which nothing of its voxels is in memory."""
+    if work.folder is not None:
+        stored = kept_tile(work.folder, task.window)
+        if stored is not None:  # by who ended before this was known
+            return PaintedWindow(task.window, None, stored[1]["reads"])
+    from resample.engine.jit import threads
+
+    trim()
+    values: Bricks = work.volume.values  # type: ignore[assignment]
+    bricks = values.within(None, Recent(task.recent) if task.step else None)
+    with threads(work.threads):
+        source = _source(work, known, task, bricks)
+        by = (work.camera, known.plan, task.window)
+        if task.step:
+            frame = work.resampler.paint_nearest_first(source, *by, clip=work.clip)
+        else:
+            samples = source.load(np.arange(task.number.size))
+            frame = work.resampler.paint_window(samples, *by, clip=work.clip)
+    film = Film(frame.rgba, frame.depth, frame.first_depth, frame.coverage)
+    if work.folder is None:
+        return PaintedWindow(task.window, film, bricks.reads)
+    keep_tile(work.folder, task.window, film, {"reads": bricks.reads})
+    return PaintedWindow(task.window, None, bricks.reads)
+
+
+def _source(work: Work, known: Surveyed, task: Task, bricks: Bricks) -> SamplesInParts:
+    """Blocks of a window, of bricks that count what is read of them."""
+    lattice, number = known.blocks.lattice, task.number.astype(np.int64)
+
+    def load(parts: Indices) -> Samples:
+        part = bricks.within(lattice.asked(number[parts]), bricks.recent)
+        samples = _samples(work, part, known, int(task.seen[parts].sum(dtype=np.int64)))
+        bricks.reads += part.reads
+        return samples
+
+    parts = _in_parts(work, lattice, number, task.seen.astype(np.int64), known.plan)
+    return parts._replace(load=load, step=task.step)
+
+
+def _in_parts(
+    work: Work,
+    lattice: Lattice,
+    number: Indices,
+    seen: Indices,
+    plan: PicturePlan | None = None,
+) -> SamplesInParts:
+    """Where blocks are, of which none can be loaded; painted by a plan, or as splats."""
+    volume, reach = work.volume, work.resampler.reconstruction.radius
+    steps, (low, high) = lattice_of(volume), ends_of(lattice, number)
+    center = 0.5 * (low + high) @ steps.T + volume.origin
+    corner = np.array(list(product((-0.5, 0.5), repeat=3)))
+    away = (high - low)[:, np.newaxis] * corner @ steps.T
+    radius = np.sqrt((away * away).sum(axis=2).max(axis=1))
+    bounds = bounds_of(volume, lattice, number, reach, work.camera.view())
+    if plan is not None:
+        bounds = widened(bounds, *work.resampler.reach_beyond(plan, steps, work.camera))
+    return SamplesInParts(center, radius, bounds, seen, steps, _load_nothing, 0)
+
+
+def _load_nothing(_: Indices) -> Samples:
+    raise RuntimeError("parts of a picture that is planned are not loaded")
+
+
+def _samples(work: Work, bricks: Bricks, known: Surveyed, count: int) -> Samples:
+    """All samples of a window, so many, with their light."""
+    position, color = np.empty((2, count, 3), np.float32)
+    extinction, done = np.empty(count, np.float32), 0
+    values: Any = bricks
+    volume = work.volume._replace(values=values)
+
+    def lit(place: Indices, voxels: Any) -> Samples:
+        return work.lit(place, voxels, known.steep)
+
+    lattice = np.eye(3)
+    for part in work.classified(volume, lit):
+        own = slice(done, done + len(part.position))
+        position[own], color[own], extinction[own] = part[:3]
+        lattice, done = part.lattice, own.stop
+        look(done, count)
+    return Samples(position[:done], color[:done], extinction[:done], lattice)

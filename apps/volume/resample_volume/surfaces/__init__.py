@@ -1,0 +1,1 @@
+"""Surfaces in a volume: meshes, image planes, isosurfaces and sections."""

@@ -1,0 +1,217 @@
+"""Planes in a volume that show its values as they are, in a window of their own."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from resample.types import Doubles
+from resample_volume.looks.presets import colormap
+from resample_volume.looks.scales import scale_named
+from resample_volume.looks.surveys import survey
+from resample_volume.looks.transfer import TransferFunction, from_points
+from resample_volume.surfaces.meshes import choices_of, chosen_opacity
+from resample_volume.types import Volume
+from resample_volume.voxels.cropping import planes
+from resample_volume.voxels.visible import lattice_of
+
+AXES = "xyz"
+KEYS = ("window", "colors", "opacity")
+FORM = (
+    "give a voxel's number along an axis (z=40) or a share of its extent (x=50%), or a normal and "
+    "how far from the middle along it as clip has them (1/0/-1/20); and after a colon window, "
+    "colors and opacity, as in z=40:window=40/400,colors=gray,opacity=0.5"
+)
+WINDOW = "give a center and a width, 40/400, or the values of both ends, -160..240"
+GRAY = from_points([(0.0, (0.0,) * 3, 1.0), (1.0, (1.0,) * 3, 1.0)], normalized=True)
+UNIT = Volume(np.zeros((1, 1, 1)), np.ones(3), np.zeros(3), np.eye(3), "")
+Where = str | tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class ImagePlane:
+    """A plane that shows the values of the volume where it is.
+
+    Examples
+    --------
+    >>> from resample_volume import ImagePlane
+    >>> ImagePlane.of("z=40:window=40/400,opacity=0.5")
+    ImagePlane(where='z=40', window=(-160.0, 240.0), colors='gray', opacity=0.5)
+    """
+
+    # x=50%, z=40 or as `clip`; or a scene's plane n·p = d as four numbers, the last d, whose window
+    # is on the volume's scale
+    where: Where
+    window: tuple[float, float] | None = None  # values of the ends of colors; None: robust range
+    colors: str = "gray"  # evenly from black to white as displayed; or a matplotlib colormap
+    opacity: float = 1.0
+
+    def __post_init__(self) -> None:
+        if isinstance(self.where, str):
+            _check_place(self.where)
+        elif len(self.where) != 4 or not np.isfinite(self.where).all() or not any(self.where[:3]):
+            raise ValueError(f"plane {self.where}; give a normal and a distance along it, x y z d")
+        if not 0 <= self.opacity <= 1:
+            raise ValueError(f"opacity {self.opacity} of a plane; give 0 to 1")
+        if self.window is not None and not -math.inf < self.window[0] < self.window[1] < math.inf:
+            raise ValueError(f"window {self.window} of a plane does not ascend; {WINDOW}")
+        self.palette  # noqa: B018 - refuses unknown colors
+
+    @property
+    def numbers(self) -> tuple[float, float, float, float]:
+        """Normal and distance of a settled plane."""
+        if isinstance(self.where, str):
+            raise TypeError(f"the plane {self.where} is one of a volume; settle it first")
+        return self.where
+
+    @property
+    def palette(self) -> TransferFunction:
+        """Colors of values, of fractions of the window."""
+        return GRAY if self.colors == "gray" else colormap(self.colors)
+
+    @classmethod
+    def of(cls, text: str) -> "ImagePlane":
+        """Plane of `z=40`, `x=50%:window=40/400,colors=viridis,opacity=0.5`, `1/0/-1/20`...
+
+        Raises
+        ------
+        ValueError
+            The text is not of this form, or a choice is unknown or not allowed.
+        """
+        where, _, rest = text.partition(":")
+        choices = choices_of("plane", text, rest, KEYS, FORM)
+        opacity = chosen_opacity("plane", choices)
+        window = _window(choices["window"]) if "window" in choices else None
+        return cls(where, window, choices.get("colors", "gray"), opacity)
+
+    def within(self, span: tuple[float, float]) -> "ImagePlane":
+        """The same plane, with a window of this least and greatest value if it has none."""
+        low, high = span
+        if self.window is not None:
+            return self
+        return replace(self, window=(low, high if high > low else low + 1.0))
+
+
+class _Place(NamedTuple):
+    """Where a plane across an axis is."""
+
+    axis: int  # 0: x
+    number: float
+    is_share: bool  # percent of the extent, else voxels
+
+
+def _check_place(where: str) -> None:
+    """Refuse what is no plane of any volume."""
+    if where[:1].isdigit() or where[:1] in ("-", "+", "."):
+        planes(UNIT, None, (where,), "plane")
+    elif _place(where) is None:
+        raise ValueError(f"plane {where!r}; {FORM}")
+
+
+def _place(where: str) -> _Place | None:
+    """Place of a plane across an axis; None if this is none."""
+    axis, _, text = where.partition("=")
+    is_share = text.endswith("%")
+    try:
+        number = float(text.removesuffix("%"))
+    except ValueError:
+        return None
+    if len(axis) != 1 or axis not in AXES or not math.isfinite(number):
+        return None
+    return _Place(AXES.index(axis), number, is_share)
+
+
+def _window(text: str) -> tuple[float, float]:
+    """Values of both ends."""
+    by_ends = ".." in text
+    try:
+        one, two = (float(part) for part in text.split(".." if by_ends else "/"))
+    except ValueError:
+        raise ValueError(f"window {text!r} of a plane; {WINDOW}") from None
+    return (one, two) if by_ends else (one - two / 2, one + two / 2)
+
+
+def settled(plane: ImagePlane, volume: Volume) -> ImagePlane:
+    """The same plane, in the scene's own units and with its window.
+
+    Parameters
+    ----------
+    plane
+        Wherever it is.
+    volume
+        Which it shows, without padding.
+
+    Raises
+    ------
+    ValueError
+        The plane is beside the volume.
+    """
+    where, by = plane.where, scale_named(volume.scale)
+    if plane.window is None:
+        plane = plane.within(survey(volume).span)
+    elif by is not None and isinstance(where, str):
+        low, high = (by.place(value, "window of a plane") for value in plane.window)
+        plane = replace(plane, window=(low, high))
+    if isinstance(where, str):
+        where = _across(volume, where) if where[0] in AXES else _oblique(volume, where)
+        if not len(outline(volume, where)):
+            raise ValueError(f"plane {plane.where!r} is beside {volume.name}; {FORM}")
+    return replace(plane, where=where)
+
+
+def _across(volume: Volume, where: str) -> tuple[float, float, float, float]:
+    """Plane across an axis of voxels."""
+    place = _place(where)
+    if place is None:
+        raise ValueError(f"plane {where!r}; {FORM}")
+    count = volume.values.shape[2 - place.axis]
+    number = place.number / 100 * count - 0.5 if place.is_share else place.number
+    if not -0.5 <= number <= count - 0.5:
+        raise ValueError(
+            f"plane {where!r} is beside {volume.name}, which has {count} voxels along "
+            f"{AXES[place.axis]}; give 0 to {count - 1}, or 0% to 100%"
+        )
+    row = np.linalg.inv(lattice_of(volume))[place.axis]
+    return _plane(row, float(row @ volume.origin) + number)
+
+
+def _oblique(volume: Volume, where: str) -> tuple[float, float, float, float]:
+    """Plane as a clipping plane is."""
+    ((x, y, z, distance),) = planes(volume, None, (where,), "plane")
+    return _plane(np.array([x, y, z]), -distance)
+
+
+def _plane(normal: Doubles, distance: float) -> tuple[float, float, float, float]:
+    length = float(np.linalg.norm(normal))
+    x, y, z = (normal / length).tolist()
+    return x, y, z, float(distance) / length
+
+
+def outline(volume: Volume, where: tuple[float, float, float, float]) -> Doubles:
+    """Corners (N, 3) of what of a plane is in a volume, in their order; voxels along x, y, z."""
+    lattice = lattice_of(volume)
+    normal = np.array(where[:3]) @ lattice
+    distance = where[3] - float(np.dot(where[:3], volume.origin))
+    length = float(np.linalg.norm(normal))
+    normal, distance = normal / length, distance / length
+    ends = np.array([[-0.5, count - 0.5] for count in volume.values.shape[::-1]])
+    bits = np.array(list(np.ndindex(2, 2, 2)))
+    corner = ends[np.arange(3), bits]
+    away = corner @ normal - distance
+    away[np.abs(away) < 1e-9 * (1 + np.abs(ends).max())] = 0.0
+    found = [corner[n] for n in range(8) if away[n] == 0]
+    for n in range(8):
+        for other in (n | 1, n | 2, n | 4):
+            if other != n and away[n] * away[other] < 0:
+                share = away[n] / (away[n] - away[other])
+                found.append(corner[n] + share * (corner[other] - corner[n]))
+    if len(found) < 3:
+        return np.zeros((0, 3))
+    places = np.array(found)
+    first = np.eye(3)[np.abs(normal).argmin()]
+    right = np.cross(normal, first)
+    right /= np.linalg.norm(right)
+    from_middle = places - places.mean(axis=0)
+    angle = np.arctan2(from_middle @ np.cross(normal, right), from_middle @ right)
+    return np.asarray(places[np.argsort(angle)])

@@ -1,0 +1,269 @@
+"""Meshes that stand in a volume's scene, read by trimesh."""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.painting.meshes import mesh_of
+from resample.painting.scenes.scene import check_places
+from resample.reading.models.meshes import check_mesh, trimesh_resolver, unreadable
+from resample.reading.names import plain
+from resample.types import NO_TRIANGLES, Doubles, Triangles
+
+SUFFIXES = (".ply", ".obj", ".stl", ".glb")
+GRAY = 0.6  # linear, of a mesh without colors
+SMOOTH = 40.0  # degrees between triangles that are one smooth surface, at most
+ALLOWED = "color and opacity, as in stent.ply:color=tomato,opacity=0.5"
+
+
+@dataclass(frozen=True, eq=False)
+class SceneMesh:
+    """Triangles in the volume's own scene.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_volume import scene_mesh
+    >>> corner = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    >>> mesh = scene_mesh(corner, np.array([[0, 1, 2]]), opacity=0.5)
+    >>> mesh.face.shape, mesh.normal[0]
+    ((1, 3), array([0., 0., 1.]))
+    """
+
+    corner: Doubles  # (V, 3) scene units
+    normal: Doubles  # (V, 3)
+    color: Doubles  # (V, 3) linear
+    face: NDArray[np.int64]  # (T, 3) corners
+    opacity: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.opacity <= 1:
+            raise ValueError(f"opacity {self.opacity} of a mesh; give 0 to 1")
+
+
+def scene_mesh(
+    corner: Doubles,
+    face: NDArray[np.int64],
+    color: tuple[float, float, float] | Doubles = (GRAY, GRAY, GRAY),
+    opacity: float = 1.0,
+    smooth: float = SMOOTH,
+) -> SceneMesh:
+    """Mesh of corners (V, 3) and triangles (T, 3) that is smooth where it bends little.
+
+    Parameters
+    ----------
+    corner
+        Places in the volume's scene.
+    face
+        Corners of triangles.
+    color
+        Linear RGB of all, or (V, 3) of each corner.
+    opacity
+        0 to 1.
+    smooth
+        Degrees between neighbouring triangles, up to which they share normals.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_volume import Appearance, render, scene_mesh
+    >>> corner = np.array([[0.0, 0, 4], [7, 0, 4], [0, 7, 4]])
+    >>> mesh = scene_mesh(corner, np.array([[0, 1, 2]]), color=(1, 0, 0))
+    >>> look = Appearance("9..99", classification="post", meshes=(mesh,))
+    >>> render(np.zeros((8, 8, 8), np.uint8), look, "top", size=(32, 32))  # it alone
+    Frame(32 × 32 px, 10.3 % covered, depth from 32.59)
+    """
+    import trimesh
+
+    corner, face = np.asarray(corner, np.float64), np.asarray(face, np.int64)
+    check_places(corner, "a mesh's corner")
+    if face.size and not 0 <= face.min() <= face.max() < len(corner):
+        raise ValueError(
+            f"a mesh's triangles name corners {face.min()} to {face.max()}; it has {len(corner)}"
+        )
+    colors = np.broadcast_to(np.asarray(color, np.float64), (len(corner), 3))
+    whole = trimesh.Trimesh(corner, face, process=False)
+    whole.vertex_attributes["color"] = colors
+    first = _same(corner)
+    joined = trimesh.Trimesh(corner, first[face], process=False)
+    parts = trimesh.graph.connected_components(
+        joined.face_adjacency[joined.face_adjacency_angles <= np.radians(smooth)],
+        nodes=np.arange(len(face)),
+        min_len=1,
+    )
+    group = np.empty(len(face), np.int64)
+    for number, part in enumerate(parts):
+        group[part] = number
+    normal = _normals(joined, first[face], group)
+    corners = corner[face].reshape(-1, 3)
+    count = np.arange(len(corners)).reshape(-1, 3)
+    return SceneMesh(corners, normal, colors[face].reshape(-1, 3), count, opacity)
+
+
+def _same(corner: Doubles) -> NDArray[np.int64]:
+    """For each corner the first one at the same place."""
+    _, first, back = np.unique(corner, axis=0, return_index=True, return_inverse=True)
+    return np.asarray(first[back.reshape(-1)], np.int64)
+
+
+def _normals(mesh: Any, face: NDArray[np.int64], group: NDArray[np.int64]) -> Doubles:
+    """Normals (3 T, 3) of triangles' corners: means over triangles of one group around them."""
+    triangle = np.asarray(mesh.triangles, np.float64)
+    normal = np.cross(triangle[:, 1] - triangle[:, 0], triangle[:, 2] - triangle[:, 0])
+    key = np.stack([face.reshape(-1), np.repeat(group, 3)], axis=1)
+    _, place = np.unique(key, axis=0, return_inverse=True)
+    place, each = place.reshape(-1), np.repeat(normal, 3, axis=0)
+    total = np.stack([np.bincount(place, each[:, axis]) for axis in range(3)], axis=1)
+    return np.asarray(total[place])
+
+
+def read_mesh(text: str) -> SceneMesh:
+    """Mesh of a file, perhaps with a color and an opacity: stent.ply:color=tomato,opacity=0.5.
+
+    Raises
+    ------
+    ValueError
+        A choice is unknown or not allowed, or the file holds no triangles.
+    OSError
+        There is no such file.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import trimesh
+    >>> from resample_volume import read_mesh
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = trimesh.creation.box().export(f"{folder}/box.ply")
+    ...     mesh = read_mesh(f"{folder}/box.ply:color=tomato,opacity=0.5")
+    >>> mesh.opacity, mesh.face.shape
+    (0.5, (12, 3))
+    """
+    path, choices = _parsed(text)
+    if not path.is_file():
+        raise FileNotFoundError(f"{path}: there is no such file")
+    if path.suffix.lower() not in SUFFIXES:
+        raise ValueError(f"{path}: meshes are read from {', '.join(SUFFIXES)}")
+    parts = _geometries(path)
+    try:
+        made = [_own(part, choices) for part in parts]
+    except (TypeError, LookupError, AttributeError) as error:  # of what trimesh left half done
+        raise unreadable(str(path), error) from None
+    start = np.cumsum([0, *(len(one.corner) for one in made)])
+    face = [one.face + first for one, first in zip(made, start[:-1], strict=True)]
+    return SceneMesh(
+        np.concatenate([one.corner for one in made]),
+        np.concatenate([one.normal for one in made]),
+        np.concatenate([one.color for one in made]),
+        np.concatenate(face),
+        made[0].opacity,
+    )
+
+
+def _parsed(text: str) -> tuple[Path, dict[str, str]]:
+    """File and choices."""
+    name, colon, tail = text.rpartition(":")
+    if not colon or "=" not in tail:
+        return Path(text), {}
+    return Path(name), choices_of("mesh", text, tail, ("color", "opacity"), f"known are {ALLOWED}")
+
+
+def choices_of(
+    kind: str, text: str, tail: str, known: Collection[str], form: str
+) -> dict[str, str]:
+    """Choices `a=b,c=d` by name, of the end of a text about something of a kind.
+
+    Raises
+    ------
+    ValueError
+        Some are not known; the message ends with the form.
+    """
+    choices = dict(part.partition("=")[::2] for part in tail.split(",") if part)
+    unknown = [key for key in choices if key not in known]
+    if unknown:
+        raise ValueError(f"{kind} {text!r}: unknown {', '.join(unknown)}; {form}")
+    return choices
+
+
+def chosen_opacity(kind: str, choices: Mapping[str, str]) -> float:
+    """Opacity among choices, else 1.
+
+    Raises
+    ------
+    ValueError
+        It is no number.
+    """
+    try:
+        return float(choices.get("opacity", "1"))
+    except ValueError:
+        raise ValueError(f"opacity {choices['opacity']!r} of a {kind}; give 0 to 1") from None
+
+
+def chosen_color(kind: str, name: str) -> tuple[float, float, float]:
+    """Linear light of a color's name or of #rrggbb.
+
+    Raises
+    ------
+    ValueError
+        It is none.
+    """
+    from resample.console.backgrounds import linear_color
+
+    color = linear_color(name)
+    if color is None:
+        raise ValueError(f"color 'none' of a {kind}; give a color's name or #rrggbb")
+    return color
+
+
+def _geometries(path: Path) -> list[Any]:
+    import trimesh
+
+    check_mesh(path)
+    try:
+        scene = trimesh.load_scene(plain(path), resolver=trimesh_resolver(path), process=False)
+        found = [one for one in scene.dump() if len(getattr(one, "faces", ()))]
+    except Exception as error:  # trimesh and its parsers raise anything at all
+        raise unreadable(str(path), error) from None
+    if not found:
+        raise ValueError(f"{path} holds no triangles")
+    return found
+
+
+def _own(part: Any, choices: dict[str, str]) -> SceneMesh:
+    """One of trimesh's meshes with the chosen look."""
+    opacity = chosen_opacity("mesh", choices)
+    color: Any = (GRAY, GRAY, GRAY)
+    if "color" in choices:
+        color = chosen_color("mesh", choices["color"])
+    elif part.visual.kind is not None:
+        color = _colors(part)
+    corner, face = np.asarray(part.vertices, np.float64), np.asarray(part.faces, np.int64)
+    return scene_mesh(corner, face, color, opacity)
+
+
+def _colors(part: Any) -> Doubles:
+    """Linear colors (V, 3) of a mesh's corners."""
+    from resample.colors import from_srgb
+
+    with np.errstate(invalid="ignore"):  # of places on a texture that are no numbers
+        visual = part.visual.to_color() if part.visual.kind == "texture" else part.visual
+    levels = np.asarray(visual.vertex_colors)[:, :3]
+    return np.asarray(from_srgb(levels.astype(np.float32) / 255), np.float64)
+
+
+def placed(meshes: tuple[SceneMesh, ...], middle: Doubles) -> Triangles:
+    """All meshes as rays meet them, in a scene whose origin was moved to `middle`."""
+    if not meshes:
+        return NO_TRIANGLES
+    start = np.cumsum([0, *(len(mesh.corner) for mesh in meshes)])
+    face = [mesh.face + first for mesh, first in zip(meshes, start[:-1], strict=True)]
+    return mesh_of(
+        np.concatenate([mesh.corner for mesh in meshes]) - middle,
+        np.concatenate([mesh.normal for mesh in meshes]),
+        np.concatenate([mesh.color for mesh in meshes]),
+        np.concatenate(face),
+        np.concatenate([np.full(len(mesh.face), mesh.opacity) for mesh in meshes]),
+    )

@@ -1,0 +1,61 @@
+"""Depth images and clouds in a notebook's cell."""
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from resample.files.writing import save_array
+from resample.view.views import chosen, controls_of
+from resample_warp3d.viewing import clouds, depths
+
+if TYPE_CHECKING:
+    from resample.view.widgets import Viewer
+
+
+def view(color: Any, depth: Any = None, /, **settings: Any) -> "Viewer":
+    """A depth image or a cloud in a notebook's cell: move past it, take the Python of what you see.
+
+    Parameters
+    ----------
+    color
+        Picture of a depth image, a file or what `as_picture` takes of 8 or 16 bits; or, alone, the
+        file of a cloud. Arrays are written to temporary files that live as long as the widget.
+    depth
+        Of the picture: a file, or an array (H, W).
+    settings
+        Options of `resample-warp3d render`, or `cloud`, to begin with: `fov=60`.
+
+    Returns
+    -------
+    Widget with `settings`, `frame` and `to_python()`; needs the extra `notebook`.
+
+    Raises
+    ------
+    ValueError, LookupError, OSError, TypeError
+        An option is not allowed, or a file cannot be read.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_warp3d import view
+    >>> shown = view(np.zeros((24, 32, 3), np.uint8), np.full((24, 32), 2.0), fov=60)
+    >>> shown.frame.size
+    (480, 360)
+    """
+    from resample.view.widgets import kept, shown
+    from resample_warp3d.cli import app
+
+    if depth is None:
+        controls = controls_of(clouds.COMMAND, app["cloud"])
+        return shown(clouds.CloudView(Path(color), (), controls), settings)
+    picture, folder = kept("color.png", color)
+    if not isinstance(depth, str | Path):
+        folder = folder or TemporaryDirectory(prefix="view-")
+        array, depth = np.asarray(depth), Path(folder.name) / "depth.npy"
+        save_array(depth, array)
+    controls = controls_of(depths.COMMAND, app["render"])
+    begin = {key.replace("_", "-"): value for key, value in settings.items()}
+    opened = depths.DepthView(str(picture), str(depth), chosen(begin, depths.SHOWN), (), controls)
+    return shown(opened, begin, folder)

@@ -1,0 +1,1 @@
+"""Mixtures of splats and points, projected and painted nearest first."""

@@ -1,0 +1,54 @@
+"""Windows of a picture as files, which several processes write and one puts together."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from resample.files.writing import replacing
+from resample.painting.scenes.plans import Window
+from resample.reading.arrays import read_npz
+from resample.types import Film
+
+NAME = "window-{}-{}-{}-{}.npz"
+
+
+def keep_tile(folder: Path, window: Window, film: Film, facts: Mapping[str, int]) -> None:
+    """Write a window of a picture, whole or not at all.
+
+    Parameters
+    ----------
+    folder
+        Where to.
+    window
+        px of the whole picture.
+    film
+        What is seen in it.
+    facts
+        That are kept beside it.
+
+    Raises
+    ------
+    OSError
+        It cannot be written.
+    """
+    parts: dict[str, Any] = film._asdict() | {f"of_{name}": n for name, n in facts.items()}
+    with replacing(folder / NAME.format(*window)) as temporary, temporary.open("wb") as file:
+        np.savez(file, **parts)
+
+
+def kept_tile(folder: Path, window: Window) -> tuple[Film, dict[str, int]] | None:
+    """A window that was written, and its facts; None if it is not there.
+
+    Raises
+    ------
+    OSError
+        It cannot be read.
+    """
+    path = folder / NAME.format(*window)
+    if not path.is_file():
+        return None
+    parts = read_npz(path)
+    film = Film(*(parts[name] for name in Film._fields))
+    return film, {name[3:]: int(part) for name, part in parts.items() if name.startswith("of_")}

@@ -1,0 +1,1 @@
+"""Scenes, plans of pictures and parts of samples, which all painters share."""

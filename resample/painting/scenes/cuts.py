@@ -1,0 +1,122 @@
+"""Where steps end: before a key that no sample is below which was not loaded yet."""
+
+import math
+from collections.abc import Callable
+from enum import Enum
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from resample.painting.scenes.parts import SLACK, SamplesInParts
+from resample.painting.scenes.scene import Scene
+from resample.types import Film, Floats, Indices, Runs, Samples, Single, Tally, Tiles
+
+if TYPE_CHECKING:
+    from resample.engine.ellipsoids.steps import Carried
+
+NEVER = 1 << 60  # number of a layer behind all others
+
+Output = tuple[Film, Floats, Tally, "Carried"]  # the second are values of projections, if any
+
+
+class Between(Enum):
+    """What steps end between."""
+
+    SPLATS = 0  # that are composited one by one
+    LAYERS = 1  # of points
+    SHEETS = 2  # of whole splats
+    SLABS = 3  # that cut splats
+    NOTHING = 4  # all samples are one sum
+
+
+class EndOfStep(NamedTuple):
+    """The end of a step."""
+
+    last: Single  # key of samples that are not painted any more
+    again: Single  # least key of samples that are in memory for the next step
+    due: int  # number of the first layer that is not composited
+
+
+class InSteps(NamedTuple):
+    """How samples of a scene that was planned are painted step by step."""
+
+    runs: Callable[[Samples], Runs]
+    paint: Callable[[Indices, Tiles, Runs, Output], None]  # tiles of some numbers
+    between: Between
+    kept: int  # numbers of a sub-pixel that are kept between steps
+    is_measuring: bool = False  # values of a projection
+
+
+def keys_of(scene: Scene, source: SamplesInParts) -> tuple[Floats, Floats, Single]:
+    """What no key of a part (P,) is below, nor above, and how wrong single keys may be.
+
+    They are those of single samples, also where sheets of them are summed.
+    """
+    layers, view = scene.layers, scene.view
+    eye = -view.rotation.T @ view.translation
+    if layers.is_around:
+        place, per_unit = np.linalg.norm(source.center - eye, axis=1), 1.0
+    else:
+        place = layers.offset + source.center @ np.array(layers.axis)
+        per_unit = float(np.linalg.norm(layers.axis))
+    farthest = float(np.abs(source.center).max(initial=0.0)) + float(np.linalg.norm(eye))
+    size = per_unit * farthest + abs(layers.offset) + float(np.abs(place).max(initial=0))
+    if layers.eye > -np.inf:
+        place, size = np.abs(place - layers.eye), size + abs(layers.eye)
+    slack = SLACK * size
+    reach = per_unit * source.radius + slack
+    near = (place - reach).astype(np.float32)
+    near[near == 0] = -np.finfo(np.float32).tiny  # keys of -0 come before those of 0
+    return near, (place + reach).astype(np.float32), np.float32(slack)
+
+
+def cut_at(scene: Scene, between: Between, key: Single, slack: Single) -> EndOfStep:
+    """End of a step after which no sample has a key below this one, give or take a slack."""
+    is_end = key == np.inf
+    thickness = np.float32(scene.layers.thickness)
+    if is_end or between in (Between.SPLATS, Between.NOTHING):
+        return EndOfStep(key, np.float32(key - slack), NEVER)
+    if between is Between.SLABS:
+        reach = math.sqrt(scene.ellipsoid.covariance[2, 2])
+        due = math.floor((float(key) - float(slack) - reach) / scene.layers.thickness)
+        # One slab more, as who is added first says which slab is.
+        again = (due - 1) * scene.layers.thickness - reach
+        return EndOfStep(key, np.float32(again - slack), due)
+    if between is Between.SHEETS and scene.layers.eye > -np.inf:
+        # A sheet's middle is half a sheet from what lies in it, at most.
+        last = np.float32(max(0.0, (float(key) - float(slack)) / float(thickness) - 0.5))
+        return EndOfStep(last, last, NEVER)
+    number = math.floor(key / thickness)
+    if between is Between.SHEETS:
+        return EndOfStep(np.float32(number), np.float32(number), NEVER)
+    last = _first_of_layer(number, thickness)
+    return EndOfStep(last, np.float32(last - slack), number)
+
+
+def _first_of_layer(number: int, thickness: Single) -> Single:
+    """Least key that lies in a layer, as kernels number them."""
+    key = np.float32(np.float32(number) * thickness)
+    far = np.float32(np.inf)
+    while math.floor(key / thickness) >= number:
+        key = np.nextafter(key, -far)
+    while math.floor(key / thickness) < number:
+        key = np.nextafter(key, far)
+    return key
+
+
+def most_waiting(scene: Scene, source: SamplesInParts, between: Between) -> int:
+    """Samples that are in memory because parts may be nearer that are not loaded yet, at most."""
+    near, far, _ = keys_of(scene, source)
+    far = far + np.float32(_kept_before(scene, between))
+    behind, order = np.argsort(far), np.argsort(near)
+    begun = np.append(0, source.sizes[order].cumsum())[:-1]
+    ended = np.append(0, source.sizes[behind].cumsum())
+    ended = ended[np.searchsorted(far[behind], near[order], "left")]
+    return int((begun - ended).max(initial=0))
+
+
+def _kept_before(scene: Scene, between: Between) -> float:
+    """How far before the end of a step, in keys of single samples, there are some that wait."""
+    if between is Between.SLABS:
+        return 2 * math.sqrt(scene.ellipsoid.covariance[2, 2]) + 3 * scene.layers.thickness
+    return 2 * scene.layers.thickness if between in (Between.LAYERS, Between.SHEETS) else 0.0

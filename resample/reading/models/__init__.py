@@ -1,0 +1,1 @@
+"""Triangle meshes and glTF files, checked while they are read."""

@@ -1,0 +1,195 @@
+"""What files of meshes name: textures, materials, buffers, all beside them or refused."""
+
+import errno
+import zipfile
+import zlib
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from resample.reading.limits import check_items, check_size, check_unpacked
+from resample.reading.markup import check_xml_file, check_xml_member
+from resample.reading.models.gltf import PARTS, SIZES, check_gltf, header_of
+from resample.reading.neighbours import neighbour
+from resample.reading.unpacking import check_members
+from resample.words import naming, one_line, visible
+
+ARCHIVES = (".zip", ".3mf", ".zae")  # in which there are files
+MARKUP = (".dae", ".xaml", ".svg")  # of XML
+MARKUP_MEMBERS = (*MARKUP, ".model", ".rels", ".xml")  # likewise, in archives
+PACKED = (".gz", ".bz2", ".xz", ".tar", ".tgz", ".7z")  # that are not unpacked here
+
+
+def check_mesh(source: Path) -> None:
+    """Refuse a mesh that names files outside of its folder, or that unpacks to far too much.
+
+    Raises
+    ------
+    ValueError
+        It does.
+    OSError
+        It cannot be read.
+    """
+    kind = source.suffix.lower()
+    if kind in PACKED:
+        raise ValueError(f"{source.name} is packed; unpack it first")
+    check_size(str(source), source.stat().st_size)
+    if kind in ARCHIVES and zipfile.is_zipfile(source):
+        with zipfile.ZipFile(source) as packed:
+            infos = packed.infolist()
+        check_members(source.name, infos, "members")
+        unpacked = sum(info.file_size for info in infos)
+        check_unpacked(source.name, source.stat().st_size, unpacked)
+        _check_members(source, infos)
+    elif kind in MARKUP:
+        check_xml_file(source)
+    with suppress(FileNotFoundError):  # which matters to who wants the textures
+        for _ in _named(source):
+            pass
+    if kind in (".gltf", ".glb"):
+        with naming(f"{source.name} cannot be read as a mesh"):
+            told = header_of(source)
+            check_gltf(told)
+        _check_parts(source, told)
+
+
+def _check_members(source: Path, infos: list[zipfile.ZipInfo]) -> None:
+    """Refuse an archive with XML that is nested too deep."""
+    members = [info for info in infos if info.filename.lower().endswith(MARKUP_MEMBERS)]
+    try:
+        with zipfile.ZipFile(source) as packed:
+            for info in members:
+                with packed.open(info) as member:
+                    check_xml_member(f"{source.name}: {info.filename}", member)
+    except (zipfile.BadZipFile, RuntimeError, EOFError, zlib.error) as error:  # or encrypted
+        raise ValueError(f"{source.name} is damaged: {error}") from None
+
+
+def named_textures(source: Path) -> Iterator[Path]:
+    """Files that a mesh names as its textures, whether they are there or not.
+
+    Raises
+    ------
+    ValueError
+        One is outside of the mesh's folder.
+    OSError
+        A library of materials is missing.
+    """
+    return (file for file, is_texture in _named(source) if is_texture)
+
+
+def _named(source: Path) -> Iterator[tuple[Path, bool]]:
+    """Files, and whether they are textures."""
+    kind = source.suffix.lower()
+    if kind == ".obj":
+        for library in _values(source, "mtllib"):
+            file = neighbour(source, library)
+            yield file, False
+            names = _material_textures(file, source)
+            check_items(file.name, len(names), "textures")
+            yield from ((neighbour(file, name), True) for name in names)
+    elif kind == ".ply":
+        with source.open("rb") as opened:
+            header = opened.read(1 << 16).partition(b"end_header")[0].decode("latin-1")
+        for line in header.splitlines():
+            words = line.split(maxsplit=2)
+            if words[:2] == ["comment", "TextureFile"] and len(words) == 3:
+                yield neighbour(source, words[2].strip()), True
+    elif kind == ".gltf":
+        yield from _named_in_gltf(source)
+
+
+def _check_parts(source: Path, told: dict[str, Any]) -> None:
+    """Refuse a glTF whose nodes have far more numbers than its files can honestly hold.
+
+    Numbers need not be in a file, and many nodes may show one mesh.
+    """
+    unpacked = 0
+    with suppress(ValueError, LookupError, AttributeError, TypeError):  # who reads it says of them
+        sizes = [_bytes_of(each) for each in told.get("accessors", [])]
+        meshes = [
+            sum(sizes[n] for part in mesh["primitives"] for n in _numbers_of(part))
+            for mesh in told.get("meshes", [])
+        ]
+        shown = [meshes[node["mesh"]] for node in told.get("nodes", []) if "mesh" in node]
+        unpacked = max(sum(shown), sum(meshes))
+    files = [source, *(file for file, _ in _named(source) if file.is_file())]
+    check_unpacked(source.name, sum(file.stat().st_size for file in files), unpacked)
+
+
+def _bytes_of(accessor: dict[str, Any]) -> int:
+    """Bytes of the numbers that an accessor speaks of."""
+    width = SIZES[accessor["componentType"]] * PARTS[accessor["type"]]
+    return int(accessor["count"]) * width
+
+
+def _numbers_of(part: dict[str, Any]) -> list[int]:
+    """Accessors of a part of a mesh."""
+    return [*part["attributes"].values(), *([part["indices"]] if "indices" in part else [])]
+
+
+def _named_in_gltf(source: Path) -> Iterator[tuple[Path, bool]]:
+    """Buffers and pictures of a glTF file in JSON."""
+    from urllib.parse import unquote
+
+    try:
+        content = header_of(source)
+        told = [
+            (one.get("uri", "data:"), key == "images")
+            for key in ("buffers", "images")
+            for one in content.get(key, [])
+        ]
+    except (ValueError, AttributeError, TypeError):
+        return  # who reads it says what is wrong with it
+    check_items(source.name, len(told), "buffers and pictures")
+    for name, is_texture in told:
+        if isinstance(name, str) and not name.startswith("data:"):
+            yield neighbour(source, unquote(name)), is_texture
+
+
+def _material_textures(library: Path, source: Path) -> list[str]:
+    if not library.is_file():
+        message = f"is missing; {source.name} names it for its textures"
+        raise FileNotFoundError(errno.ENOENT, message, str(library))
+    values = _values(library, "map_kd")
+    return [value.split()[-1] if value.startswith("-") else value for value in values]
+
+
+def _values(file: Path, key: str) -> list[str]:
+    """What follows a key word at the beginnings of a file's lines."""
+    with file.open(encoding="utf-8", errors="replace") as lines:
+        split = (line.split(maxsplit=1) for line in lines)
+        found = [words[1] for words in split if len(words) == 2 and words[0].lower() == key]
+    return [value.strip().replace("\\", "/") for value in found]
+
+
+def unreadable(what: str, error: Exception) -> ValueError:
+    """Make the error for a mesh that trimesh or a parser of its cannot read.
+
+    They raise anything at all; what says nothing to a user is told by its kind.
+    """
+    line = one_line(error)[:200]
+    if not isinstance(error, ValueError | OSError):
+        line = f"it is damaged, or trimesh does not know its form ({type(error).__name__}: {line})"
+    return ValueError(f"{what} cannot be read as a mesh: {line}")
+
+
+def trimesh_resolver(source: Path) -> Any:
+    """What gives trimesh the files that a mesh names, once `check_mesh` has passed them."""
+    resolver = _resolver(source)
+    resolver.file_name = visible(resolver.file_name)  # as parts of the mesh are called
+    return resolver
+
+
+def _resolver(source: Path) -> Any:
+    import trimesh
+
+    from resample.reading.neighbours import allows_outside
+
+    if allows_outside():
+        try:
+            return trimesh.resolvers.FilePathResolver(str(source), allow_anywhere=True)
+        except TypeError:  # of trimesh before 5, which always does
+            pass
+    return trimesh.resolvers.FilePathResolver(str(source))

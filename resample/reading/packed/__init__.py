@@ -1,1 +1,0 @@
-"""Data that are packed: what they become, told before or while they are unpacked."""
