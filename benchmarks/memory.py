@@ -24,7 +24,7 @@ from resample.memory import amount, bytes_of
 
 WITHIN = 1.3  # times
 NEEDED = re.compile(r" needs about ([\d.]+ [KMG]iB) of memory:")
-HELD = re.compile(r"at most ([\d.]+ [KMG]iB) of memory were held")
+HELD = re.compile(r"peak memory: ([\d.]+ [KMG]iB)")
 COMPILING = "compiling kernels"
 TURNED = ("--matrix", "0.7,0.2,10,-0.2,0.7,200")
 EYE = ("--depth-scale", "1000", "--fov", "60")

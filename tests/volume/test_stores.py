@@ -674,7 +674,7 @@ def test_work_that_cannot_be_shared_is_refused_in_a_line(values, capsys):
     words = ["--size", "16", "-o", "a.png", "--workers", "2"]
     for name, more, message in (
         ("a.npy", [], "workers paint windows of a volume in chunks, and a is in memory"),
-        ("a.zarr", ["--scheduler", "tcp://localhost:1"], "give one of both"),
+        ("a.zarr", ["--scheduler", "tcp://localhost:1"], "give only one"),
         ("a.zarr", ["--labels", "labels.npy"], "workers read labels from a store, and these are"),
     ):
         assert ended(app, "render", name, *words, *more) == 2
