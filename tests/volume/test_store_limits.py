@@ -328,6 +328,6 @@ def test_damaged_chunks_end_a_process_in_one_line(tmp_path):
     code = f"from resample_volume import open_volume; open_volume({str(path)!r})"
     ended = run([sys.executable, "-c", code], check=False, capture_output=True, timeout=PATIENCE)
     said = ended.stderr.decode()
-    assert said.splitlines()[-1].startswith("ValueError: the array is no zarr, or damaged")
+    assert said.splitlines()[-1].startswith("ValueError: the array is not zarr, or damaged")
     assert "never retrieved" not in said
     assert "destroyed" not in said
