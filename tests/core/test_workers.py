@@ -148,8 +148,8 @@ def test_processes_that_are_killed_as_they_begin_are_said_in_one_line(monkeypatc
     assert ended(app, "work") == 2
     assert dict(os.environ) == before
     assert capfd.readouterr().err == (
-        "resample: error: --workers 1: one ended before it was ready, most likely killed for want "
-        "of memory; take fewer workers, or none\n"
+        "resample: error: --workers 1: one ended before it was ready, most likely killed because "
+        "memory ran out; use fewer workers, or none\n"
     )
 
 
