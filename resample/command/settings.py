@@ -20,7 +20,7 @@ OF_SAMPLES = ("method", "footprint", "threshold", "kernel", "opacity", "color_by
 SPLAT_COLOR = (0.8, 0.02, 0.02)  # linear red, the paper's Figure 8a
 
 # Beginnings of help texts.
-SIZE = "In px: 400 for a square, 640x480 for width and height."
+SIZE = "Size in px: 400 for a square, 640x480 for width and height."
 CALIBRATED = (
     "Lens: fx,fy,cx,cy,k1,k2,p1,p2[,k3...], or a .yml, .xml, .json or .toml file of OpenCV's "
     "calibration"
@@ -37,21 +37,21 @@ CAMERA, LIGHT, SETTINGS, LIMITS = (
 HEADINGS = (  # in the order of the help
     *(
         "Input",
-        "Source's camera",
+        "Source camera",
         "Several sources",
-        "Also in the scene",
+        "Further volumes",
         "Target",
         "Look",
         LIGHT,
         CAMERA,
-        "Eyes",
+        "Stereo",
     ),
     *(
         "Projection",
         "Method",
         "Picture",
-        "Beside the volume",
-        "Beside the picture",
+        "Annotations and objects",
+        "Further outputs",
         "Page",
         "Workers",
         SETTINGS,

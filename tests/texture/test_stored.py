@@ -140,7 +140,7 @@ def test_files_in_tiles_are_read_as_those_in_rows(monkeypatch):
 @pytest.mark.parametrize(
     ("shape", "kind", "complaint"),
     [
-        ((20, 20, 5), "u1", "a.zarr has 5 channels; 1, 3 (RGB) or 4 (RGBA) are read"),
+        ((20, 20, 5), "u1", "a.zarr has 5 channels; 1, 3 (RGB) or 4 (RGBA) are supported"),
         ((20, 20, 3), "i4", "a.zarr is of int32; read are uint8, uint16, float16"),
         ((20, 20), "?", "a.zarr is of bool; read are uint8"),
         ((20, 20), "c8", "a.zarr is of complex64; read are uint8"),
