@@ -123,7 +123,7 @@ def read_calibration(text: str, model: LensModel | None = None) -> Calibration:
 
 
 def pinhole_of(matrix: ArrayLike) -> Camera:
-    """Pinhole camera of OpenCV's new camera matrix, (3, 3), or (3, 4) with a zero last column.
+    """Pinhole camera of OpenCV's new camera matrix, (3, 3), or (3, 4) without its last column.
 
     Raises
     ------

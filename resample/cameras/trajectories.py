@@ -27,9 +27,7 @@ class Shot(NamedTuple):
     name: str  # the picture's file or time; empty if the file has none
     pose: Doubles  # (4, 4) world to camera
     camera: Camera | None = None  # with that pose; None if the file has no intrinsics
-    shape: tuple[int, int] | None = (
-        None  # height and width of the pictures that the intrinsics are for, px
-    )
+    shape: tuple[int, int] | None = None  # height and width that the intrinsics are for, px
 
 
 class Refused(NamedTuple):

@@ -103,7 +103,7 @@ class Choices(BaseModel):
 
 
 class Resampling(Choices):
-    """How samples are resampled to a picture."""
+    """How samples become a picture."""
 
     heading: ClassVar[str] = "Method"
     about: ClassVar[About] = About.LOOK
@@ -114,7 +114,7 @@ class Resampling(Choices):
             description="Method: hybrid, points where samples shrink and splats where they grow; "
             "points or splats, only these (splats alone are not antialiased); paper, as published, "
             "with threshold 1 px; inflate or ewa, splats antialiased as by Swan 1997 and Zwicker "
-            "2001. Default: hybrid, where samples are painted at all."
+            "2001. Default: hybrid, unless rays are cast."
         ),
     ] = None
     footprint: Annotated[
@@ -142,9 +142,9 @@ class Resampling(Choices):
         str | None,
         Field(
             description="Compositing order: every-sample, axis-sheets, or image-sheets:thickness=1."
-            " Fields and their projections may also use rays:step=1,sharpness=1,quality=best (or "
-            "usual, fast), their default. Maxima and minima are taken over voxels near a position; "
-            "rays:interpolation=spline interpolates."
+            " Fields and their projections are cast along rays:step=1,sharpness=1,quality=best (or "
+            "usual, or fast), or take image-sheets. Maxima and minima stay within the range of the "
+            "voxels around, except with rays:interpolation=spline."
         ),
     ] = None
     projection: Shown = "composite"

@@ -89,10 +89,7 @@ def _on_disk(path: Path) -> None:
         try:
             os.fsync(file.fileno())
         except OSError as error:
-            if error.errno in (
-                *NO_ROOM,
-                errno.EIO,
-            ):  # other numbers: the file system does not support it
+            if error.errno in (*NO_ROOM, errno.EIO):  # others: not supported by the file system
                 raise
 
 
