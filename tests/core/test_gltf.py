@@ -53,7 +53,7 @@ NONSENSE = [
     (("scene",), 7, "0 to 0"),
     (("scenes", 0, "nodes"), 0, "not a list"),
     (("meshes", 0, "primitives"), [], "no primitives"),
-    (("meshes", 0, "primitives", 0, "attributes", "POSITION"), 2, "where VEC3 is"),
+    (("meshes", 0, "primitives", 0, "attributes", "POSITION"), 2, "not VEC3"),
     (("meshes", 0, "primitives", 0, "indices"), 1.5, "0 to 2"),
     (("meshes", 0, "primitives", 0, "material"), 9, "0 to 0"),
     (("materials", 0, "pbrMetallicRoughness"), [], "not an object"),
