@@ -145,8 +145,8 @@ def rectify(
     output
         As in warp.
     size
-        In px: 400 for a square, 640x480 for width and height. What the page's sides have in the
-        photo.
+        Size in px: 400 for a square, 640x480 for width and height. Default: the page's sides in
+        the photo.
     """
     from resample.command.session import Session
     from resample.files.pictures import check_output, read_picture, write_picture
@@ -238,10 +238,10 @@ def compare(
     image
         A picture; a small one is tiled with its mirror images.
     scene
-        What is looked at: floor, floor-yaw, floor-close, zoom, shrink, or a matrix as warp takes
+        Scene: floor, floor-yaw, floor-close, zoom, shrink, or a matrix as warp takes
         it.
     methods
-        Separated by commas; with parameters as in opencv-supersample:n=8,kernel=linear.
+        Methods separated by commas; with parameters as in opencv-supersample:n=8,kernel=linear.
     output
         Written to: a page with sliders (.html), or all pictures side by side with details enlarged
         (.png).
@@ -252,8 +252,8 @@ def compare(
     edge
         What lies beyond the picture's edges. It is not measured.
     size
-        In px: 400 for a square, 640x480 for width and height. Half of the (tiled) picture's; for a
-        matrix the picture's.
+        Size in px: 400 for a square, 640x480 for width and height. Default: half the (tiled)
+        picture's; for a matrix the picture's.
     """
     from resample import registry
     from resample.files.pictures import flattened, read_picture
@@ -310,9 +310,9 @@ def animate(
     image
         Any picture.
     path
-        The camera's way: fly, low over the picture, forth and back; or turn, around its middle.
+        Camera path: fly, low over the picture and back; or turn, around its center.
     frames
-        How many.
+        Number of frames.
     method
         As in warp.
     edge
@@ -349,7 +349,7 @@ def fetch(name: str | None = None, /, *, folder: flags.Target = None) -> None:
     name
         Of the set; on which terms it may be used is said.
     folder
-        Where to keep it; the user's cache.
+        Folder to keep it in. Default: the user's cache.
     """
     from resample.files.public.sets import told
 

@@ -177,7 +177,7 @@ class PairDepth(Depth):
 class Parallax(Choices):
     """How two eyes see a picture of any depth."""
 
-    heading: ClassVar[str] = "Eyes"
+    heading: ClassVar[str] = "Stereo"
     about: ClassVar[About] = About.LOOK
 
     eyes: Annotated[
@@ -225,7 +225,7 @@ class Warping(Choices):
 
     method: Annotated[
         str,
-        Field(description="How: such as hybrid, paper, mesh or mcmillan; see resample plugins."),
+        Field(description="Method: hybrid, paper, mesh, mcmillan ...; see resample plugins."),
     ] = "hybrid"
     filter: MethodsFilter = None
     noise: Annotated[
@@ -374,7 +374,7 @@ class Showing(Choices):
 class Extras(Choices):
     """What is written beside the picture."""
 
-    heading: ClassVar[str] = "Beside the picture"
+    heading: ClassVar[str] = "Further outputs"
     about: ClassVar[About] = About.TARGET
 
     holes: Annotated[
@@ -418,8 +418,8 @@ class Travel(Choices):
         str,
         words("sway", "orbit", "dolly"),
         Field(
-            description="The camera's way: sway, left and right around what is seen; orbit, in a "
-            "circle; dolly, ahead and back; or a file of poses, as of render."
+            description="Camera path: sway, left and right around the scene; orbit, in a circle; "
+            "dolly, forward and back; or a file of poses, as in render."
         ),
     ] = "sway"
     amount: Annotated[
@@ -430,5 +430,5 @@ class Travel(Choices):
         ),
     ] = None
     frames: Annotated[
-        int | None, Field(description="How many. 48; of a file as many as it has poses.")
+        int | None, Field(description="Number of frames. Default: 48; one per pose of a file.")
     ] = None
