@@ -1,7 +1,7 @@
-"""What results have in common: they can be saved, shown, and handed to others as 8-bit levels.
+"""Base class of results: save, display in notebooks, convert to 8-bit levels.
 
-Results are made far below what knows files and pictures. `resample/__init__.py` registers that
-with `register_exporter`; it is imported when a result is first saved or shown.
+Code for files and pictures is in higher layers; `resample/__init__.py` registers it with
+`register_exporter`, and it is imported on first use.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,14 +13,14 @@ if TYPE_CHECKING:  # `import resample` reads this file: NumPy would take most of
     from numpy.typing import NDArray
     from PIL.Image import Image
 
-# 3 values of linear light, or what the commands' --background takes: white, #rrggbb, none...
+# 3 values of linear light, or a value of the commands' --background: white, #rrggbb, none...
 Behind = Sequence[float] | str | None
 
-_exporters: list[Callable[[], Any]] = []  # one: imports the module that makes pictures of results
+_exporters: list[Callable[[], Any]] = []  # one entry; imports the module that exports results
 
 
 def register_exporter(find: Callable[[], Any]) -> None:
-    """Let `find` give the module that saves and shows results, when one is first needed."""
+    """Register a function that imports the module which saves and shows results."""
     _exporters[:] = [find]
 
 
@@ -29,16 +29,16 @@ def _results() -> Any:
 
 
 class Showable:
-    """A result that can be saved, shown in a notebook, and turned into levels.
+    """A result that can be saved, shown in a notebook and converted to 8-bit levels.
 
-    Parts that have a picture are `color` and, as far as the result has them, `depth`,
-    `first_depth`, `coverage`, `value`, `holes`, `magnification` and `confidence`.
+    Parts that can be pictures are `color` and, where the result has them, `depth`, `first_depth`,
+    `coverage`, `value`, `holes`, `magnification` and `confidence`.
     """
 
     __slots__ = ()
 
     def save(self, path: str | PathLike[str], *, bits: int = 8, background: Behind = None) -> None:
-        """Write the picture in the format of its suffix, whole or not at all.
+        """Write the picture in the format of the suffix; no partial file is left on failure.
 
         Parameters
         ----------
@@ -47,13 +47,13 @@ class Showable:
         bits
             8 or 16 per channel of PNG, 8, 16 or 32 of TIFF.
         background
-            What is behind the picture: a color's name, #rrggbb or 3 values of linear light. None
-            keeps it transparent, which JPEG cannot be; commands take black if nothing is said.
+            Background: a color's name, #rrggbb or 3 values of linear light. None keeps the picture
+            transparent, which JPEG cannot be; commands default to black.
 
         Raises
         ------
         ValueError
-            The suffix, the number of bits or the background is not known, or the result is no one
+            The suffix, number of bits or background is invalid, or the result is not a single
             picture.
         OSError
             The file cannot be written.
@@ -61,34 +61,34 @@ class Showable:
         _results().save(self, path, bits=bits, background=background)
 
     def to_uint8(self, of: str = "color", *, background: Behind = None) -> "NDArray[np.uint8]":
-        """Levels (H, W, 3) of sRGB, or (H, W, 4) with straight opacity where none is behind.
+        """Convert to sRGB levels (H, W, 3), or (H, W, 4) with straight opacity if no background.
 
         Parameters
         ----------
         of
-            Part that is shown; all but `color` are drawn in false colors, unknown is black.
+            Part to show; all but `color` are drawn in false colors, black where unknown.
         background
-            What is behind the color, as of `save`; None keeps it transparent.
+            Background of the color, as in `save`; None keeps it transparent.
 
         Raises
         ------
         ValueError
-            There is no such part, or the result is no one picture.
+            There is no such part, or the result is not a single picture.
         """
         levels: NDArray[np.uint8] = _results().levels_of(self, of, background=background)
         return levels
 
     def to_image(self, of: str = "color", *, background: Behind = None) -> "Image":
-        """Picture of Pillow's; parameters and errors as of `to_uint8`."""
+        """Convert to a Pillow image; parameters and errors as in `to_uint8`."""
         image: Image = _results().image_of(self, of, background=background)
         return image
 
     def _repr_png_(self) -> bytes:
-        """PNG that notebooks show."""
+        """PNG for notebooks."""
         png: bytes = _results().png_of(self)
         return png
 
     def __repr__(self) -> str:
-        """Size, and what is known of it, in one line."""
+        """Size and main properties in one line."""
         text: str = _results().line_about(self)
         return text

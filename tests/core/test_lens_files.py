@@ -168,8 +168,11 @@ BAD = {
     "anchor.yaml": ("K: &a [1, 2]", "line 1: '&a .1, 2.' is neither a number nor a text"),
     "indent.yaml": ("a: 1\n  b: 2\n", "line 2: it is too far to the right"),
     "list.yaml": ("- 1\n- 2\n", "line 2: it is no name and value"),
-    "deep.yaml": ("a: " + "[" * 99 + "]" * 99, "line 1: more than 16 things"),
-    "steps.yaml": ("".join(f"{' ' * n}a:\n" for n in range(99)), "line 18: more than 16 things"),
+    "deep.yaml": ("a: " + "[" * 99 + "]" * 99, "line 1: nested deeper than 16 levels"),
+    "steps.yaml": (
+        "".join(f"{' ' * n}a:\n" for n in range(99)),
+        "line 18: nested deeper than 16 levels",
+    ),
     "other.yaml": ("a: 1\n", "it has none of camera_matrix"),
     "model.yaml": ("distortion_model: fov\nK: [1]", "cannot reshape array of size 1"),
     "name.yaml": ("distortion_model: fov\nD: [1]", "unknown lens model 'fov'; known: pinhole"),

@@ -85,7 +85,7 @@ def test_what_is_allowed_is_worked_on(capsys, monkeypatch):
     assert ended(app, *words, "--memory", "3GiB") == 0
     said = capsys.readouterr().err
     assert "visible voxels" in said
-    assert "of memory were held" in said
+    assert "peak memory: " in said
 
 
 def test_what_is_allowed_ends_with_its_block():

@@ -159,13 +159,13 @@ def test_stores_that_are_damaged_are_refused(capsys):
     store("a.zarr", texels(3, np.uint8))
     chunk = next(path for path in Path("a.zarr").rglob("*") if path.is_file() and "c" in path.parts)
     chunk.write_bytes(chunk.read_bytes()[:20])
-    assert "a.zarr is no zarr, or damaged" in refused(capsys, *TURN, "a.zarr", "-o", "b.png")
+    assert "a.zarr is not zarr, or damaged" in refused(capsys, *TURN, "a.zarr", "-o", "b.png")
     volume = zarr.open_group("v.ome.zarr", mode="w")
     volume.attrs["ome"] = {"version": "0.5", "multiscales": [{"axes": [], "datasets": []}]}
     assert "v.ome.zarr, multiscales:" in refused(capsys, *TURN, "v.ome.zarr", "-o", "b.png")
     store("z.zarr", np.zeros((4, 20, 20), np.uint8), dimension_names=["z", "y", "x"])
     error = refused(capsys, *TURN, "z.zarr", "-o", "b.png")
-    assert "so no single picture; volumes are for resample-volume" in error
+    assert "not a single picture; volumes are for resample-volume" in error
 
 
 def test_a_store_is_never_replaced(capsys):

@@ -142,7 +142,7 @@ def test_a_wrong_shape_is_refused(change, values, server, capsys):
     path = store(server, values)
     metadata = json.loads((path / "zarr.json").read_text())
     (path / "zarr.json").write_text(json.dumps(metadata | change))
-    assert "is no zarr, or damaged" in refused(capsys, f"{server.place}/a.zarr")
+    assert "is not zarr, or damaged" in refused(capsys, f"{server.place}/a.zarr")
 
 
 def test_without_a_list_of_chunks_each_is_asked_about(values, server):

@@ -265,10 +265,10 @@ def test_an_error_while_bricks_are_read_ends_it(volume):
     assert survey(streamed).greatest > 100
 
     def broken(_):
-        raise ValueError("blobs is no zarr, or damaged")
+        raise ValueError("blobs is not zarr, or damaged")
 
     streamed.values.read = broken
-    with pytest.raises(ValueError, match="blobs is no zarr, or damaged"):
+    with pytest.raises(ValueError, match="blobs is not zarr, or damaged"):
         Subject.of(streamed, of_voxels(SOLID))
 
 

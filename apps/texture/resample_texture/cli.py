@@ -238,10 +238,10 @@ def compare(
     image
         A picture; a small one is tiled with its mirror images.
     scene
-        What is looked at: floor, floor-yaw, floor-close, zoom, shrink, or a matrix as warp takes
+        Scene: floor, floor-yaw, floor-close, zoom, shrink, or a matrix as warp takes
         it.
     methods
-        Separated by commas; with parameters as in opencv-supersample:n=8,kernel=linear.
+        Methods separated by commas; with parameters as in opencv-supersample:n=8,kernel=linear.
     output
         Written to: a page with sliders (.html), or all pictures side by side with details enlarged
         (.png).
@@ -310,9 +310,9 @@ def animate(
     image
         Any picture.
     path
-        The camera's way: fly, low over the picture, forth and back; or turn, around its middle.
+        Camera path: fly, low over the picture and back; or turn, around its center.
     frames
-        How many.
+        Number of frames.
     method
         As in warp.
     edge
@@ -349,7 +349,7 @@ def fetch(name: str | None = None, /, *, folder: flags.Target = None) -> None:
     name
         Of the set; on which terms it may be used is said.
     folder
-        Where to keep it; the user's cache.
+        Folder to keep it in. Default: the user's cache.
     """
     from resample.files.public.sets import told
 

@@ -419,9 +419,9 @@ def animate_cloud(
     file
         As of cloud.
     path
-        The camera's way: orbit, once around; sway, left and right; or a file of keyframes or poses.
+        Camera path: orbit, once around; sway, left and right; or a file of keyframes or poses.
     frames
-        How many. 96; of a file as many as its times ask for.
+        Number of frames. Default: 96; for a file as its times require.
     """
     from resample.command.session import Session
     from resample.command.workers import at_work, check_sharing
@@ -479,7 +479,7 @@ def compare(
     depth
         As of render.
     scene
-        What is looked at: generated, a room of known depth, ray traced.
+        Scene: generated, a ray-traced room of known depth.
     truth
         What the camera at --pose saw.
     mask
@@ -487,7 +487,7 @@ def compare(
     views
         Of the generated scene: some of side, back4, in3, oblique and roll, separated by commas.
     methods
-        Separated by commas; with parameters as in hybrid:quality=2.
+        Methods separated by commas; with parameters as in hybrid:quality=2.
     refine
         As of render: what is done about the depth that all of them are given.
     output
@@ -532,7 +532,7 @@ def fetch(name: str | None = None, /, *, folder: flags.Target = None) -> None:
     name
         Of the set; on which terms it may be used is said.
     folder
-        Where to keep it; the user's cache.
+        Folder to keep it in. Default: the user's cache.
     """
     from resample.files.public.sets import told
 
@@ -567,7 +567,7 @@ def figures(
     views
         Of the generated scene: one of side, back4, in3, oblique or roll.
     methods
-        Separated by commas.
+        Methods separated by commas.
     refine
         As of render, of COLOR and DEPTH.
     """

@@ -1,1 +1,1 @@
-"""Arrays in chunks, of zarr: opened, and what OME-Zarr says of them."""
+"""Chunked zarr arrays: access and OME-Zarr metadata."""

@@ -129,7 +129,7 @@ class Warping(Choices):
 
     method: Annotated[
         str,
-        Field(description="How: such as hybrid, paper, bilinear or opencv-supersample:n=8."),
+        Field(description="Method: such as hybrid, paper, bilinear or opencv-supersample:n=8."),
     ] = "hybrid"
     filter: MethodsFilter = None
     interpolation: Annotated[
@@ -277,12 +277,12 @@ class MeshFormat(Choices):
     ] = None
     background: Annotated[
         str | None,
-        Field(description="Behind the picture: black, white, #rrggbb or none for transparent."),
+        Field(description="Background: black, white, #rrggbb or none for transparent."),
     ] = None
     bits: Annotated[
         Literal[8, 16],
         BeforeValidator(number),
-        Field(description="Per channel: 8 or 16 of a PNG."),
+        Field(description="Bits per channel: 8 or 16 (PNG)."),
     ] = 8
 
     def height_and_width(self) -> tuple[int, int]:

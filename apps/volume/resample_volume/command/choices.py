@@ -61,8 +61,8 @@ class Source(Choices):
         str | None,
         About.RESOURCE,
         Field(
-            description=f"{MEMORY}; of a volume in chunks (OME-Zarr, zarr) its voxels may take "
-            "that, or half of what is free."
+            description=f"{MEMORY}; the voxels of a chunked volume (OME-Zarr, zarr) may take that, "
+            "or half of the free memory."
         ),
     ] = None
     level: Annotated[

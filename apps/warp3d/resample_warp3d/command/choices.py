@@ -225,7 +225,7 @@ class Warping(Choices):
 
     method: Annotated[
         str,
-        Field(description="How: such as hybrid, paper, mesh or mcmillan; see resample plugins."),
+        Field(description="Method: such as hybrid, paper, mesh or mcmillan; see resample plugins."),
     ] = "hybrid"
     filter: MethodsFilter = None
     noise: Annotated[
@@ -418,8 +418,8 @@ class Travel(Choices):
         str,
         words("sway", "orbit", "dolly"),
         Field(
-            description="The camera's way: sway, left and right around what is seen; orbit, in a "
-            "circle; dolly, ahead and back; or a file of poses, as of render."
+            description="Camera path: sway, left and right around the scene; orbit, in a circle; "
+            "dolly, forward and back; or a file of poses, as in render."
         ),
     ] = "sway"
     amount: Annotated[
@@ -430,5 +430,5 @@ class Travel(Choices):
         ),
     ] = None
     frames: Annotated[
-        int | None, Field(description="How many. 48; of a file as many as it has poses.")
+        int | None, Field(description="Number of frames. Default: 48; one per pose of a file.")
     ] = None

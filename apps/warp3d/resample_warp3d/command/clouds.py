@@ -51,7 +51,7 @@ class CloudLook(Choices):
     color_by: Annotated[
         str | None,
         Field(
-            description="What colors mean: a column of the file, such as intensity, or x, y or z."
+            description="Source of colors: a column of the file, such as intensity, or x, y or z."
         ),
     ] = None
     colormap: Annotated[
@@ -202,11 +202,13 @@ class CloudFormat(Choices):
     background: Annotated[
         str | None,
         Field(
-            description="Behind the picture: black, white, #rrggbb or none for transparent. None."
+            description="Background: black, white, #rrggbb or none for transparent. Default: none."
         ),
     ] = None
     bits: Annotated[
-        Literal[8, 16], BeforeValidator(number), Field(description="Per channel: 8 or 16 of a PNG.")
+        Literal[8, 16],
+        BeforeValidator(number),
+        Field(description="Bits per channel: 8 or 16 (PNG)."),
     ] = 8
 
     def height_and_width(self) -> Shape:

@@ -37,7 +37,9 @@ class SourceCamera(Choices):
     ] = None
     fov: Annotated[
         float | None,
-        Field(description="Degrees along the shorter side; in place of intrinsics."),
+        Field(
+            description="Field of view along the shorter side in degrees; in place of intrinsics."
+        ),
     ] = None
     lens: Annotated[
         str | None,
