@@ -1,4 +1,4 @@
-"""How fine the sub-pixels of a tile are, and how wide points are on them."""
+"""Resolution of a tile's sub-pixels, and the width of points on them."""
 
 import math
 from inspect import unwrap
@@ -8,7 +8,7 @@ import numpy as np
 from resample.engine.jit import kernel
 from resample.types import Single, Style
 
-# Sub-pixels between the closest points of a tile, at most; measured (docs/quality.md).
+# Sub-pixels between the closest points of a tile, at most; measured (docs/quality.md)
 POINT_SPACING = 0.6
 
 
@@ -16,13 +16,15 @@ POINT_SPACING = 0.6
 def grid(smallest: float, style: Style) -> int:
     """Sub-pixels per side of a pixel for a tile whose closest samples are `smallest` px apart.
 
-    Fine enough that splats are at least a sub-pixel apart; where that would be finer than splats
-    are worth, as fine as leaves these samples points.
+    Fine enough that splats are at least a sub-pixel apart. Where that would be finer than splats
+    are worth, these samples are points, and the grid is as fine as that allows.
     """
+    # A fixed resolution, or an empty tile.
     if style.subpixels > 0:
         return style.subpixels
     if not smallest < np.inf:
         return 1
+    # Splats need a sub-pixel each; points must not be farther apart than a share of one.
     spacing = max(smallest, 1e-6)
     for_splats = min(style.most_for_splats, math.ceil(1.0 / spacing))
     for_points = min(style.most_for_points, int(min(style.threshold, POINT_SPACING) / spacing))
@@ -30,13 +32,13 @@ def grid(smallest: float, style: Style) -> int:
 
 
 def grid_of(smallest: Single, style: Style) -> int:
-    """As `grid`, for Python: a single number is not worth machine code."""
+    """As `grid`, for Python: machine code does not pay for a single number."""
     return int(unwrap(grid)(float(smallest), style))
 
 
 @kernel
 def is_surely_point(spacing: Single, style: Style) -> bool:
-    """Whether a sample is a point on the finest grid that a tile may get."""
+    """Whether a sample is a point on the finest grid that a tile may have."""
     finest = style.subpixels
     if finest == 0:
         finest = max(style.most_for_splats, style.most_for_points)
@@ -47,8 +49,9 @@ def is_surely_point(spacing: Single, style: Style) -> bool:
 def point_width(spacing: Single, variance: float) -> Single:
     """Standard deviation of a point's filter: the kernel's projection and a sub-pixel's extent.
 
-    `spacing` is in sub-pixels, `variance` in voxels²; 0 stands for a filter of fixed width 1.
+    `spacing` is in sub-pixels, `variance` in voxels²; 0 means a filter of fixed width 1.
     """
     if variance == 0.0:
         return 1.0
+    # A box one sub-pixel wide has variance 1 / 12.
     return math.sqrt(variance * spacing * spacing + 1.0 / 12.0)

@@ -1,4 +1,4 @@
-"""Levels of integers to numbers and back by tables, on all threads."""
+"""Convert integer levels to values and back by tables, on all threads."""
 
 from typing import Any, NamedTuple
 
@@ -8,18 +8,18 @@ from numpy.typing import NDArray
 from resample.engine.jit import Counter, parallel_kernel, tasks
 from resample.types import Floats
 
-STRETCH = 1 << 15  # numbers that one thread takes at a time
+STRETCH = 1 << 15  # numbers per task
 
 
 class ShortOrLong(NamedTuple):
-    """Levels of one of two types; there are none of the other."""
+    """Levels of one of two types; the other array is empty."""
 
     short: NDArray[np.uint8]  # (N,) or (0,)
     long: NDArray[np.uint16]  # (0,) or (N,)
 
 
 def levels_of(given: NDArray[Any]) -> ShortOrLong:
-    """Levels (N,) of either type, as one kernel takes both."""
+    """Put levels (N,) of either type into one bundle, which one kernel takes."""
     if given.dtype == np.uint8:
         return ShortOrLong(given, np.empty(0, np.uint16))
     return ShortOrLong(np.empty(0, np.uint8), given)
@@ -27,9 +27,10 @@ def levels_of(given: NDArray[Any]) -> ShortOrLong:
 
 @parallel_kernel
 def look_up(counter: Counter, table: Floats, levels: ShortOrLong, values: Floats) -> None:
-    """Put what levels (N,) stand for by a table into values (N,)."""
+    """Look levels (N,) up in a table, into values (N,)."""
     for n in tasks(counter, -(-values.size // STRETCH)):
         first, last = n * STRETCH, min((n + 1) * STRETCH, values.size)
+        # One loop per type; the other array is empty.
         if levels.short.size > 0:
             for k in range(first, last):
                 values[k] = table[np.uint64(levels.short[k])]
@@ -42,9 +43,10 @@ def look_up(counter: Counter, table: Floats, levels: ShortOrLong, values: Floats
 def put_levels(
     counter: Counter, table: NDArray[np.uint8], values: Floats, levels: NDArray[np.uint8]
 ) -> None:
-    """Put levels (N,) of values (N,), cut off at 0 and 1, for which a table has equal steps."""
+    """Quantize values (N,), clamped to 0..1, to levels (N,) by a table of equal steps."""
     most = np.float32(table.size - 1)
     for n in tasks(counter, -(-values.size // STRETCH)):
         for k in range(n * STRETCH, min((n + 1) * STRETCH, values.size)):
-            value = min(max(values[k], np.float32(0)), np.float32(1))  # not a number is 0
+            # Clamp; NaN becomes 0.
+            value = min(max(values[k], np.float32(0)), np.float32(1))
             levels[k] = table[np.uint64(np.int32(value * most + np.float32(0.5)))]

@@ -1,9 +1,8 @@
-"""What painters that composite samples agree on."""
+"""Constants that all compositing painters share."""
 
 from resample.types import Single
 
-VISIBLE = 1.0 / 255.0  # opacity from which on a pixel counts as having seen something
+VISIBLE = 1.0 / 255.0  # opacity from which on a pixel counts as covered, for its nearest depth
 
-Light = tuple[
-    Single, Single, Single, Single
-]  # straight red, green, blue, and the depth they are at
+# Straight red, green, blue, and their depth.
+Light = tuple[Single, Single, Single, Single]

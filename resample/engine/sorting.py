@@ -1,4 +1,4 @@
-"""Put a tile's samples in painting order, whatever order they came in."""
+"""Sort a tile's samples into painting order, which never depends on the order of the input."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,23 +8,23 @@ from resample.types import Floats, Single
 
 Indices = NDArray[np.int32]
 Keys = NDArray[np.uint32]
-Pairs = NDArray[np.uint64]  # a key's bits above a number of 32 bits
+Pairs = NDArray[np.uint64]  # a key's bits above a sample's number of 32 bits
 
-FEW = 48  # up to here insertion beats counting digits
-MOST_BITS = 11  # of a digit: at most three passes over 32
+FEW = 48  # numbers up to which insertion sort beats radix sort
+MOST_BITS = 11  # of a digit: at most three passes over 32 bits
 HALF = np.uint64(32)  # bits
 LOWER = np.uint64(0xFFFFFFFF)
 
 
 @kernel
 def _ascending(bits: np.uint32) -> np.uint32:
-    """Map a float32's bits to an integer that sorts as the float does."""
+    """Map a float32's bits to an integer of the same order."""
     return np.uint32(~bits) if bits >> np.uint32(31) else np.uint32(bits | np.uint32(0x80000000))
 
 
 @kernel
 def _is_before(looks: Floats, first: int, second: int) -> bool:
-    """Whether a row of `looks` (N, K) comes before another: what stands first decides first."""
+    """Whether one row of `looks` (N, K) comes before another, in lexicographic order."""
     for column in range(looks.shape[1]):
         if looks[first, column] != looks[second, column]:
             return bool(looks[first, column] < looks[second, column])
@@ -33,8 +33,9 @@ def _is_before(looks: Floats, first: int, second: int) -> bool:
 
 @kernel
 def _sift(looks: Floats, run: Indices, root: int, size: int) -> None:
-    """Restore the heap below `root`: no child after its parent."""
+    """Restore the heap below `root`: no child comes after its parent."""
     while 2 * root + 1 < size:
+        # Take the later child, and swap it up if it comes after its parent.
         child = 2 * root + 1
         if child + 1 < size and _is_before(looks, run[child], run[child + 1]):
             child += 1
@@ -46,7 +47,8 @@ def _sift(looks: Floats, run: Indices, root: int, size: int) -> None:
 
 @kernel
 def settle(run: Indices, looks: Floats) -> None:
-    """Put rows of `looks` (N, K), of which `run` holds numbers, in ascending order: heap sort."""
+    """Sort row numbers `run` by their rows of `looks` (N, K): heap sort."""
+    # Mostly the run is sorted already.
     ordered = True
     for n in range(1, run.size):
         if _is_before(looks, run[n], run[n - 1]):
@@ -54,6 +56,7 @@ def settle(run: Indices, looks: Floats) -> None:
             break
     if ordered:
         return
+    # Build the heap, then move its root to the end, again and again.
     for root in range(run.size // 2 - 1, -1, -1):
         _sift(looks, run, root, run.size)
     for size in range(run.size - 1, 0, -1):
@@ -63,6 +66,7 @@ def settle(run: Indices, looks: Floats) -> None:
 
 @kernel
 def _insert(pair: Pairs) -> None:
+    # Insertion sort by the upper 32 bits; stable.
     for n in range(1, pair.size):
         moved, place = pair[n], n
         while place > 0 and pair[place - 1] >> HALF > moved >> HALF:
@@ -73,14 +77,16 @@ def _insert(pair: Pairs) -> None:
 
 @kernel
 def _move(pair: Pairs, to: Pairs, low: np.uint64, shift: np.uint64, position: Indices) -> None:
-    """Put pairs in the order of one digit, of which `position` has one place more than values."""
+    """Counting sort by one digit; `position` is scratch of one more than the digit has values."""
     mask = np.uint64(position.size - 2)
+    # Count the values of the digit, and sum up to where each begins.
     for digit in range(position.size):
         position[digit] = 0
     for n in range(pair.size):
         position[(((pair[n] - low) >> shift) & mask) + np.uint64(1)] += 1
     for digit in range(1, position.size):
         position[digit] += position[digit - 1]
+    # Move each pair to its place, in order.
     for n in range(pair.size):
         digit = ((pair[n] - low) >> shift) & mask
         to[np.uint64(position[digit])] = pair[n]
@@ -89,29 +95,33 @@ def _move(pair: Pairs, to: Pairs, low: np.uint64, shift: np.uint64, position: In
 
 @kernel
 def sort_pairs(pair: Pairs, other: Pairs) -> None:
-    """Sort by the upper 32 bits, stably; `other` is room, just as large, to work in.
+    """Sort by the upper 32 bits, stably; `other` is scratch of the same size.
 
-    By digits of a width that fits the span of these bits, least significant first.
+    Radix sort with digits of a width that fits the range of these bits, least significant first.
     """
     if pair.size <= FEW:
         _insert(pair)
         return
+    # Find the range of the keys.
     low = high = pair[0]
     for n in range(1, pair.size):
         low, high = min(low, pair[n]), max(high, pair[n])
     low >>= HALF
+    # Choose the digits: as few passes as possible, of equal width.
     span, bits = (high >> HALF) - low, 1
     while span >> np.uint64(bits):
         bits += 1
     passes = (bits + MOST_BITS - 1) // MOST_BITS
     width = (bits + passes - 1) // passes
     position = np.empty((1 << width) + 1, np.int32)
+    # Sort by digit after digit, back and forth between the arrays.
     for digit in range(passes):
         shift = HALF + np.uint64(digit * width)
         if digit % 2 == 0:
             _move(pair, other, low << HALF, shift, position)
         else:
             _move(other, pair, low << HALF, shift, position)
+    # Copy back after an odd number of passes.
     if passes % 2 == 1:
         for n in range(pair.size):
             pair[n] = other[n]
@@ -119,19 +129,19 @@ def sort_pairs(pair: Pairs, other: Pairs) -> None:
 
 @kernel
 def paired(bits: np.uint32, member: int) -> np.uint64:
-    """A key and whose it is, as one number."""
+    """Pack a key and a sample's number into one integer."""
     return np.uint64(bits) << HALF | np.uint64(np.uint32(member))
 
 
 @kernel
 def bits_of(key: Single) -> np.uint32:
-    """Integer that sorts as a float32 does."""
+    """Integer of the same order as a float32."""
     return _ascending(np.float32(key).view(np.uint32))
 
 
 @kernel
 def key_of_bits(bits: np.uint32) -> Single:
-    """The float32 of which `bits_of` gave this integer."""
+    """Inverse of `bits_of`."""
     is_positive = bits >> np.uint32(31) != np.uint32(0)
     own = np.uint32(bits ^ np.uint32(0x80000000)) if is_positive else np.uint32(~bits)
     return np.uint32(own).view(np.float32)
@@ -139,5 +149,5 @@ def key_of_bits(bits: np.uint32) -> Single:
 
 @kernel
 def member_of(pair: np.uint64) -> np.int64:
-    """Whose the key is."""
+    """Sample's number in a pair."""
     return np.int64(pair & LOWER)

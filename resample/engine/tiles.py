@@ -1,4 +1,4 @@
-"""Which samples touch which tile of the screen."""
+"""Assignment of samples to the tiles of the screen that they touch."""
 
 import math
 
@@ -15,7 +15,8 @@ Counts = NDArray[np.int64]
 
 @kernel
 def tiles_met(low: float, high: float, margin: float, size: int, count: int) -> tuple[int, int]:
-    """First and last tile along one axis whose pixels, with margin, meet [low, high] px."""
+    """First and last tile along one axis whose pixels, with margin, overlap [low, high] px."""
+    # Clamp before converting to integers: bounds may be infinite.
     first = math.floor(max(-1.0, min(float(count), (low - margin) / size)))
     last = math.floor(max(-1.0, min(float(count), (high + margin) / size)))
     return max(0, int(first)), min(count - 1, int(last))
@@ -25,6 +26,7 @@ def tiles_met(low: float, high: float, margin: float, size: int, count: int) -> 
 def _count_chunk(
     footprints: Records, screen: Screen, size: int, tile_columns: int, count: Counts, chunk: int
 ) -> None:
+    # Skip hidden samples, and count the others in every tile that they touch.
     tile_rows = count.shape[1] // tile_columns
     for n in range(*_span(footprints.size, chunk)):
         record = footprints[n]
@@ -51,6 +53,7 @@ def _deal_chunk(
     smallest: Floats,
     chunk: int,
 ) -> None:
+    # As in `_count_chunk`, write each sample to its tiles.
     size, columns, member, margin = tiles.size, tiles.columns, tiles.member, screen.margin
     tile_rows = position.shape[1] // columns
     for n in range(*_span(footprints.size, chunk)):
@@ -64,6 +67,7 @@ def _deal_chunk(
                 tile = row * columns + column
                 member[position[chunk, tile]] = n
                 position[chunk, tile] += 1
+                # Keep the smallest spacing, which decides the tile's grid.
                 smallest[chunk, tile] = min(smallest[chunk, tile], record["spacing"])
 
 
@@ -76,7 +80,7 @@ def count_members(
     tile_columns: int,
     count: Counts,
 ) -> None:
-    """Number of samples of each chunk in each tile, added to `count` (CHUNKS, T)."""
+    """Count the samples of each chunk in each tile, added to `count` (CHUNKS, T)."""
     for chunk in tasks(counter, CHUNKS):
         _count_chunk(footprints, screen, size, tile_columns, count, chunk)
 
@@ -90,9 +94,9 @@ def deal_members(
     position: Counts,
     smallest: Floats,
 ) -> None:
-    """Write each tile's samples, and the smallest spacing among each chunk's own (CHUNKS, T).
+    """Write each tile's samples, and the smallest spacing per chunk and tile (CHUNKS, T).
 
-    `position` (CHUNKS, T) says where each chunk's samples begin.
+    `position` (CHUNKS, T) is where each chunk's samples of a tile begin.
     """
     for chunk in tasks(counter, CHUNKS):
         _deal_chunk(footprints, screen, tiles, position, smallest, chunk)

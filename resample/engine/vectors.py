@@ -1,6 +1,6 @@
 """Vectors and matrices as tuples of numbers.
 
-They live in registers, allocate nothing and have no reference counts to be touched at every call.
+They live in registers, need no allocation, and have no reference counts that calls would touch.
 """
 
 import numpy as np
@@ -12,15 +12,16 @@ Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]  # rows
 
 
+# Products, written out for three dimensions.
 @kernel
 def dot(u: Vector, v: Vector) -> float:
-    """Scalar product."""
+    """Dot product."""
     return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
 
 
 @kernel
 def cross(u: Vector, v: Vector) -> Vector:
-    """Vector product."""
+    """Cross product."""
     return (
         u[1] * v[2] - u[2] * v[1],
         u[2] * v[0] - u[0] * v[2],
@@ -36,7 +37,7 @@ def combine(u: Vector, scale: float, v: Vector) -> Vector:
 
 @kernel
 def scaled(scale: float, v: Vector) -> Vector:
-    """Product with a number."""
+    """Product of a scalar and a vector."""
     return (scale * v[0], scale * v[1], scale * v[2])
 
 
@@ -52,9 +53,11 @@ def column(matrix: Matrix, c: int) -> Vector:
     return (matrix[0][c], matrix[1][c], matrix[2][c])
 
 
+# Conversions from arrays.
 @inner_kernel
 def vector_at(flat: Floats, n: np.uint64) -> Vector:
-    """One of many vectors, whose numbers lie in a row."""
+    """The nth of many vectors, whose numbers are contiguous."""
+    # Unsigned indices need no test for negative values.
     k = np.uint64(3) * n
     return float(flat[k]), float(flat[k + np.uint64(1)]), float(flat[k + np.uint64(2)])
 

@@ -1,4 +1,4 @@
-"""Cells as upright boxes on the screen, and what of them lies in which pixel."""
+"""Cells as axis-aligned boxes on the screen, and their overlaps with pixels."""
 
 import math
 from typing import Any
@@ -8,30 +8,31 @@ import numpy as np
 from resample.engine.jit import inner_kernel
 from resample.types import Single
 
-Number = Any  # float32 or float64: what is given is what comes out
+Number = Any  # float32 or float64; results have the type of the arguments
 Pixel = Any  # a number kept in int32
 
 
 @inner_kernel
 def pixel_of(place: Single) -> Pixel:
-    """Pixel that a place of a screen lies in; `math.floor` of a float32 is a call of a function."""
+    """Pixel that a position lies in; `math.floor` of a float32 is a function call."""
+    # Truncate, and correct negative numbers.
     whole = np.int32(place)
     return np.int32(whole - np.int32(place < np.float32(whole)))
 
 
 @inner_kernel
 def length(a: Single, b: Single) -> Single:
-    """Length of (a, b): how far a box reaches along an axis, of whose sides these are the parts."""
+    """Length of (a, b): extent of a box along an axis, from the extents of its two sides."""
     return np.float32(math.sqrt(a * a + b * b))
 
 
 @inner_kernel
 def beyond(start: Number, extent: Number, pixel: Number) -> Number:
-    """Share, along an axis, of a box that lies beyond the pixel in which it starts."""
+    """Share of a box, along an axis, beyond the pixel in which it starts."""
     return max(np.float32(0), (start + extent - pixel - np.float32(1)) / extent)
 
 
 @inner_kernel
 def within(start: Number, end: Number, pixel: Number) -> tuple[Number, Number]:
-    """Where a box begins and ends within a pixel along an axis; not in order if it misses it."""
+    """Where a box begins and ends within a pixel along an axis; in reverse order if it misses."""
     return max(start, pixel), min(end, pixel + np.float32(1))

@@ -1,7 +1,7 @@
 """The loop over parts of a source: each is placed cell by cell on pixels of its own.
 
-What a part is and how its cells are placed is the application's, which plays the roles `begun`,
-`lines` and `fill` for a bundle of its own, and `stamp` where cells are not all that a line holds.
+The application says what a part is and how its cells are placed: for a bundle of its own it plays
+the roles `begun`, `lines` and `fill`, and `stamp` where a line holds more than cells.
 """
 
 from collections.abc import Iterator
@@ -19,7 +19,7 @@ from resample.engine.surfaces.stamps import Ground
 from resample.types import Floats
 
 Integers = NDArray[np.int64]
-Source = Any  # a bundle of the application's, whose class settles what the roles do
+Source = Any  # a bundle of the application's, whose class selects what the roles do
 Work = Any  # likewise, of one part; its field `batch` is a `Batch`
 
 BATCH = 1 << 25  # numbers that parts may hold at a time
@@ -30,30 +30,30 @@ class Parts(NamedTuple):
 
     bounds: Integers  # (B, 4) px that the cells of a part may meet: see `tiles.LEFT`
     start: Integers  # (B + 1,) where the sums of each begin
-    sums: Floats  # room for all parts' pixels, interleaved channels and weight
+    sums: Floats  # all parts' pixels, channels and weight interleaved
 
 
 @making_role
 def begun(source: Source, part: int) -> Work:
-    """What is needed to place a part's cells, with room for a batch of them."""
+    """Set up what a part's cells are placed with, and scratch for a batch of them."""
     raise NotImplementedError
 
 
 @role
 def lines(source: Source, part: int) -> int:
-    """How many batches the cells of a part come in."""
+    """Number of batches that the cells of a part come in."""
     raise NotImplementedError
 
 
 @role
 def fill(source: Source, part: int, line: int, box: Integers, spread: Spread, work: Work) -> int:
-    """Place a batch of cells within the pixels `box` (4,) of their part; gives how many."""
+    """Place a batch of cells within the pixels `box` (4,) of their part; return how many."""
     raise NotImplementedError
 
 
 @called_role
 def stamp(work: Work, ground: Ground) -> None:
-    """Add what was placed with a batch and is no cell, but a splat."""
+    """Add the splats that were placed with a batch of cells."""
     raise NotImplementedError
 
 
@@ -65,11 +65,13 @@ def _stamp(work: Work, ground: Ground) -> None:
 @inner_kernel
 def _paint_part(source: Source, part: int, spread: Spread, parts: Parts, work: Work) -> None:
     """Add the cells of one part to its pixels."""
+    # Clear the part's pixels.
     box, begin, sums = parts.bounds[part], parts.start[part], parts.sums
     for n in range(begin, parts.start[part + 1]):
         sums[n] = np.float32(0)
     width, batch = box[RIGHT] - box[LEFT], work.batch
     ground = Ground(sums, begin, width, box[BOTTOM] - box[TOP])
+    # Place and add its cells, batch by batch.
     for line in range(lines(source, part)):
         count = fill(source, part, line, box, spread, work)
         stamp(work, ground)
@@ -78,22 +80,24 @@ def _paint_part(source: Source, part: int, spread: Spread, parts: Parts, work: W
 
 @kernel
 def paint_parts(counter: Counter, source: Source, spread: Spread, parts: Parts) -> None:
-    """Add every part to pixels of its own; for an application's parallel kernel."""
+    """Add every part to its own pixels; for an application's parallel kernel."""
     for n in tasks(counter, parts.bounds.shape[0]):
         _paint_part(source, n, spread, parts, begun(source, n))
 
 
 def parts_of(bounds: Integers, lanes: int) -> Parts:
-    """Room for the sums of parts that meet the pixels `bounds` (B, 4)."""
+    """Allocate the sums of parts that meet the pixels `bounds` (B, 4)."""
+    # Lay the parts out one behind the other.
     start = offsets(bounds, lanes)
     return Parts(bounds, start, np.empty(start[-1], np.float32))
 
 
 def batches(bounds: Integers, lanes: int) -> Iterator[slice]:
-    """Consecutive parts whose pixels fit in memory together."""
+    """Yield consecutive parts whose pixels fit in memory together."""
     start = offsets(bounds, lanes)
     first = 0
     while first < len(bounds):
+        # Find the last part that fits; one part is always taken.
         last = int(np.searchsorted(start, start[first] + BATCH, side="right")) - 1
         last = min(max(last, first + 1), len(bounds))
         yield slice(first, last)
@@ -101,6 +105,6 @@ def batches(bounds: Integers, lanes: int) -> Iterator[slice]:
 
 
 def channel_groups(channels: int) -> list[tuple[int, int]]:
-    """Channels (first, count) in threes, the rest one by one, as kernels take them."""
+    """Split channels into groups (first, count) of three, and the rest one by one, for kernels."""
     threes = [(first, 3) for first in range(0, channels - 2, 3)]
     return threes + [(first, 1) for first in range(3 * len(threes), channels)]

@@ -1,7 +1,7 @@
 """Scattered samples with a Jacobian each, added as cells where small and as splats where large.
 
-Samples come in parts of neighbours that lie in one order, and every part has pixels of its own:
-the same bits for any number of threads.
+Samples come in parts of neighbours in a fixed order, and every part has its own pixels: the bits
+never depend on the number of threads.
 """
 
 import math
@@ -36,7 +36,7 @@ from resample.engine.surfaces.stamps import (
 )
 from resample.types import Doubles, Floats
 
-WIDEST = 512.0  # px; of splats that reach farther a formula gives the mass, to 1e-6
+WIDEST = 512.0  # px; of splats that reach farther the mass follows from a formula, to 1e-6
 
 
 class Scattered(NamedTuple):
@@ -46,22 +46,24 @@ class Scattered(NamedTuple):
     jacobian: Doubles  # (N, 2, 2) px per unit; its columns span what a sample covers
     is_splat: NDArray[np.bool_]  # (N,)
     values: Floats  # (1 or 3, N)
-    first: NDArray[np.int64]  # (B + 1,) sample that each part begins with
-    variances: tuple[float, float]  # of a splat, in its own units, and of its filter, px²
+    first: NDArray[np.int64]  # (B + 1,) first sample of each part
+    variances: tuple[float, float]  # of a splat, in its own units, and of the pixel filter, px²
 
 
 @kernel
 def _fill_cell(batch: Batch, n: int, place: Doubles, j: Doubles, box: tuple[int, int, int]) -> None:
     """Place a sample as cell n; `box` is the left, top and width of its part's pixels, px.
 
-    Under the area filter it is an upright box as wide and as high as the sample is in the mean,
-    and no larger than a pixel.
+    Under the area filter it is an axis-aligned box as wide and high as the sample on average, at
+    most a pixel.
     """
     left, top, width = box
+    # Box around the position, as wide and high as the Jacobian's rows are long.
     x, y = place[0] - left, place[1] - top
     wide = min(1.0, math.hypot(j[0, 0], j[0, 1]))
     high = min(1.0, math.hypot(j[1, 0], j[1, 1]))
     x, y = x - 0.5 * wide, y - 0.5 * high
+    # First pixel, and the shares of the second one along both axes.
     column, row = math.floor(x), math.floor(y)
     right, below = beyond(x, wide, column), beyond(y, high, row)
     batch.along_x[n] = min(right, 1.0) if wide > 0.0 else 0.0
@@ -73,6 +75,7 @@ def _fill_cell(batch: Batch, n: int, place: Doubles, j: Doubles, box: tuple[int,
 def _fill_point(batch: Batch, n: int, place: Doubles, taps: int, box: tuple[int, int, int]) -> None:
     """As `_fill_cell`, under a filter that meets `taps` pixels per side."""
     left, top, width = box
+    # The first tap lies half the filter before the position.
     before = 0.5 * taps - 0.5
     x, y = place[0] - left - before, place[1] - top - before
     column, row = math.floor(x), math.floor(y)
@@ -88,10 +91,12 @@ def _fill_splat(
     mass: float,
     variances: tuple[float, float],
 ) -> None:
-    """Fill in a line (ROWS, 1) of one splat."""
+    """Fill in a line (ROWS, 1) that holds one splat."""
     variance, filter_variance = variances
+    # Ellipse of the sample's Gaussian, convolved with the pixel filter.
     along_u, along_v = (j[0, 0], j[1, 0]), (j[0, 1], j[1, 1])
     ellipse, both = blurred_ellipse(along_u, along_v, mass, variance, filter_variance)
+    # Write the form, its extents, and the peak that gives it the mass.
     line[X, 0], line[Y, 0] = place
     line[WIDE, 0] = math.sqrt(RIM * ellipse.wide)
     line[HIGH, 0] = math.sqrt(RIM * ellipse.high)
@@ -102,17 +107,18 @@ def _fill_splat(
 
 @kernel
 def _weigh_exactly(line: Floats, weight: Floats) -> None:
-    """Scale a splat so that its weights in the centers of all pixels sum to its mass."""
+    """Scale a splat so that its weights at the centers of all pixels sum to its mass."""
     wide, high = line[WIDE, 0], line[HIGH, 0]
     if max(wide, high) > WIDEST:
         return
-    # All of it is laid on pixels of its own; by whole pixels, so that their weights are the same.
+    # Paint it on a canvas of its own, moved by whole pixels so that its weights are the same.
     x, y = line[X, 0], line[Y, 0]
     columns, rows = int(2.0 * wide) + 3, int(2.0 * high) + 3
     line[X, 0] = x - np.float32(math.floor(x - wide))
     line[Y, 0] = y - np.float32(math.floor(y - high))
     sums, ones = np.zeros(2 * columns * rows, np.float32), np.ones((1, 1), np.float32)
     add_splats(Ground(sums, 0, columns, rows), ones, line, 1, weight)
+    # Sum the weights, move it back, and scale its peak.
     total = 0.0
     for n in range(columns * rows):
         total += sums[2 * n + 1]
@@ -123,8 +129,9 @@ def _weigh_exactly(line: Floats, weight: Floats) -> None:
 
 @kernel
 def _scatter_part(source: Scattered, part: int, spread: Spread, parts: Parts) -> None:
-    """Add the samples of one part to its pixels."""
+    """Add the samples of a part to its pixels."""
     box, begin = parts.bounds[part], parts.start[part]
+    # Clear the part's pixels, and allocate a batch and a line.
     left, top, width, height = box[LEFT], box[TOP], box[RIGHT] - box[LEFT], box[BOTTOM] - box[TOP]
     parts.sums[begin : parts.start[part + 1]] = np.float32(0)
     first, last = source.first[part], source.first[part + 1]
@@ -133,8 +140,10 @@ def _scatter_part(source: Scattered, part: int, spread: Spread, parts: Parts) ->
     line, weight = np.empty((ROWS, 1), np.float32), np.empty(SIDE * SIDE, np.float32)
     value, count = np.empty((source.values.shape[0], 1), np.float32), 0
     for n in range(first, last):
+        # Area that the sample covers on the screen.
         place, j = source.place[n], source.jacobian[n]
         mass = abs(j[0, 0] * j[1, 1] - j[0, 1] * j[1, 0])
+        # Large samples: add a splat of exact mass.
         if source.is_splat[n]:
             at = place[0] - left, place[1] - top
             _fill_splat(line, at, j, mass, source.variances)
@@ -142,6 +151,7 @@ def _scatter_part(source: Scattered, part: int, spread: Spread, parts: Parts) ->
             value[:, 0] = source.values[:, n]
             add_splats(ground, value, line, 1, weight)
             continue
+        # Small samples: collect cells in the batch.
         if spread.taps > 0:
             _fill_point(batch, count, place, spread.taps, (left, top, width))
         else:
@@ -149,11 +159,12 @@ def _scatter_part(source: Scattered, part: int, spread: Spread, parts: Parts) ->
         batch.mass[count] = mass
         batch.values[:, count] = source.values[:, n]
         count += 1
+    # Add all cells at once.
     add(parts.sums, begin, width, batch, count, spread)
 
 
 @parallel_kernel
 def scatter_parts(counter: Counter, source: Scattered, spread: Spread, parts: Parts) -> None:
-    """Add the samples of every part to pixels of its own."""
+    """Add the samples of every part to its own pixels."""
     for part in tasks(counter, parts.bounds.shape[0]):
         _scatter_part(source, part, spread, parts)

@@ -1,7 +1,7 @@
-"""Cells added to pixels: each is spread by weights along x and y and leaves its value and mass.
+"""Add cells to pixels: each is spread by weights along x and y, and leaves its value and mass.
 
-Sums lie interleaved, the channels of a pixel and its weight side by side, so that the pixels which
-a cell meets in a row are one stretch of memory.
+Sums are interleaved, the channels of a pixel next to its weight, so that the pixels which a cell
+meets in a row are contiguous in memory.
 """
 
 from typing import NamedTuple
@@ -16,16 +16,16 @@ PHASES = 2048  # rows of a filter's table
 
 
 class Spread(NamedTuple):
-    """The pixel filter as numbers, and what is summed."""
+    """The pixel filter as a table, and what is summed."""
 
     taps: int  # px per side that a cell meets; 0: the area filter, which meets 2
-    is_sum: bool  # a value is a total, which is shared out, not a density
+    is_sum: bool  # a value is a total that is distributed, not a density
     profile: Floats  # (PHASES, taps) weights of the pixels around a point, by its phase
 
 
 @inner_kernel
 def _add_four(sums: Floats, at: int, a: Single, b: Single, c: Single, d: Single) -> None:
-    """Add to four numbers in a row; read first, so that the compiler makes it one addition."""
+    """Add to four contiguous numbers; read first, so that the compiler makes it one addition."""
     i = np.uint64(at)
     j, k, m = i + np.uint64(1), i + np.uint64(2), i + np.uint64(3)
     a, b, c, d = sums[i] + a, sums[j] + b, sums[k] + c, sums[m] + d
@@ -37,6 +37,7 @@ def _add_areas_gray(sums: Floats, start: int, width: int, batch: Batch, count: i
     """Add cells of one channel to the 2 × 2 pixels each overlaps."""
     pixel, along_x, along_y, mass, values = batch
     for n in range(count):
+        # Split the mass between the rows, and each row between its pixels.
         value = values[0, n]
         below = mass[n] * along_y[n]
         above = mass[n] - below
@@ -55,6 +56,7 @@ def _add_areas_color(sums: Floats, start: int, width: int, batch: Batch, count: 
     pixel, along_x, along_y, mass, values = batch
     for n in range(count):
         red, green, blue = values[0, n], values[1, n], values[2, n]
+        # Split the mass between the rows, and each row between its pixels.
         below = mass[n] * along_y[n]
         above = mass[n] - below
         at = start + 4 * pixel[n]
@@ -64,6 +66,7 @@ def _add_areas_color(sums: Floats, start: int, width: int, batch: Batch, count: 
         _add_four(sums, at + 4, right * red, right * green, right * blue, right)
         right = below * along_x[n]
         left = below - right
+        # The row below.
         at += 4 * width
         _add_four(sums, at, left * red, left * green, left * blue, left)
         _add_four(sums, at + 4, right * red, right * green, right * blue, right)
@@ -79,7 +82,7 @@ def phase_of(along: Single) -> int:
 def _add_row_of_four(
     sums: Floats, at: int, value: Single, mass: Single, profile: Floats, phase: int
 ) -> None:
-    """Add a point of one channel to four pixels in a row."""
+    """Add a point of one channel to four contiguous pixels."""
     a, b = mass * profile[phase, 0], mass * profile[phase, 1]
     c, d = mass * profile[phase, 2], mass * profile[phase, 3]
     _add_four(sums, at, a * value, a, b * value, b)
@@ -93,14 +96,17 @@ def _add_points_gray(
     """Add points of one channel to the taps × taps pixels around each."""
     pixel, along_x, along_y, mass, values = batch
     taps = profile.shape[1]
+    # Cells of mass 0 lie outside, and have no valid pixel.
     for n in range(count):
         if mass[n] == np.float32(0):
             continue
+        # Look up the weights of both axes, whose products are those of the pixels.
         value = values[0, n]
         phase_x, phase_y = phase_of(along_x[n]), phase_of(along_y[n])
         at = start + 2 * pixel[n]
         for row in range(taps):
             share = mass[n] * profile[phase_y, row]
+            # Four taps, the commonest filter, are unrolled.
             if taps == 4:
                 _add_row_of_four(sums, at, value, share, profile, phase_x)
             else:
@@ -118,9 +124,11 @@ def _add_points_color(
     """Add points of three channels to the taps × taps pixels around each."""
     pixel, along_x, along_y, mass, values = batch
     taps = profile.shape[1]
+    # Cells of mass 0 lie outside, and have no valid pixel.
     for n in range(count):
         if mass[n] == np.float32(0):
             continue
+        # Look up the weights of both axes, whose products are those of the pixels.
         red, green, blue = values[0, n], values[1, n], values[2, n]
         phase_x, phase_y = phase_of(along_x[n]), phase_of(along_y[n])
         at = start + 4 * pixel[n]
@@ -136,7 +144,7 @@ def _add_points_color(
 def add_points(
     sums: Floats, start: int, width: int, batch: Batch, count: int, profile: Floats
 ) -> None:
-    """Add the first cells of a batch as points; as `add`, under a filter (PHASES, taps)."""
+    """Add the first cells of a batch as points; as `add`, under a filter table (PHASES, taps)."""
     if batch.values.shape[0] == 1:
         _add_points_gray(sums, start, width, batch, count, profile)
     else:
@@ -159,7 +167,7 @@ def add(sums: Floats, start: int, width: int, batch: Batch, count: int, spread: 
 
 @inner_kernel
 def gather(pixels: Floats, width: int, batch: Batch, count: int, spread: Spread) -> None:
-    """Transposed `add`: give cells what the `pixels` (channels, P) that each meets hold.
+    """Transpose of `add`: gather values of cells from the `pixels` (channels, P) that each meets.
 
     The values of the batch are float64.
     """
@@ -171,7 +179,7 @@ def gather(pixels: Floats, width: int, batch: Batch, count: int, spread: Spread)
 
 @inner_kernel
 def _gather_areas(pixels: Floats, width: int, batch: Batch, count: int) -> None:
-    """Take cells' values from the 2 × 2 pixels each overlaps."""
+    """Gather cells' values from the 2 × 2 pixels that each overlaps."""
     pixel, along_x, along_y, mass, values = batch
     for n in range(count):
         at, x, y, area = pixel[n], float(along_x[n]), float(along_y[n]), float(mass[n])
@@ -179,6 +187,7 @@ def _gather_areas(pixels: Floats, width: int, batch: Batch, count: int) -> None:
             values[c, n] = 0.0
             if area == 0.0:
                 continue
+            # Interpolate bilinearly, and scale by the cell's area.
             above = (1.0 - x) * pixels[c, at] + x * pixels[c, at + 1]
             below = (1.0 - x) * pixels[c, at + width] + x * pixels[c, at + width + 1]
             values[c, n] = area * ((1.0 - y) * above + y * below)
@@ -186,16 +195,18 @@ def _gather_areas(pixels: Floats, width: int, batch: Batch, count: int) -> None:
 
 @inner_kernel
 def _gather_points(pixels: Floats, width: int, batch: Batch, count: int, profile: Floats) -> None:
-    """Take points' values from the taps × taps pixels around each."""
+    """Gather points' values from the taps × taps pixels around each."""
     pixel, along_x, along_y, mass, values = batch
     taps = profile.shape[1]
     for n in range(count):
+        # Cells outside gather nothing.
         if mass[n] == np.float32(0):
             for c in range(values.shape[0]):
                 values[c, n] = 0.0
             continue
         phase_x, phase_y = phase_of(along_x[n]), phase_of(along_y[n])
         for c in range(values.shape[0]):
+            # Filter along the rows, then across them.
             total, at = 0.0, pixel[n]
             for row in range(taps):
                 along_row = 0.0

@@ -1,4 +1,4 @@
-"""The target in bands of rows, each painted by one thread, and what is dealt to a band."""
+"""Bands of rows of the target, each painted by one thread, and what meets a band."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -10,20 +10,20 @@ from resample.engine.jit import Counter, kernel, tasks
 
 Bounds = NDArray[Any]  # (..., 4) whole numbers, px: see `LEFT`
 
-# Columns of bounds on the screen; the last two are one beyond.
+# Columns of bounds on the screen; the last two are exclusive.
 LEFT, TOP, RIGHT, BOTTOM = range(4)
 
 
 @kernel
 def bands(counter: Counter, height: int, band: int) -> Iterator[tuple[int, int]]:
-    """First and last + 1 of the rows of the bands that a thread paints."""
+    """Yield the rows of the bands that a thread paints, first and last + 1."""
     for n in tasks(counter, -(-height // band)):
         yield n * band, min(height, (n + 1) * band)
 
 
 @kernel
 def met(bounds: Bounds, rows: tuple[int, int], width: int) -> NDArray[np.int32]:
-    """Which of some bounds (N, 4) meet a band's rows, `width` px wide; in their order."""
+    """Indices, in order, of those bounds (N, 4) that meet a band's rows, `width` px wide."""
     found = np.empty(bounds.shape[0], np.int32)
     count = 0
     for n in range(bounds.shape[0]):

@@ -1,8 +1,8 @@
-"""Ellipsoids seen by a camera: where they fall on the screen, and as which quadratic form.
+"""Project ellipsoids to the screen: bounds, and the quadratic form of each footprint.
 
-Work is done in the ellipsoid's own space, in which it is the unit sphere: there the paper's
-appendix A holds word for word, the image plane merely being oblique. The half axes of a sphere's
-ellipse become conjugate half diameters, which is all that a quadratic form needs.
+All is computed in the ellipsoid's own space, where it is the unit sphere: there the paper's
+appendix A holds word for word, with an oblique image plane. The half axes of a sphere's ellipse
+become conjugate half diameters, from which the quadratic form follows.
 
 The models of the footprint:
 
@@ -78,8 +78,8 @@ class Shape(NamedTuple):
     to_unit: Matrix
     from_unit: Matrix
     covariance: Matrix
-    across: Vector  # a px to the right, in the ellipsoid's space
-    down: Vector  # a px down, in the ellipsoid's space
+    across: Vector  # a step of 1 px to the right at depth 1, in the ellipsoid's space
+    down: Vector  # a step of 1 px down
     volume: float
     scale: float
     radius: float
@@ -95,19 +95,19 @@ class Area(NamedTuple):
 
 
 class LinearPart(NamedTuple):
-    """An ellipsoid under the projection's linear part at its center."""
+    """Linearization of the projection at an ellipsoid's center, and the ellipse it gives."""
 
-    x: float  # of the center at depth 1; 0 where rays are parallel
+    x: float  # center at depth 1; 0 where rays are parallel
     y: float
     fx: float  # px per length at the center's depth
     fy: float
-    xx: float  # px², covariance
+    xx: float  # px², covariance of the ellipse
     yy: float
     xy: float
 
 
 class Optics(NamedTuple):
-    """What samples are projected by, as numbers."""
+    """Camera, ellipsoid and screen, as numbers."""
 
     eye: Eye
     shape: Shape
@@ -116,7 +116,7 @@ class Optics(NamedTuple):
 
 @kernel
 def eye_of(view: View) -> Eye:
-    """Take a camera apart."""
+    """Unpack a camera, so that kernels keep it in registers."""
     shift, focal, principal = view.translation, view.focal, view.principal
     return Eye(
         matrix_of(view.rotation),
@@ -132,13 +132,13 @@ def eye_of(view: View) -> Eye:
 
 @kernel
 def seen_from(eye: Eye, world: Vector) -> Vector:
-    """A place in the scene, in camera axes."""
+    """Transform a scene position to camera axes."""
     return combine(eye.shift, 1.0, multiply(eye.rotation, world))
 
 
 @kernel
 def shape_of(ellipsoid: Ellipsoid) -> Shape:
-    """Take an ellipsoid apart."""
+    """Unpack an ellipsoid."""
     step = ellipsoid.pixel_to_unit
     return Shape(
         matrix_of(ellipsoid.to_unit),
@@ -159,7 +159,7 @@ def _side_of(sides: Doubles, side: int) -> Side:
 
 @kernel
 def area_of(screen: Screen) -> Area:
-    """Take a screen apart."""
+    """Unpack a screen."""
     s = screen.sides
     sides = (_side_of(s, 0), _side_of(s, 1), _side_of(s, 2), _side_of(s, 3))
     return Area(screen.width, screen.height, screen.margin, sides)
@@ -167,7 +167,7 @@ def area_of(screen: Screen) -> Area:
 
 @kernel
 def optics_of(stage: Stage) -> Optics:
-    """Take apart what samples are projected by."""
+    """Unpack camera, ellipsoid and screen."""
     return Optics(eye_of(stage.camera), shape_of(stage.ellipsoid), area_of(stage.screen))
 
 
@@ -175,7 +175,8 @@ def optics_of(stage: Stage) -> Optics:
 def project_sample(
     record: Record, center: Vector, eye: Eye, shape: Shape, area: Area, style: Style
 ) -> None:
-    """Fill in one record from a sample's center in camera axes; colors are not touched."""
+    """Project one sample, given its center in camera axes, into a record; colors are not set."""
+    # Cull in front of the near plane; a sphere that the plane cuts has no ellipse.
     reach = math.sqrt(shape.covariance[2][2])
     if center[2] + reach <= eye.near:
         _hide(record)
@@ -185,23 +186,29 @@ def project_sample(
         else:
             _across_near(record, center, eye, shape, area)
     else:
+        # Project by the linear part, which tells how densely samples lie.
         _place(record, center, eye, shape)
         _linear_form(record, center, eye, shape)
+        # Points need no form on a grid on which they surely are points.
         if record["spacing"] <= style.threshold:
             if is_surely_point(record["spacing"], style):
                 record["left"], record["right"] = record["x"], record["x"]
                 record["top"], record["bottom"] = record["y"], record["y"]
             else:
                 _splat(record, center, eye, shape, style.model)
+            # The point filter may reach into the frame where the ellipse does not: cull after it is
+            # added.
             _grow_bounds(record, style)
-            if _is_outside(record, area):  # only now: its filter may reach where it does not
+            if _is_outside(record, area):
                 _hide(record)
         elif style.inflated > 0.0 or style.blurred > 0.0:
+            # Widened splats are culled after they are widened.
             _splat(record, center, eye, shape, style.model)
             _widen(record, style)
             if _is_outside(record, area):
                 _hide(record)
         elif _is_beside(center, area.sides):
+            # All others are culled by the sides of the frame, before the form is computed.
             _hide(record)
         else:
             _splat(record, center, eye, shape, style.model)
@@ -209,15 +216,17 @@ def project_sample(
 
 @kernel
 def _widen(record: Record, style: Style) -> None:
-    """Make an affine footprint wider and fainter where it is narrow, by the one rule or the other.
+    """Widen an affine footprint where it is narrow, and make it fainter, by one of two rules.
 
     Swan et al. 1997 enlarge the whole kernel until its neighbours are a pixel apart; Zwicker et al.
     2001 add the pixel filter's covariance to the footprint's own.
     """
+    # Enlarge the kernel (Swan et al.).
     a, b, c = float(record["a"]), float(record["b"]), float(record["c"])
     before = a * c - b * b
     grown = min(1.0, record["spacing"] / style.inflated) if style.inflated > 0.0 else 1.0
     a, b, c = grown * grown * a, grown * grown * b, grown * grown * c
+    # Convolve with the pixel filter: invert the form, add, and invert again (Zwicker et al.).
     if style.blurred > 0.0:
         determinant = a * c - b * b
         xx, yy, xy = (
@@ -227,6 +236,7 @@ def _widen(record: Record, style: Style) -> None:
         )
         wider = xx * yy - xy * xy
         a, b, c = yy / wider, xy / wider, xx / wider
+    # Keep the footprint's mass.
     record["a"], record["b"], record["c"] = a, b, c
     record["amplitude"] *= math.sqrt((a * c - b * b) / before)
     _bounds_of_form(record)
@@ -234,12 +244,13 @@ def _widen(record: Record, style: Style) -> None:
 
 @kernel
 def _clip(record: Record, center: Vector, planes: Doubles, to_unit: Matrix, style: Style) -> None:
-    """Hide what lies beyond a clipping plane (M, 5), and mark the splats that one cuts.
+    """Hide samples beyond a clipping plane (M, 5), and mark splats that a plane cuts.
 
     Points are as small as sub-pixels: their centers decide.
     """
     nearest = np.inf
     for n in range(planes.shape[0]):
+        # Signed distance from the plane.
         inside = (
             planes[n, 0] * center[0]
             + planes[n, 1] * center[1]
@@ -251,6 +262,7 @@ def _clip(record: Record, center: Vector, planes: Doubles, to_unit: Matrix, styl
             _hide(record)
             return
         nearest = min(nearest, inside - reach)
+    # A cut sphere holds its center in place of a form.
     if nearest < 0.0:
         record["cone"] = -1.0
         record["a"], record["b"], record["c"] = multiply(to_unit, center)
@@ -258,6 +270,7 @@ def _clip(record: Record, center: Vector, planes: Doubles, to_unit: Matrix, styl
 
 @kernel
 def _hide(record: Record) -> None:
+    # Empty bounds, and behind all others.
     record["left"], record["right"] = 1.0, 0.0
     record["top"], record["bottom"] = 1.0, 0.0
     record["depth"] = np.inf
@@ -265,7 +278,7 @@ def _hide(record: Record) -> None:
 
 @kernel
 def _is_beside(center: Vector, sides: tuple[Side, Side, Side, Side]) -> bool:
-    """Whether the ellipsoid around `center` lies outside one side of the frame."""
+    """Whether the ellipsoid around `center` lies outside a side of the frame."""
     for side in sides:
         if side[0] * center[0] + side[1] * center[1] + side[2] * center[2] + side[3] > 0.0:
             return True
@@ -285,10 +298,12 @@ def _is_outside(record: Record, area: Area) -> bool:
 
 @kernel
 def _across_near(record: Record, center: Vector, eye: Eye, shape: Shape, area: Area) -> None:
-    """A sphere that the near plane cuts; where it reaches behind the eye, any pixel may see it."""
+    """Bound a sphere that the near plane cuts; behind the eye it may cover any pixel."""
+    # By default, it covers the whole frame.
     record["x"], record["y"] = 0.5 * area.width, 0.5 * area.height
     record["left"], record["right"] = -area.margin, area.width + area.margin
     record["top"], record["bottom"] = -area.margin, area.height + area.margin
+    # Narrow the bounds where a projection exists.
     if not eye.perspective:
         _place(record, center, eye, shape)
         _linear_form(record, center, eye, shape)
@@ -296,6 +311,7 @@ def _across_near(record: Record, center: Vector, eye: Eye, shape: Shape, area: A
     elif center[2] > math.sqrt(shape.covariance[2][2]):
         _place(record, center, eye, shape)
         _bounds_in_perspective(record, center, eye, shape)
+    # Hold its center in place of a form; it is integrated ray by ray.
     record["cone"] = -1.0
     record["a"], record["b"], record["c"] = multiply(shape.to_unit, center)
     record["depth"] = center[2]
@@ -305,11 +321,12 @@ def _across_near(record: Record, center: Vector, eye: Eye, shape: Shape, area: A
 
 @kernel
 def _place(record: Record, center: Vector, eye: Eye, shape: Shape) -> None:
-    """Place on screen, depth and mass: what points and all models share."""
+    """Screen position, depth and mass, which points and all models share."""
     x, y, z = center
     mass = shape.volume * eye.fx * eye.fy
     record["cone"] = 0.0
     record["obliquity"] = 1.0
+    # Perspective shrinks areas by depth², and slanted rays pass more of a layer.
     if eye.perspective:
         per_z = 1.0 / z
         x, y = x * per_z, y * per_z
@@ -326,7 +343,7 @@ def _place(record: Record, center: Vector, eye: Eye, shape: Shape) -> None:
 
 @kernel
 def _splat(record: Record, center: Vector, eye: Eye, shape: Shape, model: int) -> None:
-    """Quadratic form, bounds, cone and amplitude by the model; the linear form is there already."""
+    """Quadratic form, bounds, cone and amplitude by the model; the linear form must be there."""
     if model == AFFINE or not eye.perspective:
         _bounds_of_form(record)
     if model != AFFINE:
@@ -337,7 +354,8 @@ def _splat(record: Record, center: Vector, eye: Eye, shape: Shape, model: int) -
 
 @kernel
 def _amplitude(center: Vector, eye: Eye, shape: Shape) -> float:
-    """Scale of the line integrals at the center, which exact footprints have per pixel instead."""
+    """Factor of line integrals at the center; exact footprints have one per pixel instead."""
+    # The central ray's direction in the ellipsoid's space, per unit of length.
     ray = column(shape.to_unit, 2)
     if eye.perspective:
         ray = scaled(1.0 / math.sqrt(dot(center, center)), multiply(shape.to_unit, center))
@@ -346,11 +364,13 @@ def _amplitude(center: Vector, eye: Eye, shape: Shape) -> float:
 
 @kernel
 def linear_part(center: Vector, eye: Eye, shape: Shape) -> LinearPart:
-    """What the projection's linear part at a center makes of an ellipsoid."""
+    """Linearize the projection at a center, and map the ellipsoid by it."""
+    # Direction to the center, and px per scene unit there.
     v, far = shape.covariance, eye.perspective
     per_z = 1.0 / center[2] if far else 1.0
     x, y = (center[0] * per_z, center[1] * per_z) if far else (0.0, 0.0)
     fx, fy = eye.fx * per_z, eye.fy * per_z
+    # Covariance of the ellipse on the screen: J V Jᵀ.
     xx = fx * fx * (v[0][0] - 2.0 * x * v[0][2] + x * x * v[2][2])
     yy = fy * fy * (v[1][1] - 2.0 * y * v[1][2] + y * y * v[2][2])
     xy = fx * fy * (v[0][1] - x * v[1][2] - y * v[0][2] + x * y * v[2][2])
@@ -359,14 +379,16 @@ def linear_part(center: Vector, eye: Eye, shape: Shape) -> LinearPart:
 
 @kernel
 def major_of(xx: float, yy: float, xy: float) -> float:
-    """Half the longest diameter of an ellipse of this covariance."""
+    """Semi-major axis of an ellipse of this covariance."""
+    # Root of the larger eigenvalue.
     mean, determinant = 0.5 * (xx + yy), xx * yy - xy * xy
     return math.sqrt(mean + math.sqrt(max(0.0, mean * mean - determinant)))
 
 
 @kernel
 def _linear_form(record: Record, center: Vector, eye: Eye, shape: Shape) -> None:
-    """Quadratic form of the projection's linear part at the center, and the spacing it gives."""
+    """Quadratic form of the linearized footprint, and the spacing that follows from it."""
+    # The form is the inverse of the covariance.
     _, _, _, _, xx, yy, xy = linear_part(center, eye, shape)
     scale = 1.0 / (xx * yy - xy * xy)
     record["a"], record["b"], record["c"] = yy * scale, -xy * scale, xx * scale
@@ -376,6 +398,7 @@ def _linear_form(record: Record, center: Vector, eye: Eye, shape: Shape) -> None
 @kernel
 def _bounds_of_form(record: Record) -> None:
     """Bounding box of the ellipse on which the quadratic form is 1."""
+    # The half extents are roots of the inverse's diagonal.
     a, b, c = float(record["a"]), float(record["b"]), float(record["c"])
     determinant = a * c - b * b
     width, height = math.sqrt(c / determinant), math.sqrt(a / determinant)
@@ -385,14 +408,17 @@ def _bounds_of_form(record: Record) -> None:
 
 @kernel
 def _better_form(record: Record, center: Vector, eye: Eye, shape: Shape, model: int) -> None:
-    """Replace the linear form by the exact or the paper's one, and the bounds with it."""
+    """Replace the linear form, and its bounds, by the exact or the paper's one."""
+    # Parallel rays: the linear form is exact up to the ray's own factor.
     if not eye.perspective:
         if model in (EXACT, DISC):
             _exact_form(record, column(shape.to_unit, 2), shape)
         return
+    # Cone of the sphere: sin α = 1 / |c|.
     unit = multiply(shape.to_unit, center)
     if model != EXACT:
         record["cone"] = math.asin(min(1.0, 1.0 / math.sqrt(dot(unit, unit))))
+    # Exact forms have exact bounds; the paper's ellipse has those of its form.
     if model in (EXACT, DISC):
         _exact_form(record, unit, shape)
         _bounds_in_perspective(record, center, eye, shape)
@@ -413,7 +439,8 @@ def _exact_form(record: Record, unit: Vector, shape: Shape) -> None:
 
 @kernel
 def _bounds_in_perspective(record: Record, center: Vector, eye: Eye, shape: Shape) -> None:
-    """Bounding box of an ellipsoid in front of the eye: where planes through the eye touch it."""
+    """Bounding box of an ellipsoid in front of the eye: planes through the eye that touch it."""
+    # Each axis has a quadratic equation for x / z, whose leading coefficient is `in_front`.
     v, z = shape.covariance, center[2]
     in_front = z * z - v[2][2]
     per_front = 1.0 / in_front
@@ -429,13 +456,14 @@ def _bounds_in_perspective(record: Record, center: Vector, eye: Eye, shape: Shap
 
 @kernel
 def _reach(middle: float, in_front: float, rest: float) -> float:
-    """Half the distance of the roots of in_front x² - 2 middle x + rest, times in_front."""
+    """Half the distance between the roots of in_front x² - 2 middle x + rest, times in_front."""
     return math.sqrt(max(0.0, middle * middle - in_front * rest))
 
 
 @kernel
 def _rim_form(record: Record, unit: Vector, eye: Eye, shape: Shape, small_angle: bool) -> None:
     """Ellipse of the tangent cone by appendix A, in the space where the ellipsoid is a sphere."""
+    # Circle in which the cone touches the sphere, and its perpendicular diameters AB and EF.
     squared = dot(unit, unit)
     rim = math.sqrt(1.0 - 1.0 / squared)  # radius of the circle in which the cone touches
     middle = scaled(1.0 - 1.0 / squared, unit)  # C
@@ -447,6 +475,7 @@ def _rim_form(record: Record, unit: Vector, eye: Eye, shape: Shape, small_angle:
     axis = cross(parallel, unit)  # AB: in the plane of P and Q, perpendicular to Q
     axis = scaled(rim / math.sqrt(dot(axis, axis)), axis)
 
+    # Project the ends A and B of the axis.
     back = shape.from_unit
     start = multiply(back, combine(middle, -1.0, axis))
     end = multiply(back, combine(middle, 1.0, axis))
@@ -464,10 +493,12 @@ def _rim_form(record: Record, unit: Vector, eye: Eye, shape: Shape, small_angle:
         skew = (start[2] - end[2]) / (start[2] + end[2])  # where on AB that chord lies
         depth = 2.0 * start[2] * end[2] / (start[2] + end[2])
         shrink = math.sqrt(1.0 - skew * skew) / depth
+    # Scale to px.
     fx, fy = eye.fx, eye.fy
     record["form_x"], record["form_y"] = fx * x + eye.cx, fy * y + eye.cy
     first_x, first_y = fx * first_x, fy * first_y
     second_x, second_y = fx * shrink * chord[0], fy * shrink * chord[1]
+    # Quadratic form of the ellipse with these conjugate half diameters.
     determinant = first_x * second_y - first_y * second_x
     scale = 1.0 / (determinant * determinant)
     record["a"] = scale * (first_y * first_y + second_y * second_y)
@@ -477,8 +508,9 @@ def _rim_form(record: Record, unit: Vector, eye: Eye, shape: Shape, small_angle:
 
 @kernel
 def _grow_bounds(record: Record, style: Style) -> None:
-    """Let the bounds hold the point filter too."""
+    """Extend the bounds by the point filter."""
     pad = style.point_extent
+    # A tile may have a finer grid, on which the filter is narrower.
     if style.variance > 0.0:
         coarsest = grid(record["spacing"], style)  # a tile's is this fine at least
         pad *= point_width(record["spacing"] * coarsest, style.variance) / coarsest
@@ -502,15 +534,18 @@ def _project_chunk(
     position, color, extinction = samples.position, samples.color, samples.extinction
     planes = screen.planes
     for n in range(chunk * CHUNK, min((chunk + 1) * CHUNK, footprints.size)):
+        # Transform the sample to camera axes.
         world = (float(position[n, 0]), float(position[n, 1]), float(position[n, 2]))
         center = seen_from(eye, world)
         record = footprints[n]
+        # Project it, clip it by planes, or leave it out if it is too faint.
         if extinction[n] > style.faintest:
             project_sample(record, center, eye, shape, area, style)
             if planes.shape[0] > 0 and record["left"] <= record["right"]:
                 _clip(record, center, planes, shape.to_unit, style)
         else:
             _hide(record)
+        # Copy its color.
         record["red"] = color[n, 0]
         record["green"] = color[n, 1]
         record["blue"] = color[n, 2]
@@ -527,6 +562,6 @@ def project(
     screen: Screen,
     style: Style,
 ) -> None:
-    """Fill in the footprints (N,) of all samples."""
+    """Project all samples to footprints (N,)."""
     for chunk in tasks(counter, (footprints.size + CHUNK - 1) // CHUNK):
         _project_chunk(footprints, samples, view, ellipsoid, screen, style, chunk)

@@ -1,4 +1,4 @@
-"""Samples that need not be splats of exact footprint: other models of these, and points."""
+"""Mixtures: samples that may be points, or splats of other than exact footprints."""
 
 from typing import NamedTuple
 
@@ -12,14 +12,14 @@ from resample.types import DISC, EXACT, Floats, Single, Style
 
 
 class Mixture(NamedTuple):
-    """What is known of samples that need not be splats of exact footprint."""
+    """Properties of samples that need not be splats of exact footprint."""
 
-    is_plain: bool  # outlines and paddings tell where samples are painted
-    least: float  # px, spacing of samples
+    is_plain: bool  # outlines and margins alone tell where samples are painted
+    least: float  # px, smallest spacing of samples
 
 
 class Bend(NamedTuple):
-    """A splat of any model of footprints; see `resample.engine.mixtures.models`."""
+    """Index correction of a splat's model; see `resample.engine.mixtures.models`."""
 
     flat: Single
     bent: Single
@@ -28,7 +28,7 @@ class Bend(NamedTuple):
 
 @lane_role
 def bend_of(mixture: Mixture | None, room: Floats, s: np.uint64) -> Bend | None:
-    """What a splat's model says, if it may be another than the exact one."""
+    """Index correction of a splat, if its model may be another than the exact one."""
     raise NotImplementedError
 
 
@@ -51,13 +51,15 @@ def limits_of(
     least_ray: Single,
     linear: float,
 ) -> Limits:
-    """What splats of a tile share, once rays have no part in what a mixture's do not take of them.
+    """Limits that all splats of a tile share; rays lose what a mixture's model does not use.
 
-    A size is so many rows and columns; for `linear` see `Limits`.
+    `size` is rows and columns; for `linear` see `Limits`.
     """
+    # Quadratic forms of other models are not multiplied by the ray's own factor.
     if mixture is not None:
         _flatten_rays(rows, size[0], size[1], style.model)
         least_ray = least_ray if style.model in (EXACT, DISC) else np.float32(1.0)
+    # `widest` bounds the form at the rim over all rays of the tile.
     return Limits(
         np.float32(style.opaque),
         np.float32(1.0 / style.layer),
@@ -68,6 +70,7 @@ def limits_of(
 
 @kernel
 def _flatten_rays(rows: Floats, height: int, width: int, model: int) -> None:
+    # Exact footprints keep the rays; discs keep their distances, not their chords.
     if model == EXACT:
         return
     for row in range(height):

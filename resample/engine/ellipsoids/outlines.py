@@ -1,8 +1,8 @@
-"""Where samples fall on the screen, many at once.
+"""Project samples to the screen, many at once: bounds, keys, spacings and quadratic forms.
 
-The formulas are those of `resample.engine.ellipsoids.footprints` for exact footprints, without a
-branch, so that a compiler works on eight samples at a time. What is found are columns of
-numbers at fixed distances, for the same reason as in `resample.engine.ellipsoids.rows`.
+The formulas are those of `resample.engine.ellipsoids.footprints` for exact footprints, written
+without branches, so that the compiler vectorizes over eight samples. Results are columns of numbers
+at fixed distances, for the same reason as in `resample.engine.ellipsoids.rows`.
 """
 
 import math
@@ -38,6 +38,7 @@ from resample.types import (
 )
 
 BATCH = 256  # samples
+# Columns of a batch.
 LEFT, TOP, RIGHT, BOTTOM, DEPTH, KEY, SPACING, CUT, X, Y, A, B, C = (
     np.uint64(number * BATCH) for number in range(13)
 )
@@ -45,9 +46,9 @@ ACROSS, DOWN, HOME, EXTINCTION, RED, GREEN, BLUE = (
     np.uint64(number * BATCH) for number in range(13, 20)
 )
 AMPLITUDE, FLAT, BENT, AREA, OPACITY, SIZE = (np.uint64(number * BATCH) for number in range(20, 26))
-ROOM = 26 * BATCH  # numbers of a batch
-EVERYWHERE = 1e9  # px, bounds of what may be seen by any pixel
-# What rounding may take away, at most
+ROOM = 26 * BATCH  # numbers in a batch
+EVERYWHERE = 1e9  # px, bounds of samples that any pixel may see
+# Upper bound of rounding errors
 SLACK = 1e-9  # share of a half extent or a distance
 
 Sides = tuple[Side, Side, Side, Side]
@@ -55,16 +56,16 @@ Bounds = tuple[Single, Single, Single, Single]  # px: left, right, top, bottom
 
 
 class Reach(NamedTuple):
-    """How far beyond the outlines of their ellipsoids samples are painted."""
+    """Margin beyond the outlines of their ellipsoids within which samples are painted."""
 
-    mirrored: bool  # footprints may reach as far on one side of their center as on the other
-    beyond: Single  # px that they are made wider by, at most
-    threshold: Single  # px of spacing up to which samples may be points; 0: none is
+    mirrored: bool  # footprints are symmetric about the projected center
+    beyond: Single  # px by which splats are widened, at most
+    threshold: Single  # px of spacing up to which samples may be points; 0: none is a point
     extent: Single  # widths at which the filter of points ends
     variance: Single  # voxels², as in `Style`
-    fixed: Single  # sub-pixels per side of a pixel; 0: as samples ask for
-    for_splats: Single  # at most
-    for_points: Single
+    fixed: Single  # sub-pixels per side of a pixel; 0: chosen per tile
+    for_splats: Single  # sub-pixels per side, at most, for splats
+    for_points: Single  # and for points
     closest: Single  # sub-pixels between points, at most
 
 
@@ -72,7 +73,7 @@ NO_REACH = Reach(False, *np.zeros(8, np.float32))  # all samples are splats of e
 
 
 class Sight(NamedTuple):
-    """What outlines of samples depend on, as numbers."""
+    """Parameters of the projection of samples, as numbers."""
 
     optics: Optics
     layers: Layers
@@ -81,24 +82,24 @@ class Sight(NamedTuple):
 
 
 class Window(NamedTuple):
-    """The sub-pixels of a tile, as numbers."""
+    """The sub-pixels of a tile, and its bounds for culling."""
 
     place: Place
     height: int  # sub-pixels
     width: int
-    home: Bounds  # px, where centers lie of samples that are the tile's own
-    sides: Sides  # half spaces in which centers lie of samples that touch it
+    home: Bounds  # px, bounds of the centers of samples that the tile counts as its own
+    sides: Sides  # half spaces that hold the centers of samples that touch it
 
 
 @kernel
 def sight_of(stage: Stage, beyond: Reach) -> Sight:
-    """What outlines depend on of samples that reach so far."""
+    """Parameters of the projection, for samples with this margin."""
     return Sight(optics_of(stage), stage.layers, beyond, np.float32(stage.style.faintest))
 
 
 @kernel
 def reach_of(style: Style, radius: float) -> Reach:
-    """How far samples of an ellipsoid reach; `radius` in voxels."""
+    """Margins of samples; `radius` of the ellipsoid in voxels."""
     widened = style.inflated * radius + math.sqrt(style.blurred)
     return Reach(
         style.model in (AFFINE, SMALL_ANGLE),
@@ -115,12 +116,15 @@ def reach_of(style: Style, radius: float) -> Reach:
 
 @kernel
 def pad_of(spacing: Single, reach: Reach) -> Single:
-    """Px that a sample of this spacing is painted beyond its outline; a tile may be finer."""
+    """Px of margin beyond the outline of a sample of this spacing; a tile may be finer."""
     one, zero = np.float32(1.0), np.float32(0.0)
-    apart = max(np.float32(1e-6), min(spacing, np.float32(1e15)))  # cut samples have none
+    # Samples that are cut have no spacing; bound it, so that what follows is finite.
+    apart = max(np.float32(1e-6), min(spacing, np.float32(1e15)))
+    # Grid of a tile whose smallest spacing is this one, as in `grid`.
     finest = min(reach.for_points, np.floor(reach.closest / apart))
     finest = max(one, min(reach.for_splats, np.ceil(one / apart)), finest)
     finest = reach.fixed if reach.fixed > zero else finest
+    # Extent of the point filter on that grid.
     width = np.sqrt(reach.variance * apart * apart + np.float32(1.0 / 12.0) / (finest * finest))
     pad = reach.extent * (width if reach.variance > zero else one)
     return max(reach.beyond, pad if spacing <= reach.threshold else zero)
@@ -128,7 +132,7 @@ def pad_of(spacing: Single, reach: Reach) -> Single:
 
 @kernel
 def pad_of_tile(style: Style, widened: Single, subpixels: int) -> float:
-    """Px that samples of a tile are painted beyond their outlines, at most; points are finite."""
+    """Px of margin beyond outlines for all samples of a tile, at most; points are finite."""
     pad = style.point_extent
     if style.variance > 0.0:
         pad *= point_width(min(style.threshold, 1e30), style.variance) / subpixels
@@ -137,15 +141,15 @@ def pad_of_tile(style: Style, widened: Single, subpixels: int) -> float:
 
 @kernel
 def size_of(scale: Floats | None, sample: np.uint64) -> float:
-    """How many times as large as others' a sample's ellipsoid is."""
+    """Size of a sample's ellipsoid relative to the others'."""
     return 1.0 if scale is None else float(scale[sample])
 
 
 @kernel
 def seen_alike(center: Vector, eye: Eye, size: float) -> tuple[Vector, Eye]:
-    """A sample of size 1, and an eye that sees it as the given one sees that of this size.
+    """The sample scaled to size 1 about the eye, and the eye that sees the same picture of it.
 
-    Scaled about the eye, what is seen stays the same; parallel rays come closer, though.
+    Perspective needs no change of the focal lengths; parallel rays come closer together.
     """
     per_size = 1.0 / size
     apart = 1.0 if eye.perspective else size
@@ -158,6 +162,7 @@ def seen_alike(center: Vector, eye: Eye, size: float) -> tuple[Vector, Eye]:
 @kernel
 def _bounds_of(center: Vector, eye: Eye, shape: Shape) -> tuple[float, float, float, float]:
     """Left, top, right and bottom in px of an ellipsoid in front of the eye."""
+    # Planes through the eye that touch the ellipsoid: roots of a quadratic equation per axis.
     x, y, z = center
     v = shape.covariance
     in_front = z * z - v[2][2] if eye.perspective else 1.0
@@ -184,9 +189,9 @@ def outline_batch(
     count: int,
     sight: Sight,
 ) -> None:
-    """Bounds in px, key and spacing of `count` samples from `begin` on; left > right: not seen.
+    """Compute bounds in px, key and spacing of `count` samples; left > right: not visible.
 
-    Samples that the near plane cuts are marked, and have no spacing.
+    The samples begin at `begin`. Those that the near plane cuts are marked, and have no spacing.
     """
     (camera, shape, area), layers, beyond, faintest = sight
     far, are_resized = camera.perspective, scale is not None
@@ -197,11 +202,13 @@ def outline_batch(
     for n in range(count):
         k = np.uint64(n)
         sample = np.uint64(begin) + k
+        # Transform to camera axes, compute the key, and scale to size 1.
         world = vector_at(position, sample)
         center = seen_from(camera, world)
         key = key_of(layers, place_of(layers, world, center))
         center, eye = seen_alike(center, camera, size_of(scale, sample))
         cx, cy, cz = center
+        # Project: linear part, bounds, and signed distances from the sides of the frame.
         per_z = 1.0 / cz if far else 1.0
         _, _, _, _, xx, yy, xy = linear_part(center, eye, shape)
         left, top, right, bottom = _bounds_of(center, eye, shape)
@@ -211,21 +218,28 @@ def outline_batch(
             to_top[0] * cx + to_top[1] * cy + to_top[2] * cz + to_top[3],
             to_bottom[0] * cx + to_bottom[1] * cy + to_bottom[2] * cz + to_bottom[3],
         )
+        # Mark samples that the near plane cuts; those that reach behind the eye are everywhere.
         is_cut = (cz - reach <= eye.near) | (cz <= least)
-        is_around = cz <= least  # the sphere reaches behind the eye
+        is_around = cz <= least
+        # Spacing and projected center.
         spacing = np.float32(np.inf) if is_cut else np.float32(major_of(xx, yy, xy) * per_radius)
         on_x, on_y = eye.fx * (cx * per_z) + eye.cx, eye.fy * (cy * per_z) + eye.cy
+        # Make the bounds symmetric where footprints are, and add the margin.
         wide, high = max(on_x - left, right - on_x), max(on_y - top, bottom - on_y)
         left, right = (on_x - wide, on_x + wide) if beyond.mirrored else (left, right)
         top, bottom = (on_y - high, on_y + high) if beyond.mirrored else (top, bottom)
         pad = float(pad_of(spacing, beyond))
         left, top, right, bottom = left - pad, top - pad, right + pad, bottom + pad
+        # Cull by the bounds where these are widened, else by the sides of the frame, which are
+        # exact.
         is_inside = (right >= low) & (left <= high_x) & (bottom >= low) & (top <= high_y)
         are_bounds_right = ((pad > 0.0) | beyond.mirrored) & (not is_cut)
-        are_bounds_right |= are_resized & (not far)  # whose sides are as far away as for all
+        # With parallel rays the sides of the frame hold for size 1 only.
+        are_bounds_right |= are_resized & (not far)
         is_inside = is_inside if are_bounds_right else beside <= 0.0
         is_seen = is_inside & (cz + reach > eye.near)
         is_seen &= extinction[sample] > faintest
+        # Write the columns.
         left, right = (-EVERYWHERE, EVERYWHERE) if is_around else (left, right)
         top, bottom = (-EVERYWHERE, EVERYWHERE) if is_around else (top, bottom)
         room[k + LEFT] = np.float32(left) if is_seen else np.float32(np.inf)
@@ -241,11 +255,11 @@ def outline_batch(
 
 @kernel
 def _side(normal: Vector, offset: float, eye: Eye, shape: Shape) -> Side:
-    """Half space of centers of ellipsoids that reach where a product in camera axes is at most 0.
+    """Half space of the centers of ellipsoids that touch a half space of camera axes.
 
-    In axes of the scene, wider than it need be by more than rounding takes away, and in reaches of
-    the ellipsoid beyond it.
+    In scene axes, with a margin for rounding; distances are in extents of the ellipsoid beyond it.
     """
+    # Half the ellipsoid's width along the normal.
     reach = math.sqrt(dot(normal, multiply(shape.covariance, normal)))
     r, per_reach = eye.rotation, 1.0 / reach
     return (
@@ -258,14 +272,16 @@ def _side(normal: Vector, offset: float, eye: Eye, shape: Shape) -> Side:
 
 @kernel
 def sides_of(eye: Eye, shape: Shape, place: Place, size: tuple[int, int], pad: float) -> Sides:
-    """Half spaces in which centers lie of samples that reach within `pad` px of a canvas.
+    """Half spaces of the centers of samples that reach within `pad` px of a canvas.
 
-    It has a size of so many rows and columns.
+    `size` is rows and columns.
     """
+    # Edges of the canvas, through the centers of the outermost sub-pixels.
     far, half = eye.perspective, 0.5 / place.subpixels - pad
     height, width = size
     left, right = place.x + half - eye.cx, place.x + width / place.subpixels - half - eye.cx
     top, bottom = place.y + half - eye.cy, place.y + height / place.subpixels - half - eye.cy
+    # Planes through the eye and the edges; parallel to the axis where rays are parallel.
     along, beside = (1.0, 0.0) if far else (0.0, 1.0)
     return (
         _side((-eye.fx, 0.0, along * left), beside * left, eye, shape),
@@ -286,13 +302,14 @@ def meet_batch(
     sight: Sight,
     window: Window,
 ) -> None:
-    """Keys with numbers of `count` samples from `begin` on; 0 for those that touch no sub-pixel."""
+    """Pairs of key and number of `count` samples from `begin` on; 0 if one misses the canvas."""
     (eye, shape, _), layers, beyond, faintest = sight
     is_mirrored = beyond.mirrored and eye.perspective
     reach = math.sqrt(shape.covariance[2][2])
     to_left, to_right, to_top, to_bottom = window.sides
     least = reach if eye.perspective else -np.inf
     for n in range(count):
+        # Signed distances from the sides of the canvas.
         sample = np.uint64(begin) + np.uint64(n)
         world = vector_at(position, sample)
         x, y, z = world
@@ -302,15 +319,17 @@ def meet_batch(
             to_top[0] * x + to_top[1] * y + to_top[2] * z + to_top[3],
             to_bottom[0] * x + to_bottom[1] * y + to_bottom[2] * z + to_bottom[3],
         )
+        # Key of the sample, and its center at size 1.
         center = seen_from(eye, world)
         key = key_of(layers, place_of(layers, world, center))
         size = size_of(scale, sample)
         center, _ = seen_alike(center, eye, size)
-        # What reaches as far on one side as an ellipsoid does on the other reaches farther than it
-        # by at most this many reaches: edges seen at an angle change no more than depths do.
+        # A symmetric footprint reaches farther than its ellipsoid by at most so many extents:
+        # slanted edges change by no more than depths do.
         excess = 2.0 * reach / (center[2] - 2.0 * reach) if is_mirrored else 0.0
         if scale is not None:
             excess = size * (excess + 1.0 + SLACK) - 1.0
+        # Compare with the margin, and write the pair without a branch.
         is_met = (beside <= excess) | (center[2] <= (2.0 * least if is_mirrored else least))
         is_met &= extinction[sample] > faintest
         found = paired(bits_of(key), int(sample))
@@ -319,7 +338,8 @@ def meet_batch(
 
 @kernel
 def meet_outlined(pair: Pairs, room: Floats, begin: int, count: int, window: Window) -> None:
-    """Like `meet_batch`, of samples outlined by `outline_batch`."""
+    """As `meet_batch`, for samples outlined by `outline_batch`."""
+    # Centers of the outermost sub-pixels.
     place, height, width = window.place, window.height, window.width
     half = np.float32(0.5 / place.subpixels)
     left, top = np.float32(place.x) + half, np.float32(place.y) + half
@@ -327,6 +347,7 @@ def meet_outlined(pair: Pairs, room: Floats, begin: int, count: int, window: Win
     bottom = np.float32(place.y + height / place.subpixels) - half
     for n in range(count):
         k = np.uint64(n)
+        # Compare their bounds with those of the sample.
         is_met = (room[k + LEFT] <= right) & (room[k + RIGHT] >= left)
         is_met &= (room[k + TOP] <= bottom) & (room[k + BOTTOM] >= top)
         found = paired(bits_of(room[k + KEY]), begin + n)
@@ -342,11 +363,10 @@ def form_batch(
     sight: Sight,
     window: Window,
 ) -> None:
-    """All that painting needs of `count` samples.
+    """Compute all that painting needs of `count` samples, at `position` (3 n,).
 
-    Bounds are the first sub-pixels and those behind the last, as whole numbers, of a canvas with
-    `height` rows and `width` columns. Samples that the near plane cuts have their centers in place
-    of forms.
+    Bounds are first sub-pixels and one past the last, as whole numbers, on a canvas of `height`
+    rows and `width` columns. Samples that the near plane cuts hold their center in place of a form.
     """
     (camera, shape, _), (place, height, width, home, _) = sight.optics, window
     t, reach = shape.to_unit, math.sqrt(shape.covariance[2][2])
@@ -357,29 +377,35 @@ def form_batch(
     first_x, last_x, first_y, last_y = home
     for n in range(count):
         k = np.uint64(n)
+        # Transform to camera axes, and scale to size 1.
         center = seen_from(camera, vector_at(position, k))
         depth, size = center[2], size_of(scale, k)
         center, eye = seen_alike(center, camera, size)
         cx, cy, cz = center
         per_z = 1.0 / cz if far else 1.0
+        # Bounds, and whether the near plane cuts.
         left, top, right, bottom = _bounds_of(center, eye, shape)
         is_cut = (cz - reach <= eye.near) | (cz <= least)
         is_around = cz <= least
+        # The quadratic form: squared length of c × w over the offset in px.
         unit = multiply(t, center)
         ray_x, ray_y = unit[0] if far else t[0][2], unit[1] if far else t[1][2]
         ray = (ray_x, ray_y, unit[2] if far else t[2][2])
         per_px_of_size = 1.0 if far else 1.0 / size
         across = cross(ray, scaled(per_px_of_size, shape.across))
         down = cross(ray, scaled(per_px_of_size, shape.down))
+        # Projected center, and whether the tile counts the sample as its own.
         on_x = np.float32(eye.fx * (cx * per_z) + eye.cx)
         on_y = np.float32(eye.fy * (cy * per_z) + eye.cy)
         is_home = (on_x >= first_x) & (on_x < last_x) & (on_y >= first_y) & (on_y < last_y)
+        # Round the bounds to sub-pixels, clamped to the canvas.
         left = max(0.0, min(columns, np.ceil((left - place.x) * per_px - 0.5)))
         right = max(-1.0, min(last_column, np.floor((right - place.x) * per_px - 0.5)))
         top = max(0.0, min(rows, np.ceil((top - place.y) * per_px - 0.5)))
         bottom = max(-1.0, min(last_row, np.floor((bottom - place.y) * per_px - 0.5)))
         left, right = (0.0, last_column) if is_around else (left, right)
         top, bottom = (0.0, last_row) if is_around else (top, bottom)
+        # Write the columns.
         room[k + LEFT] = np.float32(left)
         room[k + RIGHT] = np.float32(right + 1.0)
         room[k + TOP] = np.float32(top)
@@ -406,7 +432,7 @@ def clip_batch(
     sight: Sight,
     planes: Doubles,
 ) -> None:
-    """Hide what lies beyond a clipping plane (M, 5), and mark the samples that one cuts.
+    """Hide samples beyond a clipping plane (M, 5), and mark those that a plane cuts.
 
     Points are as small as sub-pixels: their centers decide.
     """
@@ -415,8 +441,10 @@ def clip_batch(
     for n in range(count):
         k, sample, nearest, is_point = np.uint64(n), np.uint64(begin + n), np.inf, False
         center, size = seen_from(eye, vector_at(position, sample)), size_of(scale, sample)
+        # Whether the sample is a point even on the finest grid.
         if beyond.threshold > 0.0:
             is_point = room[k + SPACING] * finest <= beyond.threshold and room[k + CUT] == 0.0
+        # Compare its signed distance from each plane with its extent.
         for m in range(planes.shape[0]):
             inside = planes[m, 0] * center[0] + planes[m, 1] * center[1]
             inside += planes[m, 2] * center[2] + planes[m, 3]
@@ -424,6 +452,7 @@ def clip_batch(
             if inside <= -reach:
                 room[k + LEFT], room[k + RIGHT] = EVERYWHERE, -EVERYWHERE
             nearest = min(nearest, inside - reach)
+        # Store the center in place of the form.
         if nearest < 0.0 and not is_point:
             unit = multiply(shape.to_unit, seen_alike(center, eye, size)[0])
             room[k + CUT] = 1.0

@@ -1,6 +1,6 @@
-"""Samples that a tile has taken and not yet painted, and those whose turn it is.
+"""Samples that a tile has taken and not painted yet: a queue, and the part whose turn it is.
 
-They wait as numbers with their keys. What painting needs of them is found when their order is
+They wait as pairs of key and number. What painting needs of them is computed once their order is
 known, batch by batch, as columns of numbers (see `resample.engine.ellipsoids.outlines`).
 """
 
@@ -27,19 +27,20 @@ from resample.engine.jit import kernel, load_soon
 from resample.engine.sorting import FEW, HALF, Pairs, bits_of, member_of, settle
 from resample.types import Floats, Samples, Single
 
-LINE = 16  # numbers that are loaded at once
-LOOKS = 9  # numbers that say what comes first of samples that are equally near
+LINE = 16  # numbers in a line of the cache
+LOOKS = 9  # numbers that decide the order of samples of equal key
 
 
 @kernel
 def take(
     pool: Pairs, waiting: int, pair: Pairs, count: int, farthest: np.uint64
 ) -> tuple[int, np.uint64]:
-    """Put those pairs in the pool that are not 0; gives how many are in it, and the largest.
+    """Append the pairs that are not 0 to the queue; return its length, and the largest pair.
 
-    There is room in the pool for one more than all of them.
+    The queue must have space for one more than all of them.
     """
     for n in range(count):
+        # Write always and advance only if wanted: no branch to mispredict.
         found = pair[np.uint64(n)]
         pool[np.uint64(waiting)] = found
         waiting += 1 if found > np.uint64(0) else 0
@@ -49,7 +50,8 @@ def take(
 
 @kernel
 def ask_for(position: Floats, extinction: Floats, color: Floats, begin: int, count: int) -> None:
-    """Begin to load samples of which all numbers will be needed soon; positions and colors flat."""
+    """Prefetch samples of which all numbers will be needed soon; positions and colors are flat."""
+    # Once per cache line.
     for n in range(3 * begin, 3 * (begin + count), LINE):
         load_soon(position, n)
         load_soon(color, n)
@@ -58,23 +60,25 @@ def ask_for(position: Floats, extinction: Floats, color: Floats, begin: int, cou
 
 
 class Pool(NamedTuple):
-    """Samples that wait, and those whose turn it is; room to work in."""
+    """The queue of a tile, the samples whose turn it is, and scratch."""
 
+    # Queue, part that is ready, and scratch of the sort.
     waiting: Pairs  # (M,)
     ready: Pairs  # (M,)
     other: Pairs  # (M,)
-    offset: Members  # (M,) where in `room` a sample that is ready begins
-    room: Floats  # (M / BATCH * ROOM,)
-    found: Pairs  # (BATCH,)
-    outline: Floats  # (ROOM,)
+    offset: Members  # (M,) where in `room` each ready sample begins
+    room: Floats  # (M / BATCH * ROOM,) batches of columns
+    found: Pairs  # (BATCH,) scratch
+    outline: Floats  # (ROOM,) scratch
 
 
 @kernel
 def new_pool(most: int) -> Pool:
-    """Pool for so many samples, a multiple of BATCH."""
+    """Allocate a pool for `most` samples, a multiple of BATCH."""
+    # Samples without sizes have size 1.
     room = np.empty(most // BATCH * ROOM, np.float32)
     for first in range(0, room.size, ROOM):
-        for n in range(BATCH):  # where they have no others
+        for n in range(BATCH):
             room[np.uint64(first + n) + SIZE] = np.float32(1.0)
     return Pool(
         np.empty(most, np.uint64),
@@ -89,9 +93,10 @@ def new_pool(most: int) -> Pool:
 
 @kernel
 def enlarged(pool: Pool, waiting: int) -> Pool:
-    """Pool for twice as many samples, if at least half of this one is taken by those that wait."""
+    """The pool, or one of twice the size if at least half of this one is taken."""
     if 2 * waiting <= pool.waiting.size:
         return pool
+    # Only the queue is carried over.
     larger = new_pool(2 * pool.waiting.size)
     for n in range(pool.waiting.size):
         larger.waiting[n] = pool.waiting[n]
@@ -100,8 +105,9 @@ def enlarged(pool: Pool, waiting: int) -> Pool:
 
 @kernel
 def part(pool: Pairs, waiting: int, limit: Single, ready: Pairs) -> int:
-    """Move samples that are nearer than `limit` from the pool to `ready`; gives how many stay."""
+    """Move pairs whose key is below `limit` from the queue to `ready`; return how many stay."""
     behind = ~np.uint64(0) if limit == np.inf else np.uint64(bits_of(limit)) << HALF
+    # Partition in place without branches: write to both, and advance one.
     stay = taken = 0
     for n in range(waiting):
         found = pool[np.uint64(n)]
@@ -114,11 +120,12 @@ def part(pool: Pairs, waiting: int, limit: Single, ready: Pairs) -> int:
 
 @kernel
 def gather(ready: Pairs, samples: Samples, position: Floats, room: Floats) -> None:
-    """Positions (3 n,), extinctions and light of samples, one batch of them."""
+    """Gather positions (3 n,), extinctions and colors of the samples of one batch."""
     extinction, color = samples.extinction, samples.color.reshape(-1)
     of_samples = samples.position.reshape(-1)
     for n in range(ready.size):
         k, sample = np.uint64(n), np.uint64(member_of(ready[n]))
+        # Scattered reads, contiguous writes.
         first, to = np.uint64(3) * sample, np.uint64(3) * k
         position[to] = of_samples[first]
         position[to + np.uint64(1)] = of_samples[first + np.uint64(1)]
@@ -131,7 +138,7 @@ def gather(ready: Pairs, samples: Samples, position: Floats, room: Floats) -> No
 
 @kernel
 def _is_before(room: Floats, first: int, second: int) -> bool:
-    """Whether one of two samples that are equally near comes first; what is named first decides."""
+    """Whether the first of two samples of equal key comes first; the first difference decides."""
     s, other = np.uint64(first), np.uint64(second)
     for number in (Y, X, A, B, C, EXTINCTION, RED, GREEN, BLUE):
         if room[s + number] != room[other + number]:
@@ -141,7 +148,7 @@ def _is_before(room: Floats, first: int, second: int) -> bool:
 
 @kernel
 def _settle_few(room: Floats, offset: Members, first: int, last: int) -> None:
-    """Insert samples that are equally near where they belong."""
+    """Sort few samples of equal key by insertion."""
     for n in range(first + 1, last):
         moved, place = offset[n], n
         while place > first and _is_before(room, moved, offset[place - 1]):
@@ -152,6 +159,7 @@ def _settle_few(room: Floats, offset: Members, first: int, last: int) -> None:
 
 @kernel
 def _settle_many(room: Floats, offset: Members) -> None:
+    # Copy what decides into rows, sort indices by it, and permute the offsets.
     looks, order = np.empty((offset.size, LOOKS), np.float32), np.empty(offset.size, np.int32)
     for n in range(offset.size):
         s = np.uint64(offset[n])
@@ -169,9 +177,11 @@ def _settle_many(room: Floats, offset: Members) -> None:
 
 @kernel
 def put_in_order(ready: Pairs, room: Floats, offset: Members) -> None:
-    """Where in `room` samples are that were sorted by key, in painting order."""
+    """Fill in where in `room` samples sorted by key are; other numbers break ties."""
+    # Sorted by key alone, sample n is the nth of the batches.
     for n in range(ready.size):
         offset[n] = n // BATCH * ROOM + n % BATCH
+    # Sort each run of equal keys by what else is known, so that the input's order is irrelevant.
     start = 0
     while start < ready.size:
         end = start + 1

@@ -1,9 +1,9 @@
-"""The sub-pixels of a tile as rows of numbers, sixteen of which can be worked on at a time.
+"""The sub-pixels of a tile as pairs of rows, of which sixteen are processed at a time.
 
-Two rows that belong together hold nine numbers of each of their sub-pixels: all the first ones,
-then all the second ones, and so on; those of one column stand side by side. As these lie at fixed
-distances, a compiler sees that they do not meet, and works on eight columns of both rows at once.
-Numbers are addressed by unsigned ones, whose sign need not be looked at.
+A pair of rows holds nine planes, one per number of a sub-pixel; within a plane the two rows
+alternate, column by column. As planes lie at fixed distances, the compiler sees that they do not
+overlap, and vectorizes over eight columns of both rows. Indices are unsigned, as signed ones would
+need a test for negative values.
 """
 
 import math
@@ -44,43 +44,44 @@ from resample.types import (
     View,
 )
 
-COLUMNS = 8  # that are painted at once
+COLUMNS = 8  # painted at once
 LANES = 2 * COLUMNS
-_STRIDE = 2 * (MOST_COLUMNS + COLUMNS)  # what is painted may run over the end
+_STRIDE = 2 * (MOST_COLUMNS + COLUMNS)  # painting may overrun the last column
+# Planes of a pair of rows.
 RED, GREEN, BLUE, ALPHA, DEPTH, WEIGHT, FIRST, RAY, CHORD = (
     np.uint64(number * _STRIDE) for number in range(9)
 )
-PAIR = 9 * _STRIDE  # numbers of two rows
+PAIR = 9 * _STRIDE  # numbers in a pair of rows
 
 # expm1(x) / x - 1 over -1..0 by powers of x: least squares, within 1e-7.
 _X = -np.linspace(1e-3, 1.0, 2000)
 _SERIES = np.linalg.lstsq(_X[:, None] ** np.arange(1, 6), np.expm1(_X) / _X - 1.0, rcond=None)[0]
 E1, E2, E3, E4, E5 = (np.float32(power) for power in _SERIES)
-DEEPEST = np.float32(-16.0)  # optical depth, negated, at which nothing passes
+DEEPEST = np.float32(-16.0)  # negated optical depth that counts as opaque
 PER_DEEPEST = np.float32(1.0 / 16.0)
 
-Groups = NDArray[np.uint32]  # ((h + 1) // 2,) per two rows, a bit for every eight columns
+Groups = NDArray[np.uint32]  # ((h + 1) // 2,) per pair of rows, a bit for every eight columns
 Members = NDArray[np.int32]
 
 
 class Limits(NamedTuple):
-    """What all splats of a tile share."""
+    """Constants that all splats of a tile share."""
 
     opaque: Single  # transmittance below which nothing is painted
     per_layer: Single  # coverage of a line integral of 1
-    widest: Single  # value of the quadratic form beyond which nothing is touched
-    linear_layer: Single  # scene units that linear opacities are those of; 0: they are exact
+    widest: Single  # value of the quadratic form at the rim, at most
+    linear_layer: Single  # scene units, thickness that linear opacities refer to; 0: exact
 
 
 @kernel
 def index_of(row: int, column: int) -> np.uint64:
-    """Where the first number of a sub-pixel is."""
+    """Index of a sub-pixel in the first plane."""
     return np.uint64((row >> 1) * PAIR + 2 * column + (row & 1))
 
 
 @kernel
 def bounds_at(room: Floats, s: np.uint64) -> tuple[int, int, int, int]:
-    """First and last + 1 row, first and last + 1 column of a sample of a batch."""
+    """Bounds of a sample of a batch: rows and columns, each first and one past the last."""
     return (
         int(room[s + TOP]),
         int(room[s + BOTTOM]),
@@ -91,10 +92,11 @@ def bounds_at(room: Floats, s: np.uint64) -> tuple[int, int, int, int]:
 
 @kernel
 def new_rows(height: int, width: int) -> Floats:
-    """Empty sub-pixels; those that are painted over the end are opaque."""
+    """Allocate empty sub-pixels; those beyond the end are opaque."""
     zero, one, far = np.float32(0.0), np.float32(1.0), np.float32(np.inf)
     pairs = (height + 1) // 2
     rows = np.empty(pairs * PAIR, np.float32)
+    # Opaque sub-pixels beyond the end let loops overrun without a test.
     for row in range(2 * pairs):
         for column in range(width + COLUMNS):
             k = index_of(row, column)
@@ -114,18 +116,21 @@ def new_rows(height: int, width: int) -> Floats:
 def cast_rays_of_rows(
     rows: Floats, height: int, width: int, place: Place, view: View, ellipsoid: Ellipsoid
 ) -> Single:
-    """Per sub-pixel, what the exact footprints of all samples share; gives the least 1 / |w|²."""
+    """Set up the ray of each sub-pixel for exact footprints; return the least 1 / |w|²."""
     n, unit, least = place.subpixels, ellipsoid.to_unit, np.float32(np.inf)
     for row in range(height):
+        # Direction of the ray per unit of depth, or its position where rays are parallel.
         y = (place.y + (row + 0.5) / n - view.principal[1]) / view.focal[1]
         for column in range(width):
             x = (place.x + (column + 0.5) / n - view.principal[0]) / view.focal[0]
             if not view.perspective:
                 x, y = 0.0, 0.0
+            # Squared length of the direction in the space of the unit sphere.
             squared = 0.0
             for axis in range(3):
                 across = unit[axis, 0] * x + unit[axis, 1] * y + unit[axis, 2]
                 squared += across * across
+            # Store 1 / |w|², and the factor of line integrals along this ray.
             k = index_of(row, column)
             rows[k + RAY] = 1.0 / squared
             rows[k + CHORD] = ellipsoid.scale * math.sqrt((1.0 + x * x + y * y) / squared)
@@ -135,7 +140,7 @@ def cast_rays_of_rows(
 
 @kernel
 def groups_between(left: int, right: int) -> np.uint32:
-    """Bits of the eights of columns that meet those from `left` to before `right`."""
+    """Bits of the groups of eight columns that overlap columns left..right."""
     first, last = np.uint64(left // COLUMNS), np.uint64((right - 1) // COLUMNS)
     return np.uint32((np.uint64(2) << last) - (np.uint64(1) << first))
 
@@ -146,17 +151,19 @@ def narrowed(
 ) -> tuple[int, int]:
     """First column of a row that a splat may touch, and one past the last.
 
-    Where its form a dx² + 2 b dx + rest is below 0; `bounds` are those of all its rows, and
-    `across` is where column 0 lies. Products are those of float64, as scenes may be tiny.
+    There its form a dx² + 2 b dx + rest is below 0; `bounds` are those of all its rows, and
+    `across` is the offset of column 0 in px. Float64, as products may be tiny.
     """
+    # Without real roots the row misses the ellipse.
     steep, slope = np.float64(a), np.float64(b)
     inside = slope * slope - steep * np.float64(rest)
     if not inside > 0.0:
         return bounds[1], bounds[0]
+    # Columns of the two roots.
     half, per_column, shift = math.sqrt(inside), 1.0 / (steep * step), across / step
     first = np.floor((-slope - half) * per_column - shift)
     last = np.ceil((-slope + half) * per_column - shift) + 1.0
-    # Of a number and of what is none, the first one is the lesser and the greater.
+    # Order matters: min and max with NaN return their first argument.
     low, high = float(bounds[0]), float(bounds[1])
     return int(min(high, max(low, first))), int(max(low, min(high, last)))
 
@@ -171,19 +178,22 @@ def paint_cut_splat_on_rows(
     stage: Stage,
     limits: Limits,
 ) -> int:
-    """Composite what is seen of a sphere that a plane cuts; its form is its center at size 1.
+    """Composite the visible part of a sphere that a plane cuts; its form holds its center, size 1.
 
-    Gives 1 if it is at home in the tile and not hidden.
+    Return 1 if it is at home in the tile and not hidden.
     """
     n, one, s = place.subpixels, np.float32(1.0), np.uint64(offset)
     view, ellipsoid, planes = stage.camera, stage.ellipsoid, stage.screen.planes
     partial, thick = stage.tables.partial, limits.linear_layer
+    # Cull by the open groups of sub-pixels.
     top, bottom, left, right = bounds_at(room, s)
     if left >= right or not is_open(open_groups, top, bottom, left, right):
         return 0
+    # Scaled about the eye by 1 / size, the sphere has size 1 and looks the same.
     center, depth = (room[s + A], room[s + B], room[s + C]), room[s + FAR]
     extinction, per_size = room[s + EXTINCTION], 1.0 / float(room[s + SIZE])
     apart = 1.0 if view.perspective else per_size
+    # Loop over the sub-pixels that are not opaque yet.
     for row in range(top, bottom):
         y = (place.y + (row + 0.5) / n - view.principal[1]) / view.focal[1]
         for column in range(left, right):
@@ -191,6 +201,7 @@ def paint_cut_splat_on_rows(
             before = one - rows[k + ALPHA]
             if before <= limits.opaque:
                 continue
+            # Clip the ray to the planes, and integrate the sphere between them.
             x = (place.x + (column + 0.5) / n - view.principal[0]) / view.focal[0]
             first, last = seen_span(x, y, view, planes)
             seen = (per_size * first, per_size * last)
@@ -199,8 +210,10 @@ def paint_cut_splat_on_rows(
             )
             if integral <= np.float32(0.0):
                 continue
+            # Convert the line integral to opacity, exact or by the classic model.
             alpha = absorbed(extinction * (thick if thick > 0.0 else integral))
             alpha = min(one, alpha * integral / thick) if thick > 0.0 else alpha
+            # Composite under what the sub-pixel holds.
             share = before * alpha
             rows[k + RED] += share * room[s + LIT_RED]
             rows[k + GREEN] += share * room[s + LIT_GREEN]
@@ -208,6 +221,7 @@ def paint_cut_splat_on_rows(
             rows[k + ALPHA] += share
             rows[k + DEPTH] += share * depth
             rows[k + WEIGHT] += integral * limits.per_layer
+            # Note the depth where it first becomes visible.
             if rows[k + FIRST] == np.inf and rows[k + ALPHA] > np.float32(VISIBLE):
                 rows[k + FIRST] = depth
     return int(room[s + HOME])
@@ -215,14 +229,15 @@ def paint_cut_splat_on_rows(
 
 @kernel
 def open_rows(height: int, width: int) -> Groups:
-    """All groups of columns open."""
+    """Mark all groups of columns as open."""
     return np.full((height + 1) // 2, groups_between(0, width), np.uint32)
 
 
 @kernel
 def close_rows(open_groups: Groups, rows: Floats, width: int, opaque: Single) -> bool:
-    """Clear the bits of groups that are opaque by now; gives whether others are left."""
+    """Clear the bits of groups that have become opaque; return whether any is still open."""
     one, left_open = np.float32(1.0), np.uint32(0)
+    # Visit the groups that are still open.
     for pair in range(open_groups.size):
         bits = open_groups[pair]
         if bits == np.uint32(0):
@@ -230,6 +245,7 @@ def close_rows(open_groups: Groups, rows: Floats, width: int, opaque: Single) ->
         for group in range((width + COLUMNS - 1) // COLUMNS):
             bit = np.uint32(1) << np.uint32(group)
             if bits & bit:
+                # Close a group once all its sixteen sub-pixels are opaque.
                 first, is_found = np.uint64(pair * PAIR + group * LANES) + ALPHA, False
                 for lane in range(LANES):
                     is_found |= one - rows[first + np.uint64(lane)] > opaque
@@ -242,7 +258,8 @@ def close_rows(open_groups: Groups, rows: Floats, width: int, opaque: Single) ->
 
 @kernel
 def is_open(open_groups: Groups, top: int, bottom: int, left: int, right: int) -> bool:
-    """Whether a rectangle of sub-pixels may hold some that are not opaque."""
+    """Whether a rectangle of sub-pixels overlaps an open group; conservative."""
+    # Merge the bits of all pairs of rows, then test the columns.
     found = np.uint32(0)
     for pair in range(top >> 1, (bottom + 1) >> 1):
         found |= open_groups[pair]
@@ -255,6 +272,7 @@ def resolve_rows(rows: Floats, n: int, weight: Floats, home: Home, film: Film) -
     height, width = film.depth.shape
     one, zero = np.float32(1.0), np.float32(0.0)
     beside = (weight.size - n) // 2  # sub-pixels read on either side of a pixel
+    # Convolve the sub-pixels around each pixel with the filter.
     for row in range(home.top, min(home.top + home.size, height)):
         for column in range(home.left, min(home.left + home.size, width)):
             red = green = blue = alpha = far = cover = zero
@@ -268,9 +286,12 @@ def resolve_rows(rows: Floats, n: int, weight: Floats, home: Home, film: Film) -
                     blue += share * rows[k + BLUE]
                     alpha += share * rows[k + ALPHA]
                     far += share * rows[k + DEPTH]
+                    # Coverage is what line integrals say, or the opacity where that is more.
                     cover += share * max(rows[k + ALPHA], min(one, rows[k + WEIGHT]))
+                    # The nearest depth is the least within the pixel proper.
                     if beside <= down < beside + n and beside <= right < beside + n:
                         first = min(first, rows[k + FIRST])
+            # Clamp what negative lobes of the filter leave, and store the pixel.
             film.rgba[row, column, 0] = max(zero, red)
             film.rgba[row, column, 1] = max(zero, green)
             film.rgba[row, column, 2] = max(zero, blue)

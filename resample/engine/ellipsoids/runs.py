@@ -1,4 +1,4 @@
-"""Runs of neighbouring samples: which tiles may show them, in what order, and which are open."""
+"""Runs of neighbouring samples: the tiles that may show them, their order, their culling."""
 
 from collections.abc import Iterator
 
@@ -20,7 +20,8 @@ Indices = NDArray[np.int64]
 
 @kernel
 def _tiles_of(run: Record, margin: float, size: int, rows: int, columns: int) -> Iterator[int]:
-    """Numbers of the tiles of `size` px that may show a run."""
+    """Yield the tiles of `size` px that may show a run."""
+    # Runs without a visible sample are on no tile.
     if run["seen"] > 0:
         left, right = tiles_met(run["left"], run["right"], margin, size, columns)
         top, bottom = tiles_met(run["top"], run["bottom"], margin, size, rows)
@@ -31,7 +32,7 @@ def _tiles_of(run: Record, margin: float, size: int, rows: int, columns: int) ->
 
 @kernel
 def count_runs(runs: Records, screen: Screen, size: int, columns: int, count: Indices) -> None:
-    """Add to `count` (T,) how many runs each tile of `size` px may show."""
+    """Count the runs that each tile of `size` px may show, added to `count` (T,)."""
     rows = count.size // columns
     for n in range(runs.size):
         for tile in _tiles_of(runs[n], screen.margin, size, rows, columns):
@@ -40,7 +41,8 @@ def count_runs(runs: Records, screen: Screen, size: int, columns: int, count: In
 
 @kernel
 def deal_runs(runs: Records, screen: Screen, tiles: Tiles, load: Indices) -> None:
-    """Write each tile's runs, and add to `load` (T,) how many samples these have."""
+    """Write each tile's runs, and add the number of their samples to `load` (T,)."""
+    # Each tile's position moves on as its runs are written.
     size, columns, member = tiles.size, tiles.columns, tiles.member
     rows, position = load.size // columns, tiles.start[:-1].copy()
     for n in range(runs.size):
@@ -52,17 +54,18 @@ def deal_runs(runs: Records, screen: Screen, tiles: Tiles, load: Indices) -> Non
 
 @kernel
 def may_be_finer(run: Record, finest: float, style: Style) -> bool:
-    """Whether a run may ask for finer sub-pixels than samples of this spacing do."""
+    """Whether a run may need a finer grid than samples of spacing `finest`."""
     return bool(not finest < np.inf or grid(run["least_spacing"], style) > grid(finest, style))
 
 
 @kernel
 def finest_of(room: Floats, count: int, tile: int, tiles: Tiles, margin: float) -> float:
-    """Least spacing of those samples of a batch, bounded as in `outlines`, that meet a tile."""
+    """Least spacing among samples of a batch of `outlines` that meet a tile."""
     size, columns, finest = tiles.size, tiles.columns, np.inf
     tile_rows = tiles.spacing.size // columns
     for n in range(count):
         k = np.uint64(n)
+        # Test the tile against the tiles that each visible sample meets.
         if room[k + LEFT] <= room[k + RIGHT]:
             left, right = tiles_met(room[k + LEFT], room[k + RIGHT], margin, size, columns)
             top, bottom = tiles_met(room[k + TOP], room[k + BOTTOM], margin, size, tile_rows)
@@ -73,7 +76,8 @@ def finest_of(room: Floats, count: int, tile: int, tiles: Tiles, margin: float) 
 
 @kernel
 def is_run_open(run: Record, place: Place, height: int, width: int, open_groups: Groups) -> bool:
-    """Whether a run may be seen on a canvas of `height` rows and `width` columns."""
+    """Whether a run overlaps an open group on a canvas of `height` rows and `width` columns."""
+    # Convert its bounds to sub-pixels.
     n = place.subpixels
     left = first_inside(run["left"], place.x, n)
     right = last_inside(run["right"], place.x, n, width)
@@ -84,7 +88,8 @@ def is_run_open(run: Record, place: Place, height: int, width: int, open_groups:
 
 @kernel
 def home_of(home: Home) -> Bounds:
-    """Where centers of samples belong to a tile; tiles at the frame's edge have all beyond it."""
+    """Bounds of the centers that a tile counts as its own; open at the frame's edges."""
+    # Tiles at the frame's edge also own the centers beyond it.
     far = np.float32(np.inf)
     right, bottom = home.left + home.size, home.top + home.size
     return (
@@ -97,7 +102,8 @@ def home_of(home: Home) -> Bounds:
 
 @kernel
 def in_order(runs: Records, members: Members) -> None:
-    """Put runs in order of their nearest samples."""
+    """Sort runs by their nearest keys."""
+    # Sort packed pairs of key and run, and unpack the runs.
     pair, other = np.empty(members.size, np.uint64), np.empty(members.size, np.uint64)
     for n in range(members.size):
         pair[n] = paired(bits_of(runs[members[n]]["key"]), members[n])

@@ -1,8 +1,8 @@
-"""Paint tiles step by step: what they are by now is kept until more samples are at hand.
+"""Paint tiles step by step: checkpoints of their sub-pixels until more samples are loaded.
 
-Samples are composited from the nearest on, so a tile may stop and go on later: before any splat
-that is composited by itself, between two sheets, or between two slabs. Each step paints those
-samples whose keys lie within its limits.
+Samples are composited front to back, so a tile may stop and resume later: before any splat that is
+composited by itself, between two sheets, or between two slabs. Each step paints the samples whose
+keys lie within its limits.
 """
 
 from typing import NamedTuple
@@ -27,36 +27,37 @@ from resample.engine.jit import kernel
 from resample.engine.sorting import HALF, Pairs, bits_of
 from resample.types import Floats, Indices, Single, Stage, Tiles
 
-KEPT = (RED, GREEN, BLUE, ALPHA, DEPTH, WEIGHT, FIRST)  # numbers of a sub-pixel
-NEW, OPEN, OPAQUE = 0, 1, 2  # what a tile is by now
+KEPT = (RED, GREEN, BLUE, ALPHA, DEPTH, WEIGHT, FIRST)  # numbers of a sub-pixel that are saved
+NEW, OPEN, OPAQUE = 0, 1, 2  # states of a tile
 
 
 class Step(NamedTuple):
-    """Which samples a step paints, by their keys; layers are composited in the steps they end in.
+    """Keys of the samples that a step paints; layers are composited in the steps they end in.
 
-    Slabs that cut splats are left open behind the last one that is composited. Who has part in them
-    is added once more in the next step, as what they sum is not kept.
+    Slabs that cut splats stay open behind the last one composited. Samples that contribute to them
+    are added once more in the next step, as the sums are not saved.
     """
 
     again: Single  # least key of samples that are added once more
-    first: Single  # least key of those that are painted
-    last: Single  # key of those that are not any more
+    first: Single  # least key of samples that are painted for the first time
+    last: Single  # least key of samples that are left to later steps
     done: int  # number of the first sheet or slab that was not composited before
-    due: int  # number of the first one that is not composited now
+    due: int  # number of the first one that is not composited in this step
 
 
 class Carried(NamedTuple):
-    """What tiles keep from step to step, and which samples a step paints."""
+    """Checkpoints of tiles between steps, and which samples a step paints."""
 
     number: Floats  # (each S,) of S sub-pixels, tile after tile
-    each: int  # numbers of a sub-pixel: KEPT, and what slabs keep besides
-    start: Indices  # (T + 1,) sub-pixels before those of a tile
+    each: int  # numbers per sub-pixel: KEPT, and what slabs save besides
+    start: Indices  # (T + 1,) index of each tile's first sub-pixel
     state: NDArray[np.uint8]  # (T,) NEW, OPEN or OPAQUE
-    is_open: NDArray[np.bool_]  # (T, S, S) pixels of tiles of S px, which something may still reach
+    is_open: NDArray[np.bool_]  # (T, S, S) pixels of tiles of S px that are not opaque yet
     step: Step
 
 
-AT_ONCE = Carried(  # painted in one go, from which nothing is kept
+# Painted in one go: nothing is saved.
+AT_ONCE = Carried(
     np.zeros(0, np.float32),
     0,
     np.zeros(0, np.int64),
@@ -74,7 +75,7 @@ def in_steps(carried: Carried) -> bool:
 
 @kernel
 def count_subpixels(tiles: Tiles, stage: Stage, shown: NDArray[np.bool_], count: Indices) -> None:
-    """Sub-pixels of the canvas of each tile (T,) that is shown."""
+    """Count the sub-pixels on the canvas of each tile (T,); 0 for those not shown."""
     for tile in range(count.size):
         _, _, height, width = laid_out(tile, tiles, stage)
         count[tile] = height * width if shown[tile] else 0
@@ -82,7 +83,8 @@ def count_subpixels(tiles: Tiles, stage: Stage, shown: NDArray[np.bool_], count:
 
 @kernel
 def take_up(rows: Floats, height: int, width: int, tile: int, carried: Carried) -> None:
-    """Put sub-pixels that were kept into rows that are new."""
+    """Restore saved sub-pixels into new rows."""
+    # A new tile has nothing saved.
     if in_steps(carried) and carried.state[tile] != NEW:
         place = carried.each * carried.start[tile]
         for row in range(height):
@@ -102,7 +104,8 @@ def go_on(
     tile: int,
     carried: Carried,
 ) -> None:
-    """Put sub-pixels that were kept into rows that are new, and close groups that are opaque."""
+    """Restore saved sub-pixels into new rows, and close groups that are opaque."""
+    # Groups that are opaque already cull samples from the start.
     if in_steps(carried):
         take_up(rows, size[0], size[1], tile, carried)
         close_rows(open_groups, rows, size[1], opaque)
@@ -118,17 +121,19 @@ def lay_down(
     is_open: bool,
     carried: Carried,
 ) -> None:
-    """Keep sub-pixels until the next step, unless all are opaque: these never change.
+    """Checkpoint the sub-pixels until the next step, unless all are opaque: these never change.
 
-    Of a canvas of a size, rows and columns, in which a pixel has so many per side, and which goes
-    so many pixels beyond its tile. Those are reached by what reaches so far beyond the tile, so
-    that its pixels stand for those next to them.
+    `size` is rows and columns of the canvas; `grid` is sub-pixels per side of a pixel, and pixels
+    of margin around the tile. Open sub-pixels in the margin are noted at the nearest pixel of the
+    tile, as what reaches them reaches that far beyond it.
     """
     if in_steps(carried):
+        # Note the state of the tile.
         (height, width), (n, margin), side = size, grid, carried.is_open.shape[1]
         carried.state[tile] = OPEN if is_open else OPAQUE
         carried.is_open[tile] = False
         place, one = carried.each * carried.start[tile], np.float32(1.0)
+        # Save the sub-pixels, and mark pixels that are still open.
         for row in range(height if is_open else 0):
             y = min(max(row // n - margin, 0), side - 1)
             for column in range(width):
@@ -143,9 +148,10 @@ def lay_down(
 
 @kernel
 def leave_out(line: Pairs, first: int, last: int, carried: Carried) -> int:
-    """Of pairs from one to before another, keep those of this step; gives where they end."""
+    """Keep only the pairs first..last of this step's samples; return where they end."""
     if not in_steps(carried):
         return last
+    # Compact in place, without branches.
     least = np.uint64(bits_of(carried.step.again)) << HALF
     behind = np.uint64(bits_of(carried.step.last)) << HALF
     stay = first

@@ -1,11 +1,10 @@
-"""Paint samples that are projected by the tiles which show them, run by run and nearest runs first.
+"""Paint samples that each tile projects for itself, nearest runs first.
 
-A tile knows which runs of neighbouring samples it may show, and how near these come. It takes them
-in that order, skips those that lie behind opaque sub-pixels only, and projects the samples of the
-others. Of these it paints what is nearer than any run that it has not taken: the order is that of
-all samples. So hidden runs cost next to nothing, and what is known of a sample never leaves the
-cache. This is occlusion culling (Zhang, Manocha, Hudson and Hoff 1997) with the picture itself as
-occlusion map.
+A tile knows which runs of neighbouring samples it may show, and the nearest key of each. It takes
+runs in that order, culls those behind opaque sub-pixels, and projects the samples of the others. Of
+these it paints what is nearer than any run not taken yet: the order is that of all samples. So
+hidden runs cost next to nothing, and projected samples never leave the cache. This is occlusion
+culling (Zhang, Manocha, Hudson and Hoff 1997) with the picture itself as occlusion map.
 """
 
 from typing import NamedTuple
@@ -91,16 +90,16 @@ from resample.types import (
     Tiles,
 )
 
-TAKEN = 1024  # samples that a tile takes before it paints those that it can
-TAKEN_EARLY = 64  # likewise where all of them are nearer than what is to come
-AHEAD = 2  # runs after which one is looked at that is asked for
-BETWEEN_LOOKS = 64  # splats painted before it is looked at again what is opaque by now
+TAKEN = 1024  # samples that a tile queues before it paints those that it can
+TAKEN_EARLY = 64  # likewise, where all of them are nearer than the next run
+AHEAD = 2  # runs by which prefetching is ahead
+BETWEEN_LOOKS = 64  # splats painted between occlusion checks
 
-Queue = tuple[int, int, np.uint64]  # samples that wait, runs taken, largest pair of all samples
+Queue = tuple[int, int, np.uint64]  # samples queued, runs taken, largest pair of all samples
 
 
 class Ground(NamedTuple):
-    """What the samples of a tile are painted on."""
+    """The canvas of a tile that samples are painted on."""
 
     rows: Floats
     open_groups: Groups
@@ -110,7 +109,7 @@ class Ground(NamedTuple):
 
 @kernel
 def beyond_of(mixture: Mixture | None, stage: Stage) -> Reach:
-    """How far beyond their outlines samples are painted."""
+    """Margin beyond their outlines within which samples are painted."""
     if mixture is None:
         return NO_REACH
     return reach_of(stage.style, stage.ellipsoid.radius)
@@ -120,7 +119,7 @@ def beyond_of(mixture: Mixture | None, stage: Stage) -> Reach:
 def find_spacings(
     counter: Counter, tiles: Tiles, runs: Runs, stage: Stage, are_mixed: bool
 ) -> None:
-    """Fill in for all tiles a spacing that has the grid of the smallest one among its samples.
+    """Find each tile's smallest spacing of samples, as exactly as its grid depends on it.
 
     `are_mixed` as for `outline_runs`.
     """
@@ -132,6 +131,7 @@ def find_spacings(
     room = np.empty(ROOM, np.float32)
     for tile in tasks(counter, tiles.spacing.size):
         finest = np.inf
+        # Project only runs that may make the grid finer.
         for run in tiles.member[tiles.start[tile] : tiles.start[tile + 1]]:
             if may_be_finer(runs.known[run], finest, style):
                 begin, count = start[run], start[run + 1] - start[run]
@@ -153,12 +153,12 @@ def take_runs(
     mixture: Mixture | None,
     sheets: tuple[Layers, bool] | None,
 ) -> Queue:
-    """Take the samples of a tile's next runs, until there are enough, or no room for more.
+    """Queue samples of a tile's next runs, until there are enough, or the queue is full.
 
-    Where there are sheets in whose order samples wait, runs have keys like that, too.
+    Where samples are ordered by sheets, the keys of runs are those of sheets, too.
     """
     window, open_groups = shown
-    # Arrays are taken from their bundles once: their reference counts are all threads' own.
+    # Take arrays out of their bundles once: threads contend for their reference counts.
     position, extinction = runs.samples.position.reshape(-1), runs.samples.extinction
     color, scale = runs.samples.color.reshape(-1), runs.samples.scale
     start, known = runs.start, runs.known
@@ -166,22 +166,27 @@ def take_runs(
     waiting, next_run, farthest = queue
     before, place, height, width = waiting, window.place, window.height, window.width
     while next_run < members.size and waiting < before + TAKEN:
+        # Stop early once the next run lies behind all that is queued.
         run = members[next_run]
         if waiting >= before + TAKEN_EARLY and bits_of(known[run]["key"]) > farthest >> HALF:
             break
+        # Stop when the queue has no space for the run.
         begin, count = start[run], start[run + 1] - start[run]
         if waiting + count >= line.size:
             break
         next_run += 1
+        # Prefetch a run some way ahead.
         if next_run + AHEAD < members.size:
             soon = members[next_run + AHEAD]
             ask_for(position, extinction, color, start[soon], start[soon + 1] - start[soon])
+        # Cull runs behind opaque sub-pixels; cull the samples of the others by the tile's sides.
         if is_run_open(known[run], place, height, width, open_groups):
             if mixture is None or mixture.is_plain:
                 meet_batch(found, position, extinction, scale, begin, count, sight, window)
             else:
                 outline_batch(outline, position, extinction, scale, begin, count, sight)
                 meet_outlined(found, outline, begin, count, window)
+            # Replace keys by those of sheets, and append to the queue.
             if sheets is not None and sheets[1]:
                 key_by_sheets(found, position, begin, count, sheets[0], sight.optics.eye)
             waiting, farthest = take(line, waiting, found, count, farthest)
@@ -190,11 +195,13 @@ def take_runs(
 
 @kernel
 def make_ready(pool: Pool, queue: Queue, members: Members, known: Records) -> tuple[Queue, int]:
-    """Put those samples in order that no run to come is nearer than; gives how many they are."""
+    """Sort the queued samples that no later run can precede; return how many they are."""
     waiting, next_run, farthest = queue
+    # The limit is the nearest key of the next run.
     limit = np.float32(np.inf)
     if next_run < members.size:
         limit = known[members[next_run]]["key"]
+    # Split the queue at it, and sort the near part.
     stay = part(pool.waiting, waiting, limit, pool.ready)
     count = waiting - stay
     sort_pairs(pool.ready[:count], pool.other[:count])
@@ -211,28 +218,33 @@ def form(
     stage: Stage,
     mixture: Mixture | None,
 ) -> None:
-    """Fill in batch after batch of the samples that are ready."""
+    """Project the ready samples, batch by batch."""
     position, planes = np.empty(3 * BATCH, np.float32), stage.screen.planes
     every, room, samples, style = pool.ready, pool.room, runs.samples, stage.style
+    # Gather the batch and project it with exact footprints.
     for first in range(0, count, BATCH):
         size, begin = min(BATCH, count - first), first // BATCH * ROOM
         ready, batch = every[first : first + size], room[begin : begin + ROOM]
         gather(ready, samples, position, batch)
         scale = gather_sizes(batch, ready, samples.scale)
         form_batch(batch, position, scale, size, sight, window)
+        # Replace footprints by the model's, where samples are a mixture.
         if mixture is not None:
             are_measured = mixture.least * window.place.subpixels <= style.threshold
             are_measured |= planes.shape[0] > 0
             form_models(batch, position, size, sight, window, style, are_measured)
             resize(batch, scale, size)
             for n in range(size):
+                # The key tells sheets of points apart.
                 batch[np.uint64(n) + KEY] = key_of_bits(np.uint32(ready[n] >> HALF))
+        # Clip by planes, and turn small samples into points.
         if planes.shape[0] > 0:
             clip_batch(batch, position, scale, 0, size, sight, planes)
         if mixture is not None and are_measured:
             choose_points(batch, size, window, style)
             n = window.place.subpixels
             stand_alone(batch, position, scale, size, sight, n, stage.tables.footprint)
+    # Tint after points are chosen, as they keep their colors.
     if mixture is not None and style.tint_red >= 0.0:
         tint_splats(room, count, style)
 
@@ -248,21 +260,25 @@ def _paint_samples(
     mixture: Mixture | None,
     tally: Tally,
 ) -> None:
-    """Paint samples in their order, and count those that are at home in the tile, if not hidden."""
+    """Paint samples in order, and tally those at home in the tile that are not hidden."""
     (rows, open_groups, sheet, limits), room = ground, pool.room
     place, step = window.place, np.float32(1.0 / window.place.subpixels)
     every, at_home, points = pool.offset, 0, 0
+    # Paint up to the next occlusion check.
     for first in range(0, count, BETWEEN_LOOKS):
         if not close_rows(open_groups, rows, window.width, limits.opaque):
             break
         n = first
         end = last = min(first + BETWEEN_LOOKS, count)
+        # Stop where a sheet of points that lies in front must be composited.
         if mixture is not None:
             end = first + before_sheet(sheet, room, every[first:last], stage)
         while n < last:
+            # Composite the sheet when its turn has come.
             if n == end:
                 put_behind(sheet, rows, limits.opaque)
                 end = last
+            # Paint splats up to the first sample that is none.
             offset = every[n:end]
             painted, found = paint_splats_on_rows(
                 rows, open_groups, room, offset, step, formula, limits, mixture
@@ -271,6 +287,7 @@ def _paint_samples(
             n += painted
             if painted == offset.size:
                 continue
+            # Add a point to its sheet; a new sheet ends before the next splat behind it.
             if mixture is not None and room[np.uint64(every[n]) + CUT] == POINT:
                 is_new = is_empty(sheet)
                 points += add_among(sheet, rows, open_groups, room, every[n], place, stage)
@@ -278,6 +295,7 @@ def _paint_samples(
                     end = n + before_sheet(sheet, room, every[n:last], stage)
                 n += 1
             else:
+                # Paint a splat that a plane cuts.
                 at_home += paint_cut_splat_on_rows(
                     rows, open_groups, room, every[n], place, stage, limits
                 )
@@ -297,28 +315,33 @@ def _paint_tile(
     ground: Ground,
     output: tuple[Tally, Carried],
 ) -> bool:
-    """Paint what a tile's runs show of their samples, nearest first, until all is opaque.
+    """Paint a tile's runs nearest first, until all is opaque; return whether it is not.
 
-    Gives whether something is not.
+    The order of samples is that of all runs together.
     """
     tally, carried = output
     sight = sight_of(stage, beyond_of(mixture, stage))
     rows, open_groups, sheet, limits = ground
+    # Sort the runs by key, and start with an empty pool.
     in_order(runs.known, members)
     pool, queue, is_any_open = new_pool(8 * TAKEN), (0, 0, np.uint64(0)), True
     shown = (window, open_groups)
     while is_any_open and (queue[1] < members.size or queue[0] > 0):
+        # Queue samples of the nearest runs, and drop those that do not belong to this step.
         pool = enlarged(pool, queue[0])
         before = queue[0]
         queue = take_runs(pool, queue, members, runs, sight, shown, mixture, None)
         queue = (leave_out(pool.waiting, before, queue[0], carried), queue[1], queue[2])
+        # Project those that no later run can precede, and put them in order.
         queue, count = make_ready(pool, queue, members, runs.known)
         form(pool, count, runs, sight, window, stage, mixture)
         if mixture is None and stage.style.tint_red >= 0.0:
             tint_splats(pool.room, count, stage.style)
         put_in_order(pool.ready[:count], pool.room, pool.offset)
+        # Paint them, then check what is opaque by now.
         _paint_samples(ground, pool, count, window, stage, formula, mixture, tally)
         is_any_open = close_rows(open_groups, rows, window.width, limits.opaque)
+    # Composite the last sheet of points.
     if mixture is not None:
         put_behind(sheet, rows, limits.opaque)
     return is_any_open
@@ -335,31 +358,32 @@ def paint_runs(
     mixture: Mixture | None,
     output: tuple[Film, Tally, Carried],
 ) -> None:
-    """Paint the tiles listed in `turn`, of which each knows the runs that it may show.
+    """Paint the tiles listed in `turn` from the runs that each may show.
 
     Parameters
     ----------
     turn
         Numbers of tiles that have members.
     tiles
-        Whose members are runs.
+        Their members are runs.
     runs
-        At most BATCH samples in one.
+        At most BATCH samples in each.
     stage
         What all painters share.
     formula
-        Line integrals of the kernel, and opacities.
+        Line integrals and opacities of the kernel.
     mixture
-        None: all samples are splats of exact footprint, and nothing else is compiled.
+        None: all samples are splats of exact footprint, and no other code is compiled.
     output
-        Film (H, W) written to; a tally (T, 4): numbers of points and of splats painted by the
-        tiles that hold their centers, 0, and grids; and what tiles were before and are kept as, if
-        they are painted step by step. Steps of mixtures end between sheets of points.
+        Film (H, W), filled; a tally (T, 4), filled: points and splats painted by the tiles that
+        hold their centers, 0, and grids; and checkpoints of tiles that are painted step by step.
+        Steps of mixtures end between sheets of points.
     """
     eye, shape, _ = optics_of(stage)
     beyond, (film, tally, carried) = beyond_of(mixture, stage), output
     style, tables = stage.style, stage.tables
     for number in tasks(counter, turn.size):
+        # Lay out the tile, and the margin within which samples may touch it.
         tile = turn[number]
         home, place, height, width = laid_out(tile, tiles, stage)
         tally[tile, 3] = n = place.subpixels
@@ -367,27 +391,31 @@ def paint_runs(
         if mixture is not None:
             is_any_point = mixture.least * n <= style.threshold
             pad = pad_of_tile(style, beyond.beyond, n) if is_any_point else float(beyond.beyond)
+        # Set up its window and its rays.
         sides = sides_of(eye, shape, place, (height, width), pad)
         window = Window(place, height, width, home_of(home), sides)
         rows = new_rows(height, width)
         least_ray = cast_rays_of_rows(rows, height, width, place, stage.camera, stage.ellipsoid)
+        # Choose the limits that all splats share, and the canvas.
         linear, size = style.layer if style.linear_opacity else 0.0, (height, width)
         limits = limits_of(mixture, rows, size, style, least_ray, linear)
         size = (0, 0) if mixture is None else size
         sheet = new_sheet(size[0], size[1], runs.samples.scale is not None)
         ground = Ground(rows, open_rows(height, width), sheet, limits)
+        # Resume the tile, paint it, and checkpoint it.
         members = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
         take_up(rows, height, width, tile, carried)
         kept = (tally[tile], carried)
         is_open = _paint_tile(members, runs, window, stage, formula, mixture, ground, kept)
         canvas = (n, tables.pixel_margin)
         lay_down(rows, (height, width), canvas, limits.opaque, tile, is_open, carried)
+        # Filter sub-pixels to pixels.
         resolve_rows(rows, n, pixel_weights(tables, n), home, film)
 
 
 @parallel_kernel
 def count_points(counter: Counter, tiles: Tiles, runs: Runs, stage: Stage, count: Indices) -> None:
-    """Numbers of seen samples (CHUNKS,) that are points in the tiles that hold their centers."""
+    """Count visible samples (CHUNKS,) that are points in the tiles of their centers."""
     style, start, planes = stage.style, runs.start, stage.screen.planes
     position, extinction = runs.samples.position.reshape(-1), runs.samples.extinction
     sight = sight_of(stage, reach_of(style, stage.ellipsoid.radius))
@@ -397,9 +425,11 @@ def count_points(counter: Counter, tiles: Tiles, runs: Runs, stage: Stage, count
         size = runs.known.size
         for run in range(size * chunk // CHUNKS, size * (chunk + 1) // CHUNKS):
             begin, many = start[run], start[run + 1] - start[run]
+            # Outline the run.
             outline_batch(room, position, extinction, scale, begin, many, sight)
             if planes.shape[0] > 0:
                 clip_batch(room, position, scale, begin, many, sight, planes)
+            # Look up the grid of the tile that holds the center, and compare the spacing there.
             for n in range(many):
                 k = np.uint64(n)
                 if room[k + LEFT] <= room[k + RIGHT] and room[k + CUT] == 0.0:

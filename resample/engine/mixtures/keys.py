@@ -1,4 +1,4 @@
-"""Which sheet samples lie in, many at once."""
+"""Keys of the sheets that samples lie in, for many samples at once."""
 
 import math
 
@@ -16,13 +16,16 @@ _SIGN = np.uint32(0x80000000)
 
 @kernel
 def _key_bits(layers: Layers, world: Vector, eye: Eye) -> np.uint32:
-    """Integer that sorts as `resample.engine.layers.key_of_sheet` does, of a position."""
+    """Integer key of a position, which sorts as `resample.engine.layers.key_of_sheet` does."""
+    # Place along the axis, or distance from the eye.
     place = layers.offset + dot(layers.axis, world)
     if layers.is_around:
         center = seen_from(eye, world)
         place = math.sqrt(dot(center, center))
+    # Number of the sheet.
     number = np.floor(np.float32(place) / np.float32(layers.thickness))
     number = max(np.float32(-LAST_SHEET), min(np.float32(LAST_SHEET), number))
+    # Sort by number, or by the distance from the eye; of two as far, the one ahead comes first.
     if layers.eye == -np.inf:
         return bits_of(number)
     ahead = float(number) + 0.5 - layers.eye / layers.thickness
@@ -31,13 +34,15 @@ def _key_bits(layers: Layers, world: Vector, eye: Eye) -> np.uint32:
 
 @parallel_kernel
 def find_first_sheets(counter: Counter, runs: Runs, layers: Layers, camera: View) -> None:
-    """Make the key of the nearest sheet that a run reaches its key."""
+    """Set the key of each run to that of the nearest sheet that it reaches."""
     position, eye = runs.samples.position.reshape(-1), eye_of(camera)
     start, known = runs.start, runs.known
     for run in tasks(counter, known.size):
+        # Reduce to the least key of the run's samples.
         least = NONE
         for n in range(start[run], start[run + 1]):
             least = min(least, _key_bits(layers, vector_at(position, np.uint64(n)), eye))
+        # Undo the order-preserving map from floats to integers.
         bits = least ^ _SIGN if least >> np.uint32(31) else ~least
         known[run]["key"] = np.uint32(bits).view(np.float32)
 
@@ -46,16 +51,17 @@ def find_first_sheets(counter: Counter, runs: Runs, layers: Layers, camera: View
 def key_by_sheets(
     pair: Pairs, position: Floats, begin: int, count: int, layers: Layers, eye: Eye
 ) -> None:
-    """Make the keys of their sheets the keys of samples; positions are flat."""
+    """Replace the keys of samples by those of their sheets; positions are flat."""
     for n in range(count):
         sample = np.uint64(begin) + np.uint64(n)
         found = paired(_key_bits(layers, vector_at(position, sample), eye), int(sample))
+        # A pair of 0 is a culled sample, and stays so.
         pair[np.uint64(n)] = found if pair[np.uint64(n)] > np.uint64(0) else np.uint64(0)
 
 
 @kernel
 def sort_by_depth(ready: Pairs, other: Pairs, position: Floats, eye: Eye) -> None:
-    """Sort samples of a sheet by their depth; positions are flat."""
+    """Sort the samples of one sheet by depth; positions are flat."""
     r, shift = eye.rotation[2], eye.shift[2]
     for n in range(ready.size):
         sample = int(member_of(ready[np.uint64(n)]))
@@ -66,7 +72,7 @@ def sort_by_depth(ready: Pairs, other: Pairs, position: Floats, eye: Eye) -> Non
 
 @kernel
 def end_of_sheet(ready: Pairs, first: int) -> int:
-    """One past the last sample that lies in the sheet of the first one."""
+    """One past the last sample that lies in the same sheet as the first one."""
     last = first + 1
     while last < ready.size and ready[last] >> HALF == ready[first] >> HALF:
         last += 1

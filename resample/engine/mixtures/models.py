@@ -1,10 +1,10 @@
-"""Samples as what is painted of them: splats by any model of their footprint, or points.
+"""Footprints of a mixture: splats by any model, or points.
 
-`form_batch` of `resample.engine.ellipsoids.outlines` has given them exact footprints, which are
-replaced. With q the quadratic form of a pixel's offset, the squared distance of its ray from the
-sample's center is u / (flat + bent u), u = q × the pixel's own `RAY`: exact and affine footprints
-have flat 1 and bent 0; discs 1 and -sin² α; the paper's index correction (section 4.2) is d =
-sin(arctan(i tan α)) / sin α, hence d² = i² / (cos² α + i² sin² α): cos² α and sin² α.
+They replace the exact footprints of `form_batch` of `resample.engine.ellipsoids.outlines`. With q
+the quadratic form of a pixel's offset, the squared distance of its ray from the sample's center is
+u / (flat + bent u), u = q × the pixel's own `RAY`: exact and affine footprints have flat 1 and bent
+0; discs 1 and -sin² α; the paper's index correction (section 4.2) is d = sin(arctan(i tan α)) /
+sin α, hence d² = i² / (cos² α + i² sin² α): cos² α and sin² α.
 """
 
 import math
@@ -67,21 +67,21 @@ from resample.types import (
     Style,
 )
 
-SPLAT, CUT_SPLAT, POINT = 0.0, 1.0, 2.0  # what stands in the column CUT
+SPLAT, CUT_SPLAT, POINT = 0.0, 1.0, 2.0  # values of the column CUT
 
 OnScreen = tuple[float, float]  # px
-Rim = tuple[OnScreen, OnScreen, OnScreen]  # middle of an ellipse, and conjugate half diameters
+Rim = tuple[OnScreen, OnScreen, OnScreen]  # center of an ellipse, and conjugate half diameters
 
 
 class MidPoint(NamedTuple):
-    """The paper's ellipse, around the middle of its axis; projected by this camera."""
+    """The paper's ellipse, centered at the midpoint of its axis; camera constants."""
 
     focal: OnScreen
     principal: OnScreen
 
 
 class SmallAngle(NamedTuple):
-    """The paper's ellipse around the sample's center, as small angles have it."""
+    """The paper's ellipse, centered at the sample's center, for small angles."""
 
     focal: OnScreen
     principal: OnScreen
@@ -97,30 +97,35 @@ def form_models(
     style: Style,
     are_measured: bool,
 ) -> None:
-    """Give `count` samples footprints by the style's model; `are_measured`: and spacings."""
+    """Give `count` samples footprints by the style's model; and spacings, if `are_measured`."""
+    # Spacings choose points, and how much splats are inflated.
     eye, shape, _ = sight.optics
     if are_measured or style.inflated > 0.0:
         measure_batch(room, position, count, eye, shape)
+    # Exact footprints stay, with amplitudes that all are 1.
     if style.model == EXACT:
         _straighten(room, count)
         for n in range(count):
             room[np.uint64(n) + AMPLITUDE] = np.float32(1.0)
     elif style.model == DISC:
+        # Discs keep their exact form, and are bent.
         form_discs(room, position, count, eye, shape)
     elif eye.perspective and style.model == CORRECTED:
+        # The paper's ellipses exist in perspective only.
         way = MidPoint((eye.fx, eye.fy), (eye.cx, eye.cy))
         form_rims(room, position, count, sight, window, way)
     elif eye.perspective and style.model == SMALL_ANGLE:
         small = SmallAngle((eye.fx, eye.fy), (eye.cx, eye.cy))
         form_rims(room, position, count, sight, window, small)
     else:
+        # What is left is affine: parallel rays included.
         form_affine(room, position, count, sight, window, style)
         _straighten(room, count)
 
 
 @kernel
 def _straighten(room: Floats, count: int) -> None:
-    """Let squared distances be what the quadratic forms say."""
+    """No index correction: squared distances are the values of the quadratic forms."""
     for n in range(count):
         k = np.uint64(n)
         room[k + FLAT], room[k + BENT] = np.float32(1.0), np.float32(0.0)
@@ -128,26 +133,29 @@ def _straighten(room: Floats, count: int) -> None:
 
 @kernel
 def measure_batch(room: Floats, position: Floats, count: int, eye: Eye, shape: Shape) -> None:
-    """Spacing of samples; what points add, and how obliquely they are seen, as `OPACITY`."""
+    """Spacing and area of samples, and the slant of their rays, which is left in `OPACITY`."""
     per_radius = 1.0 / shape.radius
     for n in range(count):
         k = np.uint64(n)
         center = seen_from(eye, vector_at(position, k))
+        # Linearize the projection at the sample's center.
         x, y, fx, fy, xx, yy, xy = linear_part(center, eye, shape)
-        # A layer of thickness 1, seen at an angle, is as many times as thick along the ray.
+        # A ray at an angle passes a longer stretch of a layer of thickness 1.
         oblique = math.sqrt(1.0 + x * x + y * y)
         room[k + SPACING] = np.float32(major_of(xx, yy, xy) * per_radius)
-        room[k + AREA] = np.float32(shape.volume * fx * fy)  # to be shared by a layer's thickness
+        # `choose_points` divides the area by a layer's thickness.
+        room[k + AREA] = np.float32(shape.volume * fx * fy)
         room[k + OPACITY] = np.float32(oblique)
 
 
 @kernel
 def form_discs(room: Floats, position: Floats, count: int, eye: Eye, shape: Shape) -> None:
-    """Let splats of exact form be discs that face the eye."""
+    """Bend splats of exact form into discs that face the eye."""
     t, far = shape.to_unit, eye.perspective
     parallel = _squared_chord(t, (0.0, 0.0, 1.0))
     for n in range(count):
         k = np.uint64(n)
+        # Scale line integrals by the central ray, and bend by sin² α.
         center = seen_from(eye, vector_at(position, k))
         unit = multiply(t, center)
         per_squared = 1.0 / dot(unit, unit)
@@ -159,7 +167,7 @@ def form_discs(room: Floats, position: Floats, count: int, eye: Eye, shape: Shap
 
 @kernel
 def _squared_chord(to_unit: Matrix, along: Vector) -> float:
-    """Square of how far one goes along a direction while unit space is crossed by 1."""
+    """Squared length along a direction per unit of length in unit space."""
     unit = multiply(to_unit, along)
     return dot(along, along) / dot(unit, unit)
 
@@ -172,16 +180,18 @@ def _bound(
     half: tuple[float, float],
     window: Window,
 ) -> None:
-    """Write first sub-pixels and those behind the last of what lies around a middle, px."""
+    """Write first sub-pixels and one past the last of a rectangle around a center, px."""
     place, rows, columns = window.place, float(window.height), float(window.width)
     per_px, is_cut = float(place.subpixels), room[k + CUT] > np.float32(0.0)
+    # Round to sub-pixels whose centers lie inside.
     left = np.ceil((middle[0] - half[0] - place.x) * per_px - 0.5)
     right = np.floor((middle[0] + half[0] - place.x) * per_px - 0.5) + 1.0
     top = np.ceil((middle[1] - half[1] - place.y) * per_px - 0.5)
     bottom = np.floor((middle[1] + half[1] - place.y) * per_px - 0.5) + 1.0
-    # Of bounds that are no numbers the first is behind the last.
+    # NaN bounds become an empty rectangle: left = right.
     left, right = max(0.0, min(columns, left)), max(0.0, min(columns, right))
     top, bottom = max(0.0, min(rows, top)), max(0.0, min(rows, bottom))
+    # Samples that a plane cuts keep their bounds; select without a branch.
     room[k + LEFT] = room[k + LEFT] if is_cut else np.float32(left)
     room[k + RIGHT] = room[k + RIGHT] if is_cut else np.float32(right)
     room[k + TOP] = room[k + TOP] if is_cut else np.float32(top)
@@ -198,6 +208,7 @@ def _write_form(
 ) -> None:
     """Write a quadratic form a, b, c and the bounds of the ellipse on which it is 1."""
     (a, b, c), place = form, window.place
+    # Recover the form's center from its offset to the first sub-pixel.
     half = 0.5 / place.subpixels
     is_cut = room[k + CUT] > np.float32(0.0)
     middle_x = place.x + half - float(room[k + ACROSS])
@@ -217,12 +228,13 @@ def form_affine(
     window: Window,
     style: Style,
 ) -> None:
-    """Footprints by the projection's linear part, made wider where they are narrow, if at all.
+    """Affine footprints: the projection's linear part, optionally widened where it is narrow.
 
     Swan et al. 1997 enlarge the whole kernel until its neighbours are a pixel apart; Zwicker et al.
     2001 add the pixel filter's covariance to the footprint's own.
     """
     eye, shape, _ = sight.optics
+    # Constants of all samples.
     t, far = shape.to_unit, eye.perspective
     is_inflated, blurred = style.inflated > 0.0, style.blurred
     per_inflated = 1.0 / style.inflated if is_inflated else 0.0
@@ -231,11 +243,14 @@ def form_affine(
         k = np.uint64(n)
         center = seen_from(eye, vector_at(position, k))
         unit = multiply(t, center)
+        # Covariance of the ellipse on the screen.
         _, _, _, _, xx, yy, xy = linear_part(center, eye, shape)
         before = xx * yy - xy * xy
+        # Enlarge the kernel by one rule, add the pixel filter's covariance by the other.
         grown = min(1.0, float(room[k + SPACING]) * per_inflated) if is_inflated else 1.0
         wider = 1.0 / (grown * grown)
         xx, yy, xy = wider * xx + blurred, wider * yy + blurred, wider * xy
+        # Invert to the form, and scale the amplitude so that the mass is kept.
         scale = 1.0 / (xx * yy - xy * xy)
         along = dot(center, center) / dot(unit, unit) if far else parallel
         room[k + AMPLITUDE] = np.float32(shape.scale * math.sqrt(along * before * scale))
@@ -245,11 +260,12 @@ def form_affine(
 
 @lane_step
 def _rim_of(unit: Vector, to_unit: Matrix, back: Matrix) -> tuple[Vector, Vector, Vector, float]:
-    """Half the diameters AB and EF of the circle in which the cone touches, and its middle.
+    """Half diameters AB and EF of the circle in which the cone touches the sphere, and its middle.
 
     All in camera axes; and 1 / |unit|², which is sin² α.
     """
     per_squared = 1.0 / dot(unit, unit)
+    # EF is parallel to the screen; on the axis any diameter will do.
     parallel, other = cross(unit, back[2]), cross(unit, column(to_unit, 0))
     is_on_axis = dot(parallel, parallel) * per_squared < 1e-18 * dot(back[2], back[2])
     parallel = (
@@ -257,9 +273,10 @@ def _rim_of(unit: Vector, to_unit: Matrix, back: Matrix) -> tuple[Vector, Vector
         other[1] if is_on_axis else parallel[1],
         other[2] if is_on_axis else parallel[2],
     )
+    # Scale both to the circle's radius; AB has the right length, as it is perpendicular to EF.
     rim = (1.0 - per_squared) / dot(parallel, parallel)
     parallel = scaled(math.sqrt(max(0.0, rim)), parallel)
-    axis = scaled(math.sqrt(per_squared), cross(parallel, unit))  # as long, for they are upright
+    axis = scaled(math.sqrt(per_squared), cross(parallel, unit))
     middle = scaled(1.0 - per_squared, unit)
     return multiply(back, axis), multiply(back, parallel), multiply(back, middle), per_squared
 
@@ -273,12 +290,14 @@ def _write_rim(
     second: OnScreen,
     window: Window,
 ) -> None:
-    """Write the ellipse around a middle, px, of these conjugate half diameters, px."""
+    """Write the ellipse around a center, px, with these conjugate half diameters, px."""
     (first_x, first_y), (second_x, second_y) = first, second
+    # Quadratic form and half extents of the ellipse.
     half, determinant = 0.5 / window.place.subpixels, first_x * second_y - first_y * second_x
     scale = 1.0 / (determinant * determinant)
     xx, yy = first_x * first_x + second_x * second_x, first_y * first_y + second_y * second_y
     xy = first_x * first_y + second_x * second_y
+    # Offset from the ellipse's center to the tile's first sub-pixel.
     room[k + ACROSS] = np.float32(window.place.x + half - middle[0])
     room[k + DOWN] = np.float32(window.place.y + half - middle[1])
     form, extent = (scale * yy, -scale * xy, scale * xx), (math.sqrt(xx), math.sqrt(yy))
@@ -289,17 +308,18 @@ def _write_rim(
 def projected_rim(
     way: MidPoint | SmallAngle, start: Vector, end: Vector, touched: Vector, chord: Vector
 ) -> Rim:
-    """Ellipse on the screen of the circle with diameter AB, whose ends and middle these are."""
+    """Project the circle with diameter AB to an ellipse; `start` and `end` are A and B."""
     raise NotImplementedError
 
 
 @plays(projected_rim, MidPoint)
 def _by_mid_point(way, start, end, touched, chord):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    """Give the midpoint of A'B', and the chord parallel to EF whose projection goes through it.
+    """Give the midpoint of A'B', and the chord parallel to EF that projects through it.
 
-    That is as deep as √(1 - skew²) times the harmonic mean of the depths, their geometric mean.
+    Its depth is √(1 - skew²) times the harmonic mean of A's and B's, which is their geometric mean.
     """
     (fx, fy), (cx, cy) = way.focal, way.principal
+    # Divide once for both depths.
     both = 1.0 / (start[2] * end[2])
     ax, ay = start[0] * (both * end[2]), start[1] * (both * end[2])
     bx, by = end[0] * (both * start[2]), end[1] * (both * start[2])
@@ -313,6 +333,7 @@ def _by_mid_point(way, start, end, touched, chord):  # type: ignore[no-untyped-d
 def _by_small_angle(way, start, end, touched, chord):  # type: ignore[no-untyped-def]
     """Give C', C'B' and C'F'."""
     (fx, fy), (cx, cy) = way.focal, way.principal
+    # Project A and B, and take the one farther from the principal point.
     ax, ay, bx, by = start[0] / start[2], start[1] / start[2], end[0] / end[2], end[1] / end[2]
     is_farther, shrink = ax * ax + ay * ay > bx * bx + by * by, 1.0 / touched[2]
     mid_x, mid_y = touched[0] * shrink, touched[1] * shrink
@@ -336,10 +357,12 @@ def form_rims(
     for n in range(count):
         k = np.uint64(n)
         center = seen_from(eye, vector_at(position, k))
+        # Touching circle, its projection, and the quadratic form of that ellipse.
         axis, chord, touched, sine = _rim_of(multiply(t, center), t, back)
         start, end = combine(touched, -1.0, axis), combine(touched, 1.0, axis)
         middle, first, second = projected_rim(way, start, end, touched, chord)
         _write_rim(room, k, middle, first, second, window)
+        # Amplitude at the center, and the index correction.
         amplitude = shape.scale * math.sqrt(dot(center, center) * sine)
         room[k + AMPLITUDE] = np.float32(amplitude)
         room[k + BENT] = np.float32(min(1.0, sine))
@@ -348,7 +371,7 @@ def form_rims(
 
 @kernel
 def choose_points(room: Floats, count: int, window: Window, style: Style) -> None:
-    """Make points of samples that are close enough."""
+    """Turn samples that lie close enough into points."""
     place, layer = window.place, style.layer
     n_side = place.subpixels
     for n in range(count):
@@ -356,27 +379,31 @@ def choose_points(room: Floats, count: int, window: Window, style: Style) -> Non
         spacing = room[k + SPACING] * np.float32(n_side)
         if spacing <= style.threshold and room[k + CUT] == 0.0:
             room[k + CUT] = POINT
+            # Opacity along the slanted path through a layer, times the area in sub-pixels.
             path = float(room[k + OPACITY]) * layer
             area = float(room[k + AREA]) / layer * (n_side * n_side)
             room[k + AREA] = area
             room[k + OPACITY] = np.float32(area) * absorbed(room[k + EXTINCTION] * path)
+            # Width of the point's filter, and its bounds around the projected center.
             width = float(n_side)
             if style.variance > 0.0:
                 width = point_width(spacing, style.variance)
             half = (min(width * style.point_extent, 0.5 * MOST_TAPS) + 0.5) / n_side
             middle = (float(room[k + X]), float(room[k + Y]))
+            # Bounds are written for splats only; samples that a plane hides keep none.
             room[k + CUT] = SPLAT
-            if room[k + LEFT] < EVERYWHERE:  # no plane hides it
+            if room[k + LEFT] < EVERYWHERE:
                 _bound(room, k, middle, (half, half), window)
             room[k + CUT] = POINT
 
 
 @kernel
 def tint_splats(room: Floats, count: int, style: Style) -> None:
-    """Give the splats of batch after batch the marker's color."""
+    """Give splats, batch after batch, the marker's color; points keep their own."""
     for n in range(count):
         k = np.uint64(n // BATCH * ROOM + n % BATCH)
         if room[k + CUT] != POINT:
+            # Keep the brightness.
             brightest = max(room[k + RED], room[k + GREEN], room[k + BLUE])
             room[k + RED] = brightest * style.tint_red
             room[k + GREEN] = brightest * style.tint_green

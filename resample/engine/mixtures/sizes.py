@@ -1,4 +1,4 @@
-"""Samples of a size each: what of their footprints grows with them, and points that stand alone."""
+"""Samples of individual sizes: how footprints grow with them, and points that stand alone."""
 
 import math
 
@@ -22,17 +22,18 @@ from resample.engine.sorting import Pairs, member_of
 from resample.engine.vectors import dot, multiply, vector_at
 from resample.types import Floats
 
-# Squared distances from a center between which footprints are integrated, 0..1, and their weights
+# Gauss-Legendre nodes and weights to integrate footprints over squared distances 0..1
 _NODE, _WEIGHT = np.polynomial.legendre.leggauss(12)
 NODE, WEIGHT = 0.5 + 0.5 * _NODE, 0.5 * _WEIGHT
-FAINTEST = 1e-30  # opacity of a point, so that there is something to divide by
+FAINTEST = 1e-30  # least opacity of a point, as it is divided by
 
 
 @kernel
 def gather_sizes(room: Floats, ready: Pairs, scale: Floats | None) -> Floats | None:
-    """Sizes (BATCH,) of samples, if they have any; line integrals are as many times as long."""
+    """Gather sizes (BATCH,) of samples, if they have any; scale extinctions by them."""
     if scale is None:
         return None
+    # Line integrals grow in proportion to the size.
     for n in range(ready.size):
         k = np.uint64(n)
         room[k + SIZE] = scale[np.uint64(member_of(ready[n]))]
@@ -42,7 +43,7 @@ def gather_sizes(room: Floats, ready: Pairs, scale: Floats | None) -> Floats | N
 
 @kernel
 def resize(room: Floats, scale: Floats | None, count: int) -> None:
-    """Spacings and areas of `count` samples that were measured as if they had size 1."""
+    """Scale spacings and areas that were measured for size 1."""
     if scale is not None:
         for n in range(count):
             k, size = np.uint64(n), scale[np.uint64(n)]
@@ -60,28 +61,33 @@ def stand_alone(
     subpixels: int,
     table: Floats,
 ) -> None:
-    """Let points of a size each take the light that their splats would.
+    """Give points of individual sizes the opacity that their splats would have.
 
-    Points of a lattice take what a layer of them does, as their neighbours fill it.
+    Points of a lattice have the opacity of a layer of them, as their neighbours fill it.
     """
     if scale is None:
         return
+    # Integrate the footprint over its area.
     eye, shape, _ = sight.optics
     t, far, total = shape.to_unit, eye.perspective, 0.0
     parallel = 1.0 / math.sqrt(t[0][2] * t[0][2] + t[1][2] * t[1][2] + t[2][2] * t[2][2])
     for m in range(NODE.size):
         total += WEIGHT[m] * unit_lookup(table, np.float32(NODE[m]))
+    # Only points are affected.
     for n in range(count):
         k = np.uint64(n)
         if room[k + CUT] != POINT:
             continue
+        # Factor of line integrals along the central ray.
         center = seen_from(eye, vector_at(position, k))
         unit, squared = multiply(t, center), dot(center, center)
         along = shape.scale * (math.sqrt(squared / dot(unit, unit)) if far else parallel)
+        # Integrate the opacity over the footprint, by quadrature.
         lost, grown = 0.0, scale[k] * subpixels / (center[2] if far else 1.0)
         for m in range(NODE.size):
             integral = along * unit_lookup(table, np.float32(NODE[m]))
             lost += WEIGHT[m] * absorbed(room[k + EXTINCTION] * integral)
+        # Scale by the footprint's area on the screen, in sub-pixels.
         oblique = math.sqrt(squared) / center[2] if far else 1.0
         mass = shape.volume * oblique * eye.fx * eye.fy * grown * grown
         room[k + OPACITY] = np.float32(max(FAINTEST, mass / (along * total) * lost))

@@ -1,7 +1,7 @@
-"""Points among splats: summed sheet by sheet in the order of all samples, then put behind.
+"""Points among splats: summed sheet by sheet in the order of all samples, then composited.
 
-A sheet is put behind before anything that lies behind it is painted. Those points that stand alone,
-as samples of a size each do, are a sheet each.
+A sheet is composited before anything behind it is painted. Points that stand alone, as samples of
+individual sizes do, form a sheet each.
 """
 
 from typing import NamedTuple
@@ -48,16 +48,16 @@ _NOWHERE = 1 << 30
 class Sheet(NamedTuple):
     """The open sheet of points of a tile."""
 
-    cell: Floats  # (h, w, 8): sums of opacity, of that × RGB and × depth, and of area; 0, 0
-    dirty: NDArray[np.int64]  # (5,) first and last row, first and last column touched; the number
-    across: Floats  # (MOST_TAPS,) room for weights
-    down: Floats
-    is_alone: bool  # a point is put behind before anything else is
+    cell: Floats  # (h, w, 8): sums of opacity, of opacity × RGB and × depth, and of area; 0, 0
+    dirty: NDArray[np.int64]  # (5,) touched rows and columns, first and past the last; sheet number
+    across: Floats  # (MOST_TAPS,) scratch for weights along x
+    down: Floats  # (MOST_TAPS,) and along y
+    is_alone: bool  # each point is composited at once
 
 
 @kernel
 def new_sheet(height: int, width: int, is_alone: bool) -> Sheet:
-    """Empty sheet of so many rows and columns of sub-pixels."""
+    """Allocate an empty sheet of so many rows and columns of sub-pixels."""
     return Sheet(
         np.zeros((height, width, 8), np.float32),
         np.array([_NOWHERE, 0, _NOWHERE, 0, 0]),
@@ -69,25 +69,26 @@ def new_sheet(height: int, width: int, is_alone: bool) -> Sheet:
 
 @kernel
 def width_of(spacing: Single, n: int, style: Style) -> float:
-    """Sub-pixels that a point's filter is scaled by, of n per side of a pixel."""
+    """Width of a point's filter in sub-pixels, of n per side of a pixel."""
     return float(point_width(spacing * n, style.variance)) if style.variance > 0.0 else float(n)
 
 
 @kernel
 def number_of_sheet(key: Single, stage: Stage) -> int:
-    """Number of the sheet that samples of a key lie in."""
+    """Number of the sheet that a key lies in."""
     return int(np.floor(key / np.float32(stage.layers.thickness)))
 
 
 @kernel
 def is_empty(sheet: Sheet) -> bool:
-    """Whether nothing waits to be put behind."""
+    """Whether the sheet holds no points."""
     return bool(sheet.dirty[0] >= sheet.dirty[1])
 
 
 @kernel
 def before_sheet(sheet: Sheet, room: Floats, offset: Members, stage: Stage) -> int:
-    """How many of some samples in painting order come before the open sheet is put behind."""
+    """How many of the next samples belong to the open sheet; all if it is empty."""
+    # Samples are in order: find the first that lies in another sheet.
     if is_empty(sheet):
         return offset.size
     n = 0
@@ -108,14 +109,16 @@ def add_among(
     place: Place,
     stage: Stage,
 ) -> int:
-    """Add a point to the open sheet, which is its own, or empty.
+    """Add a point to the open sheet, which is either its own sheet or empty.
 
-    Gives 1 if the point is at home in the tile, and not hidden.
+    Return 1 if the point is at home in the tile and not hidden.
     """
+    # Cull by the open groups of sub-pixels.
     s = np.uint64(offset)
     top, bottom, left, right = bounds_at(room, s)
     if left >= right or top >= bottom or not is_open(open_groups, top, bottom, left, right):
         return 0
+    # Compute the filter's weights around the projected center.
     cell, dirty, across, down, is_alone = sheet
     n, style, profile = place.subpixels, stage.style, stage.tables.point
     dirty[4] = number_of_sheet(room[s + KEY], stage)
@@ -124,8 +127,10 @@ def add_among(
     box = box_around(cell.shape[:2], x, y, reach, profile, across, down)
     if box.top >= box.bottom or box.left >= box.right:
         return int(room[s + HOME])
+    # Extend the dirty rectangle.
     dirty[0], dirty[1] = min(dirty[0], box.top), max(dirty[1], box.bottom)
     dirty[2], dirty[3] = min(dirty[2], box.left), max(dirty[3], box.right)
+    # Add the point under its filter; OPACITY is opacity × area.
     red, green, blue = room[s + LIT_RED], room[s + LIT_GREEN], room[s + LIT_BLUE]
     zero, one, depth, alpha = np.float32(0.0), np.float32(1.0), room[s + DEPTH], room[s + OPACITY]
     cover = room[s + AREA] / alpha
@@ -133,7 +138,8 @@ def add_among(
         seen = alpha * down[row - box.first_row]
         for column in range(box.left, box.right):
             opacity = seen * across[column - box.first_column]
-            cell[row, column, 0] += opacity * one  # eight products: one instruction
+            # Eight products, although two are zero: they become one vector instruction.
+            cell[row, column, 0] += opacity * one
             cell[row, column, 1] += opacity * red
             cell[row, column, 2] += opacity * green
             cell[row, column, 3] += opacity * blue
@@ -141,6 +147,7 @@ def add_among(
             cell[row, column, 5] += opacity * cover
             cell[row, column, 6] += opacity * zero
             cell[row, column, 7] += opacity * zero
+    # A point that stands alone is a sheet of its own.
     if is_alone:
         put_behind(sheet, rows, np.float32(style.opaque))
     return int(room[s + HOME])
@@ -148,14 +155,16 @@ def add_among(
 
 @kernel
 def put_behind(sheet: Sheet, rows: Floats, opaque: Single) -> None:
-    """Put the open sheet behind what is painted on rows of sub-pixels, and empty it."""
+    """Composite the open sheet under what is painted on rows of sub-pixels, and clear it."""
     cell, dirty = sheet.cell, sheet.dirty
     zero, one = np.float32(0.0), np.float32(1.0)
+    # Composite the dirty rectangle where sub-pixels are not opaque yet.
     for row in range(dirty[0], dirty[1]):
         for column in range(dirty[2], dirty[3]):
             k, total = index_of(row, column), cell[row, column, 0]
             before = one - rows[k + ALPHA]
             if total > zero and before > opaque:
+                # Opacities of points add up; where they exceed 1, they share the sub-pixel.
                 alpha = min(total, one)
                 share = before * alpha / total
                 rows[k + RED] += max(zero, share * cell[row, column, 1])
@@ -164,8 +173,10 @@ def put_behind(sheet: Sheet, rows: Floats, opaque: Single) -> None:
                 rows[k + ALPHA] += before * alpha
                 rows[k + FAR] += share * cell[row, column, 4]
                 rows[k + WEIGHT] += cell[row, column, 5]
+                # Note the depth where the sub-pixel first becomes visible.
                 if rows[k + FIRST] == np.inf and rows[k + ALPHA] > np.float32(VISIBLE):
                     rows[k + FIRST] = cell[row, column, 4] / total
+            # Clear the cell for the next sheet.
             for channel in range(8):
                 cell[row, column, channel] = zero
     dirty[0], dirty[1], dirty[2], dirty[3] = _NOWHERE, 0, _NOWHERE, 0

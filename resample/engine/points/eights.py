@@ -1,4 +1,4 @@
-"""Eight numbers at once, where a compiler would not see that it may take them so."""
+"""Sums of eight numbers at once, where the compiler would not find the vectors itself."""
 
 from resample.engine.jit import when_compiling
 from resample.types import Doubles
@@ -17,22 +17,23 @@ def spread(
     step: int,
     taps: int,
 ) -> None:
-    """Add eight amounts to cells of eight, times the weights of rows and columns.
+    """Add eight amounts to each cell of a square, times the weights of its row and column.
 
     Parameters
     ----------
     cells
-        The first begins at `first`, and rows of them are `pitch` apart.
+        Flat; the first cell begins at `first`, and rows of cells are `pitch` apart.
     amount
         Eight numbers from `line` on.
     rounding
-        Added to amounts times a row's weight, and taken away again.
+        Constant that is added to amounts times a row's weight and subtracted again, to round them.
     weight
-        Of columns from `across` on and of rows from `down` on, each `step` after the last.
+        Those of columns begin at `across`, those of rows at `down`, each `step` after the last.
     taps
-        Rows, and columns.
+        Number of rows, and of columns.
     """
     for row in range(taps):
+        # Weigh by the row, and round to whole quanta.
         shares = (amount[line : line + 8] * weight[down + row * step] + rounding) - rounding
         for column in range(taps):
             cell = first + row * pitch + 8 * column

@@ -1,8 +1,8 @@
-"""Paint points that are projected by the tiles which show them, run by run and nearest runs first.
+"""Paint points that each tile projects for itself, nearest runs first.
 
-As `resample.engine.mixtures.deferred`, for scenes of points only. These are summed sheet by
-sheet, so they need no order among themselves: a tile takes a run of neighbours, adds its points
-to the sheets that they lie in, and composites those sheets which no other run can reach any more.
+As `resample.engine.mixtures.deferred`, for scenes of points only. Points are summed sheet by
+sheet, so they need no order among themselves: a tile takes a run of neighbours, adds its points to
+the sheets they lie in, and composites the sheets that no later run can reach.
 """
 
 import math
@@ -59,11 +59,11 @@ from resample.types import (
     Tiles,
 )
 
-MOST_TAPS = 8  # sub-pixels that a point is spread over, along a row and along a column
-BETWEEN_LOOKS = 8  # sheets composited before it is looked at again what is opaque by now
+MOST_TAPS = 8  # sub-pixels along a row and a column that a point is spread over, at most
+BETWEEN_LOOKS = 8  # sheets composited between occlusion checks
 
-# Columns of a batch: first row and column, sheet, what lies between the point and the center of its
-# first sub-pixel, and numbers of eight.
+# Columns of a batch: offsets from the point to the center of its first sub-pixel, that sub-pixel's
+# row and column, sheet, 1 / radius of the filter, amounts, sums of weights, home flag, weights.
 X, Y, ROW, COLUMN, SHEET, PER_REACH, AMOUNT, BEHIND, COVER, TOTAL_X, TOTAL_Y, HOME, ACROSS = (
     np.uint64(number * BATCH) for number in range(13)
 )
@@ -87,10 +87,11 @@ def place_points(
     own: tuple[Place, Bounds],
     form: Spread,
 ) -> None:
-    """Where `count` samples from `begin` on fall on a canvas, and their amounts.
+    """Project `count` samples from `begin` on to a canvas, and compute their amounts.
 
-    A tile's `own` are its canvas, and where the centers of its samples lie.
+    `own` is the canvas of the tile, and the bounds of the centers that it counts as its own, px.
     """
+    # Constants of all samples.
     (eye, shape, view_area), layers, _, faintest = sight
     place, bounds = own
     n_side = float(place.subpixels)
@@ -106,14 +107,16 @@ def place_points(
     for n in range(count):
         k = np.uint64(n)
         sample = np.uint64(begin) + k
+        # Project the center, and measure the spacing on the tile's grid.
         center, key, per_z, (x, y) = projected(position, sample, eye, layers)
         squared, right, down = squared_spacing(center, per_z, eye, on_grid)
         near = np.float32(per_z)
+        # Radius of the filter, slant of the ray, sheet, and area in sub-pixels.
         reach = extent * (np.sqrt(variance * squared + thinnest) if variance > 0.0 else wide)
         oblique = np.sqrt(one + right * right + down * down)
         sheet = np.floor(key / layer)
         area = scale * near * near
-        # 1 - exp(-x) = -expm1(-x); expm1(2x) = expm1(x) (expm1(x) + 2), to 16 x
+        # Opacity 1 - exp(-x) = -expm1(-x), with expm1(2x) = expm1(x) (expm1(x) + 2) up to 16 x.
         t = max(DEEPEST, -extinction[sample] * layer * oblique) * PER_DEEPEST
         t2 = t * t
         fall = t * ((one + t * E1) + t2 * ((E2 + t * E3) + t2 * (E4 + t * E5)))
@@ -122,11 +125,13 @@ def place_points(
         fall *= fall + two
         fall *= fall + two
         amount = -fall * area * per_opacity
+        # Decide whether it is painted, and whether the tile counts it as its own.
         is_painted = extinction[sample] > faintest
         pad = reach * per_side
         is_home = (x >= first_x) & (x < last_x) & (y >= first_y) & (y < last_y) & is_painted
         is_home &= (x + pad >= low) & (x - pad <= high_x) & (y + pad >= low) & (y - pad <= high_y)
         room[k + HOME] = 1.0 if is_home else 0.0
+        # Find its first sub-pixel, and write the columns.
         x, y = (x - place.x) * n_side, (y - place.y) * n_side
         column, row = np.floor(x - reach + 0.5), np.floor(y - reach + 0.5)
         room[k + X] = column + 0.5 - x
@@ -144,7 +149,7 @@ def place_points(
 def drop_clipped(
     room: Doubles, position: Floats, begin: int, count: int, eye: Eye, planes: Doubles
 ) -> None:
-    """Take samples out of a batch whose centers lie beyond a clipping plane (M, 5)."""
+    """Drop samples from a batch whose centers lie beyond a clipping plane (M, 5)."""
     for n in range(count):
         if is_clipped(position, begin + n, eye, planes):
             k = np.uint64(n)
@@ -153,7 +158,7 @@ def drop_clipped(
 
 @kernel
 def leave_out_sheets(room: Doubles, count: int, carried: Carried) -> None:
-    """Take samples out of a batch whose sheets are painted in other steps."""
+    """Drop samples from a batch whose sheets are painted in other steps."""
     if in_steps(carried):
         for n in range(count):
             k = np.uint64(n)
@@ -171,19 +176,22 @@ def _weigh(
     taps: int,
     profile: Profile,
 ) -> None:
-    """Weights of the sub-pixels around the points of a batch along one axis, and their sums."""
+    """Compute weights of the sub-pixels around the points along one axis, and their sums."""
     p0, p1, p2, p3, p4, p5, p6, p7, p8 = profile
     one, zero = np.float32(1.0), np.float32(0.0)
+    # Samples in the inner loop, so that it becomes lanes.
     for tap in range(taps):
         column, is_first = to + np.uint64(tap) * STEP, tap == 0
         for n in range(count):
             k = np.uint64(n)
+            # Evaluate the filter, a polynomial in the squared distance, by Estrin's scheme.
             distance = np.float32((room[k + offset] + tap) * room[k + PER_REACH])
             v = distance * distance
             v2 = v * v
             v4 = v2 * v2
             weight = (p0 + v * p1) + v2 * (p2 + v * p3)
             weight += v4 * ((p4 + v * p5) + v2 * (p6 + v * p7)) + v4 * (v4 * p8)
+            # Round to whole quanta, so that sums do not depend on their order.
             rounded = (float(weight if v < one else zero) + ROUND_WEIGHT) - ROUND_WEIGHT
             room[k + column] = rounded
             room[k + total] = rounded if is_first else room[k + total] + rounded
@@ -191,7 +199,7 @@ def _weigh(
 
 @kernel
 def _share_out(room: Doubles, count: int) -> None:
-    """Divide amounts by the sums of weights."""
+    """Normalize amounts by the sums of weights."""
     for n in range(count):
         k = np.uint64(n)
         share = 1.0 / (room[k + TOTAL_X] * room[k + TOTAL_Y])
@@ -202,9 +210,10 @@ def _share_out(room: Doubles, count: int) -> None:
 
 @kernel
 def _fill_lines(amount: Doubles, room: Doubles, color: Floats, begin: int, count: int) -> None:
-    """Eight numbers for each sample."""
+    """Write the eight amounts of each sample: the last two stay 0."""
     for n in range(count):
         k, line, sample = np.uint64(n), np.uint64(LINE * n), np.uint64(begin + n)
+        # Opacity, colors times it, depth behind the sheet's front, and coverage.
         opacity = room[k + AMOUNT]
         amount[line] = opacity
         amount[line + np.uint64(1)] = opacity * color[sample, 0]
@@ -226,21 +235,25 @@ def _spread_points(
     front: int,
     slot: int,
 ) -> int:
-    """Add a batch to the open sheets, of which `front` is first and has `slot`; gives the last."""
+    """Add a batch to the open sheets, from `front` in `slot` on; return the last one touched."""
     pitch, behind = LINE * ring.columns, front
     low_row = low_column = 1 << 30
     high_row = high_column = 0
+    # Skip points whose filter misses the canvas and its margin.
     for n in range(count):
         k = np.uint64(n)
         row, column = int(room[k + ROW]) + ring.around, int(room[k + COLUMN]) + ring.around
         if row < 0 or row + taps > ring.rows or column < 0 or column + taps > ring.columns:
             continue
         sheet = int(room[k + SHEET])
-        if sheet < front or sheet >= front + SLOTS:  # beside the view: it has no part in the key
+        # Points beside the view have no part in the run's key, and may lie in any sheet.
+        if sheet < front or sheet >= front + SLOTS:
             continue
+        # Extend the dirty rectangle of the batch.
         behind = max(behind, sheet)
         low_row, high_row = min(low_row, row), max(high_row, row)
         low_column, high_column = min(low_column, column), max(high_column, column)
+        # Find the slot of the sheet in the ring, and spread the point.
         place = slot + sheet - front
         place -= SLOTS if place >= SLOTS else 0
         first = LINE * ((place * ring.rows + row) * ring.columns + column)
@@ -257,6 +270,7 @@ def _spread_points(
             BATCH,
             taps,
         )
+    # Mark the rectangle in all sheets that the batch may have touched.
     if high_row + 1 > low_row:
         for sheet in range(front, behind + 1):
             place = (slot + sheet - front) % SLOTS
@@ -266,7 +280,7 @@ def _spread_points(
 
 @kernel
 def _taps(form: Spread, n: int) -> int:
-    """Sub-pixels along a row and along a column that a point may be spread over."""
+    """Sub-pixels along an axis that a point is spread over, at most."""
     width = float(n)
     if form.variance > 0.0:
         width = point_width(form.most_spacing * n, form.variance)
@@ -285,7 +299,7 @@ def _scales(form: Spread, sheet: int) -> Scales:
 
 @kernel
 def _sheet_of(run: Record, layer: Single) -> int:
-    """First sheet that a run reaches."""
+    """Number of the nearest sheet that a run reaches."""
     sheet: int = math.floor(run["key"] / layer)
     return sheet
 
@@ -301,24 +315,26 @@ def paint_point_runs(
     form: Spread,
     output: tuple[Film, Tally, Carried],
 ) -> None:
-    """Paint the tiles listed in `turn`, of which each knows the runs that it may show.
+    """Paint the tiles listed in `turn` from the runs that each may show.
+
+    A run at a time: close the sheets in front of it, check occlusion, cull it, project its points,
+    weigh the sub-pixels around them, and add them to their sheets.
 
     Parameters
     ----------
     turn
         Numbers of tiles, all of which have members.
     tiles
-        Whose members are runs.
+        Their members are runs.
     runs
-        At most BATCH samples in one, which reaches over at most SLOTS - 1 sheets.
+        At most BATCH samples in each, which span at most SLOTS - 1 sheets.
     stage
         As for all painters; its layers are of depth, or around the eye.
     profile, form
         Filter of points as a polynomial in the squared distance, and how they are spread.
     output
-        Film (H, W) written to; a tally (T, 4): numbers of points painted by the tiles that hold
-        their centers, and grids; and what tiles were before and are kept as, if they are painted
-        step by step.
+        Film (H, W), filled; a tally (T, 4), filled: points painted by the tiles that hold their
+        centers, and grids; and checkpoints of tiles that are painted step by step.
     """
     sight, planes, size = sight_of(stage, NO_REACH), stage.screen.planes, form.cells
     samples, start, known = runs.samples, runs.start, runs.known
@@ -341,6 +357,7 @@ def paint_point_runs(
         in_order(known, members)
         front = _sheet_of(known[members[0]], layer)
         slot, behind, next_look, is_any_open = 0, front - 1, front + BETWEEN_LOOKS, True
+        # Take the tile's runs nearest first.
         for m in range(members.size):
             run = members[m]
             sheet = _sheet_of(known[run], layer)

@@ -1,4 +1,4 @@
-"""`eights.spread` for numba, as operations on vectors of eight numbers."""
+"""`eights.spread` for numba, generated as operations on vectors of eight doubles."""
 
 from collections.abc import Callable
 from typing import Any
@@ -12,7 +12,7 @@ EIGHT = ir.VectorType(ir.DoubleType(), 8)
 
 
 def _all(builder: Any, number: Any) -> Any:
-    """Eight times the same number."""
+    """Broadcast a number to all eight lanes."""
     one = builder.insert_element(ir.Constant(EIGHT, ir.Undefined), number, ir.IntType(32)(0))
     return builder.shuffle_vector(
         one,
@@ -22,13 +22,14 @@ def _all(builder: Any, number: Any) -> Any:
 
 
 def _eight(builder: Any, data: Any, first: Any) -> Any:
-    """Where eight numbers of an array are."""
+    """Pointer to eight consecutive numbers of an array."""
     return builder.bitcast(builder.gep(data, [first]), EIGHT.as_pointer())
 
 
 @intrinsic
 def _spread(_, cells, first, pitch, amount, line, rounding, weight, across, down, step, taps):  # type: ignore[no-untyped-def]  # noqa: ARG001
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        # Unpack the arrays to their data pointers, and load the eight amounts.
         cells, amount, weight = (
             context.make_array(signature.args[n])(context, builder, arguments[n]).data
             for n in (0, 3, 6)
@@ -40,21 +41,26 @@ def _spread(_, cells, first, pitch, amount, line, rounding, weight, across, down
         amounts = builder.load(_eight(builder, amount, line), align=8)
 
         def weights(begin: Any, count: int) -> list[Any]:
+            # Broadcast the weights of `count` rows or columns.
             places = [builder.add(begin, builder.mul(step, whole(n))) for n in range(count)]
             return [_all(builder, builder.load(builder.gep(weight, [n]))) for n in places]
 
         def spread_over(count: int) -> None:
+            # Emit the loops unrolled, with the arithmetic of `eights.spread`.
             columns = weights(across, count)
             for row, share in enumerate(weights(down, count)):
                 shares = builder.fadd(builder.fmul(amounts, share), rounding)
+                # Round to whole steps, so that all sums are exact.
                 shares = builder.fsub(shares, rounding)
                 begin = builder.add(first, builder.mul(pitch, whole(row)))
                 for column, weighed in enumerate(columns):
                     cell = _eight(builder, cells, builder.add(begin, whole(8 * column)))
+                    # A fused multiply-add gives the same bits, as products and sums are exact.
                     added = builder.fmul(shares, weighed, flags=["contract"])
                     total = builder.fadd(builder.load(cell, align=8), added, flags=["contract"])
                     builder.store(total, cell, align=8)
 
+        # Emit one unrolled block per number of taps, and switch between them.
         end = builder.append_basic_block("spread")
         choice = builder.switch(taps, end)
         for count in range(1, MOST_TAPS + 1):
@@ -66,13 +72,14 @@ def _spread(_, cells, first, pitch, amount, line, rounding, weight, across, down
         builder.position_at_end(end)
         return context.get_dummy_value()
 
+    # Signature of the intrinsic.
     whole, array, number = numba.int64, numba.float64[::1], numba.float64
     arguments = (array, whole, whole, array, whole, number, array, whole, whole, whole, whole)
     return numba.void(*arguments), generate
 
 
 def define(spread: Callable[..., None]) -> None:
-    """Tell numba of what `spread` is made of."""
+    """Register the intrinsic as numba's implementation of `spread`."""
 
     @overload(spread, inline="always")
     def vectors(cells, first, pitch, amount, line, rounding, weight, across, down, step, taps):  # type: ignore[no-untyped-def]  # noqa: ARG001

@@ -1,11 +1,11 @@
-"""From samples to the coefficients of a spline that passes through them, and bounds of the spline.
+"""Coefficients of the cubic spline that interpolates samples, and bounds of its values.
 
-Unser, Splines: A Perfect Fit for Signal and Image Processing, 1999: along each axis a recursive
-filter forth and one back. A sample's part in a coefficient falls by 0.268 from one to the next, so
-a slab of samples needs no more than `HALO` around it, and slabs go in parallel.
+Unser, Splines: A Perfect Fit for Signal and Image Processing, 1999: along each axis a causal and an
+anticausal recursive filter. The influence of a sample falls by 0.268 from one coefficient to the
+next, so a slab of samples needs only `HALO` more on both sides, and slabs run in parallel.
 
 Bounds: within a cell a spline lies between the least and the greatest of its Bernstein
-coefficients, of which a cell has 4³ and shares all but 3³ with its neighbours.
+coefficients. A cell has 4³ of them and shares all but 3³ with its neighbours.
 """
 
 import math
@@ -19,11 +19,12 @@ from resample.engine.rays.splines import PAD
 from resample.types import Bounds, Coefficients, Floats, Indices, Single
 
 SLAB = 48  # samples of the slowest axis that are filtered together
-HALO = 14  # samples around them; 0.268¹⁴ is 1e-8
+HALO = 14  # samples on both sides of a slab; 0.268¹⁴ is 1e-8
 BRICK = 4  # cells per side of a brick, a power of 2
+# Pole and gain of the cubic B-spline's inverse filter.
 POLE = math.sqrt(3.0) - 2.0
 _POLE, _GAIN = np.float32(POLE), np.float32(6.0)
-_END = np.float32(POLE / (POLE - 1.0))  # what is mirrored about half a sample beyond the end
+_END = np.float32(POLE / (POLE - 1.0))  # start of the way back, for samples mirrored at the end
 MOST = np.float32(65535.0)  # of 16 bits
 
 
@@ -38,7 +39,7 @@ class Values(NamedTuple):
 
 
 def values_of(given: NDArray[Any]) -> Values:
-    """Samples, read only, of any of the types, as one kernel takes them all."""
+    """Put samples of any type into one bundle, which one kernel takes."""
     arrays = {name: np.empty((0, 0, 0), name) for name in Values._fields}
     for array in arrays.values():
         array.setflags(write=False)
@@ -52,12 +53,12 @@ class Form(NamedTuple):
     zero: Single
     per_scale: Single
     sharpness: Single  # 1: the spline passes through the samples, 0: these are the coefficients
-    is_whole: bool  # in 16 bits
+    is_whole: bool  # stored as integers of 16 bits
 
 
 @kernel
 def _mirrored(n: int, count: int) -> int:
-    """Number of a sample that stands for one beyond the ends."""
+    """Index of the sample whose mirror image is sample n."""
     period = 2 * count
     n %= period
     return n if n < count else period - 1 - n
@@ -65,7 +66,7 @@ def _mirrored(n: int, count: int) -> int:
 
 @kernel
 def _first_of(line: Floats, stride: int, count: int, at: int) -> float:
-    """Sum of a line that is mirrored before its first number, weighed by powers of the pole."""
+    """Start of the causal filter: mirrored samples, weighed by powers of the pole."""
     total, power = float(line[at]), POLE
     # The mirror image of sample n lies at -1 - n.
     for n in range(2 * HALO):
@@ -76,17 +77,21 @@ def _first_of(line: Floats, stride: int, count: int, at: int) -> float:
 
 @lane_kernel
 def _filter_rows(part: Floats, count: int, stride: int, width: int) -> None:
-    """Filter (count) rows of `width` numbers, `stride` apart, along the rows' order."""
+    """Filter `count` rows of `width` numbers, `stride` apart, across the rows; in place."""
+    # Start the causal filter in every column.
     for i in range(width):
         part[np.uint64(i)] = np.float32(_first_of(part, stride, count, i))
+    # Causal pass: each row adds the one before it, times the pole.
     for n in range(1, count):
         at, before = np.uint64(n * stride), np.uint64((n - 1) * stride)
         for i in range(width):
             k = np.uint64(i)
             part[at + k] += _POLE * part[before + k]
+    # Start the anticausal filter at the last row.
     last = np.uint64((count - 1) * stride)
     for i in range(width):
         part[last + np.uint64(i)] *= _GAIN * _END
+    # Anticausal pass: each row takes the one after it, times the pole, and the gain.
     for n in range(count - 2, -1, -1):
         at, after = np.uint64(n * stride), np.uint64((n + 1) * stride)
         for i in range(width):
@@ -96,10 +101,12 @@ def _filter_rows(part: Floats, count: int, stride: int, width: int) -> None:
 
 @kernel
 def _filter_line(part: Floats, at: int, count: int) -> None:
-    """Filter numbers that stand side by side."""
+    """Filter contiguous numbers in place; as `_filter_rows`, for one line."""
+    # Causal pass.
     part[at] = np.float32(_first_of(part, 1, count, at))
     for n in range(at + 1, at + count):
         part[n] += _POLE * part[n - 1]
+    # Anticausal pass.
     part[at + count - 1] *= _GAIN * _END
     for n in range(at + count - 2, at - 1, -1):
         part[n] = _POLE * (part[n + 1] - _GAIN * part[n])
@@ -107,7 +114,8 @@ def _filter_line(part: Floats, at: int, count: int) -> None:
 
 @kernel
 def _taken(values: Values, low: float, first: int, last: int, part: Floats) -> None:
-    """Samples of some planes as how far they are above the least one."""
+    """Copy planes first..last of the samples, minus the least value, into `part`."""
+    # Compile one loop per type; exactly one of the arrays holds samples.
     if values.uint8.size > 0:
         _raised(values.uint8, low, first, last, part)
     elif values.int8.size > 0:
@@ -122,7 +130,7 @@ def _taken(values: Values, low: float, first: int, last: int, part: Floats) -> N
 
 @kernel
 def _raised(values: NDArray[Any], low: float, first: int, last: int, part: Floats) -> None:
-    """As `_taken`, of one type."""
+    """As `_taken`, for one type."""
     _, height, width = values.shape
     n = 0
     for k in range(first, last):
@@ -144,17 +152,20 @@ def _filter_plane(plane: Floats, height: int, width: int) -> None:
 def _kept(
     plane: Floats, samples: Floats, to: Form, size: tuple[int, int], k: int, flat: Coefficients
 ) -> int:
-    """Store a plane as the k-th one, with its mirror images around; gives how many were cut off."""
+    """Store a plane as the k-th one, padded by mirroring; return how many values were clipped."""
     height, width = size
     across = width + 2 * PAD
     start, cut = k * (height + 2 * PAD) * across, 0
+    # Walk over the padded plane; each element reads its mirror source.
     for j in range(-PAD, height + PAD):
         source = _mirrored(j, height) * width
         at = start + (j + PAD) * across
         for i in range(-PAD, width + PAD):
             n = source + _mirrored(i, width)
+            # Mix coefficients and samples by sharpness, and scale to what is stored.
             mixed = to.sharpness * plane[n] + (np.float32(1.0) - to.sharpness) * samples[n]
             raw = (mixed - to.zero) * to.per_scale
+            # Clip to 16 bits, and round.
             if to.is_whole:
                 held = min(MOST, max(np.float32(0.0), raw))
                 cut += int(held != raw)
@@ -167,18 +178,22 @@ def _kept(
 def _filter_slab(
     slab: int, values: Values, shape: tuple[int, int, int], to: Form, flat: Coefficients
 ) -> int:
-    """Coefficients of a slab of planes; gives how many were cut off."""
+    """Find and store the coefficients of a slab of planes; return how many were clipped."""
     depth, height, width = shape
+    # Load the slab and its halo.
     begin, end = slab * SLAB, min(depth, (slab + 1) * SLAB)
     first, last = max(0, begin - HALO), min(depth, end + HALO)
     area, cut = height * width, 0
     part = np.empty((last - first) * area, np.float32)
     samples = np.empty(area, np.float32)
     _taken(values, to.low, first, last, part)
+    # Filter across planes, then within each plane of the slab proper.
     _filter_rows(part, last - first, area, area)
     for k in range(begin, end):
         plane = part[(k - first) * area : (k - first + 1) * area]
         _filter_plane(plane, height, width)
+        # Reload the samples, which the filter has overwritten, and store the plane with its
+        # mirrored copies.
         _taken(values, to.low, k, k + 1, samples)
         for copy in range(-PAD, depth + PAD):
             is_near = k - PAD <= copy <= k + PAD or k < PAD or k >= depth - PAD
@@ -196,7 +211,7 @@ def find_coefficients(
     flat: Coefficients,
     cut: Indices,
 ) -> None:
-    """Coefficients of a spline that passes through all samples.
+    """Find the coefficients of the cubic spline that interpolates all samples.
 
     Parameters
     ----------
@@ -209,7 +224,7 @@ def find_coefficients(
     flat
         ((Z + 2 PAD) (Y + 2 PAD) (X + 2 PAD),) filled.
     cut
-        (slabs,) filled: how many coefficients lay beyond what can be stored.
+        (slabs,) filled: how many coefficients were clipped to what can be stored.
     """
     for slab in tasks(counter, cut.size):
         cut[slab] = _filter_slab(slab, values, shape, to, flat)
@@ -219,13 +234,15 @@ def find_coefficients(
 def _bernstein_plane(
     flat: Coefficients, at: int, stride: int, kind: int, count: int, line: Floats
 ) -> None:
-    """Numbers `kind` of the three Bernstein coefficients of cells along an axis of that stride."""
+    """Bernstein coefficients of one `kind`, of three per cell, along the axis of a stride."""
+    # Pick the weights of the three B-spline coefficients around the cell.
     one, two, step = np.uint64(at), np.uint64(at + stride), np.uint64(2 * stride)
     a, b, c = np.float32(1 / 6), np.float32(2 / 3), np.float32(1 / 6)
     if kind == 1:
         a, b, c = np.float32(0.0), np.float32(2 / 3), np.float32(1 / 3)
     elif kind == 2:
         a, b, c = np.float32(0.0), np.float32(1 / 3), np.float32(2 / 3)
+    # Weigh lines of coefficients; contiguous, so that they become lanes.
     for i in range(count):
         k = np.uint64(i)
         line[k] = a * flat[one + k] + b * flat[two + k] + c * flat[one + step + k]
@@ -233,15 +250,17 @@ def _bernstein_plane(
 
 @lane_kernel
 def _spread(line: Floats, count: int, least: Floats, greatest: Floats) -> None:
-    """Take the four Bernstein coefficients of cells in a row into account."""
+    """Widen the bounds of a row of cells by the four Bernstein coefficients of each along x."""
     third, two_thirds = np.float32(1 / 3), np.float32(2 / 3)
     sixth, most = np.float32(1 / 6), np.float32(2 / 3)
+    # Convert four B-spline coefficients to the cell's four Bernstein coefficients.
     for i in range(count):
         k = np.uint64(i)
         c0, c1 = line[k], line[k + np.uint64(1)]
         c2, c3 = line[k + np.uint64(2)], line[k + np.uint64(3)]
         b0, b3 = sixth * (c0 + c2) + most * c1, sixth * (c1 + c3) + most * c2
         b1, b2 = two_thirds * c1 + third * c2, third * c1 + two_thirds * c2
+        # Fold least and greatest of the four into the bounds.
         below, above = b0 if b0 < b1 else b1, b1 if b0 < b1 else b0
         under, over = b2 if b2 < b3 else b3, b3 if b2 < b3 else b2
         below, above = below if below < under else under, above if above > over else over
@@ -250,14 +269,14 @@ def _spread(line: Floats, count: int, least: Floats, greatest: Floats) -> None:
 
 
 class Held(NamedTuple):
-    """Coefficients of one of two types; there are none of the other."""
+    """Coefficients of one of two types; the other array is empty."""
 
     short: NDArray[np.uint16]  # (N,) or (0,)
     long: Floats  # (0,) or (N,)
 
 
 def held_as(flat: NDArray[Any]) -> Held:
-    """Coefficients of either type, as one kernel takes both."""
+    """Put coefficients of either type into one bundle, which one kernel takes."""
     if flat.dtype == np.uint16:
         return Held(flat, np.empty(0, np.float32))
     return Held(np.empty(0, np.uint16), flat)
@@ -267,7 +286,8 @@ def held_as(flat: NDArray[Any]) -> Held:
 def _bound_bricks(
     k: int, j: int, flat: Held, shape: tuple[int, int, int], room: Floats, bounds: Bounds
 ) -> None:
-    """Bounds of a row of bricks."""
+    """Bound the spline in one row of bricks; `room` is scratch."""
+    # Lay out the scratch: a line, the bounds of its cells, and the rows of one plane.
     depth, height, width = shape
     across, cells = width + 2 * PAD, width + 1
     plane = (height + 2 * PAD) * across
@@ -277,6 +297,7 @@ def _bound_bricks(
     least[:] = np.inf
     greatest[:] = -np.inf
     mixed = room[3:]
+    # Convert to Bernstein form along z, for each row that the bricks need.
     for along in range(3 * planes + 1):
         at = (k * BRICK + along // 3) * plane + j * BRICK * across
         for row in range(rows + 3):
@@ -285,11 +306,13 @@ def _bound_bricks(
                 _bernstein_plane(flat.short, begin, plane, kind, across, mixed[row])
             else:
                 _bernstein_plane(flat.long, begin, plane, kind, across, mixed[row])
+        # Convert along y, then along x, and widen the bounds of the row's cells.
         level = mixed.reshape(-1)
         for down in range(3 * rows + 1):
             start = (down // 3) * mixed.shape[1]
             _bernstein_plane(level, start, mixed.shape[1], down % 3, across, line)
             _spread(line, cells, least, greatest)
+    # Reduce the bounds of cells to those of bricks.
     for i in range(bounds.least.shape[2]):
         part = slice(i * BRICK, min(cells, (i + 1) * BRICK))
         bounds.least[k, j, i] = least[part].min()
@@ -298,7 +321,7 @@ def _bound_bricks(
 
 @parallel_kernel
 def find_bounds(counter: Counter, flat: Held, shape: tuple[int, int, int], bounds: Bounds) -> None:
-    """Least and greatest value of a spline in each brick of cells, in units of its coefficients.
+    """Find the least and greatest value of a spline in each brick, in units of its coefficients.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
-"""What a stretch of a field looks like whose values go evenly from one to another.
+"""Transfer functions, pre-integrated over values that change linearly from one to another.
 
-The mean of colors and extinctions between two values is a difference of sums up to them (Engel,
-Kraus and Ertl, High-Quality Pre-Integrated Volume Rendering, 2001, without its table of pairs), so
-that nothing that a transfer function shows is stepped over.
+The mean of colors and extinctions between two values is a difference of prefix sums (Engel, Kraus
+and Ertl, High-Quality Pre-Integrated Volume Rendering, 2001, without its table of pairs), so no
+peak of a transfer function is stepped over.
 """
 
 from typing import NamedTuple
@@ -12,23 +12,24 @@ import numpy as np
 from resample.engine.jit import inner_step
 from resample.types import Doubles, Floats, Indices, Lamp
 
-EVEN = 1e-3  # columns; values that are closer have the look of their mean
+EVEN = 1e-3  # columns; values that are closer are classified by their mean
 
 Light = tuple[float, float, float, float]  # red, green, blue, and extinction
 
 
 class SummedLook(NamedTuple):
-    """A classifier as rays read it; values are counted in columns."""
+    """A classifier for rays; values are counted in columns."""
 
-    column: Doubles  # (L K, 12) sums up to a column, what they rise by to the next, and bend
-    columns: int  # K, of each of the looks that are beside each other
-    seen: Indices  # (K + 1,) how many columns before one can be seen, in any look
+    column: Doubles  # (L K, 12) sums up to a column, their rise to the next, and its bend
+    columns: int  # K, of each of L looks, which lie side by side
+    seen: Indices  # (K + 1,) prefix count of columns that are visible in any look
     highlight: Doubles  # (N,) over the cosine 0..1 between normal and halfway vector
     table: Floats  # (G, L K, 4) as in `Classifier`, G = 1 where gradients do not matter
     low: float  # data units, the value of column 0
     per_column: float  # data units
     per_slope: float  # rows per data unit per scene unit
     lamp: Lamp
+    # Depth cueing, as in `Classifier`.
     near: float
     far: float
     dimmed: float
@@ -42,13 +43,13 @@ def value_of(look: SummedLook, place: float) -> float:
 
 @inner_step
 def clamped(look: SummedLook, place: float) -> float:
-    """Column of a value, within a look, also of a value that is none."""
+    """Column of a value, clamped to the table; NaN becomes a column too."""
     return float(min(max(0.0, place), look.columns - 1.0))
 
 
 @inner_step
 def highlight_of(look: SummedLook, cosine: float) -> float:
-    """White highlight, between the nearest two of a table."""
+    """White highlight, interpolated in a table."""
     place = min(1.0, cosine) * (look.highlight.size - 1)
     n = np.uint64(min(int(place), look.highlight.size - 2))
     below = look.highlight[n]
@@ -58,6 +59,7 @@ def highlight_of(look: SummedLook, cosine: float) -> float:
 @inner_step
 def _sums_at(look: SummedLook, place: float) -> Light:
     """Integrals from column 0 to a place of color × extinction, and of extinction."""
+    # Between columns the integrals are quadratic.
     k = np.uint64(min(int(place), look.column.shape[0] - 2))
     f, c = place - k, look.column
     return (
@@ -70,7 +72,8 @@ def _sums_at(look: SummedLook, place: float) -> Light:
 
 @inner_step
 def light_between(look: SummedLook, a: float, b: float) -> Light:
-    """Means of color × extinction and of extinction between two values."""
+    """Mean color × extinction and mean extinction between two values."""
+    # Close values: the derivative in their middle, as the difference quotient would cancel.
     if abs(b - a) < EVEN:
         place = 0.5 * (a + b)
         k = np.uint64(min(int(place), look.column.shape[0] - 2))
@@ -81,6 +84,7 @@ def light_between(look: SummedLook, a: float, b: float) -> Light:
             c[k, 6] + f * c[k, 10],
             c[k, 7] + f * c[k, 11],
         )
+    # Others: the difference of the integrals over the distance.
     per, before, behind = 1.0 / (b - a), _sums_at(look, a), _sums_at(look, b)
     return (
         per * (behind[0] - before[0]),
@@ -94,6 +98,7 @@ def light_between(look: SummedLook, a: float, b: float) -> Light:
 def _between_rows(
     look: SummedLook, rows: tuple[int, int], down: float, place: float, n: int
 ) -> float:
+    # Interpolate along values in both rows, then between the rows of gradients.
     k = min(int(place), look.table.shape[1] - 2)
     right, upper, lower = place - k, rows[0], rows[1]
     above = look.table[upper, k, n] + right * (
@@ -107,7 +112,8 @@ def _between_rows(
 
 @inner_step
 def look_of(look: SummedLook, place: float, slope: float) -> Light:
-    """Color and extinction of a value and the length of its gradient."""
+    """Color and extinction, by value and gradient magnitude; bilinear in the table."""
+    # Locate the two rows of gradients.
     last = look.table.shape[0] - 1
     row = min(float(last), slope * look.per_slope)
     r = min(int(row), max(0, last - 1))

@@ -1,7 +1,7 @@
-"""Rays through a field: cut to what can be seen, in even steps, and led past empty bricks.
+"""Ray setup and marching: clipping to the field, even steps, and skipping of empty bricks.
 
-Places along a ray are depths. A step's ends are at whole numbers of steps, so that neighbouring
-steps share the value between them.
+Positions along a ray are depths. Steps end at whole multiples of one length, so that neighbouring
+steps share the value at the end between them.
 """
 
 import math
@@ -17,25 +17,25 @@ from resample.types import Doubles, Floats, View
 
 SHIFT = int(math.log2(BRICK))
 
-LEAST = 1e-30  # places per depth, of a ray that leaves no brick along an axis
+LEAST = 1e-30  # positions per depth, of a ray that is parallel to a wall
 
 Emptiness = NDArray[np.uint8]
 
 
 class SampleSpace(NamedTuple):
-    """Where a field lies as rays go through it."""
+    """The field's placement in front of a camera."""
 
-    start: Doubles  # (3,) place of the eye
+    start: Doubles  # (3,) position of the eye, samples
     turn: Doubles  # (3, 3) from camera axes to samples
-    cells: Doubles  # (3,) along x, y and z; places go from ½ to that − ½
+    cells: Doubles  # (3,) along x, y and z; positions range from ½ to cells − ½
     step: float  # samples, longest step of a ray
     planes: Doubles  # (M, 5) as in `Screen`
 
 
 class Bricks(NamedTuple):
-    """What is known of each brick of a field."""
+    """Bounds of each brick of a field, and distances to the next visible one."""
 
-    empty: Emptiness  # (N,) how many bricks off, at least, the next one is that can be seen
+    empty: Emptiness  # (N,) bricks to the next visible one along any axis, at least; 0: visible
     least: Floats  # (N,) data units
     greatest: Floats  # (N,) data units
     across: int  # bricks along x
@@ -44,11 +44,11 @@ class Bricks(NamedTuple):
 
 
 class Ray(NamedTuple):
-    """Part of a ray that goes through a field; x and y are its pixel's."""
+    """The part of a viewing ray that lies in a field."""
 
-    start: Vector  # place at depth 0
-    way: Vector  # places per depth
-    per_way: Vector  # depth per place
+    start: Vector  # position at depth 0
+    way: Vector  # positions per depth
+    per_way: Vector  # depth per position
     per_thickness: float  # steps per depth
     enter: float  # depth
     steps: int
@@ -58,7 +58,7 @@ class Ray(NamedTuple):
 
 @inner_step
 def _cut(part: tuple[float, float], here: float, slope: float) -> tuple[float, float]:
-    """Part of a ray on which here + slope × depth is at least 0."""
+    """Clip an interval of depths to where here + slope × depth is at least 0."""
     enter, leave = part
     if slope > 0.0:
         return max(enter, -here / slope), leave
@@ -69,13 +69,13 @@ def _cut(part: tuple[float, float], here: float, slope: float) -> tuple[float, f
 
 @inner_step
 def _inverse(way: float) -> float:
-    """Depth per place; very much where the ray goes along a wall."""
+    """Reciprocal of a direction; finite for a ray that is parallel to a wall."""
     return 1.0 / way if abs(way) > LEAST else 1.0 / LEAST
 
 
 @inner_step
 def _is_within(place: Vector, space: SampleSpace) -> bool:
-    """Whether a place lies in a cell of the field."""
+    """Whether a position lies in a cell of the field."""
     return bool(
         0.0 <= place[0] < space.cells[0]
         and 0.0 <= place[1] < space.cells[1]
@@ -85,15 +85,18 @@ def _is_within(place: Vector, space: SampleSpace) -> bool:
 
 @inner_step
 def ray_at(x: float, y: float, space: SampleSpace, view: View, between: tuple[float, float]) -> Ray:
-    """Ray through a point of the screen, px, between two depths."""
+    """Set up the ray through a screen point, px, between two depths; no steps if it misses."""
+    # Viewing ray in camera axes.
     across, down = (x - view.principal[0]) / view.focal[0], (y - view.principal[1]) / view.focal[1]
     here, toward = (0.0, 0.0, 0.0), (across, down, 1.0)
     if not view.perspective:
         here, toward = (across, down, 0.0), (0.0, 0.0, 1.0)
+    # Clip to the near and far depths and to the planes.
     part = (between[0], between[1])
     for n in range(len(space.planes)):
         normal = (space.planes[n, 0], space.planes[n, 1], space.planes[n, 2])
         part = _cut(part, dot(normal, here) + space.planes[n, 3], dot(normal, toward))
+    # Transform to sample coordinates, and clip to the field's box.
     turn = matrix_of(space.turn)
     eye = (space.start[0], space.start[1], space.start[2])
     start, way = combine(eye, 1.0, multiply(turn, here)), multiply(turn, toward)
@@ -101,11 +104,12 @@ def ray_at(x: float, y: float, space: SampleSpace, view: View, between: tuple[fl
     part = _cut(_cut(part, start[1] - 0.5, way[1]), space.cells[1] - 0.5 - start[1], -way[1])
     part = _cut(_cut(part, start[2] - 0.5, way[2]), space.cells[2] - 0.5 - start[2], -way[2])
     enter, leave = part
-    # From so far away that numbers do not tell places within the field apart, nothing is seen.
+    # Very far from the eye, rounding may put the ends outside the field: nothing is seen then.
     is_sound = _is_within(combine(start, enter, way), space)
     is_sound &= _is_within(combine(start, leave, way), space)
     if not (leave > enter and is_sound):
         return Ray(start, way, way, 0.0, 0.0, 0, 0.0, 0.0)
+    # Divide what is left into even steps.
     steps = max(1, math.ceil((leave - enter) * math.sqrt(dot(way, way)) / space.step))
     length = math.sqrt(dot(toward, toward))
     thickness = (leave - enter) / steps
@@ -115,35 +119,37 @@ def ray_at(x: float, y: float, space: SampleSpace, view: View, between: tuple[fl
 
 @inner_step
 def depth_at(ray: Ray, step: float) -> float:
-    """Depth of the end of so many steps."""
+    """Depth of a position given in steps."""
     return ray.enter + step * ray.thickness
 
 
 @inner_step
 def place_at(ray: Ray, step: float) -> Vector:
-    """Place at the end of so many steps."""
+    """Sample position given in steps along the ray."""
     return combine(ray.start, depth_at(ray, step), ray.way)
 
 
 @inner_step
 def brick_at(bricks: Bricks, place: Vector) -> int:
-    """Number of the brick that a place lies in."""
+    """Index of the brick that a position lies in."""
     i, j, k = int(place[0]) >> SHIFT, int(place[1]) >> SHIFT, int(place[2]) >> SHIFT
     return (k * bricks.down + j) * bricks.across + i
 
 
 @inner_step
 def _exit(start: float, per_way: float, place: float, apart: int) -> float:
-    """Depth at which a ray leaves what is less than `apart` bricks away along one axis."""
+    """Depth where a ray leaves, along one axis, the bricks less than `apart` from its own."""
     brick = int(place) >> SHIFT
+    # The wall ahead depends on the sign of the direction.
     wall = (brick + apart) << SHIFT if per_way > 0.0 else (brick - apart + 1) << SHIFT
     return (wall - start) * per_way
 
 
 @inner_step
 def steps_out(ray: Ray, place: Vector, apart: int) -> float:
-    """Steps after which a ray leaves all bricks less than `apart` away from a place's."""
+    """Steps at which a ray leaves all bricks less than `apart` from that of a position."""
     start, per_way = ray.start, ray.per_way
+    # Take the nearest exit of the three axes.
     leave = min(
         _exit(start[0], per_way[0], place[0], apart),
         _exit(start[1], per_way[1], place[1], apart),
@@ -154,15 +160,18 @@ def steps_out(ray: Ray, place: Vector, apart: int) -> float:
 
 @inner_step
 def next_step(ray: Ray, step: int, bricks: Bricks) -> int:
-    """The first step from this one on that begins or ends in a brick that can be seen."""
+    """First step, from this one on, that begins or ends in a visible brick."""
+    # Look up how far the brick at the step's beginning is from a visible one.
     if step >= ray.steps:
         return step
     place = place_at(ray, step)
     apart = int(bricks.empty[brick_at(bricks, place)])
+    # Leap over empty bricks.
     while apart > 0:
         step = max(step, int(steps_out(ray, place, apart)))
         if step >= ray.steps:
             return step
+        # A step counts if its end is in a visible brick; test the end where the leap lands.
         place = place_at(ray, step + 1)
         apart = int(bricks.empty[brick_at(bricks, place)])
         step += int(apart > 0)

@@ -1,4 +1,4 @@
-"""A field with its look, as rays read it, and the light in it."""
+"""A field with its transfer function, as rays sample it, and its lighting."""
 
 import math
 from typing import NamedTuple
@@ -10,58 +10,58 @@ from resample.engine.slabs.lighting import length_of
 from resample.engine.vectors import Vector, combine, dot, matrix_of, multiply, scaled
 from resample.types import Doubles, Flags, Reached, Spline, Tint, Triangles
 
-ALL, FULL = 255.0, 65535.0  # of the light that gets somewhere, and of a color
-CUT = 3.0  # voxels that a cut is thick
+ALL, FULL = 255.0, 65535.0  # full light in `Reached`, full color in `Tint`
+CUT = 3.0  # voxels from a clip plane within which its normal replaces gradients
 
 
 class Medium(NamedTuple):
-    """A field with its look, as rays read it; values are counted in columns of the look."""
+    """A field with its transfer function; values are counted in the table's columns."""
 
     spline: Spline
     bricks: Bricks
     space: SampleSpace
     look: SummedLook
     lattice: Doubles  # (3, 3) scene units per sample
-    origin: Doubles  # (3,) scene position of the place 0
+    origin: Doubles  # (3,) scene position of sample position 0
     to_slope: Doubles  # (3, 3) from columns per sample to data units per scene unit
     per_voxel: float  # voxels per scene unit
-    cuts: (
-        Doubles  # (M, 4) planes of the scene, in voxels: what n · p + d puts at 0 and more is kept
-    )
+    # (M, 4) clip planes of the scene, in voxels; points p with n · p + d >= 0 are kept.
+    cuts: Doubles
     known: Flags  # as of `LatticeField`
     tint: Tint
-    coarse: float  # columns that a field may bend by within a step
-    is_from_eye: bool  # all of a ray sends its light one way to the lamp's viewer
+    coarse: float  # columns by which a field may bend within a step that is not split
+    is_from_eye: bool  # the directions of the light are the same all along a ray
     reached: Reached
     mesh: Triangles
 
 
 class Aims(NamedTuple):
-    """Directions that shade a surface, unit vectors."""
+    """Directions for shading, unit vectors."""
 
     light: Vector
-    halfway: Vector  # between the light and the eye
+    halfway: Vector  # between the directions to the light and to the eye
 
 
 @inner_step
 def position(medium: Medium, place: Vector) -> Vector:
-    """Scene position of a place."""
+    """Scene position of a sample position."""
     origin = (medium.origin[0], medium.origin[1], medium.origin[2])
     return combine(origin, 1.0, multiply(matrix_of(medium.lattice), place))
 
 
 @inner_step
 def kept_at(look: SummedLook, depth: float) -> float:
-    """Share of the light that depth leaves."""
+    """Share of the light that depth cueing leaves."""
     if look.dimmed == 0.0:
         return 1.0
+    # Falls linearly from the near to the far depth.
     far = max(0.0, min(1.0, (depth - look.near) / (look.far - look.near)))
     return 1.0 - look.dimmed * far
 
 
 @inner_step
 def is_known(medium: Medium, place: Vector) -> bool:
-    """Whether the sample that a place is nearest to stands for something."""
+    """Whether the sample nearest to a position is present."""
     if medium.known.size == 0:
         return True
     # The sample at place 1 is the third one that is stored.
@@ -71,7 +71,7 @@ def is_known(medium: Medium, place: Vector) -> bool:
 
 @inner_step
 def _stored(medium: Medium, place: Vector) -> tuple[int, Vector]:
-    """Index of the sample before a place along all axes, and how far that is from it."""
+    """Index of the sample before a position along all axes, and the fractions beyond it."""
     x, y, z = place[0] + 1.0, place[1] + 1.0, place[2] + 1.0
     i, j, k = int(x), int(y), int(z)
     first = k * medium.spline.plane + j * medium.spline.row + i
@@ -80,7 +80,8 @@ def _stored(medium: Medium, place: Vector) -> tuple[int, Vector]:
 
 @inner_step
 def _corner(medium: Medium, first: int, away: Vector, n: int) -> tuple[int, float]:
-    """One of eight samples around a place, and its share in what is linear between them."""
+    """Index of the nth of the eight samples around a position, and its trilinear weight."""
+    # The bits of n pick the side along x, y and z.
     right, down, behind = n & 1, (n >> 1) & 1, n >> 2
     share = away[0] if right else 1.0 - away[0]
     share *= away[1] if down else 1.0 - away[1]
@@ -90,20 +91,24 @@ def _corner(medium: Medium, first: int, away: Vector, n: int) -> tuple[int, floa
 
 @inner_step
 def number_at(medium: Medium, place: Vector) -> int:
-    """Number of the look of a place, which most of what is around it has; below 0: it is missing.
+    """Number of the look at a position, by majority of the samples around; below 0: missing.
 
-    Samples have shares in a place as in linear interpolation, so between two looks the border is
-    where a field would pass one half that is 1 in one of them and 0 in the other.
+    Samples vote with trilinear weights, so the border between two looks is where a field of 1 in
+    one look and 0 in the other would cross one half.
     """
+    # No flags: one look everywhere.
     if medium.known.size == 0:
         return 0
     if not is_known(medium, place):
         return -1
+    # Flags only tell present from missing samples where there is a single look.
     if medium.look.column.shape[0] == medium.look.columns:
         return 0
+    # Sum the weights of each look among the eight samples, and keep the heaviest.
     first, away = _stored(medium, place)
     best, most = 0, 0.0
     for n in range(8):
+        # The best look so far needs no second sum.
         index, _ = _corner(medium, first, away, n)
         number, total = int(medium.known[index]), 0.0
         if number == best:
@@ -118,10 +123,12 @@ def number_at(medium: Medium, place: Vector) -> int:
 
 @inner_step
 def tinted(medium: Medium, place: Vector, light: Light) -> Light:
-    """Light of a place in its own color, if samples have colors."""
+    """Replace a light's color by the samples' own, if they have colors."""
+    # Without colors of their own, samples keep the look's.
     color = medium.tint.color
     if color.shape[0] == 0:
         return light
+    # Interpolate the colors of the eight samples around.
     red, green, blue = 0.0, 0.0, 0.0
     first, away = _stored(medium, place)
     for n in range(8):
@@ -129,19 +136,22 @@ def tinted(medium: Medium, place: Vector, light: Light) -> Light:
         red += share * color[index, 0]
         green += share * color[index, 1]
         blue += share * color[index, 2]
+    # Scale to linear light × extinction.
     per = light[3] * medium.tint.most / FULL
     return per * red, per * green, per * blue, light[3]
 
 
 @inner_step
 def faced(medium: Medium, place: Vector, slope: Vector) -> Vector:
-    """Gradient at a place; beside a cut it leads across that.
+    """Gradient at a position; near a clip plane, the plane's normal.
 
-    A cut through even tissue meets noise alone, whose gradients would make it look rough
-    (Weiskopf, Engel and Ertl, Interactive Clipping Techniques, 2003).
+    A plane that cuts uniform tissue meets noise alone, whose gradients would make the cut look
+    rough (Weiskopf, Engel and Ertl, Interactive Clipping Techniques, 2003).
     """
     if len(medium.cuts) == 0:
         return slope
+    # Find the nearest plane within `CUT`, and give its normal the gradient's length, or enough for
+    # a surface.
     at, nearest, normal = position(medium, place), CUT, slope
     for n in range(len(medium.cuts)):
         across = (medium.cuts[n, 0], medium.cuts[n, 1], medium.cuts[n, 2])
@@ -154,13 +164,14 @@ def faced(medium: Medium, place: Vector, slope: Vector) -> Vector:
 
 @inner_step
 def _toward(v: Vector) -> Vector:
-    """Vector of length 1."""
+    """Normalize a vector."""
     return scaled(1.0 / math.sqrt(dot(v, v)), v)
 
 
 @inner_step
 def _cell(place: float, per: int, count: int) -> tuple[int, int, float]:
-    """Cells before and behind a place along one axis, and how far it is from the one before."""
+    """Cells before and behind a position along one axis, and the fraction between their centers."""
+    # Clamp to the centers of the outermost cells.
     at = max(0.0, min(count - 1.0, (place - 0.5) / per - 0.5))
     before = int(at)
     return before, min(before + 1, count - 1), at - before
@@ -168,11 +179,13 @@ def _cell(place: float, per: int, count: int) -> tuple[int, int, float]:
 
 @inner_step
 def _share_at(reached: Reached, place: Vector, n: int) -> float:
-    """Share of light that gets to a place, linear between cells."""
+    """Share of light that reaches a position, trilinear between cells."""
+    # Locate the eight cells around.
     share, per = reached.share, reached.per
     i, i_next, x = _cell(place[0], per, share.shape[2])
     j, j_next, y = _cell(place[1], per, share.shape[1])
     k, k_next, z = _cell(place[2], per, share.shape[0])
+    # Interpolate along x, then add up along y and z.
     total = 0.0
     for plane, of_plane in ((k, 1.0 - z), (k_next, z)):
         for row, of_row in ((j, 1.0 - y), (j_next, y)):
@@ -183,7 +196,7 @@ def _share_at(reached: Reached, place: Vector, n: int) -> float:
 
 @inner_step
 def reaching(medium: Medium, place: Vector) -> tuple[float, float]:
-    """Shares of the lamp's light and of light from everywhere that get to a place."""
+    """Shares of the lamp's light and of ambient light that reach a position, 0..1."""
     if medium.reached.share.size == 0:
         return 1.0, 1.0
     return _share_at(medium.reached, place, 0), _share_at(medium.reached, place, 1)
@@ -191,30 +204,34 @@ def reaching(medium: Medium, place: Vector) -> tuple[float, float]:
 
 @inner_step
 def aims_at(place: Vector, look: SummedLook) -> Aims:
-    """Where light comes from at a position of the scene, and where its highlight is."""
+    """Direction to the light and halfway vector at a scene position."""
+    # The viewer is a position or, for parallel rays, a direction.
     lamp = look.lamp
     eye = (lamp.viewer[0], lamp.viewer[1], lamp.viewer[2])
     light = (lamp.toward[0], lamp.toward[1], lamp.toward[2])
     if lamp.viewer[3] != 0.0:
         eye = _toward(combine(eye, -1.0, place))
+    # A lamp without a direction is a headlight.
     if dot(light, light) == 0.0:
         return Aims(eye, eye)
+    # Normalize the halfway vector; it vanishes where light and eye are opposite.
     halfway = combine(eye, 1.0, light)
     return Aims(light, scaled(1.0 / max(math.sqrt(dot(halfway, halfway)), 1e-30), halfway))
 
 
 @inner_step
 def reflect(normal: Vector, aims: Aims, look: SummedLook) -> tuple[float, float]:
-    """As `lighting.reflect`, without ambient light, and with a table of highlights."""
+    """As `lighting.reflect`, without ambient light, and with tabulated highlights."""
     diffuse = look.lamp.diffuse * abs(dot(normal, aims.light))
     return diffuse, highlight_of(look, abs(dot(normal, aims.halfway)))
 
 
 @inner_step
 def reflected(medium: Medium, place: Vector, slope: Vector, aims: Aims) -> tuple[float, float]:
-    """Factor of a surface's own color and white highlight."""
+    """Factor of a surface's own color, and its white highlight (Blinn-Phong)."""
     lamp, length = medium.look.lamp, length_of(slope)
     of_lamp, of_all = reaching(medium, place)
+    # Shade by the normal where the gradient is steep enough for a surface.
     own, highlight = lamp.diffuse, 0.0
     if length > lamp.flat:
         own, highlight = reflect(scaled(1.0 / length, slope), aims, medium.look)

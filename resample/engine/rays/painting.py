@@ -1,4 +1,4 @@
-"""Tiles of the screen, each of whose sub-pixels sees a field along a ray."""
+"""Tiles of the screen whose sub-pixels gather a field along rays."""
 
 from typing import NamedTuple
 
@@ -26,25 +26,25 @@ from resample.types import Film, Floats, Indices, Tables, View
 
 
 class Output(NamedTuple):
-    """Picture that is painted, in tiles."""
+    """The picture that is painted, tile by tile."""
 
     camera: View
     tables: Tables
     film: Film
-    value: Floats  # (H, W) what projections measure; or (0, 0)
-    is_sum: bool  # of values, which no presence weighs
-    even: Evenness  # of sub-pixels that are spared
-    apart: int  # sub-pixels from one that is looked at to the next, a power of 2
+    value: Floats  # (H, W) values of projections; or (0, 0)
+    is_sum: bool  # values are integrals, not to be weighed by presence
+    even: Evenness  # tolerance for sub-pixels that are interpolated
+    apart: int  # sub-pixels between rays of the coarsest grid, a power of 2
     size: int  # px, side of a tile
     columns: int  # tiles in a row of them
-    which: Indices  # (T,) numbers of tiles that are painted
+    which: Indices  # (T,) numbers of the tiles to be painted
     left: int  # px, of the first tile
     top: int  # px, of the first tile
 
 
 @inner_kernel
 def _point(output: Output, home: Home, n: int, row: int, column: int) -> tuple[float, float]:
-    """Where the ray of a sub-pixel goes through the screen, px."""
+    """Screen point that the ray of a sub-pixel passes through, px."""
     margin = output.tables.pixel_margin
     return home.left - margin + (column + 0.5) / n, home.top - margin + (row + 0.5) / n
 
@@ -54,7 +54,7 @@ def _cast(
     way: Way, medium: Medium, output: Output, home: Home, n: int, row: int, column: int,
     here: Floats,
 ) -> None:  # fmt: skip
-    """Let a sub-pixel see the field."""
+    """Cast the ray of a sub-pixel, and store its result in `here` (NUMBERS,)."""
     x, y = _point(output, home, n, row, column)
     result = seen_with_mesh(x, y, way, medium, output.camera)
     here[0], here[1], here[2] = result[0], result[1], result[2]
@@ -66,11 +66,13 @@ def _cast(
 def _spared(
     medium: Medium, output: Output, home: Home, n: int, fine: Floats, at: tuple[int, int, int, int]
 ) -> bool:
-    """Whether a sub-pixel lies evenly between those on two lines through it, and is put there."""
+    """Interpolate a sub-pixel if all is even along two lines through it; return whether it was."""
+    # Silhouettes of meshes are sharp: cast a ray there.
     row, column, down, right = at
     x, y = _point(output, home, n, row, column)
     if is_on_mesh(x, y, medium.mesh, output.camera):
         return False
+    # Test the sub-pixels on two lines at right angles.
     one = line_through(row, column, down, right)
     two = line_through(row, column, -right, down)
     if not is_even(fine, one, two, output.even):
@@ -81,22 +83,26 @@ def _spared(
 
 @inner_kernel
 def _look(way: Way, medium: Medium, output: Output, home: Home, n: int, fine: Floats) -> None:
-    """Let the sub-pixels (R, C, NUMBERS) of a tile see the field.
+    """Sample the sub-pixels (R, C, NUMBERS) of a tile adaptively.
 
-    First those that are `apart`. Then, at half that distance, those in the middle of four, and
-    those between these, do where what is around them is uneven; and so on.
+    First cast rays `apart`. Then, at half that distance, fill in those in the middle of four, and
+    those between these, by rays only where their surroundings are uneven; and so on.
     """
     rows, columns, _ = fine.shape
     apart = output.apart
+    # Cast the coarsest grid of rays.
     for row in range(0, rows, apart):
         for column in range(0, columns, apart):
             _cast(way, medium, output, home, n, row, column, fine[row, column])
+    # Refine by halving the distance: centers of squares first, then the points between.
     while apart > 1:
         half = apart >> 1
         for is_between in (False, True):
             for row in range(0 if is_between else half, rows, half if is_between else apart):
+                # Centers start half a step in; points between do so in every other row.
                 start = half if not is_between or row % apart == 0 else 0
                 for column in range(start, columns, apart):
+                    # Interpolate where four sub-pixels on each line are inside the tile.
                     far = 3 * half
                     is_inside = far <= row < rows - far and far <= column < columns - far
                     at = (row, column, 0 if is_between else half, half)
@@ -109,25 +115,31 @@ def _look(way: Way, medium: Medium, output: Output, home: Home, n: int, fine: Fl
 @kernel
 def _resolve(fine: Floats, n: int, weight: Floats, home: Home, output: Output) -> None:
     """Filter the sub-pixels of a tile to its pixels."""
+    # Find the footprint of the pixel filter.
     film, (height, width) = output.film, output.film.depth.shape
     beside = (weight.size - n) // 2  # sub-pixels read on either side of a pixel
     total = np.empty(NUMBERS, np.float32)
     for row in range(home.top, min(home.top + home.size, height)):
         for column in range(home.left, min(home.left + home.size, width)):
+            # Convolve the sub-pixels around the pixel with the filter.
             total[:] = 0.0
             first, present = np.float32(np.inf), np.float32(0.0)
             for down in range(weight.size):
                 for right in range(weight.size):
                     here = fine[(row - home.top) * n + down, (column - home.left) * n + right]
                     share = weight[down] * weight[right]
+                    # All numbers are averages, but for the nearest depth and the weighted value.
                     for number in range(NUMBERS):
                         if number not in (FIRST, VALUE):
                             total[number] += share * here[number]
+                    # Weigh values by presence, so that rays that miss the field do not count.
                     of_value = share if output.is_sum else share * here[PRESENCE]
                     total[VALUE] += of_value * here[VALUE]
                     present += of_value
+                    # The nearest depth is the least within the pixel proper.
                     if beside <= down < beside + n and beside <= right < beside + n:
                         first = min(first, here[FIRST])
+            # Clamp what negative lobes of the filter leave, and store the pixel.
             alpha = total[ALPHA]
             for channel in range(3):
                 film.rgba[row, column, channel] = max(np.float32(0.0), total[channel])
@@ -135,12 +147,14 @@ def _resolve(fine: Floats, n: int, weight: Floats, home: Home, output: Output) -
             film.depth[row, column] = total[DEEP] / alpha if alpha > 0.0 else np.float32(np.inf)
             film.first_depth[row, column] = first
             film.coverage[row, column] = min(np.float32(1.0), max(np.float32(0.0), total[COVER]))
+            # Normalize the value by its weights.
             if output.value.size and present > 0.0:
                 output.value[row, column] = total[VALUE] / present
 
 
 @kernel
 def _paint(tile: int, n: int, way: Way, medium: Medium, output: Output) -> None:
+    # Lay out the tile within the frame, with the filter's margin.
     size, margin = output.size, output.tables.pixel_margin
     height, width = output.film.depth.shape
     left = output.left + tile % output.columns * size
@@ -148,6 +162,7 @@ def _paint(tile: int, n: int, way: Way, medium: Medium, output: Output) -> None:
     home = Home(left, top, size, width, height)
     rows = (min(size, height - home.top) + 2 * margin) * n
     columns = (min(size, width - home.left) + 2 * margin) * n
+    # Sample its sub-pixels, then filter them to pixels.
     fine = np.empty((rows, columns, NUMBERS), np.float32)
     _look(way, medium, output, home, n, fine)
     _resolve(fine, n, pixel_weights(output.tables, n), home, output)
@@ -157,20 +172,20 @@ def _paint(tile: int, n: int, way: Way, medium: Medium, output: Output) -> None:
 def paint_rays(
     counter: Counter, count: int, fineness: int, way: Way, medium: Medium, output: Output
 ) -> None:
-    """Paint tiles.
+    """Paint tiles of a picture by casting rays.
 
     Parameters
     ----------
     count
-        Of tiles.
+        Tiles to paint.
     fineness
         Sub-pixels per side of a pixel.
     way
-        What rays see.
+        What is integrated along rays.
     medium
-        What they go through.
+        The field.
     output
-        Filled.
+        The picture, filled.
     """
     for task in tasks(counter, count):
         _paint(output.which[task], fineness, way, medium, output)

@@ -1,9 +1,9 @@
-"""What a ray sees of a field: light through what is in front, a largest or a mean value, a surface.
+"""Integrals along a ray through a field: compositing, extreme, mean, and first surface.
 
-Front to back, step by step, past bricks of which nothing can be seen. Neighbouring steps share
-what is found between them; one that is seen is looked at in its middle as well, and half by half
-where it bends. Between these places values are on cubics and gradients on parabolas. What is thick
-is composited in pieces.
+A ray is marched front to back, past bricks in which nothing is visible. Neighbouring steps share
+the sample between them; a visible step is sampled in its middle as well, and one in which the field
+bends is split in half. Between samples, values follow cubics and gradients follow parabolas.
+Optically thick pieces are composited in several parts.
 """
 
 import math
@@ -50,19 +50,19 @@ from resample.engine.vectors import Vector, combine, dot, matrix_of, multiply, s
 from resample.types import Spline
 
 THIRD = 1 / 3
-THICK = 0.5  # optical depth of a piece
+THICK = 0.5  # optical depth of a piece, about
 MOST_PIECES = 8  # of half a step
-CLOSER = 24  # of the search for a surface
-NEAR = 1e-4  # of a column, which a surface is found to
-EVEN_BRICK = 1e-6  # columns between the least and the greatest value of a brick that is even
+CLOSER = 24  # iterations of the search for a surface, at most
+NEAR = 1e-4  # columns, tolerance of that search
+EVEN_BRICK = 1e-6  # columns between least and greatest value of a brick that counts as uniform
 
-# Premultiplied light, opacity, depth × opacity, nearest depth that is visible, length of what is
-# seen in voxels, a value in data units and its weight.
+# Premultiplied light, opacity, depth × opacity, nearest visible depth, length of the visible part
+# in voxels, a value in data units and its weight.
 Result = tuple[float, float, float, float, float, float, float, float, float]
 
 
 class Composite(NamedTuple):
-    """Light that comes through what lies in front."""
+    """Emission and absorption, composited front to back."""
 
     opaque: float  # transmittance that counts as none
     is_lit: bool
@@ -70,53 +70,53 @@ class Composite(NamedTuple):
 
 
 class Extreme(NamedTuple):
-    """The largest or the least value."""
+    """The largest or the least value along the ray."""
 
     voxel: float  # scene units
     is_least: bool
-    is_within: bool  # the samples around a place: a field may go beyond these
+    is_within: bool  # clamp to the samples around a position, beyond which splines overshoot
 
 
 class Mean(NamedTuple):
-    """The mean of values, or their sum times length."""
+    """The mean of values along the ray, or their integral over length."""
 
     voxel: float  # scene units
     is_additive: bool
 
 
 class Surface(NamedTuple):
-    """The surface on which the field first rises to a value."""
+    """The surface at which the field first rises to a value."""
 
-    iso: float  # column
+    iso: float  # column of the value
 
 
 class End(NamedTuple):
-    """The field at an end of a step."""
+    """The field at an end of a step: a sample of a Hermite cubic."""
 
     value: float
-    rise: float  # of the value over a step, were it as steep all the way
-    slope: Vector  # per sample
+    rise: float  # derivative of the value, per step
+    slope: Vector  # gradient, per sample
 
 
 class Part(NamedTuple):
-    """Part of a ray that can be seen: a step, or half of one."""
+    """Visible part of a ray: a step, or half of one."""
 
     begin: float  # steps
-    share: float  # of a step
+    share: float  # length, steps
     front: End
     middle: End
     back: End
 
 
 class Gaze(NamedTuple):
-    """A field, and where its light comes from along a ray from the eye."""
+    """A field, and the directions of its light along a ray from the eye."""
 
     medium: Medium
     aims: Aims
 
 
 class Shine(NamedTuple):
-    """Factor of a stretch's own color and its white highlight, both dimmed by depth."""
+    """Factor of a piece's own color and its white highlight, both dimmed by depth."""
 
     own: float
     highlight: float
@@ -129,21 +129,24 @@ NOTHING = (0.0, 0.0, 0.0, 0.0, 0.0, math.inf, 0.0, 0.0, 0.0)
 
 @called_role
 def seen(way: Way, ray: Ray, medium: Medium) -> Result:
-    """What a ray that meets the field sees of it."""
+    """Integrate the field along a ray that meets it."""
     raise NotImplementedError
 
 
 @inner_step
 def _put(result: Result, light: Light, shine: Shine, length: float, depth: float) -> Result:
-    """Composite what is evenly spread over a length behind what was seen so far."""
+    """Composite a homogeneous piece under what has been accumulated so far."""
     red, green, blue, alpha, deep, first, cover, value, presence = result
+    # The piece's opacity, times the transmittance in front of it.
     extinction = light[3]
     share = (1.0 - alpha) * float(absorbed(extinction * length))
+    # Lights are multiplied by the extinction; divide it out, shade, and accumulate.
     own, high = shine.own / extinction, shine.highlight
     red += share * (own * light[0] + high)
     green += share * (own * light[1] + high)
     blue += share * (own * light[2] + high)
     alpha += share
+    # Note the depth where the ray first becomes visible.
     if first == math.inf and alpha > VISIBLE:
         first = depth
     return red, green, blue, alpha, deep + share * depth, first, cover, value, presence
@@ -151,14 +154,15 @@ def _put(result: Result, light: Light, shine: Shine, length: float, depth: float
 
 @inner_step
 def _end_at(ray: Ray, step: float, medium: Medium) -> End:
-    """Field at an end of a step."""
+    """Sample the field at an end of a step."""
     value, slope = value_and_slope_at(medium.spline, place_at(ray, step))
+    # Project the gradient onto the ray.
     return End(value, dot(slope, ray.way) * ray.thickness, slope)
 
 
 @inner_step
 def _value_between(front: End, back: End, t: float) -> float:
-    """Value within a step, by Hermite's cubic."""
+    """Value 0..1 of the way through a step, by Hermite's cubic."""
     u, away = 1.0 - t, back.value - front.value
     bent = u * (front.rise - away) - t * (back.rise - away)
     return front.value + t * away + t * u * bent
@@ -166,14 +170,15 @@ def _value_between(front: End, back: End, t: float) -> float:
 
 @inner_step
 def _shows(look: SummedLook, least: float, most: float) -> bool:
-    """Whether a value between two can be seen."""
+    """Whether any value between two is visible."""
+    # Prefix counts of visible columns: compare those at both ends.
     first, last = int(clamped(look, least)), math.ceil(clamped(look, most))
     return bool(look.seen[np.uint64(last + 1)] > look.seen[np.uint64(first)])
 
 
 @inner_step
 def _may_be_seen(look: SummedLook, front: End, back: End) -> bool:
-    """Whether a value of Hermite's cubic can be seen, by the four numbers that it lies between."""
+    """Whether a step's cubic may be visible, by its Bézier control values, which enclose it."""
     a, b = front.value, back.value
     one, two = a + THIRD * front.rise, b - THIRD * back.rise
     return _shows(look, min(a, b, one, two), max(a, b, one, two))
@@ -181,14 +186,14 @@ def _may_be_seen(look: SummedLook, front: End, back: End) -> bool:
 
 @inner_step
 def _is_bent(front: End, back: End, medium: Medium) -> bool:
-    """Whether a field bends so much within a step that it is looked at half by half."""
+    """Whether the field bends so much within a step that the step is split in half."""
     away = back.value - front.value
     return abs(front.rise - away) + abs(back.rise - away) > medium.coarse
 
 
 @inner_step
 def _halved(end: End) -> End:
-    """End of a step that is half as long."""
+    """The same end, of a step half as long."""
     return End(end.value, 0.5 * end.rise, end.slope)
 
 
@@ -196,8 +201,9 @@ def _halved(end: End) -> End:
 def _slope_in(part: Part, t: float, medium: Medium) -> Vector:
     """Gradient 0..1 of the way through a part, data units per scene unit.
 
-    It is on parabolas through what it is at both ends and in the middle.
+    It is on the parabolas through the gradients at both ends and in the middle.
     """
+    # Quadratic Lagrange weights of front, back and middle.
     u = 2.0 * t - 1.0
     ends = combine(
         scaled(0.5 * u * (u - 1.0), part.front.slope), 0.5 * u * (u + 1.0), part.back.slope
@@ -208,12 +214,14 @@ def _slope_in(part: Part, t: float, medium: Medium) -> Vector:
 
 @inner_step
 def _shine_at(way: Composite, ray: Ray, step: float, slope: Vector, gaze: Gaze) -> Shine:
-    """What light makes of colors where the gradient is known."""
+    """Shade a position whose gradient is known."""
     medium, depth, own, highlight = gaze.medium, depth_at(ray, step), 1.0, 0.0
+    # The directions of the light differ along the ray where they depend on the position.
     if way.is_lit:
         place, aims = place_at(ray, step), gaze.aims
         if not medium.is_from_eye:
             aims = aims_at(position(medium, place), medium.look)
+        # Apply depth cueing.
         own, highlight = reflected(medium, place, faced(medium, place, slope), aims)
     kept = kept_at(medium.look, depth)
     return Shine(kept * own, kept * highlight)
@@ -223,15 +231,17 @@ def _shine_at(way: Composite, ray: Ray, step: float, slope: Vector, gaze: Gaze) 
 def _light_of(
     way: Composite, medium: Medium, number: int, place: Vector, values: Vector, slope: Vector
 ) -> Light:
-    """Mean color × extinction and mean extinction where values go from one by one to another.
+    """Mean color × extinction and mean extinction of a piece, from its values at three places.
 
-    They have the look of that number, and samples around the place may have their own colors.
+    `number` picks the look; samples around the position may have colors of their own.
     """
     look = medium.look
+    # Without regions, take the pre-integrated mean between the two ends.
     column = float(number * look.columns)
     if not way.has_regions:
         first, last = column + clamped(look, values[0]), column + clamped(look, values[2])
         return tinted(medium, place, light_between(look, first, last))
+    # With regions, classify the middle by its value and gradient magnitude.
     middle = column + clamped(look, values[1])
     red, green, blue, thick = look_of(look, middle, length_of(slope))
     return tinted(medium, place, (thick * red, thick * green, thick * blue, thick))
@@ -241,8 +251,9 @@ def _light_of(
 def _put_half(
     result: Result, way: Composite, ray: Ray, half: int, part: Part, gaze: Gaze
 ) -> Result:
-    """Composite half a part, piece by piece if it is thick."""
+    """Composite one half of a part, in several pieces if it is optically thick."""
     medium, begin, at = gaze.medium, 0.5 * half, 0.25
+    # Pick the half's ends, and the look in its middle; skip missing samples.
     front, back = _halved(part.front), _halved(part.middle)
     if half == 1:
         front, back = back, _halved(part.back)
@@ -250,13 +261,16 @@ def _put_half(
     number = number_at(medium, place)
     if number < 0:
         return result
+    # Sample and classify the half as one piece.
     slope = _slope_in(part, begin + at, medium)
     values = (front.value, _value_between(front, back, 0.5), back.value)
     light = _light_of(way, medium, number, place, values, slope)
+    # Split it into pieces of about `THICK` optical depth.
     length, share = 0.5 * part.share * ray.thickness * ray.length, 1.0
     pieces = 1 + min(MOST_PIECES - 1, int(light[3] * length / THICK))
     if pieces > 1:
         share = 1.0 / pieces
+    # Composite piece by piece, sampling anew unless there is only one.
     for n in range(pieces):
         if pieces > 1:
             end, middle = (n + 1) * share, (n + 0.5) * share
@@ -269,6 +283,7 @@ def _put_half(
             step = part.begin + part.share * (begin + at)
             shine = _shine_at(way, ray, step, slope, gaze)
             result = _put(result, light, shine, share * length, depth_at(ray, step))
+            # Early ray termination.
             if 1.0 - result[3] <= way.opaque:
                 break
     return result
@@ -276,12 +291,15 @@ def _put_half(
 
 @inner_step
 def _put_part(result: Result, way: Composite, ray: Ray, part: Part, gaze: Gaze) -> Result:
-    """Composite a step or half of one, if it can be seen."""
+    """Composite a step or half of one, if it is visible."""
+    # Cull by the three samples, which are known.
     medium, a, m, b = gaze.medium, part.front.value, part.middle.value, part.back.value
     if not _shows(medium.look, min(a, m, b), max(a, m, b)):
         return result
+    # Composite the front half, then the back half.
     for half in range(2):
         result = _put_half(result, way, ray, half, part, gaze)
+    # Add the visible length.
     red, green, blue, alpha, deep, first, cover, value, presence = result
     cover += part.share * ray.thickness * ray.length * medium.per_voxel
     return red, green, blue, alpha, deep, first, cover, value, presence
@@ -291,13 +309,16 @@ def _put_part(result: Result, way: Composite, ray: Ray, part: Part, gaze: Gaze) 
 def _put_step(
     result: Result, way: Composite, ray: Ray, step: int, ends: tuple[End, End], gaze: Gaze
 ) -> Result:
-    """Composite a step, half by half if it bends."""
+    """Composite a step; if the field bends in it, each half with its own middle sample."""
+    # Cull by the ends before the middle is sampled.
     medium, (front, back) = gaze.medium, ends
     if not _may_be_seen(medium.look, front, back):
         return result
+    # A step that is nearly straight is one part.
     middle = _end_at(ray, step + 0.5, medium)
     if not _is_bent(front, back, medium):
         return _put_part(result, way, ray, Part(step, 1.0, front, middle, back), gaze)
+    # Split the others in half, and sample the middle of each visible half.
     middle, last = _halved(middle), _halved(back)
     front, back = _halved(front), middle
     for half in range(2):
@@ -312,33 +333,42 @@ def _put_step(
 
 @plays(seen, of=Composite)
 def _(way: Composite, ray: Ray, medium: Medium) -> Result:
+    # Skip to the first visible step.
     bricks = medium.bricks
     result, step = NOTHING, next_step(ray, 0, bricks)
     if step >= ray.steps:
         return result
+    # One direction of light serves the whole ray where the light comes from the eye.
     far = position(medium, place_at(ray, ray.steps))
     gaze = Gaze(medium, aims_at(far, medium.look))
+    # March front to back; each step hands its back end on as the next one's front.
     front = _end_at(ray, step, medium)
     while step < ray.steps:
         back = _end_at(ray, step + 1, medium)
         result = _put_step(result, way, ray, step, (front, back), gaze)
+        # Early ray termination.
         if 1.0 - result[3] <= way.opaque:
             break
+        # Skip invisible bricks, behind which the front end is sampled anew.
         step, front = step + 1, back
         ahead = next_step(ray, step, bricks)
         if step < ahead < ray.steps:
             front = _end_at(ray, ahead, medium)
         step = ahead
+    # Coverage is at least the opacity.
     red, green, blue, alpha, deep, first, cover, _, _ = result
     return red, green, blue, alpha, deep, first, max(alpha, min(1.0, cover)), 0.0, 0.0
 
 
 @inner_step
 def _measured(ray: Ray, medium: Medium, value: float, depth: float, voxel: float) -> Result:
-    """Color of a value; it is as opaque as a voxel where the field is that long."""
+    """Classify a value; it is as opaque as a voxel where the field is at least a voxel long."""
+    # Clamp to the samples' range, which splines overshoot.
     look, spline = medium.look, medium.spline
     value = min(max(value, spline.floor), spline.ceiling)
+    # Weigh by the length of the field on this ray, at most one voxel.
     presence = min(1.0, ray.steps * ray.thickness * ray.length / voxel)
+    # Classify, and compute the opacity of one voxel.
     red, green, blue, extinction = look_of(look, clamped(look, value), 0.0)
     alpha = presence * -math.expm1(-extinction * voxel)
     first = depth if alpha > VISIBLE else math.inf
@@ -357,14 +387,15 @@ def _measured(ray: Ray, medium: Medium, value: float, depth: float, voxel: float
 
 @inner_step
 def _most_of(way: Extreme, bricks: Bricks, place: Vector) -> float:
-    """Largest value of a brick, or its least one negated."""
+    """Upper bound of a brick's signed values: its greatest, or its least negated."""
     brick = brick_at(bricks, place)
     return -bricks.least[brick] if way.is_least else float(bricks.greatest[brick])
 
 
 @inner_step
 def _signed(way: Extreme, medium: Medium, place: Vector, best: float) -> float:
-    """Value of a place, or its negative; where it is more than the best one, within samples."""
+    """Value at a position, negated for minima; clamped to the samples around if it beats `best`."""
+    # Gather the eight samples around only for a new best, which is rare.
     spline = medium.spline
     value = value_at(spline, place)
     if way.is_within and (-value if way.is_least else value) > best:
@@ -375,32 +406,37 @@ def _signed(way: Extreme, medium: Medium, place: Vector, best: float) -> float:
 
 @inner_step
 def _signed_if_known(way: Extreme, medium: Medium, place: Vector, best: float) -> float:
-    """As `_signed`; less than all where there is a gap."""
+    """As `_signed`; -inf where the sample is missing."""
     return _signed(way, medium, place, best) if is_known(medium, place) else -math.inf
 
 
 @plays(seen, of=Extreme)
 def _(way: Extreme, ray: Ray, medium: Medium) -> Result:
+    # March over the step ends, with negated values for a minimum.
     best, at, step = -math.inf, 0, 0
     while step <= ray.steps:
         place = place_at(ray, step)
+        # Skip bricks that cannot beat the best value so far.
         if _most_of(way, medium.bricks, place) <= best:
             step = max(step + 1, math.ceil(steps_out(ray, place, 1)))
             continue
+        # Keep the best value that is not missing.
         value = _signed(way, medium, place, best)
         if value > best and is_known(medium, place):
             best, at = value, step
         step += 1
     if best == -math.inf:
         return NOTHING
-    # A parabola through the best step and half a step before and after it.
+    # Refine by a parabola through the best step and half a step before and after it.
     before, after = max(0.0, at - 0.5), min(float(ray.steps), at + 0.5)
     one = _signed_if_known(way, medium, place_at(ray, before), best)
     two = _signed_if_known(way, medium, place_at(ray, after), best)
+    # Take the value at the parabola's peak if it peaks between them.
     bend = one - 2.0 * best + two
     if -math.inf < bend < 0.0 and after - before == 1.0:
         away = max(-1.0, min(1.0, 0.5 * (one - two) / bend))
         best = max(best, _signed(way, medium, place_at(ray, at + 0.5 * away), best))
+    # Undo the sign and classify.
     best = max(best, one, two)
     value = -best if way.is_least else best
     return _measured(ray, medium, value, depth_at(ray, at), way.voxel)
@@ -408,13 +444,16 @@ def _(way: Extreme, ray: Ray, medium: Medium) -> Result:
 
 @plays(seen, of=Mean)
 def _(way: Mean, ray: Ray, medium: Medium) -> Result:
+    # Sum the values in the middle of each step.
     spline, bricks = medium.spline, medium.bricks
     total, count, step = 0.0, 0, 0
     while step < ray.steps:
         place = place_at(ray, step + 0.5)
+        # Leave out missing samples.
         if not is_known(medium, place):
             step += 1
             continue
+        # In a uniform brick, add all its steps at once.
         brick = brick_at(bricks, place)
         least = float(bricks.least[brick])
         if bricks.greatest[brick] - least <= EVEN_BRICK and medium.known.size == 0:
@@ -423,11 +462,13 @@ def _(way: Mean, ray: Ray, medium: Medium) -> Result:
             count += last - step
             step = last
             continue
+        # Elsewhere, sample the spline.
         total += value_at(spline, place)
         count += 1
         step += 1
     if count == 0:
         return NOTHING
+    # Classify the mean, or multiply it by the length to integrate.
     mean, middle = total / count, depth_at(ray, 0.5 * ray.steps)
     if not way.is_additive:
         return _measured(ray, medium, mean, middle, way.voxel)
@@ -450,15 +491,17 @@ def _(way: Mean, ray: Ray, medium: Medium) -> Result:
 
 @inner_step
 def _crossing(ray: Ray, spline: Spline, step: int, ends: tuple[float, float], iso: float) -> float:
-    """Steps after which a field passes a value that lies between those at the ends of one."""
+    """Position, in steps, where the field crosses a value between those at a step's ends."""
+    # Bracket the root by the step's ends, relative to the value.
     before, behind = float(step), step + 1.0
     low, high, middle = ends[0] - iso, ends[1] - iso, step + 0.5
     for _ in range(CLOSER):
+        # Regula falsi: intersect the chord, until the value is close enough.
         middle = before + (behind - before) * low / (low - high)
         found = value_at(spline, place_at(ray, middle)) - iso
         if abs(found) <= NEAR:
             return middle
-        # Illinois: an end that stays counts half, so that both ends close in.
+        # Illinois: halve the weight of the end that stays, so that both ends close in.
         if found >= 0.0:
             behind, high, low = middle, found, 0.5 * low
         else:
@@ -468,12 +511,14 @@ def _crossing(ray: Ray, spline: Spline, step: int, ends: tuple[float, float], is
 
 @plays(seen, of=Surface)
 def _(way: Surface, ray: Ray, medium: Medium) -> Result:
+    # Start at the first visible brick; the ray may enter above the value already.
     spline, bricks, look = medium.spline, medium.bricks, medium.look
     step, hit = next_step(ray, 0, bricks), -1.0
     if step < ray.steps:
         first = place_at(ray, step)
         front = value_at(spline, first)
         hit = float(step) if front >= way.iso and is_known(medium, first) else -1.0
+    # March until the field rises to the value, and refine the crossing.
     while step < ray.steps and hit < 0.0:
         behind = place_at(ray, step + 1)
         back = value_at(spline, behind)
@@ -481,6 +526,7 @@ def _(way: Surface, ray: Ray, medium: Medium) -> Result:
             hit = step + 1.0
             if front < way.iso:
                 hit = _crossing(ray, spline, step, (front, back), way.iso)
+        # Skip bricks that do not reach the value.
         step, front = step + 1, back
         ahead = next_step(ray, step, bricks)
         if step < ahead < ray.steps:
@@ -488,9 +534,11 @@ def _(way: Surface, ray: Ray, medium: Medium) -> Result:
         step = ahead
     if hit < 0.0:
         return NOTHING
+    # Compute the normal at the hit.
     place, depth = place_at(ray, hit), depth_at(ray, hit)
     _, per_sample = value_and_slope_at(spline, place)
     slope = faced(medium, place, multiply(matrix_of(medium.to_slope), per_sample))
+    # Shade the surface and dim it by depth.
     aims = aims_at(position(medium, place), look)
     own, highlight = reflected(medium, place, slope, aims)
     red, green, blue, _ = look_of(look, clamped(look, way.iso), length_of(slope))

@@ -1,12 +1,11 @@
-"""A field between samples on a lattice: cubic B-splines, their values and slopes.
+"""Cubic B-spline interpolation of a field between samples on a lattice: values and gradients.
 
-A place counts samples along x, y and z; the first sample is at (1, 1, 1), since an array of
-coefficients begins `PAD` samples before it. So the cell of a place, the whole numbers in it, is
-also where the 4 × 4 × 4 coefficients begin that it depends on. Samples stand for cells of a volume:
-this reaches half a sample beyond the outermost ones, where it is mirrored.
+Positions count samples along x, y and z; the first sample is at (1, 1, 1), since an array of
+coefficients begins `PAD` samples before it. So the integer part of a position, its cell, is also
+where the 4 × 4 × 4 coefficients begin that the position depends on. Samples stand for cells of a
+volume: the field reaches half a sample beyond the outermost ones, where it is mirrored.
 
-The coefficients of one row are four numbers side by side, and all that is done to them is done to
-the four at once.
+The four coefficients of a row are contiguous, and every operation acts on the four at once.
 """
 
 import numpy as np
@@ -15,20 +14,21 @@ from resample.engine.jit import inner_step
 from resample.engine.vectors import Vector
 from resample.types import Single, Spline
 
-PAD = 2  # samples that an array of coefficients goes on for on each side
+PAD = 2  # samples by which an array of coefficients is extended on each side
 
 Four = tuple[Single, Single, Single, Single]
 
 _SIXTH, _HALF, _TWO_THIRDS = np.float32(1 / 6), np.float32(0.5), np.float32(2 / 3)
 _NONE = np.float32(0)
-_BEFORE = (_SIXTH, _TWO_THIRDS, _SIXTH, _NONE)  # weights of coefficients at the second of four
+# Weights of the four coefficients at the second sample of four, and at the third.
+_BEFORE = (_SIXTH, _TWO_THIRDS, _SIXTH, _NONE)
 _BEHIND = (_NONE, _SIXTH, _TWO_THIRDS, _SIXTH)
 _ONE, _TWO, _THREE, _FOUR = (np.float32(number) for number in (1, 2, 3, 4))
 
 
 @inner_step
 def _weights(f: Single) -> Four:
-    """Weights of four coefficients at a fraction 0..1 of the way from the second to the third."""
+    """Weights of four coefficients at a fraction 0..1 between the second and the third."""
     g = _ONE - f
     first, last = _SIXTH * g * g * g, _SIXTH * f * f * f
     second = _TWO_THIRDS - _HALF * f * f * (_TWO - f)
@@ -46,6 +46,7 @@ def _slopes(f: Single) -> Four:
 
 @inner_step
 def _row(flat: Spline, p: np.uint64) -> Four:
+    # Load four contiguous coefficients.
     c = flat.coefficient
     return (
         np.float32(c[p]),
@@ -68,7 +69,7 @@ def _mixed(w: Four, r: Four, s: Four, t: Four, u: Four) -> Four:
 
 @inner_step
 def _plane(flat: Spline, p: np.uint64, w: Four) -> Four:
-    """Rows of one plane of coefficients, summed."""
+    """Sum of a plane's four rows of coefficients, under one set of weights."""
     step = np.uint64(flat.row)
     q = p + step
     r = q + step
@@ -77,7 +78,8 @@ def _plane(flat: Spline, p: np.uint64, w: Four) -> Four:
 
 @inner_step
 def _two_planes(flat: Spline, p: np.uint64, w: Four, d: Four) -> tuple[Four, Four]:
-    """Rows of one plane of coefficients, summed under two sets of weights."""
+    """Sums of a plane's four rows of coefficients, under two sets of weights."""
+    # Load each row once, for both sums.
     step = np.uint64(flat.row)
     q = p + step
     r = q + step
@@ -92,17 +94,20 @@ def _dot(a: Four, b: Four) -> Single:
 
 @inner_step
 def value_at(flat: Spline, place: Vector) -> float:
-    """Value of a field at a place within it, data units."""
+    """Value of a field at a position within it, data units."""
+    # Split the position into its cell and the fraction within it, and weigh each axis.
     i, j, k = np.uint64(place[0]), np.uint64(place[1]), np.uint64(place[2])
     x, y, z = (
         _weights(np.float32(place[0] - i)),
         _weights(np.float32(place[1] - j)),
         _weights(np.float32(place[2] - k)),
     )
+    # Find the first coefficient of each of the four planes.
     step = np.uint64(flat.plane)
     p = k * step + j * np.uint64(flat.row) + i
     q = p + step
     r = q + step
+    # Sum along y within the planes, then along z, then along x.
     one, two = _plane(flat, p, y), _plane(flat, q, y)
     three, four = _plane(flat, r, y), _plane(flat, r + step, y)
     return flat.zero + flat.scale * float(_dot(x, _mixed(z, one, two, three, four)))
@@ -110,11 +115,13 @@ def value_at(flat: Spline, place: Vector) -> float:
 
 @inner_step
 def value_and_slope_at(flat: Spline, place: Vector) -> tuple[float, Vector]:
-    """Value of a field at a place within it, and its derivatives along x, y and z per sample."""
+    """Value of a field at a position within it, and its gradient, data units per sample."""
+    # Weights and their derivatives along each axis.
     i, j, k = np.uint64(place[0]), np.uint64(place[1]), np.uint64(place[2])
     f, g, h = np.float32(place[0] - i), np.float32(place[1] - j), np.float32(place[2] - k)
     x, y, z = _weights(f), _weights(g), _weights(h)
     across, down = _slopes(f), _slopes(g)
+    # Sum the planes along y, under weights and under their derivatives.
     step = np.uint64(flat.plane)
     p = k * step + j * np.uint64(flat.row) + i
     q = p + step
@@ -127,6 +134,7 @@ def value_and_slope_at(flat: Spline, place: Vector) -> tuple[float, Vector]:
         _two_planes(flat, r, y, down),
         _two_planes(flat, r + step, y, down),
     )
+    # Sum along z, then along x: a derivative takes derived weights along its own axis only.
     level = _mixed(z, one, two, three, four)
     along_y = _dot(x, _mixed(z, one_down, two_down, three_down, four_down))
     along_z = _dot(x, _mixed(_slopes(h), one, two, three, four))
@@ -141,7 +149,7 @@ def value_and_slope_at(flat: Spline, place: Vector) -> tuple[float, Vector]:
 
 @inner_step
 def _ends_of(a: Four, b: Four) -> tuple[Single, Single]:
-    """Least and greatest sample of four on a plane, by its rows of coefficients about two lines."""
+    """Least and greatest of four samples on a plane, from its rows summed about two lines."""
     one, two = _dot(_BEFORE, a), _dot(_BEHIND, a)
     three, four = _dot(_BEFORE, b), _dot(_BEHIND, b)
     return min(one, two, three, four), max(one, two, three, four)
@@ -149,16 +157,19 @@ def _ends_of(a: Four, b: Four) -> tuple[Single, Single]:
 
 @inner_step
 def samples_around(flat: Spline, place: Vector) -> tuple[float, float]:
-    """Least and greatest of the eight samples around a place, data units."""
+    """Least and greatest of the eight samples around a position, data units."""
+    # At a sample, only three coefficients along each axis have weight.
     i, j, k = np.uint64(place[0]), np.uint64(place[1]), np.uint64(place[2])
     step = np.uint64(flat.plane)
     p = k * step + j * np.uint64(flat.row) + i
     q = p + step
     r = q + step
+    # Sum each plane along y at the two lines of samples.
     one, one_behind = _two_planes(flat, p, _BEFORE, _BEHIND)
     two, two_behind = _two_planes(flat, q, _BEFORE, _BEHIND)
     three, three_behind = _two_planes(flat, r, _BEFORE, _BEHIND)
     four, four_behind = _two_planes(flat, r + step, _BEFORE, _BEHIND)
+    # Sum along z at the samples' two planes, then along x.
     least, greatest = _ends_of(
         _mixed(_BEFORE, one, two, three, four),
         _mixed(_BEFORE, one_behind, two_behind, three_behind, four_behind),

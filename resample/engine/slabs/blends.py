@@ -1,4 +1,4 @@
-"""What slabs sum of samples, and how they are composited: colors, or values of a field."""
+"""Contributions of samples to slabs: colors, or values of a field."""
 
 from typing import NamedTuple
 
@@ -25,24 +25,24 @@ from resample.engine.slabs.shapes import Shape
 from resample.engine.slabs.sums import Matter
 from resample.types import Classifier, Floats, Place, Single
 
-MANY = 1e5  # sub-pixels in a quarter of the box around a splat, whose sum is its mass
+MANY = 1e5  # sub-pixels in a quarter of a splat's box; if more, they sum to its mass anyway
 
 
 class Colors(NamedTuple):
-    """Samples that have their colors already."""
+    """Samples that have colors already."""
 
     tint_red: float  # color that splats are drawn in; negative: their own
     tint_green: float
     tint_blue: float
-    is_linear: bool  # classic α × F
+    is_linear: bool  # classic opacity α × F
     layer: float  # scene units, thickness of a layer
 
 
 class Mixed(NamedTuple):
-    """Like `Colors`, of splats and points; their colors are tinted already.
+    """Like `Colors`, for splats and points; their colors are tinted already.
 
-    The paper's points are as wide as pixels and have opacities, where those of others are as wide
-    as splats and have line integrals.
+    The paper's points are as wide as pixels and have opacities; others are as wide as splats and
+    have line integrals.
     """
 
     is_linear: bool
@@ -51,16 +51,16 @@ class Mixed(NamedTuple):
 
 
 class Values(NamedTuple):
-    """Samples of a field, which are classified as means of a slab, or measured."""
+    """Samples of a field, which are classified by the mean of a slab, or measured."""
 
     look: Classifier
     projection: int  # COMPOSITE, MAXIMUM, AVERAGE, ADDITIVE or FIRST_HIT
-    iso: float  # position of the first hit's value between the classifier's low and high
+    iso: float  # value of the first hit, 0..1 between the classifier's low and high
     is_linear: bool
     layer: float
     voxel: float  # scene units
-    is_measured: bool  # all slabs are one sum, whose depth is asked for and no gradient
-    mass: float  # px² × scene units that the line integrals of all pixels sum to; 0: as they are
+    is_measured: bool  # all slabs are one sum, of values and depths instead of gradients
+    mass: float  # px² × scene units that the line integrals of all pixels must sum to; 0: any
 
 
 Blend = Colors | Mixed | Values
@@ -68,7 +68,7 @@ Blend = Colors | Mixed | Values
 
 @making_role
 def matter_of(blend: Blend, room: Floats, s: np.uint64, share: Single) -> Matter:
-    """What a sample adds per unit of its line integral, of which a share counts."""
+    """Contribution of a sample per unit of its line integral, times a share."""
     raise NotImplementedError
 
 
@@ -82,6 +82,7 @@ def _matter_of_mixed(blend, room, s, share):  # type: ignore[no-untyped-def]  # 
 def _matter_of_color(blend, room, s, share):  # type: ignore[no-untyped-def]  # noqa: ARG001
     red, green, blue = room[s + RED], room[s + GREEN], room[s + BLUE]
     if blend.tint_red >= 0.0:
+        # Tint by brightness, so that splats can be told apart.
         brightest = max(red, green, blue)
         red = np.float32(brightest * blend.tint_red)
         green = np.float32(brightest * blend.tint_green)
@@ -97,8 +98,9 @@ def _matter(
     room: Floats,
     s: np.uint64,
 ) -> Matter:
-    """What a sample of this color adds."""
+    """Contribution of a sample of this color: premultiplied by its weight."""
     weight, (red, green, blue) = room[s + EXTINCTION], light
+    # The classic model sums opacities per length instead of extinctions.
     if is_linear:
         weight = absorbed(weight * np.float32(layer)) / np.float32(layer)
     return Matter(weight, weight * red, weight * green, weight * blue, weight * room[s + DEPTH])
@@ -107,6 +109,7 @@ def _matter(
 @plays(matter_of, Values)
 def _matter_of_value(blend, room, s, share):  # type: ignore[no-untyped-def]
     zero, value = np.float32(0.0), room[s + EXTINCTION]
+    # Measured fields sum depths, others gradients.
     if blend.is_measured:
         return Matter(share, share * room[s + DEPTH], zero, zero, share * value)
     red, green, blue = room[s + RED], room[s + GREEN], room[s + BLUE]
@@ -123,7 +126,7 @@ def share_of(
     place: Place,
     integral: Integral,
 ) -> Single:
-    """Factor by which what sub-pixels see of a splat sums to its mass, where that is asked for."""
+    """Factor that makes a splat's line integrals sum to its mass, where that is asked for."""
     raise NotImplementedError
 
 
@@ -149,19 +152,23 @@ def _share_of_mass(
     integral: Integral,
     mass: float,
 ) -> Single:
-    """Factor by which the sub-pixels' line integrals along parallel rays sum to a splat's mass.
+    """Factor that makes line integrals along parallel rays sum to a splat's mass.
 
-    It is 1 where they are so many that their sum is the mass, or where there is no ellipse.
+    It is 1 where there are so many sub-pixels that their sum is the mass, or no ellipse.
     """
+    # Quadratic form of the splat, and its center on the screen.
     n, zero, two = place.subpixels, np.float32(0.0), np.float32(2.0)
     a, b, c, half = shape.a, room[s + B], room[s + C], np.float32(0.5 / place.subpixels)
     x = np.float32(place.x) + half - room[s + ACROSS]
     y = np.float32(place.y) + half - room[s + DOWN]
-    ray, chord = rows[RAY], chord_of(shape.bend, rows[CHORD])  # all parallel rays have the same
+    # All parallel rays have the same length and chord.
+    ray, chord = rows[RAY], chord_of(shape.bend, rows[CHORD])
+    # Bound the ellipse; NaN and very large ones need no correction.
     bounded = (np.float64(a) * c - np.float64(b) * b) * ray
     wide, high = n * np.sqrt(c / bounded), n * np.sqrt(a / bounded)
-    if not (1.0 + wide) * (1.0 + high) < MANY:  # nor a number
+    if not (1.0 + wide) * (1.0 + high) < MANY:
         return np.float32(1.0)
+    # Sum the line integrals of all sub-pixels in the box, also beyond the tile.
     left, right = _between(x, wide / n, place.x, n)
     top, bottom = _between(y, high / n, place.y, n)
     total = 0.0
@@ -171,6 +178,7 @@ def _share_of_mass(
             dx = np.float32(place.x + (column + 0.5) / n - x)
             form = max(zero, (a * dx + two * b * dy) * dx + c * dy * dy)
             total += whole(integral, t_of(shape.bend, form, ray))
+    # A splat that misses all sub-pixels adds nothing; else scale the sum to the mass.
     if not total > 0.0:
         return zero
     return np.float32(mass * (n * n) / (chord * total))
@@ -178,7 +186,7 @@ def _share_of_mass(
 
 @kernel
 def _between(middle: float, half: float, origin: float, n: int) -> tuple[int, int]:
-    """First and last sub-pixel of a row whose centers are at most `half` px from the middle."""
+    """First and last sub-pixel of a row whose centers are at most `half` px from `middle`."""
     first = np.ceil((middle - half - origin) * n - 0.5)
     last = np.floor((middle + half - origin) * n - 0.5)
     return int(first), int(last)

@@ -1,4 +1,4 @@
-"""Slabs of samples that have their colors: what one sums is put behind what is painted."""
+"""Composite slabs of samples that have colors."""
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from resample.engine.over import VISIBLE
 from resample.engine.slabs.sums import PLANES, Canvas, Ring, clean, stride_of, sum_at
 from resample.types import Floats, Single
 
-LEAST = np.float32(1e-30)  # optical depth
+LEAST = np.float32(1e-30)  # optical depth that is divided by, at least
 
 
 @lane_step
@@ -36,22 +36,25 @@ def _composite(
     opaque: Single,
     linear: bool,
 ) -> None:
-    """Put the sums of some sub-pixels behind what is painted, and empty them.
+    """Composite the sums of sixteen sub-pixels under what is painted, and clear them.
 
     Splats of a slab overlap, so their optical depths add up.
     """
     zero, one, far = np.float32(0.0), np.float32(1.0), np.float32(np.inf)
     visible, stride = np.float32(VISIBLE), stride_of(ring)
     for n in range(LANES):
+        # Index the sub-pixel and its five sums.
         k, s = first_k + np.uint64(n), first + np.uint64(n)
         one_k, two_k = s + stride, s + np.uint64(2) * stride
         three_k, four_k = s + np.uint64(3) * stride, s + np.uint64(4) * stride
+        # Opacity of the slab: 1 - exp(-depth), or the sum itself by the classic model.
         depth, alpha = sums[s], rows[k + ALPHA]
         before = one - alpha
         is_open = (before > opaque) & (depth > zero)
         fall = of_16_times(expm1_of(max(DEEPEST, -depth) * PER_DEEPEST))
         part = min(depth, one) if linear else -fall
         share = before * part if is_open else zero
+        # Normalize the sums by the weight, and add them by the transmittance in front.
         per_depth = one / max(depth, LEAST)
         of_sums = share * per_depth
         after = alpha + share
@@ -60,8 +63,10 @@ def _composite(
         rows[k + BLUE] += max(zero, of_sums * sums[three_k])
         rows[k + ALPHA] = after
         rows[k + FAR] += of_sums * sums[four_k]
+        # Note the depth where the sub-pixel first becomes visible.
         known, near = rows[k + NEAREST], sums[four_k] * per_depth
         rows[k + NEAREST] = near if (known == far) & is_open & (after > visible) else known
+        # Clear the sums for the next slab of this slot.
         sums[s] = zero
         sums[one_k] = zero
         sums[two_k] = zero
@@ -71,7 +76,8 @@ def _composite(
 
 @lane_kernel
 def composite_colors(canvas: Canvas, ring: Ring, slot: int, opaque: Single, linear: bool) -> None:
-    """Put a slab behind what is painted, and empty it."""
+    """Composite a slab of the tile, and clear it."""
+    # Visit only what was touched.
     rows, sums, dirty = canvas.rows, canvas.sums, canvas.dirty
     first, last, left, right = clean(dirty, slot)
     for pair in range(first, last):
@@ -82,9 +88,9 @@ def composite_colors(canvas: Canvas, ring: Ring, slot: int, opaque: Single, line
 
 @kernel
 def composite_beside(canvas: Canvas, ring: Ring, slot: int, opaque: Single, linear: bool) -> None:
-    """Put a slab of splats and of points behind what is painted, and empty it.
+    """Composite a slab whose points and splats are summed apart, and clear it.
 
-    Its splats overlap, so their optical depths add up; its points lie beside them.
+    Splats of a slab overlap, so their optical depths add up; its points lie beside them.
     """
     rows, sums, beside, stride = canvas.rows, canvas.sums, canvas.beside, stride_of(ring)
     zero, one = np.float32(0.0), np.float32(1.0)
@@ -94,21 +100,27 @@ def composite_beside(canvas: Canvas, ring: Ring, slot: int, opaque: Single, line
             row, column = 2 * pair + (lane & 1), lane >> 1
             at = sum_at(ring, slot, pair, column) + np.uint64(lane & 1)
             k, depth, points = index_of(row, column), sums[at], beside[at]
+            # Composite where something was added and the sub-pixel is not opaque yet.
             before = one - rows[k + ALPHA]
             if depth + points > zero and before > opaque:
+                # Points cover areas side by side with the splats; normalize where they exceed the
+                # sub-pixel.
                 splats = min(depth, one) if linear else absorbed(depth)
                 of_splats = splats / depth if depth > zero else zero
                 total = max(one, points + splats)
                 alpha, share = (points + splats) / total, before / total
+                # Add colors and depth, clamping what negative weights leave.
                 place, numbers = at, (RED, GREEN, BLUE, FAR)
                 for number in numbers:
                     place += stride
                     added = share * (of_splats * sums[place] + beside[place])
                     rows[k + number] += added if number == FAR else max(zero, added)
                 rows[k + ALPHA] += before * alpha
+                # Note the depth where the sub-pixel first becomes visible.
                 if rows[k + NEAREST] == np.inf and rows[k + ALPHA] > np.float32(VISIBLE):
                     far = of_splats * sums[place] + beside[place]
                     rows[k + NEAREST] = far / (points + splats)
+            # Clear the sums for the next slab of this slot.
             for _ in range(PLANES):
                 sums[at] = beside[at] = zero
                 at += stride

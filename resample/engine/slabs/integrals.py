@@ -1,13 +1,13 @@
-"""Line integrals of a kernel around a sample, up to a place on the ray: in lanes of sub-pixels.
+"""Line integrals of a kernel around a sample, up to a position on the ray: in lanes of sub-pixels.
 
-Distances are in radii. With t = 1 - squared distance of the ray from the center, the kernel covers
-the places from -sqrt(t) to sqrt(t). A density Σ_j d_j t^j has between 0 and x the integral
+Distances are in radii. With t = 1 - squared distance of the ray from the center, the kernel spans
+positions from -sqrt(t) to sqrt(t). The integral of a density Σ_j d_j t^j from 0 to x is
 
     Σ_j d_j ∫ (t - x²)^j dx = x Σ_m q_m(t) x^(2m)
     q_m(t) = (-1)^m / (2m + 1) Σ_j d_j (j over m) t^(j-m)
 
-The nine q_m are found once per ray, and serve all places on it. A Gaussian, lowered by its rim, is
-a product of what is across the ray and along it: there is but one number to be found,
+The nine q_m are computed once per ray, and serve all positions on it. A Gaussian, lowered by its
+value at the rim, is a product of a factor across the ray and one along it, so one number suffices:
 
     q(t) x Σ_m p_m x^(2m) - rim x
 """
@@ -21,11 +21,11 @@ from resample.engine.jit import lane_step
 from resample.engine.roles import lane_role, plays
 from resample.types import Floats, Profile, Single
 
-# What is known of the rays of some sub-pixels: LANES numbers each.
+# Scratch for the rays of sixteen sub-pixels: LANES numbers each.
 HALF, ALONG, SHIFT, AMPLITUDE, BEFORE, Q0, Q1, Q2, Q3, Q4, Q5, Q6, Q7, Q8 = (
     np.uint64(number * LANES) for number in range(14)
 )
-ROW = Q0  # of a table
+ROW = Q0  # of a table, in place of coefficients
 WORK = 14 * LANES
 
 Coefficients = tuple[Single, ...]  # of 1, t, t², ...
@@ -35,7 +35,7 @@ class Smooth(NamedTuple):
     """A kernel whose density is a polynomial in t."""
 
     whole: Profile  # line integrals, sqrt(t) times a polynomial in t
-    q0: Coefficients  # nine of them
+    q0: Coefficients  # nine coefficients in t
     q1: Coefficients  # eight, and so on
     q2: Coefficients
     q3: Coefficients
@@ -47,19 +47,19 @@ class Smooth(NamedTuple):
 
 
 class Product(NamedTuple):
-    """A Gaussian, lowered by its rim."""
+    """A Gaussian, lowered by its value at the rim."""
 
     whole: Profile  # line integrals, sqrt(t) times a polynomial in t
-    across: Coefficients  # nine of them
-    along: Coefficients  # nine, of the squared place
+    across: Coefficients  # nine, in t
+    along: Coefficients  # nine, in the squared position
     rim: float
 
 
 class Tabulated(NamedTuple):
-    """Any other kernel."""
+    """Any other kernel, tabulated."""
 
     whole: Floats  # (K + 1,) line integrals over the squared distance, 0..1
-    part: Floats  # ((J + 1)²,) up to a place, -1..1, which moves on first, over that distance
+    part: Floats  # ((J + 1)²,) up to a position, -1..1, which varies fastest, over that distance
     steps: int  # J
 
 
@@ -68,7 +68,7 @@ Integral = Smooth | Product | Tabulated
 
 @lane_role
 def whole(integral: Integral, t: Single) -> Single:
-    """Line integral of a ray, from its t."""
+    """Line integral through the whole kernel, from the ray's t."""
     raise NotImplementedError
 
 
@@ -76,16 +76,16 @@ def whole(integral: Integral, t: Single) -> Single:
 def seen(
     integral: Integral, work: Floats, lane: np.uint64, t: Single, half: Single
 ) -> tuple[Single, Single]:
-    """Write down what is known of a ray, from its t and sqrt(t).
+    """Set up a ray in `work`, from its t and sqrt(t).
 
-    Gives where `up_to` begins, and the line integral.
+    Return the value of `up_to` at the kernel's near end, and the whole line integral.
     """
     raise NotImplementedError
 
 
 @lane_role
 def up_to(integral: Integral, work: Floats, lane: np.uint64, x: Single) -> Single:
-    """Integral up to a place within what is written down as HALF, but for a constant."""
+    """Integral up to a position within ±HALF, up to a constant of the ray."""
     raise NotImplementedError
 
 
@@ -93,6 +93,7 @@ def up_to(integral: Integral, work: Floats, lane: np.uint64, x: Single) -> Singl
 @plays(whole, Smooth)
 def _whole_of_formula(integral, t):  # type: ignore[no-untyped-def]
     p0, p1, p2, p3, p4, p5, p6, p7, p8 = integral.whole
+    # Estrin's scheme: short dependency chains keep the lanes busy.
     t2 = t * t
     t4 = t2 * t2
     shape = (p4 + t * p5) + t2 * (p6 + t * p7) + t4 * p8
@@ -103,6 +104,7 @@ def _whole_of_formula(integral, t):  # type: ignore[no-untyped-def]
 @plays(whole, Tabulated)
 def _whole_of_table(integral, t):  # type: ignore[no-untyped-def]
     table = integral.whole
+    # Interpolate linearly in the table.
     place = (np.float32(1.0) - t) * np.float32(table.size - 1)
     entry = min(np.uint32(place), np.uint32(table.size - 2))
     below = table[entry]
@@ -111,6 +113,7 @@ def _whole_of_table(integral, t):  # type: ignore[no-untyped-def]
 
 @plays(seen, Smooth)
 def _seen_by_formula(integral, work, lane, t, half):  # type: ignore[no-untyped-def]
+    # Evaluate q0 to q7 at t, each by Estrin's scheme; q8 is a constant.
     _, a, b, c, d, e, f, g, h, i = integral
     t2 = t * t
     t4 = t2 * t2
@@ -124,6 +127,7 @@ def _seen_by_formula(integral, work, lane, t, half):  # type: ignore[no-untyped-
     q5 = (f[0] + t * f[1]) + t2 * (f[2] + t * f[3])
     q6 = (g[0] + t * g[1]) + t2 * g[2]
     q7 = h[0] + t * h[1]
+    # Store them for `up_to`.
     work[lane + Q0] = q0
     work[lane + Q1] = q1
     work[lane + Q2] = q2
@@ -134,6 +138,7 @@ def _seen_by_formula(integral, work, lane, t, half):  # type: ignore[no-untyped-
     work[lane + Q7] = q7
     work[lane + Q8] = i[0]
     work[lane + HALF] = half
+    # Half of the line integral, from the middle to the far end.
     rest = (q4 + t * q5) + t2 * (q6 + t * q7) + t4 * i[0]
     middle = half * ((q0 + t * q1) + t2 * (q2 + t * q3) + t4 * rest)
     return -middle, middle + middle
@@ -141,7 +146,7 @@ def _seen_by_formula(integral, work, lane, t, half):  # type: ignore[no-untyped-
 
 @lane_step
 def _nine(c: Coefficients, v: Single) -> Single:
-    """Polynomial with nine coefficients."""
+    """Polynomial with nine coefficients, by Estrin's scheme."""
     v2 = v * v
     v4 = v2 * v2
     high = (c[4] + v * c[5]) + v2 * (c[6] + v * c[7]) + v4 * c[8]
@@ -150,19 +155,23 @@ def _nine(c: Coefficients, v: Single) -> Single:
 
 @plays(seen, Product)
 def _seen_by_product(integral, work, lane, t, half):  # type: ignore[no-untyped-def]
+    # Store the factor across the ray; the one along it is evaluated per position.
     q = _nine(integral.across, t)
     work[lane + Q0] = q
     work[lane + HALF] = half
+    # Half of the line integral, from the middle to the far end.
     middle = half * (q * _nine(integral.along, t) - np.float32(integral.rim))
     return -middle, middle + middle
 
 
 @plays(seen, Tabulated)
 def _seen_by_table(integral, work, lane, t, half):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    # Store the row of the table, between two lines of it.
     steps, table = integral.steps, integral.part
     row = (np.float32(1.0) - t) * np.float32(steps)
     work[lane + ROW] = row
     work[lane + HALF] = np.float32(1.0)
+    # Interpolate the integral up to the last position.
     line = min(np.uint32(row), np.uint32(steps - 1))
     last = (line + np.uint32(1)) * np.uint32(steps + 1) - np.uint32(1)
     upper, lower = table[last], table[last + np.uint32(steps + 1)]
@@ -171,6 +180,7 @@ def _seen_by_table(integral, work, lane, t, half):  # type: ignore[no-untyped-de
 
 @plays(up_to, Smooth)
 def _up_to_by_formula(integral, work, lane, x):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    # Sum over even powers of x, by Estrin's scheme.
     y = x * x
     y2 = y * y
     y4 = y2 * y2
@@ -186,10 +196,12 @@ def _up_to_by_product(integral, work, lane, x):  # type: ignore[no-untyped-def]
 
 @plays(up_to, Tabulated)
 def _up_to_by_table(integral, work, lane, x):  # type: ignore[no-untyped-def]
+    # Locate the cell of the table.
     table, steps, row = integral.part, integral.steps, work[lane + ROW]
     line = min(np.uint32(row), np.uint32(steps - 1))
     place = (x + np.float32(1.0)) * np.float32(0.5 * steps)
     column = min(np.uint32(place), np.uint32(steps - 1))
+    # Interpolate along positions, then across distances.
     down, right = row - np.float32(line), place - np.float32(column)
     above = line * np.uint32(steps + 1) + column
     below = above + np.uint32(steps + 1)

@@ -1,4 +1,4 @@
-"""What values look like, and light on surfaces, after Blinn and Phong."""
+"""Transfer functions and Blinn-Phong lighting."""
 
 import math
 
@@ -9,34 +9,38 @@ from resample.types import Classifier, Floats, Lamp
 
 @kernel
 def _unit(v: Vector) -> Vector:
-    """Vector of length 1; zero stays zero."""
+    """Normalize a vector; zero stays zero."""
     square = dot(v, v)
     return scaled(1.0 / math.sqrt(square), v) if square > 0.0 else v
 
 
 @kernel
 def _reflect(normal: Vector, place: Vector, lamp: Lamp) -> tuple[float, float]:
-    """Factor of the sample's own color and white highlight, after Blinn and Phong.
+    """Factor of the sample's own color, and white highlight (Blinn-Phong).
 
     Both sides of a surface are lit alike, since a gradient may point in or out.
     """
+    # Direction to the viewer: from a position, or the same everywhere for parallel rays.
     viewer = (lamp.viewer[0], lamp.viewer[1], lamp.viewer[2])
     eye = _unit(combine(viewer, -lamp.viewer[3], place))
+    # A lamp without a direction is a headlight.
     light = (lamp.toward[0], lamp.toward[1], lamp.toward[2])
     if dot(light, light) == 0.0:
         light = eye
     halfway = _unit(combine(eye, 1.0, light))
+    # Ambient and diffuse light take the sample's color; the highlight is white.
     own = lamp.ambient + lamp.diffuse * abs(dot(normal, light))
     return own, lamp.specular * abs(dot(normal, halfway)) ** lamp.shininess
 
 
 @kernel
 def lit(color: Vector, slope: Vector, place: Vector, lamp: Lamp) -> Vector:
-    """Light that a surface sends to the viewer; a place without a slope shows its color.
+    """Light of a surface toward the viewer; without a gradient, the fully lit color.
 
-    `slope` is the gradient whose direction is the surface's normal, `place` in scene axes.
+    `slope` is the gradient, whose direction is the surface's normal; `place` is in scene axes.
     """
     length = math.sqrt(dot(slope, slope))
+    # Shade by the normal where the gradient is steep enough for a surface.
     own, highlight = lamp.ambient + lamp.diffuse, 0.0
     if length > lamp.flat:
         own, highlight = _reflect(scaled(1.0 / length, slope), place, lamp)
@@ -49,8 +53,9 @@ def lit(color: Vector, slope: Vector, place: Vector, lamp: Lamp) -> Vector:
 
 @kernel
 def seen_color(color: Vector, slope: Vector, at: Vector, depth: float, look: Classifier) -> Vector:
-    """Light of a surface, dimmed by its depth."""
+    """Light of a surface with depth cueing."""
     light = lit(color, slope, at, look.lamp)
+    # Light falls linearly from the near to the far depth.
     far = max(0.0, min(1.0, (depth - look.near) / (look.far - look.near)))
     kept = 1.0 - look.dimmed * far
     return (kept * light[0], kept * light[1], kept * light[2])
@@ -70,7 +75,7 @@ def _between(
     share: tuple[float, float, float, float],
     channel: int,
 ) -> float:
-    """Mean of four entries of a table: of the first row's two, then of the second's."""
+    """Weighted sum of four neighbouring entries of a table."""
     return float(
         share[0] * table[rows[0], columns[0], channel]
         + share[1] * table[rows[0], columns[1], channel]
@@ -81,7 +86,8 @@ def _between(
 
 @kernel
 def looked_up(look: Classifier, value: float, gradient: float) -> tuple[float, float, float, float]:
-    """Color and extinction at a value's position 0..1 between low and high, and a gradient."""
+    """Color and extinction, by a value 0..1 between low and high and a gradient; bilinear."""
+    # Locate the cell of the table, clamped to its edges.
     table = look.table
     row = max(0.0, min(1.0, gradient / look.steep)) * (table.shape[0] - 1)
     column = max(0.0, min(1.0, value)) * (table.shape[1] - 1)
@@ -90,6 +96,7 @@ def looked_up(look: Classifier, value: float, gradient: float) -> tuple[float, f
     down, right = row - r, column - c
     rows = (r, min(r + 1, table.shape[0] - 1))
     columns = (c, min(c + 1, table.shape[1] - 1))
+    # Bilinear weights.
     share = (
         (1.0 - down) * (1.0 - right),
         (1.0 - down) * right,

@@ -1,9 +1,9 @@
 """Paint tiles from runs of samples that are summed before they are composited.
 
-As `resample.engine.mixtures.deferred`: a tile takes runs nearest first, skips those behind opaque
-sub-pixels, and projects the samples of the others. What it sums are slabs that cut splats, of which
-as many are open as a splat reaches over; sheets of whole splats, one after the other; or all
-samples in one sum. A slab is composited when no splat that is still to come can reach it.
+As in `resample.engine.mixtures.deferred`, a tile takes runs nearest first, culls those behind
+opaque sub-pixels, and projects the samples of the others. It sums them in slabs that cut splats, as
+many of them open as a splat reaches over; in sheets of whole splats, one after the other; or all in
+one sum. A slab is composited when no splat that is still to come can reach it.
 """
 
 import math
@@ -92,17 +92,17 @@ from resample.types import (
     Tiles,
 )
 
-PARTS, WHOLES, ALL = range(3)  # slabs cut splats; sheets of whole ones; one sum of all
-FAR_AHEAD = -(1 << 60)  # a slab before all others
+PARTS, WHOLES, ALL = range(3)  # slabs cut splats; sheets of whole splats; one sum of all
+FAR_AHEAD = -(1 << 60)  # number of a slab before all others
 
 
 class Summed(NamedTuple):
-    """What is summed before it is composited."""
+    """How samples are grouped into sums."""
 
     what: int  # PARTS, WHOLES or ALL
     thickness: float  # scene units, of a slab
     layers: Layers
-    ring: Ring  # of slabs that are open at a time
+    ring: Ring  # slabs that are open at a time
 
 
 class Ways(NamedTuple):
@@ -114,16 +114,16 @@ class Ways(NamedTuple):
 
 
 class Sweep(NamedTuple):
-    """Where a tile is: which slab is the first open one, and which one the last."""
+    """Progress through a tile: the first open slab and its slot, and the last touched one."""
 
     front: int
     slot: int
     behind: int
-    is_open: bool
+    is_open: bool  # not all sub-pixels are opaque
 
 
 class Ready(NamedTuple):
-    """What samples of a tile are added to slabs with."""
+    """Parameters for adding a tile's samples to slabs."""
 
     summed: Summed
     tools: Tools
@@ -133,7 +133,7 @@ class Ready(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """Samples, and what a tile sees of them."""
+    """Samples, and their projection to a tile."""
 
     runs: Runs
     sight: Sight
@@ -141,7 +141,7 @@ class Seen(NamedTuple):
 
 
 class Sums(NamedTuple):
-    """Room that a thread's tiles have one after the other."""
+    """Scratch of a thread, which its tiles use one after the other."""
 
     work: Floats
     sums: Floats
@@ -154,7 +154,7 @@ class Sums(NamedTuple):
 
 @making_role
 def state_of(blend: Blend, height: int, width: int, cutting: Cutting) -> Floats:
-    """What is known of each sub-pixel's ray besides what is painted."""
+    """Allocate the state of each sub-pixel's ray, besides what is painted."""
     raise NotImplementedError
 
 
@@ -171,7 +171,7 @@ def _state_of_values(blend, height, width, cutting):  # type: ignore[no-untyped-
 
 @making_role
 def sums_beside(blend: Blend, ring: Ring, pairs: int) -> Floats:
-    """Sums of points, where these are not summed with splats."""
+    """Allocate sums of points, where these are summed apart from splats."""
     raise NotImplementedError
 
 
@@ -189,7 +189,7 @@ def _by_themselves(blend, ring, pairs):  # type: ignore[no-untyped-def]
 def close(
     blend: Blend, canvas: Canvas, ring: Ring, slab: Slab, cutting: Cutting, opaque: Single
 ) -> None:
-    """Composite a slab, and empty it."""
+    """Composite a slab, and clear it."""
     raise NotImplementedError
 
 
@@ -234,7 +234,8 @@ def _finish_values(blend, canvas, n, weight, home, value):  # type: ignore[no-un
 def _cast(
     rows: Floats, along: Floats, height: int, width: int, place: Place, stage: Stage
 ) -> Single:
-    """Fill in |w|, 1 beyond the last column, where amplitudes are 0; gives the least 1 / |w|²."""
+    """Set up rays, and fill in |w|, with 1 beyond the tile; return the least 1 / |w|²."""
+    # Beyond the last column amplitudes are 0; |w| must only be finite there.
     least = cast_rays_of_rows(rows, height, width, place, stage.camera, stage.ellipsoid)
     for row in range(2 * ((height + 1) // 2)):
         for column in range(width + COLUMNS):
@@ -246,7 +247,7 @@ def _cast(
 
 @kernel
 def _most_pairs(turn: Indices, tiles: Tiles, stage: Stage) -> int:
-    """Pairs of rows of the finest tile."""
+    """Pairs of rows of the finest tile, margins included."""
     finest = 1
     for tile in turn:
         finest = max(finest, grid(tiles.spacing[tile], stage.style))
@@ -255,18 +256,22 @@ def _most_pairs(turn: Indices, tiles: Tiles, stage: Stage) -> int:
 
 @kernel
 def _closed(blend: Blend, canvas: Canvas, ready: Ready, sweep: Sweep, until: int) -> Sweep:
-    """Composite slabs before one that is reached next."""
+    """Composite the open slabs before number `until`."""
+    # Close slabs from the front, up to the last one touched.
     summed, opaque, is_any_open = ready.summed, ready.tools.limits.opaque, True
     thickness, front, slot = summed.thickness, sweep.front, sweep.slot
     while front < until and front <= sweep.behind:
+        # Sheets and sums are not cut by depths.
         near, far = front * thickness, (front + 1) * thickness
         if summed.what != PARTS:
             near, far = -np.inf, np.inf
+        # Discard slabs that an earlier step has composited.
         if front < ready.done:
             empty_slab(canvas.sums, canvas.beside, canvas.dirty, summed.ring, slot)
         else:
             slab = Slab(front, slot, near, far)
             close(blend, canvas, summed.ring, slab, ready.tools.cutting, opaque)
+        # Stop once all sub-pixels are opaque.
         is_any_open = close_rows(canvas.open_groups, canvas.rows, canvas.width, opaque)
         front, slot = front + 1, (slot + 1) % summed.ring.slots
         if not is_any_open:
@@ -284,20 +289,22 @@ def _add(
     offset: Members,
     mixture: Mixture | None,
 ) -> tuple[Sweep, int, int]:
-    """Add samples in their order, and composite slabs that no more of them reach.
+    """Add samples in order, and composite each slab once no later sample reaches it.
 
-    Gives where it is then, and how many points and splats were at home in the tile.
+    Return the progress, and how many points and splats were at home in the tile.
     """
     summed, tools, stage, reach, _ = ready
     points, splats, n, thickness = 0, 0, 0, summed.thickness
     is_cutting = summed.what == PARTS
     while n < offset.size and sweep.is_open:
+        # Close the slabs in front of the next sample.
         s = np.uint64(offset[n])
         if is_cutting:
             first = math.floor((float(room[s + DEPTH]) - reach) / thickness)
             sweep = _closed(blend, canvas, ready, sweep, first)
             if not sweep.is_open:
                 break
+        # Add one point, or splats up to the next that needs another slab.
         span = Span(sweep.front, sweep.slot, summed.ring, thickness, reach)
         if mixture is not None and room[s + CUT] == POINT:
             found, behind = add_point(canvas, room, s, span, tools, blend, stage, is_cutting)
@@ -307,13 +314,15 @@ def _add(
                 canvas, room, offset[n:], span, tools, blend, mixture, is_cutting
             )
             n, splats = n + count, splats + found
+        # Remember the last slab touched.
         sweep = Sweep(sweep.front, sweep.slot, max(sweep.behind, behind), True)
     return sweep, points, splats
 
 
 @kernel
 def _once_more(ready: Ready) -> Ready:
-    """How samples are added whose coverage has been added before."""
+    """The same, for samples whose coverage has been added before."""
+    # Coverage per layer and by points becomes 0; all else stays.
     summed, tools, stage, reach, done = ready
     limits, nothing = tools.limits, np.float32(0.0)
     limits = Limits(limits.opaque, nothing, limits.widest, limits.linear_layer)
@@ -332,19 +341,23 @@ def _add_ready(
     mixture: Mixture | None,
     output: tuple[Tally, Carried],
 ) -> Sweep:
-    """Add the samples whose turn it is, sheet by sheet where these are summed."""
+    """Add the samples whose turn it is; sheets of whole splats one by one."""
     (pool, count), (runs, sight, window), first = taken, seen, 0
     position, (tally, carried) = runs.samples.position.reshape(-1), output
     while first < count and sweep.is_open:
+        # Take all of them in one go, by default.
         last, way, share = count, ready, 1
+        # Samples of an earlier step are added without being counted again.
         if ready.summed.what == PARTS and is_added_again(pool.ready[first], carried):
             last = end_of_added_again(pool.ready[:count], first, carried)
             way, share = _once_more(ready), 0
+        # A sheet of whole splats is sorted by depth.
         if ready.summed.what == WHOLES:
             last = end_of_sheet(pool.ready[:count], first)
             sort_by_depth(
                 pool.ready[first:last], pool.other[first:last], position, sight.optics.eye
             )
+        # Project the samples of this part, in order.
         size = last - first
         sheet = Pool(
             pool.waiting,
@@ -357,9 +370,11 @@ def _add_ready(
         )
         form(sheet, size, runs, sight, window, ready.stage, mixture)
         put_in_order(sheet.ready, sheet.room, sheet.offset)
+        # Add them, and tally those at home.
         sweep, points, splats = _add(blend, canvas, way, sweep, sheet.room, sheet.offset, mixture)
         tally[0] += share * points
         tally[1] += share * splats
+        # Close a sheet of whole splats at once.
         if ready.summed.what == WHOLES:
             sweep = _closed(blend, canvas, ready, sweep, sweep.front + 1)
         first = last
@@ -376,21 +391,26 @@ def _paint_tile(
     mixture: Mixture | None,
     output: tuple[Tally, Carried],
 ) -> Sweep:
-    """Sum what a tile's runs show of their samples, nearest first, until all is opaque."""
+    """Take a tile's runs nearest first, and sum their samples until all is opaque."""
+    # Sort the runs by key, and start with an empty pool.
     (runs, sight, window), summed, (_, carried) = seen, ready.summed, output
     sheets = (summed.layers, summed.what == WHOLES)
     in_order(runs.known, members)
     pool, queue = new_pool(8 * TAKEN), (0, 0, np.uint64(0))
     shown = (window, canvas.open_groups)
+    # Slabs that cut splats begin before all others; sheets and sums begin at 0.
     begin = FAR_AHEAD if summed.what == PARTS else 0
     sweep = Sweep(begin, 0, 0 if summed.what == ALL else FAR_AHEAD, True)
+    # Queue samples of the nearest runs, and add those that no later run can precede.
     while sweep.is_open and (queue[1] < members.size or queue[0] > 0):
         pool = enlarged(pool, queue[0])
         before = queue[0]
         queue = take_runs(pool, queue, members, runs, sight, shown, mixture, sheets)
+        # Drop samples that do not belong to this step.
         queue = (leave_out(pool.waiting, before, queue[0], carried), queue[1], queue[2])
         queue, count = make_ready(pool, queue, members, runs.known)
         sweep = _add_ready(blend, canvas, ready, sweep, (pool, count), seen, mixture, output)
+    # Close what is still open, as far as this step may.
     if sweep.is_open and summed.what == PARTS:
         end = end_of_step(sweep.behind + 1, carried)
         sweep = _closed(blend, canvas, ready, sweep, end)
@@ -408,21 +428,22 @@ def paint_summed_runs(
     mixture: Mixture | None,
     output: tuple[Film, Floats, Tally, Carried],
 ) -> None:
-    """Paint the tiles listed in `turn`, of which each knows the runs that it may show.
+    """Paint the tiles listed in `turn` from the runs that each may show.
 
     Parameters
     ----------
     turn, tiles, runs, stage
         As of `resample.engine.mixtures.deferred.paint_runs`.
     ways
-        How samples are summed and composited.
+        How samples are grouped, integrated and composited.
     mixture
-        Where samples are not all splats of exact footprint.
+        Models of samples that are not all splats of exact footprint; or None.
     output
-        Film (H, W) written to; (H, W) what projections of fields measure, or nothing; a tally
-        (T, 4): numbers of points and of splats painted by the tiles that hold their centers, 0, and
-        grids; and what tiles were before and are kept as, if they are painted step by step.
+        Film (H, W), filled; values (H, W) of projections, filled, or (0, 0); a tally (T, 4),
+        filled: points and splats painted by the tiles that hold their centers, 0, and grids; and
+        checkpoints of tiles that are painted step by step.
     """
+    # Allocate what all tiles of this thread use.
     (eye, shape, _), (film, value, tally, carried) = optics_of(stage), output
     integral, summed, blend = ways
     style, tables, pairs = stage.style, stage.tables, _most_pairs(turn, tiles, stage)
@@ -436,14 +457,18 @@ def paint_summed_runs(
         np.empty(MOST_TAPS, np.float32),
         np.empty(MOST_TAPS, np.float32),
     )
+    # Take tiles until none is left.
     for number in tasks(counter, turn.size):
         tile = turn[number]
+        # Lay out the sub-pixels, and set up their rays.
         home, place, height, width = laid_out(tile, tiles, stage)
         tally[tile, 3] = n = place.subpixels
         rows, open_groups = new_rows(height, width), open_rows(height, width)
         least_ray = _cast(rows, own.along, height, width, place, stage)
+        # Choose limits and margins for culling.
         limits = limits_of(mixture, rows, (height, width), style, least_ray, 0.0)
         pad = 0.0 if mixture is None else pad_of_tile(style, sight.beyond.beyond, n)
+        # Bundle the canvas and the projection of the tile.
         cutting = Cutting(place, stage.camera, stage.ellipsoid, stage.screen.planes, tables.partial)
         state, own_sums = state_of(blend, height, width, cutting), (own.sums, own.beside, own.dirty)
         canvas = Canvas(
@@ -454,17 +479,22 @@ def paint_summed_runs(
         seen = Seen(runs, sight, Window(place, height, width, home_of(home), sides))
         tools = Tools(slant_of(eye, shape, place), limits, integral, cutting, np.float32(1.0))
         ready = Ready(summed, tools, stage, reach, begin_of_step(FAR_AHEAD, carried))
+        # Resume the tile from an earlier step.
         members = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
         go_on(rows, open_groups, (height, width), limits.opaque, tile, carried)
         take_up_slabs(canvas, summed.ring, summed.what == ALL, tile, carried)
+        # Paint it.
         kept = (tally[tile], carried)
         sweep = _paint_tile(members, seen, blend, canvas, ready, mixture, kept)
+        # Checkpoint it for the next step.
         size = (n, tables.pixel_margin)
         lay_down(rows, (height, width), size, limits.opaque, tile, sweep.is_open, carried)
         lay_down_slabs(canvas, summed.ring, summed.what == ALL, tile, carried)
+        # Close the one sum, and clear all slabs for the next tile.
         if summed.what == ALL:
             _closed(blend, canvas, ready, sweep, 1)
         empty(own.sums, own.beside, own.dirty, summed.ring)
+        # Filter sub-pixels to pixels.
         weight = pixel_weights(tables, n)
         finish(blend, canvas, n, weight, home, value)
         resolve_rows(rows, n, weight, home, film)

@@ -1,4 +1,4 @@
-"""Add points to the open slabs of a tile, each to the one that its center lies in."""
+"""Add points to the open slabs of a tile, each to the slab of its center."""
 
 import math
 
@@ -39,7 +39,7 @@ def spread(
     tools: Tools,
     layer: Single,
 ) -> None:
-    """Add a point under its filter to what a slab sums."""
+    """Add a point to a slab's sums, under its filter."""
     raise NotImplementedError
 
 
@@ -59,7 +59,8 @@ def _spread_integrals(
     tools: Tools,
     layer: Single,
 ) -> None:
-    """Add a point that has line integrals."""
+    """Add a point that has a line integral."""
+    # Mass of the point: its area times its slanted way through a layer.
     oblique = _oblique(room[s + X], room[s + Y], tools)
     mass = np.float32(room[s + AREA] * layer * oblique)
     matter = matter_of(blend, room, s, np.float32(1.0))
@@ -80,6 +81,7 @@ def _spread_opacities(
     canvas: Canvas, room: Floats, s: np.uint64, box: Box, slot: tuple[Ring, int], tools: Tools
 ) -> None:
     """Add a point that has an opacity."""
+    # OPACITY holds opacity × area; weights sum to 1, so the area scales them.
     area, alpha = room[s + AREA], room[s + OPACITY]
     share = alpha / area
     red, green, blue, depth = room[s + RED], room[s + GREEN], room[s + BLUE], room[s + DEPTH]
@@ -98,7 +100,8 @@ def _spread(
     per_mass: Single,
     tools: Tools,
 ) -> None:
-    """Add amounts per mass, and to the coverage what it is per mass where sub-pixels are open."""
+    """Add amounts per mass under the filter, and coverage where sub-pixels are not opaque yet."""
+    # The filter is separable: one weight per row times one per column.
     rows, ring, one, opaque = canvas.rows, slot[0], np.float32(1.0), tools.limits.opaque
     stride, across, down = stride_of(ring), canvas.across, canvas.down
     for row in range(box.top, box.bottom):
@@ -107,6 +110,7 @@ def _spread(
             part = seen * across[column - box.first_column]
             at = sum_at(ring, slot[1], row >> 1, column) + np.uint64(row & 1)
             k = index_of(row, column)
+            # Add to the five sums, then to the coverage.
             sums[at] += part * amount[0]
             sums[at + stride] += part * amount[1]
             sums[at + np.uint64(2) * stride] += part * amount[2]
@@ -117,10 +121,11 @@ def _spread(
 
 @kernel
 def _oblique(x: Single, y: Single, tools: Tools) -> float:
-    """Length of a ray's way through a slab of thickness 1, of a place on the screen, px."""
+    """Length of the ray at a screen point, px, through a slab of thickness 1."""
     camera = tools.cutting.camera
     if not camera.perspective:
         return 1.0
+    # Diverging rays cross the slab at an angle.
     right = (x - camera.principal[0]) / camera.focal[0]
     below = (y - camera.principal[1]) / camera.focal[1]
     return math.sqrt(1.0 + right * right + below * below)
@@ -137,20 +142,24 @@ def add_point(
     stage: Stage,
     is_cutting: bool,
 ) -> tuple[int, int]:
-    """Add a point to its slab; gives 1 if it is at home in the tile and not hidden, and the slab.
+    """Add a point to its slab; return 1 if it is at home in the tile and not hidden, and the slab.
 
-    Under a filter as wide as the kernel's projection points add up as splats do, however thick a
-    slab is.
+    Under a filter as wide as the kernel's projection, points add up as splats do, whatever the
+    slab's thickness.
     """
+    # Cull by the open groups of sub-pixels.
     top, bottom, left, right = bounds_at(room, s)
     if left >= right or top >= bottom or not is_open(canvas.open_groups, top, bottom, left, right):
         return 0, span.front - 1
+    # Find the slab of its center.
     place, number = tools.cutting.place, span.front
     if is_cutting:
         number = max(number, math.floor(room[s + DEPTH] / span.thickness))
+    # Compute the filter's weights; a point may miss all centers of sub-pixels.
     box = _box_of(canvas, room, s, place, stage)
     if box.top >= box.bottom or box.left >= box.right:
         return int(room[s + HOME]), span.front - 1
+    # Mark the slab as dirty, and add the point.
     columns, rows = (box.left, box.right), (box.top, box.bottom)
     slot = touch_slabs(canvas.dirty, span, number, number, rows, columns)
     spread(blend, canvas, room, s, box, (span.ring, slot), tools, np.float32(stage.style.layer))
@@ -159,7 +168,8 @@ def add_point(
 
 @kernel
 def _box_of(canvas: Canvas, room: Floats, s: np.uint64, place: Place, stage: Stage) -> Box:
-    """Weights of a point's filter, in the canvas' `across` and `down`, and what they meet."""
+    """Compute a point's filter weights, in the canvas' `across` and `down`, and their extent."""
+    # Center in sub-pixels, and the filter's radius.
     n, style = place.subpixels, stage.style
     x, y = (room[s + X] - place.x) * n, (room[s + Y] - place.y) * n
     reach = width_of(room[s + SPACING], n, style) * style.point_extent

@@ -1,4 +1,4 @@
-"""Footprints of splats that are summed: exact, or by a model, where samples are a mixture."""
+"""Footprints of splats in slabs: exact, or by a model where samples are a mixture."""
 
 from typing import NamedTuple
 
@@ -12,18 +12,18 @@ from resample.types import Floats, Place, Single
 
 
 class Exact(NamedTuple):
-    """A splat that takes all but its form from the pixels' rays."""
+    """A splat with an exact footprint: all but its quadratic form is the rays' own."""
 
     a: Single
     bend: None
 
 
 class Modelled(NamedTuple):
-    """A splat by a model, whose form need not lie where its center does."""
+    """A splat with a modelled footprint, whose form may be centered beside the sample."""
 
     a: Single
     bend: Bend | None
-    right: Single  # px from the sample's center to the form's middle
+    right: Single  # px from the sample's center to the form's center
     below: Single
 
 
@@ -32,7 +32,7 @@ Shape = Exact | Modelled
 
 @lane_role
 def shape_of(mixture: Mixture | None, room: Floats, s: np.uint64, place: Place) -> Shape:
-    """A splat of a batch."""
+    """Footprint of a splat of the batch."""
     raise NotImplementedError
 
 
@@ -43,6 +43,7 @@ def _exact(mixture, room, s, place):  # type: ignore[no-untyped-def]  # noqa: AR
 
 @plays(shape_of, Mixture)
 def _modelled(mixture, room, s, place):  # type: ignore[no-untyped-def]
+    # Offsets ACROSS and DOWN count from the form's center to the tile's first sub-pixel.
     half = np.float32(0.5 / place.subpixels)
     right = np.float32(place.x) + half - room[s + X] - room[s + ACROSS]
     below = np.float32(place.y) + half - room[s + Y] - room[s + DOWN]
@@ -51,7 +52,7 @@ def _modelled(mixture, room, s, place):  # type: ignore[no-untyped-def]
 
 @lane_role
 def inverse_square_of(shape: Shape, ray: Single, along: Single) -> Single:
-    """Inverse square of a ray's radii per depth, `along`, which is its own number if exact."""
+    """Reciprocal of |w|² on a ray; `along` is |w|, and `ray` is known already if exact."""
     raise NotImplementedError
 
 
@@ -62,12 +63,13 @@ def _inverse_square_exactly(shape, ray, along):  # type: ignore[no-untyped-def] 
 
 @plays(inverse_square_of, Modelled)
 def _inverse_square_by_model(shape, ray, along):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    # A model's `ray` is not the pixel's own.
     return np.float32(1.0) / (along * along)
 
 
 @lane_role
 def middle_of(shape: Shape) -> tuple[Single, Single]:
-    """Px to the right of the sample's center and below it where the form's middle is."""
+    """Px from the sample's center, right and down, to the form's center."""
     raise NotImplementedError
 
 
@@ -83,7 +85,7 @@ def _elsewhere(shape):  # type: ignore[no-untyped-def]
 
 @lane_role
 def is_point(mixture: Mixture | None, mark: Single) -> bool:
-    """Whether what stands in the column CUT marks a point."""
+    """Whether the column CUT marks a point."""
     raise NotImplementedError
 
 
@@ -94,4 +96,5 @@ def _never(mixture, mark):  # type: ignore[no-untyped-def]  # noqa: ARG001
 
 @plays(is_point, Mixture)
 def _if_marked(mixture, mark):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    # Splats have their cut in this column, points a mark of their own.
     return mark == POINT

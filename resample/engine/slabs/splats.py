@@ -1,7 +1,7 @@
 """Add splats to the open slabs of a tile, sixteen sub-pixels at a time.
 
-A splat's part in a slab is the difference of its line integral up to the slab's back and up to its
-front. What is known of its rays serves all slabs that it lies in.
+The contribution of a splat to a slab is the difference of its line integrals up to the slab's back
+and up to its front. The setup of a ray serves all slabs that the splat lies in.
 """
 
 import math
@@ -78,11 +78,11 @@ from resample.types import Floats, Place, Single
 
 
 class Slant(NamedTuple):
-    """How far from a sample's own depth its nearest point on a pixel's ray lies.
+    """Offset along the view axis of the point nearest to a sample, on each pixel's ray.
 
-    With (dx, dy) px from the projected center, it is (p dx + q dy + z (xx dx² + 2 xy dx dy + yy
-    dy²)) / |w|² scene units nearer to the eye, with p = z (x + xx X + xy Y), q = z (y + xy X + yy
-    Y), and (X, Y) px from the principal point. Where rays are parallel p is x and q is y.
+    With (dx, dy) px from the projected center, the point is (p dx + q dy + z (xx dx² + 2 xy dx dy +
+    yy dy²)) / |w|² scene units nearer to the eye, with p = z (x + xx X + xy Y), q = z (y + xy X +
+    yy Y), and (X, Y) px from the principal point. Where rays are parallel p is x and q is y.
     """
 
     step: Single  # px between sub-pixels
@@ -93,21 +93,21 @@ class Slant(NamedTuple):
     xx: Single
     xy: Single
     yy: Single
-    is_far: bool  # rays come from an eye
+    is_far: bool  # rays diverge from an eye
 
 
 class Span(NamedTuple):
-    """Which slabs are open, and how deep splats are."""
+    """The open slabs, and the extent of splats in depth."""
 
     front: int  # number of the first
-    slot: int  # its place in the ring
+    slot: int  # its slot in the ring
     ring: Ring
     thickness: float  # scene units
     reach: float  # half an ellipsoid's extent along the view axis, scene units
 
 
 class Line(NamedTuple):
-    """What the sub-pixels of a row share: of the splat's form, and of its rays' nearest points."""
+    """Terms of a splat's quadratic form and of its offset that are the same along a row."""
 
     cross: Single
     rest: Single
@@ -116,27 +116,27 @@ class Line(NamedTuple):
 
 
 class Spot(NamedTuple):
-    """Sixteen sub-pixels, and what a splat is on them."""
+    """Sixteen sub-pixels, and the terms of a splat on them."""
 
-    k: np.uint64  # where the first numbers of the first one are
-    dx: Single  # px from the form's middle to it
+    k: np.uint64  # index of the first one in the first plane
+    dx: Single  # px from the form's center to it
     step: Single  # px between sub-pixels
     lean: Single  # see `Leaning.xx`
     lines: tuple[Line, Line]
 
 
 class Tools(NamedTuple):
-    """What splats of a tile are added with."""
+    """Parameters for adding the splats of a tile."""
 
     slant: Slant
     limits: Limits
     integral: Integral
     cutting: Cutting
-    cover: Single  # 1, or 0 where what points cover is known
+    cover: Single  # 1, or 0 where the coverage by points is known already
 
 
 class Leaning(NamedTuple):
-    """Of a splat: coefficients of its nearest points."""
+    """Coefficients of one splat's offset, see `Slant`."""
 
     p: Single
     q: Single
@@ -147,7 +147,8 @@ class Leaning(NamedTuple):
 
 @kernel
 def slant_of(eye: Eye, shape: footprints.Shape, place: Place) -> Slant:
-    """What is the same for all splats."""
+    """Terms of the offset that all splats share."""
+    # Products of the rays' directions in the space of the unit sphere.
     unit = shape.to_unit
     ahead = (unit[0][2], unit[1][2], unit[2][2])
     return Slant(
@@ -165,7 +166,8 @@ def slant_of(eye: Eye, shape: footprints.Shape, place: Place) -> Slant:
 
 @kernel
 def _leaning_of(slant: Slant, x: Single, y: Single, depth: Single) -> Leaning:
-    """How the nearest points of a splat at x and y px lie."""
+    """Coefficients of the offset for a splat at x and y px."""
+    # Parallel rays have no quadratic terms.
     if not slant.is_far:
         zero = np.float32(0.0)
         return Leaning(slant.x, slant.y, zero, zero, zero)
@@ -181,6 +183,7 @@ def _leaning_of(slant: Slant, x: Single, y: Single, depth: Single) -> Leaning:
 
 @kernel
 def _line_of(b: Single, c: Single, lean: Leaning, shape: Shape, dy: Single) -> Line:
+    # Expand form and offset at this row, and leave the terms of dx to each sub-pixel.
     two, down = np.float32(2.0), dy + middle_of(shape)[1]
     return Line(
         two * b * dy, c * dy * dy, lean.p + two * lean.xy * down, (lean.q + lean.yy * down) * down
@@ -189,7 +192,8 @@ def _line_of(b: Single, c: Single, lean: Leaning, shape: Shape, dy: Single) -> L
 
 @lane_step
 def _form_at(spot: Spot, shape: Shape, n: int) -> tuple[Single, Single]:
-    """Px from the form's middle to one of a spot's sub-pixels, and the form there."""
+    """Distance in px from the form's center to a sub-pixel, and the form's value there."""
+    # Lanes alternate between the two rows of a pair.
     line, below = spot.lines
     dx, is_below = spot.dx + np.float32(n >> 1) * spot.step, n & 1 != 0
     form = (shape.a * dx + (below.cross if is_below else line.cross)) * dx
@@ -206,24 +210,28 @@ def _see(
     integral: Integral,
     limits: Limits,
 ) -> None:
-    """Write down what is known of the rays of some sub-pixels, and what covers these."""
+    """Set up the rays of sixteen sub-pixels in `work`, and add the splat to their coverage."""
     line, below = spot.lines
     zero, one = np.float32(0.0), np.float32(1.0)
     for n in range(LANES):
         lane = np.uint64(n)
         k = spot.k + lane
+        # Evaluate the quadratic form and the offset in depth.
         dx, form = _form_at(spot, shape, n)
         is_below = n & 1 != 0
         aside = dx + middle_of(shape)[0]
         lean = (spot.lean * aside + (below.lean_cross if is_below else line.lean_cross)) * aside
         lean += below.lean_rest if is_below else line.lean_rest
+        # Set up the line integral on the ray, from where `up_to` begins.
         ray, per_depth, amplitude = rows[k + RAY], along[k], chord_of(shape.bend, rows[k + CHORD])
         t = t_of(shape.bend, form, ray)
         before, integral_of_all = seen(integral, work, lane, t, np.sqrt(t))
+        # Store what each slab's share of the integral is computed from.
         work[lane + ALONG] = per_depth
         work[lane + SHIFT] = lean * inverse_square_of(shape, ray, per_depth) * per_depth
         work[lane + AMPLITUDE] = amplitude
         work[lane + BEFORE] = before * amplitude
+        # Add to the coverage of sub-pixels that are not opaque yet.
         is_seen = one - rows[k + ALPHA] > limits.opaque
         cover = integral_of_all * amplitude * limits.per_layer
         rows[k + COVER] += cover if is_seen else zero
@@ -239,11 +247,13 @@ def _add_part(
     integral: Integral,
     matter: Matter,
 ) -> None:
-    """Add what lies before a depth, from the splat's own on, and was not yet added."""
+    """Add to a slab what lies before its back, a depth from the splat's, and was not yet added."""
     for n in range(LANES):
         lane = np.uint64(n)
+        # Position of the slab's back on the ray, clamped to the splat's chord.
         k, half = first + lane, work[lane + HALF]
         x = min(half, max(-half, back * work[lane + ALONG] + work[lane + SHIFT]))
+        # Subtract what the slabs in front took.
         now = work[lane + AMPLITUDE] * up_to(integral, work, lane, x)
         part = now - work[lane + BEFORE]
         work[lane + BEFORE] = now
@@ -261,15 +271,17 @@ def _add_whole(
     matter: Matter,
     limits: Limits,
 ) -> None:
-    """Add all of a splat."""
+    """Add a whole splat to one slab."""
     first, ring = place
     zero, full = np.float32(0.0), np.float32(1.0)
     for n in range(LANES):
         lane = np.uint64(n)
         k = spot.k + lane
+        # Line integral through the whole splat.
         _, form = _form_at(spot, shape, n)
         t = t_of(shape.bend, form, rows[k + RAY])
         part = chord_of(shape.bend, rows[k + CHORD]) * whole(integral, t)
+        # Add to the coverage of sub-pixels that are not opaque yet.
         is_seen = full - rows[k + ALPHA] > limits.opaque
         rows[k + COVER] += part * limits.per_layer if is_seen else zero
         add_matter(sums, first + lane, ring, part, matter)
@@ -284,7 +296,7 @@ def _narrowed_pair(
     step: float,
     widest: float,
 ) -> tuple[int, int]:
-    """Columns of two rows that a wide splat may touch."""
+    """Range of columns of two rows that a wide splat may touch."""
     line, below = lines
     first, last = narrowed(a, 0.5 * line.cross, float(line.rest) - widest, bounds, across, step)
     other, end = narrowed(a, 0.5 * below.cross, float(below.rest) - widest, bounds, across, step)
@@ -302,21 +314,25 @@ def _add_cut(
     tools: Tools,
     is_cutting: bool,
 ) -> None:
-    """Add what is seen of a sphere that a plane cuts; its form is its center."""
+    """Add the visible part of a sphere that a plane cuts; its form holds its center."""
     place, camera, ellipsoid, planes, partial = tools.cutting
     limits, rows, sums, n = tools.limits, canvas.rows, canvas.sums, place.subpixels
     stride, one = stride_of(span.ring), np.float32(1.0)
+    # First and last slab that the sphere reaches.
     center, depth = (room[s + A], room[s + B], room[s + C]), float(room[s + DEPTH])
     top, bottom, left, right = bounds_at(room, s)
     first = math.floor((depth - span.reach) / span.thickness) if is_cutting else last
+    # Loop over the sub-pixels that are not opaque yet.
     for row in range(top, bottom):
         y = (place.y + (row + 0.5) / n - camera.principal[1]) / camera.focal[1]
         for column in range(left, right):
             k = index_of(row, column)
             if one - rows[k + ALPHA] <= limits.opaque:
                 continue
+            # Clip the ray to the planes.
             x = (place.x + (column + 0.5) / n - camera.principal[0]) / camera.focal[0]
             start, end = seen_span(x, y, camera, planes)
+            # Integrate between the planes, and between the slab's front and back.
             for number in range(first, last + 1):
                 front, back = start, end
                 if is_cutting:
@@ -325,6 +341,7 @@ def _add_cut(
                 part = np.float32(
                     cut_integral(center, x, y, (front, back), camera, ellipsoid, partial)
                 )
+                # Add the integral to the coverage and to the slab's sums.
                 if part > np.float32(0.0):
                     slot = (span.slot + number - span.front) % span.ring.slots
                     at = sum_at(span.ring, slot, row >> 1, column) + np.uint64(row & 1)
@@ -339,9 +356,10 @@ def _slabs_of(span: Span, depth: float, is_cutting: bool) -> tuple[int, int]:
     """First and last slab that a splat lies in; the one open slab, unless slabs cut splats."""
     if not is_cutting:
         return span.front, span.front
+    # Very far away, rounding may make more slabs of it than are open.
     first = math.floor((depth - span.reach) / span.thickness)
     last = math.floor((depth + span.reach) / span.thickness)
-    return first, min(last, first + span.ring.slots - 1)  # far away numbers lie apart
+    return first, min(last, first + span.ring.slots - 1)
 
 
 @kernel
@@ -353,7 +371,8 @@ def touch_slabs(
     rows: tuple[int, int],
     columns: tuple[int, int],
 ) -> int:
-    """Note that slabs between two numbers were touched; gives the first one's place in the ring."""
+    """Mark slabs first..last as dirty in a rectangle; return the first one's slot."""
+    # Walk the ring from the first slab's slot.
     slots = span.ring.slots
     first_slot = span.slot + first - span.front
     first_slot -= slots if first_slot >= slots else 0
@@ -375,10 +394,10 @@ def add_splats(
     mixture: Mixture | None,
     is_cutting: bool,
 ) -> tuple[int, int, int]:
-    """Add splats up to the first one that does not reach the first open slab, or is a point.
+    """Add splats, up to the first that does not reach the first open slab or is a point.
 
-    Gives how many these are, how many of those that were added are at home in the tile, and the
-    last slab that was touched. Unless slabs cut splats, there is one, which all of them are in.
+    Return how many were taken, how many of those added are at home in the tile, and the last slab
+    touched. Unless slabs cut splats, there is one slab, which takes them all.
     """
     rows, open_groups, along, sums = canvas.rows, canvas.open_groups, canvas.along, canvas.sums
     dirty, work, at_home, behind = canvas.dirty, canvas.work, 0, span.front - 1
@@ -392,14 +411,17 @@ def add_splats(
         first, last = _slabs_of(span, depth, is_cutting)
         if first > span.front:
             return n, at_home, behind
-        if first < span.front - 1:  # behind the eye: no key of a run knows of it
+        # Skip splats behind the eye, which no run's key accounts for; others are late by rounding.
+        if first < span.front - 1:
             continue
-        first = max(first, span.front)  # depths may round otherwise than keys
+        first = max(first, span.front)
+        # Cull by the open groups of sub-pixels.
         top, bottom, left, right = bounds_at(room, s)
         if left >= right or not is_open(open_groups, top, bottom, left, right):
             continue
         at_home += int(room[s + HOME])
         behind = max(behind, last)
+        # Compute the splat's contribution, and mark its slabs as dirty.
         shape = shape_of(mixture, room, s, place)
         share = share_of(blend, shape, room, s, rows, place, integral)
         matter = matter_of(blend, room, s, share)
@@ -408,6 +430,7 @@ def add_splats(
         if room[s + CUT] > np.float32(0.0):
             _add_cut(canvas, room, s, span, last, matter, tools, is_cutting)
             continue
+        # Set up its quadratic form, then go through its pairs of rows.
         b, c, across, down = room[s + B], room[s + C], room[s + ACROSS], room[s + DOWN]
         lean = _leaning_of(slant, room[s + X], room[s + Y], room[s + DEPTH])
         under, columns = groups_between(left, right), (left, right)
@@ -416,11 +439,13 @@ def add_splats(
                 continue
             dy = down + np.float32(2 * pair) * step
             lines = (_line_of(b, c, lean, shape, dy), _line_of(b, c, lean, shape, dy + step))
+            # Narrow the columns of a wide splat to its ellipse.
             if right - left > COLUMNS:
                 columns = _narrowed_pair(shape.a, lines, (left, right), across, step, limits.widest)
             for start in range(columns[0], columns[1], COLUMNS):
                 first_k = np.uint64(pair * PAIR + 2 * start)
                 spot = Spot(first_k, across + np.float32(start) * step, step, lean.xx, lines)
+                # Add sixteen sub-pixels: as a whole, or cut by each slab.
                 if not is_cutting:
                     at = (sum_at(ring, span.slot, pair, start), ring)
                     _add_whole(rows, sums, at, spot, shape, integral, matter, limits)

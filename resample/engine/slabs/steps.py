@@ -1,8 +1,8 @@
-"""What slabs keep from step to step, besides rows of sub-pixels.
+"""Checkpoints of slabs between steps, besides the rows of sub-pixels.
 
-See `resample.engine.ellipsoids.steps`. A sum of all samples is kept as it is; of slabs that cut
-splats, which are many, nothing is: samples that have part in those that are open are added once
-more, in the order in which they were added before.
+See `resample.engine.ellipsoids.steps`. A sum of all samples is saved as it is. Of slabs that cut
+splats, which are many, nothing is saved: samples in slabs that are still open are added once more,
+in the same order as before.
 """
 
 import numpy as np
@@ -13,12 +13,12 @@ from resample.engine.slabs.fields import START
 from resample.engine.slabs.sums import PLANES, Canvas, Ring, stride_of, sum_at, touch
 from resample.engine.sorting import HALF, Pairs, bits_of
 
-SEEN = START  # numbers of what a ray has seen of a field
+SEEN = START  # numbers of a ray's state that are saved
 
 
 @kernel
 def begin_of_step(first: int, carried: Carried) -> int:
-    """Number of the first slab that was not composited before, `first` if there are no steps."""
+    """First slab that was not composited in an earlier step; `first` if there are no steps."""
     if not in_steps(carried):
         return first
     return carried.step.done
@@ -26,7 +26,7 @@ def begin_of_step(first: int, carried: Carried) -> int:
 
 @kernel
 def end_of_step(last: int, carried: Carried) -> int:
-    """Number of the first slab that is not composited now, `last` if there are no more steps."""
+    """First slab that is not composited in this step; `last` if there are no more steps."""
     if not in_steps(carried):
         return last
     return min(last, carried.step.due)
@@ -37,12 +37,13 @@ def is_added_again(pair: np.uint64, carried: Carried) -> bool:
     """Whether a sample was added in an earlier step."""
     if not in_steps(carried):
         return False
+    # Pairs sort by key: compare with the step's first key.
     return bool(pair < np.uint64(bits_of(carried.step.first)) << HALF)
 
 
 @kernel
 def end_of_added_again(ready: Pairs, first: int, carried: Carried) -> int:
-    """One past the last sample that was added in an earlier step, of sorted ones."""
+    """One past the last of sorted samples that was added in an earlier step."""
     last = first
     while last < ready.size and is_added_again(ready[last], carried):
         last += 1
@@ -53,17 +54,21 @@ def end_of_added_again(ready: Pairs, first: int, carried: Carried) -> int:
 def take_up_slabs(
     canvas: Canvas, ring: Ring, is_one_sum: bool, tile: int, carried: Carried
 ) -> None:
-    """Put what was kept of rays, and of the sum of all samples, where it belongs."""
+    """Resume a tile: restore the saved state of rays and the sum of all samples."""
+    # A new tile has nothing saved.
     if not in_steps(carried) or carried.state[tile] == NEW:
         return
+    # Skip what `take_up` has restored of the sub-pixels.
     height, width, number = canvas.height, canvas.width, carried.number
     place = carried.each * carried.start[tile] + len(KEPT) * height * width
+    # Restore the state of each ray of a field.
     if canvas.state.size > 0:
         for row in range(height):
             for column in range(width):
                 for n in range(SEEN):
                     canvas.state[row, column, n] = number[place + n]
                 place += SEEN
+    # Restore the one sum, and mark all of it as dirty.
     if is_one_sum:
         stride = stride_of(ring)
         touch(canvas.dirty, 0, 0, height, 0, width)
@@ -79,17 +84,20 @@ def take_up_slabs(
 def lay_down_slabs(
     canvas: Canvas, ring: Ring, is_one_sum: bool, tile: int, carried: Carried
 ) -> None:
-    """Keep what rays have seen, and the sum of all samples, until the next step."""
+    """Checkpoint the state of rays and the sum of all samples until the next step."""
     if not in_steps(carried):
         return
+    # Write behind what `lay_down` has saved of the sub-pixels.
     height, width, number = canvas.height, canvas.width, carried.number
     place = carried.each * carried.start[tile] + len(KEPT) * height * width
+    # Save the state of each ray of a field.
     if canvas.state.size > 0:
         for row in range(height):
             for column in range(width):
                 for n in range(SEEN):
                     number[place + n] = canvas.state[row, column, n]
                 place += SEEN
+    # Save the one sum.
     if is_one_sum:
         stride = stride_of(ring)
         for row in range(height):

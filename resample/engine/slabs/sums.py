@@ -1,7 +1,7 @@
-"""The open slabs of a tile: sums per sub-pixel, in pairs of rows as in `ellipsoids.rows`.
+"""Sums per sub-pixel of the open slabs of a tile, in pairs of rows as in `ellipsoids.rows`.
 
-A slab sums the weights of its splats, and what is weighted: red, green, blue and depth, or the
-gradient and the value of a field. Slabs lie in a ring, and those of one pair of rows side by side.
+A slab sums the weights of its splats and four weighted numbers: red, green, blue and depth, or the
+gradient and the value of a field. Slabs form a ring buffer; those of one pair of rows are adjacent.
 """
 
 from typing import NamedTuple
@@ -15,21 +15,21 @@ from resample.engine.roles import lane_role, plays
 from resample.types import MOST_COLUMNS, Doubles, Ellipsoid, Floats, Place, Single, View
 
 NARROW = 72  # sub-pixels in a row of most tiles
-PLANES = 5  # numbers of a sub-pixel
+PLANES = 5  # sums per sub-pixel
 _NOWHERE = 1 << 30
 
-# (slots, 4) pairs of rows touched, the first and one past the last; columns likewise
+# (slots, 4) bounds of the touched sub-pixels: first pair of rows and one past the last; columns too
 Dirty = NDArray[np.int64]
 
 
 class Narrow(NamedTuple):
-    """A ring of slabs of tiles with at most NARROW columns."""
+    """A ring of slabs for tiles of at most NARROW columns."""
 
-    slots: int  # of slabs that are open at a time
+    slots: int  # slabs that are open at a time
 
 
 class Wide(NamedTuple):
-    """A ring of slabs of tiles with at most MOST_COLUMNS columns."""
+    """A ring of slabs for tiles of at most MOST_COLUMNS columns."""
 
     slots: int
 
@@ -39,7 +39,7 @@ Ring = Narrow | Wide
 
 @lane_role
 def stride_of(ring: Ring) -> np.uint64:
-    """Where the next number of a sub-pixel is: weight, first, second, third and fourth."""
+    """Distance between the planes of sums: weight, first, second, third and fourth."""
     raise NotImplementedError
 
 
@@ -54,24 +54,24 @@ def _wide(ring):  # type: ignore[no-untyped-def]  # noqa: ARG001
 
 
 class Canvas(NamedTuple):
-    """The sub-pixels of a tile, and the slabs that lie behind what is painted on them."""
+    """The sub-pixels of a tile, and the sums of the slabs behind them."""
 
     rows: Floats  # see `ellipsoids.rows`
     open_groups: Groups
-    along: Floats  # radii per scene unit of depth on a ray, |w|; first numbers of pairs of rows
+    along: Floats  # radii per scene unit of depth on a ray, |w|; indexed like planes of `rows`
     sums: Floats
-    beside: Floats  # likewise, of points that lie beside each other; or nothing
+    beside: Floats  # likewise, of points that lie beside each other; or (0,)
     dirty: Dirty
-    across: Floats  # (MOST_TAPS,) room for weights of points
-    down: Floats
-    work: Floats  # see `integrals`
-    state: Floats  # (h, w, 10) of fields, see `fields`; or nothing
+    across: Floats  # (MOST_TAPS,) scratch for a point's weights along x
+    down: Floats  # (MOST_TAPS,) and along y
+    work: Floats  # scratch, see `integrals`
+    state: Floats  # (h, w, 10) of fields, see `fields`; or empty
     height: int
     width: int
 
 
 class Cutting(NamedTuple):
-    """What cuts spheres, and what they are then."""
+    """Parameters for integrating spheres that planes cut."""
 
     place: Place
     camera: View
@@ -81,7 +81,7 @@ class Cutting(NamedTuple):
 
 
 class Slab(NamedTuple):
-    """An open slab: its number, its place in the ring, and the depths it lies between."""
+    """An open slab: its number, its slot in the ring, and the depths of its front and back."""
 
     number: int
     slot: int
@@ -90,7 +90,7 @@ class Slab(NamedTuple):
 
 
 class Matter(NamedTuple):
-    """What a splat adds per unit of its line integral."""
+    """Contribution of a splat per unit of its line integral."""
 
     weight: Single
     first: Single
@@ -101,7 +101,8 @@ class Matter(NamedTuple):
 
 @lane_step
 def add_matter(sums: Floats, k: np.uint64, ring: Ring, part: Single, matter: Matter) -> None:
-    """Add what a line integral brings to the numbers of a sub-pixel, of which this is the first."""
+    """Add a line integral times a splat's contribution to a sub-pixel; `k` is its first sum."""
+    # One sum per plane; strides are known when compiled, so that loops of this become lanes.
     stride = stride_of(ring)
     sums[k] += part * matter.weight
     sums[k + stride] += part * matter.first
@@ -112,14 +113,15 @@ def add_matter(sums: Floats, k: np.uint64, ring: Ring, part: Single, matter: Mat
 
 @kernel
 def sum_at(ring: Ring, slot: int, pair: int, column: int) -> np.uint64:
-    """Where the first number of a sub-pixel of the upper row is."""
+    """Index of a sub-pixel's first sum, of the upper row of a pair."""
+    # The order is pair of rows, slot, plane, column; the two rows of a pair alternate.
     line = np.uint64((pair * ring.slots + slot) * PLANES)
     return np.uint64(line * stride_of(ring) + np.uint64(2 * column))
 
 
 @kernel
 def no_dirt(slots: int) -> Dirty:
-    """No sub-pixels touched."""
+    """Bounds of no touched sub-pixels."""
     dirty = np.zeros((slots, 4), np.int64)
     for slot in range(slots):
         dirty[slot, 0] = dirty[slot, 2] = _NOWHERE
@@ -128,7 +130,8 @@ def no_dirt(slots: int) -> Dirty:
 
 @kernel
 def touch(dirty: Dirty, slot: int, top: int, bottom: int, left: int, right: int) -> None:
-    """Note that rows and columns of a slab were touched, the last ones excluded."""
+    """Extend a slab's dirty rectangle; the last row and column are excluded."""
+    # Rows are tracked in pairs, columns one by one.
     k = np.uint64(slot)
     dirty[k, 0], dirty[k, 1] = min(dirty[k, 0], top >> 1), max(dirty[k, 1], (bottom + 1) >> 1)
     dirty[k, 2], dirty[k, 3] = min(dirty[k, 2], left), max(dirty[k, 3], right)
@@ -136,7 +139,7 @@ def touch(dirty: Dirty, slot: int, top: int, bottom: int, left: int, right: int)
 
 @kernel
 def clean(dirty: Dirty, slot: int) -> tuple[int, int, int, int]:
-    """Pairs of rows and columns that were touched, which are forgotten."""
+    """Return a slab's dirty rectangle, as pairs of rows and columns, and reset it."""
     first, last, left, right = dirty[slot, 0], dirty[slot, 1], dirty[slot, 2], dirty[slot, 3]
     dirty[slot, 0], dirty[slot, 1] = _NOWHERE, 0
     dirty[slot, 2], dirty[slot, 3] = _NOWHERE, 0
@@ -145,7 +148,8 @@ def clean(dirty: Dirty, slot: int) -> tuple[int, int, int, int]:
 
 @kernel
 def empty_slab(sums: Floats, beside: Floats, dirty: Dirty, ring: Ring, slot: int) -> None:
-    """Empty a slab, of which nothing is composited."""
+    """Clear a slab without compositing it."""
+    # Whole lines of the dirty pairs of rows are contiguous, all planes included.
     first, last, _, _ = clean(dirty, slot)
     for pair in range(first, last):
         begin = sum_at(ring, slot, pair, 0)
@@ -157,20 +161,21 @@ def empty_slab(sums: Floats, beside: Floats, dirty: Dirty, ring: Ring, slot: int
 
 @kernel
 def empty(sums: Floats, beside: Floats, dirty: Dirty, ring: Ring) -> None:
-    """Empty all slabs."""
+    """Clear all slabs."""
     for slot in range(ring.slots):
         empty_slab(sums, beside, dirty, ring, slot)
 
 
 @kernel
 def new_sums(ring: Ring, pairs: int) -> Floats:
-    """Empty slabs with so many pairs of rows."""
+    """Allocate empty slabs with `pairs` pairs of rows."""
     return aligned(int(np.uint64(ring.slots * pairs * PLANES) * stride_of(ring)))
 
 
 @kernel
 def aligned(count: int) -> Floats:
-    """Room for numbers that begins where a line of the cache does."""
+    """Allocate zeros that begin at a cache line."""
+    # Skip to the next multiple of 64 bytes.
     room = np.zeros(count + 16, np.float32)
     first = (-room.ctypes.data % 64) // 4
     return room[first : first + count]

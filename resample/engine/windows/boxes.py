@@ -1,8 +1,8 @@
-"""Means of an interpolated grid over upright boxes, as sums of samples in a window around each.
+"""Means of an interpolated grid over axis-aligned boxes, as weighted sums of samples in windows.
 
 The mean over a box of what a separable kernel k interpolates is a sum over samples whose weights
 are, along each axis, (K(b − n) − K(a − n)) / (b − a), with K the integral of k and a to b the side
-of the box. K comes from a table, linear between its rows; a window is a few dozen products.
+of the box. K is tabulated and interpolated linearly; a window is a few dozen products.
 """
 
 from typing import Any, NamedTuple
@@ -13,20 +13,20 @@ from resample.engine.jit import inner_kernel, inner_step
 from resample.types import Floats, Single
 
 PHASES = 256  # rows of a table of integrals
-ONES = 8  # entries before and after those that differ from 0 and 1
+ONES = 8  # entries of 1 before, and of 0 after, those in between
 LONGEST = 192.0  # samples, of a box's side
-SHORTEST = 0.05  # samples; a box of less is taken for one of this, whose mean is the same
+SHORTEST = 0.05  # samples; shorter sides are widened to it, which leaves the mean as it is
 WIDE = 224  # weights along an axis, at most
 SPARE = 8  # numbers that may be read beyond a grid's last
 
-Place = Any  # a number kept in uint64, which needs no look at its sign
-Whole = Any  # a number kept in int32, to which a float is turned in one operation
+Place = Any  # an index kept in uint64, which needs no test for negative values
+Whole = Any  # a number kept in int32, to which a float is converted in one instruction
 
 
 class Integral(NamedTuple):
-    """The integral of an interpolation's kernel as a table."""
+    """The integral of an interpolation's kernel, tabulated."""
 
-    # (PHASES + 2) × stride: a row has for its phase ONES ones, `taps` integrals up to phase −
+    # (PHASES + 2) × stride: the row of a phase holds ONES ones, `taps` integrals up to phase −
     # shift + before, and one less each, and ONES zeros.
     table: Floats
     stride: int
@@ -36,7 +36,7 @@ class Integral(NamedTuple):
 
 
 class Plate(NamedTuple):
-    """A part of a source as kernels read it: coefficients, and what continues them at edges."""
+    """A part of a source for kernels: coefficients, and what continues them at edges."""
 
     flat: Floats  # rows × columns × channels, and `SPARE` more
     left: float  # source coordinates of its first corner
@@ -44,13 +44,13 @@ class Plate(NamedTuple):
     rows: int
     columns: int
     channels: int
-    # Of a plate of which only a rectangle is there:
-    stride: int  # columns that there are
-    before: int  # numbers that would come before the first one, if all its rows had that many
+    # Of a plate of which only a rectangle is in memory:
+    stride: int  # columns in memory
+    before: int  # numbers missing before the first one, if all rows had that many columns
 
 
 class Rect(NamedTuple):
-    """A box in a grid: its middle and its sides, samples."""
+    """An axis-aligned box in a grid: its center and its sides, samples."""
 
     u: float
     v: float
@@ -68,9 +68,10 @@ def _far_weights(
     room: Floats,
     first: int,
 ) -> None:
-    """As `weights`, of a box with so many samples inside that tables' rows do not meet."""
+    """As `weights`, for a side so long that the tables' transitions at its ends do not overlap."""
     table, stride, taps, _, _ = integral
     low, high = rows[0] * stride + ONES, rows[1] * stride + ONES
+    # Clamp both ends' entries to their rows: 1 before the transition, 0 after it.
     for k in range(taps + apart):
         a, b = low + min(k, taps), high + max(k - apart, -1)
         start = table[a] + parts[0] * (table[a + stride] - table[a])
@@ -81,7 +82,7 @@ def _far_weights(
 
 @inner_step
 def _clear(room: Floats, first: int) -> None:
-    """Make weights up to the next whole eight nothing."""
+    """Zero the weights up to the next multiple of eight."""
     for k in range(first, first + 7):
         room[k] = np.float32(0)
 
@@ -95,24 +96,29 @@ def weights(
     room: Floats,
     first: int,
 ) -> tuple[int, int]:
-    """Weights of the samples along an axis for a side of a box, into `room` from `first` on.
+    """Compute weights of the samples along an axis for one side of a box, into `room`.
 
     Parameters
     ----------
     side
-        Middle and length, samples from the start of a grid with `size` of them, on which the
-        window is kept.
+        Center and length, samples from the start of a grid with `size` of them; the window is
+        kept on the grid.
     share
         What the weights sum to.
+    first
+        Where in `room` they begin.
 
     Returns
     -------
-    First sample, and how many. Weights after these, to a whole eight of them, are 0.
+    First sample, and how many. Weights up to the next multiple of eight are 0.
     """
     table, stride, taps, before, shift = integral
-    extent = min(max(SHORTEST, side[1]), LONGEST)  # numbers come first, as what follows may be none
+    # Bound the side; constants come first, as min and max with NaN return their first argument.
+    extent = min(max(SHORTEST, side[1]), LONGEST)
+    # Keep the window on the grid.
     low = max(float(before), side[0] - 0.5 * extent - shift)
     low = min(low, float(size - taps) + before - extent - 1.0)
+    # Split both ends into samples, table rows and fractions between rows.
     at_low: Whole = np.int32(low)
     f = np.float32(low - at_low)
     g = f + np.float32(extent)
@@ -122,9 +128,11 @@ def weights(
     row_high: Whole = np.int32(g)
     f, g = f - np.float32(row_low), g - np.float32(row_high)
     factor = share / np.float32(extent)
+    # Long sides need no table between their ends.
     if apart > ONES:
         _far_weights(integral, (row_low, row_high), (f, g), apart, factor, room, first)
         return at_low - before, taps + apart
+    # Short ones: differences of two rows of the table, eight weights at a time.
     a = np.uint64(row_low * stride + ONES)
     b = np.uint64(row_high * stride + ONES - apart)
     _eight_weights(table, (a, b), np.uint64(stride), (f, g), factor, room, np.uint64(first))
@@ -132,7 +140,8 @@ def weights(
         o = np.uint64(eight << 3)
         at = a + o, b + o
         _eight_weights(table, at, np.uint64(stride), (f, g), factor, room, np.uint64(first) + o)
-    if taps + apart > ONES:  # the last eight may have gone on to tables' next rows
+    # The last eight may have read the tables' next rows.
+    if taps + apart > ONES:
         _clear(room, first + taps + apart)
     return at_low - before, taps + apart
 
@@ -141,7 +150,7 @@ def weights(
 def _difference(
     table: Floats, at: tuple[Place, Place], stride: Place, parts: tuple[Single, Single], n: int
 ) -> Single:
-    """Integral over a side, times its length, for the n-th sample of eight."""
+    """Integral over a side, times its length, for the nth sample of eight."""
     k = np.uint64(n)
     a, b = at[0] + k, at[1] + k
     start = table[a] + parts[0] * (table[a + stride] - table[a])
@@ -158,7 +167,7 @@ def _eight_weights(
     room: Floats,
     first: Place,
 ) -> None:
-    """Eight weights in a row; all read before one is written, so that they are one operation."""
+    """Compute eight weights, all read before any is written, so that they are vectorized."""
     a = factor * _difference(table, at, stride, parts, 0)
     b = factor * _difference(table, at, stride, parts, 1)
     c = factor * _difference(table, at, stride, parts, 2)
@@ -183,7 +192,8 @@ def _put_eight(room: Floats, first: Place, eight: tuple[Single, ...]) -> None:
 def _eight_columns(
     flat: Floats, at: Place, stride: Place, room: Floats, count: int
 ) -> tuple[Single, ...]:
-    """Sums over a window's rows of eight numbers side by side, weighted by room[WIDE:]."""
+    """Column sums of eight contiguous numbers over a window's rows, weighted by room[WIDE:]."""
+    # Eight accumulators stay in registers.
     a = b = c = d = e = f = g = h = np.float32(0)
     for row in range(count):
         w = room[np.uint64(WIDE) + np.uint64(row)]
@@ -201,7 +211,7 @@ def _eight_columns(
 
 @inner_step
 def _dot_of_eight(room: Floats, first: Place, eight: tuple[Single, ...]) -> Single:
-    """Sum of eight numbers, weighted by those in `room`."""
+    """Weighted sum of eight numbers; pairwise, for shorter dependency chains."""
     a, b, c, d, e, f, g, h = eight
     a, b = a * room[first], b * room[first + np.uint64(1)]
     c, d = c * room[first + np.uint64(2)], d * room[first + np.uint64(3)]
@@ -213,6 +223,7 @@ def _dot_of_eight(room: Floats, first: Place, eight: tuple[Single, ...]) -> Sing
 @inner_step
 def _add_columns(room: Floats, count: int, channels: int, total: Floats) -> None:
     """Add a window's column sums, weighted along u, to a pixel's channels."""
+    # Three channels in one loop.
     if channels == 3:
         a = b = c = np.float32(0)
         for n in range(count):
@@ -225,6 +236,7 @@ def _add_columns(room: Floats, count: int, channels: int, total: Floats) -> None
         total[1] += b
         total[2] += c
         return
+    # Any other number, one by one.
     for channel in range(channels):
         a = np.float32(0)
         for n in range(count):
@@ -241,21 +253,25 @@ def add_mean(
     Parameters
     ----------
     box
-        In the grid's own coordinates: its first sample covers 0..1. It is kept on the grid.
+        In the grid's own coordinates: its first sample covers 0..1. It is moved onto the grid.
     room
-        As `room_for` makes it.
+        Scratch of `room_for` numbers.
     """
+    # Weights along both axes; the share is in those along v.
     flat, _, _, rows, columns, channels, there, before = plate
     one = np.float32(1)
     left, wide = weights(integral, (box.u, box.wide), columns, one, room, 0)
     top, high = weights(integral, (box.v, box.high), rows, share, room, WIDE)
+    # First number of the window.
     at = np.uint64((top * there + left) * channels - before)
     stride = np.uint64(there * channels)
+    # One channel: columns need no buffer.
     if channels == 1:
         for eight in range((wide + 7) >> 3):
             o = np.uint64(eight << 3)
             total[0] += _dot_of_eight(room, o, _eight_columns(flat, at + o, stride, room, high))
         return
+    # Several channels: sum the columns into the scratch, then across them.
     for eight in range((wide * channels + 7) >> 3):
         o = np.uint64(eight << 3)
         sums = _eight_columns(flat, at + o, stride, room, high)
@@ -265,5 +281,5 @@ def add_mean(
 
 @inner_kernel
 def room_for(channels: int) -> int:
-    """Numbers that `add_mean` needs room for."""
+    """Size of the scratch that `add_mean` needs."""
     return 2 * WIDE + WIDE * channels + SPARE

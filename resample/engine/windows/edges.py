@@ -1,4 +1,4 @@
-"""What stands beyond the edges of a grid."""
+"""Boundary modes: which sample stands for a position beyond the edges of a grid."""
 
 import math
 
@@ -9,21 +9,21 @@ TRANSPARENT, CLAMP, WRAP, MIRROR = range(4)
 
 @inner_kernel
 def mapped(index: int, size: int, edge: int) -> int:
-    """Sample that stands at an index beyond the grid's edges."""
+    """Index of the sample that stands for an index beyond the grid's edges."""
     if 0 <= index < size:
         return index
     if edge == CLAMP:
         return 0 if index < 0 else size - 1
     if edge == WRAP:
         return index % size
-    # Past a transparent edge the mirror image serves interpolation alone: sums stay what they are.
+    # Mirror; at a transparent edge too, where it serves interpolation only, so that sums are kept.
     index %= 2 * size
     return index if index < size else 2 * size - 1 - index
 
 
 @inner_kernel
 def folded(place: float, size: float, edge: int, margin: float) -> tuple[float, float]:
-    """A place in the grid, or `margin` around it, where the same stands; −1 if it is mirrored."""
+    """Equivalent position in the grid or within `margin` of it; and −1 if mirrored, else 1."""
     if edge == WRAP:
         return place - math.floor(place / size) * size, 1.0
     if edge == MIRROR:

@@ -1,4 +1,4 @@
-"""Symmetric filters along both axes of a grid, band by band."""
+"""Symmetric separable filters on a grid, band by band."""
 
 from typing import NamedTuple
 
@@ -11,13 +11,13 @@ from resample.types import Floats
 
 Integers = NDArray[np.int64]
 
-BAND = 32  # rows that one thread filters at a time
+BAND = 32  # rows that a thread filters at a time
 BLOCK = 1024  # numbers of a row that are summed at a time
 
 
 @inner_kernel
 def _add_pair(line: Floats, source: Floats, at: tuple[int, int], count: int, weight: float) -> None:
-    """Add two stretches of a source, weighted alike, to a line."""
+    """Add two stretches of a source to a line, times one weight."""
     a, b, w = np.uint64(at[0]), np.uint64(at[1]), np.float32(weight)
     for n in range(count):
         k = np.uint64(n)
@@ -28,12 +28,14 @@ def _add_pair(line: Floats, source: Floats, at: tuple[int, int], count: int, wei
 def _filter_stretch(
     line: Floats, source: Floats, start: int, step: int, count: int, taps: Floats
 ) -> None:
-    """Filter a stretch of numbers; a tap's neighbours are `step` numbers away."""
+    """Filter a stretch of numbers; the neighbours of taps are `step` numbers apart."""
+    # The middle tap initializes the line.
     middle = taps.size // 2
     at, w = np.uint64(start), taps[middle]
     for n in range(count):
         k = np.uint64(n)
         line[k] = w * source[at + k]
+    # Symmetric taps share a weight, and so a product.
     for tap in range(1, middle + 1):
         places = start - tap * step, start + tap * step
         _add_pair(line, source, places, count, taps[middle + tap])
@@ -43,19 +45,20 @@ def _filter_stretch(
 def gather_plate(
     counter: Counter, source: Floats, rows: Integers, columns: Integers, flat: Floats
 ) -> None:
-    """Fill a plate with rows and columns of a grid.
+    """Gather rows and columns of a grid into a plate.
 
     Parameters
     ----------
     source
         (H, W, C).
     rows, columns
-        (R,) and (K,) of the grid, in any order and as often as one likes.
+        (R,) and (K,) indices into the grid, in any order; repeats are allowed.
     flat
-        R × K × C numbers, and as many more as its owner likes.
+        R × K × C numbers, filled; it may be longer.
     """
     channels = source.shape[2]
     width = columns.size * channels
+    # Copy band by band, each row by the list of columns.
     for first, last in bands(counter, rows.size, BAND):
         for r in range(first, last):
             line, row = flat[r * width :], source[rows[r]]
@@ -79,16 +82,18 @@ def _filter_rows(
     rows: tuple[int, int],
     result: Floats,
 ) -> None:
-    """Filter some rows of a plate, columns first, to where all taps meet the plate."""
+    """Filter some rows of a plate, down and then across, where all taps lie on the plate."""
     _, columns, channels = shape
     width, margin = columns * channels, filters.across.size // 2
     inner, count = width - 2 * margin * channels, rows[1] - rows[0]
     tall = np.empty((count, width), np.float32)
-    for first in range(0, width, BLOCK):  # the rows of a block stay in the cache
+    # Filter down, block by block, so that the rows of a block stay in the cache.
+    for first in range(0, width, BLOCK):
         size = min(BLOCK, width - first)
         for row in range(count):
             start = (rows[0] + row + filters.down.size // 2) * width + first
             _filter_stretch(tall[row, first:], flat, start, width, size, filters.down)
+    # Filter across, where all taps lie on the plate.
     for row in range(count):
         line = result[(rows[0] + row) * inner :]
         for first in range(0, inner, BLOCK):
@@ -110,12 +115,11 @@ def filter_plate(
     Parameters
     ----------
     flat
-        Rows × columns × channels, as `shape` has them.
+        Rows × columns × channels, given by `shape`.
     filters
-        Of K and L taps, across and down.
+        K taps across and L down.
     result
-        As `flat`, with L // 2 rows and K // 2 columns less on each side, and as many numbers more
-        as its owner likes.
+        As `flat`, filled, with L // 2 rows and K // 2 columns less on each side; it may be longer.
     """
     height = shape[0] - 2 * (filters.down.size // 2)
     for rows in bands(counter, height, BAND):

@@ -1,10 +1,10 @@
 """Limits of an interpolated grid, so that it does not ring at hard edges.
 
-What a kernel with negative lobes interpolates overshoots beside edges, and rings on beyond. At a
-corner of samples the limits are the least and the greatest of the four around. A sample that
-stands out from both its neighbours along an axis widens them by as much, since what it is the mean
-of stands out farther, though not where it stands out from flat ground, as what is drawn with hard
-edges does. Between corners limits are bilinear: what they cut off has no seams.
+Kernels with negative lobes overshoot beside edges and ring beyond. At a corner of samples the
+limits are the least and the greatest of the four around. A sample that stands out from both its
+neighbours along an axis widens them by as much, as the detail that it averages stands out farther;
+not, however, where it stands out from flat ground, as hard-edged drawings do. Between corners
+limits are bilinear, so clamping leaves no seams.
 """
 
 import math
@@ -16,21 +16,21 @@ from resample.engine.jit import inner_kernel, inner_step, kernel
 from resample.engine.windows.boxes import Place, Plate, Whole
 from resample.types import Doubles, Floats, Single
 
-MOST = 96 * 96 * 12  # numbers of the corners that a tile may have
-MOST_BESIDE = MOST // 24  # numbers of a row of samples
-SLOPE = 2.0  # steps behind a sample's neighbours that it may stand out by, at most
-RIM = 3  # samples around a corner that tell its limits
+MOST = 96 * 96 * 12  # numbers of a tile's corners, at most
+MOST_BESIDE = MOST // 24  # numbers in a row of samples, at most
+SLOPE = 2.0  # multiple of the smaller step beyond its neighbours that a sample may stand out by
+RIM = 3  # samples around a corner that its limits depend on
 
 
 class Limits(NamedTuple):
-    """The grid that limits, and how it does."""
+    """The grid that limits, and how far values may exceed it."""
 
     plain: Plate  # samples themselves, not coefficients
-    excess: float  # how much of what a sample stands out may be added; below 0: no limits
+    excess: float  # share of what a sample stands out that is added; below 0: no limits
 
 
 class Part(NamedTuple):
-    """Corners of a plain grid's samples that limits are worked out for."""
+    """The corners between samples of a plain grid for which limits are computed."""
 
     left: int
     top: int
@@ -39,17 +39,18 @@ class Part(NamedTuple):
 
 
 class Corners(NamedTuple):
-    """Room for limits at the corners of a part of a grid."""
+    """Scratch for the limits at the corners of a part of a grid."""
 
     low: Floats  # rows × columns × channels
     high: Floats
-    above: Floats  # by how much samples of two rows stand out
-    below: Floats
+    above: Floats  # by how much samples stand out upward, in two rows
+    below: Floats  # and downward
 
 
 @inner_step
 def _above(flat: Floats, at: Place, step: Place, sign: Single) -> Single:
-    """By how much a sample is above both neighbours along an axis; below them if the sign is −1."""
+    """How far a sample is above both neighbours along an axis; below them if the sign is −1."""
+    # The ground is as rough as the smaller of the steps beyond the neighbours.
     middle, before, after = flat[at], flat[at - step], flat[at + step]
     ground = min(abs(before - flat[at - step - step]), abs(after - flat[at + step + step]))
     return min(sign * (middle - before), sign * (middle - after), np.float32(SLOPE) * ground)
@@ -58,10 +59,11 @@ def _above(flat: Floats, at: Place, step: Place, sign: Single) -> Single:
 @inner_step
 def _stand_out(flat: Floats, at: Place, steps: tuple[Place, Place], count: int, first: int,
                corners: Corners) -> None:  # fmt: skip
-    """By how much samples in a row stand out from their neighbours along an axis."""
+    """How far samples of a row stand out from their neighbours along either axis."""
     zero, up, down = np.float32(0), np.float32(1), np.float32(-1)
     for n in range(count):
         k, m = at + np.uint64(n), np.uint64(first) + np.uint64(n)
+        # Take the larger of the two axes, in both directions.
         over = _above(flat, k, steps[0], up), _above(flat, k, steps[1], up)
         under = _above(flat, k, steps[0], down), _above(flat, k, steps[1], down)
         corners.above[m] = max(over[0], over[1], zero)
@@ -71,14 +73,16 @@ def _stand_out(flat: Floats, at: Place, steps: tuple[Place, Place], count: int, 
 @inner_step
 def _bound(flat: Floats, at: Place, steps: tuple[Place, Place], count: int, share: Single,
            first: int, corners: Corners) -> None:  # fmt: skip
-    """Limits at a row of corners, each at the upper left of the sample that it is counted by."""
+    """Limits at a row of corners; each corner is at the upper left of the sample it is named by."""
     low, high, above, below = corners.low, corners.high, corners.above, corners.below
     across, down, start = steps[0], steps[1], np.uint64(first)
     other = np.uint64(above.size >> 1)
     for n in range(count):
+        # Load the four samples around the corner.
         k, m = at + np.uint64(n), np.uint64(n) + across
         a, b = flat[k - down - across], flat[k - down]
         c, d = flat[k - across], flat[k]
+        # Widen their range by what the four stand out on average.
         over = above[m - across] + above[m] + above[other + m - across] + above[other + m]
         under = below[m - across] + below[m] + below[other + m - across] + below[other + m]
         low[start + np.uint64(n)] = min(a, b, c, d) - share * under
@@ -87,12 +91,14 @@ def _bound(flat: Floats, at: Place, steps: tuple[Place, Place], count: int, shar
 
 @inner_kernel
 def fill_corners(limits: Limits, part: Part, corners: Corners) -> None:
-    """Work out the limits at corners that have `RIM` samples around them."""
+    """Compute the limits at corners that have `RIM` samples around them."""
+    # Unpack the grid; its steps are in numbers.
     flat, _, _, _, _, channels, columns, before = limits.plain
     left, top, wide, high = part
     steps = np.uint64(channels), np.uint64(columns * channels)
     count, half = wide * channels, corners.above.size >> 1
     share = np.float32(0.25 * limits.excess)
+    # Keep two rows of what samples stand out by, and bound the corners between them.
     for row in range(high + 1):
         at = np.uint64(((top - 1 + row) * columns + left) * channels - before)
         first = (row & 1) * half
@@ -103,34 +109,36 @@ def fill_corners(limits: Limits, part: Part, corners: Corners) -> None:
 
 @inner_kernel
 def part_of(limits: Limits, bounds: Doubles) -> Part:
-    """Corners around what a tile sees; none if they are too many.
+    """Corners around what a tile covers; none if they are too many.
 
     Parameters
     ----------
     bounds
         Left, top, right and bottom in source coordinates.
     """
+    # Clip to corners that have enough samples around.
     plain = limits.plain
     left, top = max(bounds[0] - plain.left, float(RIM)), max(bounds[1] - plain.top, float(RIM))
     right = min(bounds[2] - plain.left + 1.0, float(plain.columns - RIM))
     bottom = min(bounds[3] - plain.top + 1.0, float(plain.rows - RIM))
     wide, high = right - math.floor(left) + 1.0, bottom - math.floor(top) + 1.0
     is_small = wide * high * plain.channels <= MOST and (wide + 1.0) * plain.channels <= MOST_BESIDE
-    if not (wide >= 2.0 and high >= 2.0 and is_small):  # nor NaN
+    # Too large or too small; NaN counts as both.
+    if not (wide >= 2.0 and high >= 2.0 and is_small):
         return Part(0, 0, 0, 0)
     return Part(int(left), int(top), int(wide), int(high))
 
 
 @inner_kernel
 def part_around(limits: Limits, u: float, v: float) -> Part:
-    """The four corners around a place, in coordinates of the plain grid."""
+    """The four corners around a position, in coordinates of the plain grid."""
     left, top = limits.plain.columns - RIM - 1, limits.plain.rows - RIM - 1
     return Part(min(max(int(u), RIM), left), min(max(int(v), RIM), top), 2, 2)
 
 
 @inner_step
 def _between(values: Floats, at: Place, steps: tuple[Place, Place], x: Single, y: Single) -> Single:
-    """Bilinear between four corners."""
+    """Interpolate bilinearly between four corners."""
     below = at + steps[1]
     upper = values[at] + x * (values[at + steps[0]] - values[at])
     lower = values[below] + x * (values[below + steps[0]] - values[below])
@@ -139,9 +147,10 @@ def _between(values: Floats, at: Place, steps: tuple[Place, Place], x: Single, y
 
 @inner_step
 def keep_within(corners: Corners, part: Part, u: float, v: float, total: Floats) -> None:
-    """Keep a pixel's channels within the limits at a place, in coordinates of the plain grid."""
+    """Clamp a pixel's channels to the limits at a position, in coordinates of the plain grid."""
     at, x, y = _place_in(part, u, v, total.size)
     steps = np.uint64(total.size), np.uint64(part.wide * total.size)
+    # Interpolate both limits of each channel, and clamp.
     for c in range(total.size):
         k = at + np.uint64(c)
         low = _between(corners.low, k, steps, x, y)
@@ -156,10 +165,11 @@ def keep_within_mean(
     side: tuple[float, float],
     total: Floats,
 ) -> None:
-    """As `keep_within`, by the mean of the limits along a side (u, v) around a place.
+    """As `keep_within`, by the mean of the limits along a side (u, v) around a position.
 
     What stays within limits everywhere has a mean within their mean.
     """
+    # Sample the side about once per grid sample.
     count = math.ceil(max(abs(side[0]), abs(side[1]), 1.0))
     share = np.float32(1.0 / count)
     steps = np.uint64(total.size), np.uint64(part.wide * total.size)
@@ -175,7 +185,8 @@ def keep_within_mean(
 
 @inner_step
 def _place_in(part: Part, u: float, v: float, channels: int) -> tuple[Place, Single, Single]:
-    """First number of the corners around a place, and how far beyond the first corner it is."""
+    """Index of the corner before a position, and the fractions beyond it."""
+    # Clamp to the outermost corners.
     x, y = np.float32(u - part.left), np.float32(v - part.top)
     zero, wide, high = np.float32(0), np.float32(part.wide - 1), np.float32(part.high - 1)
     x, y = min(max(x, zero), wide), min(max(y, zero), high)
@@ -187,7 +198,7 @@ def _place_in(part: Part, u: float, v: float, channels: int) -> tuple[Place, Sin
 
 @kernel
 def room_for_corners(channels: int) -> Corners:
-    """Room for the corners of a tile."""
+    """Allocate scratch for the corners of a tile."""
     most, beside = max(MOST, 4 * channels), max(MOST_BESIDE, 3 * channels)
     low, high = np.empty(most, np.float32), np.empty(most, np.float32)
     above, below = np.empty(2 * beside, np.float32), np.empty(2 * beside, np.float32)

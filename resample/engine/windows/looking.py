@@ -1,10 +1,10 @@
-"""The loop over pixels that look at a grid: what each covers there, in boxes, and their mean.
+"""The loop over pixels that gather from a grid: their footprints as boxes, and the means of these.
 
-A pixel covers about a parallelogram of the grid. A box whose second moments are the parallelogram's
-gives the same mean of what varies slowly, up to fourth order; a pixel in which the grid varies too
-much for that is cut into parts. A parallelogram along the grid's axes is such a box itself.
+A pixel covers about a parallelogram of the grid. A box with the same second moments has the same
+mean of what varies slowly, up to fourth order; a pixel in which the grid varies too much for that
+is split into parts. A parallelogram along the grid's axes is such a box itself.
 
-Where a pixel lies is the application's, which plays the role `seen_at`.
+Where a pixel lies is up to the application, which plays the role `seen_at`.
 """
 
 import math
@@ -39,41 +39,41 @@ from resample.engine.windows.polygons import MOST_CORNERS, area, cut_to
 from resample.types import Doubles, Floats, Single
 
 Integers = NDArray[np.int64]
-Look = Any  # a bundle of the application's, whose class settles where pixels lie
+Look = Any  # a bundle of the application's, whose class selects where pixels lie
 
-LEAN = 0.1  # samples², of a part's mixed moment times 12, from which on two boxes stand for it
-LEANEST = 0.5  # samples², of the mixed moment of one side of a part
+LEAN = 0.1  # samples², 12 times a part's mixed moment, from which on two boxes stand for it
+LEANEST = 0.5  # samples², mixed moment of one side of a part, at most
 MOST_PARTS = 64.0  # of a pixel along an axis
-AT_EDGES = 4  # parts of a pixel along an axis where an edge of the grid runs through it
+AT_EDGES = 4  # parts of a pixel along an axis where an edge of the grid crosses it, at least
 FARTHEST = 2.0**40  # samples from the grid's origin beyond which there is nothing
-LIMITED = 2.0  # samples along u and v that a pixel covers at most which one place tells limits of
-LONGEST_LIMITED = 24.0  # samples along one axis, and `LIMITED` along the other: it has several
+LIMITED = 2.0  # samples along u and v up to which the limits at one position hold for a pixel
+LONGEST_LIMITED = 24.0  # samples along one axis, `LIMITED` along the other: limits are averaged
 NEARLY = 1e-6  # samples, or share of a pixel, that count as nothing
 
 
 class Seen(NamedTuple):
-    """What a pixel covers: a parallelogram in source coordinates."""
+    """The footprint of a pixel: a parallelogram in source coordinates."""
 
-    u: float  # its middle; NaN: nothing is seen
+    u: float  # its center; NaN: nothing
     v: float
-    along_x: tuple[float, float]  # steps (u, v) of a pixel to the right, and down
-    along_y: tuple[float, float]
+    along_x: tuple[float, float]  # step (u, v) of a pixel to the right
+    along_y: tuple[float, float]  # and down
 
 
 class View(NamedTuple):
-    """A grid and how pixels take it."""
+    """A grid, and how pixels gather from it."""
 
     plate: Plate
     integral: Integral
-    size: tuple[int, int]  # (height, width) of the source, of which the grid has a part and margins
+    size: tuple[int, int]  # (height, width) of the source; the grid is a part of it, with margins
     edge: int
-    margin: float  # samples around the source to which places are folded; inf: they are not
-    finest: float  # samples², to which pixels are cut; see `parts_of`
+    margin: float  # samples around the source into which positions are folded; inf: they are not
+    finest: float  # samples², tolerance of splitting pixels; see `parts_of`
     limits: Limits
 
 
 class Room(NamedTuple):
-    """Room for the work on one pixel."""
+    """Scratch for one pixel."""
 
     weights: Floats  # see `boxes.room_for`
     total: Floats  # (C,)
@@ -84,13 +84,13 @@ class Room(NamedTuple):
 
 @role
 def seen_at(look: Look, row: int, column: int) -> Seen:
-    """What a pixel covers."""
+    """The footprint of a pixel."""
     raise NotImplementedError
 
 
 @inner_step
 def is_box(seen: Seen, finest: float) -> bool:
-    """Whether a box, or two, stand well enough for a pixel; see `parts_of`."""
+    """Whether one or two boxes approximate a pixel well enough; see `parts_of`."""
     (ux, vx), (uy, vy) = seen.along_x, seen.along_y
     leans = max(abs(ux * vx), abs(uy * vy)) <= LEANEST * finest
     return bool(leans and max(abs(ux * uy), abs(vx * vy)) <= finest)
@@ -98,16 +98,18 @@ def is_box(seen: Seen, finest: float) -> bool:
 
 @inner_kernel
 def parts_of(seen: Seen, finest: float) -> tuple[int, int]:
-    """Parts of a pixel along x and y that are boxes up to a fourth moment.
+    """Parts of a pixel along x and y that boxes approximate up to a fourth moment.
 
-    Along u, that of a parallelogram differs from a box's by (a b)² / 60, with a and b its sides'
-    extents, which falls with the square of the number of parts. What leans is two boxes, which
-    stand for no more than a sample or so along a diagonal.
+    Along u, that moment of a parallelogram differs from a box's by (a b)² / 60, with a and b the
+    extents of its sides, which falls with the square of the number of parts. Slanted parts become
+    two boxes, which stand for about a sample along a diagonal at most.
     """
+    # Split sides that slant too much.
     (ux, vx), (uy, vy) = seen.along_x, seen.along_y
     parts, leanest = max(abs(ux * uy), abs(vx * vy)) / finest, LEANEST * finest
     count_x = max(1.0, math.ceil(math.sqrt(abs(ux * vx) / leanest)))
     count_y = max(1.0, math.ceil(math.sqrt(abs(uy * vy) / leanest)))
+    # If that is not enough, split further, the longer side first.
     if parts > count_x * count_y:
         longer = math.hypot(uy, vy) / max(math.hypot(ux, vx), 1e-30)
         count_x = max(count_x, math.ceil(min(math.sqrt(parts / longer), MOST_PARTS)))
@@ -117,17 +119,20 @@ def parts_of(seen: Seen, finest: float) -> tuple[int, int]:
 
 @inner_step
 def _add_part(view: View, seen: Seen, share: Single, room: Room) -> None:
-    """Add a parallelogram as a box, or as two that are as far apart as it leans."""
+    """Add a parallelogram as a box, or as two boxes that are apart along its slant."""
+    # Second moments, times 12, and the center on the plate.
     (ux, vx), (uy, vy) = seen.along_x, seen.along_y
     uu, vv, uv = ux * ux + uy * uy, vx * vx + vy * vy, ux * vx + uy * vy
     u, v = seen.u - view.plate.left, seen.v - view.plate.top
     boxes = 1
     apart_u = apart_v = 0.0
+    # Two boxes carry the mixed moment by their distance; the rest stays in their sides.
     if abs(uv) > LEAN * view.finest:
         boxes, share, ratio = 2, np.float32(0.5) * share, math.sqrt(uu / vv)
         apart_u = math.sqrt(abs(uv) * ratio / 12.0)
         apart_v = math.copysign(math.sqrt(abs(uv) / ratio / 12.0), uv)
         uu, vv = max(uu - abs(uv) * ratio, 0.0), max(vv - abs(uv) / ratio, 0.0)
+    # Add the mean over each box.
     wide, high = math.sqrt(uu), math.sqrt(vv)
     for _ in range(boxes):
         box = Rect(u + apart_u, v + apart_v, wide, high)
@@ -137,7 +142,7 @@ def _add_part(view: View, seen: Seen, share: Single, room: Room) -> None:
 
 @inner_kernel
 def _part(seen: Seen, counts: tuple[int, int], n: int) -> Seen:
-    """The n-th of a pixel's parts."""
+    """The nth part of a pixel."""
     (ux, vx), (uy, vy) = seen.along_x, seen.along_y
     x = (n % counts[0] + 0.5) / counts[0] - 0.5
     y = (n // counts[0] + 0.5) / counts[1] - 0.5
@@ -151,7 +156,7 @@ def _part(seen: Seen, counts: tuple[int, int], n: int) -> Seen:
 
 @inner_kernel
 def _add_parts(view: View, seen: Seen, room: Room) -> None:
-    """Add a pixel part by part."""
+    """Add all parts of a pixel, with equal weights."""
     counts = parts_of(seen, view.finest)
     each = np.float32(1.0 / (counts[0] * counts[1]))
     for n in range(counts[0] * counts[1]):
@@ -160,7 +165,7 @@ def _add_parts(view: View, seen: Seen, room: Room) -> None:
 
 @inner_step
 def _place(view: View, seen: Seen) -> Seen:
-    """A pixel moved to where the same stands within the grid."""
+    """Fold a pixel to the equivalent footprint within the grid."""
     if view.margin == math.inf:
         return seen
     u, turn_u = folded(seen.u, float(view.size[1]), view.edge, view.margin)
@@ -171,9 +176,10 @@ def _place(view: View, seen: Seen) -> Seen:
 
 @inner_step
 def _is_within(view: View, seen: Seen) -> bool:
-    """Whether no edge of the source runs through a pixel, or what is beyond it is seen too."""
+    """Whether no transparent edge of the source crosses a pixel."""
     if view.edge != TRANSPARENT:
         return True
+    # Compare the bounding box of the footprint with the source.
     (ux, vx), (uy, vy) = seen.along_x, seen.along_y
     reach_u, reach_v = 0.5 * (abs(ux) + abs(uy)) - NEARLY, 0.5 * (abs(vx) + abs(vy)) - NEARLY
     across = seen.u >= reach_u and seen.u + reach_u <= view.size[1]
@@ -182,20 +188,24 @@ def _is_within(view: View, seen: Seen) -> bool:
 
 @inner_kernel
 def _share_within(view: View, seen: Seen, room: Room) -> float:
-    """Share of a pixel that sees the source."""
+    """Share of a pixel's footprint that lies on the source."""
+    # Cull by the bounding box.
     height, width = float(view.size[0]), float(view.size[1])
     (ux, vx), (uy, vy) = seen.along_x, seen.along_y
     reach_u, reach_v = 0.5 * (abs(ux) + abs(uy)), 0.5 * (abs(vx) + abs(vy))
     is_outside = seen.u + reach_u <= 0.0 or seen.u - reach_u >= width
     if is_outside or seen.v + reach_v <= 0.0 or seen.v - reach_v >= height:
         return 0.0
+    # Corners of the parallelogram, in order.
     polygon = room.polygon
     for k in range(4):
         x, y = -0.5 if k in (1, 2) else 0.5, -0.5 if k > 1 else 0.5
         polygon[k, 0], polygon[k, 1] = seen.u + x * ux + y * uy, seen.v + x * vx + y * vy
+    # A degenerate footprint counts by its center.
     whole = area(polygon, 4)
     if whole <= 0.0:
         return 1.0 if 0.0 <= seen.u <= width and 0.0 <= seen.v <= height else 0.0
+    # Clip to the source, and compare areas.
     count = cut_to(polygon, room.spare, 4, (0.0, 0.0, width, height))
     share = area(polygon, count) / whole
     return 0.0 if share < NEARLY else 1.0 if share > 1.0 - NEARLY else share
@@ -203,11 +213,12 @@ def _share_within(view: View, seen: Seen, room: Room) -> float:
 
 @inner_kernel
 def _look_within(view: View, seen: Seen, room: Room) -> float:
-    """Mean over what of a pixel sees the source, where an edge runs through; and that share."""
+    """Mean over the part of a footprint on the source, where an edge crosses it; and its share."""
     share = _share_within(view, seen, room)
     if share <= 0.0:
         return 0.0
     height, width = float(view.size[0]), float(view.size[1])
+    # Split finely, and add the parts whose centers lie on the source.
     counts, inside = parts_of(seen, view.finest), 0
     counts = max(counts[0], AT_EDGES), max(counts[1], AT_EDGES)
     for n in range(counts[0] * counts[1]):
@@ -215,10 +226,12 @@ def _look_within(view: View, seen: Seen, room: Room) -> float:
         if 0.0 <= part.u <= width and 0.0 <= part.v <= height:
             _add_part(view, part, np.float32(1), room)
             inside += 1
+    # If none does, take one part at the nearest position of the source.
     if inside == 0:
         part = _part(seen, counts, 0)
         u, v = min(max(seen.u, 0.0), width), min(max(seen.v, 0.0), height)
         _add_part(view, Seen(u, v, part.along_x, part.along_y), np.float32(1), room)
+    # Normalize by their number.
     each = np.float32(1.0 / max(inside, 1))
     for c in range(room.total.size):
         room.total[c] *= each
@@ -227,13 +240,16 @@ def _look_within(view: View, seen: Seen, room: Room) -> float:
 
 @inner_step
 def _look(view: View, seen: Seen, room: Room) -> float:
-    """Mean of what a pixel sees; gives its coverage."""
+    """Mean over a pixel's footprint; return its coverage."""
     for c in range(room.total.size):
         room.total[c] = np.float32(0)
+    # Footprints that are NaN or very far away are empty.
     if not (abs(seen.u) <= FARTHEST and abs(seen.v) <= FARTHEST):
         return 0.0
+    # At a transparent edge, only a share of the footprint counts.
     if not _is_within(view, seen):
         return _look_within(view, seen, room)
+    # Elsewhere, fold the footprint into the grid, and add it whole or in parts.
     placed = _place(view, seen)
     if is_box(placed, view.finest):
         _add_part(view, placed, np.float32(1), room)
@@ -244,14 +260,14 @@ def _look(view: View, seen: Seen, room: Room) -> float:
 
 @inner_step
 def _is_small(seen: Seen) -> bool:
-    """Whether the samples around a pixel's middle tell what it may be."""
+    """Whether the samples around a pixel's center suffice for its limits."""
     (ux, vx), (uy, vy) = seen.along_x, seen.along_y
     return bool(max(abs(ux) + abs(uy), abs(vx) + abs(vy)) <= LIMITED)
 
 
 @inner_step
 def _longer_side(seen: Seen) -> tuple[float, float]:
-    """Side of a long pixel along which limits are averaged; none of a pixel that has none."""
+    """Side of a long, thin footprint along which limits are averaged; (0, 0) for all others."""
     (ux, vx), (uy, vy) = seen.along_x, seen.along_y
     is_along_x = ux * ux + vx * vx > uy * uy + vy * vy
     longer, other = (seen.along_x, seen.along_y) if is_along_x else (seen.along_y, seen.along_x)
@@ -262,7 +278,7 @@ def _longer_side(seen: Seen) -> tuple[float, float]:
 
 @inner_kernel
 def _part_around(view: View, seen: Seen, room: Room) -> tuple[Part, float, float]:
-    """Limits around a pixel alone, and its place in them."""
+    """Compute the limits around one pixel, and its position in them."""
     placed, plain = _place(view, seen), view.limits.plain
     u, v = placed.u - plain.left, placed.v - plain.top
     part = part_around(view.limits, u, v)
@@ -281,14 +297,17 @@ def _fill_tile(
     room: Room,
 ) -> None:
     """Fill one tile of the target."""
+    # Compute limits for the whole tile, if they fit; else pixel by pixel.
     part, is_filled = part_of(view.limits, bounds), False
     has_limits = view.limits.excess >= 0.0
     is_apart = part.wide == 0 or view.margin < math.inf
     left, top = view.limits.plain.left, view.limits.plain.top
     for row in range(tile[TOP], tile[BOTTOM]):
         for column in range(tile[LEFT], tile[RIGHT]):
+            # Gather the mean over the footprint.
             seen = seen_at(look, row, column)
             coverage = np.float32(_look(view, seen, room))
+            # Clamp small footprints to the limits at their center.
             if coverage > 0.0 and has_limits and _is_small(seen):
                 u, v = seen.u - left, seen.v - top
                 if is_apart:
@@ -298,13 +317,16 @@ def _fill_tile(
                     is_filled = True
                 keep_within(room.corners, part, u, v, room.total)
             elif coverage > 0.0 and has_limits and not is_apart:
+                # Clamp long, thin ones to the mean of the limits along them.
                 side = _longer_side(seen)
                 if side[0] != 0.0 or side[1] != 0.0:
+                    # Limits of the tile are computed when first needed.
                     if not is_filled:
                         fill_corners(view.limits, part, room.corners)
                         is_filled = True
                     at = seen.u - left, seen.v - top
                     keep_within_mean(room.corners, part, at, side, room.total)
+            # Store, premultiplied by coverage.
             covered[row, column] = coverage
             for c in range(image.shape[2]):
                 image[row, column, c] = coverage * room.total[c]
@@ -320,17 +342,18 @@ def look_from_tiles(
     image: Floats,
     covered: Floats,
 ) -> None:
-    """Fill tiles (T, 4) of a picture; for an application's packed kernel.
+    """Fill tiles (T, 4) of an image; for an application's packed kernel.
 
     Parameters
     ----------
     bounds
-        (T, 4) of what tiles see, see `Extent`.
+        (T, 4) bounds of what tiles cover, see `Extent`.
     image
-        (height, width, C), multiplied by coverage.
+        (height, width, C), filled, premultiplied by coverage.
     covered
-        (height, width) coverage.
+        (height, width) coverage, filled.
     """
+    # Allocate the scratch of this thread.
     channels = image.shape[2]
     polygon, spare = np.empty((MOST_CORNERS, 2)), np.empty((MOST_CORNERS, 2))
     weights, total = np.empty(room_for(channels), np.float32), np.empty(channels, np.float32)
@@ -340,17 +363,18 @@ def look_from_tiles(
 
 
 class Extent(NamedTuple):
-    """What tiles see."""
+    """What tiles cover in the source, and what that costs."""
 
     bounds: Doubles  # (T, 4) left, top, right and bottom in source coordinates; left > right: none
-    work: Doubles  # (T,) boxes of the pixel with most, weighted by how many samples they meet;
-    # less a quarter for each sample that it covers, as these would all have to be projected
+    # (T,) boxes of the costliest pixel, weighted by the samples that each gathers; less a quarter
+    # for each sample that the pixel covers, as the alternative is to project all of these.
+    work: Doubles
     span: Doubles  # (T,) samples that a pixel covers along u or v, at most
 
 
 @inner_step
 def _widen(seen: Seen, bounds: Doubles) -> float:
-    """Widen what a tile sees by a pixel; gives how long that is along u or v."""
+    """Extend a tile's bounds by a pixel; return its longer extent along u or v."""
     (ux, vx), (uy, vy) = seen.along_x, seen.along_y
     reach_u, reach_v = 0.5 * (abs(ux) + abs(uy)), 0.5 * (abs(vx) + abs(vy))
     bounds[LEFT] = min(bounds[LEFT], seen.u - reach_u)
@@ -362,9 +386,11 @@ def _widen(seen: Seen, bounds: Doubles) -> float:
 
 @inner_kernel
 def _work_on(seen: Seen, view: View) -> float:
-    """Work on a pixel, see `Extent`."""
+    """Cost of a pixel, see `Extent`."""
     (ux, vx), (uy, vy) = seen.along_x, seen.along_y
-    parts_x, parts_y = parts_of(seen, 1.0)  # whatever the quality, so that more of it is better
+    # Whatever the quality asked for, so that more of it never gives less.
+    parts_x, parts_y = parts_of(seen, 1.0)
+    # Samples that each box gathers, against samples that would be projected.
     wide, high = math.hypot(ux, uy), math.hypot(vx, vy)
     taps = view.integral.taps
     samples = (taps + wide / parts_x) * (taps + high / parts_y)
@@ -376,21 +402,25 @@ def _work_on(seen: Seen, view: View) -> float:
 def measure_tiles(
     counter: Counter, look: Look, tiles: Integers, step: int, view: View, extent: Extent
 ) -> None:
-    """Find out what tiles see, by pixels `step` apart; for an application's parallel kernel.
+    """Measure what tiles cover, by pixels `step` apart; for an application's parallel kernel.
 
-    A tile that has places only in part is endless work, unless all its pixels are looked at: their
-    work is not asked then.
+    A tile with pixels that have no position counts as endless work, unless all its pixels are
+    measured (`step` 1): then work is not computed.
     """
     for n in tasks(counter, tiles.shape[0]):
+        # Start with empty bounds.
         extent.bounds[n, :2], extent.bounds[n, 2:] = math.inf, -math.inf
         work, span, count, missing = 0.0, 0.0, 0, 0
+        # Visit every `step`th pixel, the last row and column included.
         for row in range(tiles[n, TOP], tiles[n, BOTTOM] + step - 1, step):
             for column in range(tiles[n, LEFT], tiles[n, RIGHT] + step - 1, step):
                 at = min(row, tiles[n, BOTTOM] - 1), min(column, tiles[n, RIGHT] - 1)
                 seen = seen_at(look, at[0], at[1])
+                # Skip pixels without a position.
                 if not (abs(seen.u) <= FARTHEST and abs(seen.v) <= FARTHEST):
                     missing += 1
                     continue
+                # Widen the bounds, and keep the costliest pixel.
                 span = max(span, _widen(seen, extent.bounds[n]))
                 work = max(work, _work_on(seen, view)) if step > 1 else 0.0
                 count += 1

@@ -1,19 +1,20 @@
-"""Convex polygons as arrays of corners (N, 2): cut by upright lines, measured."""
+"""Convex polygons as arrays of corners (N, 2): clipped to rectangles, measured."""
 
 import numpy as np
 
 from resample.engine.jit import inner_kernel
 from resample.types import Doubles
 
-MOST_CORNERS = 8  # of a quadrilateral that is cut to a rectangle
+MOST_CORNERS = 8  # of a quadrilateral clipped to a rectangle
 
 
 @inner_kernel
 def halve(
     polygon: Doubles, spare: Doubles, count: int, axis: int, bound: float, sign: float
 ) -> int:
-    """Keep what of a convex polygon is beyond a bound, times the sign; returns its corners."""
+    """Clip a convex polygon at a bound on one axis; return the number of its corners."""
     kept = 0
+    # Sutherland-Hodgman: keep corners inside, and add where edges cross the bound.
     for k in range(count):
         m = (k + 1) % count
         here, there = sign * (polygon[k, axis] - bound), sign * (polygon[m, axis] - bound)
@@ -25,6 +26,7 @@ def halve(
             for c in range(2):
                 spare[kept, c] = polygon[k, c] + share * (polygon[m, c] - polygon[k, c])
             kept += 1
+    # Copy the result back.
     for k in range(kept):
         polygon[k, 0], polygon[k, 1] = spare[k, 0], spare[k, 1]
     return kept
@@ -34,7 +36,7 @@ def halve(
 def cut_to(
     polygon: Doubles, spare: Doubles, count: int, rectangle: tuple[float, float, float, float]
 ) -> int:
-    """Keep what of a convex polygon is within left, top, right, bottom; returns its corners."""
+    """Clip a convex polygon to left, top, right, bottom; return the number of its corners."""
     count = halve(polygon, spare, count, 0, rectangle[0], 1.0)
     count = halve(polygon, spare, count, 1, rectangle[1], 1.0)
     count = halve(polygon, spare, count, 0, rectangle[2], -1.0)
@@ -43,7 +45,8 @@ def cut_to(
 
 @inner_kernel
 def area(polygon: Doubles, count: int) -> float:
-    """Area of the first `count` corners, whichever way round they go."""
+    """Area of a polygon of `count` corners, of either orientation."""
+    # Shoelace formula.
     total = 0.0
     for k in range(count):
         m = (k + 1) % count
