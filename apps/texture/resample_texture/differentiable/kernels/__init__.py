@@ -1,1 +1,4 @@
-"""The numba code of warps with gradients, in float64: gradients are those of what is computed."""
+"""Numba kernels of differentiable warps, in float64.
+
+Gradients are the exact derivatives of what the forward pass computes.
+"""

@@ -1,6 +1,7 @@
-"""Pixels as means of an interpolated source, and how they change with its samples and with places.
+"""Pixels as means of an interpolated source, with derivatives.
 
-Pixels see parallelograms (h, w, 6): u and v of their middle, steps of both to the right, and down.
+Derivatives are by the source's samples and by the places of pixels. Pixels cover parallelograms
+(h, w, 6): u and v of the middle, their steps to the right, and down.
 """
 
 from typing import Any, NamedTuple
@@ -28,11 +29,11 @@ from resample_texture.differentiable.kernels.points import (
     slopes_of_cut,
 )
 
-Place = Any  # a number kept in uint64, which needs no look at its sign
+Place = Any  # a number kept in uint64, which spares a test for its sign
 
 
 class Plate(NamedTuple):
-    """Coefficients, or a part of them."""
+    """Coefficients of the source, or a part of them."""
 
     flat: Doubles  # rows × columns × channels
     columns: int
@@ -42,17 +43,17 @@ class Plate(NamedTuple):
 
 
 class Landing(NamedTuple):
-    """Where a point of a pixel lies in the source."""
+    """Place of a pixel's point in the source."""
 
     u: float
     v: float
-    share_u: float  # of the point's box that is left along both axes
+    share_u: float  # of the point's box that is left inside, along both axes
     share_v: float
 
 
 @inner_step
 def _reaches(seen: Doubles, node: Node, axis: int) -> tuple[float, float]:
-    """What a point's box has before and after the point, samples along an axis."""
+    """Extent of a point's box before and after the point, samples along an axis."""
     along_x, along_y = seen[2 + axis], seen[4 + axis]
     by_x, by_y = sides(along_x, along_y, node, -1.0)
     to_x, to_y = sides(along_x, along_y, node, 1.0)
@@ -63,14 +64,14 @@ def _reaches(seen: Doubles, node: Node, axis: int) -> tuple[float, float]:
 def _cut_along(
     lens: Lens, seen: Doubles, node: Node, axis: int, place: float
 ) -> tuple[float, float]:
-    """Where a point lies along an axis, and the share of its box that is left there."""
+    """Clip a point's box along an axis; return its place and the share that is left."""
     before, after = _reaches(seen, node, axis)
     return cut_at_edges(place, before, after, float(lens.size[1 - axis]))
 
 
 @inner_step
 def _spot_of(lens: Lens, seen: Doubles, cut: bool, node: Node) -> Landing:
-    """Where a point lies, and what is left of it."""
+    """Place a point in the source, and clip its box if an edge runs through the pixel."""
     u, v = place_in(seen, node)
     share_u = share_v = 1.0
     if cut:
@@ -81,9 +82,11 @@ def _spot_of(lens: Lens, seen: Doubles, cut: bool, node: Node) -> Landing:
 
 @inner_step
 def _window(lens: Lens, plate: Plate, spot: Landing, room: Room) -> int:
-    """Fill in weights along both axes; gives where the window begins in the plate."""
+    """Fill in weights along both axes; return where the window begins in the plate."""
+    # Fold the place into the source by the edge rule.
     u, _ = folded_in(lens, spot.u, 0)
     v, _ = folded_in(lens, spot.v, 1)
+    # Evaluate the basis functions at its phase.
     column, along_u = first_of(lens, u)
     row, along_v = first_of(lens, v)
     fill_weights(lens.weight, along_u, room.along_u)
@@ -93,7 +96,8 @@ def _window(lens: Lens, plate: Plate, spot: Landing, room: Room) -> int:
 
 @inner_step
 def _sum_rows(plate: Plate, first: int, weights: Doubles, line: Doubles) -> None:
-    """Sums of a window's rows by weights, number by number."""
+    """Sum a window's rows by weights, into a line of interleaved channels."""
+    # Unsigned indices let LLVM vectorize the inner loop.
     stride, at = np.uint64(plate.columns * plate.channels), np.uint64(first)
     line[:] = 0.0
     for k in range(weights.size):
@@ -105,7 +109,7 @@ def _sum_rows(plate: Plate, first: int, weights: Doubles, line: Doubles) -> None
 
 @inner_step
 def _add_line(line: Doubles, weights: Doubles, share: float, total: Doubles) -> None:
-    """Add what numbers of channels side by side sum to."""
+    """Sum a line of interleaved channels by weights, and add it."""
     channels = total.size
     for k in range(weights.size):
         weight = share * weights[k]
@@ -117,17 +121,20 @@ def _add_line(line: Doubles, weights: Doubles, share: float, total: Doubles) -> 
 def _look_along_row(
     plate: Plate, places: Doubles, lens: Lens, room: Room, picture: Doubles
 ) -> None:
-    """Fill a row of the picture."""
+    """Fill a row of the picture (w, C)."""
     for column in range(places.shape[0]):
         seen, total = places[column], picture[column]
         total[:] = 0.0
+        # Skip pixels outside the source.
         if not is_seen(lens, seen):
             continue
+        # Choose the Gauss points, more where an edge runs through.
         cut = is_cut(lens, seen)
         counts = counts_of(lens, seen, cut)
         for n in range(counts[0] * counts[1]):
             node = node_of(lens.rules, counts, n)
             spot = _spot_of(lens, seen, cut, node)
+            # Interpolate the source at each point, and add it by its weight.
             share = node.weight * spot.share_u * spot.share_v
             if share > 0.0:
                 first = _window(lens, plate, spot, room)
@@ -137,7 +144,7 @@ def _look_along_row(
 
 @parallel_kernel
 def look(counter: Counter, plate: Plate, places: Doubles, lens: Lens, picture: Doubles) -> None:
-    """Fill a picture (h, w, C) with means of what coefficients interpolate."""
+    """Fill a picture (h, w, C) with means of the interpolated coefficients."""
     room = room_for(lens.weight.shape[1], plate.channels)
     for row in tasks(counter, places.shape[0]):
         _look_along_row(plate, places[row], lens, room, picture[row])
@@ -145,13 +152,15 @@ def look(counter: Counter, plate: Plate, places: Doubles, lens: Lens, picture: D
 
 @inner_step
 def _give_point(plate: Plate, first: int, share: float, room: Room, gradient: Doubles) -> None:
-    """Transposed `_sum_rows` and `_add_line`."""
+    """Transposed `_sum_rows` and `_add_line`: scatter a pixel's gradient to a window."""
     stride, at = np.uint64(plate.columns * plate.channels), np.uint64(first)
     channels, line = gradient.size, room.line
+    # Expand the gradient to a line of the window.
     for k in range(room.along_u.size):
         weight = share * room.along_u[k]
         for c in range(channels):
             line[k * channels + c] = weight * gradient[c]
+    # Scatter the line to the rows of the window.
     for k in range(room.along_v.size):
         weight = room.along_v[k]
         for n in range(line.size):
@@ -163,13 +172,15 @@ def _give_point(plate: Plate, first: int, share: float, room: Room, gradient: Do
 def _give_tile(
     gradient: Doubles, places: Doubles, lens: Lens, tile: Integers, plate: Plate, room: Room
 ) -> None:
-    """Give back what the pixels of a tile say about a part of the coefficients."""
+    """Scatter the gradients of a tile's pixels to its part of the coefficients."""
     plate.flat[:] = 0.0
     for row in range(tile[1], tile[3]):
         for column in range(tile[0], tile[2]):
             seen = places[row, column]
+            # Skip pixels outside the source.
             if not is_seen(lens, seen):
                 continue
+            # Visit the same points as the forward pass, and scatter by the same weights.
             cut = is_cut(lens, seen)
             counts = counts_of(lens, seen, cut)
             for n in range(counts[0] * counts[1]):
@@ -192,14 +203,14 @@ def give_back(
     start: Integers,
     patches: Doubles,
 ) -> None:
-    """Transposed `look`, tile by tile, each into a patch of its own.
+    """Transposed `look`: scatter gradients (h, w, C), each tile into its own patch.
 
     Parameters
     ----------
     tiles
         (T, 4) left, top, right and bottom of pixels.
     boxes
-        (T, 4) of the coefficients that they may see.
+        (T, 4) of the coefficients that they may read.
     start
         (T + 1,) where the patch (rows, columns, C) of each tile begins.
     """
@@ -213,7 +224,7 @@ def give_back(
 
 @inner_step
 def _weighed(line: Doubles, weights: Doubles, gradient: Doubles) -> float:
-    """What numbers of channels side by side sum to, times a pixel's gradient."""
+    """Sum of a line of interleaved channels by weights, times a pixel's gradient."""
     total, channels = 0.0, gradient.size
     for k in range(weights.size):
         part = 0.0
@@ -227,12 +238,14 @@ def _weighed(line: Doubles, weights: Doubles, gradient: Doubles) -> float:
 def _rates(
     lens: Lens, plate: Plate, spot: Landing, gradient: Doubles, room: Room
 ) -> tuple[float, float, float]:
-    """What is seen at a point, times a pixel's gradient, and how that changes with u and v."""
+    """Value at a point times a pixel's gradient, and its derivatives by u and v."""
+    # Fill the weights, and those of the derivatives; folding may mirror their sign.
     first = _window(lens, plate, spot, room)
     u, turn_u = folded_in(lens, spot.u, 0)
     v, turn_v = folded_in(lens, spot.v, 1)
     fill_weights(lens.slope, first_of(lens, u)[1], room.slope_u)
     fill_weights(lens.slope, first_of(lens, v)[1], room.slope_v)
+    # Sum along v with weights, then with slopes; along u likewise.
     _sum_rows(plate, first, room.along_v, room.line)
     _sum_rows(plate, first, room.slope_v, room.sloped)
     value = _weighed(room.line, room.along_u, gradient)
@@ -242,7 +255,7 @@ def _rates(
 
 @inner_step
 def _add_rate(node: Node, axis: int, rate: float, change: Doubles) -> None:
-    """Add what a point's move along an axis changes, as if its pixel had no edge in it."""
+    """Chain an uncut point's move along an axis to its pixel's six numbers."""
     change[axis] += rate
     change[2 + axis] += rate * node.x
     change[4 + axis] += rate * node.y
@@ -252,11 +265,17 @@ def _add_rate(node: Node, axis: int, rate: float, change: Doubles) -> None:
 def _add_cut_rate(
     lens: Lens, seen: Doubles, node: Node, axis: int, rates: tuple[float, float], change: Doubles
 ) -> None:
-    """Add what a cut point's move along an axis changes; `rates` are by its place and its share."""
+    """Chain a cut point's move along an axis to its pixel's six numbers.
+
+    `rates` are by the point's place and by its share.
+    """
+    # Differentiate place and share by the place and both sides of the uncut box.
     place = place_in(seen, node)[axis]
     before, after = _reaches(seen, node, axis)
     slopes = slopes_of_cut(place, before, after, float(lens.size[1 - axis]))
+    # Chain through the place.
     _add_rate(node, axis, rates[0] * slopes[0] + rates[1] * slopes[3], change)
+    # Chain through the box's sides, which grow with the pixel's steps.
     by_before = rates[0] * slopes[1] + rates[1] * slopes[4]
     by_after = rates[0] * slopes[2] + rates[1] * slopes[5]
     along_x, along_y = seen[2 + axis], seen[4 + axis]
@@ -270,12 +289,14 @@ def _add_cut_rate(
 def _change_along_row(
     plate: Plate, places: Doubles, lens: Lens, gradient: Doubles, room: Room, changes: Doubles
 ) -> None:
-    """Fill a row of changes."""
+    """Fill a row of derivatives (w, 6)."""
     for column in range(places.shape[0]):
         seen, change = places[column], changes[column]
         change[:] = 0.0
+        # Skip pixels outside the source.
         if not is_seen(lens, seen):
             continue
+        # Visit the same points as the forward pass.
         cut = is_cut(lens, seen)
         counts = counts_of(lens, seen, cut)
         for n in range(counts[0] * counts[1]):
@@ -284,8 +305,10 @@ def _change_along_row(
             both = node.weight * spot.share_u * spot.share_v
             if both <= 0.0:
                 continue
+            # Differentiate the interpolation, and chain to the pixel's middle and steps.
             value, by_u, by_v = _rates(lens, plate, spot, gradient[column], room)
             if cut:
+                # The share along one axis scales the value by the share along the other.
                 by_share = node.weight * spot.share_v * value, node.weight * spot.share_u * value
                 _add_cut_rate(lens, seen, node, 0, (both * by_u, by_share[0]), change)
                 _add_cut_rate(lens, seen, node, 1, (both * by_v, by_share[1]), change)
@@ -303,7 +326,7 @@ def change(
     gradient: Doubles,
     changes: Doubles,
 ) -> None:
-    """Fill in how the sum of gradient × picture changes with places, (h, w, 6)."""
+    """Fill in derivatives (h, w, 6) of the sum of gradient × picture by places."""
     room = room_for(lens.weight.shape[1], plate.channels)
     for row in tasks(counter, places.shape[0]):
         _change_along_row(plate, places[row], lens, gradient[row], room, changes[row])

@@ -1,1 +1,1 @@
-"""The numba code of textured triangles: bare arrays and numbers."""
+"""Numba kernels of textured triangles; they take only arrays and numbers."""

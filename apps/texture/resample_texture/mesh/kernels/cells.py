@@ -1,7 +1,7 @@
-"""The cells of a part of a triangle, projected and added to the sub-pixels beneath.
+"""Cells of a triangle's texture, projected and added to the sub-pixels beneath.
 
-Each cell's center is projected by the triangle's homography and adds its color, weighed by its area
-on screen, to the sub-pixels beneath that show its triangle, or one that goes on from it.
+Each cell's center is projected by the triangle's homography. The cell adds its color, weighted by
+its area on screen, to those sub-pixels beneath that show its triangle or the same surface.
 """
 
 import math
@@ -22,7 +22,7 @@ from resample_texture.texels.kernels.texels import phase
 
 Color = tuple[Single, Single, Single]
 
-SLACK = 1e-3  # cells; what an edge of a part may be off by
+SLACK = 1e-3  # cells; tolerance for the rounded edges of a part
 SMALLEST = 1e-6  # sub-pixels; keeps divisions finite
 
 
@@ -45,18 +45,25 @@ def _add(
     triangles: Triangles,
     lens: Lens,
 ) -> bool:
-    """Add a cell at a sub-pixel place of the block to what it covers and belongs to."""
+    """Add a cell to the sub-pixels that show its surface.
+
+    `center` and `extent` are in the block's sub-pixels. Returns whether any shows it.
+    """
     total = block.sums
     rows, columns = block.owner.shape
+
+    # Take the box around the cell; its weight spreads evenly over it.
     left, right = center[0] - 0.5 * extent[0], center[0] + 0.5 * extent[0]
     top, bottom = center[1] - 0.5 * extent[1], center[1] + 0.5 * extent[1]
     share = weight / (extent[0] * extent[1])
     seen = False
     for row in range(max(0, math.floor(top)), min(rows, math.floor(bottom) + 1)):
+        # Visit the sub-pixels that the box overlaps.
         north, south = within(top, bottom, float(row))
         high = share * (south - north)
         for column in range(max(0, math.floor(left)), min(columns, math.floor(right) + 1)):
             owner = block.owner[row, column]
+            # Skip sub-pixels of other surfaces; neighbouring triangles of one surface share them.
             if owner != n:
                 if owner < 0:
                     continue
@@ -66,6 +73,7 @@ def _add(
                 )
                 if not is_beside(triangles, n, owner, place, lens):
                     continue
+            # Add the color by the overlap's area; read all before writing, to make it one addition.
             west, east = within(left, right, float(column))
             part = np.float32(high * (east - west))
             r, c = np.uint64(row), np.uint64(column)
@@ -78,7 +86,7 @@ def _add(
 
 @kernel
 def _between(texels: Floats, at: int, taps: Floats, part: int, count: int) -> Color:
-    """Interpolated color of a line of texels, by `count` taps; `at` is the first number read."""
+    """Interpolate a line of texels by `count` taps, starting at its number `at`."""
     red = green = blue = np.float32(0)
     for k in range(count):
         weight, m = taps[k, part], np.uint64(at) + np.uint64(3 * k)
@@ -90,11 +98,11 @@ def _between(texels: Floats, at: int, taps: Floats, part: int, count: int) -> Co
 
 @kernel
 def _crossed(block: Block, count: int, height: float) -> Place:
-    """Where a line of cells begins and ends.
+    """Where a line of cells begins and ends, in cells.
 
-    The triangle's own corners tell at its edges: both triangles at an edge reckon with the same
-    numbers, and a cell belongs to one of them. The part on screen, of `count` corners, is known by
-    its places there, which are rounded; it only keeps lines from being longer than needed.
+    The triangle's own corners decide at its edges: both triangles at an edge compute with the same
+    numbers, and a cell belongs to exactly one of them. The `count` corners of the visible part are
+    rounded, as they come from the screen; they only keep lines short.
     """
     low, high = crossing(block.corner, 3, height)
     left, right = crossing(block.rim, count, height)
@@ -105,7 +113,7 @@ def _crossed(block: Block, count: int, height: float) -> Place:
 
 @kernel
 def _extent(forward: Matrix, place: Place, step: Place, samples: int) -> Place:
-    """How far a cell reaches along x and y, sub-pixels: √(a² + b²) of its two sides."""
+    """Box around a cell, sub-pixels: √(a² + b²) of its two sides along x and y."""
     along_u, along_t = stretch(forward, place)
     return (
         max(SMALLEST, samples * math.hypot(along_u[0] * step[0], along_t[0] * step[1])),
@@ -123,17 +131,19 @@ def paint_cells(
     skin: Skin,
     lens: Lens,
 ) -> tuple[int, int]:
-    """Add the cells whose centers lie in a triangle; returns how many, and how many were seen.
+    """Add the cells whose centers lie in a triangle; count all, and the visible ones.
 
-    `block.corner` and `block.rim` hold the triangle's corners and the `count` of its part at hand,
-    in cells.
+    `block.corner` and `block.rim` hold the corners of the triangle n and the `count` corners of its
+    visible part, in cells.
     """
+    # Set up the homography, the size of a cell in the texture, and its area on screen times w³.
     samples, texture, taps = block.samples, skin.texture[n], skin.taps
     forward = matrix_at(triangles.forward, n)
     (xu, xt, x1), (yu, yt, y1), (wu, wt, w1) = forward
     step_u = 1.0 / (skin.level[texture, cut.level, 2] * cut.along_u)
     step_t = 1.0 / (skin.level[texture, cut.level, 1] * cut.along_t)
     mass = abs(triangles.determinant[n]) * step_u * step_t * samples * samples
+    # Allocate a line of texels, padded for the interpolation unless cells are whole texels.
     left, top, right, bottom = box(block.rim, count)
     beside = taps.shape[0] // 2
     if cut.along_u == 1 and taps[beside, 0] == np.float32(1):
@@ -145,19 +155,24 @@ def paint_cells(
         low, high = _crossed(block, count, line + 0.5)
         if not low < high:
             continue
+        # Find the cells whose centers lie between the triangle's edges.
         first, last = math.ceil(low - 0.5), math.ceil(high - 0.5)
         if first >= last:
             continue
+        # Take the extent of a cell in the middle of the line for all of it.
         t = (line + 0.5) * step_t
         middle = (0.5 * (first + last) * step_u, t)
         extent = _extent(forward, middle, (step_u, step_t), samples)
+        # Skip lines near the horizon whose cells are larger than the tile.
         if not (extent[0] <= len(block.owner) and extent[1] <= len(block.owner)):
             continue
+        # Interpolate the texture along t, once per line.
         row, column = line // cut.along_t, first // cut.along_u
         vertical, part = phase(line - row * cut.along_t, cut.along_t), first - column * cut.along_u
         needed = 3 * ((last - 1) // cut.along_u - column + 1 + 2 * beside)
         start = (row, column - beside)
         fill_line(skin, texture, cut.level, start, vertical, texels, needed)
+        # Walk along u: project each cell's center with one division.
         xw, yw, ww = xt * t + x1, yt * t + y1, wt * t + w1
         at = 0
         for cell in range(first, last):
@@ -165,6 +180,7 @@ def paint_cells(
             inverse = 1.0 / (ww + wu * u)
             x = ((xw + xu * u) * inverse - block.left) * samples
             y = ((yw + yu * u) * inverse - block.top) * samples
+            # Interpolate the color along u, or take the texel as it is.
             if beside == 0:
                 color = texels[at], texels[at + 1], texels[at + 2]
             elif beside == 2:  # a count that is known is unrolled
@@ -172,6 +188,7 @@ def paint_cells(
             else:
                 color = _between(texels, at, taps, phase(part, cut.along_u), taps.shape[0])
             points += 1
+            # Drop cells behind the camera; the others add their area on screen.
             if 0.0 < inverse < np.inf:
                 weight = mass * inverse * inverse * inverse
                 seen += _add(block, (x, y), extent, weight, color, n, triangles, lens)

@@ -1,4 +1,4 @@
-"""Triangles cut to a rectangle; convex polygons crossed by level lines, and their bounds."""
+"""Triangles clipped to a rectangle; crossings and bounds of convex polygons."""
 
 import numpy as np
 
@@ -16,11 +16,12 @@ def cut_out(
     polygon: Doubles,
     spare: Doubles,
 ) -> int:
-    """A triangle's part within left, top, right, bottom, px; returns the number of its corners.
+    """Clip a triangle to left, top, right, bottom, px; count its corners.
 
-    `polygon` (8, 2) takes them; `spare` has its shape.
+    `polygon` (8, 2) receives them; `spare` is scratch of its shape.
     """
     count = triangles.corners[n]
+    # Copy the corners: clipping overwrites them.
     for k in range(count):
         polygon[k, 0], polygon[k, 1] = triangles.corner[n, k, 0], triangles.corner[n, k, 1]
     return cut_to(polygon, spare, count, rectangle)
@@ -28,13 +29,14 @@ def cut_out(
 
 @kernel
 def crossing(rim: Doubles, count: int, height: float) -> tuple[float, float]:
-    """Where a level line enters and leaves a convex polygon; the first is greater if nowhere.
+    """Left and right end of a level line in a convex polygon; not in order if none.
 
-    Each edge is reckoned from its upper end, so that polygons which share it agree on it.
+    Each edge is computed from its upper end, so that polygons which share it agree on it.
     """
     low, high = np.inf, -np.inf
     for k in range(count):
         m = (k + 1) % count
+        # Intersect each edge that crosses the line.
         if (rim[k, 1] <= height) != (rim[m, 1] <= height):
             upper, lower = (k, m) if rim[k, 1] < rim[m, 1] else (m, k)
             share = (height - rim[upper, 1]) / (rim[lower, 1] - rim[upper, 1])

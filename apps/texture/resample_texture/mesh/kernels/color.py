@@ -1,4 +1,4 @@
-"""What triangles are covered with: the levels of a texture, or colors at the corners."""
+"""Coloring of triangles: the levels of a texture, or colors at the corners."""
 
 from typing import NamedTuple
 
@@ -19,7 +19,7 @@ OPAQUE, MASK, BLEND = range(3)
 
 
 class Skin(NamedTuple):
-    """What T triangles are covered with."""
+    """Coloring of T triangles."""
 
     uv: Doubles  # (T, 3, 2) u and t of the vertices
     color: Floats  # (T, 3, 3) linear light at the vertices; read where there is no texture
@@ -31,15 +31,18 @@ class Skin(NamedTuple):
     taps: Floats  # (K, R) of the interpolation, see `texels.phase`
     edge: Ints  # (P, 2) what lies beyond a texture's edges along u and t, see `texels.mapped`
     mode: Ints  # (P,) OPAQUE, MASK or BLEND
-    cutoff: Floats  # (P,) least alpha that is seen of a mask
-    # (N / 3,) beside `texel`, whose colors are multiplied by it but for a mask's largest level; a
-    # mask's other levels are those of what is seen. Empty if all is opaque.
+    cutoff: Floats  # (P,) least alpha that shows of a mask
+    # (N / 3,) alpha beside `texel`, premultiplied into the colors except in a mask's largest level;
+    # a mask's other levels are reduced from what passes its cutoff. Empty if all is opaque.
     alpha: Floats
 
 
 @inner_kernel
 def level_for(skin: Skin, texture: int, size: tuple[float, float], widest: float) -> int:
-    """The smallest level whose texels are at most `widest` where u and t have that size."""
+    """Smallest level with texels of at most `widest` px.
+
+    `size` is how long u and t are on screen, px.
+    """
     found = 0
     for k in range(1, skin.levels[texture]):
         height, width = skin.level[texture, k, 1], skin.level[texture, k, 2]
@@ -59,10 +62,10 @@ def fill_line(
     line: Floats,
     length: int,
 ) -> None:
-    """Interpolate between a level's rows, from a row and column on, again and again.
+    """Interpolate between a level's rows, from a row and column (`start`) on.
 
-    `part` is the row of taps for the place within that row; the first `length` numbers of `line`
-    are filled.
+    `part` is the column of taps for the place within that row; the first `length` numbers of `line`
+    are filled. The texture repeats along u where its edge rule is WRAP.
     """
     row, first = start
     base = skin.level[texture, level, 0]
@@ -71,14 +74,18 @@ def fill_line(
     texel, half = skin.texel, skin.taps.shape[0] // 2
     for m in range(length):
         line[m] = np.float32(0)
+
+    # Add the rows around, skipping those without weight.
     for k in range(-half, half + 1):
         weight = skin.taps[half + k, part]
         if weight == np.float32(0):
             continue
         begin = base + mapped(row + k, height, edge_t) * width * 3
+        # Apply the edge rule texel by texel unless rows repeat.
         if edge_u != WRAP:
             _fill_by_texels(line, length, texel, begin, (first, width, edge_u), weight)
             continue
+        # A repeating row is added in runs of contiguous memory, as long as the texture is wide.
         column, done = first % width, 0
         while done < length:
             run = min(length - done, 3 * (width - column))
@@ -98,7 +105,10 @@ def _fill_by_texels(
     across: tuple[int, int, int],
     weight: float,
 ) -> None:
-    """Add a row that begins at a number, from a column on, of a width, beyond its edges."""
+    """Add a row that begins at number `begin`, texel by texel.
+
+    `across` is its first column, the level's width and the edge rule.
+    """
     first, width, edge = across
     for m in range(0, length, 3):
         at = begin + 3 * mapped(first + m // 3, width, edge)
@@ -108,7 +118,7 @@ def _fill_by_texels(
 
 @inner_kernel
 def lit(triangles: Triangles, skin: Skin, n: int, place: Place) -> float:
-    """How bright a triangle is at a place on screen."""
+    """Brightness of a triangle at a place on screen."""
     if len(skin.light) == 0:
         return 1.0
     corners = (skin.light[n, 0], skin.light[n, 1], skin.light[n, 2])

@@ -1,7 +1,8 @@
-"""The color of a sub-pixel that no cell reached, or whose texture is too drawn out for cells.
+"""Color of a sub-pixel by look-ups in the texture.
 
-A sub-pixel may reach over very many texels one way and few the other. The few decide the level, and
-the texture is looked up at several places spread evenly over the sub-pixel.
+For sub-pixels that no cell reached, and for textures that are too compressed for cells. A sub-pixel
+may cover very many texels in one direction and few in the other. The few decide the level, and the
+texture is looked up at several places spread evenly over the sub-pixel.
 """
 
 import math
@@ -21,25 +22,27 @@ from resample_texture.mesh.kernels.surfaces import (
 )
 from resample_texture.texels.kernels.texels import DENSE, phase
 
-Layer = tuple[float, float, float, float]  # red, green and blue, multiplied by alpha, and that
+Layer = tuple[float, float, float, float]  # red, green, blue, premultiplied by alpha, and alpha
 
-MOST_LOOKS = 64.0  # per sub-pixel; a texture drawn out more than that is taken from a smaller level
+MOST_LOOKS = 64.0  # per sub-pixel; a texture more anisotropic than that is read at a smaller level
 MASKED_LOOKS = 4.0  # per sub-pixel, at least, where a mask cuts
-ROUNDING = 1e-5  # of an even alpha, interpolated
+ROUNDING = 1e-5  # of a constant alpha, interpolated
 TOO_MANY_TEXELS = 1e15  # per sub-pixel; beyond, a texture is its mean
 DENSITY = 2.0  # looks per texel
-GOLDEN = 0.6180339887498949  # steps of it fill an interval evenly
+GOLDEN = 0.6180339887498949  # multiples of it, modulo 1, fill an interval evenly
 
 
 @inner_kernel
 def _look_up(skin: Skin, texture: int, level: int, place: Place) -> Layer:
-    """Interpolated color of a texture's level, multiplied by its alpha, and that."""
+    """Interpolate a texture's level at (u, t): premultiplied color, and alpha."""
     base, mode = skin.level[texture, level, 0], skin.mode[texture]
     height, width = skin.level[texture, level, 1], skin.level[texture, level, 2]
     edge_u, edge_t = skin.edge[texture, 0], skin.edge[texture, 1]
+    # Find the texel and the phases of its taps.
     column, part_u = _nearest(place[0], width, edge_u)
     row, part_t = _nearest(place[1], height, edge_t)
     half = skin.taps.shape[0] // 2
+    # Sum the taps along both axes.
     red, green, blue, alpha = 0.0, 0.0, 0.0, 0.0
     for k in range(-half, half + 1):
         line = base + mapped(row + k, height, edge_t) * width * 3
@@ -51,6 +54,7 @@ def _look_up(skin: Skin, texture: int, level: int, place: Place) -> Layer:
             blue += weight * skin.texel[at + 2]
             if mode != OPAQUE:
                 alpha += weight * skin.alpha[at // 3]
+    # Apply the alpha mode: opaque, cut by a mask, or blended.
     if mode == OPAQUE:
         return red, green, blue, 1.0
     if mode == MASK and level == 0:
@@ -61,7 +65,7 @@ def _look_up(skin: Skin, texture: int, level: int, place: Place) -> Layer:
 
 @inner_kernel
 def _nearest(place: float, size: int, edge: int) -> tuple[int, int]:
-    """Texel at a texture coordinate, and the row of taps for the place within it."""
+    """Texel at a texture coordinate, and the column of taps for the place within it."""
     turn = float(np.floor(place))
     along = (place - turn) * size
     texel = min(int(along), size - 1)
@@ -71,7 +75,10 @@ def _nearest(place: float, size: int, edge: int) -> tuple[int, int]:
 
 @inner_kernel
 def _slope(matrix: Matrix, skin: Skin, n: int, axis: int, value: float) -> Place:
-    """How u or t, `value` at a place, changes with x and y there, times the weights' sum."""
+    """Derivatives of u or t by x and y, times the weights' sum.
+
+    `value` is u or t at the place.
+    """
     corner = (
         skin.uv[n, 0, axis] - value,
         skin.uv[n, 1, axis] - value,
@@ -82,7 +89,11 @@ def _slope(matrix: Matrix, skin: Skin, n: int, axis: int, value: float) -> Place
 
 @inner_kernel
 def _reach(triangles: Triangles, skin: Skin, n: int, place: Place, fine: float) -> Place:
-    """Most and fewest texels that a sub-pixel of that size (px) reaches over, in two directions."""
+    """Most and fewest texels that a sub-pixel covers: axes of its ellipse.
+
+    `fine` is its size, px.
+    """
+    # Differentiate the texture coordinates by x and y, in texels per sub-pixel.
     matrix = matrix_at(triangles.weight, n)
     weight = multiply(matrix, (place[0], place[1], 1.0))
     scale = fine / (weight[0] + weight[1] + weight[2])
@@ -91,6 +102,7 @@ def _reach(triangles: Triangles, skin: Skin, n: int, place: Place, fine: float) 
     down = scale * skin.level[texture, 0, 1]
     ux, uy = _slope(matrix, skin, n, 0, at[0])
     tx, ty = _slope(matrix, skin, n, 1, at[1])
+    # Take the singular values of the Jacobian: the longer axis, and the area over it.
     area = abs(across * down * (ux * ty - uy * tx))
     squares = across * across * (ux * ux + uy * uy) + down * down * (tx * tx + ty * ty)
     rest = max(0.0, squares * squares - 4.0 * area * area)
@@ -100,15 +112,18 @@ def _reach(triangles: Triangles, skin: Skin, n: int, place: Place, fine: float) 
 
 @inner_kernel
 def _level_and_looks(skin: Skin, texture: int, reach: Place) -> tuple[int, int]:
-    """Level for a sub-pixel that reaches over so many texels, and how often it is looked up."""
+    """Level for a sub-pixel that covers `reach` texels, and the number of look-ups."""
     most, fewest = reach
+    # At the horizon, take the smallest level, which is the mean.
     if not most < TOO_MANY_TEXELS:
         return skin.levels[texture] - 1, 1
+    # Choose the level by the shorter axis, or a smaller one if the longer needs too many looks.
     level, texel = 0, 1.0
     while level + 1 < skin.levels[texture]:
         if 2.0 * texel > fewest and most * max(texel, fewest) <= MOST_LOOKS * texel * texel:
             break
         level, texel = level + 1, 2.0 * texel
+    # Spread look-ups evenly along the longer axis; a mask needs a few in any case.
     looks = min(MOST_LOOKS, math.ceil(DENSITY * most / texel * max(1.0, fewest / texel)))
     least = MASKED_LOOKS if skin.mode[texture] == MASK else 1.0
     return level, int(max(least, looks))
@@ -118,8 +133,12 @@ def _level_and_looks(skin: Skin, texture: int, reach: Place) -> tuple[int, int]:
 def evaluate(
     triangles: Triangles, skin: Skin, n: int, place: Place, corner: Place, fine: float
 ) -> Layer:
-    """Color of a triangle over a sub-pixel with a corner and a size, px, seen at a place in it."""
+    """Color of triangle n over a sub-pixel that shows it at `place`.
+
+    `corner` and `fine` are the sub-pixel's corner and size, px.
+    """
     texture = skin.texture[n]
+    # Without a texture, interpolate the colors of the corners.
     if texture < 0:
         weight = barycentric(triangles, n, place)
         return (
@@ -128,10 +147,12 @@ def evaluate(
             dot(weight, (skin.color[n, 0, 2], skin.color[n, 1, 2], skin.color[n, 2, 2])),
             1.0,
         )
+    # Choose a level and the number of look-ups by what the sub-pixel covers.
     reach = _reach(triangles, skin, n, place, fine)
     level, looks = _level_and_looks(skin, texture, reach)
     if looks == 1:
         return _look_up(skin, texture, level, texture_place(triangles, skin.uv, n, place))
+    # Average look-ups at places of a golden-ratio sequence over the sub-pixel.
     red, green, blue, alpha = 0.0, 0.0, 0.0, 0.0
     for k in range(looks):
         x, y = (k + 0.5) / looks, (k * GOLDEN + 0.5) % 1.0

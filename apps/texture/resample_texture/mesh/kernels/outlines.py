@@ -1,7 +1,7 @@
-"""How much of a sub-pixel at an outline triangles cover together.
+"""Share of a sub-pixel at an outline that triangles cover together.
 
-Around the sub-pixels that show nothing, each sub-pixel has 64 points; all triangles, hidden ones as
-well, take those that they cover, and an outline is as exact as the share of points taken.
+Around the sub-pixels that show nothing, each sub-pixel has 64 points. All triangles, hidden ones as
+well, mark the points that they cover; the share of marked points is the coverage.
 (Carpenter, The A-buffer, an antialiased hidden surface method, 1984.)
 """
 
@@ -18,18 +18,22 @@ POINTS = 64
 POINT_X = (np.arange(POINTS) + 0.5) / POINTS
 POINT_Y = (np.arange(POINTS) * 19 % POINTS + 0.5) / POINTS
 
-NOTHING = -1  # owner of a sub-pixel where no triangle is
-BEHIND = -2  # less a triangle that covers points, but not the sample, and is the nearest that does
+NOTHING = -1  # owner of a sub-pixel without a triangle
+BEHIND = -2  # minus the nearest triangle, where it covers points of a sub-pixel but not its sample
 
 NONE, ALL, ONE = np.uint64(0), np.uint64(0xFFFFFFFFFFFFFFFF), np.uint64(1)
 
 
 @making_kernel
 def open_outline(block: Block) -> None:
-    """Find where outlines may be: beside sub-pixels that show nothing, and at the tile's rim."""
+    """Find sub-pixels where outlines may be.
+
+    They are beside those that show nothing, and at the tile's border.
+    """
     owner, taken = block.owner, block.taken
     rows, columns = owner.shape
     least = np.empty(columns, np.int32)
+    # Mark sub-pixels as open if any of the 3 × 3 around shows nothing; the minimum is separable.
     for row in range(rows):
         above, below = max(0, row - 1), min(rows - 1, row + 1)
         is_rim = not 0 < row < rows - 1
@@ -43,12 +47,15 @@ def open_outline(block: Block) -> None:
 
 @inner_kernel
 def _beyond(edge: Doubles, k: int, corner: Place, fine: float) -> np.uint64:
-    """Points of a sub-pixel on the inner side of one edge."""
+    """Points of a sub-pixel, as bits, on the inner side of edge k."""
+    # Evaluate the edge function at the sub-pixel's corner, and its change across it.
     across, down = edge[k, 2] * fine, edge[k, 3] * fine
     start = edge[k, 2] * (corner[1] - edge[k, 1]) - edge[k, 3] * (corner[0] - edge[k, 0])
+    # Test the whole square first: most lie on one side.
     middle, reach = start + 0.5 * (across - down), 0.5 * (abs(across) + abs(down))
     if abs(middle) > reach:
         return ALL if (middle > 0.0) == (edge[k, 4] > 0.0) else NONE
+    # Test point by point.
     points = NONE
     for point in range(POINTS):
         value = start + across * POINT_Y[point] - down * POINT_X[point]
@@ -58,7 +65,7 @@ def _beyond(edge: Doubles, k: int, corner: Place, fine: float) -> np.uint64:
 
 @inner_kernel
 def _points_within(edge: Doubles, count: int, corner: Place, fine: float) -> np.uint64:
-    """Points of a sub-pixel that a polygon covers; one on an edge belongs to one side of it."""
+    """Points of a sub-pixel that a polygon covers, as bits."""
     points = ALL
     for k in range(count):
         points &= _beyond(edge, k, corner, fine)
@@ -69,23 +76,27 @@ def _points_within(edge: Doubles, count: int, corner: Place, fine: float) -> np.
 
 @inner_kernel
 def take_points(triangles: Triangles, n: int, block: Block) -> None:
-    """Give a triangle the points that it covers where outlines may be."""
+    """Mark the points that a triangle covers where outlines may be."""
+    # Set up the edges and the sub-pixels that the triangle may touch.
     edge, count, taken = block.edge, triangles.corners[n], block.taken
     plane, limit = plane_at(triangles, n), (triangles.limit[n, 0], triangles.limit[n, 1])
     set_edges(triangles, n, edge)
     first, last, start, end = span(triangles, n, block)
     is_wide = end - start > WIDE
     fine = 1.0 / block.samples
+    # Narrow each row down where the triangle is wide.
     for row in range(first, last + 1):
         if is_wide:
             start, end = row_span(edge, count, block, row)
         for column in range(start, end + 1):
+            # Skip sub-pixels that are covered already, or away from outlines.
             if taken[row, column] == ALL:
                 continue
             corner = (block.left + column * fine, block.top + row * fine)
             points = _points_within(edge, count, corner, fine)
             if points == NONE:
                 continue
+            # Mark the points, and note the nearest triangle where no sample was hit.
             taken[row, column] |= points
             if block.owner[row, column] < 0:
                 nearness = nearness_at(plane, limit, sample(block, row, column))
@@ -96,7 +107,7 @@ def take_points(triangles: Triangles, n: int, block: Block) -> None:
 
 @inner_kernel
 def close_outline(block: Block) -> None:
-    """Show what covers points of a sub-pixel but not its sample."""
+    """Show the nearest triangle where points, but not the sample, are covered."""
     owner = block.owner
     for row in range(owner.shape[0]):
         for column in range(owner.shape[1]):
@@ -106,10 +117,11 @@ def close_outline(block: Block) -> None:
 
 @inner_kernel
 def covered(block: Block, row: int, column: int) -> float:
-    """Share of a sub-pixel that triangles cover."""
+    """Share of a sub-pixel that triangles cover: the count of its marked points."""
     points, count = block.taken[row, column], 0
     if points == ALL:
         return 1.0
+    # Count bits, clearing the lowest one each time.
     while points != NONE:
         points &= points - ONE
         count += 1

@@ -1,9 +1,9 @@
-"""Textured triangles to pixels: who is seen where, and the texture's points that land there.
+"""Paint textured triangles: visibility per sub-pixel, then the texture's cells.
 
 Every sub-pixel has one sample of visibility inside it (`visibility`), at outlines many points that
-tell how much of it is covered (`outlines`). Triangles that are seen are diced into cells of their
-texture (`dicing`), which are projected and added to sub-pixels (`cells`); a sub-pixel that no cell
-reached is looked up in the texture (`looking`), as is all that one can see through, layer by layer
+measure its coverage (`outlines`). Visible triangles are diced into cells of their texture
+(`dicing`), which are projected and added to sub-pixels (`cells`); a sub-pixel that no cell reached
+is looked up in the texture (`looking`), as are all translucent triangles, layer by layer
 (`shading`). Filtering to pixels comes last. The loop over tiles is the engine's.
 """
 
@@ -41,17 +41,17 @@ MOST_LAYERS = 64  # of translucent triangles one behind the other
 
 
 class MeshScene(NamedTuple):
-    """What there is to see, and how finely."""
+    """Triangles, camera and sampling of a picture."""
 
     triangles: Triangles
     skin: Skin
     lens: Lens
     grid: Grid
-    tally: Ints  # (tiles, 4) points, those of them that were seen, sub-pixels covered, looked up
+    tally: Ints  # (tiles, 4) cells, those that were visible, sub-pixels covered, looked up
 
 
 class MeshPicture(NamedTuple):
-    """Where tiles are written."""
+    """Pictures that tiles are written to."""
 
     rgba: Floats  # (H, W, 4)
     depth: Floats  # (H, W)
@@ -69,16 +69,19 @@ def _begun(
     size: tuple[int, int],
     surfaces: Surfaces,
 ) -> Block:
+    """Allocate the sub-pixels of a tile."""
     return new_block(tile, tiles, size, scene.grid, scene.tally[tile], surfaces.most > 1)
 
 
 @plays(claim, MeshScene)
 def _claim(scene: MeshScene, member: int, block: Block) -> None:
+    """Resolve the visibility of a triangle."""
     show(scene.triangles, member, block)
 
 
 @plays(claimed, MeshScene)
 def _claimed(scene: MeshScene, tiles: Tiles, tile: int, block: Block) -> None:
+    """Measure coverage at outlines, once all triangles have been shown."""
     open_outline(block)
     for k in range(tiles.start[tile], tiles.start[tile + 1]):
         take_points(scene.triangles, tiles.member[k], block)
@@ -87,7 +90,9 @@ def _claimed(scene: MeshScene, tiles: Tiles, tile: int, block: Block) -> None:
 
 @plays(add, MeshScene)
 def _add(scene: MeshScene, member: int, _: int, block: Block) -> None:
+    """Add the cells of a triangle, if it may be visible."""
     triangles, skin, lens = scene.triangles, scene.skin, scene.lens
+    # Textures without area and translucent ones have no cells.
     if is_looked_up(triangles, skin, member):
         return
     if may_show(triangles, member, block, lens):
@@ -98,10 +103,13 @@ def _add(scene: MeshScene, member: int, _: int, block: Block) -> None:
 
 @plays(composed, MeshScene)
 def _composed(scene: MeshScene, block: Block, surface: int, surfaces: Surfaces) -> bool:
+    """Compose the layer; return whether another one may show through."""
     count(scene.skin, block)
+    # A scene of opaque triangles has one layer, which is shaded in place.
     if surfaces.most == 1:
         shade(scene.triangles, scene.skin, scene.lens, block)
         return False
+    # Composite under the layers in front, and peel the next one.
     if put_behind(scene.triangles, scene.skin, block) and surface + 1 < surfaces.most:
         return True
     finish(scene.lens, block)
@@ -125,11 +133,15 @@ def _measure(block: Block, row: int, column: int) -> tuple[float, float]:
 
 @plays(write, MeshPicture)
 def _write(picture: MeshPicture, block: Block, _: int) -> None:
+    """Filter a tile's sub-pixels to pixels, and write their depths."""
+    # Leave out the margin, which only feeds the filter.
     top, left = int(block.top) + block.margin, int(block.left) + block.margin
     height = block.owner.shape[0] // block.samples - 2 * block.margin
     width = block.owner.shape[1] // block.samples - 2 * block.margin
+    # Filter color and coverage.
     pixels = picture.rgba[top : top + height, left : left + width]
     resolve_tile(block.sums, picture.profile, block.samples, pixels)
+    # Clamp coverage, which negative lobes of the filter may exceed, and reduce depths.
     for row in range(height):
         for column in range(width):
             pixels[row, column, 3] = min(np.float32(1), max(np.float32(0), pixels[row, column, 3]))

@@ -1,6 +1,6 @@
-"""Sub-pixels get their colors: from what cells left there, or from the texture.
+"""Color sub-pixels by the cells that landed there, or by look-ups in the texture.
 
-What one can see through is taken layer by layer, front to back, whatever the order of triangles.
+Translucent triangles are composited layer by layer, front to back, in any order: depth peeling.
 (Everitt, Interactive order-independent transparency, 2001.)
 """
 
@@ -19,14 +19,14 @@ FULL = 1.0 - 1e-3  # alpha beyond which nothing shows through
 
 @inner_kernel
 def is_looked_up(triangles: Triangles, skin: Skin, n: int) -> bool:
-    """Whether a triangle has no cells: its texture has no area, or one may see through it."""
+    """Whether a triangle has no cells: its texture has no area, or it is not opaque."""
     texture = skin.texture[n]
     return bool(texture < 0 or triangles.determinant[n] == 0.0 or skin.mode[texture] != OPAQUE)
 
 
 @inner_kernel
 def _is_reached(skin: Skin, block: Block, row: int, column: int) -> bool:
-    """Whether cells left a sub-pixel its color."""
+    """Whether cells gave a sub-pixel its color."""
     texture = skin.texture[block.owner[row, column]]
     is_opaque = texture < 0 or skin.mode[texture] == OPAQUE
     return bool(is_opaque and block.sums[row, column, 3] > LEAST_WEIGHT)
@@ -42,7 +42,7 @@ def _looked_up(triangles: Triangles, skin: Skin, block: Block, row: int, column:
 
 @inner_kernel
 def _mean(block: Block, row: int, column: int) -> Layer:
-    """What cells left."""
+    """Weighted mean of the cells that landed in a sub-pixel, opaque."""
     sums, weight = block.sums, block.sums[row, column, 3]
     return (
         sums[row, column, 0] / weight,
@@ -54,7 +54,7 @@ def _mean(block: Block, row: int, column: int) -> Layer:
 
 @inner_kernel
 def count(skin: Skin, block: Block) -> None:
-    """Note how many sub-pixels of the tile's own show a triangle, and how many no cell reached."""
+    """Count the tile's own sub-pixels that show a triangle, and those without cells."""
     margin, shown, missed = block.margin * block.samples, 0, 0
     for row in range(margin, block.owner.shape[0] - margin):
         for column in range(margin, block.owner.shape[1] - margin):
@@ -68,53 +68,63 @@ def count(skin: Skin, block: Block) -> None:
 
 @inner_kernel
 def shade(triangles: Triangles, skin: Skin, lens: Lens, block: Block) -> None:
-    """Turn sums into colors and coverage, and nearness into depth, where nothing shows through."""
+    """Turn an opaque layer's sums into color and coverage, its nearness into depth."""
     sums = block.sums
     for row in range(block.owner.shape[0]):
         for column in range(block.owner.shape[1]):
             n = block.owner[row, column]
+            # Nothing is infinitely far away.
             if n < 0:
                 block.nearness[row, column] = np.inf
                 continue
+            # Take the mean of the cells, or look the texture up where too few landed.
             if sums[row, column, 3] > LEAST_WEIGHT:
                 color = _mean(block, row, column)
             else:
                 color = _looked_up(triangles, skin, block, row, column)
+            # Weigh by coverage and light.
             cover = covered(block, row, column)
             light = cover * lit(triangles, skin, n, sample(block, row, column))
             sums[row, column, 0] = light * color[0]
             sums[row, column, 1] = light * color[1]
             sums[row, column, 2] = light * color[2]
             sums[row, column, 3] = cover
+            # Turn nearness into depth.
             nearness = block.nearness[row, column]
             block.nearness[row, column] = 1.0 / nearness if lens.perspective else -nearness
 
 
 @inner_kernel
 def put_behind(triangles: Triangles, skin: Skin, block: Block) -> bool:
-    """Put the layer at hand behind those before; gives whether another may show through."""
+    """Composite the current layer under those in front; tell whether to go on."""
     seen, again = block.seen, False
     for row in range(block.owner.shape[0]):
         for column in range(block.owner.shape[1]):
             n = block.owner[row, column]
+            # Stop peeling where there is no triangle any more.
             if n < 0:
                 block.limit[row, column] = -np.inf
                 continue
+            # Take the mean of the cells, or look the texture up.
             if _is_reached(skin, block, row, column):
                 color = _mean(block, row, column)
             else:
                 color = _looked_up(triangles, skin, block, row, column)
+            # Note the depth of the first layer that is not fully transparent.
             rest, nearness = 1.0 - seen[row, column, 3], block.nearness[row, column]
             if color[3] > 0.0 and seen[row, column, 3] == np.float32(0):
                 block.front[row, column] = nearness
+            # Composite under: what the layers in front let through, times light and color.
             light = rest * lit(triangles, skin, n, sample(block, row, column))
             seen[row, column, 0] += light * color[0]
             seen[row, column, 1] += light * color[1]
             seen[row, column, 2] += light * color[2]
             seen[row, column, 3] += rest * color[3]
+            # Peel on behind this layer unless the sub-pixel is opaque by now.
             is_through = seen[row, column, 3] < FULL
             again = again or is_through
             block.limit[row, column] = nearness if is_through else -np.inf
+            # Clear the sub-pixel for the next layer.
             block.owner[row, column] = NOTHING
             block.nearness[row, column] = -np.inf
             for c in range(4):
@@ -124,7 +134,7 @@ def put_behind(triangles: Triangles, skin: Skin, block: Block) -> bool:
 
 @inner_kernel
 def finish(lens: Lens, block: Block) -> None:
-    """Put what is seen of all layers in the place of the last one's sums and nearness."""
+    """Write the composite of all layers in place of a single layer's sums."""
     sums, seen = block.sums, block.seen
     for row in range(block.owner.shape[0]):
         for column in range(block.owner.shape[1]):

@@ -1,7 +1,7 @@
-"""Triangles as a camera sees them: cut at its near plane, with all that runs evenly over them.
+"""Triangles in screen space, clipped at the near plane, with linear functions.
 
 On screen, `(x, y)` is in px. `u` and `t` span a texture from its upper left corner, 0..1 each, and
-go on beyond periodically.
+continue periodically.
 """
 
 import math
@@ -17,7 +17,7 @@ from resample.types import Doubles, Records
 Ints = NDArray[np.int64]
 Place = tuple[float, float]
 
-# Of a triangle on screen, px: what the engine reads to deal it to tiles. left > right: not seen.
+# Of a triangle on screen, px: what the engine sorts into tiles. left > right: not visible.
 BOUNDS = np.dtype([(name, np.float64) for name in ("left", "top", "right", "bottom", "spacing")])
 CHUNK = 1024  # triangles that a thread takes at a time
 
@@ -32,21 +32,21 @@ class Faces(NamedTuple):
 
 
 class Triangles(NamedTuple):
-    """T triangles as a camera sees them, without what lies before its near plane."""
+    """T triangles in screen space, without what lies before the near plane."""
 
     corner: Doubles  # (T, 4, 2) px, in order around the triangle
-    corners: Ints  # (T,) 3 or 4; 0: not seen
+    corners: Ints  # (T,) 3 or 4; 0: not visible
     weight: Doubles  # (T, 3, 3) row k times (x, y, 1): vertex k's barycentric weight over w
     nearness: Doubles  # (T, 3) times (x, y, 1): 1 / depth, or -depth where parallel
     limit: Doubles  # (T, 2) least and greatest nearness
     forward: Doubles  # (T, 3, 3) homography from (u, t, 1) to (x w, y w, w)
     determinant: Doubles  # (T,) of `forward`; 0: texture coordinates without area
-    facing: Doubles  # (T,) -1: toward the eye, 1: away
+    facing: Doubles  # (T,) -1: toward the camera, 1: away
     bounds: Records  # (T,) of BOUNDS
 
 
 class Lens(NamedTuple):
-    """What visibility has to know of a camera."""
+    """Camera parameters of visibility."""
 
     near: float  # scene units, of the near plane
     perspective: bool
@@ -57,6 +57,7 @@ class Lens(NamedTuple):
 
 @kernel
 def _add_corner(triangles: Triangles, n: int, point: Vector, nearness: float) -> None:
+    """Append a corner to a triangle's polygon, and extend the limits of its nearness."""
     k = triangles.corners[n]
     triangles.corner[n, k, 0] = point[0] / point[2]
     triangles.corner[n, k, 1] = point[1] / point[2]
@@ -67,19 +68,22 @@ def _add_corner(triangles: Triangles, n: int, point: Vector, nearness: float) ->
 
 @kernel
 def _cut_near(triangles: Triangles, n: int, faces: Faces, lens: Lens) -> None:
-    """The triangle's part beyond the near plane, as a polygon on screen.
+    """Clip a triangle at the near plane, to a polygon on screen.
 
-    The cut is reckoned from the inner end of an edge to the outer one, hence the same for both
-    triangles that share it.
+    The intersection is computed from the inner end of an edge to the outer one, so that both
+    triangles that share the edge get the same.
     """
     point, depth, corner, _ = faces
     triangles.limit[n, 0], triangles.limit[n, 1] = np.inf, -np.inf
+    # Visit the edges (Sutherland-Hodgman).
     for k in range(3):
         a, b = corner[n, k], corner[n, (k + 1) % 3]
         seen, next_seen = depth[a] > lens.near, depth[b] > lens.near
+        # Keep corners beyond the near plane.
         if seen:
             nearness = 1.0 / depth[a] if lens.perspective else -depth[a]
             _add_corner(triangles, n, (point[a, 0], point[a, 1], point[a, 2]), nearness)
+        # Add the intersection where an edge crosses it.
         if seen != next_seen:
             inner, outer = (a, b) if seen else (b, a)
             share = (depth[inner] - lens.near) / (depth[inner] - depth[outer])
@@ -91,14 +95,16 @@ def _cut_near(triangles: Triangles, n: int, faces: Faces, lens: Lens) -> None:
 
 @kernel
 def _set_forward(triangles: Triangles, n: int, faces: Faces) -> None:
-    """Homography from the texture to the screen; left 0 if the texture has no area here."""
+    """Set the homography from texture to screen; 0 for a texture without area."""
     point, _, corner, uv = faces
+    # Take the texture's edge vectors; their determinant tells whether it has area.
     a, b, c = corner[n, 0], corner[n, 1], corner[n, 2]
     u1, t1 = uv[n, 1, 0] - uv[n, 0, 0], uv[n, 1, 1] - uv[n, 0, 1]
     u2, t2 = uv[n, 2, 0] - uv[n, 0, 0], uv[n, 2, 1] - uv[n, 0, 1]
     area = u1 * t2 - u2 * t1
     if not abs(area) > 1e-12 * (u1 * u1 + t1 * t1 + u2 * u2 + t2 * t2):
         return
+    # Solve for the affine map from (u, t) to each homogeneous screen coordinate.
     for k in range(3):
         first, second = point[b, k] - point[a, k], point[c, k] - point[a, k]
         along_u = (first * t2 - second * t1) / area
@@ -112,16 +118,20 @@ def _set_forward(triangles: Triangles, n: int, faces: Faces) -> None:
 
 @kernel
 def _see_triangle(n: int, faces: Faces, lens: Lens, triangles: Triangles) -> None:
+    """Set up a triangle: facing, barycentric weights, nearness, clipping, homography."""
     point, depth, corner, _ = faces
     a, b, c = corner[n, 0], corner[n, 1], corner[n, 2]
     p = (point[a, 0], point[a, 1], point[a, 2])
     q = (point[b, 0], point[b, 1], point[b, 2])
     r = (point[c, 0], point[c, 1], point[c, 2])
+    # Invert the matrix of the corners by cross products.
     rows = (cross(q, r), cross(r, p), cross(p, q))
     volume = dot(p, rows[0])
+    # Cull triangles seen edge-on, and back faces if asked to.
     if not (0.0 < abs(volume) < np.inf) or (lens.cull and volume > 0.0):
         return
     triangles.facing[n] = math.copysign(1.0, volume)
+    # Express barycentric weights and nearness as linear functions of (x, y, 1).
     weight = (1.0, 1.0, 1.0)
     if not lens.perspective:
         weight = (-depth[a], -depth[b], -depth[c])
@@ -136,7 +146,7 @@ def _see_triangle(n: int, faces: Faces, lens: Lens, triangles: Triangles) -> Non
 
 @kernel
 def _bound(triangles: Triangles, n: int) -> None:
-    """Write what a triangle reaches over on screen."""
+    """Write the bounds of a triangle on screen."""
     left, top, right, bottom = np.inf, np.inf, -np.inf, -np.inf
     for k in range(triangles.corners[n]):
         x, y = triangles.corner[n, k, 0], triangles.corner[n, k, 1]
@@ -148,6 +158,7 @@ def _bound(triangles: Triangles, n: int) -> None:
 
 @kernel
 def _see_chunk(chunk: int, faces: Faces, lens: Lens, triangles: Triangles) -> None:
+    """Project the triangles of a chunk, and bound them."""
     for n in range(chunk * CHUNK, min((chunk + 1) * CHUNK, len(faces.corner))):
         _see_triangle(n, faces, lens, triangles)
         _bound(triangles, n)
@@ -155,7 +166,7 @@ def _see_chunk(chunk: int, faces: Faces, lens: Lens, triangles: Triangles) -> No
 
 @parallel_kernel
 def see(counter: Counter, faces: Faces, lens: Lens, triangles: Triangles) -> None:
-    """Project triangles: fill in what is seen of them, which is 0 before."""
+    """Project triangles: fill in the visible ones; all are 0 before."""
     for chunk in tasks(counter, (len(faces.corner) + CHUNK - 1) // CHUNK):
         _see_chunk(chunk, faces, lens, triangles)
 
@@ -172,17 +183,19 @@ def matrix_at(matrices: Doubles, n: int) -> Matrix:
 
 @kernel
 def plane_at(triangles: Triangles, n: int) -> Vector:
-    """A triangle's nearness: the product with (x, y, 1), also outside the triangle."""
+    """Coefficients of a triangle's nearness for (x, y, 1), also outside of it."""
     return triangles.nearness[n, 0], triangles.nearness[n, 1], triangles.nearness[n, 2]
 
 
 @kernel
 def barycentric(triangles: Triangles, n: int, place: Place) -> Vector:
-    """Weights of the three vertices at a place on screen in the triangle, of sum 1."""
+    """Barycentric weights of the vertices at a place in a triangle, of sum 1."""
     a, b, c = multiply(matrix_at(triangles.weight, n), (place[0], place[1], 1.0))
+    # Clamp: rounding may put a place just outside.
     a, b, c = max(0.0, a), max(0.0, b), max(0.0, c)
     total = a + b + c
-    if not 0.0 < total < np.inf:  # rounding made more of a thin triangle than there is
+    # Without a valid sum, as of a triangle thinner than rounding, take the centroid.
+    if not 0.0 < total < np.inf:
         return 1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0
     return a / total, b / total, c / total
 
@@ -199,7 +212,7 @@ def texture_place(triangles: Triangles, uv: Doubles, n: int, place: Place) -> Pl
 
 @kernel
 def stretch(forward: Matrix, place: Place) -> tuple[Place, Place]:
-    """How (x, y) changes with u, and how with t, at a texture place."""
+    """Derivatives of (x, y) by u, and by t, at a texture place."""
     xw, yw, w = multiply(forward, (place[0], place[1], 1.0))
     x, y = xw / w, yw / w
     (xu, xt, _), (yu, yt, _), (wu, wt, _) = forward

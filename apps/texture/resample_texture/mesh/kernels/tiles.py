@@ -1,4 +1,4 @@
-"""The sub-pixels of a tile, and those of them that a triangle may touch."""
+"""Sub-pixels of a tile, and which of them a triangle may touch."""
 
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ from resample_texture.mesh.kernels.surfaces import Ints, Place, Triangles
 
 
 class Grid(NamedTuple):
-    """How finely a frame is looked at."""
+    """Sampling of a frame."""
 
     samples: int  # sub-pixels per side of a pixel
     margin: int  # px around a tile that its pixels' filter reads
@@ -20,24 +20,24 @@ class Grid(NamedTuple):
 
 
 class Block(NamedTuple):
-    """The sub-pixels of one tile with its margin, and what is needed to fill them."""
+    """Sub-pixels of one tile with its margin, and scratch to fill them."""
 
     left: float  # px
     top: float
     samples: int  # sub-pixels per side of a pixel
     margin: int  # px on all sides
-    owner: NDArray[np.int32]  # (R, C) the triangle that is seen; -1: none
+    owner: NDArray[np.int32]  # (R, C) the visible triangle; -1: none
     nearness: Doubles  # (R, C) in the end depths, infinite where nothing is
     sums: Floats  # (R, C, 4) weighted red, green, blue and weight; in the end means and coverage
     taken: NDArray[np.uint64]  # (R, C) which of its points are covered, a bit for each
-    # (R, C) nearness beyond which the next layer is looked for, infinite at first; empty, like the
-    # next two, where one surface is all that is seen.
+    # (R, C) nearness beyond which the next layer is peeled, infinite at first; empty, like the
+    # next two, where there is only one layer.
     limit: Doubles
     seen: Floats  # (R, C, 4) red, green, blue and alpha of the layers in front
     front: Doubles  # (R, C) nearness of the first of them
     tally: Ints  # (4,) see `MeshScene`
-    edge: Doubles  # (4, 5) of the triangle at hand: a point, a direction, the side that is inside
-    polygon: Doubles  # (8, 2) px, the part of a triangle at hand
+    edge: Doubles  # (4, 5) of the current triangle: a point, a direction, the side that is inside
+    polygon: Doubles  # (8, 2) px, the clipped part of the current triangle
     spare: Doubles  # (8, 2)
     rim: Doubles  # (8, 2) texture coordinates of the polygon
     corner: Doubles  # (3, 2) of the triangle
@@ -47,25 +47,32 @@ class Block(NamedTuple):
 def new_block(
     tile: int, tiles: Tiles, size: tuple[int, int], grid: Grid, tally: Ints, is_layered: bool
 ) -> Block:
-    """An empty tile of a frame (height, width), without what lies beyond that and its margin."""
+    """Allocate an empty tile, clipped to the frame (height, width) and its margin."""
+    # Clip the tile to the frame, and add the margin.
     row, column = divmod(int(np.int64(tile)), tiles.columns)
     left, top = column * tiles.size, row * tiles.size
     rows = (min(tiles.size, size[0] - top) + 2 * grid.margin) * grid.samples
     columns = (min(tiles.size, size[1] - left) + 2 * grid.margin) * grid.samples
+
+    # Allocate buffers for layers only if something is translucent.
     layered = (rows, columns) if is_layered else (0, 0)
     return Block(
+        # Origin and sampling.
         float(left - grid.margin),
         float(top - grid.margin),
         grid.samples,
         grid.margin,
+        # Owner, nearness (none yet), sums, and points at outlines.
         np.full((rows, columns), -1, np.int32),
         np.full((rows, columns), -np.inf),
         np.zeros((rows, columns, 4), np.float32),
         np.empty((rows, columns), np.uint64),
+        # Depth peeling: limit, composite, and nearness of the first layer.
         np.full(layered, np.inf),
         np.zeros((layered[0], layered[1], 4), np.float32),
         np.full(layered, -np.inf),
         tally,
+        # Scratch for the current triangle.
         np.empty((4, 5)),
         np.empty((8, 2)),
         np.empty((8, 2)),
@@ -86,7 +93,7 @@ def columns_within(block: Block, left: float, right: float) -> tuple[int, int]:
 
 @inner_kernel
 def span(triangles: Triangles, n: int, block: Block) -> tuple[int, int, int, int]:
-    """First and last row, first and last column of the sub-pixels that a triangle may touch."""
+    """First and last row, first and last column of what a triangle may touch."""
     bounds = triangles.bounds[n]
     top, bottom = bounds["top"], bounds["bottom"]
     first, last = columns_within(block, bounds["left"], bounds["right"])
@@ -101,11 +108,12 @@ def span(triangles: Triangles, n: int, block: Block) -> tuple[int, int, int, int
 
 @inner_kernel
 def sample(block: Block, row: int, column: int) -> Place:
-    """Where on screen a sub-pixel is tested for visibility.
+    """Place on screen at which a sub-pixel is tested for visibility.
 
-    The samples' grid is turned a little, so that upright edges pass the samples of a pixel one by
-    one and not by columns.
+    The grid of samples is rotated a little, so that vertical edges pass a pixel's samples one by
+    one and not a column at a time.
     """
+    # Rotated grid: each row of sub-pixels shifts along x, each column along y.
     fine = 1.0 / block.samples
     return (
         block.left + (column + 0.25 + 0.5 * fine * (row % block.samples + 0.5)) * fine,

@@ -1,8 +1,8 @@
-"""Read a pyramid of box means as a graphics card does: bilinear taps in the two nearest levels.
+"""Read a pyramid of box means as a graphics card does.
 
-OpenGL's EXT_texture_filter_anisotropic, with the exact axes of the pixel's ellipse in the source
-for its approximate ones: taps lie along the major axis, and their level is that of one tap's width.
-With one tap this is trilinear mip mapping.
+Bilinear taps in the two nearest levels: OpenGL's EXT_texture_filter_anisotropic, but with the exact
+axes of the pixel's ellipse in the source instead of approximate ones: taps lie along the major
+axis, and one tap's width sets their level. With one tap this is trilinear mip mapping.
 """
 
 import math
@@ -37,34 +37,34 @@ class Means(NamedTuple):
 class ByMatrix(NamedTuple):
     """A homography."""
 
-    inverse: Doubles  # (3, 3) target to source, positive before the eye
+    inverse: Doubles  # (3, 3) target to source, positive in front of the camera
 
 
 class ByMap(NamedTuple):
-    """What every pixel shows."""
+    """A map: places and sides of all pixels in the source."""
 
     places: Doubles  # (6, h, w) of what `_read_row` reads in (w, 6)
 
 
 class Picture(NamedTuple):
-    """What is read, empty before."""
+    """Picture to fill, empty before."""
 
     image: Floats  # (h, w, c)
     coverage: Floats  # (h, w)
 
 
 class Taps(NamedTuple):
-    """Taps at equal steps, texels of the finest level."""
+    """Taps at equal steps along a line, texels of the finest level."""
 
     number: int
     x: float  # the middle of them
     y: float
-    side_x: float  # what they divide
+    side_x: float  # length of the line, which they divide
     side_y: float
 
 
 class Level(NamedTuple):
-    """Where one level lies."""
+    """Memory layout of one level."""
 
     start: int  # in the array of all texels
     height: int
@@ -73,7 +73,7 @@ class Level(NamedTuple):
 
 @kernel
 def _settle(position: float, size: int, edge: int) -> float:
-    """Coordinate at most one texel outside a level that shows what the given one shows."""
+    """Equivalent coordinate under the edge rule, at most one texel outside the level."""
     if edge == WRAP:
         return position - size * float(np.floor(position / size))
     if edge == MIRROR:
@@ -84,17 +84,21 @@ def _settle(position: float, size: int, edge: int) -> float:
 
 @kernel
 def _pair(position: float, size: int, edge: int) -> tuple[int, int, Single, Single]:
-    """Two texels of a row or column around a coordinate, and their weights."""
+    """Two texels of a row or column around a coordinate, and their linear weights."""
+    # Texel centers lie at half-integers.
     settled = _settle(position, size, edge) - 0.5
     first = math.floor(settled)
     second = first + 1
     weight = np.float32(settled - first)
     other = np.float32(1.0) - weight
+    # Inside the level, no edge rule applies.
     if first >= 0 and second < size:
         return first, second, other, weight
+    # Beyond a transparent edge there is no texel to weigh.
     if edge == TRANSPARENT:
         other = other if 0 <= first < size else np.float32(0.0)
         weight = weight if 0 <= second < size else np.float32(0.0)
+    # Wrapped indices come around; mirrored ones are at most one outside, so clamping reflects them.
     if edge == WRAP:
         return first % size, second % size, other, weight
     return min(max(first, 0), size - 1), min(max(second, 0), size - 1), other, weight
@@ -104,7 +108,7 @@ def _pair(position: float, size: int, edge: int) -> tuple[int, int, Single, Sing
 def _weigh(
     level: Level, x: float, y: float, channels: int, edge: int
 ) -> tuple[tuple[int, int, int, int], tuple[Single, Single, Single, Single]]:
-    """Where the 2 × 2 texels around a place begin, and their bilinear weights; 0 for no texel."""
+    """Offsets and bilinear weights of the 2 × 2 texels around a place; 0 for no texel."""
     left, right, on_left, on_right = _pair(x, level.width, edge)
     upper, lower, above, below = _pair(y, level.height, edge)
     upper = level.start + upper * level.width * channels
@@ -116,20 +120,24 @@ def _weigh(
 
 @kernel
 def _taps(seen: Doubles, column: int, most: int) -> tuple[Taps, float]:
-    """Taps for a pixel, and the width of one of them in texels.
+    """Choose a pixel's taps, and return the width of one of them in texels.
 
-    A disk in the pixel is an ellipse in the source; J Jᵀ has its axes. Where that ellipse is less
-    than a texel wide, more taps would read the same texels again.
+    A disk in the pixel is an ellipse in the source, whose axes are those of J Jᵀ. Where that
+    ellipse is less than a texel wide, more taps would read the same texels again.
     """
+    # Take J Jᵀ from the pixel's sides.
     across_x, across_y = seen[column, 2], seen[column, 3]
     down_x, down_y = seen[column, 4], seen[column, 5]
     xx, yy = across_x**2 + down_x**2, across_y**2 + down_y**2
     xy = across_x * across_y + down_x * down_y
+    # Find its eigenvalues: the squared axes of the ellipse.
     mean, half = 0.5 * (xx + yy), 0.5 * (xx - yy)
     root = math.sqrt(half * half + xy * xy)
     longer, shorter = math.sqrt(mean + root), max(math.sqrt(max(mean - root, 0.0)), 1.0)
-    ratio = longer / shorter - 1e-6  # so that rounding adds no tap to a ratio of 4
+    # Use one tap per minor axis along the major; rounding must not add one to a ratio of 4.
+    ratio = longer / shorter - 1e-6
     count = max(1, math.ceil(ratio)) if ratio < most else most
+    # Find the direction of the major axis by the better conditioned of two formulas.
     axis_x = half + root if half >= 0.0 else xy
     axis_y = xy if half >= 0.0 else root - half
     scale = longer / max(math.sqrt(axis_x**2 + axis_y**2), TINY)
@@ -139,7 +147,7 @@ def _taps(seen: Doubles, column: int, most: int) -> tuple[Taps, float]:
 
 @kernel
 def _is_somewhere(seen: Doubles, column: int) -> bool:
-    """Whether a pixel shows a place that numbers can tell."""
+    """Whether a pixel shows a place that numbers can resolve."""
     total = 0.0
     for k in range(6):
         total += abs(seen[column, k])
@@ -148,7 +156,7 @@ def _is_somewhere(seen: Doubles, column: int) -> bool:
 
 @kernel
 def _read_row(means: Means, seen: Doubles, reading: Reading, picture: Picture, row: int) -> None:
-    """Fill a row of pixels, each from the two levels whose texels are nearest to a tap's width.
+    """Fill a row of pixels, each from the two levels nearest to a tap's width.
 
     `seen` (w, 6) is what the row shows, texels: a pixel's center (x, y), its side along the
     row and its side along the column; not finite where there is nothing.
@@ -157,18 +165,23 @@ def _read_row(means: Means, seen: Doubles, reading: Reading, picture: Picture, r
     channels = image.shape[2]
     last = levels.shape[0] - 1
     for column in range(coverage.shape[1]):
+        # Skip pixels that show nothing.
         if not _is_somewhere(seen, column):
             continue
+        # Choose the taps, and the two levels around the width of one.
         taps, width = _taps(seen, column, reading.most_taps)
         fineness = min(max(math.log2(max(width, TINY)), 0.0), float(last))
         fine = int(fineness)
         coarse_share = np.float32(fineness - fine)
         filled = np.float32(0.0)
+        # Blend the finer and the coarser level.
         for number in range(fine, fine + (2 if coarse_share > 0.0 else 1)):
             share = coarse_share if number > fine else np.float32(1.0) - coarse_share
             share /= np.float32(taps.number)
             level = Level(levels[number, 0], levels[number, 1], levels[number, 2])
+            # Scale places to the level: sizes are rounded, so each axis has its own factor.
             scale_x, scale_y = level.width / levels[0, 2], level.height / levels[0, 1]
+            # Sum bilinear taps along the major axis.
             for tap in range(taps.number):
                 along = (tap + 0.5) / taps.number - 0.5
                 x, y = taps.x + along * taps.side_x, taps.y + along * taps.side_y
@@ -181,26 +194,33 @@ def _read_row(means: Means, seen: Doubles, reading: Reading, picture: Picture, r
                         + weight[3] * texel[start[3] + c]
                     )
                 filled += share * (weight[0] + weight[1] + weight[2] + weight[3])
+        # Coverage below 1 only occurs at a transparent edge.
         is_full = reading.edge != TRANSPARENT or filled > 1.0
         coverage[row, column] = np.float32(1.0) if is_full else filled
 
 
 @making_role
 def see_row(geometry: ByMatrix | ByMap, row: int, seen: Doubles) -> None:
-    """Fill in what a row shows, as `_read_row` reads it; there is nothing yet."""
+    """Fill in what a row shows, as `_read_row` reads it.
+
+    It is infinite before, which means nothing.
+    """
     raise NotImplementedError
 
 
 @plays(see_row, ByMatrix)
 def _see_by_matrix(geometry, row, seen):  # type: ignore[no-untyped-def]
+    """Project a row of pixels into the source."""
     inverse, y = geometry.inverse, row + 0.5
     for column in range(seen.shape[0]):
         x = column + 0.5
         w = inverse[2, 0] * x + inverse[2, 1] * y + inverse[2, 2]
+        # Leave pixels behind the horizon infinite.
         if w > 0.0:
             u = (inverse[0, 0] * x + inverse[0, 1] * y + inverse[0, 2]) / w
             v = (inverse[1, 0] * x + inverse[1, 1] * y + inverse[1, 2]) / w
             seen[column, 0], seen[column, 1] = u, v
+            # Differentiate the homography for the pixel's sides.
             for axis in range(2):
                 seen[column, 2 + 2 * axis] = (inverse[0, axis] - u * inverse[2, axis]) / w
                 seen[column, 3 + 2 * axis] = (inverse[1, axis] - v * inverse[2, axis]) / w
@@ -208,6 +228,7 @@ def _see_by_matrix(geometry, row, seen):  # type: ignore[no-untyped-def]
 
 @plays(see_row, ByMap)
 def _see_by_map(geometry, row, seen):  # type: ignore[no-untyped-def]
+    """Copy a row of the map."""
     for column in range(seen.shape[0]):
         for k in range(6):
             seen[column, k] = geometry.places[k, row, column]
@@ -217,6 +238,7 @@ def _see_by_map(geometry, row, seen):  # type: ignore[no-untyped-def]
 def _fill_row(
     means: Means, geometry: ByMatrix | ByMap, reading: Reading, picture: Picture, row: int
 ) -> None:
+    """Fill one row of the picture."""
     seen = np.full((picture.coverage.shape[1], 6), np.inf)
     see_row(geometry, row, seen)
     _read_row(means, seen, reading, picture, row)

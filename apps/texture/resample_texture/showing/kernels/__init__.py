@@ -1,1 +1,1 @@
-"""The numba code of references: bare arrays and numbers."""
+"""Numba kernels of references; they take only arrays and numbers."""

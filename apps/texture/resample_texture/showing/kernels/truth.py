@@ -1,6 +1,6 @@
-"""What a picture should look like: dense rays through every pixel, to texels or to a spline.
+"""Reference pictures: dense rays through every pixel, to texels or to a spline.
 
-Looks from the target into the source and shares no code with the methods that it judges.
+Rays go from the target into the source and share no code with the methods that they judge.
 """
 
 import math
@@ -13,10 +13,15 @@ from resample.types import Doubles, Floats
 
 @kernel
 def _quartic(t: float, weight: Doubles) -> None:
-    """B-spline weights of the five texels around a place, `t` beyond the third; or 1 for one."""
+    """B-spline weights of the five texels around a place; or 1 for a single texel.
+
+    `t` is counted from the third texel's center.
+    """
+    # A single texel needs no weights.
     if weight.size == 1:
         weight[0] = 1.0
         return
+    # Evaluate the three pieces of the quartic B-spline.
     for n in range(5):
         x = abs(t + 2.0 - n)
         if x <= 0.5:
@@ -29,7 +34,7 @@ def _quartic(t: float, weight: Doubles) -> None:
 
 @kernel
 def _mirrored(index: int, size: int) -> int:
-    """Texel that stands at an index a little beyond the source."""
+    """Texel at an index a little outside the source, mirrored at the edge."""
     index = -1 - index if index < 0 else index
     return max(2 * size - 1 - index, 0) if index >= size else index
 
@@ -44,12 +49,15 @@ def _cast_row(
     rays: int,
     row: Doubles,
 ) -> None:
-    """Rays along one line of the target, gathered into its pixels, `row` (w, C)."""
+    """Cast rays along a line of the target; filter them into its pixels, `row` (w, C)."""
     height, width, channels = source.shape
     pixels, taps = row.shape[0], tap.size
-    beyond = (taps - rays) // 2  # rays of the filter before a pixel's own
+    # Rays of the filter before a pixel's own.
+    beyond = (taps - rays) // 2
     across, down, value = np.empty(texels), np.empty(texels), np.empty(channels)
+    # Cast the rays of all pixels, and of the filter's support beyond the picture.
     for q in range(-beyond, pixels * rays + beyond):
+        # Project the ray into the source; skip it behind the horizon or outside.
         x = (q + 0.5) / rays
         d = inverse[2, 0] * x + inverse[2, 1] * y + inverse[2, 2]
         if d <= 0.0:
@@ -58,6 +66,7 @@ def _cast_row(
         v = (inverse[1, 0] * x + inverse[1, 1] * y + inverse[1, 2]) / d
         if not (0.0 <= u < width and 0.0 <= v < height):
             continue
+        # Interpolate the source, by a spline or by the nearest texel.
         left, top = math.floor(u), math.floor(v)
         _quartic(u - 0.5 - left, across)
         _quartic(v - 0.5 - top, down)
@@ -69,6 +78,7 @@ def _cast_row(
                 weight = down[m] * across[n]
                 for c in range(channels):
                     value[c] += weight * source[r, k, c]
+        # Add the value to the pixels whose filter covers the ray.
         first = max(0, (q - beyond) // rays)
         last = min(pixels - 1, (q + beyond) // rays)
         for p in range(first, last + 1):
@@ -89,16 +99,17 @@ def cast_rows(
     rays: int,
     rows: Doubles,
 ) -> None:
-    """Rays along the lines `y` of the target.
+    """Cast rays along the lines `y` of the target.
 
     Parameters
     ----------
     source
         (H, W, C) texels, or coefficients of a spline; beyond it there is nothing.
     texels
-        Along each axis, that tell a ray's value: 1, the one it hits, or 5, of a spline of degree 4.
+        Texels along each axis that a ray's value depends on: 1, the nearest, or 5, of a quartic
+        spline.
     inverse
-        (3, 3) from target to source, its last coordinate above 0 in front of the eye.
+        (3, 3) from target to source, its last coordinate above 0 in front of the camera.
     y
         (L,) px.
     tap

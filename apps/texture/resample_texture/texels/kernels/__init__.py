@@ -1,1 +1,1 @@
-"""The numba code of texels: bare arrays and numbers."""
+"""Numba kernels of texels; they take only arrays and numbers."""

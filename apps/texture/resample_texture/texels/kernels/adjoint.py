@@ -1,9 +1,9 @@
-"""The way back: from gradients of pixels to gradients of texels, by the weights of the way forward.
+"""Adjoint of the forward warp: texels' gradients from those of pixels.
 
-Every step of `painting` transposed, in reverse order: cells gather from the pixels they meet,
-texels gather from the cells between them, and the source from the texels of all blocks. Blocks
-gather side by side into patches of their own, which are then added one after the other: the same
-bits for any number of threads.
+The weights are those of the forward warp. Every step of `painting` transposed, in reverse order:
+cells gather from the pixels they meet, texels gather from the cells between them, and the source
+from the texels of all blocks. Blocks gather in parallel into patches of their own, which are then
+added one after the other: the same bits for any number of threads.
 """
 
 import numpy as np
@@ -31,13 +31,13 @@ from resample_texture.texels.kernels.texels import (
 
 @kernel
 def _pads(block: Integers, taps: int) -> tuple[int, int]:
-    """Texels that interpolation needs on each side of a block, along u and v."""
+    """Padding of a block that interpolation needs on each side, along u and v."""
     return taps // 2 * (block[0, CUT] > 1), taps // 2 * (block[1, CUT] > 1)
 
 
 @kernel
 def _patch_shape(block: Integers, taps: int) -> tuple[int, int]:
-    """Rows and columns of a block's texels and of those around it."""
+    """Rows and columns of a block's texels with their padding."""
     pad_u, pad_v = _pads(block, taps)
     return texels_along(block, 1) + 2 * pad_v, texels_along(block, 0) + 2 * pad_u
 
@@ -54,7 +54,7 @@ def patch_offsets(axes: Integers, taps: int, channels: int) -> Integers:
 
 @kernel
 def _copy_pixels(gradient: Floats, bounds: Integers, pixels: Floats) -> None:
-    """Fill in the pixels (channels, P) of a block; beyond the frame they are 0."""
+    """Copy a block's pixels (channels, P) from a picture; 0 outside the frame."""
     at = 0
     for row in range(bounds[TOP], bounds[BOTTOM]):
         for column in range(bounds[LEFT], bounds[RIGHT]):
@@ -68,14 +68,17 @@ def _copy_pixels(gradient: Floats, bounds: Integers, pixels: Floats) -> None:
 def _spread_row(
     values: Doubles, block: Integers, parts: tuple[int, int], taps: Floats, line: Doubles
 ) -> None:
-    """Transposed `filter_row`: a line (channels, columns) from the cells of a row."""
+    """Transposed `filter_row`: scatter cells to a line (channels, columns)."""
     cut, texels, count = block[0, CUT], texels_along(block, 0), parts[1] - parts[0]
     line[:] = 0.0
     for c in range(line.shape[0]):
         for part in range(count):
+            # All cells of one phase have the same taps.
             at = phase(parts[0] + part, cut)
             for texel in range(texels):
+                # Cells are ordered as `cell_offsets` orders them.
                 n = part * texels + texel if count <= texels else texel * count + part
+                # An uncut texel is its own cell; the others scatter through the taps.
                 if cut == 1:
                     line[c, texel] += values[c, n]
                 else:
@@ -87,7 +90,7 @@ def _spread_row(
 def _spread_line(
     line: Doubles, row: int, part: int, cut: int, taps: Floats, patch: Doubles
 ) -> None:
-    """Transposed `filter_rows`: add a line at one part of a row of texels to the patch."""
+    """Transposed `filter_rows`: scatter a line to the rows of the patch."""
     count = 1 if cut == 1 else taps.shape[0]
     at = phase(part, cut)
     for k in range(count):
@@ -99,7 +102,7 @@ def _spread_line(
 
 @kernel
 def _share_out(mass: Floats, texels: float) -> None:
-    """Turn areas into what a cell has of a texel's total, wherever it is in reach."""
+    """Replace areas by the texels per cell, for totals; cells out of reach stay 0."""
     for n in range(mass.size):
         if mass[n] > np.float32(0):
             mass[n] = np.float32(texels)
@@ -115,10 +118,13 @@ def _gather_block(
     spread: Spread,
     patch: Doubles,
 ) -> None:
-    """Fill in the patch (channels, rows, columns) of one block."""
+    """Fill the patch (channels, rows, columns) of one block."""
+    # Copy the pixels that the block may meet, zero outside the frame.
     channels, width = gradient.shape[2], box[RIGHT] - box[LEFT]
     pixels = np.empty((channels, width * (box[BOTTOM] - box[TOP])), np.float32)
     _copy_pixels(gradient, box, pixels)
+
+    # Allocate scratch; the values are float64, unlike those of the forward pass.
     patch[:] = 0.0
     line = np.empty((channels, patch.shape[2]))
     (size_u, _), (size_v, _) = extents(block, 0), extents(block, 1)
@@ -128,9 +134,11 @@ def _gather_block(
     batch = Batch(room.pixel, room.along_x, room.along_y, room.mass, values)
     for n in range(line_count(block)):
         row, part, v = line_at(block, n)
+        # Place the row of cells as the forward pass does.
         place(geometry, block, box, v, offset, spread.taps, batch)
         if spread.is_sum:
             _share_out(batch.mass, size_u * size_v)
+        # Transpose the steps of the forward pass: pixels to cells, to a line, to the patch.
         gather(pixels, width, batch, offset.size, spread)
         _spread_row(values, block, parts, taps, line)
         _spread_line(line, row, part, block[1, CUT], taps, patch)
@@ -148,14 +156,14 @@ def gather_blocks(
     start: Integers,
     patches: Doubles,
 ) -> None:
-    """Gather what pixels say about the texels of every block.
+    """Gather the gradients of every block's texels from the gradient of the picture.
 
     Parameters
     ----------
     gradient
-        (height, width, C) of the sums of the picture.
+        (height, width, C) gradient of the picture's sums.
     axes, bounds
-        (B, 2, 6) and (B, 4) blocks, and pixels that they meet.
+        (B, 2, 6) blocks, and (B, 4) the pixels that they meet.
     taps
         (K, R) of the interpolation; see `texels`.
     start
@@ -183,10 +191,13 @@ def _add_mean(
 
     `at` is the channel and the gradient of the mean.
     """
+    # A mean divides by its texels, and so does its gradient.
     height, width = totals.shape[1] - 1, totals.shape[2] - 1
     channel, value = at[0], at[1] / (float(extent[0]) * float(extent[1]))
+    # Add to the four corners of the rectangle, with the signs of a summed-area table.
     for corner in range(4):
         below, beyond = corner // 2, corner % 2
+        # Beyond the edges a prefix sum is a combination of two within the source, per axis.
         i, f, j, g = _prefix(place[1] + below * extent[1], height, edge)
         m, p, n, q = _prefix(place[0] + beyond * extent[0], width, edge)
         signed = value if below == beyond else -value
@@ -242,6 +253,7 @@ def _give_back_texels(
             for column in range(shape[1]):
                 value = share * patches[at]
                 at += 1
+                # Share the value's gradient evenly among the texels that it is the mean of.
                 for v in range(corner[1] + row * step[1], corner[1] + (row + 1) * step[1]):
                     r = mapped(v, texels.shape[1], edge)
                     left = corner[0] + column * step[0]
@@ -259,7 +271,7 @@ def give_back(
     totals: Doubles,
     texels: Doubles,
 ) -> None:
-    """Transposed `fetch`: add the patches of all blocks to the texels they were fetched from.
+    """Transposed `fetch`: add the patches of all blocks to their texels.
 
     Parameters
     ----------
@@ -277,12 +289,15 @@ def give_back(
     for n in range(axes.shape[0]):
         block = axes[n]
         pad, shape = _pads(block, taps), _patch_shape(block, taps)
+        # Find the texels that the padded patch was fetched from.
         step = 1 << block[0, LEVEL], 1 << block[1, LEVEL]
         left, top = block[0, START] - pad[0] * step[0], block[1, START] - pad[1] * step[1]
         right, bottom = left + shape[1] * step[0], top + shape[0] * step[1]
         is_outside = left < 0 or top < 0 or right > width or bottom > height
+        # Large means that cross an edge were read from the summed-area table.
         if totals.shape[0] > 0 and (step[0] > 1 or step[1] > 1) and is_outside:
             _give_back_means(patches, start[n], block, pad, shape, edge, totals)
         else:
+            # The others were read from the texels, prefiltered along the cut axes.
             kind = min(kind_of(block), texels.shape[0] - 1)
             _give_back_texels(patches, start[n], (left, top), step, shape, edge, texels, kind)

@@ -1,9 +1,9 @@
-"""Split and dice: the source in blocks, each cut evenly into cells that are small on screen.
+"""Split and dice: blocks of the source, cut evenly into cells small on screen.
 
 A *cell* is what is projected as one point: a texel, a part of one (where the texture is magnified)
-or the mean of several (where it is minified strongly), per axis. All cells of a block are alike, so
-their values come from few phases of an interpolation and their places from one walk.
-(Cook, Carpenter and Catmull, The Reyes Image Rendering Architecture, 1987, call it so.)
+or the mean of several (where it is minified strongly), per axis. All cells of a block are alike:
+their values come from few phases of an interpolation, and one walk along a row places them.
+The word is that of Cook, Carpenter and Catmull, The Reyes Image Rendering Architecture, 1987.
 
 A block is two rows of numbers, along u and along v: see `START` and those that follow.
 """
@@ -32,7 +32,8 @@ UNEVEN = 1.5  # stretches within a block may differ by this factor
 EVEN_ENOUGH = 16  # cells along an axis; so few are not split for being uneven
 COARSEST = 40  # log₂ of the texels along a cell
 FINEST = 20  # log₂ of the parts of a texel
-MOST_LOOKED, PER_PIXEL = 1 << 18, 16  # rectangles that are looked at to find the blocks of a plane
+# Rectangles that are visited at most to find the blocks of a plane: a number, and more per pixel.
+MOST_LOOKED, PER_PIXEL = 1 << 18, 16
 TILE = 32  # texels along a side of a block of a map, before it is split
 
 
@@ -44,7 +45,7 @@ class Cut(NamedTuple):
 
 
 class Rectangle(NamedTuple):
-    """Room for what is known of a rectangle that is being split."""
+    """Scratch for the rectangle that is being split."""
 
     u: Doubles  # (2,) first and last source coordinate
     v: Doubles  # (2,)
@@ -65,7 +66,7 @@ def projected(matrix: Doubles, u: float, v: float) -> tuple[float, float, float]
 
 @kernel
 def stretch(matrix: Doubles, axis: int, x: float, y: float, d: float) -> float:
-    """Length on screen, px, of a step of one texel from where (x, y) shows; d as projected."""
+    """Length of a texel on screen, px, at target point (x, y); d as projected."""
     along_x = matrix[0, axis] - x * matrix[2, axis]
     along_y = matrix[1, axis] - y * matrix[2, axis]
     return math.hypot(along_x, along_y) / d
@@ -74,6 +75,7 @@ def stretch(matrix: Doubles, axis: int, x: float, y: float, d: float) -> float:
 @kernel
 def _span(rectangle: Integers, axis: int) -> tuple[float, float]:
     """First and last source coordinate of a rectangle that is being split."""
+    # A part of one texel spans 2^-DEPTH of it, a larger rectangle whole texels.
     start, parts = float(rectangle[axis, START]), 2.0 ** rectangle[axis, DEPTH]
     part = rectangle[axis, PART]
     end = (
@@ -86,16 +88,19 @@ def _span(rectangle: Integers, axis: int) -> tuple[float, float]:
 
 @kernel
 def _split(stack: Integers, top: int, axis: int) -> bool:
-    """Replace the rectangle on top of a stack by its two halves; False if it is too small."""
+    """Replace the rectangle on a stack by its halves; False if it is too small."""
     length, depth = stack[top, axis, LENGTH], stack[top, axis, DEPTH]
+    # Give up on a texel that is cut as finely as numbers allow.
     if length == 1 and depth == FINEST:
         return False
     _copy(stack[top], stack[top + 1], stack.shape[2])
+    # Cut whole texels at the largest power of two, so that later cuts stay aligned.
     if length > 1:
         half = 1
         while half * 2 < length:
             half *= 2
         _cut_off(stack, top, axis, half)
+    # Halve a single texel.
     else:
         part = 2 * stack[top, axis, PART]
         stack[top : top + 2, axis, DEPTH] = depth + 1
@@ -105,6 +110,7 @@ def _split(stack: Integers, top: int, axis: int) -> bool:
 
 @kernel
 def _copy(source: Integers, target: Integers, count: int) -> None:
+    """Copy the first `count` columns of each axis."""
     for axis in range(source.shape[0]):
         for n in range(count):
             target[axis, n] = source[axis, n]
@@ -121,13 +127,15 @@ def _cut_off(stack: Integers, top: int, axis: int, length: int) -> None:
 
 @kernel
 def beside(lines: Doubles, u: Doubles, v: Doubles) -> tuple[bool, bool]:
-    """Whether a rectangle lies beyond one of some lines, and whether the last one cuts it."""
+    """Whether a rectangle lies outside one of some lines, and if the last one cuts it."""
     is_cut = False
     for line in range(lines.shape[0]):
+        # Count the corners outside the line.
         beyond = 0
         for corner in range(4):
             value = lines[line, 0] * u[corner % 2] + lines[line, 1] * v[corner // 2]
             beyond += value + lines[line, 2] < 0.0
+        # Cull the rectangle when one line has all corners outside.
         if beyond == 4:
             return True, False
         is_cut = beyond > 0
@@ -136,9 +144,10 @@ def beside(lines: Doubles, u: Doubles, v: Doubles) -> tuple[bool, bool]:
 
 @kernel
 def sight(matrix: Doubles, height: int, width: int, reach: float) -> Doubles:
-    """Lines (5, 3) that bound the part of the source plane that a frame sees.
+    """Lines (5, 3) that bound what a frame shows of the source plane.
 
-    The product with (u, v, 1) is negative beyond a line: left, right, above, below and behind.
+    The product with (u, v, 1) is negative outside a line: left, right, above, below and behind.
+    `reach` (px) widens the frame.
     """
     lines = np.empty((5, 3))
     for c in range(3):
@@ -152,24 +161,27 @@ def sight(matrix: Doubles, height: int, width: int, reach: float) -> Doubles:
 
 
 def sight_of(matrix: Doubles, frame: tuple[int, int], reach: float) -> Doubles:
-    """As `sight`, for Python: five lines are not worth machine code."""
+    """Return `sight` from Python: five lines are not worth machine code."""
     return np.asarray(unwrap(sight)(matrix, *frame, reach))
 
 
 @kernel
 def _stretches(matrix: Doubles, u: Doubles, v: Doubles, ranges: Doubles, box: Doubles) -> bool:
-    """Smallest and largest stretch (2, 2) per axis and bounds of a rectangle on screen.
+    """Smallest and largest stretch (2, 2) per axis, and bounds on screen.
 
-    False if a corner is behind the eye.
+    False if a corner is behind the camera.
     """
     ranges[:, 0], ranges[:, 1] = math.inf, 0.0
     box[:2], box[2:] = math.inf, -math.inf
+    # Project the corners; a homography takes its extremes there.
     for corner in range(4):
         x, y, d = projected(matrix, u[corner % 2], v[corner // 2])
         if not d > 0.0:
             return False
+        # Grow the screen bounds.
         box[LEFT], box[RIGHT] = min(box[LEFT], x), max(box[RIGHT], x)
         box[TOP], box[BOTTOM] = min(box[TOP], y), max(box[BOTTOM], y)
+        # Measure how long a texel is on screen, along u and v.
         for axis in range(2):
             length = stretch(matrix, axis, x, y, d)
             ranges[axis, 0] = min(ranges[axis, 0], length)
@@ -179,16 +191,19 @@ def _stretches(matrix: Doubles, u: Doubles, v: Doubles, ranges: Doubles, box: Do
 
 @kernel
 def _dice(rectangle: Integers, axis: int, length: float, quality: float, largest: float) -> int:
-    """Turn an axis of a rectangle into a block's, given its largest stretch; returns its cells.
+    """Turn an axis of a rectangle into that of a block; count its cells.
 
-    No cell is then longer than 1 / `quality` px, and a cell of several texels no longer than
-    `largest` px.
+    `length` is its largest stretch, px per texel. No cell is then longer than 1 / `quality` px, and
+    a cell of several texels no longer than `largest` px.
     """
+    # Cut each texel into cells no longer than 1 / quality px.
     parts = 1 << rectangle[axis, DEPTH]
     cells = max(1, math.ceil(length * quality / parts - 1e-6))
+    # Join texels, in powers of two, while the joined cell stays short enough.
     level, part, texels = 0, rectangle[axis, PART], rectangle[axis, LENGTH]
     while 2 << level <= texels and level < COARSEST and length * 2.0 ** (level + 1) <= largest:
         level += 1
+    # Write the axis of the block.
     rectangle[axis, CUT] = cells * parts
     rectangle[axis, FIRST] = part * cells
     rectangle[axis, LAST] = (part + 1) * cells if parts > 1 else texels * cells >> level
@@ -198,10 +213,12 @@ def _dice(rectangle: Integers, axis: int, length: float, quality: float, largest
 
 @kernel
 def _longer(ranges: Doubles, cells: Integers) -> int:
-    """Axis along which a block has to be split; -1 if it may stay."""
+    """Axis along which a block has to be split; -1 if it may stay whole."""
     axis = 0 if cells[0] >= cells[1] else 1
+    # Split what has too many cells.
     if cells[axis] > LARGEST:
         return axis
+    # Split what is too uneven, as under strong perspective, unless it has few cells.
     for axis in range(2):
         if cells[axis] > EVEN_ENOUGH and ranges[axis, 1] > UNEVEN * ranges[axis, 0]:
             return 0 if cells[0] >= cells[1] else 1
@@ -210,7 +227,7 @@ def _longer(ranges: Doubles, cells: Integers) -> int:
 
 @kernel
 def _remainder(rectangle: Integers, block: Integers) -> tuple[int, int]:
-    """Axis and texels of a rectangle that fill no whole cell of several texels; -1 if none."""
+    """Axis and number of texels that fill no whole cell; -1 if there are none."""
     for axis in range(2):
         rest = rectangle[axis, LENGTH] % (1 << block[axis, LEVEL])
         if rest:
@@ -220,7 +237,7 @@ def _remainder(rectangle: Integers, block: Integers) -> tuple[int, int]:
 
 @kernel
 def grown(array: Integers) -> Integers:
-    """Twice as much room, with what there is at its beginning."""
+    """Return an array twice as long, with the same beginning."""
     more = np.empty((2 * array.shape[0], *array.shape[1:]), array.dtype)
     source, target = array.reshape(-1), more.reshape(-1)
     for n in range(source.size):
@@ -230,10 +247,11 @@ def grown(array: Integers) -> Integers:
 
 @kernel
 def _clipped(box: Doubles, reach: float, height: int, width: int, bounds: Integers) -> bool:
-    """Whole pixels that a block may touch, within the frame and its margin; False if none.
+    """Bound the whole pixels that a block may touch in the frame; False if none.
 
     A point that just touches the frame has its first tap 2 × `reach` px outside.
     """
+    # Clamp in floating point first: bounds near the horizon are too large for an integer.
     margin = math.ceil(2.0 * reach)
     bounds[LEFT] = max(math.floor(max(box[LEFT], -1e9) - reach), -margin)
     bounds[TOP] = max(math.floor(max(box[TOP], -1e9) - reach), -margin)
@@ -250,8 +268,9 @@ def _noted(
     reach: float,
     frame: tuple[int, int],
 ) -> tuple[Integers, Integers, int]:
-    """Blocks and their pixels, and how many there are, with one more if it meets the frame."""
+    """Append a block and its pixels to those found, if it meets the frame."""
     blocks, bounds, count = found
+    # Grow the arrays when they are full.
     if count == blocks.shape[0]:
         blocks, bounds = grown(blocks), grown(bounds)
     if _clipped(box, reach, frame[0], frame[1], bounds[count]):
@@ -274,21 +293,26 @@ def _divided(
 ) -> int:
     """Make a block of the rectangle on top of a stack, or split it.
 
-    Gives how many rectangles it has become there; -1: a block; 0: it is not seen.
+    Returns how many rectangles replace it on the stack; -1: it is a block; 0: it is culled.
     """
     u, v, ranges, box, cells, block = seen
+    # Cull what lies outside the frame.
     u[0], u[1] = _span(stack[top], 0)
     v[0], v[1] = _span(stack[top], 1)
     if beside(lines, u, v)[0]:
         return 0
+    # Halve what crosses the horizon, along its longer side.
     if not _stretches(matrix, u, v, ranges, box):
         return 2 * _split(stack, top, 0 if u[1] - u[0] >= v[1] - v[0] else 1)
+    # Dice both axes by their largest stretch.
     _copy(stack[top], block, 4)
     for axis in range(2):
         cells[axis] = _dice(block, axis, ranges[axis, 1], cut.quality, cut.largest)
+    # Split what has too many cells, or too uneven ones.
     axis = _longer(ranges, cells)
     if axis >= 0:
         return 2 * _split(stack, top, axis)
+    # Cut off texels that fill no whole cell.
     axis, rest = _remainder(stack[top], block)
     if axis >= 0:
         _cut_off(stack, top, axis, stack[top, axis, LENGTH] - rest)
@@ -305,18 +329,18 @@ def split_plane(
     quality: float,
     largest: float,
 ) -> tuple[Integers, Integers, bool]:
-    """Blocks of a plane under a homography that a frame sees.
+    """Split a plane under a homography into the blocks that a frame shows.
 
     Parameters
     ----------
     matrix
-        (3, 3) source to target, positive third coordinate in front of the eye.
+        (3, 3) source to target, positive third coordinate in front of the camera.
     roots
         (R, 4) rectangles of the source: first column and row, width and height, texels.
     frame
         Height and width of the target, px.
     reach
-        How far a point may spread, px.
+        How far a point's filter may extend, px.
     quality
         Cells per px, at least.
     largest
@@ -325,25 +349,31 @@ def split_plane(
     Returns
     -------
     The axes (B, 2, 6) of the blocks; what they may touch (B, 4): left, top, right, bottom, px, the
-    last two one beyond; and whether these are all, as there are fewer than would never end.
+    last two one beyond; and whether these are all: False if there are too many to visit.
     """
+    # Prepare the frustum's lines, growing results, and a stack for a depth-first descent.
     height, width = frame
-    left_over = MOST_LOOKED + PER_PIXEL * height * width  # rectangles that may be looked at
+    left_over = MOST_LOOKED + PER_PIXEL * height * width  # rectangles that may be visited
     lines, cut = sight(matrix, height, width, reach), Cut(quality, largest)
     found = np.empty((256, 2, 6), np.int64), np.empty((256, 4), np.int64), 0
     stack = np.zeros((256, 2, 4), np.int64)
     block, box = np.empty((2, 6), np.int64), np.empty(4)
     seen = Rectangle(np.empty(2), np.empty(2), np.empty((2, 2)), box, np.empty(2, np.int64), block)
+
+    # Descend from each root.
     for root in range(roots.shape[0]):
         _push(roots, root, stack)
         depth = 1
         while depth > 0:
+            # Stop at the visit limit: near a degenerate horizon the descent would not end.
             left_over -= 1
             if left_over < 0:
                 return found[0][:0], found[1][:0], False
             top = depth - 1
+            # A split needs one more place on the stack.
             if top + 2 > stack.shape[0]:
                 stack = grown(stack)
+            # Pop the rectangle, or replace it by its parts.
             more = _divided(matrix, lines, stack, top, cut, seen)
             depth = top + max(more, 0)
             if more < 0:
@@ -356,16 +386,19 @@ def split_plane(
 def _stretches_of_map(
     x: Doubles, y: Doubles, rectangle: Integers, ranges: Doubles, box: Doubles
 ) -> bool:
-    """As `_stretches`, of a rectangle of a map; False if no texel in it has a place."""
+    """Return `_stretches` of a rectangle of a map; False if it has no places."""
     ranges[:, 0], ranges[:, 1] = math.inf, 0.0
     box[:2], box[2:] = math.inf, -math.inf
     column, row = rectangle[0, START], rectangle[1, START]
     for r in range(row, row + rectangle[1, LENGTH]):
         for c in range(column, column + rectangle[0, LENGTH]):
+            # Skip texels without a place.
             if not (math.isfinite(x[r, c]) and math.isfinite(y[r, c])):
                 continue
+            # Grow the screen bounds by the texel's center.
             box[LEFT], box[RIGHT] = min(box[LEFT], x[r, c]), max(box[RIGHT], x[r, c])
             box[TOP], box[BOTTOM] = min(box[TOP], y[r, c]), max(box[BOTTOM], y[r, c])
+            # Measure the distances to the neighbours along u and v.
             for axis in range(2):
                 for side in (-1, 1):
                     q, p = r + side * (axis == 1), c + side * (axis == 0)
@@ -374,6 +407,7 @@ def _stretches_of_map(
                         if math.isfinite(length):
                             ranges[axis, 0] = min(ranges[axis, 0], length)
                             ranges[axis, 1] = max(ranges[axis, 1], length)
+    # Widen the bounds from the centers of texels to their outlines, with a margin.
     half = ranges[0, 1] + ranges[1, 1]
     box[:2] -= half
     box[2:] += half
@@ -384,7 +418,7 @@ def _stretches_of_map(
 def split_map(
     x: Doubles, y: Doubles, frame: tuple[int, int], reach: float, quality: float
 ) -> tuple[Integers, Integers]:
-    """Blocks of a source whose texels' places a map gives; otherwise as `split_plane`.
+    """Split a source whose texels' places a map gives; otherwise as `split_plane`.
 
     Parameters
     ----------
@@ -393,10 +427,14 @@ def split_map(
     """
     height, width = frame
     rows, columns = x.shape
+
+    # Prepare growing results and a stack.
     found = np.empty((256, 2, 6), np.int64), np.empty((256, 4), np.int64), 0
     stack = np.zeros((256, 2, 4), np.int64)
     ranges, box = np.empty((2, 2)), np.empty(4)
     block, cells = np.empty((2, 6), np.int64), np.empty(2, np.int64)
+
+    # Descend from each tile of the map.
     tiles = (columns + TILE - 1) // TILE
     for tile in range(tiles * ((rows + TILE - 1) // TILE)):
         stack[0] = 0
@@ -407,6 +445,7 @@ def split_map(
         while depth > 0:
             top = depth - 1
             depth -= 1
+            # Cull rectangles without a place, or outside the frame.
             if not _stretches_of_map(x, y, stack[top], ranges, box):
                 continue
             if (
@@ -416,9 +455,11 @@ def split_map(
                 or box[TOP] > height + reach
             ):
                 continue
+            # Dice both axes; texels of a map are not joined.
             _copy(stack[top], block, 4)
             for axis in range(2):
                 cells[axis] = _dice(block, axis, ranges[axis, 1], quality, 0.0)
+            # Split what has too many cells or too uneven ones, down to single texels.
             axis = _longer(ranges, cells)
             if axis >= 0 and stack[top, axis, LENGTH] > 1:
                 depth += 2 * _split(stack, top, axis)

@@ -1,7 +1,7 @@
-"""Points placed from the target: for maps that say where pixels come from.
+"""Points gathered from the target: for maps that say where pixels come from.
 
-Every pixel is cut into parts, so many that neither the picture nor the source is skipped over; each
-part reads the source where the map, linear between pixel centers, leads, and is added as a point.
+Every pixel is cut into so many parts that neither pixels nor texels are skipped; each part reads
+the source where the map, linear between pixel centers, leads, and is added as a point.
 """
 
 import math
@@ -28,7 +28,7 @@ AT_EDGES = 8.0  # parts of a pixel along an axis where an edge of the source may
 
 
 class Pixels(NamedTuple):
-    """Tiles of pixels that look a source up where a map leads."""
+    """Tiles of pixels that read a source where a map leads."""
 
     texels: Floats  # (H, W, C), prefiltered for interpolation along both axes
     edge: int
@@ -41,7 +41,7 @@ class Pixels(NamedTuple):
 
 
 class Points(NamedTuple):
-    """Room for the points of one pixel."""
+    """Scratch for the points of one pixel."""
 
     batch: Batch
 
@@ -66,12 +66,14 @@ def _may_cross(source: Floats, u: float, v: float, ux: Pair, uy: Pair, vx: Pair,
 def _read(source: Pixels, u: float, v: float, values: Floats, n: int) -> None:
     """Interpolate the source at a point, into column n of the values."""
     texels, edge, taps, first = source.texels, source.edge, source.taps, source.channels[0]
+    # Find the texel and the phases of its taps.
     height, width = texels.shape[0], texels.shape[1]
     column, row = math.floor(u), math.floor(v)
     dense = EXACT * (EXACT + 1) // 2
     at_u = dense + min(DENSE - 1, int((u - column) * DENSE))
     at_v = dense + min(DENSE - 1, int((v - row) * DENSE))
     reach = taps.shape[0] // 2
+    # Sum the taps, skipping those without weight.
     for c in range(values.shape[0]):
         values[c, n] = np.float32(0)
     for k in range(taps.shape[0]):
@@ -88,22 +90,30 @@ def _read(source: Pixels, u: float, v: float, values: Floats, n: int) -> None:
 
 @inner_kernel
 def _cut_pixel(source: Pixels, place: tuple[int, int], is_sum: bool, batch: Batch) -> int:
-    """Points of one pixel: fills values, places within the pixel and masses; gives their number."""
+    """Cut a pixel into points: values, places within the pixel, masses; count them."""
     texels, edge, map_u, map_v = source.texels, source.edge, source.map_u, source.map_v
     _, along_x, along_y, mass, values = batch
     quality, row, column = source.quality, place[0] + 1, place[1] + 1
+
+    # Skip pixels that the map leads nowhere.
     u, v = map_u[row, column], map_v[row, column]
     if not (abs(u) <= FARTHEST and abs(v) <= FARTHEST):
         return 0
+
+    # Take the map's steps to the neighbours on both sides, as it may bend at the pixel.
     ux = steps(map_u[row, column - 1], u, map_u[row, column + 1])
     vx = steps(map_v[row, column - 1], v, map_v[row, column + 1])
     uy = steps(map_u[row - 1, column], u, map_u[row + 1, column])
     vy = steps(map_v[row - 1, column], v, map_v[row + 1, column])
+
+    # Cut into parts no longer than a texel, and finer where the source's edge may run through.
     if edge == TRANSPARENT and _may_cross(texels, u, v, ux, uy, vx, vy):
         quality = max(quality, AT_EDGES)
     parts_x, parts_y = _parts(ux, vx, quality), _parts(uy, vy, quality)
     share = np.float32(1.0 / (parts_x * parts_y))
     count = 0
+
+    # Visit the parts; each half of the pixel has the steps of its own side.
     for part_y in range(parts_y):
         y = (part_y + 0.5) / parts_y - 0.5
         below = int(y > 0)
@@ -112,14 +122,17 @@ def _cut_pixel(source: Pixels, place: tuple[int, int], is_sum: bool, batch: Batc
             beyond = int(x > 0)
             at_u = u + x * ux[beyond] + y * uy[below]
             at_v = v + x * vx[beyond] + y * vy[below]
+            # Skip parts beyond a transparent edge.
             is_in = 0.0 <= at_u <= texels.shape[1] and 0.0 <= at_v <= texels.shape[0]
             if edge == TRANSPARENT and not is_in:
                 continue
+            # Read the source there; a total is a density times the area.
             _read(source, at_u, at_v, values, count)
             if is_sum:
                 area = np.float32(abs(ux[beyond] * vy[below] - uy[below] * vx[beyond]))
                 for c in range(values.shape[0]):
                     values[c, count] *= area
+            # Store the point with its share of the pixel.
             along_x[count], along_y[count] = x + 0.5, y + 0.5
             mass[count] = share
             count += 1
@@ -128,23 +141,28 @@ def _cut_pixel(source: Pixels, place: tuple[int, int], is_sum: bool, batch: Batc
 
 @plays(begun, Pixels)
 def _begun(source: Pixels, part: int) -> Points:  # noqa: ARG001
+    """Allocate scratch for the points of one pixel."""
     return Points(new_batch(source.channels[1], MOST * MOST))
 
 
 @plays(lines, Pixels)
 def _lines(source: Pixels, part: int) -> int:
+    """Count the pixels of a tile, each of which is one line of the engine's loop."""
     tile = source.tiles[part]
     return int((tile[BOTTOM] - tile[TOP]) * (tile[RIGHT] - tile[LEFT]))
 
 
 @plays(fill, Pixels)
 def _fill(source: Pixels, part: int, line: int, box: Integers, spread: Spread, work: Points) -> int:
+    # Find the pixel that this line stands for.
     tile, (pixel, along_x, along_y, _, _) = source.tiles[part], work.batch
     width, before = box[RIGHT] - box[LEFT], 0.5 * spread.taps - 0.5
     down, across = divmod(line, tile[RIGHT] - tile[LEFT])
     row, column = tile[TOP] + down, tile[LEFT] + across
+    # Cut it into points.
     count = _cut_pixel(source, (row, column), spread.is_sum, work.batch)
     for n in range(count):
+        # Place them: in their own pixel for the area filter, else by the first tap of the filter.
         x, y = float(column - box[LEFT]), float(row - box[TOP])
         if spread.taps == 0:
             along_x[n], along_y[n] = 0.0, 0.0
@@ -158,5 +176,5 @@ def _fill(source: Pixels, part: int, line: int, box: Integers, spread: Spread, w
 
 @parallel_kernel
 def gather_tiles(counter: Counter, source: Pixels, spread: Spread, parts: Parts) -> None:
-    """Add the points of every tile's pixels to sums of its own."""
+    """Add the points of every tile's pixels to that tile's own sums."""
     paint_parts(counter, source, spread, parts)

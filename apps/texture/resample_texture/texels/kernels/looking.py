@@ -1,4 +1,4 @@
-"""Where pixels lie in a source: on a plane under a homography, or as a map says."""
+"""Where pixels lie in a source: on a plane under a homography, or by a map."""
 
 import math
 from typing import NamedTuple
@@ -16,9 +16,9 @@ from resample.engine.windows.looking import (
 )
 from resample.types import Doubles, Floats
 
-FARTHEST = 2.0**52  # texels from the source's origin beyond which there is nothing
+FARTHEST = 2.0**52  # texels from the source's origin; places beyond count as nowhere
 TWELFTH = 1.0 / 12.0  # second moment of a pixel
-TORN = 8.0  # a step this many times as long as that on the pixel's other side leads across a tear
+TORN = 8.0  # a step so many times as long as that on the pixel's other side crosses a tear
 
 
 Pair = tuple[float, float]
@@ -33,7 +33,7 @@ class Plane(NamedTuple):
 
 
 class Map(NamedTuple):
-    """A source that pixels look up one by one."""
+    """A source with a map that gives each pixel its source coordinates."""
 
     u: Doubles  # (h + 2, w + 2) source coordinates of pixel centers, with a margin of one;
     v: Doubles  # NaN: nothing
@@ -41,7 +41,7 @@ class Map(NamedTuple):
 
 @inner_kernel
 def steps(before: float, here: float, after: float) -> tuple[float, float]:
-    """Steps of a map to both sides of a pixel; a missing or torn one is as the other."""
+    """Steps of a map to both sides; a missing or torn one is as the other."""
     left, right = here - before, after - here
     if not abs(left) <= FARTHEST or abs(left) > TORN * abs(right) + TORN:
         left = right
@@ -52,14 +52,17 @@ def steps(before: float, here: float, after: float) -> tuple[float, float]:
 
 @plays(seen_at, Plane)
 def _seen_on_plane(look: Plane, row: int, column: int) -> Seen:
-    # The middle is where the pixel's points are in the mean, to second order.
+    """Project a pixel into the source plane: its mean place and its sides."""
+    # Project the pixel's center; it shows nothing behind the horizon.
     a, x, y = look.inverse, (look.left + column) + 0.5, (look.top + row) + 0.5
     d = a[2, 0] * x + a[2, 1] * y + a[2, 2]
     share = 1.0 / d if d > 0.0 else math.nan
     u = (a[0, 0] * x + a[0, 1] * y + a[0, 2]) * share
+    # Differentiate the homography for the pixel's sides.
     v = (a[1, 0] * x + a[1, 1] * y + a[1, 2]) * share
     ux, uy = (a[0, 0] - u * a[2, 0]) * share, (a[0, 1] - u * a[2, 1]) * share
     vx, vy = (a[1, 0] - v * a[2, 0]) * share, (a[1, 1] - v * a[2, 1]) * share
+    # Move the middle to the mean of the pixel's points, to second order.
     bend_x, bend_y = a[2, 0] * share * TWELFTH, a[2, 1] * share * TWELFTH
     u, v = u - ux * bend_x - uy * bend_y, v - vx * bend_x - vy * bend_y
     return Seen(u, v, (ux, vx), (uy, vy))
@@ -67,7 +70,7 @@ def _seen_on_plane(look: Plane, row: int, column: int) -> Seen:
 
 @inner_kernel
 def _squared(along_x: Pair, along_y: Pair) -> tuple[Pair, Pair]:
-    """Sides of a pixel; one that no neighbour tells is as the other, and of both a texel long."""
+    """Sides of a pixel; unknown ones are the other turned by 90°, or a texel."""
     is_known_x = along_x[0] != 0.0 or along_x[1] != 0.0
     is_known_y = along_y[0] != 0.0 or along_y[1] != 0.0
     if is_known_x and is_known_y:
@@ -81,12 +84,15 @@ def _squared(along_x: Pair, along_y: Pair) -> tuple[Pair, Pair]:
 
 @plays(seen_at, Map)
 def _seen_by_map(look: Map, row: int, column: int) -> Seen:
+    """Look a pixel up in the map: its mean place and its sides."""
     r, c = row + 1, column + 1
     u, v = look.u[r, c], look.v[r, c]
+    # Difference the map on both sides of the pixel.
     ux = steps(look.u[r, c - 1], u, look.u[r, c + 1])
     vx = steps(look.v[r, c - 1], v, look.v[r, c + 1])
     uy = steps(look.u[r - 1, c], u, look.u[r + 1, c])
     vy = steps(look.v[r - 1, c], v, look.v[r + 1, c])
+    # Take the mean of both sides, and the bend between them for the mean place.
     bend_u, bend_v = ux[1] - ux[0] + uy[1] - uy[0], vx[1] - vx[0] + vy[1] - vy[0]
     along_x = 0.5 * (ux[0] + ux[1]), 0.5 * (vx[0] + vx[1])
     along_y = 0.5 * (uy[0] + uy[1]), 0.5 * (vy[0] + vy[1])
@@ -104,7 +110,7 @@ def look_at(
     image: Floats,
     covered: Floats,
 ) -> None:
-    """Fill tiles of a picture with what their pixels see; see `look_from_tiles`."""
+    """Fill tiles of a picture with what their pixels cover; see `look_from_tiles`."""
     look_from_tiles(counter, look, view, tiles, bounds, image, covered)
 
 
@@ -112,5 +118,5 @@ def look_at(
 def measure(
     counter: Counter, look: Plane | Map, tiles: Integers, step: int, view: View, extent: Extent
 ) -> None:
-    """Find out what tiles see; see `measure_tiles`."""
+    """Measure what tiles cover of the source; see `measure_tiles`."""
     measure_tiles(counter, look, tiles, step, view, extent)

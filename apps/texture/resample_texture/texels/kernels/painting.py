@@ -1,4 +1,4 @@
-"""Blocks of texels as parts of a source: what the engine's loop over parts places cell by cell."""
+"""Blocks of texels as parts of a source, painted by the engine's loop over parts."""
 
 from typing import NamedTuple
 
@@ -50,7 +50,7 @@ class Texture(NamedTuple):
 
 
 class Lines(NamedTuple):
-    """What rows of a block's cells are made of and with."""
+    """Scratch for the rows of a block's cells."""
 
     batch: Batch
     offset: Floats  # (N,) of the cells, see `cell_offsets`
@@ -69,7 +69,7 @@ def _chosen(block: Integers, texels: Texels) -> Floats:
 
 @inner_kernel
 def _as_densities(batch: Batch, count: int, texels: float) -> None:
-    """Turn totals per texel into values per px²."""
+    """Turn totals per texel into densities, values per px²."""
     mass, values = batch.mass, batch.values
     for n in range(count):
         density = np.float32(texels) / mass[n] if mass[n] > np.float32(0) else np.float32(0)
@@ -79,13 +79,17 @@ def _as_densities(batch: Batch, count: int, texels: float) -> None:
 
 @plays(begun, Texture)
 def _begun(source: Texture, part: int) -> Lines:
+    """Fetch the texels of a block, and allocate scratch for its rows."""
+    # Size the patch: the block's texels, padded along the axes that are interpolated.
     block, (first, count) = source.axes[part], source.channels
     reach = source.taps.shape[0] // 2
     pad = reach * (block[0, CUT] > 1), reach * (block[1, CUT] > 1)
     rows, columns = texels_along(block, 1) + 2 * pad[1], texels_along(block, 0) + 2 * pad[0]
     patch = np.empty((count, rows, columns), np.float32)
+    # Fetch the texels, prefiltered as the interpolation needs them.
     chosen = _chosen(block, source.texels)
     fetch(chosen, source.extract, source.totals, block, pad, source.edge, patch, first)
+    # Allocate the batch for one row of cells.
     offset = cell_offsets(block)
     line = np.empty((count, columns), np.float32)
     return Lines(new_batch(count, offset.size), offset, patch, line)
@@ -93,16 +97,21 @@ def _begun(source: Texture, part: int) -> Lines:
 
 @plays(lines, Texture)
 def _lines(source: Texture, part: int) -> int:
+    """Count the rows of cells of a block."""
     return line_count(source.axes[part])
 
 
 @plays(fill, Texture)
 def _fill(source: Texture, part: int, line: int, box: Integers, spread: Spread, work: Lines) -> int:
+    """Fill the batch with one row of cells; count them."""
     block, batch, offset = source.axes[part], work.batch, work.offset
+    # Interpolate the values, first along v, then along u.
     row, cell, v = line_at(block, line)
     filter_rows(work.patch, row, cell, block[1, CUT], source.taps, work.line)
     filter_row(work.line, block, parts_along(block, 0), source.taps, batch.values)
+    # Place the cells on screen.
     place(source.geometry, block, box, v, offset, spread.taps, batch)
+    # Spread totals as densities over the area that each cell covers.
     if spread.is_sum:
         (size_u, _), (size_v, _) = extents(block, 0), extents(block, 1)
         _as_densities(batch, offset.size, size_u * size_v)

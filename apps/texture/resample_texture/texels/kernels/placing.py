@@ -1,8 +1,8 @@
-"""Where a row of cells falls on screen, and how much of it each covers.
+"""Where the cells of a row fall on screen, and how much area each covers.
 
-Places are relative to the block's own pixels.
-For the area filter a cell is a box as wide as its projection reaches along x and y
-(√(a² + b²) of its two sides); it meets 2 × 2 pixels.
+Places are in pixels from the top left corner of the block's own pixels.
+For the area filter a cell is a box as wide as its projection along x and y (√(a² + b²) of its two
+sides); it meets 2 × 2 pixels.
 """
 
 import math
@@ -24,7 +24,7 @@ SMALLEST: Single = np.float32(1e-5)  # px; keeps divisions finite
 
 
 class Placement(NamedTuple):
-    """Where texels go: by a homography or, unless it is empty, by a map."""
+    """Where texels go: by a homography, or by a map if that is not empty."""
 
     matrix: Doubles  # (3, 3) source to target
     x: Doubles  # (H + 2, W + 2) places of the texels' centers, with a margin of one
@@ -32,7 +32,7 @@ class Placement(NamedTuple):
 
 
 class Walk(NamedTuple):
-    """A row of cells under a homography, as numbers in homogeneous coordinates."""
+    """A row of cells under a homography, in homogeneous coordinates."""
 
     start: Triple
     step: Triple  # from a texel to the next
@@ -57,10 +57,11 @@ class Raster(NamedTuple):
 
 @inner_kernel
 def _raster_of(block: Integers, box: Integers, taps: int) -> Raster:
-    """What cells of a block share, each of which meets at least 2 pixels along an axis."""
+    """Pixels and cell sizes of a block; a cell meets at least 2 pixels along an axis."""
     width, height = box[RIGHT] - box[LEFT], box[BOTTOM] - box[TOP]
     size_u, _ = extents(block, 0)
     size_v, _ = extents(block, 1)
+    # Keep the first pixel of a cell so far from the border that all its taps fit.
     beside = max(2, taps) - 1
     left, top = float(box[LEFT]), float(box[TOP])
     return Raster(left, top, width, width - beside, height - beside, size_u, size_v)
@@ -76,7 +77,7 @@ def place(
     taps: int,
     batch: Batch,
 ) -> None:
-    """Place a row of cells.
+    """Place a row of cells on screen.
 
     Parameters
     ----------
@@ -103,13 +104,14 @@ def place(
 
 @inner_kernel
 def _walk(matrix: Doubles, block: Integers, box: Integers, v: float, taps: int) -> Walk:
-    """A row of a block's cells under a homography."""
+    """Set up the walk along a row of a block's cells under a homography."""
     left, top, width, right, bottom, size_u, size_v = _raster_of(block, box, taps)
     u = float(block[0, START])
-    # Rows of the matrix with the block's corner as origin: float32 then tells small fractions.
+    # Make the block's corner the origin, so that float32 resolves small fractions.
     xu, xv = matrix[0, 0] - left * matrix[2, 0], matrix[0, 1] - left * matrix[2, 1]
     yu, yv = matrix[1, 0] - top * matrix[2, 0], matrix[1, 1] - top * matrix[2, 1]
     du, dv = matrix[2, 0], matrix[2, 1]
+    # Bundle start, step along the row, the cell's two sides, its area times d³, and the limits.
     return Walk(
         (
             np.float32(xu * u + xv * v + matrix[0, 2] - left * matrix[2, 2]),
@@ -127,7 +129,10 @@ def _walk(matrix: Doubles, block: Integers, box: Integers, v: float, taps: int) 
 
 @inner_kernel
 def _place_boxes(walk: Walk, offset: Floats, batch: Batch) -> None:
-    """Place cells as boxes that reach as far as their sides do; all in float32, without a jump."""
+    """Place cells as boxes around their projections.
+
+    Branch-free and in float32, for SIMD.
+    """
     one, zero, half = np.float32(1), np.float32(0), np.float32(0.5)
     pixel, along_x, along_y, mass, _ = batch
     (x0, y0, d0), (x_step, y_step, d_step) = walk.start, walk.step
@@ -135,18 +140,23 @@ def _place_boxes(walk: Walk, offset: Floats, batch: Batch) -> None:
     x_limit, y_limit = walk.limits
     area, stride = walk.area, np.int32(walk.width)
     for n in range(offset.size):
+        # Divide by d, once per cell.
         along = offset[n]
         inverse = one / (d0 + along * d_step)
         x = (x0 + along * x_step) * inverse
         y = (y0 + along * y_step) * inverse
+        # Differentiate for the projected sides, and take the box around them, at most a pixel wide.
         ax, bx = (xa - x * da) * inverse, (xb - x * db) * inverse
         ay, by = (ya - y * da) * inverse, (yb - y * db) * inverse
         across = min(length(ax, bx) + SMALLEST, one)
         down = min(length(ay, by) + SMALLEST, one)
+        # Move from the box's center to its top left corner.
         x -= half * across
         y -= half * down
+        # Drop cells outside the block's pixels or behind the camera: their mass becomes 0.
         is_in = (x >= zero) & (y >= zero) & (x < x_limit) & (y < y_limit) & (inverse > zero)
         column, row = np.int32(x), np.int32(y)
+        # Split the box between the pixel it starts in and the next, along both axes.
         right, below = beyond(x, across, np.float32(column)), beyond(y, down, np.float32(row))
         along_x[n] = right if is_in else zero
         along_y[n] = below if is_in else zero
@@ -156,19 +166,22 @@ def _place_boxes(walk: Walk, offset: Floats, batch: Batch) -> None:
 
 @inner_kernel
 def _place_points(walk: Walk, offset: Floats, taps: int, batch: Batch) -> None:
-    """Place cells as points, by the first of the `taps` pixels that each meets along an axis."""
+    """Place cells as points, by the first of the `taps` pixels along each axis."""
     one, zero, before = np.float32(1), np.float32(0), np.float32(0.5 * taps - 0.5)
     pixel, along_x, along_y, mass, _ = batch
     (x0, y0, d0), (x_step, y_step, d_step) = walk.start, walk.step
     x_limit, y_limit = walk.limits
     area, stride = walk.area, np.int32(walk.width)
     for n in range(offset.size):
+        # Project the cell's center, and move to its first tap.
         along = offset[n]
         inverse = one / (d0 + along * d_step)
         x = (x0 + along * x_step) * inverse - before
         y = (y0 + along * y_step) * inverse - before
+        # Drop cells outside the block's pixels or behind the camera: their mass becomes 0.
         is_in = (x >= zero) & (y >= zero) & (x < x_limit) & (y < y_limit) & (inverse > zero)
         column, row = np.int32(x), np.int32(y)
+        # Store the phase of the filter, the projected area, and the first pixel.
         along_x[n] = x - np.float32(column)
         along_y[n] = y - np.float32(row)
         mass[n] = area * inverse * inverse * inverse if is_in else zero
@@ -187,9 +200,9 @@ def determinant(m: Doubles) -> float:
 
 @inner_kernel
 def _bent(before: Single, here: Single, after: Single, offset: Single) -> tuple[Single, Single]:
-    """Value and slope at an offset from the middle of three, along the line on that side.
+    """Value and slope at an offset from the middle of three, piecewise linear.
 
-    In the middle itself it is the mean slope; where a neighbour is missing, that of the other side.
+    The slope in the middle is the mean of both sides; a missing neighbour's side has the other's.
     """
     left, right = here - before, after - here
     if not math.isfinite(left):
@@ -202,7 +215,7 @@ def _bent(before: Single, here: Single, after: Single, offset: Single) -> tuple[
 
 @inner_kernel
 def _along_row(places: Doubles, row: int, column: int, offset: float) -> tuple[Single, Single]:
-    """Place and its slope along u, at an offset from the middle of three of a map's places."""
+    """Place and slope along u, at an offset from one of a map's places."""
     before, here = places[row, column - 1], places[row, column]
     return _bent(before, here, places[row, column + 1], offset)
 
@@ -212,10 +225,13 @@ def _near(
     places: Doubles, row: int, column: int, offset_u: float, offset_v: float
 ) -> tuple[Single, Single, Single]:
     """Place near one of a map's places, bilinear, and its slopes along u and v."""
+    # Interpolate along u in the rows above, here and below.
     above, above_u = _along_row(places, row - 1, column, offset_u)
     here, here_u = _along_row(places, row, column, offset_u)
     below, below_u = _along_row(places, row + 1, column, offset_u)
+    # Interpolate along v between them.
     place, slope_v = _bent(above, here, below, offset_v)
+    # Blend the slope along u towards the row on the offset's side, if that row has a place.
     other_u = above_u if offset_v < 0 else below_u
     if not math.isfinite(other_u):
         other_u = here_u
@@ -239,13 +255,16 @@ def _place_on_map(
     r = math.floor(v)
     offset_v = v - r - 0.5
     for n in range(offset.size):
+        # Interpolate the map and its slopes at the cell's center.
         u = block[0, START] + float(offset[n])
         c = math.floor(u)
         offset_u = u - c - 0.5
         px, xu, xv = _near(x, r + 1, c + 1, offset_u, offset_v)
         py, yu, yv = _near(y, r + 1, c + 1, offset_u, offset_v)
+        # Scale the slopes to the sides of a cell, and move the origin to the block's pixels.
         px, xu, xv = px - left, xu * size_u, xv * size_v
         py, yu, yv = py - top, yu * size_u, yv * size_v
+        # Area filter: take the box around the cell; others: the first tap of the filter.
         across, down = 1.0, 1.0
         if taps == 0:
             across = min(math.hypot(xu, xv) + SMALLEST, 1.0)
@@ -255,9 +274,11 @@ def _place_on_map(
         else:
             px -= 0.5 * taps - 0.5
             py -= 0.5 * taps - 0.5
+        # Drop cells outside the block's pixels, NaN places included.
         mass[n], along_x[n], along_y[n] = np.float32(0), np.float32(0), np.float32(0)
         pixel[n] = 0
         if 0.0 <= px < right and 0.0 <= py < bottom:
+            # Split the place into pixel and phase, and store the projected area.
             column, row = int(px), int(py)
             px -= column
             py -= row

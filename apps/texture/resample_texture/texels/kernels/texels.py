@@ -1,4 +1,4 @@
-"""Values of cells: texels fetched from the source, joined or interpolated."""
+"""Values of cells: texels fetched from the source, averaged or interpolated."""
 
 from typing import NamedTuple
 
@@ -27,25 +27,31 @@ class Extract(NamedTuple):
 
 @inner_kernel
 def kind_of(block: Integers) -> int:
-    """Which texels a block reads: 0 as they are, 1 prefiltered along u, 2 along v, 3 along both."""
+    """Kind of texels that a block reads.
+
+    0 as they are, 1 prefiltered along u, 2 along v, 3 along both.
+    """
     return int(block[0, CUT] > 1) + 2 * int(block[1, CUT] > 1)
 
 
 @inner_kernel
 def _prefix(index: int, size: int, edge: int) -> tuple[int, float, int, float]:
-    """How a sum of all values up to an index, edges included, combines two sums within the source.
+    """Express a prefix sum, edges included, by two sums within the source.
 
-    Gives (i, f, j, g): the sum is f S[i] + g S[j], with S[i] that of the first i values.
+    Returns (i, f, j, g): the sum is f S[i] + g S[j], with S[i] that of the first i values.
     """
     if 0 <= index <= size:
         return index, 1.0, 0, 0.0
+    # Clamped: repeat the first or the last value.
     if edge == CLAMP:
         if index < 0:
             return 1, float(index), 0, 0.0
         beyond = float(index - size)
         return size, 1.0 + beyond, size - 1, -beyond
+    # Wrapped: whole periods, and the rest of one.
     if edge == WRAP:
         return size, float(index // size), index % size, 1.0
+    # Mirrored: pairs of periods, the second of each reversed.
     pairs, rest = index // (2 * size), index % (2 * size)
     if rest <= size:
         return size, 2.0 * pairs, rest, 1.0
@@ -61,9 +67,10 @@ def _mean(
     edge: int,
     channel: int,
 ) -> float:
-    """Mean of a rectangle of texels, by the sums of all that lie above and to the left."""
+    """Mean of a rectangle of texels, from the summed-area table."""
     height, width = totals.shape[1] - 1, totals.shape[2] - 1
     total = 0.0
+    # Add the prefix sums at the four corners, with alternating signs.
     for corner in range(4):
         below, beyond = corner // 2, corner % 2
         i, f, j, g = _prefix(place[1] + below * extent[1], height, edge)
@@ -78,11 +85,12 @@ def _mean(
 def _fetch_means(
     totals: Doubles, block: Integers, pad: tuple[int, int], edge: int, patch: Floats, first: int
 ) -> None:
-    """Fetch cells that hold more texels than the source has, or some beyond its edges."""
+    """Fetch cells larger than the source, or that extend beyond its edges."""
     extent = 1 << block[0, LEVEL], 1 << block[1, LEVEL]
     kind = min(kind_of(block), totals.shape[0] - 1)
     for row in range(patch.shape[1]):
         for column in range(patch.shape[2]):
+            # Find the first texel of the cell.
             place = (
                 block[0, START] + (column - pad[0]) * extent[0],
                 block[1, START] + (row - pad[1]) * extent[1],
@@ -93,9 +101,13 @@ def _fetch_means(
 
 @kernel
 def _join_rows(flat: Floats, rows: tuple[int, int], begin: int, line: Floats) -> None:
-    """Sum rows of the source, channels interleaved (H, W × C), from `begin` on into a line."""
+    """Sum rows of the source into a line, from number `begin` on.
+
+    Channels are interleaved (H, W × C).
+    """
     start = np.uint64(begin)
     for row in range(rows[0], rows[1]):
+        # Overwrite with the first row, then add the others; unsigned indices let LLVM vectorize.
         if row == rows[0]:
             for k in range(line.size):
                 line[k] = flat[row, start + np.uint64(k)]
@@ -110,11 +122,13 @@ def _join_columns(
 ) -> None:
     """Sum every `step` texels of a line into a row of the patch."""
     for c in range(patch.shape[0]):
+        # Copy with a weight where cells are single texels along u.
         if step == 1:
             for column in range(patch.shape[2]):
                 at = np.uint64(column) * np.uint64(channels) + np.uint64(first + c)
                 patch[c, row, column] = share * line[at]
             continue
+        # Sum `step` texels for each cell.
         for column in range(patch.shape[2]):
             total = np.float32(0)
             for k in range(column * step, (column + 1) * step):
@@ -133,14 +147,14 @@ def fetch(
     patch: Floats,
     first: int,
 ) -> None:
-    """Fetch a block's texels, or the means of those that make a cell, with `pad` more all around.
+    """Fetch a block's texels, or their means over a cell, with `pad` more all around.
 
     Parameters
     ----------
     source
         (H, W, C), or a part of it that has all that is fetched.
     extract
-        Which part it is.
+        Which part of the source that is.
     totals
         (K, H + 1, W + 1, C) sums of all texels above and to the left, by `kind_of` blocks, or for
         all alike; K is 0 where no block needs them.
@@ -149,17 +163,22 @@ def fetch(
     patch
         (channels, rows, columns), filled with the channels from `first` on.
     """
+    # Find the texels that the padded patch covers, and whether all lie within the source.
     step_u, step_v = 1 << block[0, LEVEL], 1 << block[1, LEVEL]
     height, width, channels = extract.height, extract.width, source.shape[2]
     _, rows, columns = patch.shape
     left, top = block[0, START] - pad[0] * step_u, block[1, START] - pad[1] * step_v
     is_inside = left >= 0 and left + columns * step_u <= width
     is_inside = is_inside and top >= 0 and top + rows * step_v <= height
+
+    # Take large means that cross an edge from the summed-area table.
     if totals.shape[0] > 0 and (step_u > 1 or step_v > 1) and not is_inside:
         _fetch_means(totals, block, pad, edge, patch, first)
         return
     share = np.float32(1.0 / (float(step_u) * float(step_v)))
     flat = source.reshape(source.shape[0], source.shape[1] * channels)
+
+    # Inside, sum whole rows first, then columns: long loops without edge rules.
     if is_inside:
         line = np.empty(columns * step_u * channels, np.float32)
         top, left, step = top - extract.top, left - extract.left, step_v // extract.joined
@@ -168,6 +187,8 @@ def fetch(
             _join_rows(flat, (above, above + step), left * channels, line)
             _join_columns(line, step_u, channels, first, share, patch, row)
         return
+
+    # At an edge, map each texel by the edge rule.
     for row in range(rows):
         for column in range(columns):
             for c in range(patch.shape[0]):
@@ -181,7 +202,7 @@ def fetch(
 
 @inner_kernel
 def phase(part: int, cut: int) -> int:
-    """Column of an interpolation's taps for one of the cells of a texel."""
+    """Column of an interpolation's taps for one of the cells of a texel; see `EXACT`."""
     if cut <= EXACT:
         return cut * (cut - 1) // 2 + part
     return EXACT * (EXACT + 1) // 2 + int((part + 0.5) / cut * DENSE)
@@ -189,13 +210,16 @@ def phase(part: int, cut: int) -> int:
 
 @inner_kernel
 def filter_rows(patch: Floats, row: int, part: int, cut: int, taps: Floats, line: Floats) -> None:
-    """Interpolate along v: a line (channels, columns) of values at one part of a row of texels."""
+    """Interpolate along v: a line (channels, columns) at one part of a texel row."""
+    # Uncut texels are their own values.
     if cut == 1:
         for c in range(line.shape[0]):
             for column in range(line.shape[1]):
                 line[c, column] = patch[c, row, column]
         return
     at = phase(part, cut)
+
+    # Unroll the usual five taps.
     if taps.shape[0] == 5:
         a, b, c, d, e = taps[0, at], taps[1, at], taps[2, at], taps[3, at], taps[4, at]
         for channel in range(line.shape[0]):
@@ -208,6 +232,8 @@ def filter_rows(patch: Floats, row: int, part: int, cut: int, taps: Floats, line
                     + e * patch[channel, row + 4, n]
                 )
         return
+
+    # Sum any other number of taps, skipping those without weight.
     line[:] = np.float32(0)
     for k in range(taps.shape[0]):
         weight = taps[k, at]
@@ -221,13 +247,15 @@ def filter_rows(patch: Floats, row: int, part: int, cut: int, taps: Floats, line
 def filter_row(
     line: Floats, block: Integers, parts: tuple[int, int], taps: Floats, values: Floats
 ) -> None:
-    """Interpolate along u: values (channels, cells) of a row, in the order of `cell_offsets`."""
+    """Interpolate along u: values (channels, cells), ordered as `cell_offsets`."""
     cut, texels, count = block[0, CUT], texels_along(block, 0), parts[1] - parts[0]
     if cut == 1:
+        # Uncut texels are their own values.
         for c in range(line.shape[0]):
             for n in range(texels):
                 values[c, n] = line[c, n]
     elif count <= texels:
+        # Loop over the longer of texels and parts inside, as `cell_offsets` orders them.
         for part in range(count):
             _filter_part(line, phase(parts[0] + part, cut), taps, values, part * texels, texels)
     else:
@@ -239,7 +267,8 @@ def filter_row(
 def _filter_part(
     line: Floats, at: int, taps: Floats, values: Floats, first: int, count: int
 ) -> None:
-    """The same part of each of `count` texels."""
+    """Interpolate the same part of each of `count` texels."""
+    # Unroll the usual five taps; unsigned indices let LLVM vectorize.
     if taps.shape[0] == 5:
         a, b, c, d, e = taps[0, at], taps[1, at], taps[2, at], taps[3, at], taps[4, at]
         for channel in range(line.shape[0]):
@@ -253,6 +282,7 @@ def _filter_part(
                     + e * line[channel, m + np.uint64(4)]
                 )
         return
+    # Sum any other number of taps.
     for channel in range(line.shape[0]):
         for n in range(count):
             total = np.float32(0)
@@ -272,12 +302,14 @@ def _filter_texel(
     first: int,
     count: int,
 ) -> None:
-    """`count` parts of one texel."""
+    """Interpolate `count` parts of one texel."""
     for channel in range(line.shape[0]):
         for n in range(count):
             values[channel, first + n] = np.float32(0)
+        # Add each tap's texel to all parts.
         for k in range(taps.shape[0]):
             value, at = line[channel, texel + k], phase(part, cut)
+            # Phases of a texel's parts are adjacent columns of the table, unless cut too finely.
             if cut <= EXACT:
                 for n in range(count):
                     m = np.uint64(first) + np.uint64(n)
@@ -289,10 +321,10 @@ def _filter_texel(
 
 @kernel
 def cell_offsets(block: Integers) -> Floats:
-    """Where the cells of a row have their centers, texels from the block's start.
+    """Centers of the cells of a row (N,), in texels from the block's start.
 
-    Neighbours in memory are the same parts of neighbouring texels, or neighbouring parts of one
-    texel, whichever are more: loops are then longest.
+    Adjacent in memory are the same parts of adjacent texels, or adjacent parts of one texel,
+    whichever are more: so inner loops are longest.
     """
     _, joined = extents(block, 0)
     first, last = parts_along(block, 0)
@@ -321,6 +353,7 @@ def texels_along(block: Integers, axis: int) -> int:
 @inner_kernel
 def parts_along(block: Integers, axis: int) -> tuple[int, int]:
     """First and last + 1 of the cells that each texel of a block is cut into."""
+    # Only a block within one texel has fewer cells than its whole cut.
     if block[axis, LENGTH] > 1:
         return 0, block[axis, CUT]
     return block[axis, FIRST], block[axis, LAST]
@@ -328,14 +361,14 @@ def parts_along(block: Integers, axis: int) -> tuple[int, int]:
 
 @inner_kernel
 def line_count(block: Integers) -> int:
-    """How many rows of cells a block has."""
+    """Count the rows of cells of a block."""
     first, last = parts_along(block, 1)
     return texels_along(block, 1) * (last - first)
 
 
 @inner_kernel
 def line_at(block: Integers, line: int) -> tuple[int, int, float]:
-    """Row of texels that a row of cells lies in, which part of it, and its source coordinate."""
+    """Row of texels of a row of cells, which part of it, and its coordinate v."""
     first, last = parts_along(block, 1)
     _, joined = extents(block, 1)
     row, part = line // (last - first), first + line % (last - first)

@@ -1,4 +1,4 @@
-"""Where voxels lie, and how their values slope."""
+"""Positions of voxels, and gradients of their values."""
 
 import math
 from typing import Any
@@ -18,7 +18,7 @@ Step = tuple[int, int, int]  # z, y, x
 
 @kernel
 def _place_of(index: int, size: Step) -> Step:
-    """Voxel of a flat index into an array of that size."""
+    """Voxel of a flat index into an array of `size`."""
     row, x = divmod(index, size[2])
     z, y = divmod(row, size[1])
     return z, y, x
@@ -26,7 +26,7 @@ def _place_of(index: int, size: Step) -> Step:
 
 @kernel
 def _next_place(index: int, before: int, at: Step, size: Step) -> Step:
-    """Voxel of a flat index, where that of the index before is known: mostly in the same row."""
+    """Voxel of a flat index, given that of the previous index: mostly in the same row."""
     x = at[2] + index - before
     if 0 <= x < size[2]:
         return at[0], at[1], x
@@ -35,14 +35,15 @@ def _next_place(index: int, before: int, at: Step, size: Step) -> Step:
 
 @kernel
 def brick_order(index: Indices, size: Step, order: Indices) -> None:
-    """Numbers (N,) that put voxels, by their flat index into (Z, Y, X), brick after brick.
+    """Find the order (N,) that sorts voxels into bricks, by flat index into (Z, Y, X).
 
-    Within a brick of BRICK voxels per side they stay in the order they have.
+    The sort is stable: within a brick of BRICK voxels per side the order stays.
     """
     rows, columns = (size[1] + BRICK - 1) // BRICK, (size[2] + BRICK - 1) // BRICK
     layers = (size[0] + BRICK - 1) // BRICK
     start = np.zeros(layers * rows * columns + 1, np.int64)
     brick = np.empty(index.size, np.int32)
+    # Count the voxels of each brick.
     before, at = 0, (0, 0, 0)
     for n in range(index.size):
         at = _next_place(index[n], before, at, size)
@@ -50,8 +51,10 @@ def brick_order(index: Indices, size: Step, order: Indices) -> None:
         z, y, x = at
         brick[n] = (z // BRICK * rows + y // BRICK) * columns + x // BRICK
         start[brick[n] + 1] += 1
+    # Turn counts into start positions.
     for b in range(start.size - 1):
         start[b + 1] += start[b]
+    # Place each voxel (counting sort).
     for n in range(index.size):
         order[start[brick[n]]] = n
         start[brick[n]] += 1
@@ -59,7 +62,7 @@ def brick_order(index: Indices, size: Step, order: Indices) -> None:
 
 @kernel
 def place(index: Indices, size: Step, lattice: Doubles, origin: Doubles, position: Floats) -> None:
-    """Scene positions (N, 3) of voxels that are given by their flat index into (Z, Y, X)."""
+    """Scene positions (N, 3) of voxels, given by their flat index into (Z, Y, X)."""
     steps = matrix_of(lattice)
     before, at = 0, (0, 0, 0)
     for n in range(index.size):
@@ -73,9 +76,9 @@ def place(index: Indices, size: Step, lattice: Doubles, origin: Doubles, positio
 
 @kernel
 def _mean(behind: float, ahead: float) -> float:
-    """Mean of two differences; the other one where one is not finite, NaN where both are not.
+    """Mean of two differences; one if the other is not finite, NaN if neither is.
 
-    So values that are missing or infinite change no slope, and linear fields come out exactly.
+    So missing or infinite values change no slope, and linear fields come out exactly.
     """
     if not math.isfinite(ahead):
         return behind if math.isfinite(behind) else math.nan
@@ -94,13 +97,15 @@ def _value(values: NDArray[Any], place: Step) -> float:
 
 @kernel
 def _slopes_at_rim(values: NDArray[Any], place: Step) -> Vector:
-    """Slopes along x, y and z from those neighbours that are known; 0 where none is."""
+    """Slopes along x, y and z from known neighbours; 0 where there is none."""
     z, y, x = place
     here = _value(values, place)
+    # Difference to both sides along each axis; outside the volume these are NaN.
     left, right = here - _value(values, (z, y, x - 1)), _value(values, (z, y, x + 1)) - here
     above, below = here - _value(values, (z, y - 1, x)), _value(values, (z, y + 1, x)) - here
     before, after = here - _value(values, (z - 1, y, x)), _value(values, (z + 1, y, x)) - here
     x_slope, y_slope, z_slope = _mean(left, right), _mean(above, below), _mean(before, after)
+    # Replace slopes without any neighbour.
     return (
         x_slope if math.isfinite(x_slope) else 0.0,
         y_slope if math.isfinite(y_slope) else 0.0,
@@ -110,12 +115,15 @@ def _slopes_at_rim(values: NDArray[Any], place: Step) -> Vector:
 
 @inner_step
 def _central_slopes(values: NDArray[Any], place: Step) -> Vector:
-    """Slopes along x, y and z from a voxel's neighbours; 0 where none is known."""
+    """Slopes along x, y and z from a voxel's neighbours; 0 where there is none."""
     z, y, x = place
     depth, height, width = values.shape
+    # Inside the volume, and if all neighbours are finite, take central differences at once.
     if 0 < z < depth - 1 and 0 < y < height - 1 and 0 < x < width - 1:
-        k, j, i, one = np.uint64(z), np.uint64(y), np.uint64(x), np.uint64(1)  # without signs
-        here = np.float64(values[k, j, i])  # as numba's float() of a float32 stays one
+        # Unsigned indices spare a test for negative ones.
+        k, j, i, one = np.uint64(z), np.uint64(y), np.uint64(x), np.uint64(1)
+        # Numba's float() of a float32 stays one: convert explicitly.
+        here = np.float64(values[k, j, i])
         left, right = here - values[k, j, i - one], values[k, j, i + one] - here
         above, below = here - values[k, j - one, i], values[k, j + one, i] - here
         before, after = here - values[k - one, j, i], values[k + one, j, i] - here
@@ -127,18 +135,22 @@ def _central_slopes(values: NDArray[Any], place: Step) -> Vector:
 
 @kernel
 def _store(turn: Matrix, slope: Vector, gradient: Floats, n: int) -> None:
-    k, one = np.uint64(n), np.uint64(1)  # without signs
+    """Write a gradient, turned to the scene's axes."""
+    # Unsigned indices spare a test for negative ones.
+    k, one = np.uint64(n), np.uint64(1)
     gradient[k, one - one], gradient[k, one], gradient[k, one + one] = multiply(turn, slope)
 
 
 @kernel
 def _moved(place: Step, count: int, step: Step) -> Step:
+    """Move a voxel's place by so many steps."""
     return (place[0] + count * step[0], place[1] + count * step[1], place[2] + count * step[2])
 
 
 @kernel
 def _smooth_slope(values: NDArray[Any], place: Step, step: Step) -> float:
-    """Mean of the slopes along nine parallel lines, weighted 1-2-1 × 1-2-1; 0: none is known."""
+    """Mean slope of nine parallel lines, weighted 1-2-1 × 1-2-1; 0 if none is known."""
+    # Find the two axes across the step's.
     across = (step[1], step[2], step[0])
     along = (step[2], step[0], step[1])
     total = weight = 0.0
@@ -146,6 +158,7 @@ def _smooth_slope(values: NDArray[Any], place: Step, step: Step) -> float:
         line = _moved(place, a, across)
         for b in range(-1, 2):
             middle = _moved(line, b, along)
+            # Difference along the line, and weigh it unless nothing is known.
             here = _value(values, middle)
             behind = here - _value(values, _moved(middle, -1, step))
             slope = _mean(behind, _value(values, _moved(middle, 1, step)) - here)
@@ -158,7 +171,7 @@ def _smooth_slope(values: NDArray[Any], place: Step, step: Step) -> float:
 
 @kernel
 def _smooth_slopes(values: NDArray[Any], place: Step) -> Vector:
-    """Slopes along x, y and z, smoothed across as by Sobel."""
+    """Slopes along x, y and z, smoothed across like Sobel's."""
     return (
         _smooth_slope(values, place, (0, 0, 1)),
         _smooth_slope(values, place, (0, 1, 0)),
@@ -170,10 +183,10 @@ def _smooth_slopes(values: NDArray[Any], place: Step) -> Vector:
 def find_gradients(
     values: NDArray[Any], index: Indices, to_scene: Doubles, is_smooth: bool, gradient: Floats
 ) -> None:
-    """Gradients (N, 3) of `values` (Z, Y, X) at flat indices; no slope is known: 0.
+    """Gradients (N, 3) of `values` (Z, Y, X) at flat indices; 0 if unknown.
 
     `to_scene` (3, 3) is the inverse transpose of the lattice, which takes slopes per voxel to
-    slopes per scene unit. They are central differences, or smoothed across as by Sobel.
+    slopes per scene unit. They are central differences, or smoothed across like Sobel's.
     """
     turn = matrix_of(to_scene)
     before, at = 0, (0, 0, 0)

@@ -1,1 +1,1 @@
-"""The numba code of the reference: bare arrays and numbers."""
+"""Numba kernels of the reference; they take only arrays and numbers."""

@@ -1,7 +1,7 @@
-"""Rays through a reconstructed field: the obvious loops, in float64.
+"""Ray casting through a reconstructed field: the obvious loops, in float64.
 
-Nothing here is shared with the splats that it judges, neither footprints nor their tables. Work is
-done in lattice coordinates, in which samples stand on whole numbers and kernels are balls.
+Shares nothing with the splatting that it judges, neither footprints nor their tables. Rays are in
+lattice coordinates, in which samples stand on whole numbers and kernels are balls.
 """
 
 import math
@@ -15,7 +15,7 @@ from resample.engine.vectors import Vector, combine, dot, matrix_of, multiply, s
 from resample.types import ADDITIVE, COMPOSITE, FIRST_HIT, MAXIMUM, Doubles, Floats, Lamp, View
 
 UNSEEN = 1e-7  # transmittance at which a ray ends
-HALVINGS = 40  # of the step in which a surface lies
+HALVINGS = 40  # bisections of the step in which a surface lies
 LEAST_DENSITY = 0.5  # kernels' sum below which values fade to the field's low
 
 Indices = NDArray[np.int32]
@@ -28,11 +28,11 @@ NOTHING = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class Grid(NamedTuple):
-    """Samples on their lattice; sample coordinates count from the lattice's first node."""
+    """Samples on their lattice; coordinates count from its first node."""
 
     node: Indices  # (Z, Y, X) which sample stands here, -1: none
     matter: Floats  # (N, 4) extinction and its products with RGB; or value − low and gradient
-    occupied: Flags  # (z, y, x) bricks of `brick`³ nodes in which something may be seen
+    occupied: Flags  # (z, y, x) bricks of `brick`³ nodes in which something may be visible
     density: Doubles  # (K + 1,) kernel over the squared distance in radii; a constant field gives 1
     radius: float  # voxels
     brick: int  # voxels; the first one's corner is `radius` before the first node
@@ -43,7 +43,7 @@ class Grid(NamedTuple):
 
 
 class FieldLook(NamedTuple):
-    """Classifier of a field as numbers; see `resample.types.Classifier`."""
+    """Transfer function of a field as numbers; see `resample.types.Classifier`."""
 
     table: Floats  # (G, K, 4)
     low: float
@@ -55,7 +55,7 @@ class FieldLook(NamedTuple):
 
 
 class Content(NamedTuple):
-    """What rays go through."""
+    """Samples, transfer function and light that rays pass through."""
 
     grid: Grid
     look: FieldLook
@@ -69,26 +69,26 @@ class Plan(NamedTuple):
     step: float  # scene units, at most
     voxel: float  # scene units
     projection: int
-    classified: bool  # a field is seen; otherwise samples
+    classified: bool  # the field is classified; otherwise samples were
     iso: float
     clip: Doubles  # (M, 4) planes in camera axes
 
 
 class Ray(NamedTuple):
-    """Part of a ray that may meet something; all depths are along the view axis."""
+    """Part of a ray that may hit something; all depths are along the view axis."""
 
     start: Vector  # at depth 0, sample coordinates
     way: Vector  # per unit of depth
     length: float  # scene units per unit of depth
     enter: float
     leave: float
-    steps: int  # 0: it meets nothing
+    steps: int  # 0: it hits nothing
     thickness: float  # depth of a step
 
 
 @kernel
 def _cut(part: tuple[float, float], here: float, slope: float) -> tuple[float, float]:
-    """Part of a ray on which here + slope × depth is at least 0."""
+    """Clip a ray to the half-space where here + slope × depth is at least 0."""
     enter, leave = part
     if slope > 0.0:
         return max(enter, -here / slope), leave
@@ -99,23 +99,31 @@ def _cut(part: tuple[float, float], here: float, slope: float) -> tuple[float, f
 
 @kernel
 def _new_ray(x: float, y: float, grid: Grid, view: View, plan: Plan) -> Ray:
-    """Ray through a point of the screen, px, cut to the samples' box, near plane and planes."""
+    """Ray through a point of the screen, px, clipped to all that bounds it.
+
+    That is the samples' box, the near plane and the clip planes.
+    """
+    # Set up the ray in camera axes; x and y are its direction, or its start if parallel.
     x, y = (x - view.principal[0]) / view.focal[0], (y - view.principal[1]) / view.focal[1]
     here, way = (0.0, 0.0, 0.0), (x, y, 1.0)
     if not view.perspective:
         here, way = (x, y, 0.0), (0.0, 0.0, 1.0)
+    # Clip at the near plane and the clip planes.
     part = (view.near, np.inf)
     for n in range(len(plan.clip)):
         plane = (plan.clip[n, 0], plan.clip[n, 1], plan.clip[n, 2])
         part = _cut(part, dot(plane, here) + plan.clip[n, 3], dot(plane, way))
+    # Transform to sample coordinates.
     turn = matrix_of(grid.turn)
     origin = (grid.start[0], grid.start[1], grid.start[2])
     start = combine(origin, 1.0, multiply(turn, here))
     along = multiply(turn, way)
+    # Clip to the samples' box, a kernel's radius wider on all sides.
     for axis in range(3):
         last = grid.node.shape[2 - axis] - 1.0
         part = _cut(part, start[axis] + grid.radius, along[axis])
         part = _cut(part, last + grid.radius - start[axis], -along[axis])
+    # Divide what is left into equal steps.
     length = math.sqrt(dot(way, way))
     enter, leave = part
     if not leave > enter:
@@ -126,7 +134,7 @@ def _new_ray(x: float, y: float, grid: Grid, view: View, plan: Plan) -> Ray:
 
 @kernel
 def _kernel_at(density: Doubles, squared: float) -> float:
-    """Kernel at a squared distance below 1, between its table's nearest entries."""
+    """Kernel at a squared distance below 1, linear between table entries."""
     place = squared * (density.size - 1)
     entry = min(int(place), density.size - 2)
     return float(density[entry] + (place - entry) * (density[entry + 1] - density[entry]))
@@ -134,10 +142,11 @@ def _kernel_at(density: Doubles, squared: float) -> float:
 
 @kernel
 def _gather(place: Vector, radius: float, node: Indices, matter: Floats, density: Doubles) -> Sums:
-    """Sums of all kernels at a point."""
+    """Sum all kernels at a point."""
     total = first = second = third = fourth = 0.0
     x, y, z = place
     depth, height, width = node.shape
+    # Visit the lattice nodes within the ball, plane by plane and line by line.
     for k in range(max(0, math.ceil(z - radius)), min(depth - 1, math.floor(z + radius)) + 1):
         in_plane = radius * radius - (z - k) * (z - k)
         reach = math.sqrt(max(0.0, in_plane))
@@ -145,10 +154,12 @@ def _gather(place: Vector, radius: float, node: Indices, matter: Floats, density
             in_line = in_plane - (y - j) * (y - j)
             half = math.sqrt(max(0.0, in_line))
             for i in range(max(0, math.ceil(x - half)), min(width - 1, math.floor(x + half)) + 1):
+                # Skip empty nodes and those outside by rounding.
                 sample = node[k, j, i]
                 squared = 1.0 - (in_line - (x - i) * (x - i)) / (radius * radius)
                 if sample < 0 or squared >= 1.0:
                     continue
+                # Add the sample by its kernel's value.
                 weight = _kernel_at(density, squared)
                 total += weight
                 first += weight * matter[sample, 0]
@@ -160,21 +171,24 @@ def _gather(place: Vector, radius: float, node: Indices, matter: Floats, density
 
 @kernel
 def _sums(ray: Ray, depth: float, grid: Grid) -> Sums:
+    """Sum all kernels at a depth of a ray."""
     place = combine(ray.start, depth, ray.way)
     return _gather(place, grid.radius, grid.node, grid.matter, grid.density)
 
 
 @kernel
 def _next_step(ray: Ray, step: int, grid: Grid) -> int:
-    """The first step from this one on that lies in a brick which is not empty."""
+    """First step from this one on in a brick that is not empty (empty space skipping)."""
     depth, height, width = grid.occupied.shape
     while step < ray.steps:
+        # Find the brick of the step's middle.
         x, y, z = combine(ray.start, ray.enter + (step + 0.5) * ray.thickness, ray.way)
         i = _brick(x, grid, width)
         j = _brick(y, grid, height)
         k = _brick(z, grid, depth)
         if grid.occupied[k, j, i]:
             return step
+        # Skip to the nearest wall of an empty brick.
         out = min(_wall(ray, 0, i, grid), _wall(ray, 1, j, grid), _wall(ray, 2, k, grid))
         if not out < ray.leave:
             return ray.steps
@@ -184,7 +198,7 @@ def _next_step(ray: Ray, step: int, grid: Grid) -> int:
 
 @kernel
 def _brick(place: float, grid: Grid, count: int) -> int:
-    """Number of the brick that a coordinate lies in, of `count` along that axis."""
+    """Brick that a coordinate lies in, of `count` along that axis."""
     return max(0, min(count - 1, math.floor((place + grid.radius) / grid.brick)))
 
 
@@ -200,19 +214,20 @@ def _wall(ray: Ray, axis: int, brick: int, grid: Grid) -> float:
 
 @kernel
 def _value(sums: Sums, look: FieldLook) -> float:
-    """Value of a field; it fades to the lowest where samples end."""
+    """Value of the field; it fades to the lowest where samples end."""
     return look.low + sums[1] / max(sums[0], LEAST_DENSITY)
 
 
 @kernel
 def _unit(v: Vector) -> Vector:
+    """Scale a vector to length 1; 0 stays 0."""
     square = dot(v, v)
     return scaled(1.0 / math.sqrt(square), v) if square > 0.0 else v
 
 
 @kernel
 def _cell(place: float, count: int) -> tuple[int, float]:
-    """Entry before a place 0..1 in a table of `count` entries, and the way to the next, 0..1."""
+    """Entry before a place 0..1 of a table, and the fraction to the next."""
     position = max(0.0, min(1.0, place)) * (count - 1)
     entry = max(0, min(int(position), count - 2))
     return entry, position - entry
@@ -220,11 +235,13 @@ def _cell(place: float, count: int) -> tuple[int, float]:
 
 @kernel
 def _classified(value: float, slope: float, look: FieldLook) -> Light:
-    """Color and extinction of a value and the length of its gradient."""
+    """Look up color and extinction by a value and the length of its gradient."""
     rows, columns, _ = look.table.shape
+    # Find the cell of the table.
     r, down = _cell(slope / look.steep, rows)
     c, right = _cell((value - look.low) / (look.high - look.low), columns)
     below, beside = min(r + 1, rows - 1), min(c + 1, columns - 1)
+    # Interpolate the four numbers bilinearly.
     found = (0.0, 0.0, 0.0, 0.0)
     for n in range(4):
         upper = (1.0 - right) * look.table[r, c, n] + right * look.table[r, beside, n]
@@ -235,13 +252,15 @@ def _classified(value: float, slope: float, look: FieldLook) -> Light:
 
 @kernel
 def _lit(light: Light, place: Vector, gradient: Vector, slope: float, lamp: Lamp) -> Light:
-    """Light that a surface sends to the viewer, both sides alike (Blinn and Phong)."""
+    """Shade a surface by Blinn and Phong, both sides alike."""
     own, highlight = lamp.ambient + lamp.diffuse, 0.0
+    # Light surfaces with a gradient; flat regions have only ambient and diffuse light.
     if slope > lamp.flat:
         normal = scaled(1.0 / slope, gradient)
         viewer = (lamp.viewer[0], lamp.viewer[1], lamp.viewer[2])
         eye = _unit(combine(viewer, -lamp.viewer[3], place))
         toward = (lamp.toward[0], lamp.toward[1], lamp.toward[2])
+        # Use a headlight if the lamp has no direction.
         if dot(toward, toward) == 0.0:
             toward = eye
         halfway = _unit(combine(eye, 1.0, toward))
@@ -261,15 +280,18 @@ def _surface(
     look: FieldLook,
     lamp: Lamp,
 ) -> Light:
-    """What a field looks like where it has a value: classified, lit and dimmed by its depth."""
+    """Shade the field at a point: classified, lit and dimmed by its depth."""
+    # Normalize the gradient by the kernels' sum.
     total = max(sums[0], 1e-30)
     gradient = (sums[2] / total, sums[3] / total, sums[4] / total)
     slope = math.sqrt(dot(gradient, gradient))
+    # Classify the value, and light it at its place in the scene.
     light = _classified(value, slope, look)
     at = combine(ray.start, depth, ray.way)
     origin = (grid.origin[0], grid.origin[1], grid.origin[2])
     place = combine(origin, 1.0, multiply(matrix_of(grid.lattice), at))
     red, green, blue, extinction = _lit(light, place, gradient, slope, lamp)
+    # Dim with depth, and fade where samples end.
     far = max(0.0, min(1.0, (depth - look.near) / (look.far - look.near)))
     left = 1.0 - look.dimmed * far
     return (left * red, left * green, left * blue, extinction * sums[0])
@@ -277,7 +299,7 @@ def _surface(
 
 @kernel
 def _sample_light(sums: Sums) -> Light:
-    """Color and extinction of samples that were classified before."""
+    """Color and extinction of samples that were classified before interpolation."""
     total = sums[1]
     if total <= 0.0:
         return (0.0, 0.0, 0.0, 0.0)
@@ -286,19 +308,22 @@ def _sample_light(sums: Sums) -> Light:
 
 @kernel
 def _composite(ray: Ray, content: Content, plan: Plan) -> Result:
-    """Front to back; a step has the opacity that the extinction at its middle gives."""
+    """Composite front to back, with a step's opacity by its middle's extinction."""
     grid, look, lamp = content
     red = green = blue = deep = 0.0
     passed = 1.0
+    # Step through occupied bricks until the ray leaves or is opaque.
     step = _next_step(ray, 0, grid)
     while step < ray.steps and passed > UNSEEN:
         depth = ray.enter + (step + 0.5) * ray.thickness
         sums = _sums(ray, depth, grid)
         if sums[0] > 0.0:
+            # Take the color of classified samples, or classify the interpolated value.
             light = _sample_light(sums)
             if plan.classified:
                 value = look.low + sums[1] / sums[0]
                 light = _surface(sums, value, ray, depth, grid, look, lamp)
+            # Composite under what lies in front: expm1 stays exact for thin steps.
             share = -passed * math.expm1(-light[3] * ray.thickness * ray.length)
             red += share * light[0]
             green += share * light[1]
@@ -311,18 +336,22 @@ def _composite(ray: Ray, content: Content, plan: Plan) -> Result:
 
 @kernel
 def _measure(ray: Ray, grid: Grid, look: FieldLook, plan: Plan) -> Result:
-    """Largest value, mean value or integral along a ray, and the color of the former two.
+    """Largest value, mean or integral along a ray, and the color of the former two.
 
     Values are weighed by the length within samples, in voxels and at most 1; colors are as opaque
     as a voxel of theirs where that is 1.
     """
     largest, largest_at, within, weighed, deep = look.low, 0.0, 0.0, 0.0, 0.0
+
+    # Step through occupied bricks.
     step = _next_step(ray, 0, grid)
     while step < ray.steps:
         depth = ray.enter + (step + 0.5) * ray.thickness
         sums = _sums(ray, depth, grid)
+        # Track the maximum.
         if sums[0] > 0.0 and (within == 0.0 or _value(sums, look) > largest):
             largest, largest_at = _value(sums, look), depth
+        # Integrate length, value and depth.
         length = ray.thickness * ray.length
         within += sums[0] * length
         weighed += (sums[1] + look.low * sums[0]) * length
@@ -330,9 +359,13 @@ def _measure(ray: Ray, grid: Grid, look: FieldLook, plan: Plan) -> Result:
         step = _next_step(ray, step + 1, grid)
     if within <= 0.0:
         return NOTHING
+
+    # An integral has no color.
     share, depth = min(1.0, within / plan.voxel), deep / within
     if plan.projection == ADDITIVE:
         return (0.0, 0.0, 0.0, share, share * depth, weighed, 1.0)
+
+    # Classify the mean or the maximum, as opaque as one voxel of it.
     value = weighed / within
     if plan.projection == MAXIMUM:
         value, depth = largest, largest_at
@@ -351,16 +384,19 @@ def _measure(ray: Ray, grid: Grid, look: FieldLook, plan: Plan) -> Result:
 
 @kernel
 def _is_within(ray: Ray, depth: float, grid: Grid, look: FieldLook, iso: float) -> bool:
+    """Whether the field is at least `iso` at a depth of a ray."""
     return _value(_sums(ray, depth, grid), look) >= iso
 
 
 @kernel
 def _first_hit(ray: Ray, content: Content, plan: Plan) -> Result:
-    """The surface on which the field first rises to `iso`; opaque."""
+    """Find the surface on which the field first rises to `iso`; it is opaque."""
     grid, look, lamp = content
+    # Step through occupied bricks.
     step = _next_step(ray, 0, grid)
     while step < ray.steps:
         behind = ray.enter + (step + 0.5) * ray.thickness
+        # Bisect the step in which the field rises to the level.
         if _is_within(ray, behind, grid, look, plan.iso):
             before = max(ray.enter, behind - ray.thickness)
             for _ in range(HALVINGS):
@@ -369,6 +405,7 @@ def _first_hit(ray: Ray, content: Content, plan: Plan) -> Result:
                     behind = middle
                 else:
                     before = middle
+            # Shade the hit.
             sums = _sums(ray, behind, grid)
             light = _surface(sums, plan.iso, ray, behind, grid, look, lamp)
             return (light[0], light[1], light[2], 1.0, behind, plan.iso, 1.0)
@@ -378,6 +415,7 @@ def _first_hit(ray: Ray, content: Content, plan: Plan) -> Result:
 
 @kernel
 def _cast(ray: Ray, content: Content, plan: Plan) -> Result:
+    """Cast a ray with the projection of the plan."""
     if plan.projection == COMPOSITE:
         return _composite(ray, content, plan)
     if plan.projection == FIRST_HIT:
@@ -387,11 +425,12 @@ def _cast(ray: Ray, content: Content, plan: Plan) -> Result:
 
 @kernel
 def _cast_row(row: int, view: View, content: Content, plan: Plan, picture: Doubles) -> None:
-    """Means over the rays of every pixel in a row."""
+    """Average over the rays of every pixel in a row."""
     share = 1.0 / (plan.rays * plan.rays)
     for column in range(picture.shape[1]):
         for channel in range(7):
             picture[row, column, channel] = 0.0
+        # Cast a regular grid of rays through the pixel.
         for down in range(plan.rays):
             for right in range(plan.rays):
                 x, y = column + (right + 0.5) / plan.rays, row + (down + 0.5) / plan.rays
@@ -411,6 +450,6 @@ def cast_rows(
     plan: Plan,
     picture: Doubles,
 ) -> None:
-    """Fill `count` rows of a picture (H, W, 7) with what rays give."""
+    """Fill `count` rows of a picture (H, W, 7) from row `first` on; see `Result`."""
     for row in tasks(counter, count):
         _cast_row(first + row, view, content, plan, picture)

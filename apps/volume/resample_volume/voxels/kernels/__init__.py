@@ -1,1 +1,1 @@
-"""The numba code of voxels: bare arrays and numbers."""
+"""Numba kernels of voxels; they take only arrays and numbers."""

@@ -1,8 +1,8 @@
-"""Which known voxel is nearest to each voxel of a plane.
+"""Nearest known voxel of each voxel in a plane.
 
-Along z that is found by who calls; then along y, of what each voxel of a column knows, and along
-x, of what each voxel of a row knows by then. Maurer, Qi and Raghavan 2003, "A linear time algorithm
-for computing exact Euclidean distance transforms of binary images in arbitrary dimensions".
+The caller finds the nearest along z; then along y, of the results in each column, and along x, of
+the results in each row. Maurer, Qi and Raghavan 2003, "A linear time algorithm for computing exact
+Euclidean distance transforms of binary images in arbitrary dimensions".
 """
 
 import numpy as np
@@ -18,16 +18,18 @@ Places = NDArray[np.int32]
 
 @kernel
 def _envelope(away: Indices, stack: Indices) -> int:
-    """Keep those places of a line that are nearest to some part of it; gives how many.
+    """Keep the places of a line that are nearest to some part of it; return how many.
 
-    `away` (N,) is how far from the line that is which a place knows, squared; below 0 it knows
-    nothing. `stack` (N,) gets the places, ascending. Section 4 of the paper: of three, the middle
-    one is left out where the two others are nearer all along the line.
+    `away` (N,) is the squared distance from the line to the known voxel of each place; below 0
+    there is none. `stack` (N,) receives the places, ascending. Section 4 of the paper: of three,
+    the middle one is dropped where one of the two others is nearer all along the line.
     """
     count = 0
     for n in range(away.size):
+        # Skip places without a known voxel.
         if away[n] < 0:
             continue
+        # Pop places whose parabola is hidden by those before and after.
         while count >= 2:
             last, before = stack[count - 1], stack[count - 2]
             a, b = last - before, n - last
@@ -42,12 +44,16 @@ def _envelope(away: Indices, stack: Indices) -> int:
 
 @kernel
 def _nearest_on_line(away: Indices, stack: Indices, found: Indices) -> None:
-    """Place of a line that knows what is nearest, for all its places; the first of equals."""
+    """Find the place with the nearest known voxel for all places of a line.
+
+    Of equal distances the first counts.
+    """
     count, at = _envelope(away, stack), 0
     for n in range(away.size):
         if count == 0:
             found[n] = NOTHING
             continue
+        # Advance along the envelope while the next place is nearer.
         own = (stack[at] - n) * (stack[at] - n) + away[stack[at]]
         while at + 1 < count:
             after = stack[at + 1]
@@ -61,7 +67,7 @@ def _nearest_on_line(away: Indices, stack: Indices, found: Indices) -> None:
 
 @parallel_kernel
 def nearest_in_columns(counter: Counter, deep: Places, z: int, down: Places) -> None:
-    """Row (Y, X) of the voxel in the same column that knows what is nearest.
+    """Find the row (Y, X) in each column that leads to the nearest known voxel.
 
     `deep` (Y, X) is the z of the known voxel that is nearest along z, or NOTHING.
     """
@@ -69,6 +75,7 @@ def nearest_in_columns(counter: Counter, deep: Places, z: int, down: Places) -> 
     away, stack = np.empty(height, np.int64), np.empty(height, np.int64)
     found = np.empty(height, np.int64)
     for x in tasks(counter, width):
+        # Measure along z, then search along y.
         for y in range(height):
             far = np.int64(deep[y, x]) - z
             away[y] = NOTHING if deep[y, x] < 0 else far * far
@@ -81,16 +88,18 @@ def nearest_in_columns(counter: Counter, deep: Places, z: int, down: Places) -> 
 def nearest_in_rows(
     counter: Counter, deep: Places, down: Places, z: int, known: NDArray[np.bool_], across: Places
 ) -> None:
-    """Column (Y, X) of the voxel in the same row that knows what is nearest; of rows with gaps.
+    """Find the column (Y, X) in each row that leads to the nearest known voxel.
 
-    `down` (Y, X) is of `nearest_in_columns`; `known` (Y, X) says where there are no gaps.
+    `down` (Y, X) is of `nearest_in_columns`; rows in which all are `known` (Y, X) are skipped.
     """
     height, width = deep.shape
     away, stack = np.empty(width, np.int64), np.empty(width, np.int64)
     found = np.empty(width, np.int64)
     for y in tasks(counter, height):
+        # Skip rows without gaps.
         if known[y].all():
             continue
+        # Measure along y and z, then search along x.
         for x in range(width):
             row = np.int64(down[y, x])
             if row < 0:

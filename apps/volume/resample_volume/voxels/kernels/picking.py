@@ -1,4 +1,4 @@
-"""Which voxel a ray ends at: the one with which a share of the light from behind is gone."""
+"""Pick the voxel at which a ray ends: where a share of light is absorbed."""
 
 import math
 from typing import NamedTuple
@@ -13,13 +13,13 @@ from resample.types import Doubles, Flags, Floats, Spline
 
 CHUNK = 64  # rays that a thread takes at a time
 STEPS = 4  # of a ray through a field, per voxel
-MOST = 1 << 14  # voxels that wait for others before them
+MOST = 1 << 14  # voxels in a queue
 NONE = -1  # no voxel
-COMPOSITE, MAXIMUM, MINIMUM, FIRST_HIT = 0, 1, 2, 3  # what is looked for in a field
+COMPOSITE, MAXIMUM, MINIMUM, FIRST_HIT = 0, 1, 2, 3  # what is picked in a field
 
 Indices = NDArray[np.int64]
 Size = tuple[int, int, int]
-Found = tuple[int, float]  # flat index of a voxel, and the share of light that comes past it
+Found = tuple[int, float]  # flat index of a voxel, and the transmittance behind it
 
 
 class Rays(NamedTuple):
@@ -28,27 +28,27 @@ class Rays(NamedTuple):
     origin: Doubles  # (N, 3) voxels along x, y and z, at depth 0
     direction: Doubles  # (N, 3) voxels per depth
     length: Doubles  # (N,) scene units per depth
-    first: Doubles  # (N,) depths between which something is seen
+    first: Doubles  # (N,) depths between which something is visible
     last: Doubles  # (N,)
 
 
 class Splatted(NamedTuple):
-    """Voxels with kernels around them."""
+    """Voxels with splatting kernels around them."""
 
-    extinction: Floats  # (N,) optical depth per scene unit, z slowest; 0: nothing is seen
+    extinction: Floats  # (N,) optical depth per scene unit, z slowest; 0: invisible
     size: Size  # voxels along x, y and z
     nearest: float  # depth of the first voxel
-    deeper: Vector  # by which depth grows along x, y and z
+    deeper: Vector  # growth of depth along x, y and z
     footprint: Floats  # (K,) line integrals over the squared distance, in radii
     radius: float  # voxels
 
 
 class Looked(NamedTuple):
-    """A field, and what is looked for in it."""
+    """A field, and what is picked in it."""
 
     spline: Spline
     known: Flags  # as of `LatticeField`
-    looks: int  # that are beside each other in the table
+    looks: int  # transfer functions beside each other in the table
     table: Floats  # (G, L K, 4) as of `Looks`
     low: float
     high: float
@@ -59,7 +59,7 @@ class Looked(NamedTuple):
 
 
 class Waiting(NamedTuple):
-    """Voxels that a ray has met, by their depth, while others may still come before them."""
+    """Queue of voxels by depth, as long as others may come before them."""
 
     depth: Doubles
     voxel: Indices
@@ -68,12 +68,13 @@ class Waiting(NamedTuple):
 
 @kernel
 def _vector(rows: Doubles, n: int) -> Vector:
+    """One row of an array (N, 3)."""
     return rows[n, 0], rows[n, 1], rows[n, 2]
 
 
 @kernel
 def _integral(footprint: Floats, squared: float) -> float:
-    """Line integral at a squared distance of the center, radii², below 1."""
+    """Look up the line integral at a squared distance, radii², below 1."""
     place = squared * (footprint.size - 1)
     k = min(int(place), footprint.size - 2)
     low, high = float(footprint[k]), float(footprint[k + 1])
@@ -82,7 +83,8 @@ def _integral(footprint: Floats, squared: float) -> float:
 
 @kernel
 def _put(waiting: Waiting, count: int, depth: float, voxel: int, thickness: float) -> int:
-    """Add a voxel where it belongs; of equal depths the first of the volume comes first."""
+    """Insert a voxel into the queue; equal depths keep the volume's order."""
+    # Move farther voxels back; a full queue loses its last.
     n = min(count, MOST - 1)
     while n > 0 and (
         waiting.depth[n - 1] > depth
@@ -98,7 +100,7 @@ def _put(waiting: Waiting, count: int, depth: float, voxel: int, thickness: floa
 
 @kernel
 def _axis_of(direction: Vector) -> int:
-    """Axis that a ray goes along the most."""
+    """Axis along which a ray advances most."""
     x, y, z = abs(direction[0]), abs(direction[1]), abs(direction[2])
     return 2 if z >= max(x, y) else 1 if y >= x else 0
 
@@ -107,24 +109,29 @@ def _axis_of(direction: Vector) -> int:
 def _meet(
     splatted: Splatted, rays: Rays, n: int, axis: int, k: int, waiting: Waiting, count: int
 ) -> int:
-    """Add the voxels of slice k across an axis that ray n meets."""
+    """Queue the voxels of slice k across an axis whose kernels ray n meets."""
     origin, direction, size = _vector(rays.origin, n), _vector(rays.direction, n), splatted.size
     one, two = (axis + 1) % 3, (axis + 2) % 3
     strides = (1, size[0], size[0] * size[1])
+    # Intersect the ray with the slice, and bound its kernels there.
     depth = (k - origin[axis]) / direction[axis]
     u, v = origin[one] + depth * direction[one], origin[two] + depth * direction[two]
     speed = math.sqrt(dot(direction, direction))
     reach = splatted.radius * speed / abs(direction[axis])
     per = rays.length[n] / (speed * splatted.radius**2)
+    # Visit the voxels within.
     for b in range(max(0, math.ceil(u - reach)), min(size[one], math.floor(u + reach) + 1)):
         for c in range(max(0, math.ceil(v - reach)), min(size[two], math.floor(v + reach) + 1)):
             voxel = k * strides[axis] + b * strides[one] + c * strides[two]
+            # Measure the distance from the ray, and the depth nearest to the voxel.
             along = ((b - u) * direction[one] + (c - v) * direction[two]) / speed
             away = ((b - u) ** 2 + (c - v) ** 2 - along**2) / splatted.radius**2
             at = depth + along / speed
+            # Keep visible voxels whose kernel the ray meets between its ends.
             if splatted.extinction[voxel] > 0 and away < 1 and rays.first[n] <= at <= rays.last[n]:
                 deeper = splatted.deeper
                 own = splatted.nearest + k * deeper[axis] + b * deeper[one] + c * deeper[two]
+                # Find the optical depth along the ray.
                 integral = _integral(splatted.footprint, max(away, 0.0))
                 thickness = splatted.extinction[voxel] * per * integral
                 count = _put(waiting, count, own, voxel, thickness)
@@ -135,17 +142,19 @@ def _meet(
 def _pass(
     waiting: Waiting, count: int, until: float, kept: float, level: float
 ) -> tuple[int, float, int]:
-    """Let light through the voxels in front of a depth.
+    """Attenuate light by the queued voxels in front of a depth.
 
-    Gives how many still wait, the share of light that is kept, and the voxel with which more than
-    the level is gone.
+    Returns how many stay in the queue, the transmittance, and the voxel at which the absorbed share
+    exceeds the level.
     """
+    # Composite front to back until the level is passed.
     n = 0
     while n < count and waiting.depth[n] < until:
         kept *= math.exp(-waiting.thickness[n])
         if 1 - kept > level:
             return 0, kept, waiting.voxel[n]
         n += 1
+    # Remove the voxels that were composited.
     if n:
         for m in range(n, count):
             waiting.depth[m - n] = waiting.depth[m]
@@ -156,23 +165,29 @@ def _pass(
 
 @kernel
 def _among_voxels(splatted: Splatted, rays: Rays, n: int, level: float, waiting: Waiting) -> Found:
-    """Voxel with which more than a share of light is gone from ray n."""
+    """Voxel at which the share of light that ray n loses exceeds a level."""
+    # Slice the volume across the axis along which the ray advances most.
     origin, direction = _vector(rays.origin, n), _vector(rays.direction, n)
     axis = _axis_of(direction)
     speed, fastest = math.sqrt(dot(direction, direction)), abs(direction[axis])
     beyond = splatted.radius * speed / fastest
     one, two = splatted.deeper[(axis + 1) % 3], splatted.deeper[(axis + 2) % 3]
-    before = beyond * (abs(one) + abs(two))  # that voxels of a slice may be nearer than the ray
+    # Voxels of a slice may be nearer than the ray's own depth there by this.
+    before = beyond * (abs(one) + abs(two))
     kept, count = 1.0, 0
+    # Visit the slices front to back.
     for s in range(splatted.size[axis]):
         k = s if direction[axis] > 0 else splatted.size[axis] - 1 - s
+        # Skip slices wholly outside the ray's ends.
         depth = (k - origin[axis]) / direction[axis]
         if depth + 2 * beyond / speed < rays.first[n] or depth - 2 * beyond / speed > rays.last[n]:
             continue
+        # Queue the slice's voxels, and composite those in front of all later slices.
         count = _meet(splatted, rays, n, axis, k, waiting, count)
         count, kept, found = _pass(waiting, count, depth + 1 / fastest - before, kept, level)
         if found != NONE:
             return found, kept
+    # Composite the rest.
     count, kept, found = _pass(waiting, count, math.inf, kept, level)
     return found, kept
 
@@ -181,7 +196,7 @@ def _among_voxels(splatted: Splatted, rays: Rays, n: int, level: float, waiting:
 def find_among_voxels(
     counter: Counter, splatted: Splatted, rays: Rays, level: float, voxel: Indices, kept: Doubles
 ) -> None:
-    """Voxels (N,) with which more than a share of light is gone, and the share that is kept."""
+    """Find voxels (N,) where absorbed light exceeds a level, and transmittances."""
     waiting = Waiting(np.empty(MOST), np.empty(MOST, np.int64), np.empty(MOST))
     for chunk in tasks(counter, (voxel.size + CHUNK - 1) // CHUNK):
         for n in range(chunk * CHUNK, min((chunk + 1) * CHUNK, voxel.size)):
@@ -190,17 +205,23 @@ def find_among_voxels(
 
 @kernel
 def _extinction(looked: Looked, number: int, value: float, slope: Vector) -> float:
-    """Optical depth per scene unit of a value and its slope per voxel, in one of several looks."""
+    """Optical depth per scene unit of a value and its slope per voxel.
+
+    `number` selects the transfer function.
+    """
     if number < 0:
         return 0.0
+    # Find the column by the value.
     rows, columns = looked.table.shape[0] - 1, looked.table.shape[1] // looked.looks - 1
     place = (value - looked.low) / (looked.high - looked.low) * columns
     place = min(max(place, 0.0), float(columns))
+    # Find the row by the gradient's length.
     row = 0
     if rows > 0:
         turned = multiply(matrix_of(looked.to_scene), slope)
         share = math.sqrt(dot(turned, turned)) / looked.steep
         row = min(int(share * rows + 0.5), rows)
+    # Interpolate between the nearest columns.
     k = min(int(place), columns - 1)
     share, k = float(place - k), k + number * (columns + 1)
     low, high = float(looked.table[row, k, 3]), float(looked.table[row, k + 1, 3])
@@ -209,7 +230,7 @@ def _extinction(looked: Looked, number: int, value: float, slope: Vector) -> flo
 
 @kernel
 def _number_at(looked: Looked, place: Vector) -> int:
-    """Number of the look of the voxel that a place is in; below 0: it is missing."""
+    """Transfer function of the voxel at a place; below 0 if the voxel is missing."""
     if looked.known.size == 0:
         return 0
     i, j, k = int(place[0] + 1.5), int(place[1] + 1.5), int(place[2] + 1.5)
@@ -218,7 +239,7 @@ def _number_at(looked: Looked, place: Vector) -> int:
 
 @kernel
 def _voxel_at(place: Vector, shape: Size) -> int:
-    """Flat index of the voxel that a place is in; its first is at (1, 1, 1)."""
+    """Flat index of the voxel at a place; the first voxel is at (1, 1, 1)."""
     x = min(max(int(place[0] - 0.5), 0), shape[2] - 1)
     y = min(max(int(place[1] - 0.5), 0), shape[1] - 1)
     z = min(max(int(place[2] - 0.5), 0), shape[0] - 1)
@@ -227,7 +248,8 @@ def _voxel_at(place: Vector, shape: Size) -> int:
 
 @kernel
 def _in_field(looked: Looked, rays: Rays, n: int, level: float) -> Found:
-    """Voxel around which what is looked for is on ray n."""
+    """Voxel around which ray n meets what is picked."""
+    # Step along the ray, several times per voxel.
     origin, direction = _vector(rays.origin, n), _vector(rays.direction, n)
     step = 1 / (STEPS * math.sqrt(dot(direction, direction)))
     kept, best, found, wanted = 1.0, -math.inf, NONE, looked.wanted
@@ -238,7 +260,9 @@ def _in_field(looked: Looked, rays: Rays, n: int, level: float) -> Found:
             origin[1] + depth * direction[1] + 1,
             origin[2] + depth * direction[2] + 1,
         )
+        # Interpolate the field.
         value, slope = value_and_slope_at(looked.spline, place)
+        # Composite until the level is passed, stop at the surface, or track the extreme.
         if wanted == COMPOSITE:
             extinction = _extinction(looked, _number_at(looked, place), value, slope)
             kept *= math.exp(-extinction * step * rays.length[n])
@@ -257,7 +281,7 @@ def _in_field(looked: Looked, rays: Rays, n: int, level: float) -> Found:
 def find_in_field(
     counter: Counter, looked: Looked, rays: Rays, level: float, voxel: Indices, kept: Doubles
 ) -> None:
-    """Like `find_among_voxels`, of a field: voxels around which it is found."""
+    """Return `find_among_voxels` for a field: voxels around which it is found."""
     for chunk in tasks(counter, (voxel.size + CHUNK - 1) // CHUNK):
         for n in range(chunk * CHUNK, min((chunk + 1) * CHUNK, voxel.size)):
             voxel[n], kept[n] = _in_field(looked, rays, n, level)

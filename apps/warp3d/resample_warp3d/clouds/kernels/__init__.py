@@ -1,1 +1,1 @@
-"""The numba code of clouds: bare arrays and numbers."""
+"""Numba kernels of clouds; they take only arrays and numbers."""

@@ -1,11 +1,10 @@
-"""Discs of a cloud as the screen sees them.
+"""Project the discs of a cloud to the screen.
 
-The disc p + u a + v b is seen at the pixel (x, y) where H (u, v, 1) ~ (x, y, 1), with the columns
+The disc p + u a + v b covers the pixel (x, y) where H (u, v, 1) ~ (x, y, 1), with the columns
 P a, P b and P p + t of H. The inverse of H gives u, v and 1 / z of the disc's plane at a pixel as
-ratios of linear functions, without approximation. Only where a disc is so small, or seen so much
-from the side, that it would fall between sub-pixels, its projection is taken for linear, and its
-singular values are kept from going below the size of a sub-pixel: such discs are points along one
-axis, or along both.
+ratios of linear functions, without approximation. Only where a disc is so small, or so oblique,
+that it would fall between sub-pixels, its projection is linearized, and its singular values are
+clamped to the size of a sub-pixel: such discs are points along one axis, or along both.
 """
 
 import math
@@ -19,13 +18,13 @@ from resample.types import Doubles, Floats, Record, Records
 
 CHUNK = 4096  # discs that a thread takes at a time
 REACH = 1.75  # radii at which a disc's weight (1 − i² / REACH²)² ends
-FINEST = 1.0  # sub-pixels, least reach along any axis
+FINEST = 1.0  # sub-pixels, least extent along any axis
 STEEPEST = 8.0  # tangent between the screen and the plane of a point
-LOOSEST = 0.5  # of the nearness: most by which discs of one surface may differ
+LOOSEST = 0.5  # of the nearness: largest difference of discs of one surface
 
 # With (dx, dy) a pixel's offset from (x, y), and D = 1 + slope_x dx + slope_y dy: the disc has the
-# nearness D × nearness there, and the index i = |(ux dx + uy dy, vx dx + vy dy)| / E in reaches,
-# with E = D where weight = 1 and E = 1 where it is less.
+# nearness D × nearness there, and the index i = |(ux dx + uy dy, vx dx + vy dy)| / E in units of
+# the extent, with E = D where weight = 1 and E = 1 where it is less.
 SURFEL = np.dtype(
     [
         ("x", np.float32),  # px, where the center projects
@@ -37,7 +36,7 @@ SURFEL = np.dtype(
         ("slope_x", np.float32),  # px⁻¹
         ("slope_y", np.float32),
         ("nearness", np.float32),  # 1 / z of the center, 1 / scene units
-        ("keep", np.float32),  # surfaces nearer than keep × nearness are one with the disc
+        ("keep", np.float32),  # surfaces nearer than keep × nearness are the same as the disc's
         ("weight", np.float32),  # area of the disc over that of what is drawn; 1: a splat
         ("left", np.float32),  # px, bounds; left > right: none
         ("top", np.float32),
@@ -52,16 +51,16 @@ SURFEL = np.dtype(
 
 
 class Eye(NamedTuple):
-    """What discs are seen by, and how."""
+    """Camera and drawing options of discs."""
 
     projection: Doubles  # (3, 4) takes places (x, y, z, 1) to px × depth
-    place: Doubles  # (3,) of the eye, scene units
+    place: Doubles  # (3,) of the camera, scene units
     height: int  # px
     width: int  # px
     focal: float  # px, mean of both axes
     near: float  # scene units; nearer centers are left out
     subpixels: int  # per side of a pixel
-    size: float  # times which discs are drawn
+    size: float  # factor of the discs' size
     headlight: bool  # shade by the angle between normal and view
     cull: bool  # leave out discs seen from behind
     tolerance: float  # radii by which discs of one surface may differ in depth
@@ -80,13 +79,16 @@ def _project(eye: Eye, vector: Vector, last: float) -> Vector:
 
 @kernel
 def _is_beside(center: float, a: float, b: float) -> bool:
-    """Whether a linear function is below 0 on all of a disc, by its value and changes."""
+    """Whether a linear function is negative on a whole disc.
+
+    `center` is its value, `a` and `b` are its derivatives.
+    """
     return center + REACH * math.hypot(a, b) < 0.0
 
 
 @kernel
 def _is_outside(eye: Eye, center: Vector, a: Vector, b: Vector) -> bool:
-    """Whether a disc lies wholly beyond one side of the frame."""
+    """Whether a disc lies wholly outside one side of the frame."""
     wide, high = float(eye.width), float(eye.height)
     return (
         _is_beside(center[0], a[0], b[0])
@@ -98,14 +100,16 @@ def _is_outside(eye: Eye, center: Vector, a: Vector, b: Vector) -> bool:
 
 @kernel
 def _bound(center: Vector, a: Vector, b: Vector, axis: int) -> tuple[float, float]:
-    """Middle and half the extent, px, of a disc's outline along an axis; infinite behind the eye.
+    """Middle and half extent, px, of a disc's outline; infinite behind the camera.
 
     From the dual conic ρ² (a aᵀ + b bᵀ) − center centerᵀ.
     """
+    # A disc that crosses the camera's plane has no bounds.
     square = REACH * REACH
     last = square * (a[2] * a[2] + b[2] * b[2]) - center[2] * center[2]
     if last >= -1e-12 * center[2] * center[2]:
         return 0.0, np.inf
+    # Solve the quadratic equation for the two tangents of the outline along the axis.
     mixed = square * (a[axis] * a[2] + b[axis] * b[2]) - center[axis] * center[2]
     own = square * (a[axis] * a[axis] + b[axis] * b[axis]) - center[axis] * center[axis]
     middle = mixed / last
@@ -114,12 +118,14 @@ def _bound(center: Vector, a: Vector, b: Vector, axis: int) -> tuple[float, floa
 
 @kernel
 def _set_exact(record: Record, center: Vector, a: Vector, b: Vector) -> None:
-    """Forms of a splat: rows of the inverse of (a b center), relative to the center."""
+    """Set the forms of a splat: rows of the inverse of (a b center)."""
+    # Invert by cross products, normalized to 1 at the center.
     u, v, w = cross(b, center), cross(center, a), cross(a, b)
     scale = center[2] / dot(w, center)
     record["ux"], record["uy"] = scale / REACH * u[0], scale / REACH * u[1]
     record["vx"], record["vy"] = scale / REACH * v[0], scale / REACH * v[1]
     record["slope_x"], record["slope_y"] = scale * w[0], scale * w[1]
+    # Bound the outline exactly.
     record["weight"] = np.float32(1)
     middle, half = _bound(center, a, b, 0)
     record["left"], record["right"] = middle - half, middle + half
@@ -129,11 +135,12 @@ def _set_exact(record: Record, center: Vector, a: Vector, b: Vector) -> None:
 
 @kernel
 def _slopes(eye: Eye, center: Vector, a: Vector, b: Vector) -> tuple[float, float]:
-    """Change of relative nearness per px on the plane of a disc, as steep as a point's may be."""
+    """Change of relative nearness per px on a disc's plane, limited for points."""
     w = cross(a, b)
     volume = dot(w, center)
     if volume == 0.0:
         return 0.0, 0.0
+    # Divide the plane's equation by its value at the center, and limit the steepness.
     x, y = center[2] / volume * w[0], center[2] / volume * w[1]
     scale = min(1.0, STEEPEST / (eye.focal * max(math.hypot(x, y), 1e-30)))
     return scale * x, scale * y
@@ -147,16 +154,20 @@ def _set_clamped(
     spread: Vector,
     values: tuple[float, float],
 ) -> None:
-    """Forms of a point of J Jᵀ = (xx, xy, yy), whose singular values are kept from vanishing."""
+    """Set the forms of a point with J Jᵀ = (xx, xy, yy), its singular values clamped."""
+    # Clamp both axes to a sub-pixel.
     xx, xy, yy = spread
     least = FINEST / (REACH * eye.subpixels)
     long, short = max(values[0], least), max(values[1], least)
+    # Turn the forms to the axes' directions.
     angle = 0.5 * math.atan2(xy, 0.5 * (xx - yy))
     c, s = math.cos(angle), math.sin(angle)
     record["ux"], record["uy"] = c / (REACH * long), s / (REACH * long)
     record["vx"], record["vy"] = -s / (REACH * short), c / (REACH * short)
+    # Dim what was enlarged, so that its total stays.
     record["weight"] = values[0] * values[1] / (long * short)
     record["slope_x"], record["slope_y"] = slopes
+    # Bound the ellipse.
     half = REACH * math.hypot(c * long, s * short)
     record["left"], record["right"] = record["x"] - half, record["x"] + half
     half = REACH * math.hypot(s * long, c * short)
@@ -165,20 +176,24 @@ def _set_clamped(
 
 @kernel
 def _set_shape(record: Record, eye: Eye, center: Vector, a: Vector, b: Vector) -> bool:
-    """Place and forms of a disc; gives whether anything of it can be seen."""
+    """Set place and forms of a disc; return whether any of it is visible."""
+    # Differentiate the projection at the center.
     x, y = center[0] / center[2], center[1] / center[2]
     jxu, jxv = (a[0] - x * a[2]) / center[2], (b[0] - x * b[2]) / center[2]
     jyu, jyv = (a[1] - y * a[2]) / center[2], (b[1] - y * b[2]) / center[2]
     xx, xy, yy = jxu * jxu + jxv * jxv, jxu * jyu + jxv * jyv, jyu * jyu + jyv * jyv
     area = abs(jxu * jyv - jxv * jyu)
+    # Take the singular values of the Jacobian.
     long = math.sqrt(0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy))
     short = area / long if long > 0.0 else 0.0
     record["x"], record["y"] = x, y
     record["spacing"] = short
+    # Project large discs exactly, and linearize small or oblique ones.
     if short * REACH * eye.subpixels > FINEST:
         _set_exact(record, center, a, b)
     else:
         _set_clamped(record, eye, _slopes(eye, center, a, b), (xx, xy, yy), (long, short))
+    # Cull degenerate discs, and those outside the frame.
     is_finite = math.isfinite(x + y + record["ux"] + record["uy"] + record["vx"] + record["vy"])
     return bool(
         is_finite
@@ -192,7 +207,7 @@ def _set_shape(record: Record, eye: Eye, center: Vector, a: Vector, b: Vector) -
 
 @kernel
 def _facing(eye: Eye, place: Vector, a: Vector, b: Vector) -> float:
-    """Cosine between a disc's normal and the way to the eye."""
+    """Cosine between a disc's normal and the direction to the camera."""
     normal = cross(a, b)
     toward = (eye.place[0] - place[0], eye.place[1] - place[1], eye.place[2] - place[2])
     square = dot(normal, normal) * dot(toward, toward)
@@ -201,18 +216,21 @@ def _facing(eye: Eye, place: Vector, a: Vector, b: Vector) -> float:
 
 @kernel
 def _see(position: Floats, axes: Floats, color: Floats, n: int, eye: Eye, record: Record) -> None:
-    """Fill in a disc's record."""
+    """Fill in a disc's record; bounds with left > right mean that it is culled."""
+    # Cull discs in front of the near plane.
     record["left"], record["right"] = np.float32(1), np.float32(-1)
     place = (float(position[n, 0]), float(position[n, 1]), float(position[n, 2]))
     center = _project(eye, place, 1.0)
     if not center[2] > eye.near:
         return
+
+    # Scale and project both half axes.
     size = eye.size
     one = (size * axes[n, 0, 0], size * axes[n, 0, 1], size * axes[n, 0, 2])
     two = (size * axes[n, 1, 0], size * axes[n, 1, 1], size * axes[n, 1, 2])
     a, b = _project(eye, one, 0.0), _project(eye, two, 0.0)
     facing = _facing(eye, place, one, two) if eye.cull or eye.headlight else 1.0
-    # The margin keeps points whose sub-pixels reach into the frame.
+    # Cull back faces and discs outside; the margin keeps points whose sub-pixels are in the frame.
     if (eye.cull and facing <= 0.0) or (
         _is_outside(eye, center, a, b)
         and not (
@@ -221,15 +239,19 @@ def _see(position: Floats, axes: Floats, color: Floats, n: int, eye: Eye, record
         )
     ):
         return
+    # Set place, forms and bounds.
     if not _set_shape(record, eye, center, a, b):
         record["left"], record["right"] = np.float32(1), np.float32(-1)
         return
+    # Set the depth within which discs are one surface: `apart` is perpendicular to the surface.
     radius = math.sqrt(math.sqrt(dot(one, one) * dot(two, two)))
     record["nearness"] = 1.0 / center[2]
     steep = min(STEEPEST, eye.focal * math.hypot(record["slope_x"], record["slope_y"]))
     apart = eye.tolerance * radius / center[2] + 1.0 / (eye.focal * eye.subpixels)
-    loose = apart * math.sqrt(1.0 + steep * steep)  # apart is perpendicular to the surface
+    loose = apart * math.sqrt(1.0 + steep * steep)
     record["keep"] = 1.0 - min(LOOSEST, loose)
+
+    # Shade by the headlight.
     light = abs(facing) if eye.headlight else 1.0
     record["red"] = light * color[n, 0]
     record["green"], record["blue"] = light * color[n, 1], light * color[n, 2]
@@ -239,6 +261,7 @@ def _see(position: Floats, axes: Floats, color: Floats, n: int, eye: Eye, record
 def _see_chunk(
     position: Floats, axes: Floats, color: Floats, eye: Eye, records: Records, chunk: int
 ) -> None:
+    """Project the discs of a chunk."""
     start = int(np.int64(chunk)) * CHUNK
     for n in range(start, min(start + CHUNK, position.shape[0])):
         _see(position, axes, color, n, eye, records[n])
@@ -255,7 +278,7 @@ def see(
     position, axes, color
         (N, 3), (N, 2, 3) and (N, 3) of the discs.
     eye
-        What they are seen by.
+        Camera and options.
     records
         (N,) of `SURFEL`, filled.
     """

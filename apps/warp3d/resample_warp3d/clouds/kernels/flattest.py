@@ -1,4 +1,4 @@
-"""The direction in which points are spread least: an eigenvector of a symmetric 3 × 3 matrix."""
+"""Direction of least spread of points: an eigenvector of a symmetric 3 × 3 matrix."""
 
 import math
 
@@ -6,24 +6,26 @@ from resample.engine.jit import kernel
 from resample.engine.vectors import Matrix, Vector, dot
 
 STEPS = 8  # of Newton's method at most
-NEAR = 2.0**-26  # of the trace: the step after one so small would not be told apart
-APART = 2.0**-8  # of the trace's square: how far from the others an eigenvalue is, at least
+NEAR = 2.0**-26  # of the trace: after a step this small, the next would make no difference
+APART = 2.0**-8  # of the trace's square: least distance of an eigenvalue from the others
 SWEEPS = 6  # of Jacobi's method: 3 × 3 matrices have then converged
-STILL = 2.0**-52  # tangents of rotations that are left out: 2⁻²⁸ of what float32 tells apart
+STILL = 2.0**-52  # tangents of rotations that are skipped: 2⁻²⁸ of float32's resolution
 
 
 @kernel
 def _turned(m: Matrix, v: Matrix) -> tuple[Matrix, Matrix]:
-    """One rotation of Jacobi's method: makes the entry 0, 1 of a symmetric matrix 0.
+    """Rotate by Jacobi's method: make the entry 0, 1 of a symmetric matrix 0.
 
-    Rotations that would not show in float32 are left out. `v` holds what was turned so far.
+    Rotations too small for float32 are skipped. `v` accumulates the rotations.
     """
     if abs(m[0][1]) <= STILL * abs(m[1][1] - m[0][0]):
         return m, v
+    # Find the smaller of the two angles that make the entry 0.
     half = 0.5 * (m[1][1] - m[0][0]) / m[0][1]
     t = math.copysign(1.0, half) / (abs(half) + math.sqrt(half * half + 1.0))
     c = 1.0 / math.sqrt(t * t + 1.0)
     s = t * c
+    # Rotate columns, then rows, and the vectors found so far.
     top, low, last = _mixed(m[0], c, s), _mixed(m[1], c, s), _mixed(m[2], c, s)
     return (
         (
@@ -37,13 +39,13 @@ def _turned(m: Matrix, v: Matrix) -> tuple[Matrix, Matrix]:
 
 @kernel
 def _mixed(row: Vector, c: float, s: float) -> Vector:
-    """Row of a matrix whose first two columns are turned."""
+    """Rotate the first two columns of one row of a matrix."""
     return c * row[0] - s * row[1], s * row[0] + c * row[1], row[2]
 
 
 @kernel
 def _swapped(m: Matrix) -> Matrix:
-    """Matrix whose rows and columns 1 and 2 have changed places."""
+    """Exchange rows and columns 1 and 2 of a matrix."""
     return (
         (m[0][0], m[0][2], m[0][1]),
         (m[2][0], m[2][2], m[2][1]),
@@ -53,7 +55,7 @@ def _swapped(m: Matrix) -> Matrix:
 
 @kernel
 def _rolled(m: Matrix) -> Matrix:
-    """Matrix whose rows and columns are 1, 2, 0 of another."""
+    """Permute rows and columns of a matrix to 1, 2, 0."""
     return (
         (m[1][1], m[1][2], m[1][0]),
         (m[2][1], m[2][2], m[2][0]),
@@ -63,16 +65,19 @@ def _rolled(m: Matrix) -> Matrix:
 
 @kernel
 def _turned_flattest(m: Matrix) -> Vector:
-    """The same by Jacobi's method, however near the eigenvalues are to each other."""
+    """Return `flattest` by Jacobi's method, for eigenvalues however close."""
     v: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     for _ in range(SWEEPS):
+        # Rotate each of the three pairs of axes once, by permuting it to the front.
         before = v
         m, v = _turned(m, v)
         m, v = _turned(_swapped(m), _swapped(v))
         m, v = _turned(_rolled(_swapped(m)), _rolled(_swapped(v)))
         m, v = _rolled(_rolled(m)), _rolled(_rolled(v))
+        # Stop when no rotation was needed.
         if v == before:
             break
+    # Pick the vector of the least eigenvalue.
     least = v[0][0], v[1][0], v[2][0]
     if m[1][1] < m[0][0] and m[1][1] <= m[2][2]:
         least = v[0][1], v[1][1], v[2][1]
@@ -83,16 +88,18 @@ def _turned_flattest(m: Matrix) -> Vector:
 
 @kernel
 def _least(m: Matrix, trace: float) -> float:
-    """Least eigenvalue of a matrix that has none below 0; not a number if others are as near.
+    """Least eigenvalue of a positive semidefinite matrix; NaN if another is as near.
 
-    Newton's method does not step beyond the first zero of the characteristic polynomial.
+    Newton's method does not overshoot the first zero of the characteristic polynomial.
     """
+    # Compute the coefficients of the characteristic polynomial.
     minors = (
         m[0][0] * m[1][1]
         - m[0][1] * m[0][1]
         + (m[0][0] * m[2][2] - m[0][2] * m[0][2])
         + (m[1][1] * m[2][2] - m[1][2] * m[1][2])
     )
+    # Without a gap to the other eigenvalues the method would not converge.
     if not minors > APART * trace * trace:
         return math.nan
     determinant = (
@@ -100,6 +107,7 @@ def _least(m: Matrix, trace: float) -> float:
         - m[0][1] * (m[0][1] * m[2][2] - m[1][2] * m[0][2])
         + m[0][2] * (m[0][1] * m[1][2] - m[1][1] * m[0][2])
     )
+    # Approach the zero from below.
     value = 0.0
     for _ in range(STEPS):
         rest = ((value - trace) * value + minors) * value - determinant
@@ -112,16 +120,18 @@ def _least(m: Matrix, trace: float) -> float:
 
 @kernel
 def flattest(m: Matrix) -> Vector:
-    """Unit vector along which a symmetric 3 × 3 matrix without eigenvalues below 0 is least.
+    """Unit vector along which a positive semidefinite symmetric 3 × 3 matrix is least.
 
-    Columns of the adjugate of the matrix, less the eigenvalue, are along the eigenvector.
+    Columns of the adjugate of the matrix minus the eigenvalue lie along the eigenvector.
     """
     trace = m[0][0] + m[1][1] + m[2][2]
     value = _least(m, trace)
+    # Compute the adjugate's diagonal; Jacobi's method takes what is close to degenerate, or NaN.
     x, y, z = m[0][0] - value, m[1][1] - value, m[2][2] - value
     xx, yy, zz = y * z - m[1][2] * m[1][2], x * z - m[0][2] * m[0][2], x * y - m[0][1] * m[0][1]
     if not xx + yy + zz > APART * trace * trace:
         return _turned_flattest(m)
+    # Take the longest column of the adjugate.
     xy, xz = m[0][2] * m[1][2] - m[0][1] * z, m[0][1] * m[1][2] - m[0][2] * y
     yz = m[0][1] * m[0][2] - x * m[1][2]
     if xx >= yy and xx >= zz:

@@ -1,9 +1,9 @@
-"""Cells around the origin of a plane: what lies before all of some lines.
+"""Convex cells around the origin of a plane: intersections of half-planes.
 
-Of each line that part is the cell's which all others leave of it. That takes a look at all pairs of
-lines, but many at a time, and no look waits for another, as it would if the cell were cut by one
-line after the other. Lines that are parallel but for rounding are one, that of the nearest, so that
-what one leaves of another and the other of it is the same corner.
+A line contributes to the cell the part that all others leave of it. That compares all pairs of
+lines, but vectorized and without dependencies, as clipping by one line after the other would have.
+Lines that are parallel up to rounding count as one, the nearest, so that two lines clip each other
+at the same corner.
 """
 
 import math
@@ -20,15 +20,15 @@ CORNERS = tuple(
     (math.cos(2.0 * math.pi * k / SIDES), math.sin(2.0 * math.pi * k / SIDES)) for k in range(SIDES)
 )
 ROOM = 64  # lines
-LANES = 4  # lines that are looked at together
-PARALLEL = 1e-9  # sine of an angle between lines that are taken for one
+LANES = 4  # lines that are processed together
+PARALLEL = 1e-9  # sine of an angle below which lines count as one
 X, Y, AWAY, BEGIN, END = 0, 1, 2, 3, 4
 
 
 class Lines(NamedTuple):
-    """Lines, and the corners of what lies before them.
+    """Lines, and the corners of the cell that they bound.
 
-    Along a line, places are counted from that nearest to the origin, counterclockwise.
+    Along a line, places are counted from the one nearest to the origin, counterclockwise.
     """
 
     line: Doubles  # (5, ROOM) x and y of a unit normal, distance, begin and end of a cell's side
@@ -37,19 +37,19 @@ class Lines(NamedTuple):
 
 @kernel
 def no_lines() -> Lines:
-    """Room for lines."""
+    """Allocate lines."""
     return Lines(np.zeros((5, ROOM)), np.zeros((2, 2 * ROOM)))
 
 
 @inner_kernel
 def put(line: Doubles, count: int, x: float, y: float, away: float) -> None:
-    """Add a line after so many."""
+    """Write a line at index `count`."""
     line[X, count], line[Y, count], line[AWAY, count] = x, y, away
 
 
 @inner_kernel
 def put_around(line: Doubles, count: int, half: float) -> int:
-    """Add a regular polygon of half a width after so many; how many lines there are."""
+    """Append a regular polygon of half a width at index `count`; return the new count."""
     for k in range(SIDES):
         put(line, count + k, CORNERS[k][0], CORNERS[k][1], half)
     return count + SIDES
@@ -57,12 +57,14 @@ def put_around(line: Doubles, count: int, half: float) -> int:
 
 @inner_kernel
 def _left(line: Doubles, n: int, m: int, other: Vector, far: float) -> tuple[float, float]:
-    """What another line leaves of a line."""
+    """Begin and end of what another line leaves of line n."""
+    # Intersect both lines; the sine's sign tells which side is cut off.
     x, y, away = other
     sine = line[X, n] * y - line[Y, n] * x
     cosine = line[X, n] * x + line[Y, n] * y
     own = line[AWAY, n]
     place = (away - own * cosine) / sine
+    # Of parallel lines, the nearer hides the other, or the first of two that coincide.
     before = (away < own) | ((away == own) & (m < n))
     hides = (abs(sine) <= PARALLEL) & (cosine > 0.0) & before
     begin, end = place if sine < -PARALLEL else -far, place if sine > PARALLEL else far
@@ -71,15 +73,18 @@ def _left(line: Doubles, n: int, m: int, other: Vector, far: float) -> tuple[flo
 
 @inner_kernel
 def _leave(line: Doubles, count: int, far: float) -> None:
-    """Find of each line what all others leave of it.
+    """Clip each line by all others.
 
-    Two others at a time: a least number that is stored where it was read becomes a store under a
-    mask, which takes some processors longer than all else here.
+    By two others at a time: a minimum that is stored where it was read becomes a masked store,
+    which on some processors costs more than all else here.
     """
+    # Start with whole lines, in full lanes.
     lanes = (count + LANES - 1) // LANES * LANES
     for n in range(lanes):
         line[BEGIN, n], line[END, n] = -far, far
-    put(line, count, 0.0, 0.0, 1.0)  # leaves all of each
+    # Pad to an even count, with a line that clips none: its direction is 0.
+    put(line, count, 0.0, 0.0, 1.0)
+    # Clip all lines by the two.
     for m in range(0, count, 2):
         one = line[X, m], line[Y, m], line[AWAY, m]
         two = line[X, m + 1], line[Y, m + 1], line[AWAY, m + 1]
@@ -92,18 +97,20 @@ def _leave(line: Doubles, count: int, far: float) -> None:
 
 @inner_kernel
 def meet(lines: Lines, count: int, far: float) -> tuple[int, int, float]:
-    """Keep those of so many lines that the cell lies at.
+    """Clip the lines, and keep those that bound the cell.
 
-    Gives how many these are, how many corners the cell has, and the square of the distance of the
+    Returns their number, the number of the cell's corners, and the squared distance of the
     farthest; where lines do not close a cell, corners are about `far` away.
     """
     line, corner = lines.line, lines.corner
     _leave(line, count, far)
     kept, corners, reach = 0, 0, 0.0
     for n in range(count):
+        # Drop lines of which nothing is left.
         begin, end = line[BEGIN, n], line[END, n]
         if not begin < end:
             continue
+        # Keep the line, and add the corner at its begin.
         x, y, away = line[X, n], line[Y, n], line[AWAY, n]
         line[X, kept], line[Y, kept], line[AWAY, kept] = x, y, away
         line[BEGIN, kept], line[END, kept] = begin, end
@@ -111,10 +118,13 @@ def meet(lines: Lines, count: int, far: float) -> tuple[int, int, float]:
         corner[X, corners], corner[Y, corners] = away * x - begin * y, away * y + begin * x
         reach = max(reach, away * away + begin * begin)
         corners += 1
+        # An open side has a corner at its end, too.
         if end == far:
             corner[X, corners], corner[Y, corners] = away * x - end * y, away * y + end * x
             reach = max(reach, away * away + end * end)
             corners += 1
+
+    # Fill the last lane with zeros, which no line cuts off.
     for n in range(corners, (corners + LANES - 1) // LANES * LANES):
         corner[X, n], corner[Y, n] = 0.0, 0.0
     return kept, corners, reach
@@ -122,7 +132,7 @@ def meet(lines: Lines, count: int, far: float) -> tuple[int, int, float]:
 
 @inner_kernel
 def cuts(corner: Doubles, corners: int, x: float, y: float, away: float) -> bool:
-    """Whether a corner lies beyond a line."""
+    """Whether a line cuts off a corner; branch-free for SIMD."""
     beyond = 0
     for n in range((corners + LANES - 1) // LANES * LANES):
         beyond += int(x * corner[X, n] + y * corner[Y, n] > away)

@@ -1,4 +1,4 @@
-"""Normals and discs of all points of a cloud, by the neighbours of each."""
+"""Normals and discs of all points of a cloud, from the neighbours of each."""
 
 from typing import NamedTuple
 
@@ -11,36 +11,39 @@ from resample_warp3d.clouds.kernels.lines import no_lines
 from resample_warp3d.clouds.kernels.neighbours import GROUP, PointBlocks, look_around, search
 
 TOGETHER = 2048  # points that a thread takes at a time
-MARGIN = 1.15  # times the square of a distance that was enough, the next may need
+MARGIN = 1.15  # factor from the squared distance that was enough to the next guess
 
 
 class Wanted(NamedTuple):
-    """How many neighbours are looked up, each point its own first one."""
+    """Numbers of neighbours to find, each point included as its own first one."""
 
     few: int
-    many: int  # of points around which the few leave a gap
+    many: int  # for points around which the few leave a gap
 
 
 @kernel
 def _measure_blocks(
     blocks: PointBlocks, wanted: Wanted, chunk: int, normal: Floats, discs: Spaced, nearest: Nearest
 ) -> None:
-    """Measure the points of some blocks that follow each other."""
+    """Measure the points of consecutive blocks."""
     few, many = search(wanted.few), search(wanted.many)
     lines, likely, wider = no_lines(), 0.0, 0.0
     place, is_last = blocks.place, wanted.few == wanted.many
     start = int(np.int64(chunk)) * TOGETHER
     for first in range(start, min(start + TOGETHER, place.shape[0]), GROUP):
+        # Find few neighbours of a group of points.
         count, gaps = min(GROUP, place.shape[0] - first), 0
         for row in range(count):
             few.which[row] = first + row
         likely = MARGIN * look_around(blocks, count, likely, few)
+        # Measure the points, and collect those with a gap around.
         for row in range(count):
             for k in range(nearest.shape[1]):
                 nearest[first + row, k] = few.found[row, k + 1]
             if measure(place, few.found, row, is_last, lines, normal, discs) and not is_last:
                 many.which[gaps] = first + row
                 gaps += 1
+        # Measure these with more neighbours.
         if gaps > 0:
             wider = MARGIN * look_around(blocks, gaps, wider, many)
             for row in range(gaps):
@@ -56,16 +59,16 @@ def measure_all(
     discs: Spaced,
     nearest: Nearest,
 ) -> None:
-    """Find normals and discs of all points.
+    """Measure the normals and discs of all points.
 
     Parameters
     ----------
     blocks
-        N points along a curve.
+        N points along a Morton curve.
     wanted
         At most N neighbours.
     normal
-        (N, 3) made unit length; filled where it is 0, with either of both signs.
+        (N, 3) scaled to unit length; filled where it is 0, with an arbitrary sign.
     discs
         Filled.
     nearest

@@ -1,13 +1,13 @@
-"""Nearest neighbours of points that lie along a Morton curve, found block by block.
+"""Nearest neighbours of points along a Morton curve, found block by block.
 
-Sixteen points that follow each other are a block, eight blocks one of the next size, and so on up
-to one that holds all. Eight blocks list together what lies around them, as far as neighbours of the
-eight before were; each of them takes of that list what lies around itself, and each of its points
-holds what is within a bound of its own, put in order by counting, of each, how many are nearer.
-Where that list has too few, or would have too many, the block and those beside it on the curve say
-how far the nearest are at most, and all blocks are looked at whose boxes are not farther. Distances
-and boxes are rounded alike, and rounding keeps order, so that what is found is exact, whatever was
-guessed. Of points that are equally far the first along the curve is nearer.
+Sixteen consecutive points are a block, eight blocks one of the next size, and so on up to one that
+holds all. Eight blocks share a list of the points around them, within the distance at which the
+previous eight found theirs. Each block filters that list by its own box; each of its points keeps
+candidates within its own bound, and ranks them by counting how many are nearer. Where the list has
+too few points, or would have too many, the block and its neighbours on the curve bound the
+distance, and the tree of blocks is searched within that. Distances and boxes are rounded alike, and
+rounding is monotonic: results are exact for any guess. Of equally distant points the first along
+the curve counts as nearer.
 """
 
 from typing import NamedTuple
@@ -20,21 +20,21 @@ from resample.engine.vectors import Vector
 from resample.types import Doubles, Floats
 
 Numbers = NDArray[np.int64]
-Box = tuple[Vector, Vector]  # its corners
+Box = tuple[Vector, Vector]  # least and greatest corner
 
 BLOCK = 16  # points
 SHIFT = 3
-FAN = 1 << SHIFT  # blocks of a larger one
-GROUP = FAN * BLOCK  # points whose neighbours are looked for together
-BEYOND = 2  # sizes larger is the block in which neighbours are looked for at first
+FAN = 1 << SHIFT  # children of a block
+GROUP = FAN * BLOCK  # points whose neighbours are searched together
+BEYOND = 2  # size of the block around which the search first stays
 DEEPEST = 12  # sizes of blocks: enough for 16 × 8¹¹ points
-AROUND = 2048  # points around a group that are listed
-NEAR = 512  # points around a block that are looked at together
-HELD = 192  # points that may be a point's neighbours
+AROUND = 2048  # points around a group, in a list
+NEAR = 512  # points around a block, in a list
+HELD = 192  # candidates of a point
 LANES = 16  # numbers that are compared at a time
-SPARE = 3  # points more than are wanted that a bound may have within it
-LIKELY = 0.9  # of a bound with too many within it: the first that is tried
-NARROWED = 8  # times at most that a bound is made closer
+SPARE = 3  # points within a bound beyond those wanted
+LIKELY = 0.9  # of a bound with too many points within it: the first guess of a closer one
+NARROWED = 8  # steps at most that narrow a bound
 
 
 class PointBlocks(NamedTuple):
@@ -47,40 +47,42 @@ class PointBlocks(NamedTuple):
 
 
 class Listed(NamedTuple):
-    """Points to look at."""
+    """List of points to visit."""
 
     name: Numbers  # (M,) which points
-    place: Doubles  # (3, M) where they are
+    place: Doubles  # (3, M) their places
 
 
 class Search(NamedTuple):
-    """What a thread looks for the neighbours of up to `GROUP` points with."""
+    """Scratch of a thread that searches the neighbours of up to `GROUP` points."""
 
     which: Numbers  # (GROUP,) the points
     found: Numbers  # (GROUP, k) their neighbours, the nearest first
     around: Listed  # `AROUND` points around them
     near: Listed  # `NEAR` points around those of a block
-    place: Doubles  # (3, BLOCK) where these are
+    place: Doubles  # (3, BLOCK) places of a block's points
     bound: Doubles  # (BLOCK,) squares of distances that their neighbours do not exceed
-    many: Numbers  # (BLOCK,) how many points are held
-    held: Numbers  # (BLOCK, HELD) which points
+    many: Numbers  # (BLOCK,) number of candidates
+    held: Numbers  # (BLOCK, HELD) candidates
     away: Doubles  # (BLOCK, HELD) squares of their distances
-    rank: Numbers  # (HELD,) how many of them are nearer
-    order: Numbers  # (HELD,) these points, the nearest first
+    rank: Numbers  # (HELD,) number of candidates that are nearer
+    order: Numbers  # (HELD,) candidates, the nearest first
     square: Doubles  # (HELD,) squares of their distances
     gap: Doubles  # (AROUND,) squares of distances
-    picked: Numbers  # (AROUND + 1,) which of some are within a bound
-    stack: Numbers  # (DEEPEST * FAN, 2) blocks that wait, and their sizes
+    picked: Numbers  # (AROUND + 1,) indices of squares within a bound
+    stack: Numbers  # (DEEPEST * FAN, 2) blocks to visit, and their sizes
 
 
 def blocks_of(place: Floats) -> PointBlocks:
-    """PointBlocks of points (N, 3) of which there is one at least."""
+    """Build the tree of blocks around points (N, 3), of which there is at least one."""
+    # Reduce the boxes of points to blocks of 16, then by eights up to one that holds all.
     lows, highs, step = [place], [place], BLOCK
     while len(lows[-1]) > 1:
         starts = np.arange(0, len(lows[-1]), step)
         lows.append(np.minimum.reduceat(lows[-1], starts, axis=0))
         highs.append(np.maximum.reduceat(highs[-1], starts, axis=0))
         step = FAN
+    # Pad with empty boxes, so that eight can be read from any child on.
     lows, highs = lows[1:] or lows, highs[1:] or highs
     first = np.cumsum([0, *map(len, lows)]).astype(np.int64)
     none = np.full((FAN, 3), np.inf, np.float32)
@@ -90,17 +92,21 @@ def blocks_of(place: Floats) -> PointBlocks:
 
 @kernel
 def search(count: int) -> Search:
-    """Room to look for so many neighbours."""
+    """Allocate a search of so many neighbours."""
     return Search(
+        # Points and their neighbours.
         np.empty(GROUP, np.int64),
         np.empty((GROUP, count), np.int64),
+        # Points around the group and around a block.
         Listed(np.empty(AROUND, np.int64), np.empty((3, AROUND))),
         Listed(np.empty(NEAR, np.int64), np.empty((3, NEAR))),
+        # Candidates of a block's points.
         np.empty((3, BLOCK)),
         np.empty(BLOCK),
         np.empty(BLOCK, np.int64),
         np.empty((BLOCK, HELD), np.int64),
         np.empty((BLOCK, HELD)),
+        # Sorting, filtering, and the stack of the tree.
         np.empty(HELD, np.int64),
         np.empty(HELD, np.int64),
         np.empty(HELD),
@@ -112,13 +118,13 @@ def search(count: int) -> Search:
 
 @inner_kernel
 def _between(low: float, high: float, start: float, stop: float) -> float:
-    """Distance of two intervals."""
+    """Distance between two intervals; 0 if they overlap."""
     return max(low - stop, start - high, 0.0)
 
 
 @inner_kernel
 def _apart(blocks: PointBlocks, first: int, box: Box, gap: Doubles) -> None:
-    """Squares of the distances of `FAN` blocks, which follow each other, from a box."""
+    """Squared distances of `FAN` consecutive blocks from a box."""
     (x0, y0, z0), (x1, y1, z1) = box
     low, high = blocks.low, blocks.high
     for n in range(FAN):
@@ -133,7 +139,7 @@ def _apart(blocks: PointBlocks, first: int, box: Box, gap: Doubles) -> None:
 def _take(
     blocks: PointBlocks, block: int, box: Box, far: float, count: int, into: Listed, gap: Doubles
 ) -> int:
-    """Put those points of a block into a list that are not far from a box; how many it has."""
+    """Append a block's points near a box to a list; return its length."""
     (x0, y0, z0), (x1, y1, z1) = box
     start, taken = block * BLOCK, 0
     points, name, place = (
@@ -141,11 +147,13 @@ def _take(
         into.name[count:],
         into.place[:, count:],
     )
+    # Measure all distances, which vectorizes.
     for n in range(len(points)):
         x = _between(float(points[n, 0]), float(points[n, 0]), x0, x1)
         y = _between(float(points[n, 1]), float(points[n, 1]), y0, y1)
         z = _between(float(points[n, 2]), float(points[n, 2]), z0, z1)
         gap[n] = x * x + y * y + z * z
+    # Write every point, and advance only past those within: no branch.
     for n in range(len(points)):
         place[0, taken], place[1, taken], place[2, taken] = points[n, 0], points[n, 1], points[n, 2]
         name[taken] = start + n
@@ -155,17 +163,20 @@ def _take(
 
 @inner_kernel
 def _list(blocks: PointBlocks, box: Box, far: float, looking: Search) -> int:
-    """List the points around that are not far from a box; how many, 0 if they are too many."""
+    """List the points near a box; count them, 0 if there are too many."""
     stack, gap = looking.stack, looking.square
     stack[0, 0], stack[0, 1], waiting, count = 0, blocks.first.size - 2, 1, 0
+    # Descend from the root.
     while waiting > 0:
         waiting -= 1
         node, size = stack[waiting, 0], stack[waiting, 1]
+        # Take the points of the smallest blocks.
         if size == 0:
             if count > AROUND - BLOCK:
                 return 0
             count = _take(blocks, node, box, far, count, looking.around, looking.gap)
             continue
+        # Push the children that are near enough.
         before, child = blocks.first[size - 1], node * FAN
         _apart(blocks, before + child, box, gap)
         for n in range(min(FAN, blocks.first[size] - before - child)):
@@ -176,7 +187,7 @@ def _list(blocks: PointBlocks, box: Box, far: float, looking: Search) -> int:
 
 @inner_kernel
 def _pick(gap: Doubles, count: int, bound: float, picked: Numbers) -> int:
-    """Find which of some squares are not above a bound; how many."""
+    """Find the indices of squares within a bound, branch-free; return their number."""
     total = 0
     for n in range(count):
         picked[total] = n
@@ -186,9 +197,10 @@ def _pick(gap: Doubles, count: int, bound: float, picked: Numbers) -> int:
 
 @inner_kernel
 def _choose(box: Box, far: float, count: int, looking: Search) -> int:
-    """List those around as near that are not far from a box; how many, 0 if they are too many."""
+    """Filter the group's list by a block's box; count, 0 if there are too many."""
     (x0, y0, z0), (x1, y1, z1) = box
     place, gap, picked = looking.around.place, looking.gap, looking.picked
+    # Measure the distances from the box.
     for n in range(count):
         x = _between(place[0, n], place[0, n], x0, x1)
         y = _between(place[1, n], place[1, n], y0, y1)
@@ -197,6 +209,7 @@ def _choose(box: Box, far: float, count: int, looking: Search) -> int:
     total = _pick(gap, count, far, picked)
     if total > NEAR:
         return 0
+    # Copy the points within.
     name, near = looking.near.name, looking.near.place
     for k in range(total):
         n = picked[k]
@@ -207,7 +220,7 @@ def _choose(box: Box, far: float, count: int, looking: Search) -> int:
 
 @inner_kernel
 def _measure(near: Doubles, here: Vector, count: int, gap: Doubles) -> None:
-    """Squares of distances of listed points from another."""
+    """Squared distances of listed points from one place."""
     for n in range(count):
         x, y, z = near[0, n] - here[0], near[1, n] - here[1], near[2, n] - here[2]
         gap[n] = x * x + y * y + z * z
@@ -215,7 +228,7 @@ def _measure(near: Doubles, here: Vector, count: int, gap: Doubles) -> None:
 
 @inner_kernel
 def _within(gap: Doubles, count: int, bound: float) -> int:
-    """How many of some squares are not above a bound."""
+    """Count the squares within a bound."""
     total = 0
     for n in range(count):
         total += int(gap[n] <= bound)
@@ -224,9 +237,10 @@ def _within(gap: Doubles, count: int, bound: float) -> int:
 
 @inner_kernel
 def _bounded(gap: Doubles, count: int, wanted: int, guess: float, far: float) -> float:
-    """A bound that enough squares are within, and not many more; `far` if that has too few."""
+    """Narrow a bound to few more squares than wanted; `far` if that has too few."""
     low, few, high, many = 0.0, 0, far, count
     bound = guess
+    # Narrow the bracket until few more than wanted are inside.
     for _ in range(NARROWED):
         inside = _within(gap, count, bound)
         if inside < wanted:
@@ -235,6 +249,7 @@ def _bounded(gap: Doubles, count: int, wanted: int, guess: float, far: float) ->
             high, many = bound, inside
             if many <= wanted + SPARE:
                 break
+        # Interpolate linearly between the counts.
         bound = low + (high - low) * (wanted + 0.5 * SPARE - few) / max(1, many - few)
         if not low < bound < high:
             break
@@ -243,25 +258,30 @@ def _bounded(gap: Doubles, count: int, wanted: int, guess: float, far: float) ->
 
 @inner_kernel
 def _place(looking: Search, row: int) -> Vector:
+    """Place of one of a block's points."""
     return looking.place[0, row], looking.place[1, row], looking.place[2, row]
 
 
 @inner_kernel
 def _rank(away: Doubles, held: Numbers, many: int, rank: Numbers) -> None:
-    """Count how many of the points that are held are nearer than each, or as near and before it."""
+    """Rank candidates by distance; equal distances rank by the order along the curve."""
+    # Fill the last lane with infinity.
     lanes = (many + LANES - 1) // LANES * LANES
     for n in range(many, lanes):
         away[n] = np.inf
+    # Count the nearer ones of each, by all pairs: branch-free for SIMD.
     for n in range(many):
         d, nearer = away[n], 0
         for m in range(lanes):
             nearer += int(away[m] < d)
         rank[n] = nearer
+    # If all ranks differ, none are equally far: their sum is that of 0 … many − 1.
     total = 0
     for n in range(many):
         total += rank[n]
     if 2 * total == many * (many - 1):
-        return  # none are equally far
+        return
+    # Break ties by the order along the curve.
     for n in range(many):
         d, who = away[n], held[n]
         for m in range(many):
@@ -270,7 +290,7 @@ def _rank(away: Doubles, held: Numbers, many: int, rank: Numbers) -> None:
 
 @inner_kernel
 def _settle(looking: Search, row: int, found: Numbers) -> None:
-    """Put the nearest of the points that are held in order."""
+    """Sort a point's candidates; write the nearest as its neighbours."""
     away, held, many = looking.away[row], looking.held[row], looking.many[row]
     rank, order, square = looking.rank, looking.order, looking.square
     _rank(away, held, many, rank)
@@ -282,7 +302,7 @@ def _settle(looking: Search, row: int, found: Numbers) -> None:
 
 @inner_kernel
 def _let_go(looking: Search, row: int, found: Numbers) -> None:
-    """Hold no points but the nearest."""
+    """Drop all candidates but the nearest, and tighten the bound to the last of them."""
     _settle(looking, row, found)
     for n in range(found.size):
         looking.held[row, n], looking.away[row, n] = found[n], looking.square[n]
@@ -291,7 +311,7 @@ def _let_go(looking: Search, row: int, found: Numbers) -> None:
 
 @inner_kernel
 def _box(blocks: PointBlocks, which: Numbers, count: int) -> Box:
-    """Corners of the box around some points."""
+    """Box around some points."""
     low, high = (np.inf, np.inf, np.inf), (-np.inf, -np.inf, -np.inf)
     for row in range(count):
         n = which[row]
@@ -303,10 +323,12 @@ def _box(blocks: PointBlocks, which: Numbers, count: int) -> Box:
 
 @inner_kernel
 def _bound(blocks: PointBlocks, block: int, wanted: int) -> float:
-    """Square of a distance that enough points are within, as blocks beside one on the curve say."""
+    """Squared distance within which a block's neighbours on the curve are enough."""
+    # Take so many blocks beside it that all points in their box are enough.
     beside, square = 1 + wanted // BLOCK, 0.0
     begin = max(0, min(block - beside, blocks.first[1] - 2 * beside - 1))
     end = min(blocks.first[1], begin + 2 * beside + 1)
+    # The box's diagonal bounds all distances.
     for c in range(3):
         least, most = np.inf, -np.inf
         for n in range(begin, end):
@@ -318,7 +340,8 @@ def _bound(blocks: PointBlocks, block: int, wanted: int) -> float:
 
 @inner_kernel
 def _hold(looking: Search, row: int, count: int, found: Numbers) -> None:
-    """Hold those of so many points near that may be neighbours."""
+    """Add a block's listed points to the candidates of one of its points."""
+    # Measure the distances, and narrow the bound if too many are within.
     gap, name, enough = looking.gap, looking.near.name, found.size + SPARE
     _measure(looking.near.place, _place(looking, row), count, gap)
     bound = looking.bound[row]
@@ -326,6 +349,7 @@ def _hold(looking: Search, row: int, count: int, found: Numbers) -> None:
     if inside > enough:
         bound = _bounded(gap, count, found.size, LIKELY * bound, bound)
         looking.bound[row] = bound
+    # Add those within the bound; when the list is full, keep only the nearest.
     picked = looking.picked
     total = _pick(gap, count, bound, picked)
     many, away, held = looking.many[row], looking.away[row], looking.held[row]
@@ -341,7 +365,7 @@ def _hold(looking: Search, row: int, count: int, found: Numbers) -> None:
 
 @inner_kernel
 def _look(looking: Search, first: int, count: int, listed: int) -> float:
-    """Look at the points near; gives the square of a distance that all neighbours are within."""
+    """Visit the points near; return the squared distance that bounds all neighbours."""
     most = 0.0
     for row in range(count):
         _hold(looking, row, listed, looking.found[first + row])
@@ -351,13 +375,16 @@ def _look(looking: Search, first: int, count: int, listed: int) -> float:
 
 @inner_kernel
 def _look_near(looking: Search, first: int, count: int, box: Box, around: int, far: float) -> float:
-    """Find neighbours that are not far; gives what all are within, infinity if some are not."""
+    """Find neighbours in the group's list; return their bound, inf if too few."""
+    # Filter the list by the block's box.
     listed, wanted = _choose(box, far, around, looking), looking.found.shape[1]
     if listed < wanted:
         return np.inf
+    # Start without candidates, within the guess.
     for row in range(count):
         looking.many[row], looking.bound[row] = 0, far
     most = _look(looking, first, count, listed)
+    # A point with too few candidates needs a wider search.
     for row in range(count):
         if looking.many[row] < wanted:
             return np.inf
@@ -368,25 +395,32 @@ def _look_near(looking: Search, first: int, count: int, box: Box, around: int, f
 def _look_far(
     blocks: PointBlocks, block: int, looking: Search, first: int, count: int, box: Box
 ) -> float:
-    """Find neighbours of points of a block, however far they are; gives what all are within."""
+    """Find the neighbours of a block's points in the whole tree; return their bound."""
+    # Start with the bound from neighbouring blocks, and without candidates.
     stack, gap, listed = looking.stack, looking.square, 0
     farthest = _bound(blocks, block, looking.found.shape[1])
     for row in range(count):
         looking.many[row], looking.bound[row] = 0, farthest
+
+    # Descend from the root, nearest child first.
     stack[0, 0], stack[0, 1], waiting, beyond = 0, blocks.first.size - 2, 1, -1
     while waiting > 0:
-        if waiting == beyond and listed > 0:  # what is around the block has been listed
+        # Once the surroundings of the block have been listed, tighten the bound before going on.
+        if waiting == beyond and listed > 0:
             farthest, listed, beyond = _look(looking, first, count, listed), 0, -1
         waiting -= 1
         node, size = stack[waiting, 0], stack[waiting, 1]
+        # List the points of the smallest blocks; visit them when the list is full.
         if size == 0:
             listed = _take(blocks, node, box, farthest, listed, looking.near, looking.gap)
             if listed > NEAR - BLOCK:
                 farthest, listed = _look(looking, first, count, listed), 0
             continue
-        own = block >> (SHIFT * (size - 1))  # the child that holds the block: it comes first
+        # Note where the surroundings of the block begin on the stack.
+        own = block >> (SHIFT * (size - 1))
         if size == BEYOND and node == own >> SHIFT:
             beyond = waiting
+        # Push the children within the bound; the one that holds the block comes last, to be first.
         before, child = blocks.first[size - 1], node * FAN
         _apart(blocks, before + child, box, gap)
         for n in range(min(FAN, blocks.first[size] - before - child)):
@@ -400,7 +434,7 @@ def _look_far(
 
 @inner_kernel
 def _of_one_block(which: Numbers, first: int, count: int) -> int:
-    """How many points from the first on lie in one block."""
+    """Count the points from the first on that lie in one block."""
     last = first + 1
     while last < count and which[last] // BLOCK == which[first] // BLOCK:
         last += 1
@@ -409,38 +443,42 @@ def _of_one_block(which: Numbers, first: int, count: int) -> int:
 
 @inner_kernel
 def look_around(blocks: PointBlocks, count: int, guess: float, looking: Search) -> float:
-    """Find the nearest points of some points, themselves among them.
+    """Find the nearest neighbours of some points, themselves included.
 
     Parameters
     ----------
     blocks
         All points.
     count
-        How many of `looking.which` there are; they follow each other along the curve, and should
-        lie in `FAN` blocks.
+        Number of points in `looking.which`; they are consecutive along the curve, and should lie in
+        `FAN` blocks.
     guess
-        Square of a distance that they may be within; 0 if it is unknown. What is found does not
+        Square of a distance that neighbours are probably within; 0 if unknown. Results do not
         depend on it.
     looking
         `found` is filled, (count, k). There are at least k points.
 
     Returns
     -------
-    Square of a distance that they are within.
+    Square of a distance that all neighbours are within.
     """
+    # List the points around the group within the guess.
     around, most, first = 0, 0.0, 0
     if guess > 0.0:
         around = _list(blocks, _box(blocks, looking.which, count), guess, looking)
     while first < count:
+        # Take the points of one block.
         some, which = _of_one_block(looking.which, first, count), looking.which[first:]
         for row in range(some):
             for c in range(3):
                 looking.place[c, row] = blocks.place[which[row], c]
+        # Search the list, and the whole tree if the guess was too small.
         box, bound = _box(blocks, which, some), np.inf
         if around > 0:
             bound = _look_near(looking, first, some, box, around, guess)
         if bound > guess:
             bound = _look_far(blocks, which[0] // BLOCK, looking, first, some, box)
+        # Sort the candidates.
         for row in range(some):
             _settle(looking, row, looking.found[first + row])
         most, first = max(most, bound), first + some

@@ -1,4 +1,4 @@
-"""Discs of which a picture, or a part of it, shows something, told from others."""
+"""Find the discs that a picture, or a part of it, shows."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +15,10 @@ Lattice = tuple[int, int, int]
 
 @kernel
 def _meets(record: Record, lattice: Lattice, first: int, last: int) -> bool:
-    """Whether a disc touches one of some tiles that follow each other."""
+    """Whether a disc touches one of some consecutive tiles."""
     if record["left"] > record["right"]:
         return False
+    # Find the tiles that the bounds meet, and intersect them row by row with the span.
     rows, columns, size = lattice
     left, right = tiles_met(record["left"], record["right"], 0.0, size, columns)
     top, bottom = tiles_met(record["top"], record["bottom"], 0.0, size, rows)
@@ -31,6 +32,7 @@ def _meets(record: Record, lattice: Lattice, first: int, last: int) -> bool:
 def _find_chunk(
     records: Records, lattice: Lattice, span: tuple[int, int], flags: Flags, chunk: int
 ) -> None:
+    """Test the discs of a chunk; see `find_meeting`."""
     start = int(np.int64(chunk)) * CHUNK
     for n in range(start, min(start + CHUNK, flags.size)):
         flags[n] = _meets(records[n], lattice, span[0], span[1])
@@ -40,7 +42,7 @@ def _find_chunk(
 def find_meeting(
     counter: Counter, records: Records, lattice: Lattice, span: tuple[int, int], flags: Flags
 ) -> None:
-    """Find which discs touch one of the tiles of a span, the first and the one behind the last.
+    """Find the discs that touch a tile of a span: its first, and one past its last.
 
     Parameters
     ----------

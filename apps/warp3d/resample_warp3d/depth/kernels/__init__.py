@@ -1,1 +1,1 @@
-"""The numba code of depth images: bare arrays and numbers."""
+"""Numba kernels of depth images; they take only arrays and numbers."""

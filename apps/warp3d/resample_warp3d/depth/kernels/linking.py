@@ -1,4 +1,4 @@
-"""Which neighbours of a depth image lie on one surface, and how the surface runs there.
+"""Links between neighbours on one surface of a depth image, and its slopes.
 
 Everything is measured in nearness, which is linear on planes as seen by a pinhole: on a plane the
 second differences vanish, so a jump that the slope beside it explains is no edge.
@@ -12,11 +12,11 @@ from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Doubles, Floats, Single
 from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, Links
 
-EXPLAINED: Single = np.float32(0.5)  # share of a step that the step beside it has to account for
+EXPLAINED: Single = np.float32(0.5)  # share of a step that the step beside it has to explain
 HALF: Single = np.float32(0.5)
 ONE: Single = np.float32(1)
 NO_STEP: Single = np.float32(0)
-OPEN = 128  # of a sample's links for a while: neither a small step nor surely an edge
+OPEN = 128  # temporary bit of a link: neither a small step nor certainly an edge
 STEEPEST: Single = np.float32(0.3)  # of the nearness: a larger step is an edge in any case
 
 
@@ -24,12 +24,13 @@ STEEPEST: Single = np.float32(0.3)  # of the nearness: a larger step is an edge 
 def _is_explained(
     there: Single, here: Single, before: Single, earlier: Single, tolerance: Single
 ) -> bool:
-    """Whether the steps that lead to a sample account for the one after it (0: unknown).
+    """Whether the steps that lead to a sample explain the one after it (0: unknown).
 
-    The step before has to be accounted for itself, or two edges in a row would explain each other.
+    The step before has to be explained itself, or two edges in a row would explain each other.
     """
     if not before > 0:
         return False
+    # Compare the jump with the step before it, and that with the one before.
     rest = np.float32(1) - EXPLAINED
     jump, step = there - here, here - before
     if abs(jump - step) > rest * abs(jump) + tolerance:
@@ -39,7 +40,7 @@ def _is_explained(
 
 @kernel
 def _at(nearness: Floats, row: int, column: int) -> Single:
-    """Nearness of a sample; 0 beyond the frame."""
+    """Nearness of a sample; 0 outside the frame."""
     height, width = nearness.shape
     if 0 <= row < height and 0 <= column < width:
         return nearness[row, column]
@@ -48,7 +49,7 @@ def _at(nearness: Floats, row: int, column: int) -> Single:
 
 @kernel
 def _is_linked(nearness: Floats, row: int, column: int, down: bool, allowed: Single) -> bool:
-    """Whether a step to the next sample along an axis is explained by those beside it."""
+    """Whether steps on either side explain the step to the next sample."""
     dr, dc = (1, 0) if down else (0, 1)
     here, there = nearness[row, column], nearness[row + dr, column + dc]
     before, after = (
@@ -64,12 +65,13 @@ def _is_linked(nearness: Floats, row: int, column: int, down: bool, allowed: Sin
 
 @kernel
 def _link_axis(nearness: Floats, row: int, down: bool, tolerance: Doubles, links: Links) -> None:
-    """Links of a row's samples to the right, or downward.
+    """Link a row's samples to the right, or downward.
 
-    Steps that are small or large are told many at a time, those between one by one.
+    Small and large steps are classified with SIMD, those between one by one.
     """
     dr, dc, bit = (1, 0, DOWN) if down else (0, 1, RIGHT)
     absolute, relative = tolerance[0], tolerance[1]
+    # Classify all steps: linked, open, or an edge.
     for column in range(nearness.shape[1] - dc):
         here, there = nearness[row, column], nearness[row + dr, column + dc]
         most, jump = max(here, there), abs(there - here)
@@ -78,6 +80,7 @@ def _link_axis(nearness: Floats, row: int, down: bool, tolerance: Doubles, links
         is_open = is_there & (jump <= STEEPEST * most)
         found = bit if is_close else OPEN if is_open else 0
         links[row, column] |= np.uint8(found)
+    # Decide open steps by those beside them.
     for column in range(nearness.shape[1] - dc):
         if links[row, column] & OPEN:
             most = max(nearness[row, column], nearness[row + dr, column + dc])
@@ -89,6 +92,7 @@ def _link_axis(nearness: Floats, row: int, down: bool, tolerance: Doubles, links
 
 @kernel
 def _link_row(nearness: Floats, row: int, tolerance: Doubles, links: Links) -> None:
+    """Link a row; see `link_rows`."""
     links[row, :] = 0
     _link_axis(nearness, row, False, tolerance, links)
     if row + 1 < nearness.shape[0]:
@@ -104,7 +108,7 @@ def link_rows(counter: Counter, nearness: Floats, tolerance: Doubles, links: Lin
     nearness
         (H, W); 0 where unknown.
     tolerance
-        (2,) jumps that are none: a + b δ.
+        (2,) a and b: jumps up to a + b δ are no edges.
     links
         (H, W) filled.
     """
@@ -114,7 +118,7 @@ def link_rows(counter: Counter, nearness: Floats, tolerance: Doubles, links: Lin
 
 @kernel
 def _join_row(links: Links, row: int) -> None:
-    """Give a row's links their other ends, LEFT and UP."""
+    """Set the opposite bits of a row's links, LEFT and UP."""
     for column in range(links.shape[1]):
         if column > 0 and links[row, column - 1] & RIGHT:
             links[row, column] |= LEFT
@@ -124,7 +128,7 @@ def _join_row(links: Links, row: int) -> None:
 
 @parallel_kernel
 def join_rows(counter: Counter, links: Links) -> None:
-    """Give all links their other ends; reads the bits RIGHT and DOWN, which stay."""
+    """Set the opposite bits of all links; reads the bits RIGHT and DOWN, which stay."""
     for row in tasks(counter, links.shape[0]):
         _join_row(links, row)
 
@@ -133,7 +137,7 @@ def join_rows(counter: Counter, links: Links) -> None:
 def _line(
     values: Floats, links: Links, row: int, column: int, down: bool, reach: int
 ) -> tuple[float, float, int]:
-    """Line through a sample's neighbours on its surface: value at the sample, slope, neighbours.
+    """Fit a line to a sample's surface: value there, slope, number of samples.
 
     Least squares over up to `reach` linked samples on each side.
     """
@@ -141,6 +145,8 @@ def _line(
     dr, dc = (1, 0) if down else (0, 1)
     here = float(values[row, column])
     count, total, moment, first, second = 1, 0.0, 0.0, 0.0, 0.0
+
+    # Follow the links to both sides, and sum up the normal equations.
     for side in range(2):
         bit, sign = (forward, 1) if side == 0 else (backward, -1)
         r, c = row, column
@@ -154,6 +160,7 @@ def _line(
             moment += sign * n * value
             first += sign * n
             second += n * n
+    # Solve for slope and value at the sample.
     if count == 1:
         return here, 0.0, 1
     slope = (count * moment - first * total) / (count * second - first * first)
@@ -164,10 +171,13 @@ def _line(
 def _fit_row(
     values: Floats, links: Links, row: int, down: bool, reach: int, fitted: Floats, slope: Floats
 ) -> None:
+    """Fit the lines of a row; see `fit_rows`."""
     for column in range(values.shape[1]):
+        # Samples without depth stay so.
         if values[row, column] <= 0:
             fitted[row, column], slope[row, column] = np.float32(0), np.float32(0)
             continue
+        # Keep the value where the fit leaves the range of nearness.
         value, change, _ = _line(values, links, row, column, down, reach)
         fitted[row, column] = np.float32(value) if value > 0 else values[row, column]
         slope[row, column] = np.float32(change)
@@ -183,23 +193,25 @@ def fit_rows(
     fitted: Floats,
     slope: Floats,
 ) -> None:
-    """Fit lines along rows (or, `down`, columns) of every surface; all arrays are (H, W)."""
+    """Fit lines along rows (or, `down`, columns) of surfaces; arrays are (H, W)."""
     for row in tasks(counter, values.shape[0]):
         _fit_row(values, links, row, down, reach, fitted, slope)
 
 
 @kernel
 def _slope_row(nearness: Floats, links: Links, row: int, slope: Floats) -> None:
-    """Slopes along both axes of a row's samples; no branches, so many at a time."""
+    """Slopes along both axes of a row's samples; branch-free for SIMD."""
     last_row, last_column = nearness.shape[0] - 1, nearness.shape[1] - 1
     above, below = max(row - 1, 0), min(row + 1, last_row)
     for column in range(nearness.shape[1]):
+        # Difference along the row: central where both sides are linked, else one-sided.
         before, after = max(column - 1, 0), min(column + 1, last_column)
         bits, here = links[row, column], nearness[row, column]
         ahead = nearness[row, after] - here if bits & RIGHT != 0 else NO_STEP
         back = here - nearness[row, before] if bits & LEFT != 0 else NO_STEP
         is_both = (bits & RIGHT != 0) & (bits & LEFT != 0)
         slope[row, column, 0] = (HALF if is_both else ONE) * (ahead + back)
+        # Difference along the column likewise.
         ahead = nearness[below, column] - here if bits & DOWN != 0 else NO_STEP
         back = here - nearness[above, column] if bits & UP != 0 else NO_STEP
         is_both = (bits & DOWN != 0) & (bits & UP != 0)
@@ -215,7 +227,7 @@ def slope_rows(counter: Counter, nearness: Floats, links: Links, slope: Floats) 
 
 @kernel
 def _curvature(values: Floats, links: Links, row: int, column: int) -> float:
-    """Second difference along the row, relative to the nearness; not a number at edges."""
+    """Second difference along the row, relative to the nearness; NaN at edges."""
     if links[row, column] & LEFT and links[row, column] & RIGHT:
         here = values[row, column]
         return float((values[row, column - 1] + values[row, column + 1]) / here - 2)
@@ -224,7 +236,10 @@ def _curvature(values: Floats, links: Links, row: int, column: int) -> float:
 
 @kernel
 def curvatures(values: Floats, links: Links, step: int, result: Doubles) -> None:
-    """Relative second differences of every `step`-th row and column; (H // step, W // step)."""
+    """Relative second differences of every `step`-th row and column.
+
+    `result` is (H // step, W // step).
+    """
     for row in range(result.shape[0]):
         for column in range(result.shape[1]):
             result[row, column] = _curvature(values, links, row * step, column * step)

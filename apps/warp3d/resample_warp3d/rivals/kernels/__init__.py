@@ -1,1 +1,1 @@
-"""The numba code of rivals: bare arrays and numbers."""
+"""Numba kernels of rivals; they take only arrays and numbers."""

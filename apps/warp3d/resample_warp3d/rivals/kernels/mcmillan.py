@@ -1,4 +1,4 @@
-"""McMillan's warping equation sample by sample: places, changes and nearest pixels."""
+"""McMillan's warping equation: places, Jacobians and nearest pixels of samples."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ Walks = NDArray[np.int64]  # (2, 2, 3) of rows and of columns, two walks each: f
 
 @kernel
 def seen(equation: Equation, place: Pair, nearness: float) -> Homogeneous:
-    """Where a point of the source lies in the target."""
+    """Place of a source point in the target, homogeneous."""
     m, e = equation.matrix, equation.epipole
     return (
         m[0, 0] * place[0] + m[0, 1] * place[1] + m[0, 2] + nearness * e[0],
@@ -25,7 +25,7 @@ def seen(equation: Equation, place: Pair, nearness: float) -> Homogeneous:
 
 @kernel
 def changed(equation: Equation, step: Pair, change: float) -> Homogeneous:
-    """How a point of the target moves with a step in the source that changes the nearness."""
+    """Derivative of a target point by a step in the source that changes the nearness."""
     m, e = equation.matrix, equation.epipole
     return (
         m[0, 0] * step[0] + m[0, 1] * step[1] + change * e[0],
@@ -36,7 +36,7 @@ def changed(equation: Equation, step: Pair, change: float) -> Homogeneous:
 
 @kernel
 def place_of(place: Doubles, row: int, column: int) -> Pair:
-    """Where a camera without distortion sees a sample, px."""
+    """Place of a sample, px, without distortion; its center if the array is empty."""
     if place.shape[0] == 0:
         return column + 0.5, row + 0.5
     return place[row, column, 0], place[row, column, 1]
@@ -44,7 +44,8 @@ def place_of(place: Doubles, row: int, column: int) -> Pair:
 
 @kernel
 def _step_of(place: Doubles, row: int, column: int, down: int, across: int) -> Pair:
-    """How the place changes to the next column (`across` 1) or row (`down` 1), px."""
+    """Change of the place to the next column (`across` 1) or row (`down` 1), px."""
+    # Take central differences, one-sided at the border.
     height, width = place.shape[:2]
     first_row, first_column = max(row - down, 0), max(column - across, 0)
     last_row, last_column = min(row + down, height - 1), min(column + across, width - 1)
@@ -61,9 +62,9 @@ def _step_of(place: Doubles, row: int, column: int, down: int, across: int) -> P
 def tangents(
     source: Source, equation: Equation, row: int, column: int
 ) -> tuple[Homogeneous, Homogeneous, Homogeneous]:
-    """A sample in the target, and how it moves to the source's next column and next row.
+    """A sample in the target, and its derivatives along the source's columns and rows.
 
-    The analytic Jacobian of the warp before the division: the surface's slope is part of it.
+    The analytic Jacobian of the warp before the division; it includes the surface's slope.
     """
     place, slope = source.place, source.slope
     across = _step_of(place, row, column, 0, 1)
@@ -77,7 +78,8 @@ def tangents(
 
 @kernel
 def expansion(point: Homogeneous, across: Homogeneous, down: Homogeneous) -> float:
-    """How much larger an area is in the target; negative where it is mirrored."""
+    """Factor by which the warp enlarges an area; negative where it is mirrored."""
+    # Take the Jacobian's determinant in homogeneous form; the division contributes w³.
     determinant = (
         across[0] * (down[1] * point[2] - down[2] * point[1])
         - across[1] * (down[0] * point[2] - down[2] * point[0])
@@ -103,26 +105,32 @@ def _place_row(
     owner: NDArray[np.int32],
     nearest: Floats,
 ) -> None:
-    """Write a walk of samples along a row to their nearest pixels, by additions and one division.
+    """Write a walk of samples along a row to their nearest pixels.
 
-    Where `nearest` is empty a later sample replaces an earlier one, else a nearer a farther one.
+    A sample costs additions and one division. Where `nearest` is empty, later samples replace
+    earlier ones, else nearer ones farther ones.
     """
     values, place = source.nearness, source.place
     m, e = equation.matrix, equation.epipole
     height, width = owner.shape
     step = walk[2]
     is_regular, is_ordered = place.shape[0] == 0, nearest.shape[0] == 0
+
+    # Start at the first sample; on a regular lattice additions move the warp along the row.
     x, y, w = seen(equation, (walk[0] + 0.5, row + 0.5), 0.0)
     for column in range(walk[0], walk[1], step):
         nearness = np.float64(values[row, column])
         if not is_regular:
             x, y, w = seen(equation, place_of(place, row, column), 0.0)
+        # Skip samples without depth or behind the camera.
         scale = w + nearness * e[2]
         if nearness > 0.0 and scale > 0.0:
             inverse = 1.0 / scale
             u, v = (x + nearness * e[0]) * inverse, (y + nearness * e[1]) * inverse
+            # Write the sample to the pixel that it falls in.
             if 0.0 <= u < width and 0.0 <= v < height:
                 i, j = int(v), int(u)
+                # In occlusion-compatible order, overwriting is enough; otherwise test the depth.
                 if is_ordered:
                     owner[i, j] = row * values.shape[1] + column
                 elif np.float32(nearness * inverse) > nearest[i, j]:
@@ -144,7 +152,7 @@ def place_samples(
     Parameters
     ----------
     source, equation
-        The samples and the way they go.
+        The samples and their warp.
     walks
         (2, 2, 3) of rows, then of columns: the four sheets and their directions.
     owner
@@ -162,8 +170,10 @@ def place_samples(
 def _copy_row(
     source: Source, equation: Equation, owner: NDArray[np.int32], row: int, rendered: Rendered
 ) -> None:
+    """Fill a row of the picture; see `copy_rows`."""
     image, color = rendered.image, source.color
     for column in range(owner.shape[1]):
+        # Copy the color of the pixel's sample, or clear the pixel.
         number = owner[row, column]
         is_seen = number >= 0
         r, c = divmod(number if is_seen else 0, color.shape[1])
@@ -172,6 +182,7 @@ def _copy_row(
         rendered.coverage[row, column] = 1.0 if is_seen else 0.0
         rendered.bridged[row, column] = False
         rendered.nearness[row, column], rendered.magnification[row, column] = 0.0, 0.0
+        # Compute depth and magnification of what is visible.
         if is_seen:
             w = seen(equation, place_of(source.place, r, c), source.nearness[r, c])[2]
             rendered.nearness[row, column] = source.nearness[r, c] / w

@@ -1,4 +1,4 @@
-"""Grids of subsamples between linked samples, each written to its nearest sub-pixel."""
+"""Grids of subsamples between linked samples, drawn to nearest sub-pixels."""
 
 import math
 
@@ -26,7 +26,8 @@ from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, Equation, Links, Render
 Corner = tuple[float, float, float, float]  # x, y, w and δ
 Kinds = NDArray[np.uint8]
 
-QUAD, ALONE = 1, 2  # bits of a sample: the quad right and below of it is whole; it is drawn itself
+# Bits of a sample: the quad right and below of it is filled; the sample itself is drawn.
+QUAD, ALONE = 1, 2
 
 
 @kernel
@@ -48,7 +49,7 @@ def _area(vertex: Floats, row: int, column: int) -> float:
 
 @kernel
 def _is_drawn(links: Links, vertex: Floats, place: tuple[int, int], orientation: float) -> bool:
-    """Whether a quad (row, column) is whole, before the eye and seen from the front."""
+    """Whether a quad (row, column) is linked, in front of the camera and a front face."""
     row, column = place
     if not _is_linked(links, row, column):
         return False
@@ -60,7 +61,7 @@ def _is_drawn(links: Links, vertex: Floats, place: tuple[int, int], orientation:
 
 @kernel
 def _is_interior(links: Links, row: int, column: int) -> bool:
-    """Whether all four quads around a sample are whole."""
+    """Whether all four quads around a sample are linked on all sides."""
     above = _is_linked(links, row - 1, column - 1) and _is_linked(links, row - 1, column)
     return above and _is_linked(links, row, column - 1) and _is_linked(links, row, column)
 
@@ -75,15 +76,18 @@ def _sort_row(
     kind: Kinds,
     box: Floats,
 ) -> None:
+    """Sort a row; see `sort_rows`."""
     links = source.links
     for column in range(kind.shape[1]):
         kind[row, column] = 0
         box[row, column, 0], box[row, column, 2] = np.inf, -np.inf
         box[row, column, 1], box[row, column, 3] = np.inf, -np.inf
+        # Fill whole quads.
         if _is_drawn(links, vertex, (row, column), orientation):
             kind[row, column] |= QUAD
             for n in range(4):
                 include(vertex, row + n // 2, column + n % 2, box[row, column])
+        # Draw samples at the border of a surface alone, if they face the camera.
         if vertex[row, column, INVERSE] > 0.0 and not _is_interior(links, row, column):
             point, across, down = tangents(source, equation, row, column)
             if expansion(point, across, down) * orientation > 0.0:
@@ -108,7 +112,7 @@ def sort_rows(
     vertex
         (H, W, 4) as of `meshing.project_rows`.
     orientation
-        Sign of the area of what is seen from the front.
+        Sign of the area of front faces.
     kind
         (H, W) filled: the bits QUAD and ALONE.
     box
@@ -120,7 +124,7 @@ def sort_rows(
 
 @kernel
 def _extent(vertex: Floats, row: int, column: int, axis: int) -> float:
-    """How far a quad's sides reach along an axis, px: the longer of each two, added up."""
+    """Extent of a quad's sides along an axis, px: the longer of each two, added up."""
     a, b = vertex[row, column, axis], vertex[row, column + 1, axis]
     c, d = vertex[row + 1, column, axis], vertex[row + 1, column + 1, axis]
     return float(max(abs(b - a), abs(d - c)) + max(abs(c - a), abs(d - b)))
@@ -128,7 +132,7 @@ def _extent(vertex: Floats, row: int, column: int, axis: int) -> float:
 
 @kernel
 def _may_show(fine: Fine, x: float, y: float, nearness: Single) -> bool:
-    """Whether a place in sub-pixels is inside a band and nothing nearer is there."""
+    """Depth test: whether a place in sub-pixels is inside, and nothing is nearer."""
     rows, columns = fine.nearness.shape
     if not (0.0 <= x < columns and 0.0 <= y < rows):
         return False
@@ -149,7 +153,7 @@ def _corner(vertex: Floats, row: int, column: int) -> Corner:
 
 @kernel
 def _between(a: Corner, b: Corner, share: float) -> Corner:
-    """A point between two, a `share` of the way."""
+    """Interpolate between two points, a `share` of the way."""
     return (
         a[0] + share * (b[0] - a[0]),
         a[1] + share * (b[1] - a[1]),
@@ -162,7 +166,7 @@ def _between(a: Corner, b: Corner, share: float) -> Corner:
 def _put_between(
     color: Floats, row: int, column: int, share: tuple[float, float], target: Floats
 ) -> None:
-    """Color between the corners of a quad, the given shares of a column and a row away."""
+    """Interpolate color bilinearly, at shares of a column and a row in a quad."""
     s, t = share
     a, b = np.float32((1.0 - s) * (1.0 - t)), np.float32(s * (1.0 - t))
     c, d = np.float32((1.0 - s) * t), np.float32(s * t)
@@ -179,22 +183,28 @@ def _put_between(
 def _fill_quad(
     source: Source, vertex: Floats, row: int, column: int, most: int, fine: Fine
 ) -> None:
-    """Write a quad's subsamples: color and homogeneous place are bilinear between its corners.
+    """Write a quad's subsamples.
 
-    Of n × n cells around the subsamples none is wider or higher than a sub-pixel, so that no
-    sub-pixel inside is missed.
+    Color and homogeneous place are bilinear between its corners. Of the n × n cells around the
+    subsamples none is wider or higher than a sub-pixel, so that no sub-pixel inside is missed.
     """
+    # Choose the number of subsamples by the quad's extent.
     scale = float(fine.samples)
     extent = scale * max(_extent(vertex, row, column, U), _extent(vertex, row, column, V))
     n = max(1, math.ceil(min(float(most), extent)))
     magnification = np.float32(abs(_area(vertex, row, column)))
+
+    # Undo the division at the corners, so that bilinear interpolation is in perspective.
     a, b = _corner(vertex, row, column), _corner(vertex, row, column + 1)
     c, d = _corner(vertex, row + 1, column), _corner(vertex, row + 1, column + 1)
+
+    # Visit the subsamples row by row.
     for i in range(n):
         t = (i + 0.5) / n
         left, right = _between(a, c, t), _between(b, d, t)
         for j in range(n):
             s = (j + 0.5) / n
+            # Divide, and write the subsample if it passes the depth test.
             point = _between(left, right, s)
             inverse = 1.0 / point[2]
             x, y = scale * (point[0] * inverse), scale * (point[1] * inverse - fine.top)
@@ -213,8 +223,10 @@ def _put_sample(
     x = fine.samples * float(vertex[row, column, U])
     y = fine.samples * (float(vertex[row, column, V]) - fine.top)
     nearness = vertex[row, column, NEARNESS]
+    # Skip samples outside the band or hidden.
     if not _may_show(fine, x, y, nearness):
         return
+    # Write depth, magnification and color.
     point, across, down = tangents(source, equation, row, column)
     fine.nearness[int(y), int(x)] = nearness
     fine.magnification[int(y), int(x)] = abs(expansion(point, across, down))
@@ -233,8 +245,10 @@ def _fill_band(
     rendered: Rendered,
     most: int,
 ) -> None:
+    """Draw one band of the picture."""
     width = vertex.shape[1]
     fine = new_fine(bands, band, rendered)
+    # Draw the band's items in the order of the source.
     for n in range(bands.start[band], bands.start[band + 1]):
         row, column = divmod(bands.item[n], width)
         if kind[row, column] & QUAD:

@@ -1,1 +1,1 @@
-"""The numba code of sheets: bare arrays and numbers."""
+"""Numba kernels of sheets; they take only arrays and numbers."""

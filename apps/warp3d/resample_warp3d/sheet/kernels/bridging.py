@@ -1,4 +1,4 @@
-"""Narrow gaps closed from both their sides, and the reasons of the holes that stay."""
+"""Close narrow gaps from both sides, and classify the holes that stay."""
 
 import math
 
@@ -10,9 +10,9 @@ from resample.types import Doubles, Floats
 from resample_warp3d.types import Hole
 
 NARROW = 2  # px from a gap's pixel to its farther side, at most
-GROWN = 5  # px that a rim grows, at most
+GROWN = 5  # px that a surface grows beyond its outline, at most
 FULL = 0.97  # coverage of a side
-RIM = 1.5  # of what a cell is longer than a pixel: how uncertain the end of its surface is
+RIM = 1.5  # times a cell's excess over a pixel's length: uncertainty of its surface's outline
 SAME = 0.01  # of the nearness: sides closer together than this are one surface
 
 Flags = NDArray[np.bool_]
@@ -24,7 +24,7 @@ DISOCCLUDED, OUTSIDE, NO_DEPTH = int(Hole.DISOCCLUDED), int(Hole.OUTSIDE), int(H
 
 @kernel
 def _side(coverage: Floats, row: int, column: int, dr: int, dc: int) -> int:
-    """Steps to the first full pixel in a direction; 0: none within reach."""
+    """Steps to the first full pixel in a direction; 0: none within `NARROW`."""
     height, width = coverage.shape
     for n in range(1, NARROW + 1):
         r, c = row + n * dr, column + n * dc
@@ -37,8 +37,9 @@ def _side(coverage: Floats, row: int, column: int, dr: int, dc: int) -> int:
 
 @kernel
 def _sides(coverage: Floats, row: int, column: int) -> tuple[int, int, int, int]:
-    """Rows and columns of the two sides of the narrowest gap that a pixel lies in; −1: none."""
+    """Rows and columns of the two sides of the narrowest gap around a pixel; −1: none."""
     best, found = NARROW + 2, (-1, -1, -1, -1)
+    # Search along the row, the column and both diagonals.
     for k in range(4):
         dr, dc = (0, 1) if k == 0 else (1, 0) if k == 1 else (1, 1) if k == 2 else (1, -1)
         ahead = _side(coverage, row, column, dr, dc)
@@ -51,7 +52,8 @@ def _sides(coverage: Floats, row: int, column: int) -> tuple[int, int, int, int]
 
 @kernel
 def _rim(reach: Kinds, row: int, column: int) -> tuple[int, int]:
-    """Row and column of the nearest full pixel whose surface may well reach this one; −1: none."""
+    """Row and column of the nearest full pixel that may extend to this one; −1: none."""
+    # Search in growing distance, in the four directions along row and column.
     for n in range(1, GROWN + 1):
         for k in range(4):
             dr, dc = (0, n) if k == 0 else (n, 0) if k == 1 else (0, -n) if k == 2 else (-n, 0)
@@ -65,22 +67,26 @@ def _bridge_pixel(
     image: Floats, coverage: Floats, nearness: Floats, magnification: Floats, reach: Kinds,
     row: int, column: int, new_coverage: Floats, bridged: Flags,
 ) -> None:  # fmt: skip
+    """Fill one pixel of a gap or beside an outline; see `bridge_rows`."""
+    # Find both sides of a gap, or else a surface that may extend here.
     r, k, s, m = _sides(coverage, row, column)
     if r < 0:
         r, k = _rim(reach, row, column)
         s, m = r, k
     if r < 0:
         return
-    # What is farther goes on behind what is nearer.
+    # Continue the farther side behind the nearer one: use it for both.
     if nearness[r, k] < nearness[s, m] * (1.0 - SAME):
         s, m = r, k
     elif nearness[s, m] < nearness[r, k] * (1.0 - SAME):
         r, k = s, m
+    # Fill what coverage is missing with the mean of both sides.
     missing = np.float32(1) - coverage[row, column]
     for c in range(image.shape[2]):
         filling = image[r, k, c] / coverage[r, k] + image[s, m, c] / coverage[s, m]
         image[row, column, c] += missing * np.float32(0.5) * filling
     new_coverage[row, column] = 1
+    # Take depth and magnification too where most of the pixel is filled.
     if coverage[row, column] < 0.5:
         nearness[row, column] = np.float32(0.5) * (nearness[r, k] + nearness[s, m])
         magnification[row, column] = magnification[r, k]
@@ -89,7 +95,9 @@ def _bridge_pixel(
 
 @kernel
 def _reach_of_row(coverage: Floats, magnification: Floats, row: int, reach: Kinds) -> None:
+    """Write a row of extents; see `reach_of_rows`."""
     for column in range(coverage.shape[1]):
+        # Larger cells leave the outline less certain, and may grow more.
         grown = RIM * (math.sqrt(magnification[row, column]) - 1.0)
         steps = 1 + int(max(0.0, min(grown, float(GROWN))))
         is_full = coverage[row, column] >= FULL
@@ -98,7 +106,7 @@ def _reach_of_row(coverage: Floats, magnification: Floats, row: int, reach: Kind
 
 @parallel_kernel
 def reach_of_rows(counter: Counter, coverage: Floats, magnification: Floats, reach: Kinds) -> None:
-    """Write how far pixels' surfaces may go on beyond them, px + 1; 0 where they are not full.
+    """Write how far pixels' surfaces may extend, px + 1; 0 where not full.
 
     Parameters
     ----------
@@ -113,9 +121,10 @@ def reach_of_rows(counter: Counter, coverage: Floats, magnification: Floats, rea
 
 @kernel
 def _find_reached(reach: Kinds, row: int, reached: Kinds) -> None:
-    """Mark the pixels of a row that gaps or rims reach; no branches, so many at a time."""
+    """Mark the pixels of a row in gaps or beside outlines, branch-free for SIMD."""
     reached[:] = 0
     r, first = np.uint64(row + GROWN), GROWN
+    # Mark gaps: full pixels on both sides, at most NARROW px away, in four directions.
     for k in range(4):
         dr, dc = (0, 1) if k == 0 else (1, 0) if k == 1 else (1, 1) if k == 2 else (1, -1)
         ahead, far_ahead = np.uint64(row + GROWN + dr), np.uint64(row + GROWN + 2 * dr)
@@ -128,6 +137,7 @@ def _find_reached(reach: Kinds, row: int, reached: Kinds) -> None:
             is_narrow |= is_ahead & (reach[far_back, np.uint64(c - 2 * dc)] > 0)
             is_narrow |= is_back & (reach[far_ahead, np.uint64(c + 2 * dc)] > 0)
             reached[np.uint64(column)] |= np.uint8(is_narrow)
+    # Mark pixels that surfaces above, below, left or right may extend to.
     for n in range(1, GROWN + 1):
         above, below = np.uint64(row + GROWN - n), np.uint64(row + GROWN + n)
         for column in range(reached.size):
@@ -142,12 +152,15 @@ def _bridge_row(
     image: Floats, coverage: Floats, nearness: Floats, magnification: Floats, reach: Kinds,
     row: int, new_coverage: Floats, bridged: Flags,
 ) -> None:  # fmt: skip
+    """Fill the gaps of a row; see `bridge_rows`."""
     width = coverage.shape[1]
+    # Leave full rows alone: most are.
     missing = 0
     for column in range(width):
         missing += int(coverage[row, column] < FULL)
     if missing == 0:
         return
+    # Test all pixels at once, then visit those marked.
     reached = np.empty(width, np.uint8)
     _find_reached(reach, row, reached)
     for column in range(width):
@@ -162,7 +175,7 @@ def bridge_rows(
     counter: Counter, image: Floats, coverage: Floats, nearness: Floats, magnification: Floats,
     reach: Kinds, new_coverage: Floats, bridged: Flags,
 ) -> None:  # fmt: skip
-    """Close narrow gaps, and let magnified surfaces grow by as little as their ends are known.
+    """Close narrow gaps, and grow magnified surfaces up to their uncertainty.
 
     Parameters
     ----------
@@ -171,9 +184,9 @@ def bridge_rows(
     reach
         As `reach_of_rows` writes it.
     new_coverage
-        Copy of the coverage, which is changed.
+        Copy of the coverage, to be changed.
     bridged
-        (H, W) all False; set where pixels have most of their color from there.
+        (H, W) all False; set where most of a pixel's color is filled in.
     """
     for row in tasks(counter, coverage.shape[0]):
         _bridge_row(
@@ -184,8 +197,9 @@ def bridge_rows(
 
 @kernel
 def on_lattice(place: Doubles, x: float, y: float) -> tuple[float, float]:
-    """Place on a bent source's lattice of what a camera without distortion sees at x, y."""
+    """Place on a distorted source's lattice of what an ideal camera shows at x, y."""
     height, width = place.shape[0], place.shape[1]
+    # Iterate to the fixed point: distortion changes little within a pixel.
     u, v = x, y
     for _ in range(4):
         column = min(max(math.floor(u), 0), width - 1)
@@ -201,7 +215,7 @@ def on_lattice(place: Doubles, x: float, y: float) -> tuple[float, float]:
 def looked_back(
     back: Doubles, origin: Doubles, x: float, y: float, near: float
 ) -> tuple[float, float]:
-    """Place in the source of what the target sees at x, y; not a number behind the source's eye."""
+    """Project a target point into the source; NaN behind the source's camera."""
     scale = back[2, 0] * x + back[2, 1] * y + back[2, 2] + near * origin[2]
     u = (back[0, 0] * x + back[0, 1] * y + back[0, 2] + near * origin[0]) / scale
     v = (back[1, 0] * x + back[1, 1] * y + back[1, 2] + near * origin[1]) / scale
@@ -210,7 +224,7 @@ def looked_back(
 
 @kernel
 def _reason(known: Flags, u: float, v: float) -> int:
-    """Why the source shows nothing of what it sees at u, v."""
+    """Reason why the source shows nothing at u, v; branch-free for SIMD."""
     is_inside = (u >= 0) & (u < known.shape[1]) & (v >= 0) & (v < known.shape[0])
     column, row = np.int32(u if is_inside else 0.0), np.int32(v if is_inside else 0.0)
     reason = DISOCCLUDED if known[np.uint64(row), np.uint64(column)] else NO_DEPTH
@@ -222,12 +236,14 @@ def _explain_hole(
     back: Doubles, origin: Doubles, place: Doubles, known: Flags, near: float,
     row: int, begin: int, end: int, holes: Kinds,
 ) -> None:  # fmt: skip
-    """Type the pixels of a row's hole, which is taken to be as near as `near`."""
+    """Classify the pixels of a row's hole, assuming the nearness `near` in all of it."""
+    # Without distortion, the loop stays free of branches.
     if place.size == 0:
         for column in range(begin, end):
             u, v = looked_back(back, origin, column + 0.5, row + 0.5, near)
             holes[row, column] = _reason(known, u, v)
         return
+    # With distortion, find the place on the lattice first.
     for column in range(begin, end):
         u, v = looked_back(back, origin, column + 0.5, row + 0.5, near)
         if abs(u) < 1e6 and abs(v) < 1e6:
@@ -240,17 +256,20 @@ def _explain_row(
     coverage: Floats, nearness: Floats, back: Doubles, origin: Doubles, place: Doubles,
     known: Flags, farthest: Floats, row: int, holes: Kinds,
 ) -> None:  # fmt: skip
-    """Type a row's holes; each is taken to be as far as the farther of its two sides in the row."""
+    """Classify a row's holes, each as far as the farther of its two sides."""
     width = coverage.shape[1]
     holes[row, :] = 0
     column = 0
     while column < width:
+        # Skip pixels that show something.
         if coverage[row, column] > 0:
             column += 1
             continue
+        # Find the end of the hole.
         end = column
         while end < width and not coverage[row, end] > 0:
             end += 1
+        # Take the farther of both sides, or the row's own guess if there is none.
         before = nearness[row, column - 1] if column > 0 else np.float32(np.inf)
         after = nearness[row, end] if end < width else np.float32(np.inf)
         near = float(min(before, after))
@@ -265,20 +284,20 @@ def explain_holes(
     counter: Counter, coverage: Floats, nearness: Floats, back: Doubles, origin: Doubles,
     place: Doubles, known: Flags, farthest: Floats, holes: Kinds,
 ) -> None:  # fmt: skip
-    """Say why pixels are empty.
+    """Classify empty pixels by the reason why they are empty.
 
     Parameters
     ----------
     coverage, nearness
         (H, W) of the target.
     back, origin
-        Matrix and epipole of the equation that leads back to the source.
+        Matrix and epipole of the warp back to the source.
     place
         As in `DepthImage`.
     known
         (h, w) whether the source has a depth there.
     farthest
-        (H,) nearness that an empty row is taken to have.
+        (H,) nearness that an empty row is assumed to have.
     holes
         (H, W) filled with values of `Hole`; 0 where something is.
     """

@@ -1,11 +1,11 @@
-"""Cells painted into two layers per pixel: the nearest surface, and the one behind it.
+"""Paint cells into two layers per pixel: the nearest surface, and the next.
 
-A band of the target's rows belongs to one thread, which walks the source's cells three times: for
-the nearest surface of every pixel, for the nearest of those behind it, and to add colors. A cell
-adds to a pixel what it covers of it; the sum of that is the layer's coverage. Where the nearest
-surface leaves room, at silhouettes, the second one shows.
+A band of the target's rows belongs to one thread, which makes three passes over the source's cells:
+for the nearest surface of every pixel, for the nearest of those behind it, and to add colors. A
+cell adds to a pixel by the area that it covers; the sum is the layer's coverage. Where the nearest
+surface leaves a pixel partly uncovered, at silhouettes, the second one shows.
 
-Calls are made per run of cells, never per cell.
+Functions are called per run of cells, never per cell.
 """
 
 from typing import NamedTuple
@@ -56,22 +56,22 @@ from resample_warp3d.sheet.kernels.segments import (
 from resample_warp3d.types import Links
 
 DISTINCT: Single = np.float32(0.99)  # of the nearness: what is nearer than that is the same surface
-FULL: Single = np.float32(0.97)  # coverage of a full pixel; boxes stand for cells, which are none
+FULL: Single = np.float32(0.97)  # coverage of a full pixel; boxes only approximate cells
 TRACE: Single = np.float32(1e-4)  # coverage below which a pixel is empty
 EVERYTHING: Single = np.float32(np.inf)  # nearer than all
 
 
 class Colors(NamedTuple):
-    """What cells show."""
+    """Colors of cells."""
 
     color: Floats  # (G, 3, H, W) channels in groups of three
     links: Links  # (H, W) which neighbours a color may be interpolated with
 
 
 class DepthPicture(NamedTuple):
-    """Where layers are written."""
+    """Pictures that layers are written to."""
 
-    image: Floats  # (height, width, C), multiplied by the coverage
+    image: Floats  # (height, width, C), premultiplied by the coverage
     coverage: Floats  # (height, width)
     nearness: Floats  # (height, width)
     magnification: Floats  # (height, width)
@@ -103,7 +103,7 @@ class TwoLayers(NamedTuple):
 
 
 class Adding(NamedTuple):
-    """The pass that adds what cells cover of pixels to their two layers."""
+    """The pass that adds the color of covered areas to the two layers of pixels."""
 
     colors: Colors
     group: int  # of channels
@@ -112,11 +112,12 @@ class Adding(NamedTuple):
 
 @inner_kernel
 def _find_front(begin: int, end: int, cells: Cells, front: Floats, area: Floats) -> None:
-    """Let fragments be the nearest of their pixels, and tell how large their cells are."""
+    """Depth-test fragments: keep the nearest of each pixel, and the area of its cell."""
     numbers, places = cells
     for n in range(begin, end):
         m = np.uint64(n)
         pixel = places[PIXEL + m]
+        # Scatter one by one, as cells share pixels; select instead of branching on the depth.
         if pixel >= 0:
             i, near = np.uint64(pixel), numbers[DEPTH + m]
             nearest, largest, covered = front[i], area[i], abs(numbers[AREA + m])
@@ -126,22 +127,24 @@ def _find_front(begin: int, end: int, cells: Cells, front: Floats, area: Floats)
 
 @inner_kernel
 def _find_behind(begin: int, end: int, cells: Cells, front: Floats, behind: Floats) -> None:
-    """Let fragments be the nearest of those that are not the front."""
+    """Depth-test fragments behind the front: keep the nearest of each pixel."""
     numbers, places = cells
     for n in range(begin, end):
         m = np.uint64(n)
         pixel = places[PIXEL + m]
         if pixel >= 0:
             i, near = np.uint64(pixel), numbers[DEPTH + m]
+            # A sloped cell's nearness may err by its slack: the front itself is not behind.
             if near + numbers[SLACK + m] < front[i] * DISTINCT and near > behind[i]:
                 behind[i] = near
 
 
 @inner_kernel
 def _is_front(bounds: Indices, least: Single, frame: Frame, front: Floats) -> bool:
-    """Whether nothing that is as far as `least` or nearer is behind the front within bounds."""
+    """Occlusion test: whether nothing as near as `least` is hidden within bounds."""
     left, right = max(0, bounds[0]), min(frame.width, bounds[2])
     top, bottom = max(frame.first, bounds[1]), min(frame.last, bounds[3])
+    # Count hidden pixels without a branch.
     hidden = 0
     for y in range(top, bottom):
         at = np.uint64((y - frame.first) * frame.width)
@@ -152,6 +155,7 @@ def _is_front(bounds: Indices, least: Single, frame: Frame, front: Floats) -> bo
 
 @plays(skips, Nearest)
 def _skips_none(look: Nearest, strip: Strip, member: int, nth: int) -> bool:  # noqa: ARG001
+    """Skip nothing in the first pass; start each member's farthest corner at infinity."""
     look.least[nth] = EVERYTHING
     return False
 
@@ -165,11 +169,14 @@ def _take_nearest(
     run: int,
     cells: Cells,
 ) -> None:
+    """Find the nearest surface: depth-test all fragments of a run."""
     k, least = np.uint64(run), look.least[nth]
+    # Note the member's farthest corner, by which the second pass skips it.
     begin, end = int(cells.places[BEGIN + k]), int(cells.places[END + k])
     for n in range(begin, end):
         least = min(least, cells.numbers[LEAST + np.uint64(n)])
     look.least[nth] = least
+    # Test slot by slot.
     for j in range(cells.places[ROWS + k]):
         for i in range(cells.places[COLUMNS + k]):
             if fill_depths(begin, end, i, j, strip.frame, cells.numbers, cells.places):
@@ -178,6 +185,7 @@ def _take_nearest(
 
 @plays(skips, Behind)
 def _skips_front(look: Behind, strip: Strip, member: int, nth: int) -> bool:
+    """Skip segments of cells that lie in front everywhere: nothing of them is behind."""
     row, segment = divmod(member, strip.screen.bounds.shape[1])
     return _is_front(strip.screen.bounds[row, segment], look.least[nth], strip.frame, look.front)
 
@@ -191,6 +199,7 @@ def _take_behind(
     run: int,
     cells: Cells,
 ) -> None:
+    """Find the second surface: depth-test a run's fragments behind the front."""
     k = np.uint64(run)
     begin, end = int(cells.places[BEGIN + k]), int(cells.places[END + k])
     for j in range(cells.places[ROWS + k]):
@@ -201,9 +210,9 @@ def _take_behind(
 
 @inner_kernel
 def _vote(sums: Floats, at: np.uint64, a: Single, b: Single, c: Single, d: Single) -> None:
-    """Vote for a label by what it covers; the one that has most of the votes stays.
+    """Vote for a label with the covered area as weight; the label that leads stays.
 
-    Boyer and Moore's majority vote with weights: other labels wear the one that stands down.
+    Boyer and Moore's majority vote with weights: a vote for another label reduces the leader's.
     """
     if sums[at] == a and sums[at + np.uint64(1)] == b and sums[at + np.uint64(2)] == c:
         sums[at + np.uint64(3)] += d
@@ -216,13 +225,14 @@ def _vote(sums: Floats, at: np.uint64, a: Single, b: Single, c: Single, d: Singl
 
 @inner_kernel
 def _add(begin: int, end: int, is_label: bool, cells: Cells, layers: TwoLayers) -> None:
-    """Add fragments to the layers of their pixels where they are seen; labels are voted for."""
+    """Add fragments to the visible layers of their pixels; labels are voted for."""
     numbers, places = cells
     front, behind, sums, voted = layers
     for n in range(begin, end):
         m = np.uint64(n)
         if places[PIXEL + m] < 0:
             continue
+        # Choose the layer by depth; skip fragments behind both.
         pixel, near = np.uint64(places[PIXEL + m]), numbers[DEPTH + m]
         layer = np.uint64(0)
         if near < front[pixel] * DISTINCT:
@@ -232,6 +242,7 @@ def _add(begin: int, end: int, is_label: bool, cells: Cells, layers: TwoLayers) 
         at = np.uint64(8) * pixel + np.uint64(4) * layer
         red, green, blue = numbers[RED + m], numbers[GREEN + m], numbers[BLUE + m]
         mass = numbers[MASS + m]
+        # Vote for labels, and add colors and mass.
         if is_label:
             voted[np.uint64(2) * pixel + layer] += mass
             _vote(sums, at, red, green, blue, mass)
@@ -244,7 +255,7 @@ def _add(begin: int, end: int, is_label: bool, cells: Cells, layers: TwoLayers) 
 
 @inner_kernel
 def _add_boxes(begin: int, end: int, frame: Frame, cells: Cells, layers: TwoLayers) -> None:
-    """Add a run of upright cells."""
+    """Add a run of upright cells as boxes, slot by slot."""
     numbers, places = cells
     rows, columns = set_boxes(begin, end, frame, numbers, places)
     for j in range(rows):
@@ -257,13 +268,15 @@ def _add_boxes(begin: int, end: int, frame: Frame, cells: Cells, layers: TwoLaye
 def _add_parts(
     begin: int, end: int, is_whole: bool, frame: Frame, cells: Cells, layers: TwoLayers
 ) -> None:
-    """Add a run of cells that are cut into parts, or have one color."""
+    """Add a run of cells that are cut into parts, or have one color each."""
     numbers, places = cells
     most_u, most_v = count_parts(begin, end, frame, numbers, places)
     is_flat = is_whole or frame.is_label
+    # Cut one part out of all cells at a time.
     for part in range(1 if is_whole else most_u * most_v):
         v, u = divmod(part, most_u)
         if set_parts(begin, end, u, v, is_whole, frame, numbers, places):
+            # Add it to the 2 × 2 pixels that it may meet.
             for slot in range(4):
                 i, j = slot % 2, slot // 2
                 if fill_from_parts(begin, end, i, j, is_flat, frame, numbers, places):
@@ -279,15 +292,18 @@ def _take_colors(
     run: int,
     cells: Cells,
 ) -> None:
+    """Add the colors of a run of cells to the layers."""
     (color, links), group, (numbers, places) = look.colors, look.group, cells
     k, frame = np.uint64(run), strip.frame
     row, segment = divmod(member, strip.screen.bounds.shape[1])
     begin, end, start = int(places[BEGIN + k]), int(places[END + k]), segment * SEGMENT
+    # Prepare the colors: means are enough for cells of one color.
     way = places[WAY + np.uint64(begin)]
     if way == WHOLE or frame.is_label:
         write_means(color, group, row, start, begin, end, numbers)
     else:
         write_colors(color, links, group, row, start, begin, end, numbers)
+    # Add cells as boxes or as parts, as they were classified.
     if way == UPRIGHT:
         _add_boxes(begin, end, frame, cells, look.layers)
     else:
@@ -296,7 +312,7 @@ def _take_colors(
 
 @inner_kernel
 def _resolve(look: Adding, area: Floats, frame: Frame, picture: DepthPicture) -> None:
-    """Composite a band's two layers."""
+    """Composite a band's two layers, front over behind, into the picture."""
     image, coverage, nearness, magnification = picture
     group, (front, behind, sums, voted) = look.group, look.layers
     channels = min(3, image.shape[2] - 3 * group)
@@ -305,22 +321,26 @@ def _resolve(look: Adding, area: Floats, frame: Frame, picture: DepthPicture) ->
             pixel = (y - frame.first) * frame.width + x
             at = np.uint64(8 * pixel)
             near_mass, far_mass = sums[at + np.uint64(3)], sums[at + np.uint64(7)]
-            # Boxes stand for cells: what is nearly full is full, and more than full is as much.
+            # Boxes only approximate cells: count what is nearly full, or overfull, as full.
             filled = min(max(near_mass + far_mass, FULL), ONE)
             share = min(near_mass / filled, ONE)
             total = min((near_mass + far_mass) / filled, ONE)
             if near_mass + far_mass < TRACE:
                 share, total = ZERO, ZERO
+            # Normalize both layers' sums by their mass.
             by_near = share / max(near_mass, np.float32(1e-20))
             by_far = (total - share) / max(far_mass, np.float32(1e-20))
+            # A pixel has the label of the nearer layer unless the farther one covers more.
             if frame.is_label:
                 near_mass, far_mass = voted[2 * pixel], voted[2 * pixel + 1]
                 total = ONE if near_mass + far_mass >= HALF else ZERO
                 share = total if near_mass >= min(HALF, far_mass) else ZERO
                 by_near, by_far = share, total - share
+            # Composite the colors.
             for c in range(channels):
                 k = at + np.uint64(c)
                 image[y, x, 3 * group + c] = by_near * sums[k] + by_far * sums[k + np.uint64(4)]
+            # Take the depth of the layer that covers more of the pixel.
             if group == 0:
                 is_near = share >= total - share
                 near = front[pixel] if is_near else behind[pixel]
@@ -340,18 +360,21 @@ def paint_layers(
     band
         Rows of a band.
     like
-        A frame with all rows.
+        A frame with all rows; bands of it are painted.
     """
     bounds = screen.bounds.reshape((-1, 4))
     for first, last in bands(counter, like.last, band):
+        # Allocate the band, and find the segments that meet it.
         frame = Frame(first, last, like.width, like.orientation, like.quality, like.is_label)
         strip, size = Strip(screen, frame), (last - first) * like.width
         members = met(bounds, (first, last), like.width)
         cells = Cells(np.zeros(NUMBERS, np.float32), np.zeros(PLACES, np.int32))
         front, behind = np.zeros(size, np.float32), np.zeros(size, np.float32)
         area, least = np.zeros(size, np.float32), np.empty(members.size, np.float32)
+        # Find the nearest surface, then the one behind it.
         walk(Nearest(front, area, least), strip, members, cells)
         walk(Behind(front, behind, least), strip, members, cells)
+        # Add colors in groups of three channels, and composite them.
         for group in range(colors.color.shape[0]):
             sums = np.zeros(size * 8, np.float32)
             voted = np.zeros(2 * size if like.is_label else 0, np.float32)

@@ -1,4 +1,4 @@
-"""One look per pixel: the nearest cell over its center, and that cell's color there."""
+"""Preview: the nearest cell over each pixel's center, and its color there."""
 
 from typing import NamedTuple
 
@@ -56,7 +56,7 @@ from resample_warp3d.types import DOWN, LEFT, MARGIN, RIGHT, UP, Links
 
 Corner = tuple[Single, Single, Single]
 
-REACH: Single = np.float32(0.52)  # of a cell from its middle; neighbours overlap a little
+REACH: Single = np.float32(0.52)  # half a cell, in cells; neighbours overlap a little
 
 
 class Looks(NamedTuple):
@@ -70,9 +70,10 @@ class Looks(NamedTuple):
 def _fill_looks(
     begin: int, end: int, i: int, j: int, frame: Frame, numbers: Floats, places: Indices
 ) -> None:
-    """Fill a slot of the pixels that cells may meet with those whose centers they are over."""
+    """Fill a slot with the pixels whose centers cells cover, and their nearness."""
     for n in range(begin, end):
         m = np.uint64(n)
+        # Reject pixels outside the cell's bounds.
         px, qx, rx, sx = numbers[P_X + m], numbers[Q_X + m], numbers[R_X + m], numbers[S_X + m]
         py, qy, ry, sy = numbers[P_Y + m], numbers[Q_Y + m], numbers[R_Y + m], numbers[S_Y + m]
         column, row = np.int32(places[FROM_COLUMN + m] + i), np.int32(places[FROM_ROW + m] + j)
@@ -80,11 +81,13 @@ def _fill_looks(
         is_over = (x > min(px, qx, rx, sx)) & (x <= max(px, qx, rx, sx))
         is_over &= (y > min(py, qy, ry, sy)) & (y <= max(py, qy, ry, sy))
         is_over &= (column < places[TO_COLUMN + m]) & (row < places[TO_ROW + m])
+        # Invert the cell's sides: the center must lie within the cell.
         dx, dy = x - numbers[X + m], y - numbers[Y + m]
         ax, ay, bx, by = numbers[A_X + m], numbers[A_Y + m], numbers[B_X + m], numbers[B_Y + m]
         inverse = ONE / (ax * by - ay * bx)
         u, v = (dx * by - dy * bx) * inverse, (dy * ax - dx * ay) * inverse
         is_over &= max(abs(u), abs(v)) <= REACH
+        # Interpolate the nearness there.
         pn, qn, rn, sn = (
             numbers[P_NEAR + m], numbers[Q_NEAR + m], numbers[R_NEAR + m], numbers[S_NEAR + m]
         )  # fmt: skip
@@ -96,7 +99,7 @@ def _fill_looks(
 
 @inner_kernel
 def _look(begin: int, end: int, first: int, cells: Cells, looks: Looks) -> None:
-    """Let fragments be the nearest of their pixels; `first` is the number of the first cell."""
+    """Depth-test fragments and keep their cells, numbered from `first` on."""
     (numbers, places), (front, owner) = cells, looks
     for n in range(begin, end):
         m = np.uint64(n)
@@ -115,6 +118,7 @@ def _take(
     run: int,
     cells: Cells,
 ) -> None:
+    """Find the nearest cells: depth-test a run, slot by slot."""
     k, (numbers, places) = np.uint64(run), cells
     row, segment = divmod(member, strip.screen.bounds.shape[1])
     first = row * strip.screen.own.shape[1] + segment * SEGMENT
@@ -129,7 +133,11 @@ def _take(
 def _corners_of(
     screen: Floats, torn: Floats, index: Indices, row: int, column: int
 ) -> tuple[Corner, Corner, Corner, Corner]:
-    """Corners of a cell: top left, top right, bottom left, bottom right."""
+    """Corners of a cell, x, y and nearness.
+
+    Top left, top right, bottom left, bottom right.
+    """
+    # A torn cell has its own; the others share the lattice's.
     n = index[row, column]
     if n >= 0:
         return (
@@ -162,7 +170,7 @@ def _slopes(
 
 @inner_kernel
 def _resolve(strip: Strip, looks: Looks, colors: Colors, picture: DepthPicture) -> None:
-    """Color each pixel of a band as the cell that it shows is there."""
+    """Color each pixel of a band by the cell that it shows."""
     (screen, torn, index, _), frame, (front, owner) = strip.screen, strip.frame, looks
     (color, links), (image, coverage, nearness, magnification) = colors, picture
     columns = index.shape[1]
@@ -170,12 +178,15 @@ def _resolve(strip: Strip, looks: Looks, colors: Colors, picture: DepthPicture) 
         for x in range(frame.width):
             pixel = (y - frame.first) * frame.width + x
             near = front[pixel]
+            # Write depth and coverage, and clear the color.
             coverage[y, x] = ONE if near > ZERO else ZERO
             nearness[y, x], magnification[y, x] = near, ZERO
             for channel in range(image.shape[2]):
                 image[y, x, channel] = ZERO
+            # Leave empty pixels black.
             if not near > ZERO:
                 continue
+            # Find the pixel's center in the cell, by its middle and sides.
             row, column = divmod(owner[pixel], columns)
             p, q, r, s = _corners_of(screen, torn, index, row, column)
             ax, ay = HALF * (q[0] - p[0] + s[0] - r[0]), HALF * (q[1] - p[1] + s[1] - r[1])
@@ -185,6 +196,7 @@ def _resolve(strip: Strip, looks: Looks, colors: Colors, picture: DepthPicture) 
             dy = np.float32(y) + HALF - QUARTER * (p[1] + q[1] + r[1] + s[1])
             u, v = (dx * by - dy * bx) / area, (dy * ax - dx * ay) / area
             magnification[y, x] = abs(area)
+            # Interpolate the color linearly within the sample; its arrays have a margin.
             row, column = row + MARGIN, column + MARGIN
             for channel in range(image.shape[2]):
                 group, c = channel // 3, channel % 3

@@ -1,4 +1,4 @@
-"""A depth image's sheet of cells on the target's screen."""
+"""A depth image's sheet of cells, projected to the target's screen."""
 
 from typing import NamedTuple
 
@@ -11,15 +11,15 @@ from resample.types import Doubles, Floats, Single
 
 Indices = NDArray[np.int32]
 
-SEGMENT = 64  # cells of a row that are bounded, skipped and measured together
-NEAREST = 1e-6  # of the matrix's scale: what is nearer to the eye's plane is behind it
-FARTHEST = 1e6  # px: what is farther out than this is not on any screen
+SEGMENT = 64  # cells of a row that are bounded, culled and measured together
+NEAREST = 1e-6  # of the matrix's scale: what is nearer to the camera's plane is behind it
+FARTHEST = 1e6  # px: what is farther outside than this is not on any screen
 BEYOND = np.int32(2**30)  # px
 BLOCK = 256  # torn cells that a thread projects at a time
 
 
 class Screen(NamedTuple):
-    """A sheet on the target's screen."""
+    """A sheet, projected to the target's screen."""
 
     vertex: Floats  # (3, H + 1, W + 1) of `project_vertices`
     torn: Floats  # (N, 4, 3) of `project_corners`
@@ -31,18 +31,20 @@ class Screen(NamedTuple):
 def seen_at(
     matrix: Doubles, epipole: Doubles, x: float, y: float, nearness: float
 ) -> tuple[Single, Single, Single]:
-    """Place on the screen and nearness there; a negative nearness is nowhere.
+    """Project a point by the warping equation: place, and nearness, −1 if nowhere.
 
-    Without a branch, so that several places are computed at once.
+    Branch-free, so that several places are computed at once.
     """
     scale = matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2] + nearness * epipole[2]
     inverse = 1.0 / scale
+    # Divide by the depth.
     screen_x = (
         matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] + nearness * epipole[0]
     ) * inverse
     screen_y = (
         matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2] + nearness * epipole[1]
     ) * inverse
+    # Reject points behind the camera, without depth, or far outside any screen.
     is_seen = (scale > NEAREST) & (nearness > 0)
     is_seen &= (abs(screen_x) < FARTHEST) & (abs(screen_y) < FARTHEST)
     return (
@@ -56,9 +58,11 @@ def seen_at(
 def _project_row(
     vertex: Floats, place: Doubles, matrix: Doubles, epipole: Doubles, row: int, screen: Floats
 ) -> None:
+    """Project a row of corners; see `project_vertices`."""
     is_bent = place.size > 0
     for column in range(vertex.shape[1]):
         x, y = float(column), float(row)
+        # Undo lens distortion.
         if is_bent:
             x, y = place[row, column, 0], place[row, column, 1]
         screen[0, row, column], screen[1, row, column], screen[2, row, column] = seen_at(
@@ -84,7 +88,7 @@ def project_vertices(
     place
         (H + 1, W + 1, 2) where they are without distortion, px; (0, 0, 2): on the lattice.
     matrix, epipole
-        Of the equation.
+        Of the warping equation.
     screen
         (3, H + 1, W + 1) filled: x and y in px of the target, and the nearness there, negative
         where there is nothing.
@@ -97,6 +101,7 @@ def project_vertices(
 def _project_corners(
     corner: Floats, matrix: Doubles, epipole: Doubles, block: int, screen: Floats
 ) -> None:
+    """Project a block of torn cells; see `project_corners`."""
     for n in range(block * BLOCK, min(corner.shape[0], (block + 1) * BLOCK)):
         for k in range(4):
             x, y, near = float(corner[n, k, 0]), float(corner[n, k, 1]), float(corner[n, k, 2])
@@ -107,19 +112,24 @@ def _project_corners(
 def project_corners(
     counter: Counter, corner: Floats, matrix: Doubles, epipole: Doubles, screen: Floats
 ) -> None:
-    """Project the corners (N, 4, 3) of torn cells; `screen` (N, 4, 3) holds x, y and nearness."""
+    """Project the corners (N, 4, 3) of torn cells.
+
+    `screen` (N, 4, 3) is filled with x, y and nearness.
+    """
     for block in tasks(counter, (corner.shape[0] + BLOCK - 1) // BLOCK):
         _project_corners(corner, matrix, epipole, block, screen)
 
 
 @kernel
 def _bound_row(screen: Floats, torn: Floats, index: Indices, row: int, bounds: Indices) -> None:
+    """Bound the segments of a row; see `bound_segments`."""
     for segment in range(bounds.shape[1]):
         start, end = segment * SEGMENT, min(index.shape[1], (segment + 1) * SEGMENT)
         left, top, right, bottom = BEYOND, BEYOND, -BEYOND, -BEYOND
-        # Whole numbers: sixteen at once, which the minima of floats are not.
+        # Use integers: their minima vectorize sixteen at once, which those of floats do not.
         for r in range(row, row + 2):
             for column in range(start, end + 1):
+                # Leave out corners that are nowhere on the screen.
                 is_there = screen[2, r, column] > 0
                 x, y = pixel_of(screen[0, r, column]), pixel_of(screen[1, r, column])
                 left, top = (
@@ -128,11 +138,12 @@ def _bound_row(screen: Floats, torn: Floats, index: Indices, row: int, bounds: I
                 )
                 right = max(right, x if is_there else -BEYOND)
                 bottom = max(bottom, y if is_there else -BEYOND)
-        # Torn cells are numbered along the row.
+        # Add torn cells, which are numbered along the row.
         first, last = BEYOND, -BEYOND
         for column in range(start, end):
             n = index[row, column]
             first, last = min(first, n if n >= 0 else BEYOND), max(last, n)
+        # Extend the bounds to their corners.
         for n in range(first, last + 1):
             for k in range(4):
                 if torn[n, k, 2] > 0:
@@ -147,22 +158,22 @@ def _bound_row(screen: Floats, torn: Floats, index: Indices, row: int, bounds: I
 def bound_segments(
     counter: Counter, screen: Floats, torn: Floats, index: Indices, bounds: Indices
 ) -> None:
-    """Bound what segments of rows of cells meet on the screen.
+    """Bound segments of rows of cells on the screen.
 
     Parameters
     ----------
     screen, torn
         Of `project_vertices` and `project_corners`.
     index
-        (H, W) which cells are torn; −1 for others, −2 where there is none.
+        (H, W) number of a torn cell; −1 for others, −2 where there is none.
     bounds
         (H, segments, 4) filled: left, top, right and bottom, px, the last two one beyond; left >
-        right where nothing is.
+        right for an empty segment.
     """
     for row in tasks(counter, index.shape[0]):
         _bound_row(screen, torn, index, row, bounds)
 
 
 def segment_count(width: int) -> int:
-    """Segments of a row."""
+    """Number of segments in a row."""
     return -(-width // SEGMENT)

@@ -1,9 +1,9 @@
-"""Segments of a sheet's rows on the screen, measured many cells at a time.
+"""Segments of a sheet's rows on the screen, measured with SIMD.
 
-What is known of a segment's cells stands in two flat arrays, `numbers` and `places`, in rows of
-`SEGMENT` elements, a row for each quantity. The rows' offsets are constants, so that a compiler
-sees that they do not overlap and works on sixteen cells at once; indices are unsigned, or each
-would be tested for being negative. Numbers are float32 throughout, so that nothing is converted.
+A segment's cells are stored in two flat arrays, `numbers` and `places`, in rows of `SEGMENT`
+elements, a row for each quantity. The rows' offsets are constants, so that the compiler knows that
+they do not overlap and vectorizes for sixteen cells at once; indices are unsigned, or each would be
+tested for being negative. Numbers are float32 throughout, so that nothing is converted.
 """
 
 from typing import Any, NamedTuple
@@ -19,6 +19,7 @@ from resample_warp3d.sheet.kernels.screen import SEGMENT, Indices, Screen
 
 
 def _rows(first: int, count: int) -> Any:
+    """Offsets of `count` rows from the first on."""
     return [np.uint64(SEGMENT * n) for n in range(first, first + count)]
 
 
@@ -26,10 +27,10 @@ ZERO: Single = np.float32(0)
 QUARTER: Single = np.float32(0.25)
 HALF: Single = np.float32(0.5)
 ONE: Single = np.float32(1)
-STEEP: Single = np.float32(0.05)  # of the nearness: a surface's most change per px that is heeded
-LARGEST: Single = np.float32(4096)  # px: a longer cell is before the eye, not in the picture
+STEEP: Single = np.float32(0.05)  # of the nearness: limit of a surface's change per px
+LARGEST: Single = np.float32(4096)  # px: a longer cell crosses the camera's plane and is dropped
 SMALLEST: Single = np.float32(1e-9)  # px²: a cell seen edge-on covers nothing
-SHEAR: Single = np.float32(0.3)  # of a cell's length: how much its sides may lean to be upright
+SHEAR: Single = np.float32(0.3)  # of a cell's length: limit of the lean of upright sides
 SMALL: Single = np.float32(0.9)  # px, at quality 1: shorter upright cells have one color
 NOWHERE: Single = np.float32(-1)  # nearness
 SHARED = -1  # in a sheet's index: a cell whose corners are the lattice's
@@ -42,7 +43,7 @@ P_X, P_Y, P_NEAR, Q_X, Q_Y, Q_NEAR = _rows(0, 6)
 R_X, R_Y, R_NEAR, S_X, S_Y, S_NEAR = _rows(6, 6)
 # Middle, sides a and b, and twist t: a point is at middle + u a + v b + u v t, u, v in −1/2..1/2.
 X, Y, A_X, A_Y, B_X, B_Y, T_X, T_Y = _rows(12, 8)
-# Nearness as a plane over the screen: in the middle, slopes, limits, and what it may err.
+# Nearness as a plane over the screen: in the middle, slopes, limits, and its possible error.
 NEAR, SLOPE_X, SLOPE_Y, LEAST, MOST, SLACK = _rows(20, 6)
 (AREA,) = _rows(26, 1)  # px², negative where the corners run the other way round
 # Color of the first of three channels: mean, slopes and bends along both axes, twist, and limits.
@@ -66,25 +67,25 @@ PLACES = SEGMENT * 14
 
 
 class Frame(NamedTuple):
-    """A band of a target's frame and what painters read as numbers."""
+    """A band of a target's frame, and painting options as numbers."""
 
     first: int  # row of the target
     last: int  # row of the target, excluded
     width: int  # px
     orientation: Single  # 1, or −1 where the target is a mirror image
     quality: Single  # parts that a cell is cut into per px of the target
-    is_label: bool  # colors are names, which must not be mixed
+    is_label: bool  # colors are labels, which must not be mixed
 
 
 class Strip(NamedTuple):
-    """A sheet, of which a band is painted; its members are segments, counted row by row."""
+    """A sheet, of which a band is painted; members are segments, row by row."""
 
     screen: Screen
     frame: Frame
 
 
 class Cells(NamedTuple):
-    """A segment's cells."""
+    """A segment's cells, in rows of quantities."""
 
     numbers: Floats  # (NUMBERS,)
     places: Indices  # (PLACES,)
@@ -92,7 +93,8 @@ class Cells(NamedTuple):
 
 @inner_kernel
 def _write_shared(screen: Floats, row: int, start: int, count: int, numbers: Floats) -> None:
-    """Write the corners that a segment's cells share with others."""
+    """Copy the corners that a segment's cells share with others, from the lattice."""
+    # Copy left and right corners in two loops, each of contiguous memory.
     above, below = np.uint64(row), np.uint64(row) + np.uint64(1)
     for n in range(count):
         m, left = np.uint64(n), np.uint64(start + n)
@@ -110,7 +112,7 @@ def _write_shared(screen: Floats, row: int, start: int, count: int, numbers: Flo
 def _write_torn(
     torn: Floats, index: Indices, row: int, start: int, count: int, numbers: Floats
 ) -> None:
-    """Write the corners that some of a segment's cells have for themselves."""
+    """Overwrite the corners of torn cells; cells without depth become invisible."""
     for n in range(count):
         m, own = np.uint64(n), index[row, start + n]
         if own >= 0:
@@ -126,12 +128,14 @@ def _write_torn(
 
 @inner_kernel
 def _measure_shapes(count: int, numbers: Floats) -> None:
+    """Measure cells from their corners: sides, twist, nearness plane and area."""
     for n in range(count):
         m = np.uint64(n)
         px, py, pn = numbers[P_X + m], numbers[P_Y + m], numbers[P_NEAR + m]
         qx, qy, qn = numbers[Q_X + m], numbers[Q_Y + m], numbers[Q_NEAR + m]
         rx, ry, rn = numbers[R_X + m], numbers[R_Y + m], numbers[R_NEAR + m]
         sx, sy, sn = numbers[S_X + m], numbers[S_Y + m], numbers[S_NEAR + m]
+        # Take mean sides; what they leave over is the twist.
         ax, ay = HALF * (qx - px + sx - rx), HALF * (qy - py + sy - ry)
         bx, by = HALF * (rx - px + sx - qx), HALF * (ry - py + sy - qy)
         an, bn = HALF * (qn - pn + sn - rn), HALF * (rn - pn + sn - qn)
@@ -141,19 +145,23 @@ def _measure_shapes(count: int, numbers: Floats) -> None:
         )
         numbers[A_X + m], numbers[A_Y + m], numbers[B_X + m], numbers[B_Y + m] = ax, ay, bx, by
         numbers[T_X + m], numbers[T_Y + m] = px - qx - rx + sx, py - qy - ry + sy
+        # Fit a plane of nearness to the corners.
         near, inverse = QUARTER * (pn + qn + rn + sn), ONE / (ax * by - ay * bx)
         slope_x, slope_y = (an * by - bn * ay) * inverse, (bn * ax - an * bx) * inverse
+        # Limit its slopes, which explode for cells seen edge-on.
         steepest = STEEP * near
         numbers[NEAR + m] = near
         numbers[SLOPE_X + m] = min(max(slope_x, -steepest), steepest)
         numbers[SLOPE_Y + m] = min(max(slope_y, -steepest), steepest)
         numbers[LEAST + m], numbers[MOST + m] = min(pn, qn, rn, sn), max(pn, qn, rn, sn)
         numbers[SLACK + m] = min(HALF * (abs(slope_x) + abs(slope_y)), steepest)
+        # Take the signed area by the cross product of the diagonals.
         numbers[AREA + m] = HALF * ((sx - px) * (ry - qy) - (sy - py) * (rx - qx))
 
 
 @inner_kernel
 def _measure_extents(count: int, frame: Frame, numbers: Floats, places: Indices) -> None:
+    """Bound the pixels of cells, within the band."""
     for n in range(count):
         m = np.uint64(n)
         px, qx, rx, sx = numbers[P_X + m], numbers[Q_X + m], numbers[R_X + m], numbers[S_X + m]
@@ -166,7 +174,7 @@ def _measure_extents(count: int, frame: Frame, numbers: Floats, places: Indices)
 
 @inner_kernel
 def _choose_ways(count: int, frame: Frame, numbers: Floats, places: Indices) -> None:
-    """Write how cells are painted; not where they show their backs, or nothing."""
+    """Choose how cells are painted; back faces and empty cells are culled."""
     # Squared lengths up to which cells have one color: upright ones, and those that lean.
     whole = ONE / (frame.quality * frame.quality)
     small = SMALL * SMALL * whole
@@ -175,6 +183,7 @@ def _choose_ways(count: int, frame: Frame, numbers: Floats, places: Indices) -> 
     for n in range(count):
         m = np.uint64(n)
         ax, ay, bx, by = numbers[A_X + m], numbers[A_Y + m], numbers[B_X + m], numbers[B_Y + m]
+        # Cull cells without depth, across the camera's plane, outside the band, and back faces.
         diagonal = max(
             abs(numbers[S_X + m] - numbers[P_X + m]), abs(numbers[S_Y + m] - numbers[P_Y + m]),
             abs(numbers[R_X + m] - numbers[Q_X + m]), abs(numbers[R_Y + m] - numbers[Q_Y + m]),
@@ -183,6 +192,7 @@ def _choose_ways(count: int, frame: Frame, numbers: Floats, places: Indices) -> 
         is_seen &= frame.orientation * numbers[AREA + m] > SMALLEST
         is_seen &= places[FROM_COLUMN + m] < places[TO_COLUMN + m]
         is_seen &= places[FROM_ROW + m] < places[TO_ROW + m]
+        # Paint nearly axis-aligned cells as boxes, short ones in one color, others in parts.
         is_upright = (abs(ay) <= shear * abs(ax)) & (abs(bx) <= shear * abs(by))
         is_upright &= least_shear == ZERO
         longest = max(ax * ax + ay * ay, bx * bx + by * by)
@@ -193,7 +203,7 @@ def _choose_ways(count: int, frame: Frame, numbers: Floats, places: Indices) -> 
 
 @inner_kernel
 def _find_runs(count: int, places: Indices) -> int:
-    """Divide a segment's cells that are seen into runs; gives how many.
+    """Divide a segment's visible cells into runs; return how many.
 
     The cells of a run are painted in one way, and all have as many slots for pixels as the largest
     one needs; a run ends where most of them would be empty.
@@ -202,6 +212,7 @@ def _find_runs(count: int, places: Indices) -> int:
     while n < count:
         begin, way = n, places[WAY + np.uint64(n)]
         rows, columns, met = 0, 0, 0
+        # Extend the run while cells are painted alike and waste few slots.
         while n < count and places[WAY + np.uint64(n)] == way:
             m = np.uint64(n)
             height = int(places[TO_ROW + m] - places[FROM_ROW + m])
@@ -212,6 +223,7 @@ def _find_runs(count: int, places: Indices) -> int:
                 break
             rows, columns, met = most_rows, most_columns, met + height * width
             n += 1
+        # Store the run, unless its cells are culled.
         if way != UNSEEN:
             k = np.uint64(runs)
             places[BEGIN + k], places[END + k] = begin, n
@@ -225,15 +237,17 @@ def measure(
     screen: Floats, torn: Floats, index: Indices, row: int, segment: int, frame: Frame,
     numbers: Floats, places: Indices,
 ) -> int:  # fmt: skip
-    """Measure the cells of a segment; gives how many runs of them are seen."""
+    """Measure the cells of a segment; return how many visible runs they form."""
     start = segment * SEGMENT
     count = min(index.shape[1] - start, SEGMENT)
+    # Load the corners, from the lattice and from torn cells.
     _write_shared(screen, row, start, count, numbers)
     own = 0
     for column in range(start, start + count):
         own += int(index[row, column] != SHARED)
     if own > 0:
         _write_torn(torn, index, row, start, count, numbers)
+    # Measure the cells, and group them into runs.
     _measure_shapes(count, numbers)
     _measure_extents(count, frame, numbers, places)
     _choose_ways(count, frame, numbers, places)
@@ -242,6 +256,7 @@ def measure(
 
 @plays(placed, Strip)
 def _placed(strip: Strip, member: int, cells: Cells) -> int:
+    """Measure a member of a strip: one segment."""
     vertex, torn, index, bounds = strip.screen
     row, segment = divmod(member, bounds.shape[1])
     return measure(vertex, torn, index, row, segment, strip.frame, cells.numbers, cells.places)

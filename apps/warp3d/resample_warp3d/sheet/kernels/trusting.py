@@ -1,4 +1,4 @@
-"""How sure the depth is of which pixels of a target are made."""
+"""Confidence of the depth that each pixel of a target is made from."""
 
 import math
 
@@ -12,17 +12,21 @@ def _look_up_row(
     nearness: Floats, back: Doubles, origin: Doubles, place: Doubles, trust: Floats, row: int,
     found: Floats,
 ) -> None:  # fmt: skip
+    """Look up a row of confidences; see `look_up`."""
     height, width = trust.shape
     for column in range(nearness.shape[1]):
         found[row, column] = 0
+        # Skip empty pixels.
         near = float(nearness[row, column])
         if not near > 0.0:
             continue
+        # Project the pixel back into the source; undo lens distortion.
         u, v = looked_back(back, origin, column + 0.5, row + 0.5, near)
         if not (abs(u) < 1e6 and abs(v) < 1e6):
             continue
         if place.size > 0:
             u, v = on_lattice(place, u, v)
+        # Read the nearest sample.
         r, c = min(max(math.floor(v), 0), height - 1), min(max(math.floor(u), 0), width - 1)
         found[row, column] = trust[r, c]
 
@@ -32,14 +36,14 @@ def look_up(
     counter: Counter, nearness: Floats, back: Doubles, origin: Doubles, place: Doubles,
     trust: Floats, found: Floats,
 ) -> None:  # fmt: skip
-    """Write what a map of the source holds where pixels of the target look back to.
+    """Read a map of the source where pixels of the target project back to.
 
     Parameters
     ----------
     nearness
         (H, W) of the target; 0 where nothing is.
     back, origin
-        Matrix and epipole of the equation that leads back to the source.
+        Matrix and epipole of the warp back to the source.
     place
         As in `DepthImage`.
     trust

@@ -1,1 +1,1 @@
-"""The numba code of generated scenes: bare arrays and numbers."""
+"""Numba kernels of generated scenes; they take only arrays and numbers."""

@@ -1,1 +1,1 @@
-"""The numba code of conditioning: bare arrays and numbers."""
+"""Numba kernels of conditioning; they take only arrays and numbers."""

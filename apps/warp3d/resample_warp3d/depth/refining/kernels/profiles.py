@@ -1,4 +1,4 @@
-"""Where colors change near the edges of a depth map."""
+"""Profiles of color across the edges of a depth map."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ REACH = 6  # px on each side of an edge
 
 @kernel
 def _change(color: Floats, row: int, column: int, down: bool) -> float:
-    """How much color changes from a sample to the next."""
+    """Absolute change of color from a sample to the next, all channels added up."""
     dr, dc = (1, 0) if down else (0, 1)
     total = 0.0
     for n in range(color.shape[2]):
@@ -22,7 +22,7 @@ def _change(color: Floats, row: int, column: int, down: bool) -> float:
 
 @kernel
 def profile_edges(color: Floats, mark: NDArray[np.uint8], profile: Doubles, count: Doubles) -> None:
-    """Add up how much color changes beside edges of a single step.
+    """Add up the changes of color beside edges of a single step.
 
     Parameters
     ----------
@@ -41,8 +41,10 @@ def profile_edges(color: Floats, mark: NDArray[np.uint8], profile: Doubles, coun
             for axis in range(2):
                 kind = mark[row, column, axis]
                 at, size = (column, mark.shape[1]) if axis == 0 else (row, mark.shape[0])
+                # Skip steps that are no edge, and edges near the frame's border.
                 if kind == 0 or at < REACH or at + REACH + 1 >= size:
                     continue
+                # Read the changes from the far side to the near one.
                 which, sign = 2 * axis + (0 if kind == UP else 1), 1 if kind == UP else -1
                 for n in range(-REACH, REACH + 1):
                     r, c = (row, column + sign * n) if axis == 0 else (row + sign * n, column)

@@ -1,4 +1,4 @@
-"""How soft the edges of a depth map are, and what that took from things thinner than they."""
+"""Softness of a depth map's edges, and restoration of blurred thin objects."""
 
 import math
 from typing import NamedTuple
@@ -12,21 +12,25 @@ from resample_warp3d.depth.refining.kernels.ramps import BETWEEN, UP
 
 Marks = NDArray[np.uint8]
 
-WHOLE = 0.98  # share of a soft map's sample that is a thing's own, above which nothing is missing
+WHOLE = 0.98  # own share of a soft map's sample above which nothing is missing
 NARROW = 0.05  # of the values: surfaces closer together are one
-SAME = 0.25  # of the range around a sample: values less apart are of one surface
+SAME = 0.25  # of the range around a sample: values closer together are of one surface
 
 
 class Blur(NamedTuple):
-    """How a soft map came to be."""
+    """Blur of a soft map."""
 
     sigma: float  # px
-    least: float  # share of a sample that must be a thing's own for the rest to be taken away
+    least: float  # own share of a sample that is needed to remove the rest
 
 
 @kernel
 def _run(values: Floats, mark: Marks, row: int, column: int, found: Doubles) -> int:
-    """Measure the edge that begins at a sample, as `measure_edges`; gives where it ends."""
+    """Measure the edge that begins at a sample; return where it ends.
+
+    Fills one row of `measure_edges`.
+    """
+    # Sum the moments of the steps, and find the two largest.
     kind, total, mean, square, cube = mark[row, column, 0], 0.0, 0.0, 0.0, 0.0
     largest, second, n = 0.0, 0.0, 0
     while column + n + 1 < values.shape[1] and mark[row, column + n, 0] == kind:
@@ -38,6 +42,7 @@ def _run(values: Floats, mark: Marks, row: int, column: int, found: Doubles) -> 
         total, mean = total + step, mean + step * n
         square, cube = square + step * n * n, cube + step * n * n * n
         n += 1
+    # Normalize to variance, skew toward the far side, and the second step's share.
     if total > 0.0:
         mean, square, cube = mean / total, square / total, cube / total
         skew = cube - 3.0 * mean * square + 2.0 * mean * mean * mean
@@ -48,25 +53,27 @@ def _run(values: Floats, mark: Marks, row: int, column: int, found: Doubles) -> 
 
 @kernel
 def measure_edges(values: Floats, mark: Marks, found: Doubles) -> int:
-    """Measure edges along rows; gives how many.
+    """Measure edges along rows; return how many.
 
     Parameters
     ----------
     values
-        (H, W), of which nearness is a rising or a falling function; 0 where unknown.
+        (H, W) monotonic functions of nearness; 0 where unknown.
     mark
         (H, W, 2) of `ramps.mark_edges`.
     found
         (N, 3) filled from the top: variance of an edge's steps (px²), their skew, toward the far
-        side (px³), and what share of the jump the second largest of them is.
+        side (px³), and the share of the jump that the second largest of them has.
     """
     count = 0
     for row in range(values.shape[0]):
         column = 0
         while column < values.shape[1] and count < found.shape[0]:
+            # Skip to the next edge.
             if mark[row, column, 0] == 0:
                 column += 1
                 continue
+            # Count only edges that no other edge adjoins.
             is_first = column == 0 or mark[row, column - 1, 0] == 0
             column = _run(values, mark, row, column, found[count])
             if is_first and (column >= values.shape[1] or mark[row, column, 0] == 0):
@@ -76,7 +83,7 @@ def measure_edges(values: Floats, mark: Marks, found: Doubles) -> int:
 
 @kernel
 def _range(values: Floats, row: int, column: int, reach: int) -> tuple[float, float]:
-    """Least and largest of the values around a sample that are known."""
+    """Least and largest of the known values around a sample."""
     low, high = np.inf, 0.0
     for r in range(max(0, row - reach), min(values.shape[0], row + reach + 1)):
         for c in range(max(0, column - reach), min(values.shape[1], column + reach + 1)):
@@ -88,17 +95,19 @@ def _range(values: Floats, row: int, column: int, reach: int) -> tuple[float, fl
 
 @kernel
 def _whole(given: Floats, refined: Floats, row: int, column: int, blur: Blur) -> float:
-    """Value of a thin thing without what its surroundings left in it; 0 where that is too much.
+    """Value of a thin object without its surroundings; 0 if that is impossible.
 
-    A soft map's value is k a + (1 − k) b with the thing's own value a and the surroundings' b.
-    How much of a sample is the thing's, k, follows from what lies around it: what was given beyond
-    half of the way to the surroundings, or what was refined to the thing's surface, the larger.
+    A soft map's value is k a + (1 − k) b with the object's own value a and the surroundings' b.
+    The own share k of a sample follows from what lies around it: given values beyond half of the
+    way to the surroundings, or refined values on the object's surface, whichever are more.
     """
+    # Skip samples whose surroundings are one surface.
     reach = math.ceil(3.0 * blur.sigma)
     here = np.float64(given[row, column])
     low, high = _range(refined, row, column, reach)
     if high - low < NARROW * high:
         return 0.0
+    # Sum the blur's weights of both estimates, and the value of the surroundings.
     half = 0.5 * (here + (low if here - low > high - here else high))
     total, similar, beyond, others = 0.0, 0.0, 0.0, 0.0
     for r in range(max(0, row - reach), min(given.shape[0], row + reach + 1)):
@@ -114,6 +123,8 @@ def _whole(given: Floats, refined: Floats, row: int, column: int, blur: Blur) ->
                 similar += weight
             else:
                 others += weight * refined[r, c]
+
+    # Give up if too little is left; solve the mixture for the object's value otherwise.
     own = max(similar, beyond) / total
     if own < blur.least:
         return 0.0
@@ -126,8 +137,10 @@ def _whole(given: Floats, refined: Floats, row: int, column: int, blur: Blur) ->
 def _restore_row(
     given: Floats, refined: Floats, kind: Marks, blur: Blur, row: int, whole: Floats
 ) -> None:
+    """Restore a row; see `restore`."""
     for column in range(given.shape[1]):
         whole[row, column] = np.float32(0)
+        # Only samples beside an edge that the refinement left alone can be thin objects.
         is_kept = refined[row, column] == given[row, column] and given[row, column] > 0
         if kind[row, column] and kind[row, column] != BETWEEN and is_kept:
             whole[row, column] = np.float32(_whole(given, refined, row, column, blur))
@@ -137,18 +150,18 @@ def _restore_row(
 def restore(
     counter: Counter, given: Floats, refined: Floats, kind: Marks, blur: Blur, whole: Floats
 ) -> None:
-    """Write what thin things had before a map became soft.
+    """Write the values of thin objects before a map became soft.
 
     Parameters
     ----------
     given, refined
-        (H, W) values in which the map was made soft, before and after its edges were made hard.
+        (H, W) values in which the map was blurred, before and after its edges were made hard.
     kind
         (H, W) of samples in a band around edges: not 0, and `BETWEEN` where between surfaces.
     blur
-        How soft the map is.
+        Blur of the map.
     whole
-        (H, W) filled: 0 where nothing can be said.
+        (H, W) filled: 0 where nothing can be restored.
     """
     for row in tasks(counter, given.shape[0]):
         _restore_row(given, refined, kind, blur, row, whole)

@@ -1,9 +1,9 @@
-"""Samples near edges ask those around them how far they are: a weighted median, by color.
+"""Refine samples near edges by votes: a weighted median of those around.
 
-Every sample around votes for the nearness that its surface has at the asking one, with the more
-weight the nearer it lies and the more alike its color is. The weighted median of the votes says
-which surface wins; the nearness is the median of those that vote for that surface, the closest of
-them above all, and so one that some surface has, not a mean of two.
+Every sample around votes for the nearness of its own surface, extended to the sample in question,
+with a weight that grows with proximity and similarity of color. The weighted median of the votes
+decides which surface wins; the nearness is the median of the votes for that surface, weighted
+mostly by proximity, and so one that some surface has, not a mean of two.
 """
 
 import math
@@ -17,25 +17,25 @@ from resample.types import Doubles, Floats
 
 Marks = NDArray[np.uint8]
 
-UNLIKE = 1e-4  # weight that a vote has at least, of a color however different
-NOT_SURE = 1e-4  # of a sample near an edge, where its surface's nearness is asked for
-FAMILIAR = 0.05  # share of those around that have to be alike for their votes to count in full
-SAME = 0.25  # of the range of all votes: votes less apart are for one surface
+UNLIKE = 1e-4  # least weight of a vote, however different its color
+NOT_SURE = 1e-4  # weight of a sample near an edge in its surface's nearness
+FAMILIAR = 0.05  # share of similar colors around from which on votes count in full
+SAME = 0.25  # of the range of all votes: votes closer together are for one surface
 CLOSE = 0.01  # of the nearness, on top
-LOWEST = 0.3  # of a voter's nearness: what its slopes may lead down to
+LOWEST = 0.3  # of a voter's nearness: least value that its slopes may lead to
 
 
 class Voters(NamedTuple):
-    """What votes are made of."""
+    """Data of the voting samples."""
 
-    color: Floats  # (H, W, C), of a deviation for which likeness is 1 / √e
+    color: Floats  # (H, W, C), scaled so that a difference of 1 has the similarity 1 / √e
     nearness: Floats  # (H, W)
     trust: Floats  # (H, W) 1 away from edges, less beside them, 0 unknown or between surfaces
     slope: Floats  # (H, W, 4) change to the next column and row, and change of these
 
 
 class Window(NamedTuple):
-    """Who is asked, relative to who asks."""
+    """Samples that vote, relative to the one in question."""
 
     offset: NDArray[np.int64]  # (K, 2) rows and columns
     share: Doubles  # (K,) weight in the choice of a surface
@@ -47,19 +47,21 @@ class Votes(NamedTuple):
 
     value: Doubles  # (K,) nearness
     share: Doubles  # (K,)
-    asked: Doubles  # (K,) what `share` would be for one color
+    asked: Doubles  # (K,) `share` if all had one color
     close: Doubles  # (K,)
-    sorted_value: Doubles  # (K,) room to sort in
+    sorted_value: Doubles  # (K,) scratch for sorting
     sorted_weight: Doubles  # (K,)
 
 
 @kernel
 def _weighted_median(value: Doubles, weight: Doubles, count: int) -> float:
-    """The smallest value at which half of the weight is reached; reorders both arrays."""
+    """Smallest value at which half of the weight is reached; reorders both arrays."""
+    # Quickselect by weight: narrow [first, last] down to the median.
     half = 0.5 * weight[:count].sum()
     first, last, below = 0, count - 1, 0.0
     while first < last:
         pivot = value[(first + last) // 2]
+        # Partition in three: below the pivot, equal to it, above it.
         low, n, high, less, same = first, first, last, 0.0, 0.0
         while n <= high:
             v, w = value[n], weight[n]
@@ -73,6 +75,7 @@ def _weighted_median(value: Doubles, weight: Doubles, count: int) -> float:
                 high -= 1
             else:
                 n, same = n + 1, same + w
+        # Go on in the part that holds half of the weight.
         if below + less >= half:
             last = low - 1
         elif below + less + same >= half:
@@ -86,13 +89,13 @@ def _weighted_median(value: Doubles, weight: Doubles, count: int) -> float:
 
 @kernel
 def weighted_median(value: Doubles, weight: Doubles) -> float:
-    """The smallest value at which half of the weight is reached, leaving the arrays alone."""
+    """Smallest value at which half of the weight is reached; leaves the arrays alone."""
     return _weighted_median(value.copy(), weight.copy(), value.size)
 
 
 @kernel
 def _likeness(color: Floats, row: int, column: int, r: int, c: int) -> float:
-    """How alike two samples' colors are, 0..1."""
+    """Similarity of two samples' colors, 0..1: a Gaussian of their distance."""
     apart = 0.0
     for n in range(color.shape[2]):
         difference = color[row, column, n] - color[r, c, n]
@@ -102,35 +105,39 @@ def _likeness(color: Floats, row: int, column: int, r: int, c: int) -> float:
 
 @kernel
 def _change(slope: float, bend: float, away: int) -> float:
-    """Change of a surface's nearness at a distance from a sample along an axis, by its slope there.
+    """Change of a surface's nearness at a distance along an axis.
 
-    One that falls ever more steeply turns away: there nearness is a + b √(T − t), whose slope and
-    bend at t = 0 tell T, slope / (2 bend). All others go on as parabolas.
+    A surface that falls ever more steeply curves away: there nearness is a + b √(T − t), whose
+    slope and bend at t = 0 yield T, slope / (2 bend). All others continue as parabolas.
     """
     falls = slope if away > 0 else -slope
     distance = float(abs(away))
     if not (falls < 0.0 and bend < 0.0):
         return falls * distance + 0.5 * bend * distance * distance
+    # Follow the square root up to its end.
     turn = max(falls / (2.0 * bend), 1.0)
     return 2.0 * falls * turn * (1.0 - math.sqrt(1.0 - min(distance, turn) / turn))
 
 
 @kernel
 def _collect(voters: Voters, window: Window, row: int, column: int, votes: Votes) -> int:
-    """Write the votes for a sample; gives how many."""
+    """Write the votes for a sample; return how many."""
     height, width = voters.nearness.shape
     count = 0
     for k in range(window.share.size):
         down, across = window.offset[k, 0], window.offset[k, 1]
+        # Skip samples outside the frame and untrusted ones.
         r, c = row + down, column + across
         if not (0 <= r < height and 0 <= c < width):
             continue
         trust = voters.trust[r, c]
         if not trust > 0:
             continue
+        # Extend the voter's surface to the sample.
         weight = _likeness(voters.color, row, column, r, c)
         there, slope = np.float64(voters.nearness[r, c]), voters.slope[r, c]
         value = there + _change(slope[0], slope[2], -across) + _change(slope[1], slope[3], -down)
+        # Store the vote and its weights.
         votes.value[count] = max(value, LOWEST * there)
         votes.share[count] = trust * weight * window.share[k]
         votes.asked[count] = trust * window.share[k]
@@ -141,7 +148,7 @@ def _collect(voters: Voters, window: Window, row: int, column: int, votes: Votes
 
 @kernel
 def _median_of(votes: Votes, weight: Doubles, count: int, middle: float, reach: float) -> float:
-    """Weighted median of those votes that are within `reach` of `middle`."""
+    """Weighted median of the votes within `reach` of `middle`."""
     chosen = 0
     for n in range(count):
         if abs(votes.value[n] - middle) <= reach:
@@ -154,16 +161,19 @@ def _median_of(votes: Votes, weight: Doubles, count: int, middle: float, reach: 
 def _vote(
     voters: Voters, window: Window, row: int, column: int, votes: Votes
 ) -> tuple[float, float]:
-    """Nearness that a sample gets, and the share of the votes for its surface; 0: nobody voted.
+    """Nearness of a sample by vote, and the share of votes for its surface.
 
-    The share counts less where no color around is like the sample's.
+    Both are 0 without votes. The share counts less where no color around is similar to the
+    sample's.
     """
     count = _collect(voters, window, row, column, votes)
     if count == 0:
         return 0.0, 0.0
+    # Find the winning surface: the median of all votes, and what lies near it.
     middle = _median_of(votes, votes.share, count, 0.0, np.inf)
     low, high = votes.value[:count].min(), votes.value[:count].max()
     reach = SAME * (high - low) + CLOSE * middle
+    # Sum the votes that agree.
     agreed, total, asked = 0.0, 0.0, 0.0
     for n in range(count):
         total += votes.share[n]
@@ -171,6 +181,7 @@ def _vote(
         if abs(votes.value[n] - middle) <= reach:
             agreed += votes.share[n]
     agreed *= min(1.0, total / (FAMILIAR * asked)) / total
+    # Keep a sample that lies on the winning surface; otherwise take that surface's nearness.
     here = np.float64(voters.nearness[row, column])
     if voters.trust[row, column] > 0 and abs(here - middle) <= reach:
         return here, agreed
@@ -181,6 +192,7 @@ def _vote(
 def _vote_in_row(
     voters: Voters, window: Window, band: Marks, row: int, refined: Floats, agreed: Floats
 ) -> None:
+    """Refine a row of samples; see `vote_rows`."""
     count = window.share.size
     votes = Votes(
         np.empty(count), np.empty(count), np.empty(count),
@@ -196,18 +208,18 @@ def _vote_in_row(
 def vote_rows(
     counter: Counter, voters: Voters, window: Window, band: Marks, refined: Floats, agreed: Floats
 ) -> None:
-    """Let the samples of a band ask those around them.
+    """Refine the samples of a band by a vote of those around them.
 
     Parameters
     ----------
     voters, window
-        Who votes for what.
+        Votes, and where they come from.
     band
-        (H, W) not 0 where samples ask.
+        (H, W) not 0 where samples are refined.
     refined
-        (H, W) nearness, which they get; 0 where nobody votes.
+        (H, W) nearness, filled in the band; 0 where nobody votes.
     agreed
-        (H, W) share of the votes for the surface that has won, which they get.
+        (H, W) share of the votes for the winning surface, filled in the band.
     """
     for row in tasks(counter, band.shape[0]):
         _vote_in_row(voters, window, band, row, refined, agreed)
