@@ -81,7 +81,7 @@ def ambiguous_names(known: list[Module]) -> Iterator[str]:
 
 
 def imported(module: Module, names: set[str]) -> set[str]:
-    """Modules of `names` that a module imports: anywhere, for types alone, or by their names."""
+    """Modules of `names` that a module imports, also for types alone, in functions or by name."""
     found = set()
     for node in ast.walk(module.tree):
         if isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
@@ -106,16 +106,16 @@ def circles(known: list[Module]) -> Iterator[str]:
 
 
 def folder_of(module: Module) -> str:
-    """Folder of a module; of those at the top of a package, which each stand alone, the module."""
+    """Folder of a module; a module at the top of a package counts as a place of its own."""
     folder = module.name if module.path.stem == "__init__" else module.name.rpartition(".")[0]
     return folder if "." in folder else module.name
 
 
 def circles_of_folders(known: list[Module]) -> Iterator[str]:
-    """Folders that import each other, a folder and one inside it included."""
+    """Import cycles of folders, also of a folder and one inside it."""
     names = {module.name for module in known}
     folders = {module.name: folder_of(module) for module in known}
-    below = defaultdict(set)  # what a folder imports
+    below = defaultdict(set)  # folders that a folder imports
     for module in known:
         below[folders[module.name]] |= {folders[name] for name in imported(module, names)}
     reached = {folder: reachable(folder, below) for folder in below}
@@ -129,7 +129,7 @@ def circles_of_folders(known: list[Module]) -> Iterator[str]:
 
 
 def reachable(start: str, below: dict[str, set[str]]) -> set[str]:
-    """What a folder imports, and what that imports, and so on."""
+    """Folders that a folder imports, directly or not."""
     found: set[str] = set()
     waiting = [start]
     while waiting:

@@ -1,1 +1,1 @@
-"""Samples of which each is a splat or a point, projected and painted nearest first."""
+"""Mixtures of splats and points, projected and painted nearest first."""

@@ -1,1 +1,1 @@
-"""Painted scenes as files: pictures of any format, deep pictures, and windows put together."""
+"""Write painted scenes: pictures of any format, deep pictures, and windows of one picture."""

@@ -1,1 +1,1 @@
-"""What painters have in common: scenes, plans of pictures, and parts of samples, nearest first."""
+"""Scenes, plans of pictures and parts of samples, which all painters share."""

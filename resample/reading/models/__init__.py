@@ -1,1 +1,1 @@
-"""Triangle meshes and glTF files that nobody vouches for."""
+"""Triangle meshes and glTF files, checked while they are read."""

@@ -1,1 +1,1 @@
-"""How volumes are held: arrays, bricks, recordings, uneven grids; what is kept of their values."""
+"""Volume data: arrays, bricks, recordings, rectilinear grids, and cached statistics."""

@@ -1,4 +1,4 @@
-"""Labels of voxels, from files."""
+"""Labels of voxels from files."""
 
 from collections.abc import Sequence
 

@@ -1,1 +1,1 @@
-"""Volumes larger than memory: windows, and what they depend on of all voxels, brick by brick."""
+"""Volumes larger than memory: windows, and statistics of all voxels, brick by brick."""

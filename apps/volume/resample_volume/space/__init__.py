@@ -1,1 +1,1 @@
-"""What is drawn around a volume: axes, boxes, cubes, scale bars, and slabs of depth."""
+"""Axes, boxes, orientation cubes, scale bars and depth slabs around a volume."""

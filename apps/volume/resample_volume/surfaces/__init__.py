@@ -1,1 +1,1 @@
-"""Surfaces among voxels: meshes, image planes, isosurfaces and sections."""
+"""Surfaces in a volume: meshes, image planes, isosurfaces and sections."""

@@ -1,1 +1,1 @@
-"""The numba code of voxels in their places: bare arrays and numbers."""
+"""Numba kernels for voxel addresses and gradients: bare arrays and numbers."""

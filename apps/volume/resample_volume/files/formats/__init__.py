@@ -1,1 +1,1 @@
-"""Formats of volumes: what their files say, and how some are written."""
+"""Formats of volumes: read their files, write some."""

@@ -1,1 +1,1 @@
-"""What readers of volumes share: headers, texts, numbers, sections, and how voxels lie in files."""
+"""Parts that readers of volumes share: headers, texts, numbers, sections, voxel layouts."""

@@ -1,1 +1,1 @@
-"""VTK's files in XML: their elements, their blocks of values, and images in them."""
+"""VTK's XML files: elements, data blocks and images."""
