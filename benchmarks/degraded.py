@@ -29,9 +29,7 @@ from resample_warp3d.showing.scoring import hole_percent
 from resample_warp3d.types import DepthImage, Equation, Rendered, Source
 from tests.benchmarks import warp3d_table as scene
 
-SHARPNESS = (
-    5.0  # of softmax splatting: among 1 to 160 the best on average over views and degradations
-)
+SHARPNESS = 5.0  # of softmax splatting: the best of 1 to 160, averaged over views and degradations
 JPEG_QUALITY = 75
 BASELINE, SUBPIXELS = 0.075, 8  # m and sub-pixel steps of disparity, of the simulated sensor
 UNSURE = 0.5  # standard deviation of its error, in steps

@@ -83,14 +83,14 @@ def compare(
 def view(
     file: str, /, *words: Annotated[str, Parameter(show=False, allow_leading_hyphen=True)]
 ) -> Any:
-    """View a file, or a picture with its depth, in the browser; its application is found.
+    """View a file, or a picture with its depth, in the browser.
 
     Example: resample view engine.nhdr --no-browser
 
     Parameters
     ----------
     file
-        The file to view. Options are those of the application's own `view` command.
+        The file to view. Other options are those of the `view` command of its application.
     """
     names = registry.names("views")
     files = [file, *takewhile(lambda word: not word.startswith("-"), words)]

@@ -155,9 +155,7 @@ NO_TRIANGLES = Triangles(
 class Tint(NamedTuple):
     """Own colors of samples."""
 
-    color: NDArray[
-        np.uint16
-    ]  # (N, 3) in the order of the coefficients; (0, 3): colors of the classifier
+    color: NDArray[np.uint16]  # (N, 3) as the coefficients; (0, 3): colors of the classifier
     most: float  # linear light that 65535 stands for
 
 
@@ -281,9 +279,7 @@ class Layers(NamedTuple):
     axis: tuple[float, float, float]  # places per scene unit, along the scene's axes
     offset: float  # place of the scene's origin
     thickness: float  # of a layer, in places; a layer begins at place 0
-    eye: float = (
-        -math.inf
-    )  # place of the eye, with samples on both sides of it; -inf: all samples lie behind it
+    eye: float = -math.inf  # place of the eye, between samples; -inf: all lie behind it
     is_around: bool = False  # the place is the distance from the eye, and there is no axis
     begins_at_first: bool = False  # the sample of smallest place lies in the middle of its layer
 

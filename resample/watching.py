@@ -68,9 +68,7 @@ class Cancel:
 class _Watch:
     cancel: Cancel | None = None
     progress: Progress | None = None
-    shares: Doubles | None = (
-        None  # (N,) fraction of the work done after each task; None: equal steps
-    )
+    shares: Doubles | None = None  # (N,) fraction done after each task; None: equal steps
 
 
 _watch: ContextVar[_Watch] = ContextVar("watch", default=_Watch())  # noqa: B039  frozen

@@ -133,9 +133,7 @@ def read_camera(text: str, kind: str | None = None) -> Camera:
     """
     camera = read_shot(text, kind).camera
     if camera is None:
-        raise ValueError(
-            f"{text} has no intrinsics, or no size of the picture; give them beside it"
-        )
+        raise ValueError(f"{text} has no intrinsics, or no size of the picture; give these as well")
     return camera
 
 

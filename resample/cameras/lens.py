@@ -136,9 +136,7 @@ def _bend(lens: Distortion, x: Doubles, y: Doubles) -> _Bent:
     s = x * x + y * y
     above, below = _horner(lens.numerator, s), _horner(lens.denominator, s)
     factor = above[0] / below[0]
-    slope = (
-        2.0 * (above[1] - factor * below[1]) / below[0]
-    )  # twice the derivative of the factor by s
+    slope = 2.0 * (above[1] - factor * below[1]) / below[0]  # twice d factor / ds
     prism_x, prism_y = 2.0 * (s1 + 2.0 * s2 * s), 2.0 * (s3 + 2.0 * s4 * s)
     crossed = x * y * slope + 2.0 * p1 * x + 2.0 * p2 * y
     return _Bent(

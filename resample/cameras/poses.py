@@ -184,9 +184,7 @@ def _rotation(given: Doubles, name: str) -> Doubles:
             f" is {ROUNDED:g}; take out scale and shear"
         )
     if np.linalg.det(given) < 0:
-        raise ValueError(
-            f"{name} mirrors the scene (determinant −1); turn one axis of the camera round"
-        )
+        raise ValueError(f"{name} mirrors the scene (determinant −1); flip one axis of the camera")
     if deviation < 1e-14:
         return given
     left, _, right = np.linalg.svd(given)

@@ -27,9 +27,7 @@ class Shot(NamedTuple):
     name: str  # the picture's file or time; empty if the file has none
     pose: Doubles  # (4, 4) world to camera
     camera: Camera | None = None  # with that pose; None if the file has no intrinsics
-    shape: tuple[int, int] | None = (
-        None  # height and width of the pictures that the intrinsics are for, px
-    )
+    shape: tuple[int, int] | None = None  # height and width that the intrinsics are for, px
 
 
 class Refused(NamedTuple):
@@ -89,7 +87,9 @@ def read_log(path: Path) -> list[Entry]:
     """Read camera-to-world poses: a line of three numbers and a 4 × 4 matrix each (Open3D)."""
     lines = lines_of(path)
     if [len(line.words) for line in lines] != [3, 4, 4, 4, 4] * (len(lines) // 5):
-        raise ValueError(f"{path} is no trajectory: each pose has a line of 3 numbers and 4 of 4")
+        raise ValueError(
+            f"{path} is not a trajectory: each pose has a line of 3 numbers and 4 of 4"
+        )
     return [
         entry_of(f"{path}: pose {n}", "", _of_rows, lines[5 * n + 1 : 5 * n + 5])
         for n in range(len(lines) // 5)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 OF_SAMPLES = ("method", "footprint", "threshold", "kernel", "opacity", "color_by")
 
 # Beginnings of help texts.
-SIZE = "In px: 400 for a square, 640x480 for width and height."
+SIZE = "Size in px: 400 for a square, 640x480 for width and height."
 CALIBRATED = (
     "Lens: fx,fy,cx,cy,k1,k2,p1,p2[,k3...], or a .yml, .xml, .json or .toml file of OpenCV's "
     "calibration"
@@ -36,21 +36,21 @@ CAMERA, LIGHT, SETTINGS, LIMITS = (
 HEADINGS = (  # in the order of the help
     *(
         "Input",
-        "Source's camera",
+        "Source camera",
         "Several sources",
-        "Also in the scene",
+        "Further volumes",
         "Target",
         "Look",
         LIGHT,
         CAMERA,
-        "Eyes",
+        "Stereo",
     ),
     *(
         "Projection",
         "Method",
         "Picture",
-        "Beside the volume",
-        "Beside the picture",
+        "Annotations and objects",
+        "Further outputs",
         "Page",
         "Workers",
         SETTINGS,
@@ -102,7 +102,7 @@ class Choices(BaseModel):
 
 
 class Resampling(Choices):
-    """How samples are resampled to a picture."""
+    """How samples become a picture."""
 
     heading: ClassVar[str] = "Method"
     about: ClassVar[About] = About.LOOK
@@ -113,7 +113,7 @@ class Resampling(Choices):
             description="Method: hybrid, points where samples shrink and splats where they grow; "
             "points or splats, only these (splats alone are not antialiased); paper, as published, "
             "with threshold 1 px; inflate or ewa, splats antialiased as by Swan 1997 and Zwicker "
-            "2001. Default: hybrid, where samples are painted at all."
+            "2001. Default: hybrid, unless rays are cast."
         ),
     ] = None
     footprint: Annotated[
@@ -141,9 +141,9 @@ class Resampling(Choices):
         str | None,
         Field(
             description="Compositing order: every-sample, axis-sheets, or image-sheets:thickness=1."
-            " Fields and their projections may also use rays:step=1,sharpness=1,quality=best (or "
-            "usual, fast), their default. Maxima and minima are taken over voxels near a position; "
-            "rays:interpolation=spline interpolates."
+            " Fields and their projections are cast along rays:step=1,sharpness=1,quality=best (or "
+            "usual, or fast), or take image-sheets. Maxima and minima stay within the range of the "
+            "voxels around, except with rays:interpolation=spline."
         ),
     ] = None
     projection: Shown = "composite"

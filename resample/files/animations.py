@@ -354,9 +354,7 @@ def _write_apng(path: Path, frames: list[Path], fps: float) -> None:
 
 
 def _write_webp(path: Path, frames: list[Path], fps: float) -> None:
-    ends = [
-        round(1000.0 * n / fps) for n in range(len(frames) + 1)
-    ]  # no accumulated rounding errors
+    ends = [round(1000.0 * n / fps) for n in range(len(frames) + 1)]  # errors do not add up
     durations = [end - begin for begin, end in pairwise(ends)]
     _write_animated(path, frames, {"format": "WEBP", "duration": durations, "quality": 90})
 

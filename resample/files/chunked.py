@@ -157,9 +157,11 @@ def _checked(found: StoredPicture) -> StoredPicture:
     if min(array.shape) < 1 or min(array.chunks, default=0) < 1:
         raise ValueError(f"{name} is an array {sizes} in chunks of {array.chunks}; get it again")
     if found.shape[2] not in NAMES:
-        raise ValueError(f"{name} has {found.shape[2]} channels; 1, 3 (RGB) or 4 (RGBA) are read")
+        raise ValueError(
+            f"{name} has {found.shape[2]} channels; 1, 3 (RGB) or 4 (RGBA) are supported"
+        )
     if array.dtype.name not in DEPTHS:
-        raise ValueError(f"{name} is of {array.dtype}; read are {', '.join(DEPTHS)}")
+        raise ValueError(f"{name} is of {array.dtype}; supported are {', '.join(DEPTHS)}")
     guard(array, name)
     holes = holes_of(array, name)
     if line := holes.told(array.fill_value):
@@ -230,7 +232,7 @@ class StoreRows:
         for rows in self.waiting:
             self._write(rows)
         if self.done != self.height:
-            raise ValueError(f"only {self.done} of {self.height} rows came")
+            raise ValueError(f"only {self.done} of {self.height} rows were given")
 
     def _write(self, rows: NDArray[Any]) -> None:
         last = self.done + len(rows)

@@ -111,9 +111,7 @@ def new_stream(film: "OutputContainer", fps: float, size: tuple[int, int]) -> An
     stream.height, stream.width = (side + side % 2 for side in size)
     stream.pix_fmt = "yuv420p"
     codec_context = stream.codec_context
-    codec_context.thread_count = (
-        1  # more threads cut the picture into slices, without gain at such sizes
-    )
+    codec_context.thread_count = 1  # more threads cut pictures into slices, without gain
     codec_context.color_range, codec_context.colorspace = ColorRange.MPEG, Colorspace.ITU709
     codec_context.color_primaries = ColorPrimaries.BT709
     codec_context.color_trc = ColorTrc.IEC61966_2_1

@@ -385,7 +385,7 @@ def page_of(path: Path, picture: Picture, look: Look, *, tells: bool = True) -> 
     form = _form(suffix, kind, about, look)
     if about.geo is not None:
         if tells and about.geo.has_place and suffix not in TIFF:
-            say(f"{path.name} has no room for the picture's place on Earth; .tif has")
+            say(f"{path.name} cannot store the picture's georeference; .tif can")
         if not fits(about.geo.missing, form):
             about = about._replace(geo=about.geo._replace(nodata=""))
     is_light = look.is_light and not about.number

@@ -153,7 +153,7 @@ def _pages(path: Path, pages: Sequence[Directory]) -> tuple[int, ...]:
     kinds = [page.get(SUBFILE) for page in pages]
     bits = [int(kind.values[0]) if isinstance(kind, Tag) else 0 for kind in kinds]
     if any(bit & MASK for bit in bits):
-        say(f"{path.name}: its masks are not read")
+        say(f"{path.name}: its masks are ignored")
     return tuple(n for n, bit in enumerate(bits) if not bit & (SMALLER | MASK))
 
 

@@ -32,7 +32,7 @@ LEFT = re.compile(r"\..+\.tmp-([0-9a-f]{6})-([0-9]{1,10})-[0-9a-f]{8}(?:\..*)?")
 MOST = 40  # characters of a target's name, as file systems limit names
 NO_ROOM = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
 PROBE = 1 << 16  # bytes to write as a test for a full disk after a library failed
-INCOMPLETE = "the file came out incomplete; is the disk full?"
+INCOMPLETE = "the file is incomplete; is the disk full?"
 PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
 _being_written: set[str] = set()  # names, without folders
 _tidied: set[Path] = set()  # folders, once per process
@@ -89,10 +89,7 @@ def _on_disk(path: Path) -> None:
         try:
             os.fsync(file.fileno())
         except OSError as error:
-            if error.errno in (
-                *NO_ROOM,
-                errno.EIO,
-            ):  # other numbers: the file system does not support it
+            if error.errno in (*NO_ROOM, errno.EIO):  # others: not supported by the file system
                 raise
 
 

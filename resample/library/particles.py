@@ -51,7 +51,7 @@ def particles(
         raise ValueError(f"positions are (N, 3), not {place.shape}")
     share = _per_particle("opacity", opacity, len(place))
     if not ((share >= 0) & (share < 1)).all():
-        raise ValueError("an opacity lies between 0 and below 1")
+        raise ValueError("an opacity must be at least 0 and below 1")
     radii = _per_particle("radius", radius, len(place))
     if not (radii > 0).all():
         raise ValueError("a radius is a number of scene units above 0")

@@ -85,7 +85,7 @@ def bytes_of(text: str) -> int:
     found = re.fullmatch(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*([KMGT])(i?)B?\s*", text, re.IGNORECASE)
     number = float(found[1]) if found else 0.0
     if found is None or not number > 0:
-        raise ValueError(f"{text!r} is no amount of memory; give one such as 2GiB or 500MB")
+        raise ValueError(f"{text!r} is not an amount of memory; give one such as 2GiB or 500MB")
     power = "KMGT".index(found[2].upper()) + 1
     return int(number * (1024 if found[3] else 1000) ** power)
 

@@ -40,7 +40,7 @@ FEW_RAYS = 4  # per side of a pixel, at most
 LEAST_APART, MOST_APART = 2, 16  # sub-pixels between two that are sampled first
 BENDS = 0.01  # fraction of the values' range; largest bend where sub-pixels are interpolated
 OPAQUE = 1e-3  # transmittance that counts as opaque
-CLOSE, MOST_BENT = 4.0, 6.0  # px per voxel for the finer limit; factor on it for smaller voxels
+CLOSE, MOST_BENT = 4.0, 6.0  # px per voxel below which the bend may grow; largest factor
 LARGE = 3.0  # px per voxel above which one ray through the pixel's center suffices
 FEWEST_RAYS = 2  # per side of a pixel, for smaller voxels
 NEAREST = 1e-30  # scene units from the eye; smallest distance
@@ -58,8 +58,8 @@ class _Effort(NamedTuple):
     per_sample: float  # between neighbouring samples
     most: int  # per side of a pixel
     spared: float  # largest distance in samples between rays, if sub-pixels are closer
-    bend: float  # in colors, below which there is no edge
-    share: float  # fraction of rays cast in addition
+    bend: float  # tolerance in colors; larger bends are edges
+    share: float  # relative tolerance, added to `bend`
     bent: float  # fraction of the range of values by which a field may bend within a step, close up
 
 

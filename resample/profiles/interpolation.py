@@ -173,7 +173,7 @@ class InterpolatingGaussian:
 
     def __post_init__(self) -> None:
         if not 0.3 <= self.sigma <= 1.0:
-            raise ValueError(f"sigma lies between 0.3 and 1 samples, not at {self.sigma}")
+            raise ValueError(f"sigma must be between 0.3 and 1 samples, not {self.sigma}")
 
     @property
     def radius(self) -> float:

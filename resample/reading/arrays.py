@@ -144,10 +144,10 @@ def _needed(file: IO[bytes]) -> int:
         (2, 0): np.lib.format.read_array_header_2_0,
     }
     if version not in headers:  # 3.0 is for non-Latin names of record fields
-        raise ValueError(f"version {version} of the format is not read")
+        raise ValueError(f"version {version} of the format is not supported")
     shape, _, kind = headers[version](file)
     if kind.hasobject:
-        raise ValueError("it holds objects of Python, which are not read")
+        raise ValueError("it contains Python objects, which are not supported")
     if kind.itemsize < 1 or any(size < 0 or size >= 1 << 62 for size in shape):
-        raise ValueError(f"{kind} of shape {shape} are no numbers")
+        raise ValueError(f"{kind} of shape {shape} are not numbers")
     return math.prod(shape) * int(kind.itemsize)

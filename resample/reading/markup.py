@@ -85,7 +85,7 @@ class _Seen:
 
     def defined(self, *_: Any) -> None:
         """Reject a DOCTYPE."""
-        raise ValueError(f"{self.what} defines things of its own (DOCTYPE), which are not read")
+        raise ValueError(f"{self.what} has a DOCTYPE, which is not supported")
 
 
 def check_xml_file(path: Path, last: str = "") -> None:

@@ -16,14 +16,7 @@ from resample.reading.unpacking import PIECE
 from resample.words import one_line
 
 PNG = b"\x89PNG\r\n\x1a\n"
-FORMS = {
-    "uint8": 1,
-    "int8": 1,
-    "uint16": 2,
-    "int16": 2,
-    "half": 2,
-    "double": 8,
-}  # bytes per value; others have 4
+FORMS = {"uint8": 1, "int8": 1, "uint16": 2, "int16": 2, "half": 2, "double": 8}  # others have 4
 
 
 def check_picture(path: str | Path, spec: Any, size: int | None = None) -> None:

@@ -82,5 +82,5 @@ def message_of(text: str) -> Message:
         It is not a valid message.
     """
     if len(text) > LONGEST:
-        raise ValueError(f"a message of {len(text)} letters; {LONGEST} at most are read")
+        raise ValueError(f"a message of {len(text)} letters; at most {LONGEST} are allowed")
     return _adapter.validate_json(text)

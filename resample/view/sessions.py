@@ -216,7 +216,7 @@ class Session:
         elif isinstance(self._painter, Comparing):
             shown = self._painter.beside(str(draw.rival), draw.settings, size)
         else:
-            raise ValueError("this page has no rivals")
+            raise ValueError("this page has no other renderers")
         kind, data = encoded(shown)
         about = {
             **shown.about,

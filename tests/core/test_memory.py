@@ -94,7 +94,7 @@ def test_what_is_allowed_ends_with_its_block():
         with pytest.raises(ValueError, match=r"--memory allows 0\.00 MiB; do less, or allow more"):
             require("all", {"libraries": 2000}, "do less")
     require("all", {"libraries": 2000}, "do less")
-    with pytest.raises(ValueError, match="'much' is no amount"), allowing("much"):
+    with pytest.raises(ValueError, match="'much' is not an amount"), allowing("much"):
         pass
 
 

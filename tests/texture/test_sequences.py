@@ -107,7 +107,7 @@ def test_smaller_copies_and_masks_are_no_pages(capsys):
     kinds = [Tag(4, np.array([bits], np.uint32)) for bits in (0, 1, 4, 2)]
     add_tags(Path("in.tif"), [{254: kind} for kind in kinds])
     assert ended("warp", "in.tif", "-o", "out.tif", *SAME) == 0
-    assert capsys.readouterr().err == "resample: in.tif: its masks are not read\n"
+    assert capsys.readouterr().err == "resample: in.tif: its masks are ignored\n"
     with Image.open("out.tif") as image:
         assert image.n_frames == 2
         assert image.getpixel((3, 3)) == 50

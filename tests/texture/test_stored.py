@@ -141,10 +141,10 @@ def test_files_in_tiles_are_read_as_those_in_rows(monkeypatch):
 @pytest.mark.parametrize(
     ("shape", "kind", "complaint"),
     [
-        ((20, 20, 5), "u1", "a.zarr has 5 channels; 1, 3 (RGB) or 4 (RGBA) are read"),
-        ((20, 20, 3), "i4", "a.zarr is of int32; read are uint8, uint16, float16"),
-        ((20, 20), "?", "a.zarr is of bool; read are uint8"),
-        ((20, 20), "c8", "a.zarr is of complex64; read are uint8"),
+        ((20, 20, 5), "u1", "a.zarr has 5 channels; 1, 3 (RGB) or 4 (RGBA) are supported"),
+        ((20, 20, 3), "i4", "a.zarr is of int32; supported are uint8, uint16, float16"),
+        ((20, 20), "?", "a.zarr is of bool; supported are uint8"),
+        ((20, 20), "c8", "a.zarr is of complex64; supported are uint8"),
         ((20,), "u1", "a.zarr is an array 20; a picture is (y, x), or (y, x, channels)"),
         ((4, 5, 20, 20), "u1", "a.zarr is an array 4 x 5 x 20 x 20; a picture is (y, x)"),
         ((0, 20), "u1", "a.zarr is an array 0 x 20 in chunks of"),

@@ -180,7 +180,7 @@ def test_members_whose_sizes_cannot_be_relied_on_are_not_unpacked(by, tmp_path):
 
 def test_a_chunk_in_a_zip_file_is_looked_at_before_it_is_unpacked(tmp_path):
     path = zipped(tmp_path / "a.zarr.zip", bytes(1 << 20))
-    with pytest.raises(ValueError, match=r"its chunk 0\.0\.0 takes 1\.00 MiB, where its values"):
+    with pytest.raises(ValueError, match=r"its chunk 0\.0\.0 takes 1\.00 MiB, but its values"):
         open_volume(path)
 
 

@@ -342,7 +342,7 @@ def test_a_chunk_that_holds_far_more_than_its_values_is_not_unpacked(tmp_path):
     found = open_volume(packed_store(tmp_path / "a.zarr", [8] * 3, [8] * 3, bytes(512)))
     assert found.values.shape == (8, 8, 8)
     bomb = packed_store(tmp_path / "b.zarr", [8] * 3, [8] * 3, bytes(20 << 20))
-    with pytest.raises(ValueError, match=r"its chunk 0\.0\.0 takes 0\.02 MiB, where its values"):
+    with pytest.raises(ValueError, match=r"its chunk 0\.0\.0 takes 0\.02 MiB, but its values"):
         open_volume(bomb)
     huge = packed_store(tmp_path / "c.zarr", [8] * 3, [100_000] * 3, bytes(512))
     with pytest.raises(ValueError, match="a chunk of c"):
@@ -353,7 +353,7 @@ def test_a_chunk_that_holds_far_more_than_its_values_is_not_unpacked(tmp_path):
 
 
 def test_another_version_is_refused(values, tmp_path):
-    with pytest.raises(ValueError, match=r"a is of OME-Zarr 0.3; 0.4 and 0.5 are read"):
+    with pytest.raises(ValueError, match=r"a is of OME-Zarr 0.3; 0.4 and 0.5 are supported"):
         open_volume(written(tmp_path / "a.zarr", values, "0.3"))
 
 
@@ -698,7 +698,7 @@ def test_memory_that_does_not_do_is_refused_in_a_line(values, capsys):
         f"a needs about {needed} GiB of memory, --memory allows 0.10 MiB; take a smaller" in error
     )
     error = refused(app, capsys, "render", "a.zarr", *common[:-1], "much")
-    assert "'much' is no amount of memory; give one such as 2GiB" in error
+    assert "'much' is not an amount of memory; give one such as 2GiB" in error
 
 
 def test_a_store_that_is_being_written_does_not_look_whole(monkeypatch):

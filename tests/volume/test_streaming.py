@@ -282,7 +282,7 @@ def test_amounts_of_memory_are_read(text, count):
 
 @pytest.mark.parametrize("text", ["", "2", "GiB", "-2GiB", "0G", "2GiBs"])
 def test_what_is_no_amount_of_memory_is_refused(text):
-    with pytest.raises(ValueError, match="is no amount of memory; give one such as 2GiB"):
+    with pytest.raises(ValueError, match="is not an amount of memory; give one such as 2GiB"):
         bytes_of(text)
 
 

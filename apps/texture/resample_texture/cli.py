@@ -145,8 +145,8 @@ def rectify(
     output
         As in warp.
     size
-        In px: 400 for a square, 640x480 for width and height. What the page's sides have in the
-        photo.
+        Size in px: 400 for a square, 640x480 for width and height. Default: the page's sides in
+        the photo.
     """
     from resample.command.session import Session
     from resample.files.pictures import check_output, read_picture, write_picture
@@ -252,8 +252,8 @@ def compare(
     edge
         What lies beyond the picture's edges. It is not measured.
     size
-        In px: 400 for a square, 640x480 for width and height. Half of the (tiled) picture's; for a
-        matrix the picture's.
+        Size in px: 400 for a square, 640x480 for width and height. Default: half the (tiled)
+        picture's; for a matrix the picture's.
     """
     from resample import registry
     from resample.files.pictures import flattened, read_picture

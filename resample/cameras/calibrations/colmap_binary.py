@@ -75,7 +75,9 @@ class _Bytes:
         start = self.file.tell()
         content, end, _ = self.file.read(LONGEST).partition(b"\0")
         if not end:
-            raise ValueError(f"{self.path} is cut off or damaged: the name of {place} has no end")
+            raise ValueError(
+                f"{self.path} is cut off or damaged: the name of {place} is not terminated"
+            )
         self.file.seek(start + len(content) + 1)
         return content.decode("utf-8", "replace")
 

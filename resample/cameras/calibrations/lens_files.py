@@ -123,7 +123,7 @@ def read_calibration(text: str, model: LensModel | None = None) -> Calibration:
 
 
 def pinhole_of(matrix: ArrayLike) -> Camera:
-    """Pinhole camera of OpenCV's new camera matrix, (3, 3), or (3, 4) with a zero last column.
+    """Pinhole camera of OpenCV's new camera matrix, (3, 3), or (3, 4) without its last column.
 
     Raises
     ------
@@ -235,9 +235,11 @@ def _xml_facts(path: Path) -> Mapping[str, Any]:
     try:
         root = ElementTree.fromstring(text)  # noqa: S314  no entities, limited length
     except (ElementTree.ParseError, ValueError, RecursionError) as error:
-        raise ValueError(f"{path} is no file of cv2.FileStorage: {error}") from None
+        raise ValueError(f"{path} is not a file of cv2.FileStorage: {error}") from None
     if root.tag != "opencv_storage":
-        raise ValueError(f"{path} is no file of cv2.FileStorage: it begins with {root.tag!r:.40}")
+        raise ValueError(
+            f"{path} is not a file of cv2.FileStorage: it begins with {root.tag!r:.40}"
+        )
     with naming(str(path)):
         return {child.tag: _of_element(child) for child in root}
 

@@ -35,7 +35,9 @@ def plain_yaml(text: str) -> dict[str, Any]:
         raise ValueError("it is empty")
     found, end = _block(lines, 0, 0)
     if end < len(lines) or not isinstance(found, dict):
-        raise ValueError(f"line {lines[min(end, len(lines) - 1)].number}: it is no name and value")
+        raise ValueError(
+            f"line {lines[min(end, len(lines) - 1)].number}: it is not a name with a value"
+        )
     return found
 
 
@@ -87,7 +89,7 @@ def _names(lines: Sequence[_Line], n: int, depth: int) -> Found:
         line = lines[n]
         found = NAME.match(line.words)
         if found is None:
-            raise ValueError(f"line {line.number}: {line.words!r:.60} is no name and value")
+            raise ValueError(f"line {line.number}: {line.words!r:.60} is not a name with a value")
         value = TAG.sub("", found[2])
         if value:
             facts[_text(found[1])], n = _value(lines, n, value)
@@ -123,7 +125,7 @@ def _value(lines: Sequence[_Line], n: int, words: str) -> Found:
     while sum(part.count("[") - part.count("]") for part in parts) > 0:
         n += 1
         if n == len(lines):
-            raise ValueError(f"line {start}: its list has no end")
+            raise ValueError(f"line {start}: its list is not closed")
         parts.append(lines[n].words)
     words_of = [word.strip() for word in TOKEN.findall(" ".join(parts)) if word.strip()]
     found, end = _bracket(words_of, 1, start, 0)
@@ -148,7 +150,7 @@ def _bracket(words: Sequence[str], n: int, number: int, depth: int) -> Found:
         elif n < len(words) and words[n] != "]":
             raise ValueError(f"line {number}: a comma is missing before {words[n]!r:.30}")
     if n >= len(words):
-        raise ValueError(f"line {number}: its list has no end")
+        raise ValueError(f"line {number}: its list is not closed")
     return items, n + 1
 
 

@@ -71,7 +71,7 @@ def _array(given: Any, name: str) -> NDArray[Any]:
     try:
         return np.asanyarray(given)
     except ValueError:
-        raise ValueError(f"lists of different lengths are no {name}; give {TAKEN}") from None
+        raise ValueError(f"lists of different lengths are not a {name}; give {TAKEN}") from None
 
 
 def _of_itk(image: Any, name: str) -> NDArray[Any]:

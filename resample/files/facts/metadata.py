@@ -36,13 +36,7 @@ CAMERA = (DESCRIPTION, 271, 272, 305, 306, 315, 316, 18246, 18249, 33432)
 EXIF, GPS = 34665, 34853
 NESTED = {EXIF: None, GPS: None}
 WIDTH, HEIGHT, MAKERS_NOTES = 0xA002, 0xA003, 0x927C
-UNTRUE = (
-    WIDTH,
-    HEIGHT,
-    0xA005,
-    0x9214,
-    0xA214,
-)  # invalid after a warp; the pointer to another directory
+UNTRUE = (WIDTH, HEIGHT, 0xA005, 0x9214, 0xA214)  # after a warp; 0xA005 points to a directory
 SAMPLE_FORMAT = 339
 AS_FLOATS = ("int32", "uint32")  # types that OpenImageIO cannot write, except as the bits of floats
 PROFILE_SPACES = {b"GRAY": 1, b"RGB ": 3}  # number of color channels of a profile

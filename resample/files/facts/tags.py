@@ -163,7 +163,7 @@ def add_tags(path: Path, additions: Sequence[Directory]) -> None:
     with path.open("r+b") as file:
         layout, pointer = _head(file)
         if layout is None:
-            raise OSError(f"{path} is no TIFF file")
+            raise OSError(f"{path} is not a TIFF file")
         try:
             for directory in additions:
                 place = _number(file, pointer, layout.offset)

@@ -68,7 +68,7 @@ class Address:
             from zarr.storage import ObjectStore
         except ImportError as error:
             raise ValueError(
-                f"{self.url} lies elsewhere, and {error.name} is not installed: "
+                f"{self.url} is remote, and {error.name} is not installed: "
                 "pip install 'hybrid-resample[remote]'"
             ) from None
         asked = [self.url, *(os.environ.get(name, "") for name in ENDPOINTS)]

@@ -194,7 +194,7 @@ class GuardedStore(WrapperStore[Any]):  # type: ignore[misc]
             check_size(key, size, "tree")
         elif self.most is not None and size > self.most:
             raise LimitError(
-                f"its chunk {key} takes {amount(size)}, where its values take "
+                f"its chunk {key} takes {amount(size)}, but its values take "
                 f"{amount((self.most - BESIDE) // PER_VALUE)}"
             )
 

@@ -75,8 +75,8 @@ def layout_of(attributes: Mapping[str, Any], name: str, space: str = SPACE) -> L
     version = str(told.get("version") or first.get("version") or VERSIONS[0])
     if version not in VERSIONS:
         raise ValueError(
-            f"{name} is of OME-Zarr {version:.20}; {' and '.join(VERSIONS)} are read: convert it, "
-            "or name one of its arrays"
+            f"{name} is of OME-Zarr {version:.20}; {' and '.join(VERSIONS)} are supported: convert "
+            "it, or name one of its arrays"
         )
     try:
         image = Multiscale.model_validate(first)

@@ -36,9 +36,7 @@ class Multiscale(BaseModel):
     """One image at several resolutions."""
 
     axes: Annotated[list[Axis], Field(min_length=2, max_length=5)]
-    datasets: Annotated[
-        list[Dataset], Field(min_length=1, max_length=64)
-    ]  # each at half the resolution of the previous
+    datasets: Annotated[list[Dataset], Field(min_length=1, max_length=64)]  # each half the last
     transformations: Annotated[list[Transformation], Field(alias="coordinateTransformations")] = []
 
 

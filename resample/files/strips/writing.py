@@ -72,7 +72,7 @@ class _Rows:
     def close(self) -> None:
         """Write remaining rows."""
         if self.done != self.height:
-            raise ValueError(f"{self.path}: only {self.done} of {self.height} rows came")
+            raise ValueError(f"{self.path}: only {self.done} of {self.height} rows were given")
         self._check(is_done=self.target.close())
         finish(self.path, self.temporary, [self.stored])
 

@@ -10,9 +10,7 @@ from resample.types import Floats, Layers, Single
 
 SPLATS, POINTS, MIXTURE = "splats", "points", "mixture"  # names of painters
 
-Window = tuple[
-    int, int, int, int
-]  # x0, y0, x1, y1 in px of the whole picture; x1 and y1 are exclusive
+Window = tuple[int, int, int, int]  # x0, y0, x1, y1, px of the whole picture; the end is exclusive
 NOTHING: Window = (0, 0, 0, 0)  # window for a plan without a picture
 LARGEST_PICTURE = 2**28  # px
 

@@ -42,7 +42,7 @@ def header_of(path: Path) -> Tree:
         if path.suffix.lower() == ".glb":
             first = file.read(20)
             if first[:4] != b"glTF" or len(first) < 20:
-                raise ValueError("it is no binary glTF")
+                raise ValueError("it is not a binary glTF")
             length, kind = struct.unpack_from("<II", first, 12)
             if kind != JSON or length > size - 20:
                 raise ValueError("its first chunk is not JSON, or cut off")
@@ -51,7 +51,7 @@ def header_of(path: Path) -> Tree:
         content = file.read(size)
     tree = json_of(content.decode("utf-8"))
     if not isinstance(tree, dict):
-        raise ValueError("its JSON is no object")
+        raise ValueError("its JSON is not an object")
     return tree
 
 
@@ -65,7 +65,7 @@ def check_gltf(tree: Tree) -> None:
     """
     version = _object(tree, "asset", "asset").get("version")
     if not isinstance(version, str) or not version.startswith("2."):
-        raise ValueError(f"its asset.version is {version!r:.40}, where '2.0' is")
+        raise ValueError(f"its asset.version is {version!r:.40}, not '2.0'")
     if "scene" in tree:
         _index(tree, "scenes", tree["scene"], "scene")
     for key, names in NAMED.items():
@@ -87,10 +87,10 @@ def _things(tree: Tree, key: str, place: str = "") -> Iterator[tuple[str, Tree]]
     """Objects of a list with their names in messages."""
     every = tree.get(key, [])
     if not isinstance(every, list):
-        raise ValueError(f"its {place or key} are no list")
+        raise ValueError(f"its {place or key} is not a list")
     for n, one in enumerate(every):
         if not isinstance(one, dict):
-            raise ValueError(f"its {place or key}[{n}] is no object")
+            raise ValueError(f"its {place or key}[{n}] is not an object")
         yield f"{place or key}[{n}]", one
 
 
@@ -100,7 +100,7 @@ def _several(thing: Tree, name: str, place: str) -> list[Any]:
         return []
     found = thing[name] if name in LISTS else [thing[name]]
     if not isinstance(found, list):
-        raise ValueError(f"its {place} is {found!r:.40}, where a list is")
+        raise ValueError(f"its {place} is {found!r:.40}, not a list")
     return found
 
 
@@ -108,7 +108,7 @@ def _object(thing: Tree, name: str, place: str) -> Tree:
     """Object under a key; empty if there is none."""
     found = thing.get(name, {})
     if not isinstance(found, dict):
-        raise ValueError(f"its {place} is {found!r:.40}, where an object is")
+        raise ValueError(f"its {place} is {found!r:.40}, not an object")
     return found
 
 
@@ -127,14 +127,14 @@ def _index(tree: Tree, key: str, value: Any, place: str) -> Tree:
         raise ValueError(f"its {place} is {value!r:.40}, but there are no {key}")
     found = every[_whole(value, place, most=count - 1)]
     if not isinstance(found, dict):
-        raise ValueError(f"its {key}[{value}] is no object")
+        raise ValueError(f"its {key}[{value}] is not an object")
     return found
 
 
 def _check_uri(_: Tree, place: str, thing: Tree) -> None:
     """Reject a file without a name, and a buffer without a length."""
     if not isinstance(thing.get("uri", ""), str):
-        raise ValueError(f"its {place}.uri is {thing['uri']!r:.40}, where a text is")
+        raise ValueError(f"its {place}.uri is {thing['uri']!r:.40}, not a text")
     if place.startswith("buffers"):
         _whole(thing.get("byteLength"), f"{place}.byteLength")
 
@@ -198,7 +198,7 @@ def _check_material(tree: Tree, place: str, material: Tree) -> None:
     _check_numbers(f"{place}.pbrMetallicRoughness", look)
     cutoff = material.get("alphaCutoff", 0.5)
     if not _is_number(cutoff):
-        raise ValueError(f"its {place}.alphaCutoff is {cutoff!r:.40}, where a number is")
+        raise ValueError(f"its {place}.alphaCutoff is {cutoff!r:.40}, not a number")
     for holder in (look, material):
         for key in TEXTURES:
             if key in holder:
@@ -235,14 +235,14 @@ def _check_primitive(tree: Tree, place: str, primitive: Tree) -> None:
     """Reject a primitive whose data are missing."""
     attributes = primitive.get("attributes")
     if not isinstance(attributes, dict):
-        raise ValueError(f"its {place}.attributes is no object")
+        raise ValueError(f"its {place}.attributes is not an object")
     _object(primitive, "extensions", f"{place}.extensions")
     for name, wanted in (("POSITION", "VEC3"), ("TEXCOORD_0", "VEC2"), ("NORMAL", "VEC3")):
         if name in attributes or name == "POSITION":
             at = f"{place}.attributes.{name}"
             kind = _index(tree, "accessors", attributes.get(name), at).get("type")
             if kind != wanted:
-                raise ValueError(f"its {at} is of type {kind}, where {wanted} is")
+                raise ValueError(f"its {at} is of type {kind}, not {wanted}")
     for name, value in attributes.items():
         _index(tree, "accessors", value, f"{place}.attributes.{name:.20}")
     for name, others in (("indices", "accessors"), ("material", "materials")):

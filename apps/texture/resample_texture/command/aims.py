@@ -28,15 +28,15 @@ class NewSize(Choices):
     size: Annotated[
         str | None,
         Field(
-            description="In px: 400 for a square, 640x480 for width and height; or of the "
+            description="Size in px: 400 for a square, 640x480 for width and height; or of the "
             "picture's: 50%, 0.5 or 2x."
         ),
     ] = None
     width: Annotated[
-        int | None, Field(ge=1, description="In px, instead of a size; the height follows.")
+        int | None, Field(ge=1, description="Width in px, instead of a size; the height follows.")
     ] = None
     height: Annotated[
-        int | None, Field(ge=1, description="In px, instead of a size; the width follows.")
+        int | None, Field(ge=1, description="Height in px, instead of a size; the width follows.")
     ] = None
 
     def check(self) -> None:

@@ -129,7 +129,7 @@ class Warping(Choices):
 
     method: Annotated[
         str,
-        Field(description="Method: such as hybrid, paper, bilinear or opencv-supersample:n=8."),
+        Field(description="Method: hybrid, paper, bilinear, opencv-supersample:n=8 ..."),
     ] = "hybrid"
     filter: MethodsFilter = None
     interpolation: Annotated[
@@ -182,7 +182,7 @@ class Filling(Warping):
 class Besides(Choices):
     """What is written of a warp, and besides it."""
 
-    heading: ClassVar[str] = "Beside the picture"
+    heading: ClassVar[str] = "Further outputs"
     about: ClassVar[About] = About.TARGET
 
     roi: Annotated[

@@ -104,7 +104,7 @@ class Source(Choices):
 class Added(Choices):
     """What is shown in the same scene."""
 
-    heading: ClassVar[str] = "Also in the scene"
+    heading: ClassVar[str] = "Further volumes"
     about: ClassVar[About] = About.LOOK
 
     also: Annotated[
@@ -393,7 +393,7 @@ class Look(Choices):
 class Beside(Choices):
     """What else is seen in the volume's scene."""
 
-    heading: ClassVar[str] = "Beside the volume"
+    heading: ClassVar[str] = "Annotations and objects"
     about: ClassVar[About] = About.LOOK
 
     axes: Annotated[

@@ -177,7 +177,7 @@ class PairDepth(Depth):
 class Parallax(Choices):
     """How two eyes see a picture of any depth."""
 
-    heading: ClassVar[str] = "Eyes"
+    heading: ClassVar[str] = "Stereo"
     about: ClassVar[About] = About.LOOK
 
     eyes: Annotated[
@@ -225,7 +225,7 @@ class Warping(Choices):
 
     method: Annotated[
         str,
-        Field(description="Method: such as hybrid, paper, mesh or mcmillan; see resample plugins."),
+        Field(description="Method: hybrid, paper, mesh, mcmillan ...; see resample plugins."),
     ] = "hybrid"
     filter: MethodsFilter = None
     noise: Annotated[
@@ -374,7 +374,7 @@ class Showing(Choices):
 class Extras(Choices):
     """What is written beside the picture."""
 
-    heading: ClassVar[str] = "Beside the picture"
+    heading: ClassVar[str] = "Further outputs"
     about: ClassVar[About] = About.TARGET
 
     holes: Annotated[

@@ -26,7 +26,7 @@ FOV = 60.0  # degrees along the shorter side that are taken where nothing is kno
 class SourceCamera(Choices):
     """The camera that took the picture."""
 
-    heading: ClassVar[str] = "Source's camera"
+    heading: ClassVar[str] = "Source camera"
     about: ClassVar[About] = About.LOOK
 
     intrinsics: Annotated[
