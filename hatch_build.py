@@ -1,4 +1,4 @@
-"""Wheels hold the library of kernels that `make kernels` has built, and their platform's tag."""
+"""Build hook: add the kernel library from `make kernels`, and its platform tag, to wheels."""
 
 import platform
 import re
@@ -9,11 +9,11 @@ from typing import Any
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 LIBRARY = Path("resample", "engine", "compiled", "_kernels.abi3.so")
-OLDEST = (2, 17)  # the glibc that tags begin with
+OLDEST = (2, 17)  # the oldest glibc used in tags
 
 
 class KernelLibrary(BuildHookInterface):  # type: ignore[misc]
-    """Puts the library into wheels that are not editable."""
+    """Build hook that adds the library to wheels that are not editable."""
 
     PLUGIN_NAME = "custom"
 
@@ -28,7 +28,7 @@ class KernelLibrary(BuildHookInterface):  # type: ignore[misc]
 
 
 def platform_tag(library: bytes) -> str:
-    """Tag of the systems that a shared library runs on: by the newest glibc that it asks for."""
+    """Platform tag of a shared library, from the newest glibc version that it needs."""
     machine = platform.machine()
     if sys.platform != "linux":
         raise ValueError(f"the library of kernels is built for Linux, not for {sys.platform}")

@@ -1,1 +1,1 @@
-"""Speed, side by side with peers: `make bench`, or `python -m benchmarks` with names of groups."""
+"""Benchmarks against other programs: `make bench`, or `python -m benchmarks GROUP ...`."""

@@ -1,4 +1,4 @@
-"""Measure: `python -m benchmarks [GROUP ...]`, or all groups with `make bench`."""
+"""Run benchmarks: `python -m benchmarks [GROUP ...]`, or all groups with `make bench`."""
 
 import argparse
 import json
@@ -32,19 +32,24 @@ QUICK_ROUNDS = 2
 
 
 def parsed(arguments: Sequence[str]) -> argparse.Namespace:
-    """What was asked for."""
+    """Parse the arguments."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument("groups", nargs="*", metavar="GROUP", help=f"of {', '.join(GROUPS)}; all")
-    parser.add_argument("--quick", action="store_true", help="small sizes, to see that all works")
     parser.add_argument(
-        "--rounds", type=int, help="that contenders take turns in; 7, or 2 if quick"
+        "--quick", action="store_true", help="small sizes, to check that everything works"
     )
-    parser.add_argument("--data", type=Path, help="folder that holds the folder `volumes`")
+    parser.add_argument("--rounds", type=int, help="number of rounds; default: 7, or 2 if quick")
+    parser.add_argument("--data", type=Path, help="parent of the folder `volumes`")
     parser.add_argument(
-        "--side", type=int, action="append", help="of pictures of volumes, px; 400 and 1024"
+        "--side",
+        type=int,
+        action="append",
+        help="of pictures of volumes, px; default: 400 and 1024",
     )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write all numbers")
-    parser.add_argument("--markdown", type=Path, metavar="FILE", help="write all tables")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write all numbers to this file")
+    parser.add_argument(
+        "--markdown", type=Path, metavar="FILE", help="write all tables to this file"
+    )
     choices = parser.parse_args(arguments)
     unknown = [group for group in choices.groups if group not in GROUPS]
     if unknown:
@@ -57,7 +62,7 @@ def parsed(arguments: Sequence[str]) -> argparse.Namespace:
 
 
 def main() -> int:
-    """Measure group by group, and show and write every table as it comes; 1 if a group failed."""
+    """Run each group, then print and write its tables; returns 1 if a group failed."""
     choices = parsed(sys.argv[1:])
     report = Report(choices.json, choices.markdown)
     failed = 0
@@ -73,7 +78,7 @@ def main() -> int:
                     report.add(section)
             except AbsentError as error:
                 _say(f"{group}: left out, {error}")
-            except Exception:  # the groups that follow take long and are still worth having
+            except Exception:  # the remaining groups are still worth running
                 _say(f"{group}: failed\n{traceback.format_exc()}")
                 failed = 1
             _say(f"{group}: {time.perf_counter() - start:.0f} s\n")
@@ -81,7 +86,7 @@ def main() -> int:
 
 
 class Report:
-    """Tables that were made so far, in files and on the screen."""
+    """Tables so far, on the screen and in files."""
 
     def __init__(self, json_file: Path | None, markdown_file: Path | None) -> None:
         self.files = json_file, markdown_file
@@ -90,7 +95,7 @@ class Report:
         self.sections: list[Section] = []
 
     def add(self, section: Section) -> None:
-        """Show one more table, and write all."""
+        """Print a table and rewrite the files."""
         self.sections.append(section)
         _say(markdown(section))
         known = self.command, self.facts, self.sections

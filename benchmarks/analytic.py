@@ -1,4 +1,4 @@
-"""Fields that are formulas, and what rays see of the formulas themselves: no kernel of ours."""
+"""Analytic fields, and reference pictures by ray casting the formulas without our kernels."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -15,14 +15,14 @@ from resample_volume.voxels.shading import Light
 SIDE = 64  # voxels
 STEP = 1 / 8  # voxels
 ISO = 100.0  # value of the surfaces
-HALVINGS = 20  # of a step, in search of a surface
-LEAST = 1e-4  # transmittance that counts as none
+HALVINGS = 20  # of a step, to locate a surface
+LEAST = 1e-4  # transmittance that counts as opaque
 
 Formula = Callable[[Doubles, Doubles, Doubles], Doubles]
 
 
 def rings(width: float) -> Formula:
-    """Two tori and a shell of Gaussian profile; `width` is its half at 1 / e, voxels."""
+    """Two tori and a shell with a Gaussian profile; `width` is its half width at 1 / e, voxels."""
 
     def values(x: Doubles, y: Doubles, z: Doubles) -> Doubles:
         first = (np.hypot(x, y) - 20.0) ** 2 + z * z
@@ -42,7 +42,7 @@ def marschner_lobb(x: Doubles, y: Doubles, z: Doubles) -> Doubles:
 
 
 def ramp(x: Doubles, y: Doubles, z: Doubles) -> Doubles:
-    """Ball whose values fall evenly from its middle."""
+    """Ball whose values decrease linearly from its center."""
     return np.clip(255.0 * (1.0 - np.sqrt(x * x + y * y + z * z) / 28.0), 0.0, None)
 
 
@@ -66,7 +66,7 @@ TRANSFER = from_points(
 
 
 def sampled(formula: Formula, stretch: float = 1.0) -> Volume:
-    """Volume of 8 bits of a formula around the origin, with voxels of 1 × 1 × `stretch`."""
+    """Sample a formula around the origin to an 8-bit volume with voxels of 1 × 1 × `stretch`."""
     count = np.array([SIDE, SIDE, round(SIDE / stretch)])
     spacing = np.array([1.0, 1.0, stretch])
     origin = -0.5 * spacing * (count - 1)
@@ -78,18 +78,18 @@ def sampled(formula: Formula, stretch: float = 1.0) -> Volume:
 
 
 class Shot(NamedTuple):
-    """A view of the formula's volume."""
+    """A view of a formula's volume."""
 
-    per_voxel: float  # px in the middle of the volume
+    per_voxel: float  # px at the volume's center
     size: int  # px, side of the picture
-    rays: int  # per side of a pixel, of the truth
+    rays: int  # per side of a pixel, for the reference
 
 
 SHOTS = (Shot(3.0, 128, 4), Shot(1.0, 96, 6), Shot(0.3, 32, 20))
 
 
 def camera_of(shot: Shot) -> AnyCamera:
-    """Camera from above that sees voxels as large as asked for."""
+    """Camera from above that shows voxels at the requested size."""
     sphere = Sphere(np.zeros(3), SIDE * 0.87)
     once = camera_from(Orbit(30, 20, 1.0), sphere, shot.size, shot.size).view()
     per_voxel = once.focal[0] / once.translation[2]
@@ -101,28 +101,28 @@ class Rays(NamedTuple):
 
     eye: Doubles  # (3,)
     way: Doubles  # (N, 3) of length 1
-    enter: Doubles  # (N,) distances at which they meet the field's box; more than `leave`: never
+    enter: Doubles  # (N,) distances at which they enter the field's box; more than `leave`: never
     leave: Doubles
 
     def at(self, which: Indices, distance: Doubles) -> Doubles:
-        """Places of some of them, (3, M)."""
+        """Positions on some of the rays, (3, M)."""
         return np.asarray((self.eye + distance[:, None] * self.way[which]).T)
 
 
 class Truth(NamedTuple):
-    """What pixels (H, W) see, means over their rays."""
+    """Reference values of pixels (H, W), means over their rays."""
 
     unlit: Floats  # (H, W, 4) premultiplied
     lit: Floats | None  # (H, W, 4)
-    maximum: Floats  # (H, W) of values; nothing is 0, as beyond the box
+    maximum: Floats  # (H, W) of values; empty is 0, as outside the box
     minimum: Floats
     average: Floats
     additive: Floats  # values × voxels
-    surface: Floats  # (H, W, 4) where the field first rises to `ISO`, lit
+    surface: Floats  # (H, W, 4) surface where the field first exceeds `ISO`, lit
 
 
 def truth_of(formula: Formula, half: Doubles, shot: Shot, light: Light, *, is_lit: bool) -> Truth:
-    """What rays see of a formula within a box of half sides (3,)."""
+    """Cast rays through a formula in a box with half sides (3,)."""
     view = camera_of(shot).view()
     fine = (np.arange(shot.size * shot.rays) + 0.5) / shot.rays
     eye = -view.rotation.T @ view.translation
@@ -158,7 +158,7 @@ def truth_of(formula: Formula, half: Doubles, shot: Shot, light: Light, *, is_li
 
 
 def _composited(formula: Formula, rays: Rays, light: Light | None) -> Doubles:
-    """Light (N, 4) through what lies in front."""
+    """Composite light (N, 4) along rays."""
     seen, passed = np.zeros((len(rays.way), 4)), np.ones(len(rays.way))
     left = np.flatnonzero(rays.leave > rays.enter)
     for step in range(int(np.ceil((rays.leave - rays.enter).max(initial=0.0) / STEP))):
@@ -178,7 +178,7 @@ def _composited(formula: Formula, rays: Rays, light: Light | None) -> Doubles:
 
 
 def _lit(color: Floats, formula: Formula, place: Doubles, eye: Doubles, light: Light) -> Floats:
-    """Colors at places (3, N) under a light at the viewer, after Blinn and Phong."""
+    """Shade positions (3, N) by a light at the viewer, after Blinn and Phong."""
     ways = 1e-3 * np.eye(3)[:, :, None]
     slope = np.stack([formula(*(place + d)) - formula(*(place - d)) for d in ways], axis=-1)
     length = np.linalg.norm(slope, axis=1)
@@ -190,7 +190,7 @@ def _lit(color: Floats, formula: Formula, place: Doubles, eye: Doubles, light: L
 
 
 def _measured(formula: Formula, rays: Rays) -> list[Doubles]:
-    """Largest and least value, mean, and sum times length of each ray (N,)."""
+    """Maximum, minimum, mean, and sum times length along each ray (N,)."""
     count = len(rays.way)
     most, least = np.zeros(count), np.full(count, np.inf)
     total, steps = np.zeros(count), np.zeros(count)
@@ -208,7 +208,7 @@ def _measured(formula: Formula, rays: Rays) -> list[Doubles]:
 
 
 def _surface(formula: Formula, rays: Rays, light: Light) -> Doubles:
-    """The first surface of `ISO` that rays meet (N, 4), in its color, lit."""
+    """First intersections of rays with the surface at `ISO` (N, 4), colored and lit."""
     seen = np.zeros((len(rays.way), 4))
     left = np.flatnonzero(rays.leave > rays.enter)
     for step in range(int(np.ceil((rays.leave - rays.enter).max(initial=0.0) / STEP)) + 1):

@@ -1,4 +1,4 @@
-"""A fresh process that measures one thing: `python -m benchmarks.child MODULE CHOICES`."""
+"""Measure one thing in a fresh process: `python -m benchmarks.child MODULE CHOICES`."""
 
 import json
 import sys
@@ -6,7 +6,7 @@ from importlib import import_module
 
 
 def main() -> None:
-    """Print what the module's `in_child` answers, as JSON on the last line."""
+    """Print the result of the module's `in_child` as JSON on the last line."""
     module, choices = sys.argv[1], json.loads(sys.argv[2])
     answer = import_module(module).in_child(**choices)
     sys.stdout.write(f"\n{json.dumps(answer)}\n")

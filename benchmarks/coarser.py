@@ -1,4 +1,4 @@
-"""What coarser levels cost: `python -m benchmarks.coarser engine.nhdr vessel-tree:size=256`."""
+"""Quality of coarser levels: `python -m benchmarks.coarser engine.nhdr vessel-tree:size=256`."""
 
 import sys
 import tempfile
@@ -19,7 +19,7 @@ SIZE = (500, 500)  # px
 
 
 def losses(name: str, levels: Sequence[int] = (1, 2)) -> list[float]:
-    """Errors in dB of pictures of coarser levels, all around the whole volume and of one look."""
+    """Errors in dB of pictures from coarser levels, from all sides, with one look."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "volume.zarr")
         write_store(path, open_recording(name), Layered(chunk=32))

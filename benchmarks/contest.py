@@ -1,4 +1,4 @@
-"""A workload and those who do it, and the table that becomes of them."""
+"""Workloads, their contenders, and the table of results."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -11,22 +11,22 @@ from benchmarks.tables import Row, Section
 
 
 class AbsentError(LookupError):
-    """A peer or data set that is not on this machine; says which and why."""
+    """A program or data set is missing on this machine; the message says which and why."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """What is measured and how thoroughly; holds nothing but text and numbers."""
+    """What to measure and how thoroughly; contains only text and numbers."""
 
     quick: bool = False
     rounds: int = 7
-    data: str | None = None  # folder with the folder `volumes`
-    scratch: str = "."  # folder for what one process leaves for another
+    data: str | None = None  # parent of the folder `volumes`
+    scratch: str = "."  # folder through which processes exchange data
     sides: tuple[int, ...] = (400, 1024)  # px, of pictures of volumes
 
     @classmethod
     def of(cls, known: Mapping[str, Any]) -> "Options":
-        """Options that went to another process as JSON, which has no tuples."""
+        """Restore options from JSON, which has no tuples."""
         return cls(**{**known, "sides": tuple(known.get("sides", cls.sides))})
 
     @property
@@ -40,10 +40,10 @@ class Options:
 
 @dataclass(frozen=True)
 class Goal:
-    """What is asked of a contender."""
+    """Targets of a contender."""
 
     milliseconds: float | None = None  # at most
-    stretch: float | None = None  # milliseconds that would be better still
+    stretch: float | None = None  # better target in milliseconds
     decibels: float | None = None  # at least
     share: float | None = None  # of the reference's time, at most
 
@@ -57,7 +57,7 @@ class Goal:
         return ", ".join(parts) + stretch
 
     def verdict(self, milliseconds: float, decibels: float | None, share: float) -> str:
-        """Whether it is met, and how far away it is where it is not."""
+        """Whether the goal is met, and by how much it is missed."""
         missed = []
         if self.decibels is not None and (decibels is None or decibels < self.decibels):
             missed.append("no quality" if decibels is None else f"{decibels:.1f} dB")
@@ -73,54 +73,54 @@ class Goal:
 
 @dataclass(frozen=True)
 class Contender:
-    """Someone who does a workload."""
+    """A program that does a workload."""
 
     name: str
-    prepare: Callable[[], Run]  # may raise `AbsentError`; what it gives is timed
+    prepare: Callable[[], Run]  # may raise `AbsentError`; its result is timed
     quality: Callable[[], float] | None = None  # dB
     goal: Goal | None = None
-    remark: Callable[[], str] | None = None  # said below the table when all is measured
-    is_ready: bool = False  # nothing is compiled or loaded by its first run
-    has_memory: bool = True  # whether it is cheap enough to be had again in a fresh process
+    remark: Callable[[], str] | None = None  # printed below the table at the end
+    is_ready: bool = False  # nothing is compiled or loaded in its first run
+    has_memory: bool = True  # whether it is cheap enough to repeat in a fresh process
 
 
 @dataclass(frozen=True)
 class Workload:
-    """What contenders do; the first of them is whom the others are compared with."""
+    """A task for contenders; the first of them is the reference."""
 
     title: str
     text: str
     contenders: Sequence[Contender]
-    quality: str = "dB"  # heading of the column
+    quality: str = "dB"  # heading of the quality column
     has_memory: bool = True
     further: Callable[[str, float, float | None], Row] = field(default=lambda *_: {})
 
 
 class Group(Protocol):
-    """Module whose workloads can be had again in another process."""
+    """Module whose workloads can be repeated in another process."""
 
     __name__: str
 
     def workloads(self, options: Options) -> Sequence[Workload]:
-        """All of them, cheap to list: data are loaded by `Contender.prepare`."""
+        """All workloads; cheap to list, since `Contender.prepare` loads the data."""
 
 
 def contest(group: str, workload: Workload, options: Options) -> Section:
-    """Table of all contenders that are to be had.
+    """Measure all available contenders.
 
     Parameters
     ----------
     group
         Full name of the module that lists the workload, for measurements in other processes.
     workload
-        What is to be done.
+        The task.
     options
-        How thoroughly.
+        How thoroughly to measure.
 
     Raises
     ------
     AbsentError
-        The reference is not there, so that there is nothing to compare with.
+        The reference is missing.
     """
     section = Section(workload.title, workload.text)
     runs: dict[str, Run] = {}
@@ -179,12 +179,12 @@ def memory_of(group: str, title: str, name: str, options: Options) -> int:
 
 
 def idle_memory() -> int:
-    """Peak MiB of a fresh process that has imported the library and done nothing."""
+    """Peak MiB of a fresh process that only imports the library."""
     return int(child("benchmarks.contest", group="", title="", name="", options={})["peak"])
 
 
 def in_child(group: str, title: str, name: str, options: dict[str, Any]) -> dict[str, float]:
-    """Peak memory of one contender of one workload; without a group, of importing alone."""
+    """Peak memory of one contender of a workload; without a group, of importing only."""
     import_module("resample.resampler")
     if group:
         workloads = import_module(group).workloads(Options.of(options))

@@ -1,13 +1,13 @@
-"""The core against what the machine can do: points, and fragments of splats, per second.
+"""The core against hardware limits: points and splat fragments per second.
 
-A *fragment* is a sub-pixel whose center lies inside a splat's footprint and which is not opaque yet
-when the splat's turn comes. They are counted by `kernels.fragments`, which walks all samples front
-to back in plain loops, evaluates the kernel's line integral at every sub-pixel of a bounding box
-and lets the light fade as the painters do. So it counts work that has to be done, whatever a
-painter does besides or leaves out.
+A *fragment* is a sub-pixel whose center lies inside a splat's footprint and which is not opaque
+when the splat is composited. `kernels.fragments` counts them: it processes all samples front to
+back in plain loops, evaluates the kernel's line integral at every sub-pixel of a bounding box and
+attenuates the light as the painters do. So it counts necessary work, whatever else a painter does
+or skips.
 
-Roofs are measured in the same run on all threads: bytes by a copy between arrays far larger than
-caches (read and written), operations by chains of fused multiply-adds on numbers in registers.
+The limits are measured in the same run on all threads: bandwidth by copying between arrays far
+larger than caches (read and written), operations by chains of fused multiply-adds in registers.
 """
 
 import os
@@ -28,7 +28,7 @@ from resample.resampler import OPAQUE, Resampler
 from resample.types import Samples
 
 SPLATS = Resampler(primitive=Primitive.SPLATS)
-# What a fragment needs at least, in fused multiply-adds; other operations count as one each.
+# Minimum cost of a fragment in fused multiply-adds; other operations count as one each.
 FRAGMENT = {
     "offset from the center and quadratic form": 3,
     "scale of the ray and test for the rim": 2,
@@ -42,14 +42,14 @@ SPLAT_GOAL, POINT_GOAL = 0.4, 0.3
 
 
 class Roofs(NamedTuple):
-    """The most that the machine did in a second in any round, on all threads."""
+    """The best of all rounds on all threads, per second."""
 
     copied: float  # bytes read and written
     multiplied: float  # fused multiply-adds
 
 
 def roofs(options: Options) -> Roofs:
-    """Measure them."""
+    """Measure the hardware limits."""
     from benchmarks.kernels.roofline import CHAIN, multiply_add
 
     cores, often = os.cpu_count() or 1, 2000
@@ -70,15 +70,15 @@ def roofs(options: Options) -> Roofs:
 
 
 class Fragments(NamedTuple):
-    """Sub-pixels of a picture of splats."""
+    """Counts of sub-pixels in a picture of splats."""
 
-    inside: int  # of footprints
-    painted: int  # of these, not opaque yet when their turn came
-    light: Any  # (H, W) share that comes through all
+    inside: int  # in footprints
+    painted: int  # of these, not opaque yet when composited
+    light: Any  # (H, W) transmittance
 
 
 def fragments(samples: Samples, camera: Any, side: int) -> Fragments:
-    """Count what splats have to paint at one ray per pixel."""
+    """Count the fragments of splats at one ray per pixel."""
     from benchmarks.kernels.fragments import count_fragments
 
     view, kernel = camera.view(), SPLATS.reconstruction
@@ -98,7 +98,7 @@ def fragments(samples: Samples, camera: Any, side: int) -> Fragments:
 
 
 def sections(options: Options) -> Iterator[Section]:
-    """Roofs, then points and splats below them."""
+    """Hardware limits, then points and splats relative to them."""
     roof = roofs(options)
     yield _roof_table(roof)
     yield _core_table(roof, options)
@@ -138,7 +138,7 @@ def _core_table(roof: Roofs, options: Options) -> Section:
 
 
 def _timed(view: View, form: Resampler, options: Options) -> tuple[Spread, Spread]:
-    """Seconds of a picture, and of its painting alone."""
+    """Seconds of a picture, and of painting alone."""
     stages: list[float] = []
 
     def run() -> None:

@@ -1,9 +1,9 @@
-"""Depth as the world has it: the shared scene with its depth spoiled in twelve ways.
+"""Warps with realistic depth: the shared scene with its depth degraded in twelve ways.
 
-`python -m benchmarks.degraded --size 700 --only exact,blur-2` prints PSNR (dB) / holes (%) of what
-the source sees whole, holes counting as black, for each view, degradation and method: the hybrid
-with the depth as it is given and with its depth refined, a mesh cut at steps of 3 %, triangles by
-RVS's rule, and softmax splatting. `--reference FILE.npz` keeps the ray-traced views.
+`python -m benchmarks.degraded --size 700 --only exact,blur-2` prints PSNR (dB) / holes (%) of
+pixels that the source sees unoccluded (holes count as black) for each view, degradation and method:
+hybrid with given and with refined depth, a mesh cut at steps of 3 %, triangles by RVS's rule, and
+softmax splatting. `--reference FILE.npz` caches the ray-traced views.
 """
 
 import argparse
@@ -29,15 +29,15 @@ from resample_warp3d.showing.scoring import hole_percent
 from resample_warp3d.types import DepthImage, Equation, Rendered, Source
 from tests.benchmarks import warp3d_table as scene
 
-SHARPNESS = 5.0  # of softmax splatting: of 1 to 160 the best in the mean of views and degradations
+SHARPNESS = 5.0  # of softmax splatting: the best of 1 to 160, averaged over views and degradations
 JPEG_QUALITY = 75
-BASELINE, SUBPIXELS = 0.075, 8  # m and parts of a pixel's disparity, of the simulated sensor
-UNSURE = 0.5  # parts by which it errs, standard deviation
-JITTER = 0.7  # px by which it misplaces its edges, standard deviation
-WINDOW, RIM = 2, 0.05  # px around a step of depth, of so much, where it may find nothing
+BASELINE, SUBPIXELS = 0.075, 8  # m and sub-pixel steps of disparity, of the simulated sensor
+UNSURE = 0.5  # standard deviation of its error, in steps
+JITTER = 0.7  # standard deviation of edge positions, px
+WINDOW, RIM = 2, 0.05  # px around a depth step of this size where it may fail
 
-DETAIL = 132  # px, of a picture's side
-PICTURED = (  # view, degradation, and where a detail begins, shares of the side
+DETAIL = 132  # px, of the picture's side
+PICTURED = (  # view, degradation, and start of a detail, fractions of the side
     ("side", "blur-2", (0.43, 0.35)),
     ("side", "shift-2", (0.43, 0.35)),
     ("side", "kinect", (0.5, 0.63)),
@@ -47,7 +47,7 @@ Spoil = Callable[[Doubles, float], Doubles]
 
 
 def _inverse(change: Callable[[Doubles], Doubles]) -> Spoil:
-    """What changes the inverse of the depth."""
+    """Apply a change to the inverse depth."""
     return lambda depth, focal: 1.0 / change(1.0 / depth)  # noqa: ARG005
 
 
@@ -67,7 +67,7 @@ def _upsampled(kind: int) -> Spoil:
     def spoil(depth: Doubles, focal: float) -> Doubles:  # noqa: ARG001 - as all others
         height, width = depth.shape
         small = cv2.resize(depth, (width // 4, height // 4), interpolation=cv2.INTER_AREA)
-        if kind == cv2.INTER_NEAREST:  # the sample in the middle, as a sensor has it
+        if kind == cv2.INTER_NEAREST:  # the center sample, as a sensor takes it
             small = depth[2 : 4 * (height // 4) : 4, 2 : 4 * (width // 4) : 4]
         return np.asarray(cv2.resize(small, (width, height), interpolation=kind))
 
@@ -92,10 +92,10 @@ def _noisy(share: float) -> Spoil:
 
 
 def _sensed(depth: Doubles, focal: float) -> Doubles:
-    """Depth by a projector to the right of the camera, as of the first Kinect.
+    """Depth by structured light with the projector on the right, as in the first Kinect.
 
-    Edges are misplaced at random, disparity comes in noisy steps, half of the pixels around
-    silhouettes are unknown, and so is what the projector does not light.
+    Edges are displaced at random, disparity has noisy steps, and half of the pixels around
+    silhouettes are unknown, as is what the projector does not light.
     """
     random = np.random.default_rng(7)
     row, column = np.indices(depth.shape, np.float32)
@@ -136,7 +136,7 @@ SPOILS: Mapping[str, Spoil] = {
 
 
 def source_image(work: scene.Workload, name: str) -> DepthImage:
-    """The workload's source, spoiled."""
+    """Source of the workload, degraded."""
     focal = float(work.camera.matrix[0, 0])
     depth: Any = SPOILS[name](np.asarray(work.depth, np.float64), focal)
     nearness = np.divide(1.0, depth, out=np.zeros_like(depth), where=depth > 0)
@@ -179,7 +179,7 @@ def _seen(source: Source, equation: Equation) -> Doubles:
     return vertex
 
 
-METHODS: Mapping[str, tuple[str, Any]] = {  # how the depth is refined, and how it is warped
+METHODS: Mapping[str, tuple[str, Any]] = {  # refinement of the depth, and warp
     "hybrid, refine none": ("none", registry.build("warps", "hybrid")),
     "hybrid": ("auto", registry.build("warps", "hybrid")),
     "mesh": ("none", registry.build("warps", "mesh:cut=0.03")),
@@ -190,7 +190,7 @@ BESIDE = {"as given": "hybrid, refine none", "refined": "hybrid", "RVS": "RVS"}
 
 
 def rows(work: scene.Workload, names: Sequence[str], methods: Sequence[str]) -> Iterator[Row]:
-    """A row for each degradation and method."""
+    """Measure each degradation with each method."""
     for name in names:
         image = source_image(work, name)
         sources: dict[str, Source] = {}
@@ -210,20 +210,20 @@ def rows(work: scene.Workload, names: Sequence[str], methods: Sequence[str]) -> 
 
 
 class Shown(NamedTuple):
-    """What a method makes of a view."""
+    """Result of a method for a view."""
 
     image: Any  # (H, W, 3)
     covered: Any  # (H, W)
 
 
 def shown(work: scene.Workload, view: str, source: Source, warp: Any) -> Shown:
-    """Picture of a view, and which of its pixels are no holes."""
+    """Picture of a view, and the mask of pixels that are not holes."""
     case = scene.case_of(work, view, source)
     return Shown(*screen_of(case, warp(source, case.equation, case.target.mask.shape)))
 
 
 def write_picture(path: Path, work: scene.Workload) -> None:
-    """Write details of what becomes of spoiled depth, beside the truth, as one PNG."""
+    """Write details of warps with degraded depth beside the truth, as one PNG."""
     cells = {}
     side = work.depth.shape[0]
     for view, name, (top, left) in PICTURED:

@@ -1,4 +1,4 @@
-"""Pages in a browser whose picture is dragged: ours, and PyVista's trame viewer."""
+"""Frame rates of browser pages while dragging: our viewer, and PyVista's trame viewer."""
 
 import os
 import shutil
@@ -25,17 +25,17 @@ from resample_volume import open_volume
 from resample_volume.looks.presets import load_transfer
 
 BROWSERS = ("chromium", "chromium-browser", "chrome")
-PICTURE = 1500  # bytes of a message, from which on it is a picture and not words about one
-STEP, SECONDS = 0.01, 3.0  # from one movement of a drag to the next, and its length
-SINGLE = 15  # movements that are waited for
-QUIET = 1.5  # seconds after which nothing more comes
-PATIENCE = 90.0  # seconds until a page is there
+PICTURE = 1500  # bytes above which a message is a picture
+STEP, SECONDS = 0.01, 3.0  # seconds between mouse moves of a drag, and its length
+SINGLE = 15  # moves that are timed one by one
+QUIET = 1.5  # seconds without messages after which the page counts as idle
+PATIENCE = 90.0  # seconds to wait for a page
 MAPPERS = {"smart": "its own choice", "fixed_point": "its CPU ray caster"}
-MOVED = 0.005  # share of pixels that a drag has to change
+MOVED = 0.005  # fraction of pixels that a drag has to change
 
 
 class Heard:
-    """When pictures came to a page."""
+    """Arrival times of a page's pictures."""
 
     def __init__(self, tab: Any) -> None:
         self.times: list[float] = []
@@ -47,7 +47,7 @@ class Heard:
             self.times.append(time.perf_counter())
 
     def wait(self, count: int, seconds: float = QUIET) -> bool:
-        """Whether so many pictures have come, within a time."""
+        """Wait until so many pictures have arrived, or until a timeout."""
         end = time.perf_counter() + seconds
         while len(self.times) < count and time.perf_counter() < end:
             self._tab.wait_for_timeout(1)
@@ -55,12 +55,12 @@ class Heard:
 
 
 def peers(volume: str, look: str, scratch: str) -> dict[str, Callable[[int, int], list[str]]]:
-    """Commands of pages by the name of who makes them, for a port and a side in px.
+    """Commands that serve pages, by viewer, for a port and a side in px.
 
     Raises
     ------
     AbsentError
-        There is no browser, or nothing that drives one.
+        There is no browser, or no driver for it.
     """
     if not next(filter(None, map(shutil.which, BROWSERS)), None) or not find_spec("playwright"):
         raise AbsentError("no Chromium, or no playwright: apt install chromium")
@@ -80,13 +80,13 @@ def peers(volume: str, look: str, scratch: str) -> dict[str, Callable[[int, int]
 
 
 def measured(words: Sequence[str], port: int, side: int) -> Row:
-    """What a page needs that a command serves.
+    """Measure a page that a command serves.
 
     Returns
     -------
-    Seconds from the command to the first picture; pictures per second of a drag; the server's CPU
-    time for one of these, ms; medians, ms, from a movement to its picture; and from a drag's end
-    to its last picture.
+    Seconds from the command to the first picture; pictures per second while dragging; the server's
+    CPU time per picture, ms; medians, ms, from a move to its picture, and from the end of a drag to
+    its last picture.
     """
     from playwright.sync_api import sync_playwright
 
@@ -101,7 +101,7 @@ def measured(words: Sequence[str], port: int, side: int) -> Row:
                 raise AbsentError(f"{' '.join(words)}: no picture has come")
             first = heard.times[0] - start
             place = fitted(tab, side)
-            heard.wait(10_000, QUIET)  # until nothing more comes
+            heard.wait(10_000, QUIET)  # until the page is idle
             before = pixels(tab)
             row = dragged(tab, heard, place, process.pid)
             if (pixels(tab) != before).any(axis=-1).mean() < MOVED:
@@ -111,9 +111,9 @@ def measured(words: Sequence[str], port: int, side: int) -> Row:
 
 
 def fitted(tab: Any, side: int) -> tuple[float, float]:
-    """Middle of the picture, px, after the window was made so high that the picture is square."""
+    """Center of the picture, px, after resizing the window so that the picture is square."""
     canvas = tab.locator(".canvas, .v-application").first
-    for _ in range(8):  # the picture's height is a share of the window's
+    for _ in range(8):  # the picture's height is a fraction of the window's
         missing = side - canvas.bounding_box()["height"]
         height = tab.viewport_size["height"] + missing
         tab.set_viewport_size({"width": side, "height": round(height)})
@@ -122,7 +122,7 @@ def fitted(tab: Any, side: int) -> tuple[float, float]:
 
 
 def dragged(tab: Any, heard: Heard, place: tuple[float, float], process: int) -> Row:
-    """Times of a drag around a place, px; see `measured`."""
+    """Measure a drag around a position, px; see `measured`."""
     x, y = place
     tab.mouse.move(x, y)
     tab.mouse.down()
@@ -152,7 +152,7 @@ def dragged(tab: Any, heard: Heard, place: tuple[float, float], process: int) ->
 
 @contextmanager
 def served(words: Sequence[str], port: int) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """Process of a page, and its address, once it listens."""
+    """Start a page's process and wait for its address."""
     command = [sys.executable, *words]
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
@@ -174,7 +174,7 @@ def served(words: Sequence[str], port: int) -> Iterator[tuple[subprocess.Popen[s
 
 
 def free_port() -> int:
-    """A port that nobody listens at."""
+    """Find a free port."""
     with socket.create_server(("127.0.0.1", 0)) as link:
         return int(link.getsockname()[1])
 
@@ -186,7 +186,7 @@ def cpu(process: int) -> float:
 
 
 def pixels(tab: Any) -> NDArray[np.uint8]:
-    """What a page shows."""
+    """Screenshot of a page."""
     from PIL import Image
 
     return np.asarray(Image.open(BytesIO(tab.screenshot())).convert("RGB"))
@@ -197,7 +197,7 @@ def _numbered(words: list[str], port: int, side: int) -> list[str]:
 
 
 def _write(volume: str, look: str, path: str) -> None:
-    """A volume and its look, as `trame_page` reads them."""
+    """Write a volume and its look for `trame_page`."""
     given = open_volume(volume)
     low, high = float(given.values.min()), float(given.values.max())
     value = np.linspace(low, high, 256)

@@ -1,9 +1,10 @@
-"""Commands on a machine that fails them: no memory, no disk, nowhere to write, nobody who reads.
+"""Commands on a failing machine: no memory, full disk, no write access, no reader.
 
     python -m benchmarks.faults
 
-Every command of `benchmarks.signals` meets every fault. It must end with status 0 or 2 in one line,
-without a traceback, and its target must be whole or what it was. Kernels are compiled beforehand.
+Every command of `benchmarks.signals` is run with every fault. It must end with status 0 or 2 and
+one line, without a traceback, and its target must be complete or unchanged. Kernels are compiled
+first.
 """
 
 import argparse
@@ -21,29 +22,29 @@ from typing import NamedTuple
 
 from benchmarks.signals import COMMANDS, PATIENCE, content, ended, inputs, is_whole, remove
 
-RIGHTS = "-dac_override,-dac_read_search"  # by which root may write everywhere
+RIGHTS = "-dac_override,-dac_read_search"  # capabilities by which root may write everywhere
 
 
 class Fault(NamedTuple):
-    """What is wrong with the machine."""
+    """A fault of the machine."""
 
-    begins: Callable[[], object] | None = None  # called in the process, before the command
+    begins: Callable[[], object] | None = None  # called in the process before the command
     folder: str = ""  # of the target
     variables: Mapping[str, str] = {}
-    within: tuple[str, ...] = ()  # a program that runs the command
-    together: int = 1  # number of commands that write the same
-    is_unread: bool = False  # whether nobody reads what it says
-    ahead: float = 0.0  # seconds by which the times of files are: the clock went back
-    is_refused: bool = True  # otherwise the command may end well
+    within: tuple[str, ...] = ()  # program that runs the command
+    together: int = 1  # number of commands with the same target
+    is_unread: bool = False  # whether its output is not read
+    ahead: float = 0.0  # seconds by which file times are in the future: the clock went back
+    is_refused: bool = True  # otherwise the command may succeed
 
 
 def limited(kind: int, count: int) -> Callable[[], object]:
-    """Set a limit of the system on this process."""
+    """Set a resource limit of this process."""
     return lambda: resource.setrlimit(kind, (count, count))
 
 
 def without_streams() -> None:
-    """Close what a command reads from, prints to and says."""
+    """Close stdin, stdout and stderr."""
     os.closerange(0, 3)
 
 
@@ -68,7 +69,7 @@ if shutil.which("setpriv") or not IS_ROOT:
 
 
 def begun(target: str, fault: Fault) -> subprocess.Popen[str]:
-    """A command at work in this folder, under a fault."""
+    """Start a command in this folder, with a fault."""
     if fault.ahead:
         for file in (file for file in Path().rglob("*") if file.is_file()):
             os.utime(file, (time.time() + fault.ahead,) * 2)
@@ -86,10 +87,10 @@ def begun(target: str, fault: Fault) -> subprocess.Popen[str]:
 
 
 def wrong_with(target: str, fault: Fault, *, is_there: bool) -> Iterator[str]:
-    """Run a command under a fault; what is wrong with how it ends."""
+    """Run a command with a fault; yields what is wrong with the result."""
     place = Path(target)
     remove(place)
-    if is_there and place.suffix != ".zarr":  # stores are not replaced
+    if is_there and place.suffix != ".zarr":  # stores are not overwritten
         place.write_bytes(b"old")
     before = content(place)
     processes = [begun(target, fault) for _ in range(fault.together)]
@@ -106,7 +107,7 @@ def wrong_with(target: str, fault: Fault, *, is_there: bool) -> Iterator[str]:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run; 1 if a command is at fault."""
+    """Run all; returns 1 if a command misbehaves."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.faults", description=__doc__)
     parser.add_argument("--only", default="", help="one target, such as a.png")
     parser.add_argument("--fault", default="", help=", ".join(FAULTS))
@@ -120,7 +121,7 @@ def main(arguments: Sequence[str]) -> int:
         for target in targets:
             ended(target)
             for n, (name, fault) in enumerate(faults.items()):
-                remove(Path(f".{target}.frames"))  # films are gone on with
+                remove(Path(f".{target}.frames"))  # interrupted films would be resumed
                 for wrong in wrong_with(target, fault, is_there=n % 2 == 0):
                     found += 1
                     sys.stdout.write(f"{target}, {name}: {wrong}\n")

@@ -1,9 +1,9 @@
-"""Volumes in every mode against the formulas that they were sampled from, beside VTK.
+"""Volumes in all modes against their analytic fields, beside VTK.
 
 Blur counts as an error here: `analytic` integrates the formula itself. VTK's CPU ray caster has
-composites, maxima and minima; of surfaces VTK has triangles, by flying edges, which no CPU mapper
-of its own draws without a display: these are timed, and measured by how far their corners lie from
-the surface.
+composites, maxima and minima. VTK's surfaces are triangles from flying edges, which no CPU mapper
+of its own draws without a display: these are timed, and measured by the distance of their corners
+from the surface.
 """
 
 import time
@@ -42,7 +42,7 @@ from resample_volume.types import Volume
 from resample_volume.voxels.shading import Light
 
 QUICK, QUICK_SHOTS = ("rings 2.0",), (Shot(1.0, 48, 2),)
-FULL_LIT = ("rings 1.2", "rings 2.0")  # whose lit truth is worth its minutes
+FULL_LIT = ("rings 1.2", "rings 2.0")  # lit references that are worth their minutes
 STRETCHED = 5.0  # thickness of slices, voxels
 LAMP = Light()
 OF_VALUES = (Projection.MAXIMUM, Projection.MINIMUM, Projection.AVERAGE, Projection.ADDITIVE)
@@ -50,13 +50,13 @@ OF_VTK = (Projection.MAXIMUM, Projection.MINIMUM)
 TOP = 255.0  # of values
 GRAY = from_points(
     [(TOP * n / 64, (float(to_srgb(np.array(n / 64))),) * 3, 1.0) for n in range(65)]
-)  # whose light is the value over `TOP`
+)  # emit the value over `TOP`
 
 Draw = Callable[[], Floats]
 
 
 def sections(options: Options) -> Iterator[Section]:
-    """A table for every field and shape of voxels."""
+    """A table for each field and shape of voxels."""
     from importlib.util import find_spec
 
     if find_spec("vtkmodules") is None:
@@ -87,7 +87,7 @@ def _section(name: str, stretch: float, options: Options) -> Section:
 def _ours(
     volume: Volume, shot: Shot, appearance: Appearance, paint: Resampler, *, is_value: bool = False
 ) -> Draw:
-    """What draws a volume, once all is ready."""
+    """Functions that draw a volume, after preparation."""
     camera, subject = camera_of(shot), Subject.of(volume, appearance, paint)
     clip, size = subject.clip, shot.size
 
@@ -127,7 +127,7 @@ def _scaled(draw: Draw, most: float) -> Floats:
 
 
 def _row(mode: str, shot: Shot, draws: dict[str, Draw], truth: Floats, options: Options) -> Row:
-    """Decibels and CPU time of all that draw a picture."""
+    """Decibels and CPU time of each renderer."""
     times = take_turns(draws, options.rounds, clock=time.process_time)
     row: Row = {"px per voxel": shot.per_voxel, "mode": mode}
     for name, draw in draws.items():
@@ -173,7 +173,7 @@ def _projections(volume: Volume, shot: Shot, truth: Truth, options: Options) -> 
 
 
 def _triangles(volume: Volume, formula: Formula) -> Row:
-    """Flying edges: time of triangles, and how far their corners lie from the surface."""
+    """Flying edges: time, and distance of corners from the surface."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkFiltersCore import vtkFlyingEdges3D
 
@@ -195,7 +195,7 @@ def _extracted(edges: Any) -> None:
 
 
 def _distances(corner: Doubles, formula: Formula) -> Doubles:
-    """About how far places (N, 3) lie from the surface, voxels: one step of Newton."""
+    """Approximate distance of positions (N, 3) from the surface, voxels: one Newton step."""
     ways = 1e-3 * np.eye(3)
     slope = [(formula(*(corner + d).T) - formula(*(corner - d).T)) / 2e-3 for d in ways]
     steep = np.linalg.norm(slope, axis=0)

@@ -1,16 +1,15 @@
-"""What is made up behind silhouettes, over a film: `python -m benchmarks.fillings`.
+"""Quality of disocclusion filling over a film: `python -m benchmarks.fillings`.
 
-A camera sways by 12 frames from where the picture was taken, as `animate` moves it, past scenes of
-exact depth. Only pixels count that are typed as disoccluded and are empty; RMS against what is
-truly there, in levels of 255:
+A camera sways over 12 frames around the source's viewpoint, as in `animate`, past scenes with exact
+depth. Only empty pixels of disocclusions count; RMS against the true picture, in levels of 255:
 
 * *error* of a frame;
-* *at a pixel*, how the error changes from frame to frame where both frames are filled. What is made
-  up moves with the scene, so this is not 0 even if nothing flickers: *nothing*, black, has some;
-* *along the scene*, how the error changes at a point of what is truly there: flicker proper.
+* *at a pixel*, change of the error between frames at pixels filled in both. Fillings move with the
+  scene, so this is not 0 even without flicker: *nothing*, black, has some;
+* *along the scene*, change of the error at a point of the true scene: actual flicker.
 
-`layer covers` is the share of these pixels that the layer reaches; the picture's filling does the
-others. Values are compared as encoded for the shared scene, in linear light for our own.
+`layer covers` is the fraction of these pixels that the layer reaches; the filling of the picture
+covers the others. Values are compared as encoded for the shared scene, in linear light for our own.
 """
 
 import argparse
@@ -50,12 +49,12 @@ class Frame(NamedTuple):
 
     @property
     def mask(self) -> Any:
-        """Pixels (H, W) that count."""
+        """Pixels (H, W) that are measured."""
         return (self.seen.holes == Hole.DISOCCLUDED) & (self.seen.coverage < EMPTY)
 
 
 def traced(scene: str, size: int) -> tuple[Camera, Trace]:
-    """Where a scene's picture is taken, and what cameras see of it."""
+    """Camera of a scene's source, and a function that ray traces it."""
     if scene == "generated":
         room = generated(size)
         return room.source, lambda camera: room.render(camera, (size, size))
@@ -91,7 +90,7 @@ def _seen(
 
 
 def measured(frames: Sequence[Frame], pictures: Sequence[Any]) -> Row:
-    """RMS of the errors and of their changes, in levels."""
+    """RMS of errors and of their changes, in levels."""
     errors = [picture - frame.truth for frame, picture in zip(frames, pictures, strict=True)]
     masks = [frame.mask for frame in frames]
     there: dict[str, list[Any]] = {"error": [], "at a pixel": [], "along the scene": []}
@@ -116,7 +115,7 @@ def _rms(values: Sequence[Any]) -> float:
 
 
 def rows(scene: str, size: int) -> Iterator[Row]:
-    """Measures of each way to fill."""
+    """Measure each way of filling."""
     frames = film(scene, size)
     layered = [
         each.seen if each.layer is None else behind(each.seen, each.layer) for each in frames

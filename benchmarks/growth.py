@@ -1,4 +1,4 @@
-"""How time and memory grow with samples, pixels and threads."""
+"""Growth of time and memory with samples, pixels and threads."""
 
 import os
 import time
@@ -29,11 +29,11 @@ from resample_warp3d.types import DepthImage
 
 SIDES = (47, 100, 215, 464)  # voxels: 1.0e5, 1.0e6, 9.9e6 and 1.0e8 in all
 PIXELS = (256, 512, 1024, 2048, 4096)
-OPAQUE_SHARE = 0.05  # of the voxels are not transparent
+OPAQUE_SHARE = 0.05  # fraction of the voxels that is visible
 WAVES = 3  # periods of the surface along a volume's side
 PICTURE = 400  # px
 MOST_MEMORY = 24 * 1024  # MiB
-NOISE = 0.05  # that timing adds to an exponent of 1 and that counts as none
+NOISE = 0.05  # tolerance on an exponent of 1 for timing noise
 TEXELS = 1024  # per side of the texture
 SAND = (0.9, 0.8, 0.6)
 LOOK = Appearance(
@@ -44,7 +44,7 @@ DEPTHS = 512  # px per side of the depth image
 
 
 def gyroid(side: int) -> Volume:
-    """Volume of 8 bits with a thin curved sheet in it, 5 % of its voxels; the rest is 0."""
+    """8-bit volume with a thin curved sheet of 5 % of its voxels; the rest is 0."""
     wave = np.sin(np.linspace(0, 2 * np.pi * WAVES, side, endpoint=False), dtype=np.float32)
     turned = np.cos(np.linspace(0, 2 * np.pi * WAVES, side, endpoint=False), dtype=np.float32)
     plane = wave[:, None] * turned
@@ -57,7 +57,7 @@ def gyroid(side: int) -> Volume:
 
 
 def _limit() -> float:
-    """Level up to which 5 % of space lies."""
+    """Level below which 5 % of space lies."""
     phase = np.linspace(0, 2 * np.pi, 64, endpoint=False)
     sine, cosine = np.sin(phase), np.cos(phase)
     level = (
@@ -76,11 +76,11 @@ def sections(options: Options) -> Iterator[Section]:
 
 
 def in_child(side: int, rounds: int) -> dict[str, float]:
-    """Seconds and memory of a volume from its array to its picture, in this process."""
+    """Seconds and memory of a volume from array to picture, in this process."""
     volume = gyroid(side)
     before = peak_memory()
     look = LOOK
-    Subject.of(gyroid(16), look)  # so that kernels are loaded
+    Subject.of(gyroid(16), look)  # loads kernels
     start = time.perf_counter()
     subject = Subject.of(volume, look)
     visible = subject.voxels
@@ -112,7 +112,7 @@ def _painter() -> Any:
 
 def _samples(options: Options) -> Section:
     sides = SIDES[:2] if options.quick else SIDES
-    child("benchmarks.growth", side=24, rounds=1)  # so that everything is compiled
+    child("benchmarks.growth", side=24, rounds=1)  # compiles kernels
     found = [
         child("benchmarks.growth", side=side, rounds=max(2, options.rounds // 2)) for side in sides
     ]
@@ -148,7 +148,7 @@ STAGES = {
 
 
 def _fitted(found: Sequence[Mapping[str, float]]) -> list[Row]:
-    """Rows of exponents of all sizes and of the last two, where nothing constant matters."""
+    """Exponents over all sizes and over the last two, where constant costs vanish."""
     rows: list[Row] = []
     for name, part in {"**exponent**": found, "**of the last two**": found[-2:]}.items():
         sizes = [each["samples"] for each in part]
@@ -166,7 +166,7 @@ def _linear(power: float) -> Row:
 
 
 def _painters(pixels: int, count: int | None = None) -> dict[str, Run]:
-    """A picture of pixels × pixels by each application, of sources that stay the same."""
+    """A picture of pixels × pixels by each application, from constant sources."""
     from resample.painting.choices import Primitive
     from resample.resampler import Resampler
 

@@ -1,12 +1,11 @@
-"""A quick look for gross regressions: `python -m benchmarks.guard`, under a minute with two cores.
+"""Quick test for gross regressions: `python -m benchmarks.guard`, under a minute on two cores.
 
-Four pictures are made by our kernels and by fixed code in pure NumPy that does the same work. How
-many times as fast our kernels are is compared with what `guard.json` has on record, and only half
-of that, or less, is an error: machines differ. Both run on one thread, and the least CPU time of
-each counts: the number of cores and what else they do matter least to that. Absolute times are
-never judged.
+Four pictures are made by our kernels and by fixed NumPy code that does the same work. The speedup
+is compared with the record in `guard.json`; only half of it, or less, is an error, since machines
+differ. Both run on one thread, and the smallest CPU time of each counts, which depends least on the
+number of cores and on other load. Absolute times are never judged.
 
-`--record` keeps what is measured, which is to be done on a quiet machine, with its reason.
+`--record` stores the measurement; run it on an idle machine, and give the reason.
 """
 
 import argparse
@@ -26,7 +25,7 @@ from benchmarks.tables import Row, table
 
 RECORD = Path(__file__).with_suffix(".json")
 ROUNDS = 15
-WORST = 0.5  # share of the recorded ratio below which it is a regression
+WORST = 0.5  # fraction of the recorded ratio below which it is a regression
 SIDE = 96  # px
 LATTICE = 40  # samples along each side
 RADIUS = 2.0  # voxels, of the kernel
@@ -34,21 +33,21 @@ SIGMA = 0.7  # voxels
 
 
 class Work(NamedTuple):
-    """A picture, made in two ways."""
+    """A picture made by our kernels and by NumPy."""
 
     ours: Run
     baseline: Run
 
 
 def lattice() -> Any:
-    """Places (N, 3) of a cube of samples around the origin."""
+    """Positions (N, 3) of a cube of samples around the origin."""
     axis = np.arange(LATTICE) - (LATTICE - 1) / 2
     z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
     return np.stack([x, y, z], axis=-1).reshape(-1, 3)
 
 
 def _volume(focal: float, primitive: str) -> tuple[Run, Any, Any]:
-    """Our picture of the cube, its camera's places in px with depths (N, 3), and opacities."""
+    """Our picture of the cube, its positions in px with depths (N, 3), and opacities."""
     from resample.cameras.models import Camera
     from resample.cameras.poses import orbit
     from resample.painting.choices import Primitive
@@ -72,23 +71,23 @@ def _volume(focal: float, primitive: str) -> tuple[Run, Any, Any]:
 
 
 def splats() -> Work:
-    """Splats of some 8 px across."""
+    """Splats of about 8 px diameter."""
     focal = 2.0 * 4 * LATTICE
     run, place, look = _volume(focal, "splats")
     return Work(run, lambda: painted_splats(place, look, focal))
 
 
 def points() -> Work:
-    """Points, two to four a pixel."""
+    """Points, two to four per pixel."""
     focal = 0.4 * 4 * LATTICE
     run, place, look = _volume(focal, "points")
     return Work(run, lambda: painted_points(place, look, focal, grid=4))
 
 
 def painted_splats(place: Any, look: Any, focal: float) -> Any:
-    """Gaussian splats summed within layers of depth, front to back; (H, W, 4) premultiplied.
+    """Gaussian splats summed within depth layers, front to back; (H, W, 4) premultiplied.
 
-    `place` (N, 3) is in px with the depth, `look` (N, 4) red, green, blue and extinction.
+    `place` (N, 3) is in px with depth, `look` (N, 4) red, green, blue and extinction.
     """
     reach = math.ceil(RADIUS * focal / place[:, 2].min())
     offset = np.arange(-reach, reach + 1)
@@ -111,7 +110,7 @@ def painted_splats(place: Any, look: Any, focal: float) -> Any:
 
 
 def painted_points(place: Any, look: Any, focal: float, grid: int) -> Any:
-    """Points of 3 × 3 taps on a grid of sub-pixels, summed within layers of depth.
+    """Points of 3 × 3 taps on a grid of sub-pixels, summed within depth layers.
 
     Parameters and result as of `painted_splats`; `grid` is sub-pixels along a pixel.
     """
@@ -133,14 +132,14 @@ def painted_points(place: Any, look: Any, focal: float, grid: int) -> Any:
 
 
 def _layers(depth: Any) -> list[Any]:
-    """Samples (K,) of every layer one voxel deep, front to back."""
+    """Samples (K,) of each layer, one voxel deep, front to back."""
     order = np.argsort(depth, kind="stable")
     layer = np.floor(depth[order]).astype(np.int64)
     return np.split(order, np.flatnonzero(np.diff(layer)) + 1)
 
 
 def _composite(picture: Any, clear: Any, pixel: Any, depth: Any, sample: Any, look: Any) -> None:
-    """Put a layer's fragments behind what is there."""
+    """Composite a layer's fragments behind the picture."""
     total = np.bincount(pixel, depth, minlength=clear.size)
     alpha = 1 - np.exp(-total)
     share = clear * np.divide(alpha, total, out=np.zeros_like(total), where=total > 0)
@@ -152,7 +151,7 @@ def _composite(picture: Any, clear: Any, pixel: Any, depth: Any, sample: Any, lo
 
 
 def texture() -> Work:
-    """A floor, against 4 × 4 bilinear readings per pixel."""
+    """A floor, against 4 × 4 bilinear lookups per pixel."""
     from resample_texture import warp
 
     size = 192
@@ -164,7 +163,7 @@ def texture() -> Work:
 
 
 def supersampled(texels: Any, matrix: Any, size: int, rays: int) -> Any:
-    """Mean of rays × rays bilinear readings in every pixel, (size, size)."""
+    """Mean of rays × rays bilinear lookups per pixel, (size, size)."""
     y, x = (np.mgrid[0 : size * rays, 0 : size * rays] + 0.5) / rays
     u, v, w = np.einsum("rc,cij->rij", np.linalg.inv(matrix), np.stack([x, y, np.ones_like(x)]))
     u, v = (np.clip(each / w - 0.5, 0, texels.shape[0] - 1.001) for each in (u, v))
@@ -177,7 +176,7 @@ def supersampled(texels: Any, matrix: Any, size: int, rays: int) -> Any:
 
 
 def warp3d() -> Work:
-    """A depth image moved aside, against summing the nearest of twice as many samples each way."""
+    """A depth image moved aside, against summing nearest samples at twice the resolution."""
     from resample.cameras.models import Camera
     from resample.engine.jit import threads
     from resample_warp3d.depth.equation import between, places, warp_places
@@ -209,7 +208,7 @@ def warp3d() -> Work:
 
 
 def doubled(image: Any) -> Any:
-    """Rows and columns with another between any two, halfway."""
+    """Upsample by inserting midpoints between rows and columns."""
     for axis in (0, 1):
         after = np.minimum(np.arange(image.shape[axis]) + 1, image.shape[axis] - 1)
         between = (image + np.take(image, after, axis)) / 2
@@ -220,7 +219,7 @@ def doubled(image: Any) -> Any:
 
 
 def nearest_summed(place: Any, nearness: Any, color: Any, size: int) -> Any:
-    """Samples spread over 2 × 2 pixels, those near a pixel's nearest one alone; (size, size, 3)."""
+    """Sum samples over 2 × 2 pixels, only those near the nearest per pixel; (size, size, 3)."""
     color = color.reshape(-1, 3)
     corner = np.floor(place - 0.5).astype(np.int64)
     part = place - 0.5 - corner
@@ -252,7 +251,7 @@ WORKS: dict[str, Callable[[], Work]] = {
 
 
 def measured(rounds: int) -> dict[str, tuple[Spread, Spread, float]]:
-    """CPU seconds of ours and of the baseline, and how many times as fast ours is at best."""
+    """CPU seconds of ours and the baseline, and the best speedup."""
     found = {}
     for name, prepare in WORKS.items():
         work = prepare()
@@ -264,7 +263,7 @@ def measured(rounds: int) -> dict[str, tuple[Spread, Spread, float]]:
 
 
 def regressions(faster: Mapping[str, float], recorded: Mapping[str, float]) -> list[str]:
-    """What is to be said about works whose ratio is less than half of the recorded one."""
+    """Messages about works whose speedup is less than half of the record."""
     said = []
     for name, now in faster.items():
         before = recorded.get(name)
@@ -276,7 +275,7 @@ def regressions(faster: Mapping[str, float], recorded: Mapping[str, float]) -> l
 
 
 def read_record(path: Path) -> dict[str, float]:
-    """Recorded ratios; none where there is no file."""
+    """Recorded ratios; empty if there is no file."""
     if not path.is_file():
         return {}
     return {
@@ -285,7 +284,7 @@ def read_record(path: Path) -> dict[str, float]:
 
 
 def main() -> int:
-    """Show ratios beside the recorded ones; 1 if one of them is a gross regression."""
+    """Print ratios beside the record; returns 1 for a gross regression."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.guard")
     parser.add_argument("--record", action="store_true", help="keep what is measured")
     is_recording = parser.parse_args().record

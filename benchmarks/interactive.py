@@ -1,4 +1,4 @@
-"""What a user of scenes waits for: pictures, previews, new looks, and work that is to stop."""
+"""Latency for users of scenes: pictures, previews, changed looks, and cancellation."""
 
 import threading
 import time
@@ -15,12 +15,12 @@ from benchmarks.tables import Row, Section
 from resample import Cancel, CancelledError, cancellable
 
 SIDE = 400  # px
-SHARES = (0.2, 0.4, 0.6)  # of a picture's time, after which it is cancelled
+SHARES = (0.2, 0.4, 0.6)  # fractions of a picture's time after which it is cancelled
 PREVIEW_GOAL, LOOK_GOAL, CANCEL_GOAL = 0.15, 0.30, 0.05  # share, share, seconds
 
 
 def sections(options: Options) -> Iterator[Section]:
-    """Scenes of all applications, then how soon work stops."""
+    """Scenes of all applications, then the latency of cancellation."""
     yield _scenes(options)
     yield _cancelled(options)
 
@@ -47,7 +47,7 @@ def _scenes(options: Options) -> Section:
 
 
 def _workloads(options: Options) -> dict[str, Callable[[], dict[str, Run]]]:
-    """Scenes by name, opened when it is their turn."""
+    """Scenes by name, opened on demand."""
     side = 100 if options.quick else SIDE
     engine = options.volumes / "engine.nhdr"
     volume = str(engine) if engine.is_file() else "vessel-tree:size=96"
@@ -134,7 +134,7 @@ def _cancelled(options: Options) -> Section:
 
 
 def _wait(draw: Run, seconds: float) -> float:
-    """Seconds from a cancel, so long after the work began, until it stopped."""
+    """Seconds until cancelled work ends; it is cancelled after some seconds."""
     cancel, asked = Cancel(), list[float]()
 
     def stop() -> None:

@@ -1,4 +1,4 @@
-"""Measuring: contenders take turns, ratios are taken round by round, memory in fresh processes."""
+"""Measurements: contenders in turns, ratios per round, memory in fresh processes."""
 
 import datetime
 import json
@@ -16,9 +16,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 ROOT = Path(__file__).parents[1]
-PAUSE = 0.01  # s between turns: threads that the last contender left spinning go to sleep
-LEAST = 2  # rounds that also the slowest contender takes part in
-PATIENCE = 10.0  # s; whoever has taken longer than that in all drops out
+PAUSE = 0.01  # s between turns, so that spinning threads of the last contender go to sleep
+LEAST = 2  # rounds in which even the slowest contender takes part
+PATIENCE = 10.0  # s; a contender whose total exceeds it drops out
 MEBI = 1 << 20
 PEERS = ("vtk", "opencv-contrib-python-headless", "OpenImageIO")
 
@@ -26,21 +26,21 @@ Run = Callable[[], object]
 
 
 class Spread(NamedTuple):
-    """Median and quartiles of what was measured."""
+    """Median and quartiles of measurements."""
 
     median: float
-    low: float  # a quarter of the values lie below
-    high: float  # a quarter lie above
-    size: int  # how many values
+    low: float  # lower quartile
+    high: float  # upper quartile
+    size: int  # number of values
 
     @classmethod
     def of(cls, values: Sequence[float]) -> "Spread":
-        """Spread of at least one value."""
+        """Spread of one or more values."""
         low, median, high = np.percentile(values, [25, 50, 75])
         return cls(float(median), float(low), float(high), len(values))
 
     def times(self, factor: float) -> "Spread":
-        """The same in another unit."""
+        """Convert to another unit."""
         return Spread(self.median * factor, self.low * factor, self.high * factor, self.size)
 
 
@@ -53,12 +53,12 @@ def take_turns(
     clock: Callable[[], float] = time.perf_counter,
     pause: float = PAUSE,
 ) -> dict[str, list[float]]:
-    """Seconds of each contender in each round, after a run of each that is not counted.
+    """Seconds of each contender in each round, after an uncounted run of each.
 
-    Every round begins with another contender, so that none is always behind the same one. A
-    contender that has spent its patience drops out, at the earliest after `LEAST` rounds; so item n
-    is round n of all. Those that are `ready` have nothing to warm up: if their first run is longer
-    than their patience, it is the one that counts.
+    Every round begins with another contender, so that none always follows the same one. A
+    contender whose total exceeds its patience drops out, but not before `LEAST` rounds; so item n
+    is round n for all. Contenders that are `ready` need no warm-up: if their first run exceeds
+    their patience, it is the one that counts.
     """
     names, times = list(runs), {name: list[float]() for name in runs}
     for name, run in runs.items():
@@ -80,21 +80,21 @@ def take_turns(
 
 
 def ratio(times: Sequence[float], reference: Sequence[float]) -> Spread:
-    """How many times as long as the reference a contender took in the rounds both were in."""
+    """Ratio of times of a contender and the reference, over rounds in which both ran."""
     return Spread.of([a / b for a, b in zip(times, reference, strict=False)])
 
 
 def exponent(sizes: Sequence[float], values: Sequence[float]) -> float:
-    """Power p that fits value = factor × sizeᵖ best, by least squares of logarithms."""
+    """Exponent p of the best fit value = factor × sizeᵖ, by least squares of logarithms."""
     return float(np.polyfit(np.log(sizes), np.log(values), 1)[0])
 
 
 def peak_memory() -> float:
-    """Most memory that this process has had in RAM, MiB.
+    """Peak resident memory of this process, MiB.
 
-    Linux counts what a parent had before it started this process into `ru_maxrss` (measured: 788
-    MiB for an idle child of a parent with 780), so its own count since then is taken if there is
-    one.
+    On Linux, `ru_maxrss` includes the parent's peak before it started this process (measured: 788
+    MiB for an idle child of a parent with 780), so the kernel's count for this process is used if
+    available.
     """
     status = Path("/proc/self/status")
     if status.is_file():
@@ -106,12 +106,12 @@ def peak_memory() -> float:
 
 
 def child(module: str, **choices: object) -> dict[str, Any]:
-    """What the function `in_child` of a module answers in a process of its own.
+    """Result of a module's function `in_child` in a process of its own.
 
     Raises
     ------
     RuntimeError
-        It fails; says what it wrote last.
+        It failed; the message is its last line.
     """
     command = [sys.executable, "-m", "benchmarks.child", module, json.dumps(choices)]
     ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
@@ -123,12 +123,12 @@ def child(module: str, **choices: object) -> dict[str, Any]:
 
 
 def wall_seconds(command: Sequence[str], environment: Mapping[str, str] | None = None) -> float:
-    """Seconds a command takes from start to end.
+    """Wall time of a command in seconds.
 
     Raises
     ------
     RuntimeError
-        It fails; says what it wrote last.
+        It failed; the message is its last line.
     """
     start = time.perf_counter()
     ended = subprocess.run(
@@ -146,7 +146,7 @@ def wall_seconds(command: Sequence[str], environment: Mapping[str, str] | None =
 
 
 def machine() -> dict[str, str]:
-    """What a reader must know about where and when this was measured."""
+    """Description of the machine and the time of the measurement."""
     versions = {name: _version(name) for name in ("numpy", "numba", *PEERS)}
     load = ", ".join(f"{value:.2f}" for value in os.getloadavg())
     return {
@@ -187,7 +187,7 @@ def _version(name: str) -> str:
 
 
 def _commit() -> str:
-    """Commit that is checked out, and whether files differ from it."""
+    """Commit that is checked out, and whether there are changes."""
     answers = []
     for command in (["rev-parse", "--short", "HEAD"], ["status", "--porcelain", "-uno"]):
         try:

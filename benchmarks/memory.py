@@ -1,11 +1,11 @@
-"""What commands say they need of memory, beside what they held at their height.
+"""Predicted memory of commands, beside their measured peak.
 
     python -m benchmarks.memory            # sizes and modes of all applications
     python -m benchmarks.memory --only warp
 
-Each command runs alone in a fresh process, with kernels that are compiled already (it runs twice if
-they are not). What it says is the last of what `RESAMPLE_LOG=debug` tells before it works; what it
-held is the kernel's own mark (VmHWM).
+Each command runs alone in a fresh process with compiled kernels (twice if they were not). The
+prediction is the last one that `RESAMPLE_LOG=debug` prints before the work; the peak is that of the
+operating system (VmHWM).
 """
 
 import argparse
@@ -24,7 +24,7 @@ from resample.memory import amount, bytes_of
 
 WITHIN = 1.3  # times
 NEEDED = re.compile(r" needs about ([\d.]+ [KMG]iB) of memory:")
-HELD = re.compile(r"at most ([\d.]+ [KMG]iB) of memory were held")
+HELD = re.compile(r"peak memory: ([\d.]+ [KMG]iB)")
 COMPILING = "compiling kernels"
 TURNED = ("--matrix", "0.7,0.2,10,-0.2,0.7,200")
 EYE = ("--depth-scale", "1000", "--fov", "60")
@@ -33,7 +33,7 @@ TEXTURE, WARP3D, VOLUME = "resample_texture", "resample_warp3d", "resample_volum
 
 
 def small() -> Iterator[tuple[str, ...]]:
-    """Commands of one size: one or two of each application's."""
+    """Commands of one size: one or two of each application."""
     yield TEXTURE, "warp", "500.png", *TURNED, "--size", "500", "-o", "o.png"
     yield TEXTURE, "warp", "1500.png", *TURNED, "--size", "1500", "-o", "o.png"
     yield TEXTURE, "resize", "1500.png", "--size", "1000x1000", "-o", "o.png"
@@ -88,12 +88,12 @@ def volumes() -> Iterator[tuple[str, ...]]:
 
 
 def said_and_held(words: Sequence[str]) -> tuple[int, int]:
-    """Bytes that a command said it needs, and those that it held at its height.
+    """Predicted memory of a command in bytes, and its peak.
 
     Raises
     ------
     RuntimeError
-        It failed, or told nothing.
+        It failed, or printed nothing.
     """
     for _ in range(3):
         done = subprocess.run(
@@ -112,7 +112,7 @@ def said_and_held(words: Sequence[str]) -> tuple[int, int]:
 
 
 def inputs() -> None:
-    """Write what the commands read, into this folder."""
+    """Write the commands' inputs to this folder."""
     rng = np.random.default_rng(1)
     for size in (500, 1500, 4000):
         rough = Image.fromarray(rng.integers(0, 255, (size // 4, size // 4, 3), np.uint8))
@@ -134,7 +134,7 @@ def inputs() -> None:
 
 
 def table(commands: Iterator[tuple[str, ...]], only: str) -> int:
-    """Say a line per command; how many are not within the factor."""
+    """Print a line per command; returns how many are not within the factor."""
     beyond = 0
     for words in commands:
         if only not in " ".join(words):
@@ -150,7 +150,7 @@ def table(commands: Iterator[tuple[str, ...]], only: str) -> int:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Compare; 1 if a command said too much or too little."""
+    """Run all; returns 1 if a prediction is too high or too low."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.memory", description=__doc__)
     parser.add_argument("--only", default="", help="commands with this in their words")
     parser.add_argument("--small", action="store_true", help="one or two of each application")

@@ -1,4 +1,4 @@
-"""What leaving a volume's default costs: CPU time of every mode beside the default's."""
+"""Cost of volume options: CPU time of every mode relative to the default."""
 
 import time
 from collections.abc import Iterator, Mapping
@@ -21,10 +21,10 @@ SPLAT_COLOR = (0.8, 0.02, 0.02)
 
 @dataclass(frozen=True)
 class Mode:
-    """Choices that differ from the default, and how many times its CPU time they may take."""
+    """Options that differ from the default, and the allowed ratio of CPU times."""
 
     form: Resampler = field(default_factory=Resampler)
-    most: float | None = None  # asked for where all samples are splats
+    most: float | None = None  # target where all samples are splats
 
 
 MODES: Mapping[str, Mode] = {

@@ -1,8 +1,8 @@
 """Volumes larger than memory: `python -m benchmarks.scale`, or `make demo-scale`.
 
-A sparse volume is generated as OME-Zarr, box by box, and rendered within a budget of memory: by a
-fresh process, and by several that share the windows of the picture. Of a small one, also from
-memory. All must have the same bits.
+A sparse volume is generated as OME-Zarr, box by box, and rendered within a memory budget: by a
+fresh process, and by several that share the windows of the picture. A small one is rendered in
+memory too. All results must have the same bits.
 """
 
 import argparse
@@ -29,14 +29,14 @@ if TYPE_CHECKING:
     from resample_volume.types import Volume
 
 LOOK, CAMERA = "60/#804020/0,120/#e0a060/0.5,240/white/0.9", Orbit(30.0, 20.0)
-DENSE = "0/#203040/0.001,120/#e0a060/0.5,240/white/0.9"  # shows what is empty, too
+DENSE = "0/#203040/0.001,120/#e0a060/0.5,240/white/0.9"  # makes empty space visible too
 SIDE = 800  # px of the picture
-COMPARED = 256  # voxels of the volume that is rendered in memory, too
+COMPARED = 256  # voxels of the volume that is also rendered in memory
 MIB = 1 << 20
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Generate, render and compare; 1 if pictures differ or a budget was not kept."""
+    """Generate, render and compare; returns 1 if pictures differ or a budget was exceeded."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.scale", description=__doc__)
     parser.add_argument("--size", type=int, action="append", help="voxels along a side; 256, 1024")
     parser.add_argument("--memory", default="2GiB", help="that each picture may take")
@@ -60,7 +60,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 class Job(NamedTuple):
-    """A picture that is asked for."""
+    """A picture to render."""
 
     path: Path
     memory: int  # bytes, of all processes together
@@ -70,7 +70,7 @@ class Job(NamedTuple):
 
 
 def demonstrated(size: int, job: Job) -> bool:
-    """Whether pictures of a volume are the same, and kept the budget; told line by line."""
+    """Whether all pictures of a volume are equal and within budget; prints the results."""
     start = time.perf_counter()
     generated(job.path, size)
     stored = sum(file.stat().st_size for file in job.path.rglob("*") if file.is_file())
@@ -78,7 +78,7 @@ def demonstrated(size: int, job: Job) -> bool:
         f"{size}^3: generated in {time.perf_counter() - start:.0f} s, {size**3 / GIB:.2f} GiB "
         f"of voxels in {stored / MIB:.0f} MiB of files"
     )
-    time.sleep(RECENT)  # of what was just written nothing is kept
+    time.sleep(RECENT)  # nothing just written may count as recent
     names = {"streamed": "one process", "workers": f"{job.workers} processes"}
     hows = [how for how in names if how == "streamed" or job.workers]
     hashes, is_good = set(), True
@@ -102,7 +102,7 @@ def generated(path: Path, size: int) -> None:
 
 
 def measured(job: Job) -> dict[str, Any]:
-    """What a fresh process tells of a picture, see `rendered`."""
+    """Facts of a picture from a fresh process, see `rendered`."""
     words = [str(job.path), str(job.memory), job.how, job.look, "--workers", str(job.workers)]
     words = [sys.executable, "-m", "benchmarks.scale", "--child", *words]
     ended = subprocess.run(words, check=True, capture_output=True, text=True)
@@ -111,14 +111,14 @@ def measured(job: Job) -> dict[str, Any]:
 
 
 def rendered(job: Job) -> dict[str, Any]:
-    """Facts of a picture: memory in bytes, bricks and their reads, seconds and a hash."""
+    """Facts of a picture: memory in bytes, bricks read, seconds and a hash."""
     from resample_volume.command.choices import Source
     from resample_volume.command.inputs import prepared
     from resample_volume.files.source import generate
     from resample_volume.rendering import render
     from resample_volume.voxels.bricks import Bricks
 
-    render(generate("checker-box:size=16"), LOOK, size=(32, 32))  # kernels are compiled or loaded
+    render(generate("checker-box:size=16"), LOOK, size=(32, 32))  # compiles or loads kernels
     base, start, busy = _peak(), time.perf_counter(), _busy()
     source = Source(memory=f"{job.memory / 1000:.3f}kB")
     volume = prepared(source, str(job.path), streamed=job.how != "memory")
@@ -144,7 +144,7 @@ def rendered(job: Job) -> dict[str, Any]:
 
 
 def _alone(volume: "Volume", job: Job) -> "tuple[Frame, int]":
-    """Picture by this process, of all visible voxels together where they fit."""
+    """Picture by this process, from all visible voxels at once if they fit."""
     from resample.resampler import Resampler
     from resample_volume.media.appearance import Appearance, Classification
     from resample_volume.rendering import Subject
@@ -162,7 +162,7 @@ def _alone(volume: "Volume", job: Job) -> "tuple[Frame, int]":
 
 
 def _shared(volume: "Volume", job: Job) -> "tuple[Frame, int]":
-    """Picture by several processes, of which each has its share of the memory."""
+    """Picture by several processes, each with its part of the memory."""
     from resample.command.settings import Sharing
     from resample.command.workers import at_work
     from resample_volume.media.appearance import Appearance
@@ -179,13 +179,13 @@ def _shared(volume: "Volume", job: Job) -> "tuple[Frame, int]":
 
 
 def _busy() -> float:
-    """Seconds of CPU of this process and of those that it has started and that have ended."""
+    """CPU seconds of this process and of its finished children."""
     used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     return sum(each.ru_utime + each.ru_stime for each in used)
 
 
 def _peak() -> int:
-    """Bytes that this process has held at most."""
+    """Peak memory of this process in bytes."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 

@@ -1,4 +1,4 @@
-"""Small generated sources that need no file."""
+"""Small synthetic inputs that need no file."""
 
 from typing import Any
 
@@ -12,7 +12,7 @@ def squares(side: int) -> Any:
 
 
 def floor_matrix(texels: int, pixels: int) -> Any:
-    """Homography of a floor that fills the frame: its far edge whole, an eighth of its near one."""
+    """Homography of a floor that fills the frame: all of its far edge, 1/8 of its near one."""
     source = np.array([(0, 0), (1, 0), (0.5625, 1), (0.4375, 1)]) * texels
     target = np.array([(0, 0), (1, 0), (1, 1), (0, 1)]) * pixels
     rows: list[list[float]] = []
@@ -23,7 +23,7 @@ def floor_matrix(texels: int, pixels: int) -> Any:
 
 
 def waves(side: int) -> tuple[Any, Any]:
-    """A wavy disc before a slanted wall: color (side, side, 3) and depth (side, side)."""
+    """A wavy disc in front of a slanted wall: color (side, side, 3) and depth (side, side)."""
     y, x = np.mgrid[0:side, 0:side] / side
     disc = (x - 0.5) ** 2 + (y - 0.5) ** 2 < 0.06
     depth = np.where(disc, 3 + 0.2 * np.sin(20 * x), 6 + x)

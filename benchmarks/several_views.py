@@ -1,16 +1,16 @@
-"""Several views of one scene in one picture: `python -m benchmarks.several_views`.
+"""Several views of a scene merged into one picture: `python -m benchmarks.several_views`.
 
-Two to four cameras look at a scene of exact depth; their pictures are joined in a view between
-them and compared with what that view shows, where any of them sees it whole, holes counting as
-black. Then their brightness differs by 6 % (gains of 0.97 to 1.03), or their depths by 1 % (0.995
-to 1.005), evenly over the cameras; `outliers` are 1 % of each camera's samples, which fly at 0.7 of
-their depth; `one wrong` is a single camera whose numbers are off by all of
-that, where the others are right. Nothing is matched to the truth afterwards.
+Two to four cameras view a scene with exact depth; their pictures are merged in a view between them
+and compared with the true view where any camera sees it unoccluded, holes counting as black. Then
+their brightness differs by 6 % (gains of 0.97 to 1.03), or their depths by 1 % (0.995 to 1.005),
+evenly over the cameras; `outliers` displaces 1 % of each camera's samples to 0.7 of their depth;
+`one wrong` applies the whole deviation to one camera only. Nothing is matched to the truth
+afterwards.
 
-`--scene kit` is that of `shared/bench/warp_scene.py`, compared as it is encoded; `generated` our
-own, joined in linear light and compared as a screen shows it. Real frames are those of a Kinect,
-joined in the view of a frame between them; *seams* is the RMS of how errors change across a border
-of any view, in levels of 255, and beside it that of all other pixels.
+`--scene kit` is that of `shared/bench/warp_scene.py`, compared as encoded; `generated` is our own,
+merged in linear light and compared as displayed. Real frames are a Kinect's, merged in the view of
+a frame between them; *seams* is the RMS of changes of the error across borders of views, in levels
+of 255, followed by that of all other pixels.
 """
 
 import argparse
@@ -44,7 +44,7 @@ EYES = {
 }
 BETWEEN = Stand((0.2, -0.14, 0.3), 0.02, 0.01)
 BRIGHTNESS, DEPTH = 0.03, 0.005
-OUTLIERS, NEARER = 0.01, 0.7  # share of the samples that fly, at a share of their depth
+OUTLIERS, NEARER = 0.01, 0.7  # fraction of outliers, and their relative depth
 FRAMES = {"frames 0, 4 in 2": (0, 4), "frames 0, 1, 3, 4 in 2": (0, 1, 3, 4)}
 WAYS = {"plain": PLAIN, "joined": Joining()}
 
@@ -61,17 +61,17 @@ class Seen(NamedTuple):
 
 
 class Rig(NamedTuple):
-    """What is seen by some cameras, and by one between them."""
+    """Views of several cameras, and the true view between them."""
 
     views: list[Seen]
     target: Seen
-    mask: Any  # (H, W) that count
+    mask: Any  # (H, W) pixels to measure
     edge: Any  # (H, W) near a step in depth
     is_light: bool
 
 
 def rig_of_kit(count: int, size: int, reach: float) -> Rig:
-    """The shared scene from some cameras."""
+    """Views of the shared scene."""
     kit = bench()
     scene, matrix = kit.Scene(), kit.K_for(size, size)
 
@@ -90,7 +90,7 @@ def rig_of_kit(count: int, size: int, reach: float) -> Rig:
 
 
 def rig_of_generated(count: int, size: int, reach: float) -> Rig:
-    """Our own scene from some cameras."""
+    """Views of our own scene."""
     scene = generated(size)
     shape = size, size
 
@@ -121,7 +121,7 @@ def _rig(cameras: Sequence[Camera], trace: Trace, sight: Any, *, is_light: bool)
 
 
 def cases(count: int, shape: tuple[int, int]) -> dict[str, tuple[Any, Any]]:
-    """Gains of the colors and factors of the depths by name."""
+    """Gains of colors and factors of depths by name."""
     even, alone = np.linspace(-1.0, 1.0, count), np.eye(count)[-1]
     one, rng = np.ones(count), np.random.default_rng(7)
     flying = [np.where(rng.random(shape) < OUTLIERS, NEARER, 1.0) for _ in range(count)]
@@ -136,7 +136,7 @@ def cases(count: int, shape: tuple[int, int]) -> dict[str, tuple[Any, Any]]:
 
 
 def standing(views: Sequence[Seen], gains: Any, factors: Any) -> list[Standing]:
-    """Views made wrong on purpose, and prepared."""
+    """Views with applied errors, prepared."""
     made = []
     for view, gain, factor in zip(views, gains, factors, strict=True):
         color = np.asarray(view.color * gain, np.float32)
@@ -154,7 +154,7 @@ def joined(given: Sequence[Standing], target: Camera, shape: Any, way: Joining) 
 
 
 def traced(rig: Rig, ways: dict[str, Joining], title: str) -> Iterator[Row]:
-    """PSNR (dB) of each case, and without what lies near edges."""
+    """PSNR (dB) of each case, with and without pixels near edges."""
     encode = _encoded if rig.is_light else np.asarray
     truth = encode(rig.target.color)
     for name, (gains, factors) in cases(len(rig.views), rig.mask.shape).items():
@@ -170,7 +170,7 @@ def traced(rig: Rig, ways: dict[str, Joining], title: str) -> Iterator[Row]:
 
 
 def kinect(ways: dict[str, Joining]) -> Iterator[Row]:
-    """PSNR (dB), seams and the rest (levels) of real frames, as they are and 6 % apart."""
+    """PSNR (dB), seams and other pixels (levels) of real frames, unchanged and with 6 % errors."""
     poses = read_poses(KINECT / "trajectory.log")
     views = [
         Seen(
@@ -201,7 +201,7 @@ def kinect(ways: dict[str, Joining]) -> Iterator[Row]:
 
 
 def borders(given: Sequence[Standing], target: Camera, shape: Any) -> Any:
-    """Pixels (H, W) beside where any view begins or ends."""
+    """Pixels (H, W) at borders of any view."""
     found = np.zeros(shape, np.bool_)
     for each in given:
         _, coverage = joined([each], target, shape, PLAIN)
@@ -211,7 +211,7 @@ def borders(given: Sequence[Standing], target: Camera, shape: Any) -> Any:
 
 
 def seams(error: Any, mask: Any, border: Any) -> str:
-    """PSNR (dB), and how much errors change across borders and elsewhere (levels)."""
+    """PSNR (dB), and changes of the error across borders and elsewhere (levels)."""
     inside = ~widened(~mask, 2)
     change = np.stack([np.diff(error, axis=n, prepend=0) for n in (0, 1)])
     size = np.square(255.0 * change.mean(axis=3)).sum(axis=0)

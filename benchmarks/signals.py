@@ -1,12 +1,12 @@
-"""Commands that are told to stop, or are killed, at random moments: what they leave and say.
+"""Commands interrupted or killed at random times: check their files, output and status.
 
     python -m benchmarks.signals --count 300 --seed 1
 
-Every command runs once to its end; then again and again, and gets SIGINT, SIGTERM or SIGKILL at a
-moment of its life, in one case of four with no compiled kernels. A target must be whole or not be
-there, or still be what it was. No traceback may be said, the status must be that of the signal, and
-after the next whole run no hidden file may be left. With `--beside` another command compiles into
-the same folder meanwhile, which must end well.
+Every command first runs to its end; then it is repeated and gets SIGINT, SIGTERM or SIGKILL at a
+random time, in one of four cases without compiled kernels. Its target must be complete, absent or
+unchanged. There must be no traceback, the status must be that of the signal, and after the next
+complete run no hidden file may remain. With `--beside` another command compiles into the same
+folder at the same time, which must succeed.
 """
 
 import argparse
@@ -29,7 +29,7 @@ from PIL import Image
 
 STATUS = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGKILL: -9}
 PATIENCE = 300  # seconds
-EARLIEST = 0.2  # seconds, in which Python itself begins
+EARLIEST = 0.2  # seconds in which Python itself starts
 VOLUME, TEXTURE, WARP3D = "resample_volume", "resample_texture", "resample_warp3d"
 CORNERS = "4,2 90,4 100,70 2,60"
 COMMANDS = {
@@ -53,25 +53,25 @@ COMMANDS = {
 }
 
 COMPILING = ("a.png", "b.png", "c.png", "d.gif", "f.png")  # targets of commands with many kernels
-LONGER = 8.0  # times, of a run that compiles them
+LONGER = 8.0  # factor on the time of a run that compiles them
 
 
 @dataclass(frozen=True)
 class Case:
-    """One run that is stopped."""
+    """One interrupted run."""
 
     target: str
     number: signal.Signals
-    share: float  # of the time that a whole run takes
-    is_compiling: bool  # whether it finds no kernels on disk
-    is_there: bool  # whether its target is
-    beside: str = ""  # target of a command that goes on, with the same kernels
+    share: float  # of the time of a complete run
+    is_compiling: bool  # whether kernels have to be compiled
+    is_there: bool  # whether the target exists
+    beside: str = ""  # target of an uninterrupted command with the same kernels
 
     def faults(self, seconds: float) -> Iterator[str]:
-        """Run it in this folder; what is wrong with how it ends."""
+        """Run it in this folder; yields what is wrong with the result."""
         target = Path(self.target)
         remove(target)
-        if self.is_there and target.suffix != ".zarr":  # stores are not replaced
+        if self.is_there and target.suffix != ".zarr":  # stores are not overwritten
             target.write_bytes(b"old")
         before, left = content(target), hidden()
         with tempfile.TemporaryDirectory() as folder:
@@ -82,21 +82,21 @@ class Case:
                 process.send_signal(self.number)
                 said = process.communicate(timeout=PATIENCE)[1]
         yield from faults
-        # Before Python has begun a signal ends it by itself, which shells tell alike.
+        # Before Python has started, the signal itself ends it, which shells report alike.
         if process.returncode not in (0, STATUS[self.number], -self.number):
             yield f"status {process.returncode}: {said[-300:]}"
         if "Traceback" in said or "Exception" in said:
             yield f"said {said[-900:]}"
         if not is_whole(target) and (process.returncode == 0 or content(target) != before):
             yield "its target is damaged"
-        left = hidden() - left - {f".{self.target}.frames"}  # films are gone on with
+        left = hidden() - left - {f".{self.target}.frames"}  # interrupted films are resumed
         if self.number != signal.SIGKILL and left:
             yield f"left {left}"
 
 
 @contextlib.contextmanager
 def going_on(target: str, kernels: str | None) -> Iterator[list[str]]:
-    """A command, if one is named, that nobody stops; what is wrong with how it ends is given."""
+    """Run an uninterrupted command, if named; yields a list for its errors."""
     faults: list[str] = []
     if not target:
         yield faults
@@ -110,7 +110,7 @@ def going_on(target: str, kernels: str | None) -> Iterator[list[str]]:
 
 
 def begun(target: str, kernels: str | None = None) -> subprocess.Popen[str]:
-    """A command at work in this folder."""
+    """Start a command in this folder."""
     return subprocess.Popen(
         [sys.executable, "-m", *COMMANDS[target], target],
         stdout=subprocess.DEVNULL,
@@ -121,7 +121,7 @@ def begun(target: str, kernels: str | None = None) -> subprocess.Popen[str]:
 
 
 def ended(target: str) -> float:
-    """Seconds that a run to the end took, whose target is kept for comparison."""
+    """Seconds of a complete run, whose target is kept for comparison."""
     remove(Path(target))
     start = time.perf_counter()
     process = begun(target)
@@ -137,32 +137,32 @@ def ended(target: str) -> float:
 
 
 def is_whole(target: Path) -> bool:
-    """Whether a target is that of a run to the end; reports tell other times every time."""
+    """Whether a target equals that of a complete run; times in reports are ignored."""
     if target.suffix == ".html":
         return target.is_file() and target.read_text("utf-8").rstrip().endswith("</html>")
     return content(target) == content(Path("whole") / target)
 
 
 def content(path: Path) -> dict[str, bytes]:
-    """What a file or folder holds, by name."""
+    """Contents of a file or folder, by name."""
     files = [path] if path.is_file() else path.rglob("*")
     return {str(file.relative_to(path)): file.read_bytes() for file in files if file.is_file()}
 
 
 def hidden() -> set[str]:
-    """Names of files that users do not see."""
+    """Names of hidden files."""
     return {path.name for path in Path().iterdir() if path.name.startswith(".")}
 
 
 def remove(path: Path) -> None:
-    """Remove a file or folder, if it is there."""
+    """Remove a file or folder if it exists."""
     if path.is_dir():
         shutil.rmtree(path)
     path.unlink(missing_ok=True)
 
 
 def inputs() -> None:
-    """Write what the commands read."""
+    """Write the commands' inputs."""
     rng = np.random.default_rng(1)
     levels = rng.integers(0, 255, (80, 120, 3), np.uint8)
     Path("whole").mkdir()
@@ -173,7 +173,7 @@ def inputs() -> None:
 
 
 def cases(count: int, seed: int, *, beside: bool) -> Iterator[Case]:
-    """Cases by turns of all commands and signals."""
+    """Random cases, cycling through all commands and signals."""
     rng = random.Random(seed)  # noqa: S311  no secrets
     for n in range(count):
         target = list(COMMANDS)[n % len(COMMANDS)]
@@ -183,12 +183,12 @@ def cases(count: int, seed: int, *, beside: bool) -> Iterator[Case]:
             yield Case(target, number, share, is_compiling, is_there)
         elif target in COMPILING:
             other = rng.choice([name for name in COMPILING if name != target])
-            # Without kernels a run takes many times as long.
+            # A run without kernels takes many times as long.
             yield Case(target, number, LONGER * share, True, is_there, other)
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Stop commands; 1 if one of them is at fault."""
+    """Interrupt commands; returns 1 if one misbehaves."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.signals", description=__doc__)
     parser.add_argument("--count", type=int, default=300, help="of runs that are stopped")
     parser.add_argument("--seed", type=int, default=1)
@@ -208,7 +208,7 @@ def main(arguments: Sequence[str]) -> int:
                     sys.stdout.write(f"{case}: {fault}\n")
                     sys.stdout.flush()
         for name in seconds:
-            ended(name)  # and leaves nothing of those that were killed
+            ended(name)  # removes leftovers of killed runs
     sys.stdout.write(", ".join(f"{count} {name}" for name, count in sorted(found.items())) + "\n")
     return int(found["faults"] > 0)
 

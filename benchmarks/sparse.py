@@ -1,4 +1,4 @@
-"""A volume of any size of which little is seen: bubbles, made box by box."""
+"""Sparse volume of any size: walls of bubbles, generated box by box."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,13 +10,13 @@ from resample.types import Doubles
 from resample_volume.voxels.bricks import Box, Bricks
 
 BUBBLES = 48
-WALL, SOFT = 4.0, 1.2  # voxels, half of what is not 0 across a wall, and its width
+WALL, SOFT = 4.0, 1.2  # voxels, half thickness of a wall, and width of its transition
 BRIGHTEST = 240.0
 
 
 @dataclass(frozen=True)
 class Bubbles:
-    """Thin walls of bubbles, as thick at any size: visible voxels grow as its square."""
+    """Walls of bubbles of constant thickness: visible voxels grow with the square of the size."""
 
     size: int  # voxels along each side
 
@@ -42,13 +42,13 @@ class Bubbles:
         return values.astype(np.uint8)
 
     def bricks(self, side: int = 64) -> Bricks:
-        """The volume, of which nothing is in memory."""
+        """The volume as bricks that are generated on demand."""
         sizes = (self.size, self.size, self.size)
         return Bricks(self, sizes, np.dtype(np.uint8), (side, side, side))
 
 
 def _is_near(away: list[Doubles], radius: float) -> bool:
-    """Whether a wall reaches a box, of distances from the center along each axis."""
+    """Whether a wall meets a box, from distances to the center along each axis."""
     nearest = [max(part[0], -part[-1], 0.0) for part in away]
     farthest = [max(abs(part[0]), abs(part[-1])) for part in away]
     least, most = (float(np.linalg.norm(ends)) for ends in (nearest, farthest))

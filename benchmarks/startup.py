@@ -1,4 +1,4 @@
-"""From nothing to the first picture: imports, kernels that are stored, and kernels that are not."""
+"""Time to the first picture: imports, with stored kernels and without."""
 
 import os
 import subprocess
@@ -13,7 +13,7 @@ from benchmarks.contest import Options
 from benchmarks.measure import Spread, wall_seconds
 from benchmarks.tables import Row, Section
 
-# Prints the seconds that the import took, without the interpreter's own start.
+# Prints the seconds of the import, without the interpreter's start.
 IMPORT = "import time; a = time.perf_counter(); import resample; print(time.perf_counter() - a)"
 PICTURE = """
 import numpy as np
@@ -28,7 +28,7 @@ IMPORT_GOAL, WARM_GOAL, COLD_GOAL = 0.15, 2.0, 20.0  # s
 
 
 def sections(options: Options) -> Iterator[Section]:
-    """Imports, then commands with stored kernels and without."""
+    """Imports, then commands with and without stored kernels."""
     with tempfile.TemporaryDirectory(prefix="benchmark-") as name:
         folder = Path(name)
         _write_inputs(folder)
@@ -72,7 +72,7 @@ def _write_inputs(folder: Path) -> None:
 
 
 def _commands(folder: Path, options: Options) -> dict[str, Sequence[str]]:
-    """What is timed, by what it is called in the table."""
+    """Commands to time, by their name in the table."""
     scripts = Path(sys.executable).parent
     volume, texture, depth = (
         str(scripts / f"resample-{name}") for name in ("volume", "texture", "warp3d")

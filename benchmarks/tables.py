@@ -1,4 +1,4 @@
-"""Results as Markdown and JSON."""
+"""Format results as Markdown and JSON."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -13,7 +13,7 @@ Row: TypeAlias = dict[str, Cell]
 
 @dataclass
 class Section:
-    """A table with what is to be said about it."""
+    """A table with its text and notes."""
 
     title: str
     text: str
@@ -22,7 +22,7 @@ class Section:
 
 
 def number(value: float) -> str:
-    """Three digits, without an exponent where there need not be one."""
+    """Three digits, without an exponent where possible."""
     if not math.isfinite(value):
         return "∞" if value > 0 else str(value)
     size = abs(value)
@@ -33,7 +33,7 @@ def number(value: float) -> str:
 
 
 def shown(cell: Cell) -> str:
-    """A cell as text: numbers with three digits, spreads as `median (quartile to quartile)`."""
+    """Format a cell: numbers with three digits, spreads as `median (quartile to quartile)`."""
     if cell is None:
         return ""
     if isinstance(cell, Spread):
@@ -46,7 +46,7 @@ def shown(cell: Cell) -> str:
 
 
 def columns(rows: Iterable[Row]) -> list[str]:
-    """Names of all columns that hold something, each where it comes first."""
+    """Names of all non-empty columns, in order of first occurrence."""
     return list(dict.fromkeys(name for row in rows for name, cell in row.items() if cell != ""))
 
 
@@ -80,7 +80,7 @@ def document(command: str, facts: Mapping[str, str], sections: Iterable[Section]
 
 
 def as_json(command: str, facts: Mapping[str, str], sections: Iterable[Section]) -> dict[str, Any]:
-    """The same for programs; a spread is an object with median, low, high and size."""
+    """All sections as JSON; a spread is an object with median, low, high and size."""
     return {
         "command": command,
         "machine": dict(facts),

@@ -1,4 +1,4 @@
-"""Texture: the floor workload, beside what people warp pictures with today."""
+"""Texture warps: the floor workload, beside other image warpers."""
 
 import atexit
 import shutil
@@ -18,7 +18,7 @@ from resample_texture import warp
 from tests.benchmarks import texture_table as floor
 
 OPENCV = "OpenCV 8 × 8 cubic"  # the reference
-TIMED = "brick"  # the picture whose warp is timed; quality is the mean of two
+TIMED = "brick"  # picture whose warp is timed; quality is the mean of two
 MAGICK_TIMEOUT = 120  # s
 
 RIVALS: dict[str, dict[str, Any]] = {
@@ -33,7 +33,7 @@ RIVALS: dict[str, dict[str, Any]] = {
     "OpenImageIO, lanczos3": {"method": "oiio"},
     "OpenImageIO, mitchell": {"method": "oiio:filter=mitchell"},
 }
-# Pairs of quality and time that the texture issue asked for; Gaussian ones against Gaussian truth.
+# Targets of quality and time; Gaussian ones against Gaussian truth.
 GOALS = {
     "hybrid, quality 1": Goal(share=0.2, decibels=56.8),
     "hybrid, quality 1.05": Goal(12, decibels=60),
@@ -103,7 +103,7 @@ def _require_floor() -> None:
 
 @cache
 def _magick_command() -> str:
-    """ImageMagick's command; other programs are called `convert` too."""
+    """Find ImageMagick's command; other programs are called `convert` too."""
     for name in ("magick", "convert"):
         path = shutil.which(name)
         if path is None:
@@ -140,7 +140,7 @@ def _magick_decibels(name: str) -> float:
 
 
 def _magick_overhead() -> float:
-    """Milliseconds of the command without a warp."""
+    """Milliseconds of the command without warping."""
     command = _magick_command()
     crop = ("-crop", "512x512+0+0", "+repage")
     times = take_turns({"command": lambda: _magick_run(command, TIMED, crop)}, 3)["command"]
@@ -148,7 +148,7 @@ def _magick_overhead() -> float:
 
 
 def _distortion() -> tuple[str, ...]:
-    """Options for the floor, by its frame's corners in the source."""
+    """Options for the floor, from its frame's corners in the source."""
     height, width = floor.SIZE
     corners = np.array([(0, 0, 1), (width, 0, 1), (width, height, 1), (0, height, 1.0)])
     placed = corners @ np.linalg.inv(floor.floor().H_floor()).T
@@ -172,7 +172,7 @@ def _magick_run(command: str, name: str, options: Sequence[str]) -> Any:
 
 @cache
 def _source(name: str) -> Path:
-    """The picture as a file of 16 bits that every ImageMagick reads."""
+    """Write the picture as a 16-bit file that every ImageMagick reads."""
     picture = floor.picture(name)
     path: Path = _folder() / f"{name}.pgm"
     head = f"P5\n{picture.shape[1]} {picture.shape[0]}\n65535\n".encode()
@@ -182,7 +182,7 @@ def _source(name: str) -> Path:
 
 @cache
 def _folder() -> Path:
-    """Folder that goes when the program ends."""
+    """Temporary folder, removed at exit."""
     kept = tempfile.TemporaryDirectory(prefix="benchmark-")
     atexit.register(kept.cleanup)
     return Path(kept.name)

@@ -1,7 +1,7 @@
 """A volume in PyVista's trame viewer: `python -m benchmarks.trame_page FILE MAPPER PORT SIDE`.
 
-The file (.npz) holds values, spacing, and 256 colors (sRGB) and opacities of the values' range.
-All else is PyVista's own choice; pictures are rendered by the server, as ours are.
+The file (.npz) holds values, spacing, and 256 colors (sRGB) and opacities over the values' range.
+Everything else is PyVista's default; pictures are rendered by the server, as ours are.
 """
 
 import sys

@@ -1,9 +1,9 @@
-"""Volumes as they look by default, beside VTK's ray caster, against rays of SciPy's spline.
+"""Default volume rendering and VTK's ray caster against ray casting of SciPy's spline.
 
-The truth is nothing of ours but the transfer function and the lamp: `scipy.ndimage` interpolates
-the values, and a loop in NumPy composites short steps on many rays through pixels that were drawn
-by lot from the rectangle around what is seen. So decibels are those of that rectangle, within what
-the lot leaves open (0.2 to 0.5 dB).
+The reference uses only our transfer function and lamp: `scipy.ndimage` interpolates the values, and
+a NumPy loop composites short steps on many rays through random pixels of the bounding rectangle of
+the volume's picture. So decibels are estimates for that rectangle, with an uncertainty of 0.2 to
+0.5 dB.
 """
 
 import time
@@ -37,19 +37,19 @@ from tests import ray_truth
 SUFFIXES = (".nhdr", ".nrrd", ".nii.gz", ".nii", ".mha", ".mhd", ".vti", ".dcm")
 ZOOMS = {"close": 4.0, "1:1": 1.0, "half": 0.5, "quarter": 0.25, "an eighth": 0.125}  # px per voxel
 RAYS = {"close": 3, "1:1": 4, "half": 5, "quarter": 7, "an eighth": 12}  # per side of a pixel
-SIDE, PIXELS = 400, 1200  # px; pixels that are drawn by lot
+SIDE, PIXELS = 400, 1200  # px; number of random pixels
 TURN = (30.0, 20.0)  # degrees
 STEP = 0.125  # voxels
-CHUNK = 1 << 17  # steps looked at together
-DARK = 1e-4  # of the light from behind, that counts as none
-AROUND, BEYOND = 5, 0.2  # voxels, and of their range: what a spline is between around a voxel
+CHUNK = 1 << 17  # steps computed together
+DARK = 1e-4  # transmittance that counts as opaque
+AROUND, BEYOND = 5, 0.2  # voxels, and fraction of their range: bounds of a spline around a voxel
 
 
 class Seen(NamedTuple):
-    """A volume before a camera."""
+    """A volume and a camera."""
 
-    volume: Volume  # around the scene's origin
-    field: LatticeField  # of which the truth takes look and lamp
+    volume: Volume  # centered at the scene's origin
+    field: LatticeField  # source of the look and lamp of the reference
     camera: AnyCamera
     draws: dict[str, Callable[[], Floats]]
 
@@ -93,7 +93,7 @@ def _row(volume: Volume, zoom: str, options: Options) -> Row:
 
 
 def _rectangle(seen: Seen) -> NDArray[np.int64]:
-    """Pixels of the rectangle around what is not black."""
+    """Pixels of the bounding rectangle of what is not black."""
     light = seen.draws["default"]()[..., :3].max(axis=-1) > 0
     rows, columns = np.flatnonzero(light.any(axis=1)), np.flatnonzero(light.any(axis=0))
     row, column = np.mgrid[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
@@ -101,7 +101,7 @@ def _rectangle(seen: Seen) -> NDArray[np.int64]:
 
 
 def _seen(volume: Volume, per_voxel: float) -> Seen:
-    """A volume so near that its voxels are so many px large in the middle."""
+    """Place a camera so that voxels have a size in px at the volume's center."""
     look = Appearance()
     subject = Subject.of(volume, look)
     camera = _camera(subject, volume, per_voxel)
@@ -118,7 +118,7 @@ def _seen(volume: Volume, per_voxel: float) -> Seen:
         transfer = transfer_of(volume, look)
         try:
             vtk = VtkRenderer(scene, transfer, height=SIDE, width=SIDE, look=peer)
-        except ValueError:  # what VTK does not show
+        except ValueError:  # not supported by VTK
             continue
         draws[f"VTK, {rays * rays} rays"] = partial(vtk.render, camera)
     field = subject.seen_by(camera)
@@ -127,7 +127,7 @@ def _seen(volume: Volume, per_voxel: float) -> Seen:
 
 
 def _camera(subject: Subject, volume: Volume, per_voxel: float) -> AnyCamera:
-    """Camera that sees a voxel in the middle so large."""
+    """Camera that shows the center voxel at a size in px."""
     view = subject.camera(Orbit(*TURN), SIDE, SIDE).view()
     usual = spacing_of(lattice_of(volume), subject.sphere.center, view)
     return subject.camera(Orbit(*TURN, per_voxel / usual), SIDE, SIDE)
@@ -159,7 +159,7 @@ def _truth(seen: Seen, place: NDArray[np.int64], count: int) -> Doubles:
 
 
 def _shown(values: NDArray[Any], look: Classifier) -> NDArray[np.bool_]:
-    """Voxels (Z, Y, X) around which something may be seen."""
+    """Voxels (Z, Y, X) with something visible around them."""
     least, most = minimum_filter(values, AROUND), maximum_filter(values, AROUND)
     low, high = least.astype(np.float64), most.astype(np.float64)
     margin = BEYOND * (high - low)
@@ -171,7 +171,7 @@ def _shown(values: NDArray[Any], look: Classifier) -> NDArray[np.bool_]:
 
 
 def _along(seen: Seen, coefficient: Doubles, shown: NDArray[np.bool_], pixels: Doubles) -> Doubles:
-    """Light (N, 3) on rays through points of the screen (N, 2), px."""
+    """Light (N, 3) along rays through screen points (N, 2), px."""
     view, lattice = seen.camera.view(), lattice_of(seen.volume)
     on_plane = np.column_stack([(pixels - view.principal) / view.focal, np.ones(len(pixels))])
     start = np.zeros_like(on_plane) if view.perspective else on_plane * [1, 1, 0]
@@ -213,7 +213,7 @@ def _composite(
     light: Doubles,
     kept: Doubles,
 ) -> None:
-    """Add what some rays meet on so many steps to their light, and take it from what they keep."""
+    """Composite steps of several rays into their light and transmittance."""
     alive, value, index, depth, inside = met
     look: Classifier = seen.field.classifier
     slope = np.zeros((*value.shape, 3))

@@ -1,4 +1,4 @@
-"""How quick the viewer is: pictures a second while something is dragged, and until it is whole."""
+"""Speed of the viewer: pictures per second while dragging, and time to the full picture."""
 
 import json
 import os
@@ -23,26 +23,26 @@ SIDE = 400  # px
 LOOK = "engine"
 STEPS = 40  # of a drag
 WAIT = 0.05  # seconds
-FURTHER = 4  # pages whose memory is measured
+FURTHER = 4  # additional pages to measure memory
 
 
 def measured(volume: str, side: int = SIDE, steps: int = STEPS) -> dict[str, Any]:
-    """Seconds of a page that turns a volume.
+    """Measure a page that rotates a volume.
 
     Parameters
     ----------
     volume
-        As the command takes it.
+        As for the command.
     side
-        Of the page's picture, px.
+        Side of the page's picture, px.
     steps
-        Previews of a drag.
+        Number of previews while dragging.
 
     Returns
     -------
-    Seconds until the first whole picture (kernels are loaded by then), pictures per second while
-    dragging, the median from a wish to its preview and to the whole picture after it, in ms; and
-    what further pages add to the memory in RAM, MiB each.
+    Seconds to the first full picture (kernels are then loaded), pictures per second while dragging,
+    median ms from a request to its preview and to the full picture after it; and resident memory of
+    further pages, MiB each.
     """
     start = time.perf_counter()
     with served(VolumeView(volume)) as (host, token):
@@ -78,13 +78,13 @@ def measured(volume: str, side: int = SIDE, steps: int = STEPS) -> dict[str, Any
 
 
 def memory_now() -> float:
-    """Memory of this process that is in RAM, MiB."""
+    """Resident memory of this process, MiB."""
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / MEBI
 
 
 def _drawn(link: ClientConnection, settings: dict[str, Any], side: int, *, moving: bool) -> float:
-    """Seconds from a wish until its picture is here."""
+    """Seconds from a request to its picture."""
     words = {"kind": "draw", "settings": settings, "width": side, "height": side, "number": 1}
     start = time.perf_counter()
     link.send(json.dumps(words | {"moving": moving}))
@@ -113,7 +113,7 @@ def sections(options: Options) -> Iterator[Section]:
 
 
 def beside(volume: str, options: Options) -> Iterator[Section]:
-    """Table of pages in a browser, where there is one."""
+    """Table of browser pages, if there is a browser."""
     section = Section(
         "Viewers in a browser",
         f"{Path(volume).name} with the look {LOOK}, dragged in Chromium without a window, by its "

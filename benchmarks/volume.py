@@ -1,4 +1,4 @@
-"""Volumes beside VTK's CPU ray caster: the paper's five, in the views of its Figure 9."""
+"""Volume rendering beside VTK's CPU ray caster: the paper's five volumes and Figure 9's views."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -29,13 +29,13 @@ POINTS = Resampler(primitive=Primitive.POINTS)
 FOUR_POINTS = Resampler(primitive=Primitive.POINTS, subpixels=2)
 PAPER = Resampler(primitive=Primitive.PAPER, threshold=timing.THRESHOLD)
 REFERENCE_RAYS, CONVERGED_RAYS = 8, 16  # per side of a pixel: 64 and 256 rays
-LADDER = (1, 2, 3, 4, 5, 6, 8)  # rays per side of a pixel that VTK may take
-WHOLE = 400  # px; of larger pictures quality is measured in the middle
-PART = 256  # px, side of that middle
+LADDER = (1, 2, 3, 4, 5, 6, 8)  # rays per side of a pixel, choices for VTK
+WHOLE = 400  # px; quality of larger pictures is measured in the center
+PART = 256  # px, side of that center
 PAPER_OPACITY, LOW_OPACITY = 0.3, 0.02
 HYBRID_NAME, DISTANT_NAME = "hybrid", "points, 2 × 2 sub-pixels"
 
-# What is asked at 400 × 400: contender, volume, view, opacity.
+# Targets at 400 × 400: contender, volume, view, opacity.
 GOALS = {
     (DISTANT_NAME, "engine", "all points", PAPER_OPACITY): Goal(25, 11, decibels=50),
     (HYBRID_NAME, "engine", "all splats", PAPER_OPACITY): Goal(60, 30),
@@ -47,7 +47,7 @@ GOALS = {
 
 @dataclass(frozen=True)
 class Shown:
-    """A volume with an opacity, ready to be seen."""
+    """A volume with an opacity, prepared."""
 
     case: timing.Case
     subject: Subject  # lit
@@ -55,7 +55,7 @@ class Shown:
 
 @dataclass(frozen=True, eq=False)
 class Cropped:
-    """A camera whose picture begins `offset` px farther right and down."""
+    """A camera whose picture is shifted by `offset` px to the right and down."""
 
     camera: AnyCamera
     offset: float
@@ -67,7 +67,7 @@ class Cropped:
 
 @dataclass(frozen=True)
 class View:
-    """One volume from one place; loads what it needs when it is asked for."""
+    """One volume from one viewpoint; data are loaded on demand."""
 
     name: str  # of the volume
     place: str  # one of `VIEWS`
@@ -77,19 +77,19 @@ class View:
 
     @property
     def shown(self) -> Shown:
-        """The volume."""
+        """The prepared volume."""
         return _shown(self.name, self.opacity, self.options)
 
     @cached_property
     def camera(self) -> AnyCamera:
-        """Where from."""
+        """The camera."""
         return self.shown.case.camera(
             _zooms(self.name, self.side, self.options)[self.place], self.side
         )
 
     @cached_property
     def samples(self) -> Samples | Field | LatticeField:
-        """Lit for the camera."""
+        """Samples lit for the camera."""
         return self.shown.subject.seen_by(self.camera)
 
     def paint(self, form: Resampler, seen: Samples | Field | LatticeField) -> Any:
@@ -98,7 +98,7 @@ class View:
 
     @property
     def part(self) -> int:
-        """Side of the middle part in which quality is measured, px: references take long."""
+        """Side in px of the central part for quality measurements, since references take long."""
         return self.side if self.side <= WHOLE else PART
 
     @cached_property
@@ -107,13 +107,13 @@ class View:
         return Cropped(self.camera, (self.side - self.part) / 2)
 
     def paint_part(self, form: Resampler) -> Any:
-        """RGBA of the middle part."""
+        """RGBA of the central part."""
         side = self.part
         return form(self.samples, self.part_camera, height=side, width=side).rgba
 
     @cache  # noqa: B019 - a view lives as long as its table is made
     def rays(self, count: int) -> Any:
-        """Middle part with count × count of our rays per pixel."""
+        """Central part with count × count of our rays per pixel."""
         return self.paint_part(Resampler(primitive=Primitive.SPLATS, subpixels=count))
 
     def quality(self, form: Resampler, count: int = REFERENCE_RAYS) -> float:
@@ -133,12 +133,12 @@ class View:
 
     @cached_property
     def vtk_reference(self) -> Any:
-        """Middle part by VTK with 64 rays per pixel."""
+        """Central part by VTK with 64 rays per pixel."""
         return self.vtk(REFERENCE_RAYS, self.part).render(self.part_camera)
 
     @cache  # noqa: B019 - a view lives as long as its table is made
     def vtk_decibels(self, rays: int) -> float:
-        """Quality of VTK against its own 64 rays; infinite for these themselves."""
+        """Quality of VTK relative to its own 64 rays; infinite for these."""
         picture = self.vtk(rays, self.part).render(self.part_camera)
         return object_psnr(picture, self.vtk_reference)
 
@@ -149,7 +149,7 @@ class View:
 
     @cached_property
     def vtk_rays(self) -> int:
-        """Rays per side of a pixel that VTK needs to be as good as our default."""
+        """Rays per side of a pixel that VTK needs for the quality of our default."""
         return next(
             rays
             for rays in LADDER
@@ -184,7 +184,7 @@ def _shown(name: str, opacity: float, options: Options) -> Shown:
 
 
 def workloads(options: Options) -> Sequence[Workload]:
-    """Volumes × sizes × views, the Engine in two opacities."""
+    """Volumes × sizes × views, the Engine at two opacities."""
     return [_workload(view) for view in _views(options)]
 
 
@@ -211,7 +211,7 @@ def _workload(view: View) -> Workload:
 
 
 def _has_memory(view: View) -> bool:
-    """Whether memory is looked at, which takes a process for each contender."""
+    """Whether memory is measured, which takes a process per contender."""
     if view.options.quick and view.name != "checker-box":
         return False
     return view.place == "all splats" and view.opacity == PAPER_OPACITY
@@ -224,7 +224,7 @@ def _title(view: View) -> str:
 
 
 def _contenders(view: View) -> Iterator[Contender]:
-    """Ours, and VTK; the first takes samples as a camera that stands still leaves them."""
+    """Ours and VTK; the first uses prepared samples, as for a fixed camera."""
 
     def goal(name: str) -> Goal | None:
         return GOALS.get((name, view.name, view.place, view.opacity)) if view.side == 400 else None
@@ -253,12 +253,12 @@ def _contenders(view: View) -> Iterator[Contender]:
         lambda: view.vtk_decibels(view.vtk_rays),
         remark=lambda: _rays(view),
         is_ready=True,
-        has_memory=False,  # it would look for the number of rays again
+        has_memory=False,  # it would search for the number of rays again
     )
 
 
 def _lit(view: View, subject: Callable[[], Subject]) -> Run:
-    """Lighting for the camera included."""
+    """Including lighting for the camera."""
     chosen = subject()
     return lambda: view.paint(HYBRID, chosen.seen_by(view.camera))
 
@@ -280,7 +280,7 @@ def _rays(view: View) -> str:
 
 
 def _beside_paper(view: View) -> Callable[[str, float, float | None], Row]:
-    """How many times as fast as the paper, in the pictures it has timed."""
+    """Speedup over the paper, for pictures that it timed."""
     paper = timing.PAPER[view.name]
     seconds = dict(zip(VIEWS, (paper.splats, paper.mixed, paper.points), strict=True))[view.place]
     is_timed = view.side == 400 and view.opacity == PAPER_OPACITY
@@ -298,7 +298,7 @@ def _beside_paper(view: View) -> Callable[[str, float, float | None], Row]:
 
 
 def sections(options: Options) -> Iterator[Section]:
-    """A table for each workload; a volume that is not there is said once."""
+    """A table for each workload; a missing volume is reported once."""
     absent: set[str] = set()
     for view in _views(options):
         if view.name in absent:

@@ -1,4 +1,4 @@
-"""Depth images: the shared scene at a megapixel, moved back, at the same scale, and in."""
+"""Depth image warps: the shared scene at a megapixel, moved back, sideways and forward."""
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
@@ -24,7 +24,7 @@ ELSEWHERE = (
 
 @cache
 def _source(options: Options) -> tuple[Any, Any]:
-    """The workload, which takes a minute to trace and is kept for other processes; its source."""
+    """The workload, cached on disk since ray tracing takes a minute, and its source."""
     if not scene.BENCH.is_dir():
         raise AbsentError(f"the workload is not here: {scene.BENCH.resolve()}")
     size = 128 if options.quick else 1024
@@ -38,7 +38,7 @@ def _case(view: str, options: Options) -> Case:
 
 
 def workloads(options: Options) -> Sequence[Workload]:
-    """A table for each of the views."""
+    """A table for each view."""
     names = [*OURS, *(name for name in registry.names("warps") if name not in OURS)]
     if options.quick:
         names = [*OURS, "mesh", "opencv"]
@@ -79,7 +79,7 @@ def _quality(name: str, view: str, options: Options) -> Callable[[], float]:
 
 
 def sections(options: Options) -> Iterator[Section]:
-    """The tables, and what a source costs."""
+    """The tables, and the time to prepare a source."""
     for workload in workloads(options):
         section = contest(__name__, workload, options)
         section.notes.append(ELSEWHERE)

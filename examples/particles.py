@@ -1,6 +1,6 @@
-"""Particles of a radius and a color each: a spiral of 20,000 spheres, the nearer before the others.
+"""Particles with radius and color: a spiral of 20,000 spheres, composited nearest first.
 
-Radii are from a hundredth of a pixel to ten pixels. `python examples/particles.py picture.png`
+Radii range from 0.01 to 10 pixels. `python examples/particles.py picture.png`
 """
 
 import sys
@@ -17,7 +17,7 @@ OLD, YOUNG = np.array([1.0, 0.45, 0.1]), np.array([0.15, 0.4, 1.0])  # linear li
 
 
 def spiral(count=20_000):
-    """Places (N, 3), colors (N, 3), opacities (N,) and radii (N,) of two arms, scene units."""
+    """Positions (N, 3), colors (N, 3), opacities (N,) and radii (N,) of two arms, scene units."""
     rng = np.random.default_rng(5)
     out = rng.uniform(0.2, 3, count)
     turn = 2.2 * np.log(out) + np.pi * rng.integers(0, 2, count) + rng.normal(0, 0.2, count)
@@ -30,13 +30,13 @@ def spiral(count=20_000):
 
 
 def seen(position, color, opacity, radius):
-    """Picture of spheres."""
+    """Render spheres."""
     samples = particles(position, color, opacity, radius)
     return Resampler()(samples, CAMERA, height=HEIGHT, width=WIDTH)
 
 
 def main(path: Path) -> None:
-    """Write the spiral before black."""
+    """Write the spiral over black."""
     write_png(path, seen(*spiral()).rgba, background=(0.0, 0.0, 0.0))
 
 

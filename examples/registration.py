@@ -1,7 +1,7 @@
-"""Two pictures laid upon each other by descending the gradient of their difference.
+"""Register two pictures by gradient descent on their difference.
 
-Both show one scene under homographies of their own, with noise. The matrix from one to the other is
-found from coarse to fine. `python examples/registration.py picture.png`
+Both show one scene under different homographies, with noise. The matrix that maps one to the other
+is found from coarse to fine. `python examples/registration.py picture.png`
 """
 
 import sys
@@ -18,13 +18,13 @@ from resample_texture.differentiable import LinearWarp, MatrixPlaces
 HEIGHT, WIDTH = 90, 120  # px
 FIRST = np.array([[0.58, -0.07, 1.0], [0.05, 0.6, -8.0], [1e-4, -2e-4, 1.0]])  # scene to picture
 SECOND = np.array([[0.55, 0.03, -9.0], [-0.06, 0.56, 6.0], [-2e-4, 1e-4, 1.0]])
-# Numbers of about one size: a step of 0.01 moves pixels far from the middle by about a px.
+# Scaled parameters: a step of 0.01 moves pixels far from the center by about 1 px.
 UNITS = np.array([[100.0, 0.0, WIDTH / 2], [0.0, 100.0, HEIGHT / 2], [0.0, 0.0, 1.0]])
-LEVELS = (4, 2, 1)  # px of the picture along a side of those that are compared
+LEVELS = (4, 2, 1)  # px of the picture per compared px
 
 
 def pictures():
-    """Two pictures of blots and grain, of values about 0 to 1."""
+    """Two noisy pictures of blots, with values of about 0 to 1."""
     rng = np.random.default_rng(4)
     scene = sum(
         size * gaussian_filter(rng.standard_normal((180, 240)), size) for size in (1, 3, 8, 20)
@@ -37,22 +37,22 @@ def pictures():
 
 
 def matrix_of(numbers):
-    """Homography of eight numbers that are 0 where nothing moves."""
+    """Homography from eight parameters; all 0 is the identity."""
     change = np.append(numbers, 0.0).reshape(3, 3)
     return UNITS @ (np.eye(3) + change) @ np.linalg.inv(UNITS)
 
 
 def difference(numbers, moving, fixed, level):
-    """Mean square of how two pictures differ where both are seen, and its gradient by the numbers.
+    """Mean squared difference where both pictures are defined, and its gradient by the parameters.
 
-    Both are seen by pixels `level` times as large, which average what they cover.
+    They are compared at pixels `level` times as large, which average what they cover.
     """
     look = LinearWarp("area-spline:limit=none")
     smaller = np.diag([1 / level, 1 / level, 1.0])
     shape = HEIGHT // level, WIDTH // level
     target = look(fixed, MatrixPlaces(smaller, shape, fixed.shape))
     places = MatrixPlaces(smaller @ matrix_of(numbers), shape, moving.shape)
-    both = np.stack([moving, np.ones_like(moving)], axis=2)  # of ones comes the coverage
+    both = np.stack([moving, np.ones_like(moving)], axis=2)  # warping ones gives the coverage
     seen, coverage = np.moveaxis(look(both, places), 2, 0)
     error, weight = seen - coverage * target, np.sum(coverage**2)
     loss = np.sum(error**2) / weight
@@ -64,7 +64,7 @@ def difference(numbers, moving, fixed, level):
 
 
 def registered(moving, fixed):
-    """Homography that lays a picture upon another."""
+    """Homography that registers one picture to another."""
     numbers = np.zeros(8)
     for level in LEVELS:
         found = minimize(difference, numbers, (moving, fixed, level), "L-BFGS-B", jac=True)
@@ -73,7 +73,7 @@ def registered(moving, fixed):
 
 
 def main(path: Path) -> None:
-    """Write both pictures and, below them, how they differ before and after."""
+    """Write both pictures and, below them, their difference before and after."""
     moving, fixed = pictures()
     there = warp(moving, registered(moving, fixed), (HEIGHT, WIDTH))
     before, after = moving - fixed, there.image - there.coverage * fixed

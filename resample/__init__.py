@@ -1,6 +1,6 @@
 """Hybrid forward resampling: points where samples shrink, splats where they grow.
 
-The names below are imported when they are first used, so that `import resample` is quick.
+The names below are imported on first use, so that `import resample` is fast.
 """
 
 from typing import TYPE_CHECKING

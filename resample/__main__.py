@@ -1,4 +1,4 @@
-"""The `resample` command as a process; `python -m resample` is the same."""
+"""Entry point of the `resample` command and of `python -m resample`."""
 
 from typing import NoReturn
 
@@ -6,7 +6,7 @@ from resample.command.stopping import start
 
 
 def main() -> NoReturn:
-    """Run the command line, which signals can stop at any moment."""
+    """Run the command line; signals can stop it at any moment."""
     start("resample.cli")
 
 

@@ -1,4 +1,4 @@
-"""The `resample` command: what is installed, how pictures compare, and the applications."""
+"""The `resample` command: list plugins, compare pictures, start the applications."""
 
 import json
 import math
@@ -28,12 +28,12 @@ app.register_install_completion_command()
 
 @app.command
 def plugins(group: str | None = None, /) -> None:
-    """List everything that can be chosen by name, with its parameters and their defaults.
+    """List all plugins with their parameters and defaults.
 
     Parameters
     ----------
     group
-        One of apps, filters, orders, readers, reconstructions, samples; all of them if left out.
+        One of apps, filters, orders, readers, reconstructions, samples. Default: all.
     """
     for name in registry.GROUPS if group is None else (group,):
         listed = "\n".join(map(partial(_plugin, name), registry.names(name)))
@@ -47,16 +47,16 @@ def compare(
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> None:
-    """Measure pictures against a reference of the same size, as a screen shows them over black.
+    """Measure pictures against a reference of the same size, as displayed over black.
 
     Parameters
     ----------
     pictures
         Files to measure.
     reference
-        The picture that they should equal.
+        The picture to compare them with.
     output
-        Also write all of them side by side (.png).
+        Also write all pictures side by side (.png).
     as_json
         Print JSON instead of a table; the PSNR of equal pictures is null.
     """
@@ -83,21 +83,21 @@ def compare(
 def view(
     file: str, /, *words: Annotated[str, Parameter(show=False, allow_leading_hyphen=True)]
 ) -> Any:
-    """Show a file, or a picture and its depth, in the browser, in the application for it.
+    """View a file, or a picture with its depth, in the browser.
 
     Example: resample view engine.nhdr --no-browser
 
     Parameters
     ----------
     file
-        What is looked at. Options are those of the application's own view.
+        The file to view. Other options are those of the `view` command of its application.
     """
     names = registry.names("views")
     files = [file, *takewhile(lambda word: not word.startswith("-"), words)]
     for name in names:
         if registry.load("views", name)(files):
             return _door(name)("view", file, *words)
-    raise ValueError(f"{', '.join(files)}: nothing to view; there is view of {', '.join(names)}")
+    raise ValueError(f"{', '.join(files)}: cannot be viewed; these can: {', '.join(names)}")
 
 
 @app.command
@@ -124,12 +124,12 @@ def schema(application: str, command: str, /) -> None:
 
 
 def main() -> NoReturn:
-    """Run the process's command line."""
+    """Run the command line of this process."""
     run(app)
 
 
 def _plugin(group: str, name: str) -> str:
-    """Lines on a plugin: who brings it, what it is and takes, or why it cannot be used."""
+    """Describe a plugin: its package, summary and parameters, or why it cannot be used."""
     try:
         notes = _notes(registry.load(group, name))
     except LookupError as error:
@@ -145,7 +145,7 @@ def _notes(plugin: Any) -> list[str]:
 
 
 def _json(row: dict[str, object]) -> dict[str, object]:
-    """Row without infinity, which JSON cannot say."""
+    """Replace infinity, which JSON cannot hold, by null."""
     return {key: None if value == math.inf else value for key, value in row.items()}
 
 
@@ -156,7 +156,7 @@ def _show(grid: "Table") -> None:
 
 
 def _door(name: str) -> Callable[..., Any]:
-    """Command that imports an application when it is called and hands it the words that follow."""
+    """Command that imports an application on demand and passes the arguments on."""
 
     def launch(*words: Annotated[str, Parameter(show=False, allow_leading_hyphen=True)]) -> Any:
         application = registry.load("apps", name)

@@ -1,4 +1,4 @@
-"""Light and its encodings, arrays of any shape."""
+"""Conversions between linear light, sRGB, opacity and colormaps; arrays of any shape."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -12,26 +12,26 @@ Background = Sequence[float] | Floats  # 3 values, linear light
 
 
 def to_srgb(linear: NDArray[Any]) -> NDArray[Any]:
-    """Linear light to sRGB values (IEC 61966-2-1), any shape; negative light stays negative."""
+    """Convert linear light to sRGB (IEC 61966-2-1); negative values stay negative."""
     power = 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055
     return np.where(linear <= 0.0031308, 12.92 * linear, power).astype(linear.dtype)
 
 
 def from_srgb(encoded: NDArray[Any]) -> NDArray[Any]:
-    """Linear light of sRGB values (IEC 61966-2-1), any shape."""
+    """Convert sRGB (IEC 61966-2-1) to linear light."""
     power = ((np.maximum(encoded, 0.04045) + 0.055) / 1.055) ** 2.4
     return np.where(encoded <= 0.04045, encoded / 12.92, power).astype(encoded.dtype)
 
 
 def straight(rgba: Floats) -> Floats:
-    """Color not multiplied by alpha, (H, W, 4); black where alpha is 0."""
+    """Divide color by alpha, (H, W, 4); the result is black where alpha is 0."""
     alpha = rgba[..., 3:]
     color = np.divide(rgba[..., :3], alpha, out=np.zeros_like(rgba[..., :3]), where=alpha > 0.0)
     return np.concatenate([color, alpha], axis=2)
 
 
 def over(rgba: Floats, background: Background) -> Floats:
-    """Picture in front of an even color of 3 values, (H, W, 3)."""
+    """Composite a picture over a uniform background of 3 values, (H, W, 3)."""
     behind = np.asarray(background, np.float32)
     if behind.shape != (3,):
         raise ValueError(f"a background has 3 values, not {behind.size}")
@@ -40,12 +40,12 @@ def over(rgba: Floats, background: Background) -> Floats:
 
 
 def mapped(name: str, share: Doubles) -> Floats:
-    """Linear colors (N, 3) that a colormap of matplotlib's gives shares (N,) of 0 to 1.
+    """Look up fractions (N,) from 0 to 1 in a matplotlib colormap; linear colors (N, 3).
 
     Raises
     ------
     ValueError
-        It is unknown.
+        The colormap is unknown.
     """
     check_colormap(name)
     import matplotlib
@@ -55,12 +55,12 @@ def mapped(name: str, share: Doubles) -> Floats:
 
 
 def check_colormap(name: str) -> None:
-    """Refuse a colormap that matplotlib does not know.
+    """Reject a colormap that matplotlib does not know.
 
     Raises
     ------
     ValueError
-        It is one; the message names some that are like it.
+        The name is unknown; the message suggests similar ones.
     """
     import matplotlib
 
@@ -68,4 +68,4 @@ def check_colormap(name: str) -> None:
         from difflib import get_close_matches
 
         like = get_close_matches(name, list(matplotlib.colormaps)) or ["viridis", "turbo", "tab10"]
-        raise ValueError(f"unknown colormap {name!r}; matplotlib's are known, as {', '.join(like)}")
+        raise ValueError(f"unknown colormap {name!r}; matplotlib has, e.g., {', '.join(like)}")

@@ -1,4 +1,4 @@
-"""Texts that tell whether two values say the same, in this process or in another."""
+"""Fingerprints: texts that are equal if two values are, across processes."""
 
 from collections.abc import Callable, Iterator, Sequence, Set
 from hashlib import sha256
@@ -11,19 +11,19 @@ PLAIN = (type(None), bool, int, float, complex, str, bytes)
 
 
 class _UnknownError(ValueError):
-    """What a value says cannot be told."""
+    """A value has no fingerprint."""
 
 
 def fingerprint(value: Any, place_of: Callable[[Any], object | None] | None = None) -> str | None:
-    """Text that values share only where they say the same; None: that cannot be told.
+    """Fingerprint of a value, equal only for equal values; None if it has none.
 
     Parameters
     ----------
     value
-        Numbers, texts, arrays, functions of modules, and whatever is made of such: sequences,
-        sets, mappings, dataclasses, objects that can be copied.
+        Numbers, texts, arrays, functions of modules, and anything made of them: sequences, sets,
+        mappings, dataclasses, copyable objects.
     place_of
-        What stands for a part of it, such as its place in memory; None: the part says it all.
+        Returns a substitute for a part, such as its address; None: the part itself counts.
 
     Examples
     --------
@@ -42,7 +42,7 @@ def fingerprint(value: Any, place_of: Callable[[Any], object | None] | None = No
 
 
 def _words(value: Any, place_of: Callable[[Any], object | None]) -> Iterator[bytes]:
-    """What a value consists of, each part after what it is."""
+    """Parts of a value as bytes, each preceded by its type."""
     place = place_of(value)
     kind = type(value)
     if place is not None:
@@ -65,10 +65,10 @@ def _words(value: Any, place_of: Callable[[Any], object | None]) -> Iterator[byt
 
 
 def _parts(value: Any, place_of: Callable[[Any], object | None]) -> Sequence[Any]:
-    """What a compound value is made of."""
+    """Components of a compound value."""
     if isinstance(value, tuple | list):
         return value
-    if isinstance(value, Set):  # in any order
+    if isinstance(value, Set):  # order does not matter
         names = [fingerprint(part, place_of) for part in value]
         if None in names:
             raise _UnknownError("a part of a set")
@@ -76,12 +76,12 @@ def _parts(value: Any, place_of: Callable[[Any], object | None]) -> Sequence[Any
     made: Any = value.__reduce_ex__(2)
     if isinstance(made, str):
         return (made,)
-    function, arguments, *more = made  # these are its state, items of a list and of a mapping
+    function, arguments, *more = made  # state, list items and mapping items
     return [function, arguments, *more[:1], *(list(items or ()) for items in more[1:])]
 
 
 def _named(value: Any) -> bytes:
-    """The name by which a module has a class or function."""
+    """Qualified name of a class or function of a module."""
     name: str = value.__qualname__
     has_owner = isinstance(value, BuiltinFunctionType) and not isinstance(
         value.__self__, ModuleType | NoneType

@@ -1,4 +1,4 @@
-"""Public names that are imported when they are first used, so that importing a package is quick."""
+"""Lazy import of public names, so that importing a package is fast."""
 
 import os
 from collections.abc import Callable, Mapping
@@ -13,7 +13,7 @@ NAMESAKE = (
 
 
 def warn_of_namesake(folder: str) -> None:
-    """Warn if another project's package of this name was installed over this one."""
+    """Warn if another project's package of the same name was installed over this one."""
     if os.path.exists(os.path.join(folder, "jackknife.py")):  # one of its modules; takes 5 µs
         import warnings
 
@@ -21,16 +21,16 @@ def warn_of_namesake(folder: str) -> None:
 
 
 def installed_version() -> str:
-    """Version of the distribution; what tells it takes 30 ms to import."""
+    """Version of the distribution; `importlib.metadata`, imported here, takes 30 ms."""
     from importlib.metadata import version
 
     return version("hybrid-resample")
 
 
 def attributes(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
-    """`__getattr__` of a package: `homes` says in which module each public name lives.
+    """`__getattr__` of a package; `homes` maps each public name to its module.
 
-    That is one of the package's own, or of the core by its full name. All know `__version__`.
+    A module is named within the package, or in full if in the core. `__version__` is included.
     """
 
     def get(name: str) -> Any:

@@ -1,13 +1,13 @@
-"""Plugins by name: the built-in parts and those of other packages come through one door.
+"""Plugins by name: built-in parts and those of other packages are entry points alike.
 
-Whatever can be replaced is an entry point in a group `resample.<group>`; a package adds a plugin
-with one line of its pyproject.toml and nothing is imported before it is asked for:
+Every replaceable part is an entry point in a group `resample.<group>`. A package adds a plugin with
+one line of its pyproject.toml; nothing is imported before it is used:
 
     [project.entry-points."resample.filters"]
     hann = "my_package:Hann"
 
-Two packages may claim one name. Neither wins: such a plugin is listed, and has to be asked for, as
-`distribution/name`; the bare name is refused with both of them named.
+If two packages define the same name, neither wins: both are listed as `distribution/name` and must
+be named so. The bare name is refused with an error that names both.
 """
 
 import difflib
@@ -34,11 +34,11 @@ GROUPS = (
     "warps",
 )
 
-REQUIRED = inspect.Parameter.empty  # stands for the default of a parameter that has none
+REQUIRED = inspect.Parameter.empty  # marks a parameter without a default
 
 
 def names(group: str) -> list[str]:
-    """Names to choose from, sorted.
+    """Sorted names of a group's plugins.
 
     Parameters
     ----------
@@ -47,18 +47,18 @@ def names(group: str) -> list[str]:
 
     Returns
     -------
-    Names that `load` and `build` know; `distribution/name` where two packages use one name.
+    Names accepted by `load` and `build`; `distribution/name` where two packages use one name.
 
     Raises
     ------
     LookupError
-        There is no such group.
+        The group does not exist.
     """
     return sorted(_entries(group))
 
 
 def distribution(group: str, name: str) -> str:
-    """Name of the package that brings a plugin."""
+    """Name of the package that provides a plugin."""
     return _distribution(_entry(group, name))
 
 
@@ -68,11 +68,11 @@ def load(group: str, name: str) -> Any:
     Parameters
     ----------
     group, name
-        As `names` lists them.
+        As listed by `names`.
 
     Returns
     -------
-    What the entry point names: for most groups a class whose parameters are the user's choices.
+    The object of the entry point: in most groups a class whose parameters are the user's choices.
 
     Raises
     ------
@@ -82,7 +82,7 @@ def load(group: str, name: str) -> Any:
     entry = _entry(group, name)
     try:
         return entry.load()
-    except Exception as error:  # a foreign module may fail in any way
+    except Exception as error:  # third-party modules may raise anything
         reason = f"{type(error).__name__}: {_one_line(error)}"
         owner = _distribution(entry)
         raise LookupError(
@@ -91,7 +91,7 @@ def load(group: str, name: str) -> Any:
 
 
 def build(group: str, spec: str) -> Any:
-    """Make a plugin's object from a name and parameters.
+    """Create a plugin object from a specification.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def build(group: str, spec: str) -> Any:
         One of `GROUPS`.
     spec
         `name` or `name:parameter=value,parameter=value`. Values are integers, numbers, `true`,
-        `false` or text; a parameter whose default is text takes its value as it is written.
+        `false` or text; a parameter whose default is text takes its value literally.
 
     Returns
     -------
@@ -108,9 +108,9 @@ def build(group: str, spec: str) -> Any:
     Raises
     ------
     LookupError
-        As `load`.
+        As in `load`.
     ValueError
-        A parameter is unknown, malformed, missing or refused by the plugin.
+        A parameter is unknown, malformed, missing or rejected by the plugin.
     """
     name, colon, text = spec.partition(":")
     plugin = load(group, name)
@@ -131,17 +131,17 @@ def build(group: str, spec: str) -> Any:
 
 
 def check(group: str, specs: Iterable[str]) -> None:
-    """Refuse plugins that `build` would refuse, before any work is done.
+    """Reject plugins that `build` would reject, before any work is done.
 
     Parameters
     ----------
     group, specs
-        As `build` takes them.
+        As in `build`.
 
     Raises
     ------
     LookupError, ValueError
-        As `build`.
+        As in `build`.
     """
     for spec in specs:
         build(group, spec)
@@ -160,7 +160,7 @@ def _parameters(plugin: Any) -> dict[str, Any]:
 
 
 def described(plugin: Any) -> str:
-    """Parameters in one line: `sigma=0.5, radius=None`."""
+    """Parameters of a plugin in one line: `sigma=0.5, radius=None`."""
     return ", ".join(map(_default, parameters(plugin).items())) or "no parameters"
 
 
@@ -172,13 +172,13 @@ def _default(parameter: tuple[str, Any]) -> str:
 
 
 def entry_points(*, group: str) -> "EntryPoints":
-    """Entry points of a group; what finds them takes 20 ms to import."""
+    """Entry points of a group; `importlib.metadata`, imported here, takes 20 ms."""
     return _installed(tuple(sys.path)).select(group=group)
 
 
 @cache
 def _installed(path: tuple[str, ...]) -> "EntryPoints":  # noqa: ARG001 - part of what is remembered
-    """Entry points of all groups, looked for once (5 ms) while `sys.path` stays the same."""
+    """Entry points of all groups, cached (5 ms) while `sys.path` stays the same."""
     from importlib import metadata
 
     groups = (f"resample.{group}" for group in GROUPS)
@@ -187,7 +187,7 @@ def _installed(path: tuple[str, ...]) -> "EntryPoints":  # noqa: ARG001 - part o
 
 
 def _entries(group: str) -> "dict[str, EntryPoint]":
-    """Entry points by the name to ask for; a name that two packages use is qualified."""
+    """Entry points by public name; a name that two packages use is qualified."""
     if group not in GROUPS:
         raise LookupError(f"there are no {group!r}; plugins come as {', '.join(GROUPS)}")
     found = entry_points(group=f"resample.{group}")
@@ -241,7 +241,7 @@ def _parse(text: str, known: dict[str, Any]) -> dict[str, Any]:
 
 
 def _value(key: str, text: str, default: Any) -> Any:
-    """Meaning of a value's text, given what the parameter holds otherwise."""
+    """Convert a value's text to the type of the parameter's default."""
     if isinstance(default, str):
         return text
     if default is None and text.lower() == "none":

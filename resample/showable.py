@@ -1,6 +1,6 @@
-"""What results have in common: they can be saved, looked at, and handed to others as levels.
+"""Base class of results: save, display in notebooks, convert to 8-bit levels.
 
-Results are made far below what knows files and pictures; that is looked up when it is asked for.
+Code for files and pictures is in higher layers; it is imported on first use.
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-# 3 values of linear light, or what the commands' --background takes: white, #rrggbb, none...
+# 3 values of linear light, or a value of the commands' --background: white, #rrggbb, none...
 Behind = Sequence[float] | str | None
 
 
@@ -23,16 +23,16 @@ def _results() -> Any:
 
 
 class Showable:
-    """A result that can be saved, shown in a notebook, and turned into levels.
+    """A result that can be saved, shown in a notebook and converted to 8-bit levels.
 
-    Parts that have a picture are `color` and, as far as the result has them, `depth`,
-    `first_depth`, `coverage`, `value`, `holes`, `magnification` and `confidence`.
+    Parts that can be pictures are `color` and, where the result has them, `depth`, `first_depth`,
+    `coverage`, `value`, `holes`, `magnification` and `confidence`.
     """
 
     __slots__ = ()
 
     def save(self, path: str | PathLike[str], *, bits: int = 8, background: Behind = None) -> None:
-        """Write the picture in the format of its suffix, whole or not at all.
+        """Write the picture in the format of the suffix; no partial file is left on failure.
 
         Parameters
         ----------
@@ -41,13 +41,13 @@ class Showable:
         bits
             8 or 16 per channel of PNG, 8, 16 or 32 of TIFF.
         background
-            What is behind the picture: a color's name, #rrggbb or 3 values of linear light. None
-            keeps it transparent, which JPEG cannot be; commands take black if nothing is said.
+            Background: a color's name, #rrggbb or 3 values of linear light. None keeps the picture
+            transparent, which JPEG cannot be; commands default to black.
 
         Raises
         ------
         ValueError
-            The suffix, the number of bits or the background is not known, or the result is no one
+            The suffix, number of bits or background is invalid, or the result is not a single
             picture.
         OSError
             The file cannot be written.
@@ -55,34 +55,34 @@ class Showable:
         _results().save(self, path, bits=bits, background=background)
 
     def to_uint8(self, of: str = "color", *, background: Behind = None) -> NDArray[np.uint8]:
-        """Levels (H, W, 3) of sRGB, or (H, W, 4) with straight opacity where none is behind.
+        """Convert to sRGB levels (H, W, 3), or (H, W, 4) with straight opacity if no background.
 
         Parameters
         ----------
         of
-            Part that is shown; all but `color` are drawn in false colors, unknown is black.
+            Part to show; all but `color` are drawn in false colors, black where unknown.
         background
-            What is behind the color, as of `save`; None keeps it transparent.
+            Background of the color, as in `save`; None keeps it transparent.
 
         Raises
         ------
         ValueError
-            There is no such part, or the result is no one picture.
+            There is no such part, or the result is not a single picture.
         """
         levels: NDArray[np.uint8] = _results().levels_of(self, of, background=background)
         return levels
 
     def to_image(self, of: str = "color", *, background: Behind = None) -> "Image":
-        """Picture of Pillow's; parameters and errors as of `to_uint8`."""
+        """Convert to a Pillow image; parameters and errors as in `to_uint8`."""
         image: Image = _results().image_of(self, of, background=background)
         return image
 
     def _repr_png_(self) -> bytes:
-        """PNG that notebooks show."""
+        """PNG for notebooks."""
         png: bytes = _results().png_of(self)
         return png
 
     def __repr__(self) -> str:
-        """Size, and what is known of it, in one line."""
+        """Size and main properties in one line."""
         text: str = _results().line_about(self)
         return text

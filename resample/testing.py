@@ -1,4 +1,4 @@
-"""Checks for the authors of plugins: call one on an object of yours in a test.
+"""Checks for authors of plugins: call one on your object in a test.
 
     from resample.testing import check_filter
 
@@ -34,9 +34,9 @@ def check_filter(pixel_filter: PixelFilter) -> None:
     Raises
     ------
     AssertionError
-        It is not callable; its radius is not a positive number; its weights do not come as one
-        finite real number per distance, depend on the distance's neighbours in the array, change
-        from call to call, overwrite the distances, or add up to 0 or less.
+        It is not callable; its radius is not a positive number; its weights are not one finite
+        real number per distance, depend on other distances in the array, differ between calls, or
+        add up to 0 or less; or it overwrites the distances.
     """
     name = repr(pixel_filter)
     _require(callable(pixel_filter), f"{name} has no __call__(distance)")
@@ -57,15 +57,15 @@ def check_reconstruction(reconstruction: Reconstruction) -> tuple[float, float]:
 
     Returns
     -------
-    Smallest and largest relative error of a constant field, such as (-0.004, 0.008): its ripple.
+    Smallest and largest relative error of a constant field (the ripple), such as (-0.004, 0.008).
 
     Raises
     ------
     AssertionError
-        It is not callable; its radius is not a positive number; its densities do not come as one
-        finite real number per distance, depend on the distance's neighbours in the array, change
-        from call to call, overwrite the distances, are not 0 from the radius on, or add up to 0 or
-        less in space; or a constant field ripples by 10 % or more.
+        It is not callable; its radius is not a positive number; its densities are not one finite
+        real number per distance, depend on other distances in the array, differ between calls,
+        are not 0 from the radius on, or integrate to 0 or less; it overwrites the distances; or a
+        constant field ripples by 10 % or more.
     """
     name = repr(reconstruction)
     _require(callable(reconstruction), f"{name} has no __call__(distance)")
@@ -101,9 +101,9 @@ def check_interpolation(interpolation: Interpolation) -> None:
     Raises
     ------
     AssertionError
-        It is not callable; its radius is not a positive number or too large; its weights do not
-        come as one finite real number per distance, depend on the distance's neighbours in the
-        array, change from call to call or add up to 0; or it cannot pass through samples.
+        It is not callable; its radius is not a positive number or too large; its weights are not
+        one finite real number per distance, depend on other distances in the array, differ between
+        calls or add up to 0; or it cannot interpolate samples.
     """
     name = repr(interpolation)
     _require(callable(interpolation), f"{name} has no __call__(distance)")
@@ -131,9 +131,9 @@ def check_order(order: CompositingOrder) -> None:
     Raises
     ------
     AssertionError
-        It is not callable; its thickness is not a positive number; it does not give `Layers` of
-        finite numbers along some axis, or around the eye, of some thickness; it changes from call
-        to call or overwrites what it is given; or it sums slabs that are not of even depth.
+        It is not callable; its thickness is not a positive number; it does not return `Layers` of
+        finite numbers along an axis or around the eye; it differs between calls or overwrites its
+        input; or it sums slabs of uneven depth.
     """
     name = repr(order)
     _require(callable(order), f"{name} has no __call__(view, lattice)")
@@ -151,12 +151,12 @@ def check_order(order: CompositingOrder) -> None:
             depth = of_depth(view, layers.thickness)
             _require(
                 summing is not Summing.SLABS or layers == depth,
-                f"{name} sums slabs, whose layers are those of depth; it gives {layers}",
+                f"{name} sums slabs, which needs layers of even depth; it returns {layers}",
             )
 
 
 def _layers(order: CompositingOrder, view: View, lattice: NDArray[Any]) -> Layers:
-    """Layers of an order, once their form has been checked."""
+    """Layers of an order, after checking their form."""
     name, given = repr(order), lattice.copy()
     turn, shift = view.rotation.copy(), view.translation.copy()
     layers = order(view, lattice)
@@ -176,14 +176,14 @@ def _layers(order: CompositingOrder, view: View, lattice: NDArray[Any]) -> Layer
     _require(layers.eye < np.inf, f"{name} gives the eye's place {layers.eye}")
     _require(layers.thickness > 0.0, f"{name} gives layers of the thickness {layers.thickness}")
     _require(
-        layers.is_around or any(layers.axis), f"{name} gives an axis of no length, and no shells"
+        layers.is_around or any(layers.axis), f"{name} gives an axis of zero length, and no shells"
     )
     _require(order(view, lattice) == layers, f"{name} gives other layers when it is called again")
     return layers
 
 
 def _positive(plugin: Any, field: str, unit: str) -> float:
-    """A plugin's number, once it is known to be one."""
+    """A plugin's parameter, checked to be a positive number."""
     given = getattr(plugin, field, None)
     is_number = isinstance(given, int | float | np.number) and not isinstance(given, bool)
     number = float(given) if is_number else math.nan  # type: ignore[arg-type]
@@ -205,7 +205,7 @@ def _check_independence(
 
 
 def _numbers(plugin: Any, distance: NDArray[Any], what: str) -> NDArray[Any]:
-    """Values of an array of distances, once their form has been checked."""
+    """Values for an array of distances, after checking their form."""
     name, given = repr(plugin), distance.copy()
     value = np.asarray(plugin(distance))
     _require(np.array_equal(distance, given), f"{name} overwrites the distances that it is given")

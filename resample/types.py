@@ -1,6 +1,6 @@
-"""The data dictionary: what travels between the parts, with shapes and units and no behaviour.
+"""Data types shared by all parts of the core, with their shapes and units; they have no behavior.
 
-Conventions, stated once and kept everywhere:
+Conventions used everywhere:
 
 - The pixel in row i, column j covers [j, j + 1) × [i, i + 1); its center is at (j + 0.5, i + 0.5).
 - A camera looks along +z, x to the right and y down (OpenCV, COLMAP); poses map world to camera.
@@ -22,10 +22,10 @@ Doubles = NDArray[np.float64]
 Records = NDArray[np.void]
 Indices = NDArray[np.int64]
 Tally = NDArray[np.int64]  # (T, 4) or one row of it: points, splats, hidden, sub-pixels
-Record = Any  # one element of Records
-Single = Any  # a number kept in float32: half the bytes, and twice as many at once
+Record = Any  # an element of Records
+Single = Any  # a float32 number: half the bytes and twice the vector lanes
 
-# Rows of the correction table reach to this cone, rad; "less than 15° are usually sufficient"
+# The correction table covers cones up to this angle, rad; "less than 15° are usually sufficient"
 # (paper, section 4.2). Beyond it kernels evaluate the formula.
 LARGEST_CONE = math.radians(15)
 
@@ -37,9 +37,9 @@ NO_PLANES = np.zeros((0, 5))
 # Sub-pixels in a row of a tile, with the margins of its filter.
 MOST_COLUMNS = 200
 
-LAST_SHEET = 2e9  # sheets are numbered by 32 bits
+LAST_SHEET = 2e9  # sheet numbers have 32 bits
 
-# What sheets are projected to; see `resample.engine.slabs.fields`.
+# Projections of sheets; see `resample.engine.slabs.fields`.
 COMPOSITE, MAXIMUM, AVERAGE, ADDITIVE, FIRST_HIT, MINIMUM = range(6)
 
 
@@ -58,13 +58,13 @@ class Samples(NamedTuple):
 
     position: Floats  # (N, 3) scene units
     color: Floats  # (N, 3) linear light, not multiplied by the opacity
-    extinction: Floats  # (N,) optical depth per scene unit; at 0 a sample is left out
+    extinction: Floats  # (N,) optical depth per scene unit; samples of 0 are skipped
     lattice: Doubles  # (3, 3) columns are the steps from a sample to its neighbours, scene units
-    scale: Floats | None = None  # (N,) how many times as large each one's ellipsoid is; None: 1
+    scale: Floats | None = None  # (N,) scale factors of the ellipsoids; None: 1
 
 
 class Lamp(NamedTuple):
-    """A white light far away, and what surfaces do with it, after Blinn and Phong."""
+    """A distant white light and the coefficients of Blinn-Phong shading."""
 
     toward: Doubles  # (3,) unit vector to the light, scene axes; zero: the light is at the viewer
     viewer: Doubles  # (4,) position and 1, or unit vector to the viewer and 0; scene axes
@@ -72,24 +72,24 @@ class Lamp(NamedTuple):
     diffuse: float
     specular: float
     shininess: float
-    flat: float  # data units per scene unit; up to this gradient there is no surface
+    flat: float  # data units per scene unit; there is no surface up to this gradient
 
 
 class Classifier(NamedTuple):
-    """What values of a field look like, G gradients by K values, evenly spaced."""
+    """Colors of a field's values, a table of G gradients by K values, evenly spaced."""
 
     table: Floats  # (G, K, 4) straight linear RGB, and optical depth per scene unit
     low: float  # data units, the value of the first column
     high: float  # data units, the value of the last column, above `low`
     steep: float  # data units per scene unit, the last row's gradient; the first row's is 0
     lamp: Lamp
-    near: float  # z-depth, scene units, where depth cueing sets in
+    near: float  # z-depth, scene units, where depth cueing begins
     far: float  # z-depth, scene units, where it ends, above `near`
-    dimmed: float  # share of the light that it takes away there, 0..1
+    dimmed: float  # fraction of the light that is lost at `far`, 0..1
 
 
 class Field(NamedTuple):
-    """N samples of a scalar field; what they look like is decided after they were reconstructed."""
+    """N samples of a scalar field; it is classified after reconstruction."""
 
     position: Floats  # (N, 3) scene units
     value: Floats  # (N,) data units
@@ -103,16 +103,16 @@ Flags = NDArray[np.uint8]
 
 
 class Bounds(NamedTuple):
-    """Least and greatest value in each brick of a field, z slowest."""
+    """Minimum and maximum in each brick of a field, z slowest."""
 
     least: Floats | Doubles  # (z, y, x)
     greatest: Floats | Doubles  # (z, y, x)
 
 
 class Spline(NamedTuple):
-    """A scalar field on a lattice, as the coefficients of cubic B-splines.
+    """A scalar field on a lattice as cubic B-spline coefficients.
 
-    They go on for two samples on each side; see `resample.engine.rays.splines`.
+    They extend two samples beyond each side; see `resample.engine.rays.splines`.
     """
 
     coefficient: Coefficients  # (N,) z slowest; value = zero + scale × Σ coefficient × weight
@@ -121,18 +121,18 @@ class Spline(NamedTuple):
     scale: float  # data units
     zero: float  # data units
     shape: tuple[int, int, int]  # samples along z, y and x
-    floor: float  # data units, the least sample, below which extremes and means do not go
-    ceiling: float  # data units, the greatest one
+    floor: float  # data units, the smallest sample; lower bound of extremes and means
+    ceiling: float  # data units, the largest sample; upper bound
 
 
 class Reached(NamedTuple):
-    """Shares of light that get to the cells of a grid, past all that is in the way."""
+    """Transmittance of light on its way to the cells of a grid."""
 
-    share: Flags  # (Z, Y, X, 2) of the lamp's light and of that from everywhere; 255 is all
-    per: int  # samples along each side of a cell; the first begins where the first sample does
+    share: Flags  # (Z, Y, X, 2) of the lamp's light and of ambient light; 255 is all
+    per: int  # samples along each side of a cell; the first begins at the first sample
 
 
-UNBLOCKED = Reached(np.zeros((0, 0, 0, 2), np.uint8), 1)  # all light gets everywhere
+UNBLOCKED = Reached(np.zeros((0, 0, 0, 2), np.uint8), 1)  # no occlusion
 
 
 class Triangles(NamedTuple):
@@ -143,7 +143,7 @@ class Triangles(NamedTuple):
     color: Doubles  # (V, 3) straight linear RGB
     face: Indices  # (T, 3) corners, in the order of the tree's leaves
     opacity: Doubles  # (T,) 0..1
-    box: Doubles  # (2 L, 6) least and greatest x, y, z; halves of 1 are 2 and 3, and so on
+    box: Doubles  # (2 L, 6) minimum and maximum x, y, z; children of 1 are 2 and 3, and so on
 
 
 _NONE = np.zeros((0, 3))
@@ -153,34 +153,34 @@ NO_TRIANGLES = Triangles(
 
 
 class Tint(NamedTuple):
-    """Colors that samples have of their own."""
+    """Own colors of samples."""
 
-    color: NDArray[np.uint16]  # (N, 3) as coefficients lie; or (0, 3): those of looks
-    most: float  # linear light of 65535
+    color: NDArray[np.uint16]  # (N, 3) as the coefficients; (0, 3): colors of the classifier
+    most: float  # linear light that 65535 stands for
 
 
 UNTINTED = Tint(np.zeros((0, 3), np.uint16), 1.0)
 
 
 class LatticeField(NamedTuple):
-    """A scalar field of samples on a lattice; what it looks like is decided along rays."""
+    """A scalar field of samples on a lattice; it is classified along rays."""
 
     spline: Spline
     bounds: Bounds  # data units
-    known: Flags  # (N,) as coefficients lie: looks of samples from 1 on, 0: missing; or (0,)
+    known: Flags  # (N,) as the coefficients: number of a look from 1 on, 0: missing; or (0,)
     lattice: Doubles  # (3, 3) columns are the steps from a sample to its neighbours, scene units
     origin: Doubles  # (3,) scene position of the first sample
     classifier: Classifier
     reached: Reached = UNBLOCKED
-    mesh: Triangles = NO_TRIANGLES  # what stands in it
-    looks: int = 1  # that are beside each other in rows of the classifier's table
+    mesh: Triangles = NO_TRIANGLES  # meshes in the field
+    looks: int = 1  # number of looks side by side in the rows of the classifier's table
     tint: Tint = UNTINTED
 
 
-# What is known of one sample seen by a camera; painters find it anew, in columns, for themselves.
+# Projection of a sample; painters compute it anew, in columns, for themselves.
 # With (dx, dy) a pixel's offset from (form_x, form_y), q = a dx² + 2 b dx dy + c dy² is the squared
 # index of the affine and corrected models; the exact model multiplies q by the pixel's own
-# 1 / |w|². A sphere that a plane cuts has cone = -1 and its center in (a, b, c).
+# 1 / |w|². A sphere that a clipping plane cuts has cone = -1 and its center in (a, b, c).
 FOOTPRINT = np.dtype(
     [
         ("x", np.float32),  # px, where the sample's center projects
@@ -191,15 +191,15 @@ FOOTPRINT = np.dtype(
         ("b", np.float32),
         ("c", np.float32),
         ("amplitude", np.float32),  # scene units; line integral = amplitude × table
-        ("cone", np.float32),  # rad, half the angle under which the sphere is seen
+        ("cone", np.float32),  # rad, half the angle that the sphere subtends
         ("left", np.float32),  # px, bounds of all pixels the sample may touch; left > right: none
         ("top", np.float32),
         ("right", np.float32),
         ("bottom", np.float32),
         ("depth", np.float32),  # scene units along the view axis
-        ("spacing", np.float32),  # px between neighbouring samples on screen, where largest
-        ("mass", np.float32),  # px² × scene units: what the line integrals of all pixels sum to
-        ("obliquity", np.float32),  # length of a ray's way through a slab of thickness 1
+        ("spacing", np.float32),  # px between neighbouring samples on screen, at the maximum
+        ("mass", np.float32),  # px² × scene units: the sum of the line integrals over all pixels
+        ("obliquity", np.float32),  # length of a ray in a slab of thickness 1
         ("red", np.float32),
         ("green", np.float32),
         ("blue", np.float32),
@@ -208,8 +208,8 @@ FOOTPRINT = np.dtype(
 )
 
 
-# What is known of a run of neighbouring samples before they are painted: bounds as in FOOTPRINT of
-# all that can be seen, their least key, least and greatest spacing, and how many they are.
+# Bounds of a run of neighbouring samples, known before painting: as in FOOTPRINT of all that
+# is visible, their smallest key, smallest and largest spacing, and count.
 RUN = np.dtype(
     [
         ("left", np.float32),
@@ -225,7 +225,7 @@ RUN = np.dtype(
 
 
 class Runs(NamedTuple):
-    """R runs of samples that follow each other, and what is known of them."""
+    """R runs of consecutive samples and their bounds."""
 
     samples: Samples
     start: Indices  # (R + 1,) where each run begins
@@ -233,15 +233,15 @@ class Runs(NamedTuple):
 
 
 class View(NamedTuple):
-    """A camera as kernels see it."""
+    """A camera in the form that kernels use."""
 
     rotation: Doubles  # (3, 3) world to camera
     translation: Doubles  # (3,) scene units
     focal: Doubles  # (2,) fx, fy in px; px per scene unit where parallel
     principal: Doubles  # (2,) cx, cy in px
-    near: float  # scene units; nothing in front of this plane is seen
+    near: float  # scene units; the near plane
     perspective: bool
-    far: float = math.inf  # scene units; of a field, nothing behind this plane is seen
+    far: float = math.inf  # scene units; the far plane, for fields only
 
 
 class Ellipsoid(NamedTuple):
@@ -252,54 +252,54 @@ class Ellipsoid(NamedTuple):
     from_unit: Doubles  # (3, 3) the inverse
     covariance: Doubles  # (3, 3) from_unit from_unitᵀ; its diagonal holds the squared half extents
     volume: float  # scene units³ that one sample stands for
-    scale: float  # what unit line integrals are multiplied by, 1 / radius³ in voxels
+    scale: float  # factor of unit line integrals, 1 / radius³ in voxels
     radius: float  # voxels
 
 
 class Screen(NamedTuple):
-    """The picture's size, and how far beyond its edges samples still matter."""
+    """Size of the picture, and the margin within which samples outside still matter."""
 
     width: int  # px
     height: int  # px
-    margin: float  # px, reach of the filters
-    sides: Doubles  # (4, 4) c is outside one if its product with (c, 1) is above 0; camera axes
+    margin: float  # px, radius of the filters
+    sides: Doubles  # (4, 4) c is outside of one if its product with (c, 1) is above 0; camera axes
     planes: Doubles = (
         NO_PLANES  # (M, 5) unit normal and offset, camera axes: 0 and more is kept; half extent
     )
 
 
 class Layers(NamedTuple):
-    """What a compositing order says of samples, as numbers: kernels find each sample's layer.
+    """Numbers of a compositing order from which kernels compute each sample's layer.
 
     A sample's place is axis · position + offset, or its distance from the eye. Samples are painted
-    in ascending order of it, or of how far it is from the eye's place; those of one layer may be
-    summed before they are composited.
+    in ascending order of their place, or of its distance from the eye's place; samples of one layer
+    may be summed before they are composited.
     """
 
     axis: tuple[float, float, float]  # places per scene unit, along the scene's axes
     offset: float  # place of the scene's origin
-    thickness: float  # of a layer, in places; one begins at place 0
-    eye: float = -math.inf  # its place, on both sides of which samples lie; -inf: ahead of all
-    is_around: bool = False  # the place is the distance from the eye; there is no axis
-    begins_at_first: bool = False  # the sample of least place lies in the middle of its layer
+    thickness: float  # of a layer, in places; a layer begins at place 0
+    eye: float = -math.inf  # place of the eye, between samples; -inf: all lie behind it
+    is_around: bool = False  # the place is the distance from the eye, and there is no axis
+    begins_at_first: bool = False  # the sample of smallest place lies in the middle of its layer
 
 
 class Sheets(NamedTuple):
-    """How samples are put in order and which of them are summed before they are composited."""
+    """Painting order of samples, and the sheets that are summed before compositing."""
 
     key: Floats  # (N,) samples are painted in ascending order of it
-    sheet: NDArray[np.int32]  # (N,) what is consecutive and of one sheet may be summed
+    sheet: NDArray[np.int32]  # (N,) consecutive samples of the same sheet may be summed
 
 
 class RadialTable(NamedTuple):
-    """A function of one distance, tabulated at equal steps of its argument from 0 to `extent`."""
+    """A radial function, tabulated at equal steps of its argument from 0 to `extent`."""
 
     values: Floats  # (K + 1,) the last entry is the value at `extent`
     extent: float  # px for pixel filters; 1 for footprints, whose argument is the squared index
 
 
 class Profile(NamedTuple):
-    """A kernel's line integrals at t = 1 - squared distance: sqrt(t) times a polynomial in t."""
+    """A kernel's line integrals as a function of t = 1 - squared distance: sqrt(t) × polynomial."""
 
     p0: Single
     p1: Single
@@ -316,9 +316,9 @@ Ten = tuple[Single, Single, Single, Single, Single, Single, Single, Single, Sing
 
 
 class Pieces(NamedTuple):
-    """A kernel's line integrals at distance d, as sqrt(1 - d²) times two polynomials.
+    """A kernel's line integrals at distance d: sqrt(1 - d²) times two polynomials.
 
-    Each has a half of 0..1, and powers of the distance from that half's middle.
+    Each covers half of 0..1, in powers of the distance from the middle of that half.
     """
 
     near: Ten
@@ -326,7 +326,7 @@ class Pieces(NamedTuple):
 
 
 class Tabulated(NamedTuple):
-    """A kernel's line integrals where no formula fits."""
+    """A kernel's line integrals as a table, where no formula fits."""
 
     values: Floats  # (K + 1,) over the squared distance, 0..1
 
@@ -338,13 +338,13 @@ class Absorbing(NamedTuple):
 
 
 class Linear(NamedTuple):
-    """Classic splatting's opacities α F."""
+    """Opacities α F of classic splatting."""
 
-    layer: float  # scene units, thickness of the layer that α is the opacity of
+    layer: float  # scene units, thickness of the layer with opacity α
 
 
 class Formula(NamedTuple):
-    """Line integrals of splats, and the opacities that they become.
+    """Line integrals of splats, and how they become opacities.
 
     Kernels are compiled for each class of the two; see `resample.engine.ellipsoids.lanes`.
     """
@@ -354,7 +354,7 @@ class Formula(NamedTuple):
 
 
 class Spread(NamedTuple):
-    """How points are spread over sub-pixels, and about the most that one adds."""
+    """How points spread over sub-pixels, with estimates of the largest contribution."""
 
     extent: float  # widths at which the filter ends
     variance: float  # voxels², as in `Style`; 0: points have width 1 px
@@ -366,14 +366,14 @@ class Spread(NamedTuple):
 
 
 class Tables(NamedTuple):
-    """All tabulated functions of one rendering."""
+    """All tabulated functions of a rendering."""
 
     footprint: Floats  # (K + 1,) over the squared distance of a ray from the center, 0..1 radii²
-    partial: Floats  # (K + 1, J + 1) like footprint, of the ray up to a place, -1..1 radii
-    point: Floats  # (K + 1,) 1-D profile of the filter that points are added under
+    partial: Floats  # (K + 1, J + 1) like footprint, of the ray up to a position, -1..1 radii
+    point: Floats  # (K + 1,) 1-D profile of the filter that spreads points
     pixel: Floats  # (K + 1,) 1-D profile of the filter that resolves sub-pixels to pixels
     pixel_extent: float  # px at which it ends
-    pixel_margin: int  # px around a pixel that it reads
+    pixel_margin: int  # px around a pixel that the filter reads
 
 
 class Style(NamedTuple):
@@ -386,21 +386,21 @@ class Style(NamedTuple):
     most_for_points: int
     point_extent: float  # widths at which the point profile ends
     variance: float  # voxels², of the reconstruction along an axis; 0: points have width 1
-    inflated: float  # px; samples that lie closer get kernels as if they lay that far apart
+    inflated: float  # px; smaller spacings get kernels for this spacing
     blurred: float  # px², added to the squared half extents of a splat's ellipse
-    faintest: float  # samples of this extinction or less are left out
+    faintest: float  # samples up to this extinction are skipped
     projection: int  # COMPOSITE, MAXIMUM, AVERAGE, ADDITIVE, FIRST_HIT or MINIMUM
     iso: float  # position of the first hit's value between the classifier's low and high, 0..1
     linear_opacity: bool  # classic α × F instead of 1 - exp(-τ F)
     layer: float  # scene units, thickness of the layer that a sheet of points stands for
-    opaque: float  # transmittance below which nothing behind is painted
-    tint_red: float  # color that splats are drawn in; negative: their own
+    opaque: float  # transmittance below which painting stops
+    tint_red: float  # color of splats; negative: their own
     tint_green: float
     tint_blue: float
 
 
 class Stage(NamedTuple):
-    """All that the painters of a picture share."""
+    """Data shared by all painters of a picture."""
 
     camera: View
     ellipsoid: Ellipsoid
@@ -421,7 +421,7 @@ class Tiles(NamedTuple):
 
 
 class Place(NamedTuple):
-    """Where a canvas lies on the screen."""
+    """Position of a canvas on the screen."""
 
     x: float  # px, its left edge
     y: float  # px, its top edge
@@ -429,7 +429,7 @@ class Place(NamedTuple):
 
 
 class Film(NamedTuple):
-    """A picture that is being painted; see `Frame`."""
+    """A picture while it is painted; see `Frame`."""
 
     rgba: Floats  # (H, W, 4)
     depth: Floats  # (H, W)
@@ -438,20 +438,20 @@ class Film(NamedTuple):
 
 
 class Statistics(NamedTuple):
-    """What a rendering did."""
+    """Counts and times of a rendering."""
 
     samples: int
     points: int  # samples painted as points
     splats: int  # samples painted as splats
-    hidden: int  # of both, those that every pixel's opacity had covered before their turn
+    hidden: int  # points and splats skipped because every pixel was already opaque
     subpixels: int  # finest sub-pixel grid of any tile, per side
     seconds: dict[str, float]  # per stage
-    is_preview: bool = False  # whether the picture is of fewer samples than there are
-    rays: int = 0  # through a field, at most: of all sub-pixels on which it may be seen
+    is_preview: bool = False  # whether the picture shows only some of the samples
+    rays: int = 0  # upper bound on rays through a field: one per sub-pixel that may see it
 
     @property
     def splat_fraction(self) -> float:
-        """Share of the painted samples that were splats."""
+        """Fraction of the painted samples that were splats."""
         return self.splats / max(1, self.points + self.splats)
 
 
@@ -469,19 +469,19 @@ class _Frame(NamedTuple, Generic[Counts]):
     """Fields of `Frame`."""
 
     rgba: Floats  # (H, W, 4) premultiplied, linear light
-    depth: Floats  # (H, W) z-depth weighted by what is seen, scene units; inf where nothing is
-    first_depth: Floats  # (H, W) z-depth of the nearest that is visible; inf where nothing is
-    coverage: Floats  # (H, W) share of the pixel that is covered, however faintly, 0..1
-    statistics: Counts  # what the rendering did
-    value: Floats | None = None  # (H, W) what a projection of a field measured; see `Projection`
+    depth: Floats  # (H, W) visibility-weighted z-depth, scene units; inf where empty
+    first_depth: Floats  # (H, W) z-depth of the nearest visible sample; inf where empty
+    coverage: Floats  # (H, W) fraction of the pixel that is covered, however faintly, 0..1
+    statistics: Counts  # counts and times of the rendering
+    value: Floats | None = None  # (H, W) measurement of a projected field; see `Projection`
 
 
 class Frame(Showable, _Frame[Counts]):
-    """A painted scene (volume, cloud, mesh, samples) with what is known about its pixels.
+    """A rendered scene (volume, cloud, mesh, samples) with data on each pixel.
 
-    Its color is multiplied by its opacity, the fourth channel. A picture that was moved, of any
-    channels and types, is an application's `Warped` instead, whose `image` is multiplied by its
-    `coverage`. What both have has one name: `coverage`, `depth`.
+    The color is premultiplied by its opacity, the fourth channel. Warped pictures, of any channels
+    and types, are an application's `Warped` instead, whose `image` is multiplied by its `coverage`.
+    Both use the names `coverage` and `depth`.
 
     Examples
     --------

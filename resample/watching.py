@@ -1,8 +1,8 @@
-"""Work that is watched while it goes on, how far it is and whether it is to stop, or shared out.
+"""Progress, cancellation and distribution of long work.
 
-Kernels take tasks from a counter that all their threads share. Python waits for them beside, looks
-at the counter now and then, and writes a number into it that leaves no tasks if they are to stop:
-so a picture, a warp or a cloud stops after the tasks in hand, whatever paints it.
+Kernels take tasks from a counter that all their threads share. Python reads the counter at times
+while it waits, and cancels by setting it past the last task: a picture, warp or cloud stops after
+the tasks in progress, whatever paints it.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 
 from resample.types import Doubles
 
-OFTEN = 0.02  # seconds between two looks
+OFTEN = 0.02  # seconds between two reads of the counter
 
 Progress = Callable[[float], None]
 P = TypeVar("P")
@@ -30,7 +30,7 @@ class CancelledError(RuntimeError):
     >>> balls = particles([[0, 0, 5]], (1, 1, 1), 0.5, 1)
     >>> camera = Camera.from_fov(60, 24, 32)
     >>> cancel = Cancel()
-    >>> cancel.cancel()  # mostly from another thread, while the work goes on
+    >>> cancel.cancel()  # usually from another thread
     >>> try:
     ...     with cancellable(cancel):
     ...         Resampler()(balls, camera, height=24, width=32)
@@ -41,7 +41,7 @@ class CancelledError(RuntimeError):
 
 
 class Cancel:
-    """What stops work that goes on in another thread, for good.
+    """A signal that stops work in another thread permanently.
 
     Examples
     --------
@@ -56,11 +56,11 @@ class Cancel:
 
     @property
     def is_cancelled(self) -> bool:
-        """Whether work is to stop, or has."""
+        """Whether work is to stop, or has stopped."""
         return self._event.is_set()
 
     def cancel(self) -> None:
-        """Let work stop soon: it raises `CancelledError` where it was called."""
+        """Stop the work soon: it raises `CancelledError` in its caller."""
         self._event.set()
 
 
@@ -68,7 +68,7 @@ class Cancel:
 class _Watch:
     cancel: Cancel | None = None
     progress: Progress | None = None
-    shares: Doubles | None = None  # (N,) of the work that is done after so many tasks; None: evenly
+    shares: Doubles | None = None  # (N,) fraction done after each task; None: equal steps
 
 
 _watch: ContextVar[_Watch] = ContextVar("watch", default=_Watch())  # noqa: B039  frozen
@@ -76,20 +76,20 @@ _watch: ContextVar[_Watch] = ContextVar("watch", default=_Watch())  # noqa: B039
 
 @contextmanager
 def cancellable(cancel: Cancel | None) -> Iterator[None]:
-    """Let a `Cancel` stop everything that is done here; None changes nothing.
+    """Let a `Cancel` stop all work in this block; None changes nothing.
 
-    Holds for the thread, or task, that asks for it.
+    Applies to the current thread or async task.
 
     Raises
     ------
     CancelledError
-        It was cancelled.
+        The work was cancelled.
 
     Examples
     --------
     >>> from resample import Cancel, cancellable
     >>> cancel = Cancel()
-    >>> with cancellable(cancel):  # `cancel.cancel()` in another thread stops what goes on here
+    >>> with cancellable(cancel):  # `cancel.cancel()` in another thread stops the block
     ...     pass  # any picture, warp or cloud
     >>> cancel.is_cancelled
     False
@@ -104,14 +104,14 @@ def cancellable(cancel: Cancel | None) -> Iterator[None]:
 
 @contextmanager
 def told(progress: Progress | None, shares: Doubles | None = None) -> Iterator[None]:
-    """Tell how far the one kernel is that is called here.
+    """Report the progress of the one kernel called in this block.
 
     Parameters
     ----------
     progress
-        Called with the share of the work that is done, 0 to 1, and may raise to stop.
+        Called with the fraction of the work that is done, 0 to 1; may raise to stop.
     shares
-        (N,) of the work that is done after so many tasks, ascending to 1; None: as much for each.
+        (N,) fraction of the work done after each task, ascending to 1; None: equal steps.
     """
     token = _watch.set(_Watch(_watch.get().cancel, progress, shares))
     try:
@@ -124,7 +124,7 @@ def told(progress: Progress | None, shares: Doubles | None = None) -> Iterator[N
 
 @contextmanager
 def portion(first: float, last: float) -> Iterator[None]:
-    """Let what is done here be that part of the work, from one share of all to another.
+    """Report progress in this block as a part of the whole, from `first` to `last`.
 
     Examples
     --------
@@ -148,18 +148,18 @@ def portion(first: float, last: float) -> Iterator[None]:
 
 
 def is_watched() -> bool:
-    """Whether someone wants to stop what is done here, or to know how far it is."""
+    """Whether progress or cancellation of the current work is wanted."""
     watch = _watch.get()
     return watch.cancel is not None or watch.progress is not None
 
 
 def look(taken: int, count: int) -> None:
-    """Tell how many of a kernel's tasks were taken.
+    """Report the number of a kernel's tasks that were taken.
 
     Raises
     ------
     CancelledError
-        The work is to stop.
+        The work was cancelled.
     """
     watch = _watch.get()
     if watch.cancel is not None and watch.cancel.is_cancelled:
@@ -174,7 +174,7 @@ def look(taken: int, count: int) -> None:
 
 
 class Executor(Protocol):
-    """Who does parts of some work: `concurrent.futures` has several, and dask's clients one.
+    """Executor of tasks, as in `concurrent.futures` or a dask client.
 
     Examples
     --------
@@ -186,30 +186,30 @@ class Executor(Protocol):
     """
 
     def map(self, job: Callable[..., Any], /, *parts: Iterable[Any]) -> Iterable[Any]:
-        """What a job gives for parts, in their order."""
+        """Results of a job for each part, in order."""
         ...
 
 
 class Crew(NamedTuple):
-    """Who does parts of a command's work."""
+    """Workers of a command."""
 
     executor: Executor
-    tasks: int  # that are done at a time
+    tasks: int  # number of concurrent tasks
     threads: int  # of each task
-    memory: int | None  # bytes that the data of a task may take on its machine; None: not known
-    is_local: bool  # whether all are on this machine, and share its memory
+    memory: int | None  # bytes for the data of a task on its machine; None: unknown
+    is_local: bool  # whether all are on this machine and share its memory
 
 
 def shared_out(executor: Executor | None, job: Callable[[P], R], parts: Iterable[P]) -> Iterator[R]:
-    """What a job gives for parts, in their order; without an executor one after the other, here.
+    """Results of a job for parts, in order; without an executor they are computed here in turn.
 
     Parameters
     ----------
     executor
-        Of threads, processes or machines. The latter two take a job and parts that pickle.
+        Of threads, processes or machines. For the latter two the job and parts must pickle.
     job
-        May be done again for a part, if who did it ended.
+        May be repeated for a part if its worker ended.
     parts
-        Of the work.
+        Arguments of the job.
     """
     yield from map(job, parts) if executor is None else executor.map(job, list(parts))

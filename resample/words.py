@@ -1,23 +1,23 @@
-"""What users write and read: numbers in a text, a file's text, an error in one line."""
+"""Parse numbers in users' text; format text and errors as one safe line."""
 
 import math
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-LONGEST = 2000  # letters of a message
+LONGEST = 2000  # characters of a message
 DIGITS = re.compile(r"[\d.]{60,}")  # of a number
 TOO_MANY_DIGITS = re.compile(r"Exceeds the limit \(\d+ digits\) for integer string conversion.*")
 TOO_LARGE = "a whole number has thousands of digits, beyond 64 bits; write it as 1e30"
 
 
 def numbers_in(name: str, text: str, count: int | None = None) -> list[float]:
-    """Finite numbers of a text, separated by commas or blanks.
+    """Parse finite numbers separated by commas or blanks.
 
     Raises
     ------
     ValueError
-        There is something else, or another count.
+        There is something else, or a different count.
     """
     try:
         numbers = [float(part) for part in re.split(r"[\s,;]+", text.strip())]
@@ -34,9 +34,9 @@ def numbers_in(name: str, text: str, count: int | None = None) -> list[float]:
 
 
 def visible(text: str) -> str:
-    r"""Text whose control characters, which a terminal would obey, are written as codes.
+    r"""Escape control characters, which a terminal would obey.
 
-    So are bytes of names that are no letters, which Python keeps as lone surrogates.
+    Undecodable bytes of file names, kept by Python as lone surrogates, are escaped too.
 
     Examples
     --------
@@ -56,14 +56,14 @@ def _is_shown(letter: str) -> bool:
 
 
 def _code(letter: str) -> str:
-    if "\udc80" <= letter <= "\udcff":  # a byte of a name, as `os.fsdecode` keeps it
+    if "\udc80" <= letter <= "\udcff":  # an undecodable byte of a file name; see `os.fsdecode`
         return f"\\x{ord(letter) - 0xDC00:02x}"
     return letter.encode("unicode_escape").decode("ascii")
 
 
 @contextmanager
 def naming(place: str) -> Iterator[None]:
-    """Say where in a file a mistake is."""
+    """Prefix errors with their place in a file."""
     try:
         yield
     except KeyError as error:
@@ -73,9 +73,9 @@ def naming(place: str) -> Iterator[None]:
 
 
 def one_line(error: BaseException) -> str:
-    """Message of an error without line breaks or control characters, for a user's eyes.
+    """Message of an error on one line, without control characters.
 
-    What of it is thousands of digits or letters long is cut short.
+    Thousands of digits or letters are truncated.
 
     Examples
     --------
@@ -102,7 +102,7 @@ def _message(error: BaseException) -> str:
 
 
 def _field_error(detail: dict[str, object]) -> str:
-    """One field that pydantic refused: `camera.fov: Input should be a valid number (got 'x')`."""
+    """A field's error of pydantic: `camera.fov: Input should be a valid number (got 'x')`."""
     place = detail["loc"]
     field = ".".join(map(str, place)) if isinstance(place, tuple) else ""
     message = " ".join(str(detail["msg"]).removeprefix("Value error, ").split())
@@ -110,7 +110,7 @@ def _field_error(detail: dict[str, object]) -> str:
 
 
 def _shortly(given: object) -> str:
-    """What was given, as far as it can be said; numbers may have too many digits."""
+    """Representation of an input, shortened; numbers may have too many digits."""
     try:
         return f"{given!r:.60}"
     except (ValueError, RecursionError):

@@ -1,9 +1,9 @@
-"""How long a first picture takes: `python tools/first_pictures.py dist/*.whl`.
+"""Measure the time to the first picture: `python tools/first_pictures.py dist/*.whl`.
 
-The wheel goes into an empty environment, with the locked versions of what it needs. There, with an
-empty cache, each application makes its first picture and its second one, by the wheel's library of
-kernels; then again as if there were no library. The table has CPU seconds, of all threads and the
-system, and the most memory. With `--without numba` those packages are removed first.
+The wheel is installed into an empty environment with the locked versions of its dependencies.
+There, with an empty cache, each application makes two pictures with the wheel's kernel library;
+then the same without the library. The table has CPU seconds (all threads and the system) and peak
+memory. With `--without numba` these packages are removed first.
 """
 
 import argparse
@@ -31,20 +31,20 @@ np.save("depth.npy", np.full((64, 64), 2.0, np.float32))
 
 
 class Cost(NamedTuple):
-    """What a process took."""
+    """Resources that a process used."""
 
-    seconds: float  # of CPU
-    wall: float  # seconds
-    memory: float  # MB at most
+    seconds: float  # CPU seconds
+    wall: float  # wall seconds
+    memory: float  # peak, MB
 
 
 def cost(command: list[str], environment: dict[str, str], folder: Path) -> Cost:
-    """Run a command to its end.
+    """Run a command to its end and measure it.
 
     Raises
     ------
     subprocess.CalledProcessError
-        It fails.
+        It failed.
     """
     begin = time.perf_counter()
     process = subprocess.Popen(
@@ -61,7 +61,7 @@ def cost(command: list[str], environment: dict[str, str], folder: Path) -> Cost:
 
 
 def install(wheel: Path, venv: Path, without: list[str]) -> float:
-    """Install a wheel into a new environment; gives the environment's size in MB."""
+    """Install a wheel into a new environment; returns the environment's size in MB."""
     uv = Path(sys.executable).with_name("uv")
     python = venv / "bin" / "python"
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(venv)], check=True)
@@ -76,7 +76,7 @@ def install(wheel: Path, venv: Path, without: list[str]) -> float:
 
 
 def timed(venv: Path, folder: Path, kernels: str, rounds: int) -> list[str]:
-    """Rows of a table: the first picture of an empty cache, and the median of later ones."""
+    """Rows of a table: the first picture with an empty cache, and the median of later ones."""
     rows = []
     for name, line in {**PICTURES, "--help": HELP}.items():
         with tempfile.TemporaryDirectory() as cache:
@@ -98,13 +98,15 @@ def timed(venv: Path, folder: Path, kernels: str, rounds: int) -> list[str]:
 
 
 def main() -> int:
-    """Answer the command line; gives the exit status."""
+    """Run the command line and return the exit status."""
     parser = argparse.ArgumentParser(prog="python tools/first_pictures.py", description=__doc__)
     parser.add_argument("wheel", type=Path)
     parser.add_argument(
         "--without", nargs="*", default=[], help="packages to remove, such as numba"
     )
-    parser.add_argument("--rounds", type=int, default=5, help="later pictures, of which the median")
+    parser.add_argument(
+        "--rounds", type=int, default=5, help="number of later pictures, for the median"
+    )
     asked = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

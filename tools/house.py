@@ -1,10 +1,10 @@
-"""Rules of the house that no linter knows: `python tools/house.py` names what breaks them.
+"""Check rules that no linter knows: `python tools/house.py` lists violations.
 
-With `--map` it prints the map of folders that stands in docs/ARCHITECTURE.md.
+With `--map` it prints the map of folders for docs/ARCHITECTURE.md.
 
-Folders are small enough to be read at a glance, kernels take what travels together as one bundle, a
-class name has few meanings, and modules do not import each other in circles, type-only imports
-included. What is known to be over a limit is listed in `pyproject.toml` and may only shrink.
+Folders have few files, kernels have few arguments (related data travel in one bundle), a class name
+has few meanings, and modules do not import each other in cycles, type-only imports included. Known
+violations are listed in `pyproject.toml`; that list may only shrink.
 """
 
 import ast
@@ -19,18 +19,18 @@ from typing import NamedTuple
 ROOT = Path(__file__).parents[1]
 ARCHITECTURE = ROOT / "docs" / "ARCHITECTURE.md"
 SOURCES = ("resample", "apps/texture", "apps/volume", "apps/warp3d")
-KERNELS = {"engine", "kernels"}  # folders of numba code
-MOST_FILES = 12  # in a folder, besides __init__.py
-MOST_ARGUMENTS = 8  # of a kernel; ruff counts those of other functions
+KERNELS = {"engine", "kernels"}  # folders with numba code
+MOST_FILES = 12  # of a folder, besides __init__.py
+MOST_ARGUMENTS = 8  # of a kernel; ruff counts arguments of other functions
 MOST_LINES = 60  # of a function, without its docstring
-MOST_HOMES = 2  # of a class name
+MOST_HOMES = 2  # files that define a class of one name
 
 
 class Module(NamedTuple):
-    """A source file, read."""
+    """A parsed source file."""
 
-    path: Path  # from the root
-    name: str  # as it is imported
+    path: Path  # relative to the root
+    name: str  # its import name
     tree: ast.Module
 
 
@@ -69,7 +69,7 @@ def long_functions(known: list[Module]) -> Iterator[str]:
 
 
 def ambiguous_names(known: list[Module]) -> Iterator[str]:
-    """Names that classes of too many files have."""
+    """Class names defined in too many files."""
     homes = defaultdict(set)
     for module in known:
         for node in ast.walk(module.tree):
@@ -81,7 +81,7 @@ def ambiguous_names(known: list[Module]) -> Iterator[str]:
 
 
 def circles(known: list[Module]) -> Iterator[str]:
-    """Modules that import each other, in one circle at most."""
+    """Import cycles; at most one is reported."""
     names = {module.name for module in known}
     graph = {}
     for module in known:
@@ -98,7 +98,7 @@ def circles(known: list[Module]) -> Iterator[str]:
 
 
 def map_of_folders(known: list[Module]) -> str:
-    """Every folder but those of kernels, with its purpose, as its `__init__.py` says it."""
+    """Every folder except those of kernels, with the first line of its `__init__.py`."""
     lines = []
     for module in known:
         if module.path.stem == "__init__" and module.path.parent.name != "kernels":
@@ -108,13 +108,13 @@ def map_of_folders(known: list[Module]) -> str:
 
 
 def untrue_map(known: list[Module]) -> Iterator[str]:
-    """The map of folders, if it is not the one in docs/ARCHITECTURE.md."""
+    """Report a map of folders that differs from the one in docs/ARCHITECTURE.md."""
     if map_of_folders(known) not in ARCHITECTURE.read_text(encoding="utf-8"):
         yield f"{ARCHITECTURE.name}: its map of folders is not what tools/house.py --map prints"
 
 
 def main() -> int:
-    """Print what breaks a rule and is not known yet, or is known and no longer true."""
+    """Print new violations, and known ones that no longer exist."""
     known = list(modules())
     if "--map" in sys.argv:
         sys.stdout.write(map_of_folders(known))
@@ -126,7 +126,7 @@ def main() -> int:
     for line in sorted(found - allowed):
         sys.stdout.write(f"{line}\n")
     for line in sorted(allowed - found):
-        sys.stdout.write(f"no longer so, take it off [tool.house]: {line}\n")
+        sys.stdout.write(f"fixed, remove it from [tool.house]: {line}\n")
     return 1 if found ^ allowed else 0
 
 

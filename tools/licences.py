@@ -1,7 +1,7 @@
-"""Licences of what is installed with this project: `python tools/licences.py` checks them.
+"""Check licences of all dependencies: `python tools/licences.py`.
 
-With `--write` it writes docs/licences.md. A licence that is not known, or that would bind users of
-this project, is named, and the exit status is 1.
+With `--write` it writes docs/licences.md. Licences that are unknown or would bind users of this
+project are reported, with exit status 1.
 """
 
 import re
@@ -41,13 +41,13 @@ is what tests compare readers of volumes with; no command needs it.
 
 
 def packages() -> list[str]:
-    """Names in the lock, in order."""
+    """Names in the lock file, in order."""
     text = LOCK.read_text(encoding="utf-8")
     return sorted(set(re.findall(r"^([A-Za-z0-9][\w.-]*)==", text, re.MULTILINE)))
 
 
 def licence(name: str) -> str:
-    """Licence of a package, as an SPDX expression where it has one; empty where none is told."""
+    """Licence of a package, as an SPDX expression if possible; empty if unknown."""
     facts = metadata(name)
     if facts["License-Expression"]:
         return str(facts["License-Expression"])
@@ -58,18 +58,18 @@ def licence(name: str) -> str:
 
 
 def unwanted(expression: str) -> list[str]:
-    """Parts of a licence that are not among those that are wanted."""
+    """Parts of a licence that are not accepted."""
     parts = re.split(r"\s+(?:AND|OR)\s+", expression.replace("(", "").replace(")", ""))
     return [part for part in parts if part not in WANTED]
 
 
 def main() -> int:
-    """Check licences; write their page if that is asked for."""
+    """Check licences, and write their page if requested."""
     lines, complaints = [], []
     for name in packages():
         try:
             found = licence(name)
-        except PackageNotFoundError:  # belongs to another platform
+        except PackageNotFoundError:  # needed on another platform only
             continue
         lines.append(f"| {name} | {found} |\n")
         complaints += [f"{name}: licence {part or 'not told'}" for part in unwanted(found)]

@@ -1,7 +1,7 @@
-"""Pictures of the documents that show pages or move: `make media` makes them anew.
+"""Create the screenshots and animations of the documentation: `make media`.
 
-Pages are those that the commands serve, in a headless Chromium; they are used as a user would. With
-a folder of volumes (`--data`) the engine is shown, else a generated tree of vessels.
+Pages are served by the commands and operated in a headless Chromium. With a folder of volumes
+(`--data`) the Engine is shown, else a generated vessel tree.
 """
 
 import argparse
@@ -22,22 +22,22 @@ from PIL import Image
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
 BROWSERS = ("chromium", "chromium-browser", "chrome")
 WINDOW = {"width": 1100, "height": 680}  # px
-SMALL = {"width": 900, "height": 480}  # px, of what moves
+SMALL = {"width": 900, "height": 480}  # px, of animations
 TIME = 120_000  # ms; kernels may have to be compiled
-STEP = 60  # ms between pictures of a drag
+STEP = 60  # ms between frames of a drag
 STILL = """() => document.querySelector('.canvas img').dataset.preview === 'false'
     && document.querySelector('.canvas').getAttribute('aria-busy') === 'false'
     && !document.querySelector('.notice')"""
 
 BLOCKS = "checker-box:size=96,block=4"
-FLICKER = 96  # px of a side
-LARGER = 3  # px that stand for one
-TURNS, TURN = 12, 0.25  # pictures, degrees between them
+FLICKER = 96  # px, side of the picture
+LARGER = 3  # enlargement factor
+TURNS, TURN = 12, 0.25  # frames, degrees between them
 
 
 @contextmanager
 def served(*words: str) -> Iterator[str]:
-    """Address of the page that a command of this environment serves."""
+    """Serve a page by a command of this environment; yields its address."""
     command = [str(Path(sys.executable).parent / words[0]), *words[1:], "--no-browser"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:
@@ -49,7 +49,7 @@ def served(*words: str) -> Iterator[str]:
 
 @contextmanager
 def browser() -> Iterator[Any]:
-    """A browser without a window."""
+    """Start a headless browser."""
     from playwright.sync_api import sync_playwright
 
     found = next(filter(None, map(shutil.which, BROWSERS)), None)
@@ -63,10 +63,10 @@ def browser() -> Iterator[Any]:
 
 @contextmanager
 def page(opened: Any, address: str, size: dict[str, int]) -> Iterator[Any]:
-    """A page whose whole picture is there."""
+    """Open a page and wait for its full picture."""
     tab = opened.new_page(viewport=size)
     tab.set_default_timeout(TIME)
-    for _ in range(2):  # the second time nothing is compiled
+    for _ in range(2):  # the second time everything is compiled
         tab.goto(address)
         tab.wait_for_function(STILL)
     yield tab
@@ -74,24 +74,24 @@ def page(opened: Any, address: str, size: dict[str, int]) -> Iterator[Any]:
 
 
 def shot(tab: Any) -> Image.Image:
-    """What a page shows."""
+    """Screenshot of a page."""
     return Image.open(BytesIO(tab.screenshot())).convert("RGB")
 
 
 def middle(tab: Any) -> tuple[float, float]:
-    """Middle of the picture on the page, px."""
+    """Center of the picture on the page, px."""
     box = tab.locator(".canvas").bounding_box()
     return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
 
 def settled(tab: Any) -> None:
-    """Wait for the whole picture."""
+    """Wait for the full picture."""
     tab.wait_for_timeout(5 * STEP)
     tab.wait_for_function(STILL)
 
 
 def stills(opened: Any, folder: Path, volume: str) -> None:
-    """One picture of each kind of page."""
+    """One screenshot of each kind of page."""
     with (
         served("resample-volume", "view", volume, "--box", "--scale-bar") as address,
         page(opened, address, WINDOW) as tab,
@@ -124,7 +124,7 @@ def stills(opened: Any, folder: Path, volume: str) -> None:
 
 
 def picture(folder: Path) -> str:
-    """File of a wall of bricks."""
+    """Write a picture of a brick wall."""
     from resample_texture.showing.figures import generated
 
     levels = np.rint(255 * np.clip(generated("bricks").picture, 0, 1)).astype(np.uint8)
@@ -133,7 +133,7 @@ def picture(folder: Path) -> str:
 
 
 def depth_image(folder: Path) -> tuple[str, str]:
-    """Files of a generated depth image."""
+    """Write a generated depth image."""
     from resample.colors import to_srgb
     from resample_warp3d.showing.scenes import generated
 
@@ -145,7 +145,7 @@ def depth_image(folder: Path) -> tuple[str, str]:
 
 
 def moving(opened: Any, volume: str) -> None:
-    """A volume that is turned by a drag, then looked at from the top."""
+    """Animation of a volume that is dragged, then viewed from the top."""
     shots = []
     with (
         served("resample-volume", "view", volume, "--box") as address,
@@ -169,7 +169,7 @@ def moving(opened: Any, volume: str) -> None:
 
 
 def flicker() -> None:
-    """A checker box far away that turns: one ray a pixel, and ours, enlarged without smoothing."""
+    """Animation of a distant rotating checker box: one ray per pixel, and ours, enlarged."""
     from resample_volume import Appearance, Scene
     from resample_volume.media.appearance import transfer_of
     from resample_volume.rivals.peers import VtkRenderer
@@ -189,14 +189,14 @@ def flicker() -> None:
 
 
 def levels_of(light: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Levels of premultiplied linear light before black."""
+    """Levels of premultiplied linear light over black."""
     from resample.colors import to_srgb
 
     return np.asarray(np.rint(255 * to_srgb(np.clip(light[..., :3], 0, 1))), np.uint8)
 
 
 def beside(left: NDArray[np.uint8], right: NDArray[np.uint8]) -> Image.Image:
-    """Two pictures beside each other, pixels enlarged."""
+    """Two pictures side by side, enlarged."""
     both = np.concatenate(
         [left[..., :3], np.full((FLICKER, 2, 3), 90, np.uint8), right[..., :3]], 1
     )
@@ -204,7 +204,7 @@ def beside(left: NDArray[np.uint8], right: NDArray[np.uint8]) -> Image.Image:
 
 
 def film(path: Path, shots: list[Image.Image], milliseconds: int) -> None:
-    """Write pictures that go round and round."""
+    """Write pictures as a looping animation."""
     first, *more = shots
     first.save(
         path, save_all=True, append_images=more, duration=milliseconds, loop=0, quality=70, method=6
@@ -212,7 +212,7 @@ def film(path: Path, shots: list[Image.Image], milliseconds: int) -> None:
 
 
 def main() -> int:
-    """Make all of them."""
+    """Create all files."""
     parser = argparse.ArgumentParser(prog="python tools/media.py", description=__doc__)
     parser.add_argument("--data", type=Path, help="folder of volumes, with engine.nhdr")
     data = parser.parse_args().data

@@ -1,1 +1,1 @@
-"""What the machine can do at most, and how much work a picture is."""
+"""Kernels that measure hardware limits, count fragments, and stand in for other methods."""

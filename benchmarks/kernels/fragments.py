@@ -1,4 +1,4 @@
-"""How much splats have to paint, counted by a plain walk that shares no code with the painters."""
+"""Count the fragments of splats by plain loops that share no code with the painters."""
 
 import math
 
@@ -18,11 +18,11 @@ def count_fragments(
     opaque: float,
     light: Doubles,
 ) -> tuple[int, int]:
-    """Sub-pixels in the splats' footprints, and those among them that were not yet opaque.
+    """Sub-pixels in splats' footprints, and those among them that were not opaque yet.
 
-    Samples (N, 3) are in camera axes and come front to back. `profile` holds line integrals over
-    the squared distance from the center in radii. `light` (H, W), 1 everywhere at first, is what
-    each sub-pixel still lets through; at `opaque` and below it takes no more.
+    Samples (N, 3) are in camera axes, sorted front to back. `profile` holds line integrals over
+    the squared distance from the center in radii. `light` (H, W), initially 1, is each sub-pixel's
+    transmittance; at `opaque` and below it takes no more.
     """
     inside, painted = 0, 0
     height, width = light.shape

@@ -1,4 +1,4 @@
-"""Rivals that the package does not have: triangles by RVS's rule, and weighed splats."""
+"""Other methods to compare with: triangles by RVS's rule, and softmax splatting."""
 
 import math
 
@@ -9,13 +9,13 @@ from resample.types import Doubles, Floats
 from resample_warp3d.rivals.kernels.mcmillan import place_of, seen
 from resample_warp3d.types import Equation, Source
 
-BEST, WORST, PER_PX = 10000.0, 1.0, 1000.0  # quality of a triangle, and what each px of it costs
+BEST, WORST, PER_PX = 10000.0, 1.0, 1000.0  # quality of a triangle, and its decrease per px
 BEYOND = 1e6  # px
 
 
 @kernel
 def project(source: Source, equation: Equation, vertex: Doubles) -> None:
-    """Write x, y and nearness of all samples in the target, (H, W, 3); nearness 0: not seen."""
+    """Project all samples to x, y and nearness in the target, (H, W, 3); nearness 0: invisible."""
     for row in range(vertex.shape[0]):
         for column in range(vertex.shape[1]):
             near = np.float64(source.nearness[row, column])
@@ -28,7 +28,7 @@ def project(source: Source, equation: Equation, vertex: Doubles) -> None:
 
 @kernel
 def _quality(a: Doubles, b: Doubles, c: Doubles) -> float:
-    """What a triangle is worth by the longest of its sides."""
+    """Quality of a triangle by its longest side."""
     ab = math.hypot(a[0] - b[0], a[1] - b[1])
     bc = math.hypot(b[0] - c[0], b[1] - c[1])
     ca = math.hypot(c[0] - a[0], c[1] - a[1])
@@ -40,7 +40,7 @@ def _draw(
     corner: tuple[Doubles, Doubles, Doubles], color: tuple[Floats, Floats, Floats],
     orientation: float, worth: Doubles, image: Floats,
 ) -> None:  # fmt: skip
-    """Draw a triangle where it is worth more than what is there."""
+    """Draw a triangle where its quality exceeds that of what is there."""
     a, b, c = corner
     area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
     if not (a[2] > 0 and b[2] > 0 and c[2] > 0 and area * orientation > 0):
@@ -71,23 +71,23 @@ def _draw(
 def draw_triangles(
     color: Floats, vertex: Doubles, orientation: float, worth: Doubles, image: Floats
 ) -> None:
-    """Draw all triangles between neighbours, however stretched: those that are less so win.
+    """Draw all triangles between neighbours; less stretched ones win.
 
-    RVS, MPEG's reference view synthesizer, compares nearness³ × quality, which falls from 10000 to
-    1 as the longest side goes from 0 to 10 px: a stretched triangle shows where nothing else is.
+    RVS, MPEG's reference view synthesizer, compares nearness³ × quality, which decreases from 10000
+    to 1 as the longest side goes from 0 to 10 px: a stretched triangle shows only in gaps.
 
     Parameters
     ----------
     color
         (H, W, C) of the source.
     vertex
-        (H, W, 3) of `project`.
+        (H, W, 3) from `project`.
     orientation
-        Sign of the areas of what shows its front.
+        Sign of the areas of front faces.
     worth
-        (h, w) of the target, 0 at first; 0 where nothing is.
+        (h, w) of the target, initially 0; 0 where empty.
     image
-        (h, w, C) filled.
+        (h, w, C), written.
     """
     for row in range(color.shape[0] - 1):
         for column in range(color.shape[1] - 1):
@@ -103,7 +103,7 @@ def draw_triangles(
 def add_splats(
     color: Floats, vertex: Doubles, sharpness: float, total: Doubles, image: Doubles
 ) -> None:
-    """Add every sample to its 2 × 2 pixels, bilinearly, weighed by exp(sharpness × nearness).
+    """Add each sample to 2 × 2 pixels bilinearly, weighted by exp(sharpness × nearness).
 
     Softmax splatting (Niklaus and Liu 2020). `total` (h, w) and `image` (h, w, C) are added to.
     """

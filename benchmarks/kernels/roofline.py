@@ -1,4 +1,4 @@
-"""A plain loop of fused multiply-adds: no kernel can do more of them on this machine."""
+"""A loop of fused multiply-adds, to measure the machine's peak rate."""
 
 from typing import Any
 
@@ -9,12 +9,12 @@ from numba.extending import intrinsic
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Floats
 
-CHAIN = 16  # multiply-adds in turn on each number
+CHAIN = 16  # consecutive multiply-adds on each number
 
 
 @intrinsic  # type: ignore[untyped-decorator]
 def _fma(typing_context: Any, a: Any, b: Any, c: Any) -> Any:  # noqa: ARG001
-    """One fused multiply-add: a × b + c, rounded once."""
+    """Fused multiply-add: a × b + c, rounded once."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001
         return builder.fma(*arguments)
@@ -38,6 +38,6 @@ def _multiply_add_often(numbers: Floats, factor: float, summand: float, times: i
 def multiply_add(
     counter: Counter, numbers: Floats, factor: float, summand: float, times: int
 ) -> None:
-    """`CHAIN` × `times` multiply-adds on each number of the rows (threads, count)."""
+    """Do `CHAIN` × `times` multiply-adds on each number of the rows (threads, count)."""
     for row in tasks(counter, numbers.shape[0]):
         _multiply_add_often(numbers[row], factor, summand, times)

@@ -2,17 +2,17 @@
 Warp a picture
 ==============
 
-You have a picture and know where its points should go: by a matrix, by four corners, by a map or by a
-lens. After ten minutes you can warp it without aliasing where it shrinks and without blur where it does
-not, read what part of each pixel was covered, and replace calls of OpenCV.
+You have a picture and know where its points should go: by a matrix, four corners, a map or a lens. In ten
+minutes you will warp it without aliasing where it shrinks and without blur where it does not, read the
+covered fraction of each pixel, and replace OpenCV calls.
 """
 
 # %%
 # A picture and a matrix
 # ----------------------
 #
-# Pictures are NumPy arrays (H, W) or (H, W, C) of any type. Integers are taken for sRGB levels and are
-# decoded to light before they are mixed; floats are light already. A wall will do:
+# Pictures are NumPy arrays (H, W) or (H, W, C) of any type. Integers are taken as sRGB levels and decoded
+# to linear light before filtering; floats are linear light already. Here is a wall:
 
 from resample_texture import warp
 from resample_texture.showing.scenes import bricks
@@ -21,8 +21,8 @@ wall = bricks(512)
 print(wall.shape, wall.dtype)
 
 # %%
-# A 3 × 3 matrix leads from source to target. Places count from the picture's corner: the first pixel has
-# its center at (0.5, 0.5). (Matrices of OpenCV count from that center; ``warp_like_opencv`` takes them.)
+# A 3 × 3 matrix maps source to target. Coordinates start at the picture's corner: the first pixel's center is
+# at (0.5, 0.5). (OpenCV's matrices start at that center; ``warp_like_opencv`` takes them.)
 
 import numpy as np
 
@@ -32,12 +32,12 @@ warped.save("turned.png", background=(1, 1, 1))
 print(warped)
 
 # %%
-# What comes back
-# ---------------
+# The result
+# ----------
 #
-# ``warped.image`` is multiplied by ``warped.coverage``, the share of each pixel that the picture covers.
-# So pictures can be laid over one another by adding, and edges have no fringe. ``warped.mean`` is what
-# covers each pixel by itself.
+# ``warped.image`` is multiplied by ``warped.coverage``, the covered fraction of each pixel. So pictures can
+# be composited by addition, and edges have no fringe. ``warped.mean`` is the average color of what covers
+# each pixel.
 
 picture = warped.image + (1 - warped.coverage[..., None]) * np.array([0.02, 0.1, 0.35])
 warp(picture.astype(np.float32), np.eye(3), picture.shape[:2]).save("over-blue.png")
@@ -47,8 +47,8 @@ print(f"an area of {warped.coverage.sum():.1f} pixels is covered")
 # Far and near at once
 # --------------------
 #
-# A floor to the horizon is where usual ways fail: its far texels are hundreds in a pixel, its near ones
-# some pixels large. One setting serves for both. ``edge="mirror"`` goes on beyond the picture.
+# A floor up to the horizon defeats the usual methods: hundreds of its far texels fall into one pixel, its near
+# ones are several pixels large. One setting handles both. ``edge="mirror"`` continues beyond the picture.
 
 from resample_texture.geometry.corners import from_corners, page_corners
 
@@ -58,13 +58,13 @@ for method in ("bilinear", "hybrid"):
     warp(wall, floor, (250, 300), edge="mirror", method=method).save(f"floor-{method}.png")
 
 # %%
-# ``bilinear`` is OpenCV's, here under the same name for all rivals; ``resample plugins methods`` lists them.
+# ``bilinear`` is OpenCV's, available here by name like other methods; ``resample plugins methods`` lists them.
 #
 # Maps
 # ----
 #
-# A function says for each pixel where it looks; two arrays, as of ``cv2.remap``, do the same as a
-# ``BackwardMap``. Arrays that say where each texel *goes* are a ``ForwardMap``, for flow.
+# A function returns each pixel's position in the source; two arrays, as for ``cv2.remap``, do the same as a
+# ``BackwardMap``. Arrays of where each texel *goes* are a ``ForwardMap``, for optical flow.
 
 warp(wall, lambda x, y: (x + 12 * np.sin(y / 20), y + 8 * np.sin(x / 17)), (250, 300)).save(
     "waves.png"

@@ -1,18 +1,18 @@
 """
-Look at a picture with depth from elsewhere
-===========================================
+View an RGB-D image from another viewpoint
+==========================================
 
-You have a color picture and the depth of its pixels, from a sensor, a renderer, stereo or a network, and
-want to see it from another place. After ten minutes you can do that, tell what was hidden, and fill
-it.
+You have a color image and the depth of its pixels, from a sensor, a renderer, stereo or a network, and
+want to view it from another viewpoint. In ten minutes you will do that, find out what was occluded, and
+fill it.
 """
 
 # %%
 # Color, depth and a camera
 # -------------------------
 #
-# A generated room stands in for yours: color is light, ``depth`` is the distance along the camera's axis.
-# Zero, negative and not finite depths are unknown.
+# A generated room stands in for yours: color is linear light, ``depth`` is the distance along the camera's
+# axis. Depths that are zero, negative or not finite are unknown.
 
 from resample_warp3d import Camera, warp
 from resample_warp3d.showing.scenes import generated
@@ -27,8 +27,8 @@ warp(color, depth, camera, camera).save("source.png")
 # Move
 # ----
 #
-# A pose maps world to camera, x to the right, y down, z ahead. A camera that stands 0.4 m to the right has
-# the translation -0.4.
+# A pose maps world to camera, x to the right, y down, z ahead. A camera 0.4 m to the right has the
+# translation -0.4.
 
 import numpy as np
 
@@ -38,11 +38,11 @@ moved.save("moved.png", background=(0, 0, 0))
 print(moved)
 
 # %%
-# Black is what the source has not seen. Nothing is torn or full of cracks, though neighbours have moved
-# apart: samples of one surface are cells of a sheet, which is cut where a surface ends.
+# Black areas were not visible to the source. Nothing is torn or cracked, though neighbours have moved apart:
+# samples of one surface are cells of a sheet, which is cut where a surface ends.
 #
-# What is missing, and why
-# ------------------------
+# Types of holes
+# --------------
 
 from resample_warp3d import Hole
 
@@ -51,11 +51,11 @@ moved.to_image("depth").save("depth.png")
 moved.to_image("holes").save("holes.png")
 
 # %%
-# Filled
-# ------
+# Filling
+# -------
 #
-# ``fill=True`` makes up what is missing from the background beside it. ``fill="layer"`` does it once for all
-# views of a source, so that films do not flicker.
+# ``fill=True`` fills holes from the background beside them. ``fill="layer"`` does it once for all views of a
+# source, so that films do not flicker.
 
 warp(color, depth, camera, right, fill=True).save("filled.png")
 
@@ -63,8 +63,8 @@ warp(color, depth, camera, right, fill=True).save("filled.png")
 # Closer
 # ------
 #
-# Two meters ahead, samples cover several pixels each. They give each pixel the mean of what they share, so
-# that edges stay edges.
+# Two meters ahead, samples cover several pixels each. They share pixels in proportion to their areas, so that
+# edges stay sharp.
 
 ahead = camera.moved(np.c_[np.eye(3), [0.3, 0.2, -2.0]])
 for method in ("mcmillan", "hybrid"):
@@ -76,7 +76,7 @@ for method in ("mcmillan", "hybrid"):
 # Many views of one source
 # ------------------------
 #
-# ``DepthScene`` prepares a source once; so does ``prepare``. Then each view costs only its painting.
+# ``DepthScene`` prepares a source once; so does ``prepare``. Each view then only costs its painting.
 
 from resample_warp3d import DepthScene
 

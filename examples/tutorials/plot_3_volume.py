@@ -2,17 +2,17 @@
 Show a volume
 =============
 
-You have values on a lattice: a scan, a stack of a microscope, a simulation. After ten minutes you can show
-them, choose what is seen of them, put light on them, cut them open and save all of it.
+You have values on a lattice: a scan, a microscope stack, a simulation. In ten minutes you will render them,
+choose what is visible, light them, cut them open, and save the results.
 """
 
 # %%
 # A picture
 # ---------
 #
-# ``render`` takes an array (Z, Y, X), a path, or the images of SimpleITK, nibabel and xarray. Generated
-# volumes have names; this one is a tree of vessels with an aneurysm. ``(40, 15)`` is where the camera
-# stands: azimuth and elevation in degrees; a third number is a zoom.
+# ``render`` takes an array (Z, Y, X), a path, or an image of SimpleITK, nibabel or xarray. Generated volumes
+# have names; this one is a vessel tree with an aneurysm. ``(40, 15)`` is the viewpoint: azimuth and elevation
+# in degrees; a third number is a zoom.
 
 from resample_volume import open_volume, render
 
@@ -22,10 +22,10 @@ frame.save("vessels.png", background=(1, 1, 1))
 print(frame)
 
 # %%
-# What comes back
-# ---------------
+# The result
+# ----------
 #
-# A frame is light, premultiplied with its coverage, and two depths. It is saved as PNG, TIFF or OpenEXR.
+# A frame has linear light premultiplied by its opacity, coverage, and two depths. Save it as PNG, TIFF or OpenEXR.
 
 print(
     frame.rgba.shape,
@@ -35,10 +35,10 @@ print(
 frame.to_image("depth").save("depth.png")
 
 # %%
-# What is seen
-# ------------
+# Looks
+# -----
 #
-# A *look* gives values their color and opacity: a name (``resample-volume render --help`` lists them), a
+# A *look* assigns colors and opacities to values: a name (``resample-volume render --help`` lists them), a
 # range of values as a material, or several of them joined.
 
 render(
@@ -59,12 +59,12 @@ render(vessels, Appearance("vessels", crop=":,:,:64"), (40, 15, 0.95), size=(300
 )
 
 # %%
-# Along rays, or splats
-# ---------------------
+# Rays or splats
+# --------------
 #
-# By default rays pass through a spline that goes through all voxels, and values get their colors on the
-# way (``post``). The paper's way is the other one: voxels get their colors first, and are splatted
-# (``pre``), which draws thin things too thick.
+# By default rays are cast through a spline that interpolates the voxels, and values get their colors along the
+# ray (``post``). The paper does the opposite: voxels get their colors first and are splatted (``pre``), which
+# thickens thin structures.
 
 for classification in ("pre", "post"):
     look = Appearance("vessels", classification=classification)
@@ -76,7 +76,7 @@ for classification in ("pre", "post"):
 # Many pictures of one volume
 # ---------------------------
 #
-# A ``Scene`` keeps what does not depend on the view, and tells which voxel is seen at a pixel.
+# A ``Scene`` caches what does not depend on the view, and returns the voxel at a pixel.
 
 from resample_volume import Scene
 

@@ -1,1 +1,1 @@
-"""Cameras, and where they stand."""
+"""Camera models, lenses, poses and their files."""

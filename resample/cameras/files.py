@@ -1,7 +1,7 @@
-"""The door to files of poses and cameras, whichever program wrote them.
+"""Read poses and cameras from files of many programs.
 
-Whatever a file's convention, what comes out maps world to camera, with x to the right, y down and
-the view along +z; where intrinsics come along, their pixel centers are at + 0.5.
+The result follows one convention: poses map world to camera, with x to the right, y down and the
+view along +z; pixel centers are at + 0.5.
 """
 
 import errno
@@ -28,7 +28,7 @@ Read = Callable[[Path], list[Entry]]
 
 
 def _from(module: str, name: str) -> Read:
-    """What reads a kind of files; its module is imported when it is first asked for."""
+    """Reader of a kind of file; its module is imported on first use."""
 
     def read(path: Path) -> list[Entry]:
         entries: list[Entry] = getattr(import_module(f"resample.cameras.{module}"), name)(path)
@@ -51,13 +51,13 @@ SUFFIXES = {".npy": "matrix", ".json": "nerf", ".log": "log", ".toml": "toml"}
 
 
 def read_entries(path: str | Path, kind: str | None = None) -> list[Entry]:
-    """All pictures of a file, those that cannot be had in their places.
+    """Read all pictures of a file, including those that are invalid.
 
     Parameters
     ----------
     path
         File, or the folder of a COLMAP model.
-    kind
+    One of `KINDS`; None: detected from name and content.
         One of `KINDS`; None recognises it by name and content.
 
     Raises
@@ -65,7 +65,7 @@ def read_entries(path: str | Path, kind: str | None = None) -> list[Entry]:
     OSError
         The file cannot be read.
     ValueError
-        It holds something else, or what it is cannot be told.
+        Its content is invalid, or its kind is not recognised.
     """
     file = Path(path)
     if not file.exists():
@@ -79,7 +79,7 @@ def read_entries(path: str | Path, kind: str | None = None) -> list[Entry]:
 
 
 def read_shots(path: str | Path, kind: str | None = None) -> list[Shot]:
-    """Pictures of a file, without those that cannot be had, of which `left_out` tells.
+    """Read the valid pictures of a file; `left_out` reports the others.
 
     Parameters and errors are those of `read_entries`; one that has only pictures that cannot be had
     is refused with what is wrong with the first.
@@ -92,7 +92,7 @@ def read_shots(path: str | Path, kind: str | None = None) -> list[Shot]:
 
 
 def read_poses(path: str | Path, kind: str | None = None) -> list[Doubles]:
-    """Poses (4, 4) of a file, world to camera; as `read_shots`, but cameras need not be known."""
+    """Read poses (4, 4), world to camera; like `read_shots`, but cameras may be unknown."""
     entries = read_entries(path, kind)
     poses = [entry.pose for entry in entries if entry.pose is not None]
     if not poses:
@@ -101,7 +101,7 @@ def read_poses(path: str | Path, kind: str | None = None) -> list[Doubles]:
 
 
 def left_out(path: str | Path, *, poses: bool = False) -> str | None:
-    """Words about what of a file cannot be had, or of its poses; None if there is nothing."""
+    """Message about cameras, or poses, that are invalid; None if there are none."""
     entries = read_entries(path)
     refused = [entry for entry in entries if isinstance(entry, Refused)]
     if poses:
@@ -113,9 +113,9 @@ def left_out(path: str | Path, *, poses: bool = False) -> str | None:
 
 
 def read_pose(text: str, kind: str | None = None) -> Doubles:
-    """Pose (4, 4), world to camera, of `file` or `file:frame`; errors are those of `read_shot`.
+    """Read a pose (4, 4), world to camera, of `file` or `file:frame`; errors as in `read_shot`.
 
-    Of a camera of an unknown kind the pose can be had.
+    Works for cameras of unknown models too.
     """
     entry = _read_entry(text, kind)
     if entry.pose is None:
@@ -124,38 +124,36 @@ def read_pose(text: str, kind: str | None = None) -> Doubles:
 
 
 def read_camera(text: str, kind: str | None = None) -> Camera:
-    """Camera of `file` or `file:frame`; see `read_shot`.
+    """Read a camera of `file` or `file:frame`; see `read_shot`.
 
     Raises
     ------
     ValueError
-        The file has a pose but no intrinsics, or not enough of them.
+        The file has a pose but no intrinsics, or incomplete ones.
     """
     camera = read_shot(text, kind).camera
     if camera is None:
-        raise ValueError(
-            f"{text} has no intrinsics, or no size of the picture; give them beside it"
-        )
+        raise ValueError(f"{text} has no intrinsics, or no size of the picture; give these as well")
     return camera
 
 
 def read_shot(text: str, kind: str | None = None) -> Shot:
-    """One pose of a file.
+    """Read one pose of a file.
 
     Parameters
     ----------
     text
         `file` if it holds one pose; `file:3` for the fourth; `file:name` for the picture or time of
-        that name, of which folders and the suffix may be left out.
+        that name; folders and suffix are optional.
     kind
-        As `read_shots` takes it.
+        As in `read_shots`.
 
     Raises
     ------
     OSError, ValueError
-        The file is none that can be read, or this picture of it cannot be had.
+        The file cannot be read, or this picture of it is invalid.
     LookupError
-        It has no such frame, or several.
+        There is no such frame, or several.
     """
     entry = _read_entry(text, kind)
     if isinstance(entry, Refused):
@@ -180,34 +178,33 @@ def _complaint(entry: Entry) -> str:
 
 
 def file_and_frame(text: str) -> tuple[str, str]:
-    """File and frame of `file:frame`; the frame is empty where there is none."""
+    """Split `file:frame`; the frame is empty if not given."""
     path, frame = (text, "") if Path(text).exists() else text.rpartition(":")[::2]
     return (path, frame) if path and Path(path).exists() else (text, "")
 
 
 def viewpoint(text: str, fov: float = Orbit.fov, up: str = Orbit.up) -> Viewpoint:
-    """Where something is seen from, as command lines give it.
+    """Parse a viewpoint of the command line.
 
     Parameters
     ----------
     text
-        `azimuth/elevation/zoom`, of which the last may be left out; a .toml file as
-        `resample.cameras.tables.read_viewpoint` takes it; or `file` or `file:frame` as `read_shot`
-        takes it.
+        `azimuth/elevation/zoom`, where zoom is optional; a .toml file for
+        `resample.cameras.tables.read_viewpoint`; or `file` or `file:frame` for `read_shot`.
     fov
-        Degrees along the picture's shorter side, where no file says it; 0 is parallel projection,
-        of angles only.
+        Field of view along the picture's shorter side in degrees, unless the file has it; 0:
+        parallel projection, for angles only.
     up
-        Axis that points upwards, of angles only.
+        Axis that points up, for angles only.
 
     Raises
     ------
     ValueError, LookupError
-        The text is none of these, or the file's content is no camera.
+        The text is none of these, or the file holds no camera.
     OSError
         The file cannot be read.
     """
-    try:  # first: no file that happens to have such a name is opened
+    try:  # first, so that no file of such a name is opened
         azimuth, elevation, *others = NAMED.get(text) or [float(part) for part in text.split("/")]
         zoom, right, above = {0: (1.0, 0.0, 0.0), 1: (*others, 0.0, 0.0)}.get(len(others), others)
     except ValueError:
@@ -216,7 +213,7 @@ def viewpoint(text: str, fov: float = Orbit.fov, up: str = Orbit.up) -> Viewpoin
 
 
 def _viewpoint_in(text: str, fov: float) -> Viewpoint:
-    """Viewpoint of a file."""
+    """Read the viewpoint of a file."""
     if text.lower().endswith(".toml"):
         from resample.cameras.tables import read_viewpoint
 
@@ -234,7 +231,7 @@ def _viewpoint_in(text: str, fov: float) -> Viewpoint:
 
 
 def _recognised(path: Path) -> str:
-    """Kind of a file, by its name or else by how many numbers its lines have."""
+    """Kind of a file, from its name or else from the count of numbers per line."""
     if path.is_dir() or path.name.lower() in ("images.txt", "images.bin"):
         return "colmap"
     known = SUFFIXES.get(path.suffix.lower())
@@ -259,7 +256,7 @@ def _recognised(path: Path) -> str:
 
 
 def _index(path: str, entries: list[Entry], frame: str) -> int:
-    """Which pose a number or a name means."""
+    """Index of the pose for a number or name."""
     if frame.isdecimal() and str(int(frame)) == frame:
         if int(frame) < len(entries):
             return int(frame)
@@ -277,6 +274,6 @@ def _index(path: str, entries: list[Entry], frame: str) -> int:
 
 
 def _choice(entries: list[Entry]) -> str:
-    """Words about what picks a frame."""
+    """Describe how to pick a frame."""
     numbers = f"N, N from 0 to {len(entries) - 1}"
     return f"{numbers}, or by name, such as {entries[0].name}" if entries[0].name else numbers

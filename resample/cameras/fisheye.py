@@ -1,7 +1,7 @@
-"""OpenCV's model of a fisheye lens: where it bends points of the plane at distance 1, and back.
+"""OpenCV's fisheye model: distort points of the plane at distance 1, and undistort them.
 
-A ray at the angle θ from the axis meets the picture at θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸) focal
-lengths from its middle, as in the documentation of `cv2.fisheye`. Points are x and y, (N,) float64.
+A ray at angle θ from the axis meets the picture at θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸) focal
+lengths from its center, as in the documentation of `cv2.fisheye`. Points are x and y, (N,) float64.
 """
 
 import math
@@ -15,20 +15,20 @@ from resample.types import Doubles
 
 COUNT = 4  # of coefficients
 STEPS = 30  # of Newton's method; most points need 2
-TABLE = 1024  # angles, of the inverse that it starts at
-NEAR_AXIS = 1e-8  # radius below which its ratio to the angle is 1
+TABLE = 1024  # angles in the table of initial guesses
+NEAR_AXIS = 1e-8  # radius below which the ratio of angle and radius is 1
 
 
 class Fisheye(NamedTuple):
-    """Distance from the middle of the picture, as a polynomial of the angle."""
+    """Distance from the center of the picture, as a polynomial of the angle."""
 
     distance: Polynomial
     slope: Polynomial
-    fold: float  # rad: from there on the lens turns rays back, or the plane ends
+    fold: float  # rad: angle at which the distance stops increasing, or the plane ends
 
 
 def fisheye(coefficients: Doubles) -> Fisheye:
-    """Lens of k1, k2, k3, k4."""
+    """Fisheye lens with coefficients k1, k2, k3, k4."""
     distance = Polynomial(np.ravel([[0.0, k] for k in (1.0, *coefficients)]))
     slope = distance.deriv()
     root = np.asarray(slope.roots(), np.complex128)
@@ -38,19 +38,19 @@ def fisheye(coefficients: Doubles) -> Fisheye:
 
 
 def bend(lens: Fisheye, x: Doubles, y: Doubles) -> Points:
-    """Points behind the lens; not a number beyond the fold."""
+    """Distort points; NaN beyond the fold."""
     radius = np.hypot(x, y)
     angle = np.arctan(radius)
     scale = _ratio(lens.distance(angle), radius)
     scale[~(angle < lens.fold)] = np.nan
-    with np.errstate(invalid="ignore"):  # infinitely far is beyond the fold
+    with np.errstate(invalid="ignore"):  # infinite values are beyond the fold
         return x * scale, y * scale
 
 
 def unbend(lens: Fisheye, x: Doubles, y: Doubles, tolerance: float) -> Points:
-    """Points before the lens, by Newton's method; not a number where there is none.
+    """Undistort points by Newton's method; NaN where no solution exists.
 
-    A point counts as found if the lens takes it to within `tolerance` of where it should.
+    A solution is valid if distorting it reproduces the point to within `tolerance`.
     """
     x, y = np.ravel(x), np.ravel(y)
     distance = np.hypot(x, y)
@@ -70,6 +70,6 @@ def unbend(lens: Fisheye, x: Doubles, y: Doubles, tolerance: float) -> Points:
 
 
 def _ratio(after: Doubles, before: Doubles) -> Doubles:
-    """Quotient of radii; 1 at the axis."""
+    """Ratio of radii; 1 at the axis."""
     is_away = before > NEAR_AXIS
     return np.divide(after, before, out=np.ones_like(before), where=is_away)

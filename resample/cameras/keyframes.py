@@ -1,4 +1,4 @@
-"""Cameras at certain times, and those in between."""
+"""Keyframes: cameras at given times, and interpolation between them."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -28,45 +28,44 @@ FORMS = {
 
 
 class Keyframes(NamedTuple):
-    """Cameras of one form, two or more."""
+    """Two or more cameras of the same form, with times."""
 
-    time: Doubles  # (K,) ascending; seconds, where the number of frames is not given
-    camera: Sequence[Any]  # K of `Orbit`, of `Spot`, of `Calibrated` or of `Camera`
+    time: Doubles  # (K,) ascending; seconds, unless the number of frames is given
+    camera: Sequence[Any]  # K of `Orbit`, `Spot`, `Calibrated` or `Camera`
 
     @property
     def duration(self) -> float:
-        """From the first to the last."""
+        """Time from the first to the last keyframe."""
         return float(self.time[-1] - self.time[0])
 
     def between(self, count: int) -> list[Viewpoint]:
-        """So many cameras at even times from the first keyframe to the last.
+        """Interpolate `count` cameras at equal time steps from the first keyframe to the last.
 
-        Numbers follow smooth curves that do not go beyond the keyframes to either side (Fritsch
-        and Butland 1984); zooms and focal lengths do so by their logarithms. Angles are taken as
-        they are: from 350 to 370 degrees is a short way, from 350 to 10 a long one. Eyes, targets
-        and upward directions move each on its own, and calibrated cameras turn at a rate without
-        jumps.
+        Numbers follow smooth curves without overshoot (Fritsch and Butland 1984); zooms and focal
+        lengths are interpolated by their logarithms. Angles are taken literally: from 350 to 370
+        degrees is a short rotation, from 350 to 10 a long one. Eyes, targets and up vectors are
+        interpolated independently, and calibrated cameras turn with a continuous angular velocity.
 
         Raises
         ------
         ValueError
-            An eye meets its target on the way.
+            The eye meets its target on the way.
         """
         wanted = np.linspace(self.time[0], self.time[-1], count)
         return list(_BETWEEN[type(self.camera[0])](self, wanted))
 
     def curve(self, values: ArrayLike, wanted: Doubles) -> Doubles:
-        """Numbers (K, ...) of the keyframes at the times wanted."""
+        """Interpolate numbers (K, ...) of the keyframes at given times."""
         from scipy.interpolate import PchipInterpolator
 
         given = np.asarray(values, np.float64)
         curve: Doubles = PchipInterpolator(self.time, given)(wanted)
-        curve.clip(given.min(axis=0), given.max(axis=0), out=curve)  # against rounding alone
+        curve.clip(given.min(axis=0), given.max(axis=0), out=curve)  # rounding only
         return curve
 
 
 class _Timed(BaseModel):
-    """A keyframe; what is not its time is its camera."""
+    """A keyframe: its time, and the fields of a camera."""
 
     model_config = ConfigDict(extra="allow", allow_inf_nan=False)
 
@@ -80,10 +79,10 @@ class _File(BaseModel):
 
 
 def read_keyframes(path: Path) -> Keyframes:
-    """Keyframes from a TOML file.
+    """Read keyframes from a TOML file.
 
-    It has a table `[[camera]]` for each: its `time`, and a camera as
-    `resample.cameras.tables.read_viewpoint` takes it::
+    Each has a table `[[camera]]` with its `time` and a camera as in
+    `resample.cameras.tables.read_viewpoint`::
 
         [[camera]]
         time = 0
@@ -97,8 +96,8 @@ def read_keyframes(path: Path) -> Keyframes:
     Raises
     ------
     ValueError
-        The content is something else, times do not ascend, or the cameras are not of one form,
-        with one axis upwards and all in perspective or all parallel; says which and why.
+        The content is invalid, times do not ascend, or the cameras differ in form, in their axis
+        upwards or in being parallel; the message says which and why.
     OSError
         The file cannot be read.
     """
@@ -112,27 +111,27 @@ def read_keyframes(path: Path) -> Keyframes:
 
 
 def keyframes_of(path: Path, fov: float) -> Keyframes:
-    """Keyframes of any file of cameras or poses; those without times are one second apart.
+    """Read keyframes from any file of cameras or poses; without times they are 1 s apart.
 
-    Pictures that cannot be had are left out, of which `left_out_of` tells.
+    Invalid pictures are skipped; `left_out_of` reports them.
 
     Parameters
     ----------
     path
-        A TOML file as `read_keyframes` takes it, or what `resample.cameras.files.read_shots` takes.
+        A TOML file for `read_keyframes`, or a file for `resample.cameras.files.read_shots`.
     fov
-        Degrees along the picture's shorter side, where the file has poses alone.
+        Field of view along the picture's shorter side in degrees, if the file has poses only.
 
     Raises
     ------
     ValueError, OSError
-        As of both; or there is only one pose.
+        As in both; or there is only one pose.
     """
     if path.suffix.lower() == ".toml":
         return read_keyframes(path)
     shots, cameras = read_shots(path), []
     if len(shots) < 2:
-        raise ValueError(f"{path} has one pose; a way has two or more")
+        raise ValueError(f"{path} has one pose; a camera path needs two or more")
     for shot in shots:
         made: Viewpoint = Spot.of(shot.pose, fov) if shot.camera is None else shot.camera
         if shot.camera is not None and shot.shape is not None:
@@ -144,7 +143,7 @@ def keyframes_of(path: Path, fov: float) -> Keyframes:
 
 
 def left_out_of(path: Path) -> str | None:
-    """Words about what `keyframes_of` leaves out; None if there is nothing, as of TOML files."""
+    """Message about what `keyframes_of` skips; None if nothing, as for TOML files."""
     return None if path.suffix.lower() == ".toml" else left_out(path)
 
 
@@ -162,7 +161,7 @@ def _check_times(time: Sequence[float]) -> None:
 
 
 def _check_alike(cameras: Sequence[Any]) -> None:
-    """Refuse cameras of which one cannot become the other by and by."""
+    """Reject cameras that cannot be interpolated with each other."""
     first = cameras[0]
     for n, camera in enumerate(cameras):
         if type(camera) is not type(first):
@@ -177,7 +176,7 @@ def _check_alike(cameras: Sequence[Any]) -> None:
             )
         calibrated = camera.camera if isinstance(camera, Calibrated) else camera
         if isinstance(calibrated, Camera):
-            calibrated.view()  # raises where there is a lens, as there is none in between
+            calibrated.view()  # raises if there is a lens, which cannot be interpolated
         if isinstance(first, Orbit) and camera.up != first.up:
             raise ValueError(f"camera.{n}.up: must be camera.0's {first.up!r} (got {camera.up!r})")
         if isinstance(first, Orbit) and (camera.fov == 0) != (first.fov == 0):
@@ -196,7 +195,7 @@ def _orbits(keyframes: Keyframes, wanted: Doubles) -> list[Viewpoint]:
     zooms = [camera.zoom for camera in cameras]
     course = keyframes.curve(numbers, wanted)
     scale = course[:, 2]
-    zoom = np.clip(np.exp(scale), min(zooms), max(zooms))  # against rounding alone
+    zoom = np.clip(np.exp(scale), min(zooms), max(zooms))  # rounding only
     views = zip(course.tolist(), zoom.tolist(), strict=True)
     return [
         Orbit(azimuth, elevation, zoom, fov, cameras[0].up, (right, above))
@@ -211,7 +210,7 @@ def _spots(keyframes: Keyframes, wanted: Doubles) -> list[Viewpoint]:
     place, lens = keyframes.curve(places, wanted), keyframes.curve(lenses, wanted)
     spots = [Spot(*place[n].tolist(), *lens[n].tolist()) for n in range(wanted.size)]
     for spot in spots:
-        spot.sized(1, 1)  # raises where an eye meets its target
+        spot.sized(1, 1)  # raises where the eye meets its target
     return list(spots)
 
 
@@ -239,7 +238,7 @@ def _cameras(keyframes: Keyframes, wanted: Doubles) -> list[Camera]:
 
 
 def _turned(time: Doubles, rotation: Doubles) -> "Callable[[Doubles], Rotation]":
-    """Rotations (K, 3, 3) as a function of time, whose angular rate has no jumps."""
+    """Rotations (K, 3, 3) as a function of time with continuous angular velocity."""
     from scipy.spatial.transform import Rotation, RotationSpline
 
     spline: Callable[[Doubles], Rotation] = RotationSpline(time, Rotation.from_matrix(rotation))

@@ -1,4 +1,4 @@
-"""OpenCV's model of a lens: where it bends points of the plane at distance 1, and back.
+"""OpenCV's lens model: distort points of the plane at distance 1, and undistort them.
 
 Radial, tangential and thin-prism distortion, then the tilt of the sensor, as in the documentation
 of `cv2.calibrateCamera`. Points are x and y, (N,) float64.
@@ -14,25 +14,25 @@ from resample.types import Doubles
 
 COUNTS = (4, 5, 8, 12, 14)  # of coefficients
 STEPS = 30  # of Newton's method; most points need 2
-TABLE = 1024  # radii, of the inverse that it starts at
-FARTHEST = 1e6  # radius, at distance 1, beyond which nothing is seen
+TABLE = 1024  # radii in the table of initial guesses
+FARTHEST = 1e6  # radius at distance 1 beyond which nothing is visible
 
 Points = tuple[Doubles, Doubles]  # x and y
 
 
 class Distortion(NamedTuple):
-    """Coefficients by what they do."""
+    """Coefficients of a lens, grouped by effect."""
 
     numerator: Doubles  # (4,) of the radial factor, in the squared radius
     denominator: Doubles  # (4,)
     tangential: Doubles  # (2,)
     prism: Doubles  # (4,)
     tilt: Doubles  # (3, 3) homography of the plane
-    fold: float  # squared radius from which on the lens turns points back
+    fold: float  # squared radius at which the distorted radius stops increasing
 
 
 class _Bent(NamedTuple):
-    """Points behind the lens, and how they move with those before it."""
+    """Distorted points and their derivatives by the undistorted ones."""
 
     x: Doubles
     y: Doubles
@@ -46,7 +46,7 @@ class _Bent(NamedTuple):
 
 
 def distortion(coefficients: Doubles) -> Distortion:
-    """Distortion of 4, 5, 8, 12 or 14 coefficients in OpenCV's order; those left out are 0."""
+    """Distortion from 4, 5, 8, 12 or 14 coefficients in OpenCV's order; missing ones are 0."""
     k1, k2, p1, p2, k3, k4, k5, k6, *others = np.pad(coefficients, (0, 14 - coefficients.size))
     numerator, denominator = np.array([1, k1, k2, k3]), np.array([1, k4, k5, k6])
     tangential, prism = np.array([p1, p2]), np.array(others[:4])
@@ -55,7 +55,7 @@ def distortion(coefficients: Doubles) -> Distortion:
 
 
 def bend(lens: Distortion, x: Doubles, y: Doubles) -> Points:
-    """Points behind the lens; not a number beyond the fold."""
+    """Distort points; NaN beyond the fold."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         bent = _bend(lens, x, y)
         is_single = _is_single(lens, x, y, bent)
@@ -64,10 +64,10 @@ def bend(lens: Distortion, x: Doubles, y: Doubles) -> Points:
 
 
 def unbend(lens: Distortion, x: Doubles, y: Doubles, tolerance: float) -> Points:
-    """Points before the lens, by Newton's method; not a number where there is none.
+    """Undistort points by Newton's method; NaN where no solution exists.
 
-    A point counts as found if the lens takes it to within `tolerance` of where it should, and if it
-    lies where the lens has not begun to turn points back.
+    A solution is valid if distorting it reproduces the point to within `tolerance`, and if it lies
+    on the axis's side of the fold.
     """
     x, y = project(np.asarray(np.linalg.inv(lens.tilt), np.float64), np.ravel(x), np.ravel(y))
     u, v = _start(lens, x, y)
@@ -78,7 +78,7 @@ def unbend(lens: Distortion, x: Doubles, y: Doubles, tolerance: float) -> Points
             miss = x[left] - bent.x, y[left] - bent.y
             is_near = np.hypot(*miss) <= tolerance
             is_found[left] = is_near & _is_single(lens, u[left], v[left], bent)
-            # The step that is left out would be of points that are found, or of none at all.
+            # The last step is skipped: it concerns points that are found or have no solution.
             is_open = ~is_near & np.isfinite(miss[0] + miss[1])
             if not is_open.any():
                 break
@@ -89,7 +89,7 @@ def unbend(lens: Distortion, x: Doubles, y: Doubles, tolerance: float) -> Points
 
 
 def _start(lens: Distortion, x: Doubles, y: Doubles) -> Points:
-    """Points before the radial part alone, whose inverse is read from a table."""
+    """Initial guesses that invert only the radial part, read from a table."""
     radius, fold = np.hypot(x, y), float(np.sqrt(lens.fold))
     farthest = float(np.max(radius, initial=0.0, where=np.isfinite(radius)))
     reach = min(farthest, fold)
@@ -103,13 +103,13 @@ def _start(lens: Distortion, x: Doubles, y: Doubles) -> Points:
 
 
 def _radial(lens: Distortion, radius: Doubles) -> Doubles:
-    """Radius behind the radial part of the lens."""
+    """Distort a radius by the radial part of the lens."""
     s = radius * radius
     return radius * _horner(lens.numerator, s)[0] / _horner(lens.denominator, s)[0]
 
 
 def _fold(numerator: Doubles, denominator: Doubles) -> float:
-    """Squared radius s at which r n(s) / d(s) stops to grow or has a pole, s = r²."""
+    """Squared radius s = r² at which r n(s) / d(s) stops increasing or has a pole."""
     n, d, s = Polynomial(numerator), Polynomial(denominator), Polynomial([0, 1])
     growth = n * d + 2 * s * (n.deriv() * d - n * d.deriv())
     root = np.concatenate([growth.roots(), d.roots()]).astype(np.complex128)
@@ -131,12 +131,12 @@ def _tilt(across: float, along: float) -> Doubles:
 
 
 def _bend(lens: Distortion, x: Doubles, y: Doubles) -> _Bent:
-    """Radial, tangential and thin-prism distortion, with derivatives."""
+    """Apply radial, tangential and thin-prism distortion, with derivatives."""
     (p1, p2), (s1, s2, s3, s4) = lens.tangential, lens.prism
     s = x * x + y * y
     above, below = _horner(lens.numerator, s), _horner(lens.denominator, s)
     factor = above[0] / below[0]
-    slope = 2.0 * (above[1] - factor * below[1]) / below[0]  # of the factor by s, twice
+    slope = 2.0 * (above[1] - factor * below[1]) / below[0]  # twice d factor / ds
     prism_x, prism_y = 2.0 * (s1 + 2.0 * s2 * s), 2.0 * (s3 + 2.0 * s4 * s)
     crossed = x * y * slope + 2.0 * p1 * x + 2.0 * p2 * y
     return _Bent(
@@ -155,12 +155,12 @@ def _horner(c: Doubles, s: Doubles) -> tuple[Doubles, Doubles]:
 
 
 def _is_single(lens: Distortion, x: Doubles, y: Doubles, bent: _Bent) -> NDArray[np.bool_]:
-    """Whether points are on the side of the fold where the lens's axis is."""
+    """Whether points are on the axis's side of the fold."""
     return (x * x + y * y < lens.fold) & (bent.determinant() > 0)
 
 
 def _step(lens: Distortion, u: Doubles, v: Doubles, bent: _Bent, miss: Points) -> Points:
-    """Points moved by what they miss, but never beyond the fold."""
+    """Newton step from the residual, never beyond the fold."""
     determinant = bent.determinant()
     next_u = u + (miss[0] * bent.y_by_y - miss[1] * bent.x_by_y) / determinant
     next_v = v + (miss[1] * bent.x_by_x - miss[0] * bent.y_by_x) / determinant
@@ -172,7 +172,7 @@ def _step(lens: Distortion, u: Doubles, v: Doubles, bent: _Bent, miss: Points) -
 
 
 def project(matrix: Doubles, x: Doubles, y: Doubles) -> Points:
-    """Points moved by a homography; not a number behind the eye."""
+    """Apply a homography to points; NaN behind the eye."""
     d = matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2]
     d = np.where(d > 0, d, np.nan)
     return (

@@ -1,4 +1,4 @@
-"""Calibrated lenses as files and words say them, in OpenCV's numbers."""
+"""Read calibrated lenses from files or text, in OpenCV's parameters."""
 
 import errno
 from collections.abc import Mapping
@@ -30,12 +30,12 @@ COEFFICIENT_NAMES = (
 MODEL_NAMES = ("lens_model", "distortion_model", "model")
 ROTATION_NAMES = ("rectification_matrix", "rectification", "R_rect")
 PINHOLE_NAMES = ("new_camera_matrix", "newCameraMatrix", "new_matrix", "projection_matrix")
-MODELS = {  # as OpenCV, ROS and COLMAP call them
+MODELS = {  # names in OpenCV, ROS and COLMAP
     **dict.fromkeys(("pinhole", "plumb_bob", "rational_polynomial", "opencv"), LensModel.PINHOLE),
     **dict.fromkeys(("fisheye", "equidistant", "opencv_fisheye"), LensModel.FISHEYE),
 }
 SIZE_NAMES = (("image_height", "image_width"), ("height", "width"))
-ROS_NAMES = {  # of the message camera_info, of ROS 1 and 2: what its lists of numbers are
+ROS_NAMES = {  # keys of the message camera_info of ROS 1 and 2
     **dict.fromkeys("Kk", ("camera_matrix", (3, 3))),
     **dict.fromkeys("Dd", ("distortion_coefficients", (-1,))),
     **dict.fromkeys("Rr", ("rectification_matrix", (3, 3))),
@@ -44,20 +44,20 @@ ROS_NAMES = {  # of the message camera_info, of ROS 1 and 2: what its lists of n
 
 
 class Calibration(NamedTuple):
-    """A camera with a lens, and the pinhole that its pictures are to be rectified for."""
+    """A camera with a lens, and the pinhole camera to rectify its pictures for."""
 
     camera: Camera  # its pose is the identity
-    pinhole: Camera | None = None  # of which the matrix matters; None: the camera's own
+    pinhole: Camera | None = None  # only its matrix is used; None: the camera's own
     rotation: Doubles | None = None  # (3, 3) from the camera's axes to the pinhole's
-    shape: tuple[int, int] | None = None  # height and width that it is for, px; None: unknown
+    shape: tuple[int, int] | None = None  # height and width of its pictures, px; None: unknown
 
     def sized(self, height: int, width: int) -> Camera:
-        """Camera of the same view for a picture of that size in px.
+        """Camera of the same view for a picture of another size in px.
 
         Raises
         ------
         ValueError
-            It is for pictures of other proportions, so that one cannot be the other resized.
+            The aspect ratio differs, so that the picture cannot be a resized one.
         """
         if self.shape in (None, (height, width)):
             return self.camera
@@ -71,12 +71,12 @@ class Calibration(NamedTuple):
 
 
 def is_file(text: str) -> bool:
-    """Whether a text is the name of a file of intrinsics, not numbers."""
+    """Whether a text names a file of intrinsics rather than giving numbers."""
     return Path(text).suffix.lower() in SUFFIXES
 
 
 def read_lens(text: str) -> Camera:
-    """Camera with a lens, of a file or of numbers; its pose is the identity.
+    """Read a camera with a lens from a file or numbers; its pose is the identity.
 
     Parameters and errors are those of `read_calibration`.
     """
@@ -84,29 +84,29 @@ def read_lens(text: str) -> Camera:
 
 
 def read_intrinsics(path: str) -> Calibration:
-    """Camera of a file, as `read_calibration` takes it, but it need not have a lens."""
+    """Read a camera from a file for `read_calibration`; a lens is optional."""
     return _of_file(Path(path), None, needs_lens=False)
 
 
 def read_calibration(text: str, model: LensModel | None = None) -> Calibration:
-    """Camera with a lens, of a file or of numbers, and what its pictures are rectified to.
+    """Read a camera with a lens, from a file or numbers, and its rectification.
 
     Parameters
     ----------
     text
-        fx, fy, cx, cy, k1, k2, p1, p2[, k3...], of a fisheye fx, fy, cx, cy, k1, k2, k3, k4; or the
-        path of a .yml, .yaml, .xml or .json file of `cv2.FileStorage`, or of a .json, .toml or
-        plain .yaml file, with a camera_matrix and distortion_coefficients, and maybe a lens_model
-        (pinhole or fisheye), a rectification_matrix (3, 3), and a new_camera_matrix (3, 3) or
-        (3, 4); of a camera_info .yaml of ROS, as its calibrator writes it or as a printed message;
+        fx, fy, cx, cy, k1, k2, p1, p2[, k3...], for a fisheye fx, fy, cx, cy, k1, k2, k3, k4; or
+        the path of a .yml, .yaml, .xml or .json file of `cv2.FileStorage`, or of a .json, .toml or
+        plain .yaml file with a camera_matrix and distortion_coefficients, and optionally a
+        lens_model (pinhole or fisheye), a rectification_matrix (3, 3), and a new_camera_matrix
+        (3, 3) or (3, 4); of a camera_info .yaml of ROS, from its calibrator or a printed message;
         or of Open3D's .json of a pinhole.
     model
-        What the coefficients mean; by default what the file says, or a pinhole's.
+        Model of the coefficients. Default: as the file says, else pinhole.
 
     Raises
     ------
     ValueError
-        It is neither, they are not a lens, or the file speaks of another model.
+        It is neither, the numbers are not a lens, or the file names another model.
     OSError
         The file cannot be read.
     """
@@ -123,19 +123,19 @@ def read_calibration(text: str, model: LensModel | None = None) -> Calibration:
 
 
 def pinhole_of(matrix: ArrayLike) -> Camera:
-    """Pinhole of OpenCV's new camera matrix, (3, 3), or (3, 4), of which it takes no more either.
+    """Pinhole camera of OpenCV's new camera matrix, (3, 3), or (3, 4) without its last column.
 
     Raises
     ------
     ValueError
-        It is none.
+        It is not such a matrix.
     """
     given = np.asarray(matrix, np.float64)
     return Camera.from_opencv(given[:, :3] if given.shape == (3, 4) else given)
 
 
 def _of_file(path: Path, model: LensModel | None, *, needs_lens: bool) -> Calibration:
-    """What a file says, with a model that it does not contradict."""
+    """Read a file and check that its model agrees."""
     if not path.is_file():
         raise FileNotFoundError(errno.ENOENT, "there is no such file", str(path))
     facts = _facts(path)
@@ -148,13 +148,13 @@ def _of_file(path: Path, model: LensModel | None, *, needs_lens: bool) -> Calibr
 def _calibration(
     facts: Mapping[str, Any], model: LensModel | None, *, needs_lens: bool
 ) -> Calibration:
-    """Calibration of names and values."""
+    """Calibration from names and values."""
     said = _model(facts)
     if model is not None and said not in (None, model):
         raise ValueError(f"its lens is a {said}, not a {model}; leave that out")
     intrinsics = _named(facts, MATRIX_NAMES)
     bends = (_named if needs_lens else _maybe)(facts, COEFFICIENT_NAMES)
-    if bends is not None and not bends.size:  # of ROS, where nothing is distorted
+    if bends is not None and not bends.size:  # ROS writes an empty list if there is no distortion
         bends = None
     camera = Camera.from_opencv(intrinsics, bends, model=model or said or LensModel.PINHOLE)
     matrix, rotation = (_maybe(facts, names) for names in (PINHOLE_NAMES, ROTATION_NAMES))
@@ -167,7 +167,7 @@ def _calibration(
 
 
 def _of_open3d(facts: Mapping[str, Any]) -> Calibration:
-    """Pinhole of Open3D, whose matrix is a list of columns and whose pixel centers are at + 0."""
+    """Pinhole camera of Open3D: column-major matrix, pixel centers at + 0."""
     given = np.asarray(facts["intrinsic_matrix"], np.float64)
     if given.shape not in ((9,), (3, 3)):
         raise ValueError(f"its intrinsic_matrix has {given.size} numbers, not 9")
@@ -176,7 +176,7 @@ def _of_open3d(facts: Mapping[str, Any]) -> Calibration:
 
 
 def _of_ros(facts: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The same names and values, those of a message of ROS by their names in its files."""
+    """Rename the keys of a ROS message to those of ROS files."""
     if "distortion_model" not in facts:
         return facts
     renamed = dict(facts)
@@ -187,7 +187,7 @@ def _of_ros(facts: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def _shape(facts: Mapping[str, Any]) -> tuple[int, int] | None:
-    """Height and width that a file names."""
+    """Height and width in a file."""
     for names in SIZE_NAMES:
         if all(facts.get(name) is not None for name in names):
             height, width = (int(facts[name]) for name in names)
@@ -198,9 +198,9 @@ def _shape(facts: Mapping[str, Any]) -> tuple[int, int] | None:
 
 
 def _model(facts: Mapping[str, Any]) -> LensModel | None:
-    """Model that a file names."""
+    """Lens model in a file."""
     said = next((facts[name] for name in MODEL_NAMES if name in facts), None)
-    if said is None:  # OpenCV's program for calibration writes a number
+    if said is None:  # OpenCV's calibration program writes a number
         return LensModel.FISHEYE if facts.get("fisheye_model") in (1, 1.0, "1") else None
     if str(said).lower() not in MODELS:
         raise ValueError(f"unknown lens model {said!r}; known: {', '.join(MODELS)}")
@@ -226,24 +226,26 @@ def _facts(path: Path) -> Mapping[str, Any]:
 
 
 def _xml_facts(path: Path) -> Mapping[str, Any]:
-    """Values of an XML file that `cv2.FileStorage` wrote, which itself crashes on damaged ones."""
+    """Parse an XML file of `cv2.FileStorage`, which itself crashes on damaged ones."""
     from xml.etree import ElementTree
 
     text = text_of(path)
     check_size("its XML", len(text), "tree")
     check_xml_text(str(path), text)
     try:
-        root = ElementTree.fromstring(text)  # noqa: S314  without entities, and of limited length
+        root = ElementTree.fromstring(text)  # noqa: S314  no entities, limited length
     except (ElementTree.ParseError, ValueError, RecursionError) as error:
-        raise ValueError(f"{path} is no file of cv2.FileStorage: {error}") from None
+        raise ValueError(f"{path} is not a file of cv2.FileStorage: {error}") from None
     if root.tag != "opencv_storage":
-        raise ValueError(f"{path} is no file of cv2.FileStorage: it begins with {root.tag!r:.40}")
+        raise ValueError(
+            f"{path} is not a file of cv2.FileStorage: it begins with {root.tag!r:.40}"
+        )
     with naming(str(path)):
         return {child.tag: _of_element(child) for child in root}
 
 
 def _of_element(element: "Element") -> Any:
-    """Matrix, text, number or list of numbers."""
+    """Convert an element to a matrix, text, number or list of numbers."""
     if len(element):
         return {child.tag: _of_element(child) for child in element}
     text = (element.text or "").strip()
@@ -258,7 +260,7 @@ def _of_element(element: "Element") -> Any:
 
 
 def _named(facts: Mapping[str, Any], names: tuple[str, ...]) -> Doubles:
-    """Array under the first of some names."""
+    """Array of the first name that is present."""
     found = _maybe(facts, names)
     if found is None:
         raise ValueError(f"it has none of {', '.join(names)}")
@@ -266,17 +268,17 @@ def _named(facts: Mapping[str, Any], names: tuple[str, ...]) -> Doubles:
 
 
 def _maybe(facts: Mapping[str, Any], names: tuple[str, ...]) -> Doubles | None:
-    """Array under the first of some names, if there is one."""
+    """Array of the first name that is present, if any."""
     for name in names:
         if name in facts:
             value = facts[name]
-            if isinstance(value, Mapping):  # as cv2.FileStorage writes a matrix to JSON, and ROS
+            if isinstance(value, Mapping):  # a matrix of cv2.FileStorage in JSON, or of ROS
                 value = np.reshape(value["data"], _sizes(value))
             return np.asarray(value, np.float64)
     return None
 
 
 def _sizes(matrix: Mapping[str, Any]) -> tuple[int, ...]:
-    """Rows and columns; OpenCV 5 writes sizes of what has one dimension."""
+    """Rows and columns; OpenCV 5 writes a 1-D size for vectors."""
     given = matrix["sizes"] if "sizes" in matrix else (matrix["rows"], matrix["cols"])
     return tuple(int(size) for size in np.ravel(given)[:2])

@@ -1,7 +1,7 @@
-"""Cameras: in perspective with any intrinsics and a lens, or parallel.
+"""Camera models: perspective with any intrinsics and a lens, or parallel.
 
 A camera looks along +z with x to the right and y down; poses map world to camera. The pixel in
-row i, column j has its center at (j + 0.5, i + 0.5), so the middle of a frame of W pixels is at
+row i, column j has its center at (j + 0.5, i + 0.5), so the center of a frame of W pixels is at
 W / 2, not at (W − 1) / 2 as in OpenCV's matrices.
 """
 
@@ -20,24 +20,24 @@ from resample.types import Doubles, View
 
 
 class Convention(StrEnum):
-    """Where the first pixel's center lies."""
+    """Position of the first pixel's center."""
 
     CORNER = "corner"  # at (0.5, 0.5): coordinates count from the corner of the picture
     OPENCV = "opencv"  # at (0, 0): they count from the center of its first pixel
 
 
 class LensModel(StrEnum):
-    """What a lens's coefficients mean, see OpenCV."""
+    """Meaning of a lens's coefficients, see OpenCV."""
 
-    PINHOLE = "pinhole"  # radial, tangential and thin-prism distortion, tilt: of most lenses
-    FISHEYE = "fisheye"  # distances grow with the angle: of very wide ones
+    PINHOLE = "pinhole"  # radial, tangential and thin-prism distortion, tilt: most lenses
+    FISHEYE = "fisheye"  # distance as a function of the angle: very wide lenses
 
 
 class AnyCamera(Protocol):
-    """Role of a camera, in perspective or parallel: it can describe itself to the kernels."""
+    """Interface of a camera, perspective or parallel."""
 
     def view(self) -> View:
-        """Pose and projection as arrays and numbers."""
+        """Pose and projection as arrays and numbers for kernels."""
 
 
 def _identity() -> Doubles:
@@ -46,29 +46,30 @@ def _identity() -> Doubles:
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """Camera in perspective: any matrix of intrinsics, a pose, and a lens.
+    """Perspective camera with any intrinsics, a pose and a lens.
 
     Parameters
     ----------
     matrix
-        (3, 3) intrinsics that take camera axes to px (x, y, 1), pixel centers at + 0.5: upper
-        triangular with 1 last; fx and fy may be negative, skew may be there.
+        (3, 3) intrinsics that map camera axes to px (x, y, 1), pixel centers at + 0.5: upper
+        triangular with last entry 1; fx and fy may be negative, skew is allowed.
     world_to_camera
-        (4, 4) or (3, 4) rigid pose. Errors of rounding, as text files have them, are taken out.
+        (4, 4) or (3, 4) rigid pose. Rounding errors, as from text files, are corrected.
     distortion
         (4,), (5,), (8,), (12,) or (14,) OpenCV's k1, k2, p1, p2 [, k3 [, k4, k5, k6 [, s1, s2, s3,
-        s4 [, τx, τy]]]]; None, or all 0, is none. Of a fisheye k1, k2, k3, k4; None is all 0.
+        s4 [, τx, τy]]]]; None, or all 0: no distortion. For a fisheye k1, k2, k3, k4; None: all 0.
     near
-        Depth of the near plane, scene units, 0 or more. What of a sample lies before it is not
-        seen, where scenes are painted; depth images are shown whole.
+        Depth of the near plane, scene units, 0 or more. Scenes are clipped in front of it; depth
+        images are not.
     model
-        What the coefficients mean: `pinhole` or `fisheye`.
+        Meaning of the coefficients: `pinhole` or `fisheye`.
 
     Raises
     ------
     ValueError
-        The matrix is singular or no intrinsics, a number is not finite, the pose is not rigid (the
-        message says how far it is), the count of coefficients is another, or the model is unknown.
+        The matrix is singular or not one of intrinsics, a number is not finite, the pose is not
+        rigid (the message gives the deviation), the count of coefficients is wrong, or the model is
+        unknown.
 
     Examples
     --------
@@ -98,7 +99,7 @@ class Camera:
             raise ValueError(f"the near plane at {self.near} must not lie behind the eye")
 
     @classmethod
-    def from_intrinsics(  # noqa: PLR0913 - the numbers are one camera's, as its file lists them
+    def from_intrinsics(  # noqa: PLR0913 - the numbers of one camera, as listed in its file
         cls,
         fx: float,
         fy: float,
@@ -111,21 +112,21 @@ class Camera:
         distortion: ArrayLike | None = None,
         convention: Convention | str = Convention.CORNER,
     ) -> "Camera":
-        """Camera of focal lengths, principal point and skew, px.
+        """Camera from focal lengths, principal point and skew, px.
 
         Parameters
         ----------
         fx, fy, cx, cy, skew
             Entries of the matrix.
         world_to_camera, near, distortion
-            As the class takes them.
+            As in the class.
         convention
-            Where cx and cy count from.
+            Origin of cx and cy.
 
         Raises
         ------
         ValueError
-            As of the class; or the convention is unknown.
+            As in the class; or the convention is unknown.
         """
         if convention not in tuple(Convention):
             raise ValueError(f"unknown convention {convention!r}; known: {', '.join(Convention)}")
@@ -143,14 +144,14 @@ class Camera:
         *,
         model: LensModel | str = LensModel.PINHOLE,
     ) -> "Camera":
-        """Camera of what `cv2.calibrateCamera` or `cv2.fisheye.calibrate` returns.
+        """Camera from the results of `cv2.calibrateCamera` or `cv2.fisheye.calibrate`.
 
         Parameters
         ----------
         matrix
             (3, 3), or the numbers fx, fy, cx, cy; px, with the first pixel's center at (0, 0).
         distortion, model
-            As the class takes them.
+            As in the class.
         """
         given = np.array(matrix, np.float64)
         if given.shape == (4,):
@@ -170,7 +171,7 @@ class Camera:
         world_to_camera: ArrayLike | None = None,
         near: float = 0.0,
     ) -> "Camera":
-        """Camera with square pixels that sees `fov` degrees along the frame's shorter side."""
+        """Camera with square pixels and a field of view in degrees along the shorter side."""
         if not 0 < fov < 180:
             raise ValueError(f"a field of view of {fov} degrees is not between 0 and 180")
         focal = min(height, width) / (2 * np.tan(np.radians(fov) / 2))
@@ -188,12 +189,12 @@ class Camera:
 
     @property
     def cx(self) -> float:
-        """Principal point's x, px."""
+        """X of the principal point, px."""
         return float(self.matrix[0, 2])
 
     @property
     def cy(self) -> float:
-        """Principal point's y, px."""
+        """Y of the principal point, px."""
         return float(self.matrix[1, 2])
 
     def moved(self, world_to_camera: ArrayLike) -> "Camera":
@@ -203,11 +204,11 @@ class Camera:
     def with_lens(
         self, distortion: ArrayLike, model: LensModel | str = LensModel.PINHOLE
     ) -> "Camera":
-        """The same camera behind a lens of these coefficients."""
+        """The same camera with a lens of these coefficients."""
         return replace(self, distortion=np.asarray(distortion, np.float64), model=model)
 
     def resized(self, old_shape: tuple[int, int], new_shape: tuple[int, int]) -> "Camera":
-        """Camera of the same view in a frame of another (height, width), px."""
+        """Camera of the same view for a frame of another (height, width), px."""
         (old_height, old_width), (height, width) = old_shape, new_shape
         if min(old_height, old_width, height, width) < 1:
             raise ValueError(f"a camera cannot be resized from {old_shape} to {new_shape} px")
@@ -215,18 +216,18 @@ class Camera:
         return replace(self, matrix=scale @ self.matrix)
 
     def view(self) -> View:
-        """Pose and projection as arrays and numbers.
+        """Pose and projection as arrays and numbers for kernels.
 
         Raises
         ------
         ValueError
-            The camera has a lens, skew or a negative focal length, which kernels that paint scenes
-            do not know.
+            The camera has a lens, skew or a negative focal length, which painters of scenes do
+            not support.
         """
         if self.distortion is not None:
             raise ValueError(
-                f"a lens ({', '.join(f'{k:g}' for k in self.distortion)}) bends what is seen, which"
-                " is not painted; give the camera without it and bend the picture by"
+                f"a lens ({', '.join(f'{k:g}' for k in self.distortion)}) distorts the view, which"
+                " cannot be painted; give the camera without it and distort the picture by"
                 " resample-texture warp --lens"
             )
         if self.matrix[0, 1] or self.fx < 0 or self.fy < 0:
@@ -293,7 +294,7 @@ class Orthographic:
 
 
 def _intrinsics(given: ArrayLike) -> Doubles:
-    """Matrix of intrinsics, checked."""
+    """Intrinsics as a checked matrix."""
     matrix = np.array(given, np.float64)
     if matrix.shape != (3, 3):
         raise ValueError(f"intrinsics have shape (3, 3), not {matrix.shape}")
@@ -312,7 +313,7 @@ def _intrinsics(given: ArrayLike) -> Doubles:
 
 
 def _coefficients(given: ArrayLike | None, model: str) -> Doubles | None:
-    """Coefficients of a lens, checked; None if it does nothing."""
+    """Checked coefficients of a lens; None if they have no effect."""
     if model == LensModel.FISHEYE:
         four = np.zeros(COUNT) if given is None else np.array(given, np.float64).ravel()
         if four.size != COUNT or not np.isfinite(four).all():
@@ -328,7 +329,7 @@ def _coefficients(given: ArrayLike | None, model: str) -> Doubles | None:
 
 
 def _pair(first: float, second: float) -> Doubles:
-    """Two numbers as kernels are compiled for them, whole or not."""
+    """Two numbers as float64, so that kernels are compiled once."""
     return np.array([first, second], np.float64)
 
 

@@ -1,4 +1,4 @@
-"""Cameras that see all around: a picture of all longitudes and latitudes."""
+"""Panoramic camera: an equirectangular picture of all directions."""
 
 import math
 from dataclasses import dataclass, field, replace
@@ -16,10 +16,10 @@ def _identity() -> Doubles:
 
 @dataclass(frozen=True, eq=False)
 class Equirectangular:
-    """Camera whose picture, twice as wide as high, shows longitudes across and latitudes along.
+    """Camera with an equirectangular picture, twice as wide as high: longitude by latitude.
 
-    The middle of the picture is ahead (+z), its left and right edges meet behind, and its top row
-    is above (−y). How far something is, is the length of its ray.
+    The picture's center is ahead (+z), its left and right edges meet behind, and its top row is
+    above (−y). Depth is the distance along the ray.
 
     Parameters
     ----------
@@ -50,12 +50,12 @@ class Equirectangular:
         return replace(self, world_to_camera=np.asarray(world_to_camera, np.float64))
 
     def turned(self, yaw: float, pitch: float = 0.0) -> "Equirectangular":
-        """Camera turned to the right, or else upwards, rad."""
+        """Rotated camera: to the right by `yaw`, or else up by `pitch`, rad."""
         return self.moved(turn(yaw, pitch) @ self.world_to_camera)
 
 
 def check_panorama(shape: tuple[int, int]) -> None:
-    """Refuse frames (height, width) that are not twice as wide as high."""
+    """Reject frames (height, width) that are not twice as wide as high."""
     height, width = shape
     if width != 2 * height:
         raise ValueError(
@@ -65,7 +65,7 @@ def check_panorama(shape: tuple[int, int]) -> None:
 
 
 def turn(yaw: float, pitch: float) -> Doubles:
-    """Pose (4, 4) of a camera turned to the right or, if it is not 0, upwards, rad."""
+    """Pose (4, 4) of a camera turned right by `yaw`, or up by `pitch` if that is not 0, rad."""
     pose = np.eye(4)
     cos, sin = math.cos(yaw), math.sin(yaw)
     pose[:3, :3] = [[cos, 0.0, -sin], [0.0, 1.0, 0.0], [sin, 0.0, cos]]
@@ -76,7 +76,7 @@ def turn(yaw: float, pitch: float) -> Doubles:
 
 
 def rays_at(place: Doubles, shape: tuple[int, int]) -> Doubles:
-    """Unit directions (..., 3) of places (..., 2) px, x right, y down, z ahead."""
+    """Unit directions (..., 3) of positions (..., 2) in px; x right, y down, z ahead."""
     height, width = shape
     longitude = 2.0 * math.pi * (place[..., 0] / width - 0.5)
     latitude = math.pi * (0.5 - place[..., 1] / height)
@@ -86,7 +86,7 @@ def rays_at(place: Doubles, shape: tuple[int, int]) -> Doubles:
 
 
 def places_of(ray: Doubles, shape: tuple[int, int]) -> Doubles:
-    """Places (..., 2) px where directions (..., 3) of any length are seen."""
+    """Positions (..., 2) in px where directions (..., 3) of any length are visible."""
     height, width = shape
     x, y, z = np.moveaxis(ray, -1, 0)
     longitude, latitude = np.arctan2(x, z), np.arctan2(-y, np.hypot(x, z))

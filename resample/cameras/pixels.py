@@ -1,6 +1,6 @@
-"""Pixels of a camera with a lens, and of one without.
+"""Map pixels between a camera with a lens and one without.
 
-Places are (..., 2) px, x and y, with the first pixel's center at (0.5, 0.5).
+Positions are (..., 2) px, x and y, with the first pixel's center at (0.5, 0.5).
 """
 
 from collections.abc import Callable
@@ -12,10 +12,10 @@ from resample.cameras.lens import Points
 from resample.cameras.models import Camera, LensModel
 from resample.types import Doubles
 
-TOLERANCE = 1e-7  # px, of a place put through the lens again
-BLOCK = 1 << 15  # points at a time; their arrays stay in the cache
+TOLERANCE = 1e-7  # px, for the position distorted again
+BLOCK = 1 << 15  # points at a time, so that their arrays fit into the CPU cache
 
-Move = Callable[[Doubles, Doubles], Points]  # of points of the plane at distance 1
+Move = Callable[[Doubles, Doubles], Points]  # maps points of the plane at distance 1
 
 
 def pixel_centers(shape: tuple[int, int]) -> Doubles:
@@ -26,7 +26,7 @@ def pixel_centers(shape: tuple[int, int]) -> Doubles:
 
 
 def directions(camera: Camera, place: Doubles) -> Doubles:
-    """Points of the plane at distance 1 (..., 2) that a pinhole sees at places (..., 2) px."""
+    """Points (..., 2) of the plane at distance 1 that a pinhole sees at positions (..., 2)."""
     back = np.linalg.inv(camera.matrix)
     return np.asarray(place @ back[:2, :2].T + back[:2, 2], np.float64)
 
@@ -37,22 +37,22 @@ def undistorted_places(
     ideal: Camera | None = None,
     rotation: Doubles | None = None,
 ) -> Doubles:
-    """Where a pinhole would see what the camera sees at places (..., 2) px.
+    """Undistort positions: from the camera's picture to that of a pinhole, (..., 2) px.
 
     Parameters
     ----------
     camera
         Camera that took the picture.
     place
-        Places in it.
+        Positions in it.
     ideal
-        The pinhole, of which the matrix matters; by default the camera without its lens.
+        The pinhole camera, of which the matrix is used. Default: the camera without its lens.
     rotation
-        (3, 3) from the camera's axes to the pinhole's; by default they are one. OpenCV's R.
+        (3, 3) from the camera's axes to the pinhole's, OpenCV's R. Default: the identity.
 
     Returns
     -------
-    (..., 2) px, not a number where no light comes through the lens or the pinhole looks away.
+    (..., 2) px, NaN where no light passes the lens or the point is behind the pinhole.
     """
     move = _unbending(camera)
     if rotation is not None:
@@ -66,19 +66,18 @@ def distorted_places(
     ideal: Camera | None = None,
     rotation: Doubles | None = None,
 ) -> Doubles:
-    """Where the camera sees what a pinhole sees at places (..., 2) px.
+    """Distort positions: from a pinhole's picture to that of the camera, (..., 2) px.
 
     Parameters
     ----------
     camera, ideal, rotation
         As in `undistorted_places`.
     place
-        Places in the pinhole's picture.
+        Positions in the pinhole's picture.
 
     Returns
     -------
-    (..., 2) px, not a number behind the camera, and beyond where the lens begins to turn points
-    back.
+    (..., 2) px, NaN behind the camera and beyond the fold of the lens.
     """
     move = _bending(camera)
     if rotation is not None:
@@ -87,7 +86,7 @@ def distorted_places(
 
 
 def _bending(camera: Camera) -> Move:
-    """What the camera's lens does to points."""
+    """Distortion of the camera's lens."""
     if camera.distortion is None:
         return _stay
     if camera.model == LensModel.FISHEYE:
@@ -98,7 +97,7 @@ def _bending(camera: Camera) -> Move:
 
 
 def _unbending(camera: Camera) -> Move:
-    """What undoes it."""
+    """Inverse of the distortion."""
     if camera.distortion is None:
         return _stay
     tolerance = TOLERANCE / max(abs(camera.fx), abs(camera.fy))
@@ -110,7 +109,7 @@ def _unbending(camera: Camera) -> Move:
 
 
 def _turning(rotation: Doubles) -> Move:
-    """What a rotation (3, 3) does to points."""
+    """Rotation (3, 3) of points."""
 
     def turn(x: Doubles, y: Doubles) -> Points:
         with np.errstate(over="ignore"):
@@ -120,7 +119,7 @@ def _turning(rotation: Doubles) -> Move:
 
 
 def _then(first: Move, second: Move) -> Move:
-    """One after the other."""
+    """Composition of two mappings."""
     return lambda x, y: second(*first(x, y))
 
 
@@ -129,7 +128,7 @@ def _stay(x: Doubles, y: Doubles) -> Points:
 
 
 def _moved(move: Move, place: Doubles, before: Camera, after: Camera) -> Doubles:
-    """Places of one camera as another's, by where points of the plane at distance 1 go."""
+    """Map positions from one camera to another, by a mapping of the plane at distance 1."""
     given = np.asarray(place, np.float64).reshape(-1, 2)
     found = np.empty_like(given)
     back, matrix = np.linalg.inv(before.matrix), after.matrix

@@ -1,4 +1,4 @@
-"""Where cameras stand: rigid poses that map world to camera, and how other programs write them.
+"""Rigid poses that map world to camera, and conversions from other conventions.
 
 A camera looks along +z with x to the right and y down.
 """
@@ -10,19 +10,19 @@ from numpy.typing import ArrayLike
 
 from resample.types import Doubles
 
-ROUNDED = 2e-4  # largest error of R Rᵀ that four decimals in a text file leave
-QUATERNION = 1e-3  # error of a quaternion's length that three decimals leave
+ROUNDED = 2e-4  # largest error of R Rᵀ from rounding to four decimals
+QUATERNION = 1e-3  # largest error of a quaternion's length from rounding to three decimals
 OPENGL_AXES = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
 def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> Doubles:
-    """Pose (4, 4) of a camera at `eye` that looks at `target` with `up` upwards in the picture.
+    """Pose (4, 4) of a camera at `eye` that looks at `target`, with `up` upwards in the picture.
 
     Raises
     ------
     ValueError
-        Eye and target coincide, or a vector is not finite. `up` along the view is replaced by the
-        axis farthest from it.
+        Eye and target coincide, or a vector is not finite. (An `up` along the view is replaced by
+        the axis farthest from it.)
 
     Examples
     --------
@@ -57,12 +57,12 @@ def orbit(
     Parameters
     ----------
     target
-        (3,) point in the middle of the picture, scene units.
+        (3,) point at the center of the picture, scene units.
     distance
         Radius of the sphere, scene units, above 0.
     azimuth, elevation
-        Degrees. At 0, 0 with `up` z the camera stands on the −y side and sees x to the right;
-        growing azimuth walks it toward +x, growing elevation lifts it.
+        Degrees. At 0, 0 with `up` z the camera is on the −y side with x to the right; increasing
+        azimuth moves it toward +x, increasing elevation raises it.
     up
         Axis that points upwards in the picture: x, y, z, −x, −y or −z.
 
@@ -76,7 +76,7 @@ def orbit(
     upward, aside, front = _axes(up)
     a, e = np.radians(azimuth), np.radians(elevation)
     outward = np.cos(e) * (np.sin(a) * aside + np.cos(a) * front) + np.sin(e) * upward
-    if abs(elevation) % 180 == 90:  # straight above: what was beyond comes up
+    if abs(elevation) % 180 == 90:  # at a pole: what lies beyond it is up
         upward = -np.sign(np.sin(e)) * (np.sin(a) * aside + np.cos(a) * front)
     elif np.cos(e) < 0:  # past the pole
         upward = -upward
@@ -85,7 +85,7 @@ def orbit(
 
 
 def rigid(pose: ArrayLike) -> Doubles:
-    """Pose (4, 4), checked to be a rotation and a shift, without its errors of rounding.
+    """Check that a pose is a rotation and a shift; return it (4, 4), rounding errors corrected.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def rigid(pose: ArrayLike) -> Doubles:
     Raises
     ------
     ValueError
-        It is not rigid; the message says how far it is.
+        It is not rigid; the message gives the deviation.
     """
     given = np.array(pose, np.float64)
     if given.shape not in ((3, 4), (4, 4)):
@@ -114,12 +114,12 @@ def rigid(pose: ArrayLike) -> Doubles:
 
 
 def turned_by(rotation: ArrayLike) -> Doubles:
-    """Rotation (3, 3), checked, without its errors of rounding.
+    """Check a rotation (3, 3) and return it with rounding errors corrected.
 
     Raises
     ------
     ValueError
-        It is none; the message says how far it is.
+        It is not a rotation; the message gives the deviation.
     """
     given = np.array(rotation, np.float64)
     if given.shape != (3, 3) or not np.isfinite(given).all():
@@ -128,7 +128,7 @@ def turned_by(rotation: ArrayLike) -> Doubles:
 
 
 def camera_to_world(pose: ArrayLike) -> Doubles:
-    """Pose (4, 4) the other way round; of a camera-to-world pose, the world-to-camera one."""
+    """Invert a pose (4, 4): camera-to-world from world-to-camera, and vice versa."""
     given = rigid(pose)
     back = np.eye(4)
     back[:3, :3] = given[:3, :3].T
@@ -137,12 +137,12 @@ def camera_to_world(pose: ArrayLike) -> Doubles:
 
 
 def from_opengl(pose: ArrayLike) -> Doubles:
-    """Pose of a camera-to-world one whose camera has y up and looks along −z (OpenGL, NeRF)."""
+    """Convert a camera-to-world pose with y up and view along −z (OpenGL, NeRF)."""
     return OPENGL_AXES @ camera_to_world(pose)
 
 
 def from_quaternion(numbers: Sequence[float]) -> Doubles:
-    """Rotation (3, 3) of x, y, z, w.
+    """Rotation (3, 3) from a quaternion x, y, z, w.
 
     Raises
     ------
@@ -164,7 +164,7 @@ def from_quaternion(numbers: Sequence[float]) -> Doubles:
 
 
 def _axes(up: str) -> tuple[Doubles, Doubles, Doubles]:
-    """Unit vectors upward, to the right and toward the camera at azimuth 0; right-handed."""
+    """Unit vectors up, right and toward the camera at azimuth 0; right-handed."""
     name = up.replace("−", "-")
     if name.removeprefix("-") not in ("x", "y", "z"):
         raise ValueError(f"up is {up!r}; it can be x, y, z, -x, -y or -z")
@@ -176,7 +176,7 @@ def _axes(up: str) -> tuple[Doubles, Doubles, Doubles]:
 
 
 def _rotation(given: Doubles, name: str) -> Doubles:
-    """Rotation nearest to a matrix (3, 3) that is one but for rounding."""
+    """Nearest rotation to a matrix (3, 3) that is one up to rounding."""
     deviation = float(np.abs(given @ given.T - np.eye(3)).max())
     if deviation > ROUNDED:
         raise ValueError(
@@ -184,9 +184,7 @@ def _rotation(given: Doubles, name: str) -> Doubles:
             f" is {ROUNDED:g}; take out scale and shear"
         )
     if np.linalg.det(given) < 0:
-        raise ValueError(
-            f"{name} mirrors the scene (determinant −1); turn one axis of the camera round"
-        )
+        raise ValueError(f"{name} mirrors the scene (determinant −1); flip one axis of the camera")
     if deviation < 1e-14:
         return given
     left, _, right = np.linalg.svd(given)

@@ -1,4 +1,4 @@
-"""Cameras from TOML files."""
+"""Read cameras from TOML files."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -21,7 +21,7 @@ class _Strict(BaseModel):
 
 
 class _Angles(_Strict):
-    """A camera around what is to be seen."""
+    """A camera that orbits the scene."""
 
     azimuth: float = Orbit.azimuth
     elevation: float = Orbit.elevation
@@ -35,7 +35,7 @@ class _Angles(_Strict):
 
 
 class _Standing(_Strict):
-    """A camera at a place in the scene; `fov` is meant for its own size, if it has one."""
+    """A camera at a position in the scene; `fov` refers to its own size, if given."""
 
     eye: Vector
     target: Vector
@@ -47,7 +47,7 @@ class _Standing(_Strict):
 
     def camera(self) -> Viewpoint:
         spot = Spot(self.eye, self.target, self.up, self.fov, self.near)
-        camera = spot.sized(self.height or 1, self.width or 1)  # raises what is wrong with it
+        camera = spot.sized(self.height or 1, self.width or 1)  # raises if it is invalid
         if (self.width is None) != (self.height is None):
             raise ValueError("give width and height, or neither to take the picture's")
         return spot if self.width is None else camera
@@ -83,7 +83,7 @@ class _Intrinsics(_Strict):
 
 
 def read_viewpoint(path: Path) -> Viewpoint:
-    """Camera from a TOML file.
+    """Read a camera from a TOML file.
 
     It has either `azimuth`, `elevation`, `zoom`, `fov`, `up` and `pan` (see `Orbit`), or `eye`,
     `target`, `up`, `fov`, `near`, `width` and `height` (without the last two `fov` is that of the
@@ -94,7 +94,7 @@ def read_viewpoint(path: Path) -> Viewpoint:
     Raises
     ------
     ValueError
-        The content is none of these; says which key and why.
+        The content is none of these; the message says which key and why.
     OSError
         The file cannot be read.
     """
@@ -103,7 +103,7 @@ def read_viewpoint(path: Path) -> Viewpoint:
 
 
 def read_toml(path: Path) -> list[Entry]:
-    """Cameras that have a place of their own: one as `read_viewpoint` takes it, or `[[camera]]`."""
+    """Read cameras with a position of their own: one as in `read_viewpoint`, or `[[camera]]`."""
     with naming(str(path)):
         content = toml_of(text_of(path))
     if not isinstance(content.get("camera"), list):
@@ -116,13 +116,13 @@ def read_toml(path: Path) -> list[Entry]:
 
 
 def viewpoint_of(content: dict[str, Any]) -> Viewpoint:
-    """Camera from what a TOML file or a table of one holds; see `read_viewpoint`."""
+    """Camera from the content of a TOML file or one of its tables; see `read_viewpoint`."""
     form = _Standing if "eye" in content else _Intrinsics if "fx" in content else _Angles
     return form.model_validate(content).camera()
 
 
 def _name(table: Any) -> str:
-    """Time of a table; empty if it has none."""
+    """Time of a table; empty if not given."""
     return str(table.get("time", "")) if isinstance(table, dict) else ""
 
 

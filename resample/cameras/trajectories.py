@@ -1,7 +1,7 @@
-"""Poses alone, as the usual programs write them: matrices, TUM, ICL-NUIM, Open3D.
+"""Readers of pose files without cameras: matrices, TUM, ICL-NUIM, Open3D.
 
-Whatever a file's convention, what comes out maps world to camera, with x to the right, y down and
-the view along +z.
+The result follows one convention: poses map world to camera, with x to the right, y down and the
+view along +z.
 """
 
 import re
@@ -24,18 +24,18 @@ SEPARATOR = re.compile(r"[\s,;\[\]()]+")
 class Shot(NamedTuple):
     """One picture of a file of poses."""
 
-    name: str  # the picture's file or time; empty where a file has none
+    name: str  # the picture's file or time; empty if the file has none
     pose: Doubles  # (4, 4) world to camera
-    camera: Camera | None = None  # with that pose; None where the file has no intrinsics
+    camera: Camera | None = None  # with that pose; None if the file has no intrinsics
     shape: tuple[int, int] | None = None  # height and width that the intrinsics are for, px
 
 
 class Refused(NamedTuple):
-    """One picture of a file of poses that cannot be had, or only its pose."""
+    """One invalid picture of a file of poses; its pose may be valid."""
 
-    name: str  # as of `Shot`
+    name: str  # as in `Shot`
     complaint: str  # one line
-    pose: Doubles | None = None  # (4, 4) world to camera, where that is all right
+    pose: Doubles | None = None  # (4, 4) world to camera, if valid
 
 
 Entry = Shot | Refused
@@ -49,7 +49,7 @@ class Line(NamedTuple):
 
 
 def entry_of(place: str, name: str, read: Callable[..., Entry], *given: Any) -> Entry:
-    """What a function reads, or why it cannot."""
+    """Call a reader and return its entry, or an entry that says why it failed."""
     try:
         with naming(place):
             return read(*given)
@@ -58,7 +58,7 @@ def entry_of(place: str, name: str, read: Callable[..., Entry], *given: Any) -> 
 
 
 def read_matrices(path: Path) -> list[Entry]:
-    """World-to-camera matrices: NPY of (..., 3 or 4, 4), or text, one of 3 × 4 or many of 4 × 4."""
+    """Read world-to-camera matrices: NPY (..., 3 or 4, 4), or text, one 3 × 4 or many 4 × 4."""
     is_npy = path.suffix.lower() == ".npy"
     matrices = _npy_matrices(path) if is_npy else _text_matrices(path)
     return [
@@ -68,7 +68,7 @@ def read_matrices(path: Path) -> list[Entry]:
 
 
 def read_tum(path: Path) -> list[Entry]:
-    """Camera-to-world: time, tx, ty, tz, qx, qy, qz, qw in each line (TUM RGB-D)."""
+    """Read camera-to-world lines: time, tx, ty, tz, qx, qy, qz, qw (TUM RGB-D)."""
     return [
         entry_of(f"{path}: line {line.number}", line.words[0], _of_quaternion, line, 1)
         for line in lines_of(path)
@@ -76,7 +76,7 @@ def read_tum(path: Path) -> list[Entry]:
 
 
 def read_icl(path: Path) -> list[Entry]:
-    """Camera-to-world: tx, ty, tz, qx, qy, qz, qw in each line (as ICL-NUIM's in slambook)."""
+    """Read camera-to-world lines: tx, ty, tz, qx, qy, qz, qw (ICL-NUIM in slambook)."""
     return [
         entry_of(f"{path}: line {line.number}", "", _of_quaternion, line, 0)
         for line in lines_of(path)
@@ -84,10 +84,12 @@ def read_icl(path: Path) -> list[Entry]:
 
 
 def read_log(path: Path) -> list[Entry]:
-    """Camera-to-world: a line of three numbers and a 4 × 4 matrix for each (Open3D)."""
+    """Read camera-to-world poses: a line of three numbers and a 4 × 4 matrix each (Open3D)."""
     lines = lines_of(path)
     if [len(line.words) for line in lines] != [3, 4, 4, 4, 4] * (len(lines) // 5):
-        raise ValueError(f"{path} is no trajectory: each pose has a line of 3 numbers and 4 of 4")
+        raise ValueError(
+            f"{path} is not a trajectory: each pose has a line of 3 numbers and 4 of 4"
+        )
     return [
         entry_of(f"{path}: pose {n}", "", _of_rows, lines[5 * n + 1 : 5 * n + 5])
         for n in range(len(lines) // 5)
@@ -95,7 +97,7 @@ def read_log(path: Path) -> list[Entry]:
 
 
 def _npy_matrices(path: Path) -> Doubles:
-    """Matrices (N, rows, columns) of an NPY."""
+    """Matrices (N, rows, columns) of an NPY file."""
     given = read_npy(path)
     if given.ndim < 2 or given.dtype.kind not in "uif" or not given.size:
         raise ValueError(f"{path} holds {given.dtype} of shape {given.shape}, not (3, 4) or (4, 4)")
@@ -106,7 +108,7 @@ def _npy_matrices(path: Path) -> Doubles:
 
 
 def _text_matrices(path: Path) -> Doubles:
-    """Matrices (N, 3 or 4, 4) of a text."""
+    """Matrices (N, 3 or 4, 4) of a text file."""
     lines = lines_of(path)
     numbers = table_of(path, lines, 4)
     if len(lines) != 3 and (len(lines) % 4 or not lines):
@@ -125,7 +127,7 @@ def lines_of(path: Path) -> list[Line]:
 
 
 def table_of(path: Path, lines: Sequence[Line], count: int) -> Doubles:
-    """Numbers of lines, (lines, count)."""
+    """Numbers of lines as an array (lines, count)."""
     rows = np.empty((len(lines), count))
     for n, line in enumerate(lines):
         if len(line.words) != count:
@@ -138,7 +140,7 @@ def table_of(path: Path, lines: Sequence[Line], count: int) -> Doubles:
 
 
 def _of_quaternion(line: Line, before: int) -> Shot:
-    """Pose of camera-to-world tx, ty, tz, qx, qy, qz, qw, with so many words before them."""
+    """Pose from camera-to-world tx, ty, tz, qx, qy, qz, qw, after `before` other words."""
     if len(line.words) != before + 7:
         raise ValueError(f"{len(line.words)} numbers instead of {before + 7}")
     x, y, z, *quaternion = [float(word) for word in line.words][before:]
@@ -147,5 +149,5 @@ def _of_quaternion(line: Line, before: int) -> Shot:
 
 
 def _of_rows(lines: Sequence[Line]) -> Shot:
-    """Pose of a camera-to-world matrix."""
+    """Pose from a camera-to-world matrix."""
     return Shot("", camera_to_world([[float(word) for word in line.words] for line in lines]))

@@ -1,4 +1,4 @@
-"""Where something is seen from, before it is known how large the picture is."""
+"""Viewpoints: cameras that do not depend on the size of the picture."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,9 +18,9 @@ NAMED = {
     "left": (-90.0, 0.0),
     "top": (0.0, 90.0),
     "bottom": (0.0, -90.0),
-    "corner": (45.0, 35.264389682754654),  # all axes alike
+    "corner": (45.0, 35.264389682754654),  # equal angles to all axes
 }
-MARGIN = 1.0  # px at the picture's shorter side that a ball leaves at either end
+MARGIN = 1.0  # px left free on either side of the sphere, along the picture's shorter side
 FORM = (
     "a camera; azimuth and elevation, with or without a zoom and a pan, such as (30, 20), "
     f"(30, 20, 1.5) or (30, 20, 1.5, 0.1, -0.2); or one of {', '.join(NAMED)}"
@@ -28,7 +28,7 @@ FORM = (
 
 
 class Sphere(NamedTuple):
-    """A ball that holds what is to be seen."""
+    """Bounding sphere of the scene."""
 
     center: Doubles  # (3,) scene units
     radius: float  # scene units, > 0
@@ -36,29 +36,28 @@ class Sphere(NamedTuple):
 
 @dataclass(frozen=True)
 class Orbit:
-    """A camera on a sphere around the middle of what is to be seen.
+    """A camera on a sphere around the center of the scene.
 
     Parameters
     ----------
     azimuth, elevation
         Degrees; see `resample.cameras.poses.orbit`.
     zoom
-        At 1 the sphere around all that is to be seen just fits the picture, with a pixel left
-        around it; at 2 the camera is at half the distance, and a parallel one shows everything at
-        twice the size.
+        At 1 the bounding sphere of the scene just fits the picture, with a margin of one pixel; at
+        2 the camera is at half the distance, and a parallel one shows everything at twice the size.
     fov
-        Degrees along the picture's shorter side; 0 is parallel projection.
+        Field of view along the picture's shorter side in degrees; 0: parallel projection.
     up
-        Axis that points upwards: x, y, z, -x, -y or -z.
+        Axis that points up: x, y, z, -x, -y or -z.
     pan
-        How far what is in the middle is moved to the right and upwards, in shares of the picture's
-        shorter side.
+        Shift of the picture's content to the right and up, as fractions of the picture's shorter
+        side.
 
     Raises
     ------
     ValueError
         The zoom is not between 1e-6 and 1e6, the field of view is not in 0 to 180, an angle is not
-        finite, `up` is no axis, or the pan is not two numbers up to 1e6.
+        finite, `up` is not an axis, or the pan is not two numbers up to 1e6.
 
     Examples
     --------
@@ -78,7 +77,7 @@ class Orbit:
     pan: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
-        if not 1e-6 <= self.zoom <= 1e6:  # beyond, float32 has no digits left
+        if not 1e-6 <= self.zoom <= 1e6:  # beyond these float32 loses all digits
             raise ValueError(f"a zoom of {self.zoom:g}; it must be above 0, 1e-06 to 1e+06")
         if not 0 <= self.fov < 180:
             raise ValueError(f"a field of view of {self.fov} degrees; 0 to below 180 are allowed")
@@ -92,7 +91,7 @@ class Orbit:
             raise ValueError(f"a pan of {self.pan}; it must be two numbers up to 1e+06")
 
     def around(self, sphere: Sphere, height: int, width: int) -> Camera | Orthographic:
-        """Camera for a picture of that size in px."""
+        """Camera for a picture of a size in px."""
         center, radius = sphere
         shorter = min(height, width)
         filled = max(shorter - 2 * MARGIN, shorter / 2) / shorter
@@ -106,7 +105,7 @@ class Orbit:
         return Camera.from_fov(self.fov, height, width, pose)
 
     def _pose(self, center: Doubles, distance: float, side: float) -> Doubles:
-        """Pose (4, 4) at a distance of the center, where the picture's side is so long."""
+        """Pose (4, 4) at a distance from the center, where the picture is `side` wide."""
         pose = orbit(center, distance, self.azimuth, self.elevation, self.up)
         right, up = self.pan
         pose[:2, 3] += side * right, -side * up
@@ -115,7 +114,7 @@ class Orbit:
 
 @dataclass(frozen=True)
 class Spot:
-    """A camera at a place in the scene, for a picture of any size."""
+    """A camera at a position in the scene, for a picture of any size."""
 
     eye: Sequence[float]  # (3,) scene units
     target: Sequence[float]  # (3,) scene units
@@ -124,13 +123,13 @@ class Spot:
     near: float = 0.0  # scene units
 
     def sized(self, height: int, width: int) -> Camera:
-        """Camera for a picture of that size in px."""
+        """Camera for a picture of a size in px."""
         pose = look_at(self.eye, self.target, self.up)
         return Camera.from_fov(self.fov, height, width, pose, self.near)
 
     @classmethod
     def of(cls, world_to_camera: Doubles, fov: float) -> "Spot":
-        """Camera of a pose (4, 4) that sees `fov` degrees."""
+        """Camera with a pose (4, 4) and a field of view in degrees."""
         rotation, shift = world_to_camera[:3, :3], world_to_camera[:3, 3]
         eye = -rotation.T @ shift
         return cls(eye.tolist(), (eye + rotation[2]).tolist(), (-rotation[1]).tolist(), fov, 0.0)
@@ -143,7 +142,7 @@ class Calibrated(NamedTuple):
     shape: tuple[int, int]  # height and width, px
 
     def sized(self, height: int, width: int) -> Camera:
-        """Camera of the same view for a picture of that size in px."""
+        """Camera of the same view for a picture of another size in px."""
         return self.camera.resized(self.shape, (height, width))
 
 
@@ -152,21 +151,21 @@ Spelled: TypeAlias = Viewpoint | Sequence[float] | str | None
 
 
 def camera_from(viewpoint: Viewpoint, sphere: Sphere, height: int, width: int) -> AnyCamera:
-    """Camera of a viewpoint for a picture of that size in px.
+    """Camera of a viewpoint for a picture of a size in px.
 
     Parameters
     ----------
     viewpoint
-        Where from.
+        The viewpoint.
     sphere
-        What `Orbit` goes around.
+        Bounding sphere that an `Orbit` goes around.
     height, width
-        Of the picture, px.
+        Size of the picture, px.
 
     Raises
     ------
     ValueError
-        There is no such camera.
+        The viewpoint has no such camera.
     """
     if isinstance(viewpoint, Orbit):
         return viewpoint.around(sphere, height, width)
@@ -176,21 +175,21 @@ def camera_from(viewpoint: Viewpoint, sphere: Sphere, height: int, width: int) -
 
 
 def viewpoint_of(given: Spelled) -> Viewpoint:
-    """Viewpoint that a caller asks for.
+    """Convert a user's argument to a viewpoint.
 
     Parameters
     ----------
     given
-        A camera or viewpoint as it is; (azimuth, elevation), both in degrees, with or without a
-        zoom and a pan to the right and upwards, also as a text `30/20/1.5`; a name of `NAMED`; None
-        is `Orbit()`.
+        A camera or viewpoint, returned as it is; (azimuth, elevation) in degrees, optionally with a
+        zoom and a pan to the right and up, also as a text `30/20/1.5`; a name of `NAMED`; None:
+        `Orbit()`.
 
     Raises
     ------
     TypeError
         It is none of these.
     ValueError
-        The name is unknown, or a number is out of its range.
+        The name is unknown, or a number is out of range.
 
     Examples
     --------

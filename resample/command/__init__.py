@@ -1,1 +1,1 @@
-"""What all command lines share, and the `resample` command."""
+"""Shared parts of all command lines, and the `resample` command."""

@@ -1,7 +1,7 @@
-"""What options are about: settings from anywhere may say how a picture looks, and nothing else.
+"""Categories of options; settings from untrusted files may only change the look of a picture.
 
-Each option says it, by a mark in its annotation or by its model. What says nothing is not taken
-from a file.
+An option states its category by a mark in its annotation or by its model. An option without one is
+not taken from a file.
 """
 
 import inspect
@@ -15,23 +15,23 @@ from pydantic import BaseModel
 
 
 class About(Enum):
-    """What an option is about. What is not `LOOK` is the user's to say."""
+    """Category of an option. All but `LOOK` must be set by the user."""
 
-    LOOK = "look"  # how a picture looks
-    SOURCE = "source"  # what is read besides
-    TARGET = "target"  # what is written, and who is talked with
-    RESOURCE = "resource"  # how much of the machine is used
-    TRUST = "trust"  # what files may do
+    LOOK = "look"  # appearance of the picture
+    SOURCE = "source"  # other files that are read
+    TARGET = "target"  # files that are written, addresses that are served or called
+    RESOURCE = "resource"  # memory, threads and processes
+    TRUST = "trust"  # what files are allowed to do
 
 
 class Inline(NamedTuple):
-    """About the look where the option's value has a form; else it names a file."""
+    """A `LOOK` if the value matches a pattern, otherwise the name of a file."""
 
     form: re.Pattern[str]
 
 
 Mark = About | Inline
-Marks = Mapping[str, Mark | None]  # of options, by name
+Marks = Mapping[str, Mark | None]  # marks of options, by name
 
 _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _NUMBERS = rf"(?:k=)?[\s\[(]*{_NUMBER}(?:[\s,;\[\]()]+{_NUMBER})*[\s\])]*"
@@ -42,13 +42,13 @@ TRANSFER = Inline(re.compile(r"(?!.*\.(?:json|toml))[^\x00]*", re.IGNORECASE))
 
 
 def words(*known: str, or_numbers: bool = False) -> Inline:
-    """Mark of an option that is one of some words, or names a file."""
+    """Mark of an option that is either one of these words or the name of a file."""
     forms = [*map(re.escape, known), *([_NUMBERS] if or_numbers else [])]
     return Inline(re.compile("|".join(forms), re.ASCII))
 
 
 def about(mark: Mark | None, value: object) -> About | None:
-    """What a value of an option is about; None: the option does not say it."""
+    """Category of an option's value; None if the option states none."""
     if not isinstance(mark, Inline):
         return mark
     names_a_file = isinstance(value, str) and mark.form.fullmatch(value) is None
@@ -56,7 +56,7 @@ def about(mark: Mark | None, value: object) -> About | None:
 
 
 def marks_of(command: Callable[..., Any]) -> Marks:
-    """Marks of all options of a command, by name without hyphens."""
+    """Marks of all options of a command, by name without leading hyphens."""
     hints = get_type_hints(command, include_extras=True)
     found: dict[str, Mark | None] = {}
     for part in inspect.signature(command).parameters.values():
@@ -73,20 +73,20 @@ def marks_of(command: Callable[..., Any]) -> Marks:
 
 
 def model_in(kind: Any) -> type[BaseModel] | None:
-    """Model whose fields are options of their own; None for another kind of argument."""
+    """Model whose fields are options; None if the argument is not such a model."""
     inner = get_origin(kind) is Annotated and get_args(kind)[0]
     return inner if isinstance(inner, type) and issubclass(inner, BaseModel) else None
 
 
 def name_of(field: str, metadata: Any) -> str:
-    """Name of an option without hyphens at its beginning.
+    """Name of an option without leading hyphens.
 
     Parameters
     ----------
     field
-        Of the model, or parameter of the command, that it fills.
+        Field of the model, or parameter of the command, that the option fills.
     metadata
-        What is annotated there.
+        Metadata of its annotation.
     """
     for part in metadata:
         if isinstance(part, Parameter) and part.name:

@@ -1,4 +1,4 @@
-"""Options that several commands have, as they are given; `settings` has those of models alone."""
+"""Options shared by several commands; `settings` has those that belong to models."""
 
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
@@ -11,15 +11,15 @@ from resample.command.settings import CAMERA, HEADINGS, SIZE
 
 
 def under(heading: str) -> Parameter:
-    """Option that the help shows under one of `HEADINGS`."""
+    """Parameter listed under one of `HEADINGS` in the help."""
     return Parameter(group=Group(heading, sort_key=HEADINGS.index(heading)))
 
 
 T = TypeVar("T")
-Look = Annotated[T, About.LOOK]  # of options that no model has: they say how results look
-Flat = Parameter(name="*")  # a model's fields are flags of their own
-Hyphen = Parameter(allow_leading_hyphen=True)  # -1,0,0 is a value, no flag
-Switch = Parameter(negative="")  # there is no flag that says no
+Look = Annotated[T, About.LOOK]  # options that belong to no model and affect the look
+Flat = Parameter(name="*")  # the model's fields are flags themselves
+Hyphen = Parameter(allow_leading_hyphen=True)  # values may begin with a hyphen, such as -1,0,0
+Switch = Parameter(negative="")  # no --no-... flag
 
 Output = Annotated[Path, About.TARGET, Parameter(alias="-o")]
 OptionalOutput = Annotated[Path | None, About.TARGET, Parameter(alias="-o")]
@@ -47,15 +47,13 @@ Json = Annotated[
 ]
 
 Size = Annotated[str, About.LOOK, Parameter(help=SIZE)]
-FilmBackground = Annotated[
-    str, About.LOOK, Parameter(help="Behind the picture: black, white or #rrggbb.")
-]
+FilmBackground = Annotated[str, About.LOOK, Parameter(help="Background: black, white or #rrggbb.")]
 FramesPerSecond = Annotated[float, About.LOOK, Parameter(help="Frames per second.")]
 Resume = Annotated[
     bool,
     About.TARGET,
     Switch,
-    Parameter(help="Keep the frames that a run which ended early has made."),
+    Parameter(help="Keep the frames that an interrupted run has written."),
 ]
 
 Viewed = Annotated[
@@ -64,21 +62,21 @@ Viewed = Annotated[
     Hyphen,
     under(CAMERA),
     Parameter(
-        help="Where from: azimuth/elevation/zoom, such as 30/20/1.5, also with /right/up, by which "
-        "the middle is moved in shares of the picture; front, back, left, right, top, bottom or "
-        "corner; or a file of cameras."
+        help="Viewpoint: azimuth/elevation/zoom, such as 30/20/1.5; append /right/up to shift the "
+        "center by fractions of the picture. Or front, back, left, right, top, bottom or "
+        "corner, or a file of cameras."
     ),
 ]
 FieldOfView = Annotated[
     float,
     About.LOOK,
     under(CAMERA),
-    Parameter(help="Degrees along the shorter side; 0 is parallel projection."),
+    Parameter(help="Field of view along the shorter side in degrees; 0: parallel projection."),
 ]
 Up = Annotated[
     Literal["x", "y", "z", "-x", "-y", "-z"],
     About.LOOK,
     Hyphen,
     under(CAMERA),
-    Parameter(help="Axis that points upwards."),
+    Parameter(help="Axis that points up."),
 ]

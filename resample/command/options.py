@@ -1,4 +1,4 @@
-"""What all command lines share: how they run and how they report a user's mistake."""
+"""Run a command line and report errors of the user in one line."""
 
 import sys
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from resample.words import one_line
 if TYPE_CHECKING:
     import cyclopts
 
-USER_ERROR = 2  # exit status of a mistake in the arguments, files or settings
+USER_ERROR = 2  # exit status for errors in arguments, files or settings
 
 
 def run(app: "cyclopts.App", arguments: Sequence[str] | None = None) -> NoReturn:
@@ -24,22 +24,22 @@ def run(app: "cyclopts.App", arguments: Sequence[str] | None = None) -> NoReturn
     Parameters
     ----------
     app
-        The commands. One that returns a whole number sets the exit status with it.
+        The commands. If one returns an integer, that is the exit status.
     arguments
-        Words of the command line; None takes the process's own.
+        Arguments; None takes those of the process.
 
     Raises
     ------
     SystemExit
-        Always. Status 0 after success. Status 2 and one line on stderr after a ValueError,
-        LookupError, OSError, MemoryError, a pydantic ValidationError or a word that the command
-        line does not know, or if OpenCV cannot be imported; 130 after Ctrl-C. A KeyError or an
-        IndexError is a bug in a program, not the user's mistake: these and all others pass through
-        with their traceback.
+        Always. Status 0 on success. Status 2 with one line on stderr for a ValueError,
+        LookupError, OSError, MemoryError, pydantic ValidationError, an unknown argument, or if
+        OpenCV cannot be imported; 130 after Ctrl-C. A KeyError or IndexError is a bug in the
+        program, not a user's error: these and all other exceptions pass through with their
+        traceback.
     """
     from cyclopts import CycloptsError
 
-    open_streams()  # of who calls this without `stopping.start`
+    open_streams()  # for callers that do not use `stopping.start`
     try:
         with listening():
             status = _call(app, arguments)
@@ -50,7 +50,7 @@ def run(app: "cyclopts.App", arguments: Sequence[str] | None = None) -> NoReturn
             raise
         say("interrupted")
         status = INTERRUPTED
-    except BrokenPipeError:  # the reader, `head` for one, has seen enough
+    except BrokenPipeError:  # the reader, such as `head`, has closed the pipe
         give_up(sys.stdout)
         status = 0
     except ImportError as error:
@@ -65,7 +65,7 @@ def run(app: "cyclopts.App", arguments: Sequence[str] | None = None) -> NoReturn
 
 
 def _broken_opencv(error: ImportError) -> str | None:
-    """What is wrong with the installed OpenCV and what to do; None if something else is."""
+    """Explain what is wrong with the installed OpenCV and what to do; None for other errors."""
     frames = [str(frame.filename) for frame in extract_tb(error.__traceback__)]
     if error.name != "cv2" and "cv2" not in (Path(name).parent.name for name in frames[-3:]):
         return None
@@ -76,7 +76,7 @@ def _broken_opencv(error: ImportError) -> str | None:
 
 
 def _flush() -> None:
-    """Write all that is printed: a full disk must show here, not after the end."""
+    """Flush stdout, so that a full disk is reported here and not after the end."""
     try:
         sys.stdout.flush()
     except BrokenPipeError:
@@ -95,6 +95,6 @@ def _call(app: "cyclopts.App", arguments: Sequence[str] | None) -> int:
 
         arguments = expanded(words)
     result = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
-    LOG.debug("at most %s of memory were held", amount(held_at_most()))
+    LOG.debug("peak memory: %s", amount(held_at_most()))
     _flush()
     return result if isinstance(result, int) else 0

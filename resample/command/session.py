@@ -1,4 +1,4 @@
-"""A run of a command line: its stages timed, and what the user is told while it works."""
+"""A run of a command: times its stages and shows progress."""
 
 import time
 from collections.abc import Iterator
@@ -9,14 +9,14 @@ from pathlib import Path
 from resample.console.messages import Progress, progress_bar
 from resample.memory import require
 
-COMPILER = 135 << 20  # bytes that numba and LLVM hold
-OTHERS = 115 << 20  # bytes that Python, and what reads and writes files, hold by themselves
+COMPILER = 135 << 20  # bytes held by numba and LLVM
+OTHERS = 115 << 20  # bytes held by Python and by file readers and writers
 ENCODED = 27  # bytes per value of a picture that is painted, encoded and written as integers
-AS_FLOATS = 10  # the same of one that is written as it is
+AS_FLOATS = 10  # bytes per value of a picture that is written as it is
 
 
 def libraries() -> int:
-    """Bytes that libraries hold by themselves; numba is one where kernels are compiled."""
+    """Bytes that loaded libraries hold; numba counts where kernels are compiled."""
     from resample.engine.compiled.library import is_there
 
     return OTHERS if is_there() else OTHERS + COMPILER
@@ -24,24 +24,24 @@ def libraries() -> int:
 
 @dataclass
 class Session:
-    """Stages of a run, timed; what the user should know goes to stderr."""
+    """Timed stages of a run; messages for the user go to stderr."""
 
     seconds: dict[str, float] = field(default_factory=dict)
 
     @contextmanager
     def stage(self, name: str, bar: str | None = None) -> Iterator[Progress | None]:
-        """Book the time of a block under a name.
+        """Measure the time of a block and add it to a named stage.
 
         Parameters
         ----------
         name
-            What the time is booked under.
+            Name of the stage.
         bar
-            What a bar on the terminal says the while; None shows none.
+            Text of the progress bar on the terminal; None shows no bar.
 
         Yields
         ------
-        What tells the bar the share of the work that is done, if there is one.
+        The callback that updates the bar with the fraction done, if there is a bar.
         """
         shown: AbstractContextManager[Progress | None]
         shown = nullcontext() if bar is None else progress_bar(bar)
@@ -56,7 +56,7 @@ class Session:
 
 
 def bytes_written(shape: tuple[int, int], output: Path) -> int:
-    """Bytes that a channel of a picture (height, width) takes, painted and written to a file."""
+    """Peak bytes per channel to paint and write a picture (height, width)."""
     is_float = output.suffix.lower() == ".exr"
     return (AS_FLOATS if is_float else ENCODED) * shape[0] * shape[1]
 
@@ -64,21 +64,21 @@ def bytes_written(shape: tuple[int, int], output: Path) -> int:
 def require_picture(
     shape: tuple[int, int], bytes_per_pixel: int, others: dict[str, int] | None = None
 ) -> None:
-    """Refuse a picture (height, width) that this machine cannot hold, before any work is done.
+    """Reject a picture (height, width) too large for this machine, before any work is done.
 
     Parameters
     ----------
     shape
         Height and width, px.
     bytes_per_pixel
-        Of the picture and the copies that are made when it is painted and written.
+        Bytes of the picture and of the copies that painting and writing make.
     others
-        Bytes of what else is held at that time, by what it is.
+        Other memory that is held at the same time, bytes by name.
 
     Raises
     ------
     ValueError
-        It is more than is allowed or free.
+        The picture needs more memory than is allowed or free.
     """
     height, width = shape
     picture = {"the picture": bytes_per_pixel * height * width}

@@ -1,7 +1,7 @@
-"""Options that mean the same in every application, as the command lines and files give them.
+"""Options shared by all applications, on command lines and in settings files.
 
-One model serves flags, TOML files and checks. Importing this module imports no numerics: `--help`
-stays quick.
+One model defines flags, TOML keys and checks. This module imports no numerics, so that `--help` is
+fast.
 """
 
 import re
@@ -19,39 +19,39 @@ if TYPE_CHECKING:
 OF_SAMPLES = ("method", "footprint", "threshold", "kernel", "opacity", "color_by")
 SPLAT_COLOR = (0.8, 0.02, 0.02)  # linear red, the paper's Figure 8a
 
-# What descriptions begin with.
-SIZE = "In px: 400 for a square, 640x480 for width and height."
+# Beginnings of help texts.
+SIZE = "Size in px: 400 for a square, 640x480 for width and height."
 CALIBRATED = (
     "Lens: fx,fy,cx,cy,k1,k2,p1,p2[,k3...], or a .yml, .xml, .json or .toml file of OpenCV's "
     "calibration"
 )
-MEMORY = "Memory that the work may take: 2GiB. What is free"
-COUNTED = "Opencv counts from the first pixel's center: in"
+MEMORY = "Memory limit, such as 2GiB. Default: all free memory"
+COUNTED = "Pixel coordinates are 0 at the first pixel's corner, or at its center (opencv): in"
 
 CAMERA, LIGHT, SETTINGS, LIMITS = (
     "Camera",
     "Light",
     "Settings",
     "Limits",
-)  # headings of options that many have
-HEADINGS = (  # in the order of a command's help
+)  # headings of options that many commands have
+HEADINGS = (  # in the order of the help
     *(
         "Input",
-        "Source's camera",
+        "Source camera",
         "Several sources",
-        "Also in the scene",
+        "Further volumes",
         "Target",
         "Look",
         LIGHT,
         CAMERA,
-        "Eyes",
+        "Stereo",
     ),
     *(
         "Projection",
         "Method",
         "Picture",
-        "Beside the volume",
-        "Beside the picture",
+        "Annotations and objects",
+        "Further outputs",
         "Page",
         "Workers",
         SETTINGS,
@@ -62,41 +62,43 @@ Convention = Literal["corner", "opencv"]
 Threads = Annotated[
     int | None,
     About.RESOURCE,
-    Field(ge=1, description="At most this many; pixels do not depend on it."),
+    Field(ge=1, description="Number of threads at most; pixels do not depend on it."),
 ]
 MethodsFilter = Annotated[
-    str | None, Field(description="Pixel filter, such as gaussian:sigma=0.6. The method's.")
+    str | None,
+    Field(description="Pixel filter, such as gaussian:sigma=0.6. Default: as the method."),
 ]
 Shown = Annotated[
     Literal["composite", "maximum", "minimum", "average", "additive", "xray", "first-hit"],
     Field(
-        description="What a pixel shows: light through what lies in front, the largest, least, "
-        "mean or sum of the values, an X-ray of computed tomography, or the surface of the iso "
-        "value."
+        description="Value of a pixel: composited light; the maximum, minimum, mean or sum of "
+        "the values; an X-ray as in computed tomography; or the surface at the iso value "
+        "(first-hit)."
     ),
 ]
 Iso = Annotated[
-    float | None, Field(allow_inf_nan=False, description="Value whose surface first-hit shows.")
+    float | None,
+    Field(allow_inf_nan=False, description="Value of the surface that first-hit shows."),
 ]
 
 
 def number(given: object) -> object:
-    """Number that a word of the command line stands for; pydantic's literals do not convert it."""
+    """Convert a word of the command line to a number; pydantic does not convert for literals."""
     return int(given) if isinstance(given, str) and given.isdecimal() else given
 
 
 class Choices(BaseModel):
-    """What a user chooses. It stays as it was made; names that it does not know are refused."""
+    """Immutable choices of a user; unknown names are rejected."""
 
-    heading: ClassVar[str]  # over these options in a command's help
-    about: ClassVar[About]  # of the options that do not say it themselves
+    heading: ClassVar[str]  # heading of these options in the help
+    about: ClassVar[About]  # category of options that state none themselves
 
-    # What checks a model is built when it is first given something: most commands need few.
+    # Validators are built on first use: most commands need few of them.
     model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)
 
     @classmethod
     def usual(cls) -> Self:
-        """Choices of which none is given. They need no check, which would have to be built."""
+        """Choices with all defaults, without validation, which would have to be built."""
         return cls.model_construct()
 
 
@@ -109,71 +111,73 @@ class Resampling(Choices):
     method: Annotated[
         Literal["hybrid", "points", "splats", "paper", "inflate", "ewa"] | None,
         Field(
-            description="How: points where samples shrink and splats where they grow (hybrid), or "
-            "one of them (splats alone are not antialiased); paper: as published, threshold 1 px; "
-            "inflate, ewa: splats antialiased as by Swan 1997 and Zwicker 2001. Hybrid, where "
-            "samples are painted at all."
+            description="Method: hybrid, points where samples shrink and splats where they grow; "
+            "points or splats, only these (splats alone are not antialiased); paper, as published, "
+            "with threshold 1 px; inflate or ewa, splats antialiased as by Swan 1997 and Zwicker "
+            "2001. Default: hybrid, unless rays are cast."
         ),
     ] = None
     footprint: Annotated[
         Literal["exact", "corrected", "small-angle", "affine", "disc"] | None,
         Field(
-            description="Model of splats in perspective. Exact, but corrected for paper, and "
+            description="Model of splats in perspective. Default: exact; corrected for paper; "
             "affine for inflate and ewa."
         ),
     ] = None
     threshold: Annotated[
         float | None,
-        Field(ge=0, description="Points are what lies at most this many sub-pixels apart."),
+        Field(ge=0, description="Paint samples as points up to this spacing in sub-pixels."),
     ] = None
     subpixels: Annotated[
         int | None,
-        Field(ge=1, le=32, description="Sub-pixels per side of a pixel. Chosen per region."),
+        Field(
+            ge=1, le=32, description="Sub-pixels per side of a pixel. Default: chosen per region."
+        ),
     ] = None
     filter: Annotated[
-        str | None, Field(description="Pixel filter, such as gaussian:sigma=0.6. Box.")
+        str | None, Field(description="Pixel filter, such as gaussian:sigma=0.6. Default: box.")
     ] = None
     kernel: Annotated[str, Field(description="Reconstruction kernel.")] = "gaussian"
     order: Annotated[
         str | None,
         Field(
             description="Compositing order: every-sample, axis-sheets, or image-sheets:thickness=1."
-            " Fields and their projections are gathered along rays:step=1,sharpness=1,quality=best "
-            "(or usual, or fast), or take image-sheets, too. Maxima and minima stay within voxels "
-            "around a place, but for rays:interpolation=spline."
+            " Fields and their projections are cast along rays:step=1,sharpness=1,quality=best (or "
+            "usual, or fast), or take image-sheets. Maxima and minima stay within the range of the "
+            "voxels around, except with rays:interpolation=spline."
         ),
     ] = None
     projection: Shown = "composite"
     iso: Iso = None
     opacity: Annotated[
         Literal["exact", "linear"],
-        Field(description="Exact transmittance of the field, or classic splatting's product."),
+        Field(description="Exact transmittance of the field, or the product of classic splatting."),
     ] = "exact"
     color_by: Annotated[
         Literal["sample", "primitive"],
-        Field(description="What colors mean: what samples look like, or primitive, splats in red."),
+        Field(description="Source of colors: the samples, or the primitive, with splats in red."),
     ] = "sample"
 
     @property
     def is_of_samples(self) -> bool:
-        """Whether something is said of how samples are painted, which rays do not paint."""
+        """Whether an option concerns painted samples, which rays do not use."""
         own = type(self).model_fields
         return any(getattr(self, name) != own[name].default for name in OF_SAMPLES)
 
     def resampler(self, *, of_field: bool = False, quality: str = "best") -> "Resampler":
-        """Renderer with these choices; fields are gathered along rays unless an order was chosen.
+        """Renderer with these choices; fields are cast along rays unless an order was chosen.
 
         Parameters
         ----------
         of_field
-            Values get their colors after they are reconstructed.
+            Whether values are colored after reconstruction.
         quality
-            Of rays, if no order was chosen.
+            Quality of rays, if no order was chosen.
 
         Raises
         ------
         ValueError, LookupError
-            A plugin is unknown or refuses its parameters.
+            A plugin is unknown or rejects its parameters.
         """
         from resample import registry
         from resample.painting.choices import Footprint, Opacity, Primitive, Projection
@@ -197,7 +201,7 @@ class Resampling(Choices):
 
 
 class PictureFormat(Choices):
-    """What kind of picture is written."""
+    """Format of the picture to write."""
 
     heading: ClassVar[str] = "Picture"
     about: ClassVar[About] = About.LOOK
@@ -206,19 +210,19 @@ class PictureFormat(Choices):
     background: Annotated[
         str | None,
         Field(
-            description="Behind the picture: black, white, #rrggbb or none for transparent. EXR: "
-            "none, others: black."
+            description="Background: black, white, #rrggbb or none for transparent. Default: none "
+            "for EXR, else black."
         ),
     ] = None
     bits: Annotated[
         Literal[8, 16, 32],
         BeforeValidator(number),
-        Field(description="Per channel: PNG 8 or 16, TIFF also 32."),
+        Field(description="Bits per channel: PNG 8 or 16, TIFF also 32."),
     ] = 8
     threads: Threads = None
 
     def behind(self, suffix: str) -> Color | None:
-        """Linear color behind the picture in a file of a suffix; None leaves it transparent."""
+        """Linear background color for a file with this suffix; None leaves it transparent."""
         own = "none" if suffix.lower() == ".exr" else "black"
         return linear_color(own if self.background is None else self.background)
 
@@ -228,7 +232,7 @@ class PictureFormat(Choices):
         Raises
         ------
         ValueError
-            It is not one or two whole numbers above 0, or more than a picture can hold.
+            It is not one or two positive integers, or exceeds the largest picture.
         """
         from resample.painting.plans import check_size
 
@@ -241,7 +245,7 @@ class PictureFormat(Choices):
 
 
 class Sharing(Choices):
-    """Who does the work."""
+    """Workers of a command: local processes or a dask cluster."""
 
     heading: ClassVar[str] = "Workers"
     about: ClassVar[About] = About.RESOURCE
@@ -251,47 +255,49 @@ class Sharing(Choices):
         Field(
             ge=1,
             le=1024,
-            description="Processes of this machine that share the work, with the extra dist; they "
-            "share the memory, too. Pixels do not depend on it.",
+            description="Local processes that share the work and the memory; needs the extra dist. "
+            "Pixels do not depend on it.",
         ),
     ] = None
     scheduler: Annotated[
         str | None,
         About.TARGET,
         Field(
-            description="Address of a scheduler of dask's whose workers do it, such as "
-            "tcp://10.0.0.1:8786; they see the same files under the same names."
+            description="Address of a dask scheduler whose workers do the work, such as "
+            "tcp://10.0.0.1:8786; they must see the same files under the same names."
         ),
     ] = None
 
     @property
     def is_asked(self) -> bool:
-        """Whether others than this process do it."""
+        """Whether the work goes to other processes."""
         return self.workers is not None or self.scheduler is not None
 
     @property
     def who(self) -> str:
-        """Who does it, for a user's eyes."""
+        """Describe the workers to the user."""
         if self.workers is None:
             return f"the workers of {self.scheduler}"
         return f"{self.workers} {'process' if self.workers == 1 else 'processes'}"
 
 
 class Serving(Choices):
-    """Where a viewer's page is served."""
+    """Address of a viewer's page."""
 
     heading: ClassVar[str] = "Page"
     about: ClassVar[About] = About.TARGET
 
     host: Annotated[
-        str, Field(description="Address to listen at; others than this machine's are warned about.")
+        str, Field(description="Address to listen at; warns if other machines can reach it.")
     ] = "127.0.0.1"
-    port: Annotated[int, Field(ge=0, le=65535, description="0 takes one that is free.")] = 0
+    port: Annotated[
+        int, Field(ge=0, le=65535, description="Port to listen at; 0: any free port.")
+    ] = 0
     browser: Annotated[bool, Field(description="Open the page in the browser.")] = True
 
 
 class Written(Choices):
-    """How a picture of any kind is written."""
+    """Format of a written picture of any kind."""
 
     heading: ClassVar[str] = "Picture"
     about: ClassVar[About] = About.LOOK
@@ -299,22 +305,22 @@ class Written(Choices):
     background: Annotated[
         str | None,
         Field(
-            description="Behind the picture: black, white, #rrggbb or none for transparent. None."
+            description="Background: black, white, #rrggbb or none for transparent. Default: none."
         ),
     ] = None
     bits: Annotated[
         Literal[8, 16, 32] | None,
         BeforeValidator(number),
-        Field(description="Per channel: PNG 8 or 16, TIFF also 32. As the source where it fits."),
+        Field(description="Bits per channel: PNG 8 or 16, TIFF also 32. Default: as the source."),
     ] = None
 
     def look(self) -> "Look":
-        """Choices of the writer.
+        """Options of the picture writer.
 
         Raises
         ------
         ValueError
-            The background is no color.
+            The background is not a color.
         """
         from resample.files.pictures import Look
 
@@ -323,7 +329,7 @@ class Written(Choices):
 
 
 def height_and_width(size: str) -> tuple[int, int]:
-    """Size in px of 400 or 640x480.
+    """Parse a size in px, 400 or 640x480.
 
     Raises
     ------
@@ -334,15 +340,15 @@ def height_and_width(size: str) -> tuple[int, int]:
 
 
 def method_names(text: str, least: int = 1) -> list[str]:
-    """Methods of a list separated by commas.
+    """Split a list of methods at commas.
 
-    A part with = but without a name: before it is a further parameter of the method before it, as
-    in `oiio:filter=cubic,opencv-supersample:n=4,kernel=linear`.
+    A part with = but no name is another parameter of the preceding method, as in
+    `oiio:filter=cubic,opencv-supersample:n=4,kernel=linear`.
 
     Raises
     ------
     ValueError
-        There are fewer than `least`.
+        There are fewer than `least` methods.
     """
     names: list[str] = []
     for part in filter(None, (word.strip() for word in text.split(","))):

@@ -1,7 +1,7 @@
-"""Settings files: the options of a command as TOML, kept from one run and given to another.
+"""Settings files: options of a command, saved as TOML and read by later runs.
 
-Such a file may come from anywhere, so it says how a picture looks, and nothing else: what options
-are about is in `resample.command.about`.
+Such a file may come from anywhere, so it may only set the look of a picture. The categories of
+options are in `resample.command.about`.
 """
 
 import inspect
@@ -33,7 +33,7 @@ from resample.words import naming
 Command = Callable[..., Any]
 Settings = dict[str, Any]
 
-COMMAND = "command"  # the key that says whose settings they are
+COMMAND = "command"  # the key that names the command
 LOG = logging.getLogger("resample")
 OWN = ("settings", "settings-trusted", "save-settings")
 Given = Annotated[
@@ -41,8 +41,8 @@ Given = Annotated[
     About.TRUST,
     under(SETTINGS),
     Parameter(
-        help="How pictures look, from a file: .toml, or a PNG or EXR that was made so; the command "
-        "line goes before it."
+        help="Read the look from a .toml, or from a PNG or EXR that this command made; options on "
+        "the command line take precedence."
     ),
 ]
 Trusted = Annotated[
@@ -50,15 +50,15 @@ Trusted = Annotated[
     About.TRUST,
     under(SETTINGS),
     Parameter(
-        help="As --settings, of a .toml that you wrote yourself: it may also say what is read, "
-        "written and used."
+        help="Like --settings, for a .toml that you wrote yourself: it may also set inputs, "
+        "outputs and resources."
     ),
 ]
 Saved = Annotated[
     Path | None,
     About.TRUST,
     under(SETTINGS),
-    Parameter(help="Also write how the picture looks, but not what is read and written (.toml)."),
+    Parameter(help="Also write the look, without inputs and outputs (.toml)."),
 ]
 Memory = Annotated[str | None, About.RESOURCE, under(LIMITS), Parameter(help=MEMORY + ".")]
 Limit = Annotated[
@@ -66,8 +66,8 @@ Limit = Annotated[
     About.TRUST,
     under(LIMITS),
     Parameter(
-        help="How much files may hold: unpacked=8GiB,ratio=5000; of text, tree, depth, items, "
-        "unpacked, ratio. Far above what honest files need."
+        help="Limits on untrusted files: unpacked=8GiB,ratio=5000; of text, tree, depth, items, "
+        "unpacked, ratio. The defaults are far above what ordinary files need."
     ),
 ]
 Outside = Annotated[
@@ -75,15 +75,15 @@ Outside = Annotated[
     About.TRUST,
     Switch,
     under(LIMITS),
-    Parameter(help="Let files name others outside of their folder."),
+    Parameter(help="Allow files to refer to files outside their folder."),
 ]
 
 
 def with_settings(app: App) -> None:
-    """Give every command of an application that has options those that all of them have.
+    """Add the common options to every command of an application that has options.
 
-    `--settings`, `--settings-trusted` and `--save-settings`, and what raises limits: `--memory`,
-    `--limit` and `--allow-outside`.
+    They are `--settings`, `--settings-trusted`, `--save-settings`, `--memory`, `--limit` and
+    `--allow-outside`.
     """
     app.config = (partial(_take, app.name[0]),)
     for name in app:
@@ -93,10 +93,10 @@ def with_settings(app: App) -> None:
 
 
 def _has_options(command: Command) -> bool:
-    """Whether a command has options besides what it writes.
+    """Whether a command has options besides its outputs.
 
-    Its signature says so; to assemble all commands as they are parsed would take a tenth of a
-    second, and one of them is asked for.
+    Decided by its signature: assembling all commands as the parser does takes 0.1 s, and only one
+    of them runs.
     """
     named = (inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
     parts = inspect.signature(command).parameters.values()
@@ -104,19 +104,19 @@ def _has_options(command: Command) -> bool:
 
 
 def options_of(command: App) -> dict[str, Argument]:
-    """Options of a command by their names without hyphens; not what it is given without a name."""
+    """Options of a command by name without hyphens; positional arguments are left out."""
     return _options(command.assemble_argument_collection())
 
 
 def schema_of(name: str, command: App) -> dict[str, Any]:
-    """JSON schema of a command's settings; `about` says which any file may hold: the `look`.
+    """JSON schema of a command's settings; entries with `about` = `look` may be in any file.
 
     Parameters
     ----------
     name
-        Of the application and the command.
+        Names of the application and the command.
     command
-        It.
+        The command.
     """
     properties: dict[str, Any] = {COMMAND: {"const": name}}
     assert command.default_command is not None
@@ -151,28 +151,28 @@ def read_settings(
     *,
     is_trusted: bool = False,
 ) -> Settings:
-    """Options of a command that a file holds, of the right types.
+    """Read options of a command from a file and convert their types.
 
-    Those that are about something else than the look are left out, which is said.
+    Options that are not about the look are left out with a warning.
 
     Parameters
     ----------
     path
-        A .toml, or a picture that was made by these commands.
+        A .toml, or a picture that these commands made.
     name
-        Of the application and the command.
+        Names of the application and the command.
     options, marks
         Of the command, by name.
     is_trusted
-        The file's own words are taken about all but what files may do.
+        Whether the file may also set everything except what files are allowed to do.
 
     Raises
     ------
     OSError
         The file cannot be read.
     ValueError
-        It is no TOML, of another command, or an option is unknown or of another type; or a picture
-        is to be trusted.
+        It is not TOML or belongs to another command, an option is unknown or has the wrong type,
+        or a picture is to be trusted.
     """
     is_picture = path.suffix.lower() in PICTURES
     if is_picture and is_trusted:
@@ -197,28 +197,28 @@ def read_settings(
 
 
 def look_of(settings: Settings, marks: Marks) -> Settings:
-    """Those settings that say how a picture looks: what files keep."""
+    """Select the settings that affect the look: these are saved in files."""
     return {key: value for key, value in settings.items() if _may_say(about(marks.get(key), value))}
 
 
 def _may_say(subject: About | None, *, is_trusted: bool = False) -> bool:
-    """Whether a file may hold an option about something."""
+    """Whether a file may set an option of this category."""
     if is_trusted:
         return subject is not None and subject is not About.TRUST
     return subject is About.LOOK
 
 
 def _left_out(keys: list[str], *, is_picture: bool) -> str:
-    """Words about options that a file must not say."""
+    """Warning about options that a file must not set."""
     instead = "" if is_picture else ", or trust your own file by --settings-trusted"
     return (
-        f"{', '.join(keys)} left out, as settings say how a picture looks, not what is read, "
-        f"written, used or trusted; give that on the command line{instead}"
+        f"{', '.join(keys)} left out, as settings only say how a picture looks, not what is read, "
+        f"written, used or trusted; give these on the command line{instead}"
     )
 
 
 def as_toml(name: str, settings: Settings) -> str:
-    """Text of a settings file."""
+    """Format settings as the text of a file."""
     lines = [f"{key} = {_toml(value)}" for key, value in {COMMAND: name, **settings}.items()]
     return "\n".join(lines) + "\n"
 
@@ -232,7 +232,7 @@ def _options(arguments: ArgumentCollection) -> dict[str, Argument]:
 
 
 def _take(application: str, app: App, commands: tuple[str, ...], given: ArgumentCollection) -> None:
-    """Fill what the command line leaves open from the file that `--settings` names, if any."""
+    """Add options from the file given by `--settings` that the command line leaves open."""
     options = _options(given)
     named = {key: options[key].tokens for key in OWN[:2] if key in options and options[key].tokens}
     if not named:
@@ -256,7 +256,7 @@ def _take(application: str, app: App, commands: tuple[str, ...], given: Argument
 
 
 def _check_name(key: str, options: Mapping[str, Argument]) -> None:
-    """Refuse an unknown option."""
+    """Reject an unknown option."""
     if key not in options:
         near = get_close_matches(key, options, n=1)
         hint = f"did you mean {near[0]}?" if near else "--help lists what there is"
@@ -264,19 +264,19 @@ def _check_name(key: str, options: Mapping[str, Argument]) -> None:
 
 
 def _check(key: str, value: object, options: Mapping[str, Argument]) -> None:
-    """Refuse a value of another type than the option's."""
+    """Reject a value of the wrong type."""
     adapter: TypeAdapter[Any] = TypeAdapter(options[key].field_info.annotation)
     with naming(key):
         adapter.validate_json(json.dumps(value, default=_refuse_time), strict=True)
 
 
 def _refuse_time(value: object) -> NoReturn:
-    """Of what TOML has and JSON has not."""
-    raise ValueError(f"no option is a date or a time (got {value})")
+    """Reject a value that TOML has and JSON lacks."""
+    raise ValueError(f"no option takes a date or time (got {value})")
 
 
 def _keeping(name: str, command: Command) -> Command:
-    """Command that takes settings from a file and can leave its own, within limits."""
+    """Wrap a command so that it reads and saves settings, within limits."""
     signature = inspect.signature(command)
 
     @wraps(command)
@@ -314,12 +314,12 @@ def _keeping(name: str, command: Command) -> Command:
 
 
 def _unsaid(keys: list[str]) -> str:
-    """Words about options that the picture was made with, and that are not kept."""
-    return f"{', '.join(keys)} not kept, as settings do not say what is read; give that again"
+    """Warning about options of this run that are not saved."""
+    return f"{', '.join(keys)} not kept, as settings do not say what is read; give these again"
 
 
 def _sign(run: Command, command: Command, signature: inspect.Signature) -> None:
-    """Give a command the options of another, and those that all have."""
+    """Give a wrapper the options of its command and the common ones."""
     hints = get_type_hints(command, include_extras=True)
     kinds = {name: _headed(kind) for name, kind in hints.items()}
     own: dict[str, tuple[Any, object]] = {
@@ -340,13 +340,13 @@ def _sign(run: Command, command: Command, signature: inspect.Signature) -> None:
 
 
 def _fields_of(kind: Any) -> Iterable[str]:
-    """Options that a model in a signature stands for."""
+    """Names of the options that a model in a signature defines."""
     model = model_in(kind)
     return () if model is None else model.model_fields
 
 
 def _headed(kind: Any) -> Any:
-    """Kind of an argument; what is of a model has its heading in the help."""
+    """Annotation of an argument; that of a model gets its heading in the help."""
     model = model_in(kind)
     if model is not None and issubclass(model, Choices):
         return Annotated[kind, under(model.heading)]
@@ -356,12 +356,12 @@ def _headed(kind: Any) -> Any:
 def _chosen(
     command: Command, signature: inspect.Signature, options: Settings
 ) -> Iterator[tuple[str, Any]]:
-    """Options that differ from what the command does by itself, by name, as TOML has them."""
+    """Options that differ from the command's defaults, by name, as TOML values."""
     hints = get_type_hints(command, include_extras=True)
     for name, value in options.items():
         default = signature.parameters[name].default
         values, usual, metadata = {name: value}, {name: default}, {name: get_args(hints[name])[1:]}
-        if isinstance(value, BaseModel):  # what was given is set, also where others differ
+        if isinstance(value, BaseModel):  # given options, also if equal to the default
             fields = type(value).model_fields
             values = {
                 field: getattr(value, field) for field in fields if field in value.model_fields_set
@@ -374,7 +374,7 @@ def _chosen(
 
 
 def _usual(model: type[BaseModel], default: object) -> Settings:
-    """Values that fields have, whether others of the model are given or none is."""
+    """Defaults of a model's fields that a command's own default does not replace."""
     usual = {name: field.default for name, field in model.model_fields.items()}
     return {name: own for name, own in usual.items() if getattr(default, name, own) == own}
 

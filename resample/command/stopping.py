@@ -1,11 +1,10 @@
-"""Commands that are told to stop, at any moment of their life.
+"""Stop a command by a signal at any moment of its life.
 
-A signal ends the work of the main thread by an exception, as Python does for Ctrl-C, so that what
-is being written is tidied up. Five things are added. SIGTERM does so, too. It is caught while
-modules are imported. Where Python cannot raise it, in a finalizer, in what a library calls back or
-while a library in C++ is loaded, it is raised a little later. When the command has ended,
-signals change nothing any more. And threads that do not end, Python waits for no longer than
-`AT_LAST`.
+A signal raises an exception in the main thread, as Python does for Ctrl-C, so that files being
+written are cleaned up. This module adds five things. SIGTERM is handled too. Signals are caught
+while modules are imported. Where Python cannot raise an exception (in a finalizer, a callback of a
+library, or while a C++ library is loaded) it is raised a little later. After the command has ended,
+signals have no effect. And Python waits at most `AT_LAST` for threads that do not end.
 """
 
 import gc
@@ -15,23 +14,23 @@ import sys
 import time
 from typing import TYPE_CHECKING, Any, NoReturn
 
-# Little else, so that signals find somebody soon.
+# Few imports, so that signals are handled early.
 if TYPE_CHECKING:
     from collections.abc import Callable
     from types import FrameType
 
-INTERRUPTED = 128 + signal.SIGINT  # what shells report for Ctrl-C
+INTERRUPTED = 128 + signal.SIGINT  # exit status that shells report for Ctrl-C
 WORDS = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
-SOON = 0.05  # seconds, after which what could not be raised is raised again
-ONCE = 1.0  # seconds, in which a second signal is taken for the same wish
-AT_LAST = 10.0  # seconds, after which a process ends whatever its threads are doing
+SOON = 0.05  # seconds before an exception that could not be raised is raised again
+ONCE = 1.0  # seconds during which a second signal counts as a repetition of the first
+AT_LAST = 10.0  # seconds before a process ends even if its threads still run
 
 
 class StoppedError(SystemExit):
     """A signal told the process to stop.
 
-    No KeyboardInterrupt: Python, once one has passed through code that was given as a text, ends
-    by the signal whatever was made of it.
+    Not a KeyboardInterrupt: once one has passed through code given as text, Python ends the process
+    by the signal, even if the exception was handled.
     """
 
     def __init__(self, number: int) -> None:
@@ -40,12 +39,12 @@ class StoppedError(SystemExit):
 
 
 def start(module: str) -> NoReturn:
-    """Run the `main` of a module as this process's command.
+    """Run the `main` of a module as the command of this process.
 
     Parameters
     ----------
     module
-        Its name. It is imported here.
+        Its name; it is imported here.
 
     Raises
     ------
@@ -54,7 +53,7 @@ def start(module: str) -> NoReturn:
     """
     stop = _stopping()
     for number in WORDS:
-        if signal.getsignal(number) is not signal.SIG_IGN:  # as `nohup` and shells' jobs have it
+        if signal.getsignal(number) is not signal.SIG_IGN:  # `nohup` ignores signals
             signal.signal(number, stop)
     status: Any = 0
     try:
@@ -78,7 +77,7 @@ def start(module: str) -> NoReturn:
 
 
 def _imported(module: str) -> Any:
-    """A module, imported; what that makes stays, and is not looked through for garbage."""
+    """Import a module; its objects are excluded from garbage collection."""
     from importlib import import_module
 
     gc.disable()
@@ -90,7 +89,7 @@ def _imported(module: str) -> Any:
 
 
 def _stopping() -> "Callable[[int, FrameType | None], None]":
-    """What handles signals; it makes Python raise later what it cannot raise now."""
+    """Signal handler; it makes Python retry an exception that could not be raised."""
     last = -ONCE
     report = sys.unraisablehook
 
@@ -120,7 +119,7 @@ def _stopping() -> "Callable[[int, FrameType | None], None]":
 
 
 def _end_at_last(status: int) -> None:
-    """End the process after a while, should Python still wait for a thread of it."""
+    """End the process after a while if Python still waits for one of its threads."""
     from threading import Timer
 
     timer = Timer(AT_LAST, os._exit, (status,))
@@ -129,7 +128,7 @@ def _end_at_last(status: int) -> None:
 
 
 def _is_in_native_import(frame: "FrameType | None") -> bool:
-    """Whether a library in C or C++ is being loaded: some end the process where that fails."""
+    """Whether a C or C++ library is being loaded: some end the process if that fails."""
     while frame is not None:
         if type(frame.f_locals.get("self")).__name__ == "ExtensionFileLoader":
             return True
@@ -138,11 +137,11 @@ def _is_in_native_import(frame: "FrameType | None") -> bool:
 
 
 def _tell_soon(number: int) -> None:
-    """Send the main thread a signal once more, a little later."""
+    """Send the main thread the signal again, a little later."""
     from threading import Timer, main_thread
 
     def tell() -> None:
-        if hasattr(signal, "pthread_kill"):  # wakes who sleeps
+        if hasattr(signal, "pthread_kill"):  # wakes a sleeping thread
             signal.pthread_kill(main_thread().ident or 0, number)
         else:
             signal.raise_signal(number)

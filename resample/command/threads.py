@@ -1,10 +1,10 @@
-"""Threads of libraries that have pools of their own, within what `--threads` allows."""
+"""Limit the thread pools of libraries to what `--threads` allows."""
 
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-# What numba, BLAS and OpenMP, OpenCV and OpenImageIO read when they are loaded.
+# Variables that numba, BLAS and OpenMP, OpenCV and OpenImageIO read when they are loaded.
 VARIABLES = (
     "NUMBA_NUM_THREADS",
     "OMP_NUM_THREADS",
@@ -13,23 +13,23 @@ VARIABLES = (
     "OPENCV_FOR_THREADS_NUM",
     "OPENIMAGEIO_THREADS",
 )
-OPENEXR = "OPENIMAGEIO_OPTIONS"  # has OpenEXR's pool beside others
+OPENEXR = "OPENIMAGEIO_OPTIONS"  # sets the size of OpenEXR's pool, among others
 
 
 def leave_algebra_alone() -> None:
-    """Let OpenBLAS, once it is loaded, work on one thread where the environment asks for no more.
+    """Limit OpenBLAS to one thread when it is loaded, unless the environment asks for more.
 
-    What commands ask of it is small. Threads of its own wait for work by turning round and round:
-    they took a tenth of all time of a small picture.
+    Commands give it little work, and its idle threads spin: they took a tenth of the total time of
+    a small picture.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 @contextmanager
 def at_most(count: int | None) -> Iterator[None]:
-    """Let libraries that are loaded in a block run on at most `count` threads; None leaves them.
+    """Limit libraries loaded in a block to `count` threads; None sets no limit.
 
-    What the environment allows already is never raised.
+    A lower limit set in the environment is kept.
     """
     before = {name: os.environ.get(name) for name in (*VARIABLES, OPENEXR)}
     if count is not None:
@@ -46,6 +46,6 @@ def at_most(count: int | None) -> Iterator[None]:
 
 
 def _less(count: int, given: str | None) -> int:
-    """The smaller one of a count and what the environment gives."""
+    """Minimum of a count and the limit in the environment."""
     allowed = int(given) if given and given.isdecimal() and int(given) > 0 else os.cpu_count() or 1
     return min(count, allowed)

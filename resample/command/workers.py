@@ -1,4 +1,4 @@
-"""Work of a command shared out among processes of this machine or of others, by dask: an extra."""
+"""Distribute a command's work to local processes or other machines by dask (an extra)."""
 
 import logging
 import os
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from distributed import Client
 
 PACKAGE = "hybrid-resample"
-PATIENCE = 60  # seconds that work waits for workers that are started again
-SHARE = 0.5  # of a worker's memory that the data of its tasks may take
+PATIENCE = 60  # seconds to wait for workers that are restarted
+SHARE = 0.5  # fraction of a worker's memory for the data of its tasks
 
 
 Hire = Callable[[], Crew | None]
@@ -26,9 +26,9 @@ Hire = Callable[[], Crew | None]
 
 @contextmanager
 def at_work(sharing: Sharing, threads: int | None = None) -> Iterator[Crew | None]:
-    """Workers that a user asks for, until the end of the block; None if he asks for none.
+    """Workers the user asked for, until the end of the block; None if none were asked for.
 
-    Parameters and errors as of `hiring`.
+    Parameters and errors as in `hiring`.
     """
     with hiring(sharing, threads) as hire:
         yield hire()
@@ -36,24 +36,24 @@ def at_work(sharing: Sharing, threads: int | None = None) -> Iterator[Crew | Non
 
 @contextmanager
 def hiring(sharing: Sharing, threads: int | None = None) -> Iterator[Hire]:
-    """Who starts the workers that a user asks for: when he is asked for them first.
+    """Function that starts the user's workers when it is first called.
 
-    They are the same ones each time, and end with the block; None if the user asks for none.
+    It returns the same workers each time; they end with the block. None: none were asked for.
 
     Parameters
     ----------
     sharing
-        How many processes, or where a scheduler listens.
+        Number of processes, or address of a scheduler.
     threads
-        Of each task; None shares out the cores of this machine, and takes one on others.
+        Threads of each task; None: the local cores are divided, and remote tasks take one each.
 
     Raises
     ------
     ValueError
-        The extra is not installed, both are asked for, or workers have another version of ours.
+        The extra is not installed, both kinds are requested, or workers have another version.
     OSError
-        The scheduler does not answer, it has no workers, or workers ended again and again, or as
-        they began.
+        The scheduler does not answer or has no workers, or workers ended repeatedly or while
+        starting.
     """
     check_sharing(sharing)
     if not sharing.is_asked:
@@ -67,21 +67,21 @@ def hiring(sharing: Sharing, threads: int | None = None) -> Iterator[Hire]:
         try:
             yield cache(lambda: _crew(client(), sharing, threads))
         except KilledWorker as error:
-            with suppress(OSError, TimeoutError):  # those that begin cannot be ended well
+            with suppress(OSError, TimeoutError):  # workers may still be starting
                 client().wait_for_workers(sharing.workers or 1, timeout=5)
             raise ChildProcessError(
-                f"a task was given up after {_attempts(error)} workers had ended over it, most "
-                "likely for want of memory; allow less --memory, or take fewer workers"
+                f"a task failed because {_attempts(error)} workers ended while running it, most "
+                "likely because memory ran out; allow less --memory, or use fewer workers"
             ) from None
         except nobody_left:
             raise ChildProcessError(
-                f"all workers have ended, and for {PATIENCE} seconds none was ready again; allow "
-                "less --memory, or take fewer workers, or none"
+                f"all workers have ended and none restarted within {PATIENCE} seconds; allow "
+                "less --memory, or use fewer workers, or none"
             ) from None
 
 
 def _nobody_left() -> tuple[type[Exception], ...]:
-    """What tasks fail with that no worker takes; older versions of dask have one word for it."""
+    """Exceptions of tasks that no worker takes; older versions of dask have only one."""
     from distributed import scheduler
 
     names = ("NoWorkerError", "NoValidWorkerError")
@@ -89,31 +89,31 @@ def _nobody_left() -> tuple[type[Exception], ...]:
 
 
 def _nobody() -> None:
-    """Nobody is asked for."""
+    """Start no workers."""
 
 
 def check_sharing(sharing: Sharing) -> None:
-    """Refuse workers that there cannot be, before any work is done.
+    """Reject workers that cannot exist, before any work is done.
 
     Raises
     ------
     ValueError
-        As of `at_work`.
+        As in `at_work`.
     """
     if sharing.workers is not None and sharing.scheduler is not None:
-        raise ValueError("workers are started here and a scheduler has its own; give one of both")
+        raise ValueError("--workers starts processes, --scheduler has its own; give only one")
     if sharing.is_asked:
         try:
             import distributed  # noqa: F401
         except ImportError as error:
             raise ValueError(
-                f"workers are dask's, and {error.name} is not installed: "
+                f"workers need dask, and {error.name} is not installed: "
                 f"pip install '{PACKAGE}[dist]'"
             ) from None
 
 
 def _client(sharing: Sharing, held: ExitStack) -> "Client":
-    """Client of the scheduler that is asked for, or of one of our own."""
+    """Client of the given scheduler, or of a local one."""
     import dask.config
     from distributed import Client, LocalCluster
 
@@ -137,8 +137,8 @@ def _client(sharing: Sharing, held: ExitStack) -> "Client":
             threads_per_worker=1,
             processes=True,
             host="127.0.0.1",
-            dashboard_address="127.0.0.1:0",  # any port, for nobody else
-            memory_limit=0,  # what tasks may take is reckoned by us
+            dashboard_address="127.0.0.1:0",  # any port, local access only
+            memory_limit=0,  # memory limits are computed here
             local_directory=folder,
             silence_logs=logging.CRITICAL,
         )
@@ -147,7 +147,7 @@ def _client(sharing: Sharing, held: ExitStack) -> "Client":
 
 @contextmanager
 def _kept_environment() -> Iterator[None]:
-    """Leave this process's environment as it was: dask puts there what workers are to find."""
+    """Restore the environment afterwards: dask sets variables for its workers there."""
     before = dict(os.environ)
     try:
         yield
@@ -159,22 +159,22 @@ def _kept_environment() -> Iterator[None]:
 
 @contextmanager
 def _starting(count: int | None) -> Iterator[None]:
-    """Say in one line that workers could not be started."""
+    """Report in one line that workers could not be started."""
     try:
         yield
-    except (RuntimeError, TimeoutError):  # dask's words are of its own parts
+    except (RuntimeError, TimeoutError):  # dask's message is about its internals
         raise ChildProcessError(
-            f"--workers {count}: one ended before it was ready, most likely killed for want of "
-            "memory; take fewer workers, or none"
+            f"--workers {count}: one ended before it was ready, most likely killed because "
+            "memory ran out; use fewer workers, or none"
         ) from None
 
 
 def _environment() -> dict[str, object]:
-    """What workers find in their environment: they say nothing of themselves, and hold little."""
+    """Environment of workers: no logging, little memory kept."""
     import dask.config
 
     own: dict[str, object] = dask.config.get("distributed.nanny.pre-spawn-environ", {})
-    held = {"MALLOC_MMAP_THRESHOLD_": str(GIVEN_BACK)}  # as of `give_back`
+    held = {"MALLOC_MMAP_THRESHOLD_": str(GIVEN_BACK)}  # as in `give_back`
     return {**own, **held, "DASK_LOGGING__DISTRIBUTED": "critical"}
 
 
@@ -195,7 +195,7 @@ def _crew(client: "Client", sharing: Sharing, threads: int | None) -> Crew:
 
 
 def _check_versions(client: "Client") -> None:
-    """Refuse workers whose pictures may have other bits."""
+    """Reject workers whose version may give different bits."""
     from importlib.metadata import PackageNotFoundError, version
 
     own = version(PACKAGE)
@@ -208,5 +208,5 @@ def _check_versions(client: "Client") -> None:
 
 
 def _attempts(error: Exception) -> int:
-    """How many workers ended over a task."""
+    """Number of workers that ended while running a task."""
     return int(getattr(error, "allowed_failures", 3)) + 1

@@ -1,1 +1,1 @@
-"""What commands say to a user, and what they take colors by."""
+"""Messages to the user, background colors and standard streams."""

@@ -1,4 +1,4 @@
-"""Colors by name, as what is behind a picture is given."""
+"""Background colors by name."""
 
 Color = tuple[float, float, float]  # linear light
 
@@ -6,12 +6,12 @@ COLORS: dict[str, Color] = {"black": (0.0, 0.0, 0.0), "white": (1.0, 1.0, 1.0)}
 
 
 def linear_color(name: str) -> Color | None:
-    """Linear RGB of a color's name or of #rrggbb; None for none.
+    """Linear RGB of a color name or #rrggbb; None for "none".
 
     Raises
     ------
     ValueError
-        The name is no color's.
+        The name is not a color.
     """
     if name.lower() == "none":
         return None

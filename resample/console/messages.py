@@ -1,4 +1,4 @@
-"""What command lines say while they work."""
+"""Messages and progress bars that commands print while they work."""
 
 import logging
 import os
@@ -16,26 +16,26 @@ LEVELS = ("debug", "info", "warning")
 
 
 def say(text: str) -> None:
-    """One line to the user, beside the results."""
+    """Print one line for the user to stderr."""
     told(f"resample: {visible(text)}\n")
 
 
 class _Listener(logging.Handler):
-    """Says what the library logs."""
+    """Logging handler that prints the library's messages."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        """One line to the user."""
+        """Print one line for the user."""
         say(record.getMessage())
 
 
 @contextmanager
 def listening() -> Iterator[None]:
-    """Say what the library logs: that it compiles; with `RESAMPLE_LOG=debug` all that it tells.
+    """Print the library's messages, such as compilation; all if `RESAMPLE_LOG=debug`.
 
     Raises
     ------
     ValueError
-        The variable has another value.
+        The variable has an invalid value.
     """
     level = os.environ.get(LOUDNESS, "info")
     if level not in LEVELS:
@@ -53,9 +53,9 @@ def listening() -> Iterator[None]:
 
 @contextmanager
 def progress_bar(what: str, count: int = 0) -> Iterator[Progress | None]:
-    """Bar on a terminal's stderr, which runs to and fro until it is told a share; else nothing.
+    """Progress bar on a terminal's stderr, indeterminate until it gets a fraction.
 
-    It says how much time is left and, where work has a `count` of parts, how many are done.
+    It shows the remaining time and, if `count` parts are given, how many are done.
     """
     if sys.stderr is None or not sys.stderr.isatty():
         yield None

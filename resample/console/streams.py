@@ -1,7 +1,7 @@
-"""The three streams of a process: there though a caller has closed them, no reason to fail.
+"""Make stdin, stdout and stderr usable even if the caller has closed them.
 
-A file that is opened while one of the first three numbers is free would get it, and with it all
-that is printed.
+Otherwise a file opened while one of the first three descriptors is free would get it, and with it
+all printed text.
 """
 
 import os
@@ -13,7 +13,7 @@ NAMES = ("stdin", "stdout", "stderr")
 
 
 def open_streams() -> None:
-    """Open what the caller has closed, to nowhere; what has no letter is written as a code."""
+    """Open closed streams on the null device; characters that cannot be encoded are escaped."""
     for number, name in enumerate(NAMES):
         is_closed = not _is_open(number)
         if is_closed:
@@ -26,16 +26,16 @@ def open_streams() -> None:
 
 
 def give_up(stream: TextIO | None) -> None:
-    """Let what is still to be written to a stream go nowhere: nobody takes it."""
+    """Discard what is still buffered for a stream that nobody reads."""
     with suppress(OSError, ValueError, AttributeError):
         _lead_nowhere(stream.fileno())  # type: ignore[union-attr]
 
 
 def told(text: str) -> None:
-    """Write to stderr what a user should know, if anybody takes it."""
+    """Write a message for the user to stderr, if possible."""
     try:
         sys.stderr.write(text)
-    except (OSError, AttributeError):  # full, gone, or not there at all
+    except (OSError, AttributeError):  # full, gone, or missing
         give_up(sys.stderr)
 
 
@@ -48,7 +48,7 @@ def _is_open(number: int) -> bool:
 
 
 def _lead_nowhere(number: int) -> None:
-    """Let a number, which children inherit, be that of a file that takes all and holds nothing."""
+    """Point an inherited file descriptor at a sink that stores nothing."""
     nowhere = os.open(os.devnull, os.O_RDWR)
     if nowhere == number:
         os.set_inheritable(number, True)

@@ -1,1 +1,1 @@
-"""Pictures and films, in and out."""
+"""Read and write pictures and films."""

@@ -1,15 +1,15 @@
-"""Animations as films, animated pictures or folders of frames, which a killed run can go on with.
+"""Write animations as films, animated pictures or folders of frames; runs can be resumed.
 
-Every frame becomes a PNG file of its own first: in the folder that was asked for, or in a hidden
-one beside the file that was. Frames appear whole or not at all, and a small file beside them says
-which animation they belong to.
+Each frame is first written to a PNG file: in the requested folder, or in a hidden one beside the
+requested file. Frames are written atomically, and a small file beside them identifies the
+animation.
 
-GIF, animated WebP and APNG are pillow's. Films are H.264 in MP4, the one form that browsers, office
-programs and phones all play, by PyAV, an extra, which carries FFmpeg with x264 for every platform
-(103 MB installed; imageio-ffmpeg's program takes 165 MB). OpenCV's own writer would need no further
-package but has no H.264: what it writes into MP4 instead is MPEG-4 part 2, which browsers do not
-play, or VP9, which took 19 times as long and 7 times the room for 40 frames of 640 × 480 and has no
-setting of its quality. PyAV is under the BSD licence, the x264 in its wheels under the GPL.
+GIF, animated WebP and APNG are written by Pillow. Films are H.264 in MP4, the one format that
+browsers, office programs and phones all play, by PyAV (an extra), which includes FFmpeg with x264
+for every platform (103 MB installed; imageio-ffmpeg's program takes 165 MB). OpenCV's own writer
+needs no further package but has no H.264: its MP4 holds MPEG-4 part 2, which browsers do not play,
+or VP9, which took 19 times as long and 7 times the space for 40 frames of 640 × 480 and has no
+quality setting. PyAV is under the BSD licence, the x264 in its wheels under the GPL.
 """
 
 import hashlib
@@ -43,11 +43,11 @@ from resample.watching import Crew, Executor, shared_out
 FILMS = (".mp4", ".webp", ".gif", ".apng")
 FRAME = "frame-{:04d}.png"
 FRAMES = "frame-[0-9]*.png"
-FACTS = "animation.json"  # in the folder of the frames: what they belong to
+FACTS = "animation.json"  # in the folder of the frames: identifies their animation
 MOST_FRAMES = 10_000
 
 Levels = NDArray[np.uint8]
-Frames = Callable[[int], Levels]  # by their number
+Frames = Callable[[int], Levels]  # by number
 
 try:
     import fcntl
@@ -60,24 +60,24 @@ def _has_no_more(_: int) -> bool:
 
 
 class Shots(NamedTuple):
-    """Frames to be made."""
+    """Frames to make."""
 
     total: int
-    frame: Callable[[int], Levels]  # (H, W, 3) as a screen takes it, of 0 to total − 1
-    job: Mapping[str, Any]  # as JSON holds it; frames of equal jobs are equal
-    has_more: Callable[[int], bool] = _has_no_more  # whether what a frame leaves besides is there
+    frame: Callable[[int], Levels]  # (H, W, 3) display levels of frames 0 to total − 1
+    job: Mapping[str, Any]  # JSON values; frames of equal jobs are equal
+    has_more: Callable[[int], bool] = _has_no_more  # whether the frame's other outputs exist
 
 
 def check_film(path: Path, fps: float) -> None:
-    """Refuse a target that `write_film` would refuse, before any work is done.
+    """Reject a target that `write_film` would reject, before any work is done.
 
     Raises
     ------
     ValueError
-        The suffix is neither a film's nor missing, the rate is not above 0, or what writes films is
-        not installed.
+        The suffix is neither a film's nor missing, the rate is not positive, or the encoder is not
+        installed.
     OSError
-        A file stands where a folder should be made, or the target's own folder takes no file.
+        A file has the name of the folder, or the target's folder is not writable.
     """
     if path.suffix and path.suffix.lower() not in FILMS and not path.is_dir():
         *most, last = FILMS
@@ -94,13 +94,13 @@ def check_film(path: Path, fps: float) -> None:
 
 
 def check_count(count: int) -> None:
-    """Refuse no frames, and more than a folder of them is numbered for."""
+    """Reject zero frames, and more than the file names have digits for."""
     if not 1 <= count <= MOST_FRAMES:
         raise ValueError(f"{count} frames; 1 to {MOST_FRAMES} are allowed")
 
 
 def fingerprint(*arrays: NDArray[Any]) -> str:
-    """Text that is equal for equal arrays alone, for a job."""
+    """Hash that identifies arrays, for a job."""
     digest = hashlib.sha256()
     for array in arrays:
         digest.update(f"{array.dtype} {array.shape}".encode())
@@ -110,15 +110,15 @@ def fingerprint(*arrays: NDArray[Any]) -> str:
 
 @dataclass(frozen=True)
 class _Elsewhere:
-    """Frames of a film, for processes that know nothing of what it shows yet."""
+    """Frames of a film, for worker processes that have to load its data."""
 
-    run: str  # of a command: a later one reads anew what may have changed
+    run: str  # of a command: a later run reads files that may have changed again
     read: Callable[[int], Frames] = field(compare=False)
     threads: int = field(compare=False)
-    folder: str = field(compare=False)  # that names of files are relative to
+    folder: str = field(compare=False)  # base of relative file names
 
     def __call__(self, n: int) -> Levels:
-        """Frame (H, W, 3) as a screen takes it."""
+        """Display levels (H, W, 3) of a frame."""
         from resample.engine.jit import threads
 
         with threads(self.threads):
@@ -127,7 +127,7 @@ class _Elsewhere:
 
 @lru_cache(1)
 def _frames(film: _Elsewhere) -> Frames:
-    """Frames of a film, in a process that makes those of no other; all was said already."""
+    """Frames of a film in a worker process, which makes no other; warnings were shown before."""
     with chdir(film.folder), redirect_stderr(io.StringIO()):
         return film.read(film.threads)
 
@@ -135,16 +135,16 @@ def _frames(film: _Elsewhere) -> Frames:
 def made_by(
     crew: Crew | None, shots: Shots, read: Callable[[int], Frames]
 ) -> tuple[Shots, Executor | None]:
-    """Frames as processes make them, each of which reads what they show for itself; and who asks.
+    """Frames as worker processes make them, each after loading its own data; and the executor.
 
     Parameters
     ----------
     crew
-        Whose processes make them; without one they are made here.
+        Workers; None: frames are made in this process.
     shots
-        As they are made here.
+        Frames as made here.
     read
-        Of a number of threads: the same frames, by their number. It pickles.
+        Function of the number of threads that returns the same frames. It must pickle.
     """
     if crew is None:
         return shots, None
@@ -161,28 +161,28 @@ def write_film(
     progress: Progress | None = None,
     executor: Executor | None = None,
 ) -> None:
-    """Write an animation in the form of its suffix, or into a folder.
+    """Write an animation in the format of its suffix, or into a folder.
 
     Parameters
     ----------
     path
-        Target, of a suffix in `FILMS`, or a folder, whose other files stay.
+        Target with a suffix in `FILMS`, or a folder, whose other files are kept.
     shots
-        Its frames, of one size. A run that ends early keeps those that are done, and says so.
+        Frames of one size. An interrupted run keeps those that are done, and says so.
     fps
-        Frames per second; GIF knows hundredths of a second, a folder nothing of it.
+        Frames per second; GIF rounds to 1/100 s, folders ignore it.
     resume
-        Make only those frames that are not there yet.
+        Make only missing frames.
     progress
-        Told the share that is done, after each frame that was made.
+        Called with the fraction done after each new frame.
     executor
-        Makes frames; processes take shots that pickle, and write frames themselves. Who is behind
-        whose folder, and what is left in it, is this process's alone.
+        Makes frames; processes need shots that pickle, and write frames themselves. Only this
+        process claims and cleans the folder.
 
     Raises
     ------
     ValueError
-        The suffix or the rate is refused, or the frames that are there are of another animation.
+        The suffix or rate is invalid, or the existing frames belong to another animation.
     OSError
         The target cannot be written.
     """
@@ -210,7 +210,7 @@ def write_film(
 
 @contextmanager
 def _alone(folder: Path, path: Path) -> Iterator[None]:
-    """Let no other process make frames in a folder."""
+    """Lock a folder against other processes that make frames."""
     if fcntl is None:
         yield
         return
@@ -218,7 +218,7 @@ def _alone(folder: Path, path: Path) -> Iterator[None]:
     try:
         if _is_taken(opened, folder):
             raise OSError(
-                f"{path} is being made by another process; wait for its end, or give another name"
+                f"{path} is being made by another process; wait until it ends, or give another name"
             )
         yield
     finally:
@@ -226,7 +226,7 @@ def _alone(folder: Path, path: Path) -> Iterator[None]:
 
 
 def _is_taken(opened: int, folder: Path) -> bool:
-    """Whether another process works in a folder, or has just removed it; else it is ours now."""
+    """Whether another process holds or has just removed the folder; otherwise lock it."""
     try:
         fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)
         return not os.path.samestat(os.fstat(opened), os.stat(folder))
@@ -237,7 +237,7 @@ def _is_taken(opened: int, folder: Path) -> bool:
 
 
 def _make(folder: Path, shots: Shots, progress: Progress | None, executor: Executor | None) -> None:
-    """Make all frames of a folder that it does not hold yet."""
+    """Make all frames that are missing in a folder."""
     if executor is not None:
         remove_left(folder)
     missing = (
@@ -247,20 +247,20 @@ def _make(folder: Path, shots: Shots, progress: Progress | None, executor: Execu
     )
     job = partial(_make_one, folder, shots.frame, executor is not None)
     for n in shared_out(executor, job, missing):
-        if progress is not None:  # not for frames of an earlier run, which took no time now
+        if progress is not None:  # not for frames of an earlier run, which take no time
             progress((n + 1) / shots.total)
     if executor is not None:
         remove_left(folder)
 
 
 def _make_one(folder: Path, frame: Callable[[int], Levels], by_others: bool, n: int) -> int:
-    """Make a frame; its number."""
+    """Make a frame and return its number."""
     from PIL import Image
 
     path = folder / FRAME.format(n)
     if by_others:
         leave_to_others(folder)
-        if _is_whole(path):  # made by who ended before this was known
+        if _is_whole(path):  # made by a process that ended before it was recorded
             return n
     levels = frame(n)
     with replacing(path) as temporary:
@@ -270,13 +270,13 @@ def _make_one(folder: Path, frame: Callable[[int], Levels], by_others: bool, n: 
 
 @contextmanager
 def _kept_if_any(folder: Path) -> Iterator[None]:
-    """After an error, leave the frames that are done; without any, nothing."""
+    """After an error, keep frames that are done; remove the folder if there are none."""
     try:
         yield
     except BaseException:
         count = len(list(folder.glob(FRAMES)))
         if count:
-            say(f"{count} frames are kept; the same command with --resume goes on from there")
+            say(f"{count} frames are kept; run the same command with --resume to continue")
         else:
             (folder / FACTS).unlink(missing_ok=True)
             with suppress(OSError):  # it holds other files
@@ -285,7 +285,7 @@ def _kept_if_any(folder: Path) -> Iterator[None]:
 
 
 def _claim(folder: Path, job: Mapping[str, Any], resume: bool) -> None:
-    """Write down whose frames a folder holds, having removed what is of no use to them."""
+    """Record which animation a folder's frames belong to; remove frames that do not."""
     facts = folder / FACTS
     if facts.is_file() and resume:
         _check_same(folder, _facts(facts), json.loads(json.dumps(job)))
@@ -315,7 +315,7 @@ def _check_same(folder: Path, held: Mapping[str, Any], job: Mapping[str, Any]) -
         if held.get(key) != job.get(key):
             raise ValueError(
                 f"{folder} holds frames of another animation ({key} is {held.get(key)!r:.40} there "
-                f"and {job.get(key)!r:.40} here); without --resume they are made anew"
+                f"and {job.get(key)!r:.40} here); without --resume they are replaced"
             )
 
 
@@ -325,13 +325,13 @@ def _is_whole(path: Path) -> bool:
     try:
         with Image.open(path) as image:
             image.verify()
-    except (OSError, SyntaxError):  # pillow's word for a damaged PNG
+    except (OSError, SyntaxError):  # raised by Pillow for a damaged PNG
         return False
     return True
 
 
 class Stored:
-    """Frames of files, opened one after the other, as often as wanted."""
+    """Pictures of files, opened one by one; can be iterated repeatedly."""
 
     def __init__(self, paths: list[Path], mode: str | None = None) -> None:
         self.paths, self.mode = paths, mode
@@ -354,7 +354,7 @@ def _write_apng(path: Path, frames: list[Path], fps: float) -> None:
 
 
 def _write_webp(path: Path, frames: list[Path], fps: float) -> None:
-    ends = [round(1000.0 * n / fps) for n in range(len(frames) + 1)]  # no sum of rounding errors
+    ends = [round(1000.0 * n / fps) for n in range(len(frames) + 1)]  # errors do not add up
     durations = [end - begin for begin, end in pairwise(ends)]
     _write_animated(path, frames, {"format": "WEBP", "duration": durations, "quality": 90})
 

@@ -1,4 +1,4 @@
-"""Many files at once: folders and patterns of names, whose results keep their names in a folder."""
+"""Batches of files: folders and glob patterns; results go to a folder under the same names."""
 
 import glob
 from collections.abc import Iterator, Sequence
@@ -14,32 +14,32 @@ READ = (*SUFFIXES, *WRITTEN, *FILMS, ".bmp", ".hdr", ".jp2", ".jxl", ".pgm", ".p
 
 
 def is_batch(images: Sequence[Place], output: Path) -> bool:
-    """Whether results go to a folder: of several files, a folder, a pattern, or into one."""
+    """Whether results go to a folder: for several files, a folder or a pattern, or if it is one."""
     is_folder = output.is_dir() and output.suffix.lower() not in (*SUFFIXES, STORE)
     return len(images) > 1 or is_folder or _is_of_files(images[0])
 
 
 def batch_of(images: Sequence[Place], output: Path) -> list[tuple[Place, Path]]:
-    """Files that are meant, and what each becomes.
+    """Expand arguments to pairs of source and target.
 
     Parameters
     ----------
     images
-        Files, addresses, folders and patterns such as `photos/*.jpg`; of folders what has a
-        picture's or a film's suffix, but no folders within.
+        Files, addresses, folders and patterns such as `photos/*.jpg`; in folders, files with the
+        suffix of a picture or film, without subfolders.
     output
-        Folder, which need not exist yet.
+        Folder; it need not exist yet.
 
     Raises
     ------
     ValueError
-        There is no file, two results would have one name, or one would replace its source.
+        There is no file, two results would have the same name, or one would replace its source.
     OSError
-        The folder cannot be one, or a file is damaged.
+        The output is not a folder, or a file is damaged.
     """
     sources = list(dict.fromkeys(file for image in images for file in _files(image)))
     if not sources:
-        raise ValueError(f"{', '.join(map(str, images))}: there is no picture")
+        raise ValueError(f"{', '.join(map(str, images))}: no pictures found")
     if output.exists() and not output.is_dir():
         raise OSError(f"{output} is not a folder; several pictures are written to one")
     if not output.exists() and output.suffix:
@@ -79,7 +79,7 @@ def _files(path: Place) -> Iterator[Place]:
 
 
 def _name(source: Place) -> str:
-    """Name of what a file becomes: its own, where that form can be written."""
+    """Name of a result: that of its source if its format can be written."""
     suffix = source.suffix.lower()
     if suffix in SUFFIXES:
         return source.name

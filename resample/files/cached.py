@@ -1,4 +1,4 @@
-"""Folders of the user's cache, which hold no more than so many bytes."""
+"""Limit the size of folders in the user's cache."""
 
 import os
 from contextlib import suppress
@@ -6,16 +6,16 @@ from pathlib import Path
 
 
 def make_room(folder: Path, wanted: int, most: int) -> None:
-    """Remove the files of a folder that were not used for longest until there is room.
+    """Remove the least recently used files of a folder until `wanted` bytes fit.
 
     Parameters
     ----------
     folder
-        All files in it may be made again.
+        Every file in it can be created again.
     wanted
-        Bytes that are to be added.
+        Bytes to be added.
     most
-        Bytes that all of them may take together.
+        Limit on the total in bytes.
     """
     files = [(entry.stat(), entry) for entry in folder.glob("*.np[yz]")]
     total = sum(stat.st_size for stat, _ in files)
@@ -27,6 +27,6 @@ def make_room(folder: Path, wanted: int, most: int) -> None:
 
 
 def note_use(file: Path) -> None:
-    """Let a file be one of those that were used last."""
+    """Mark a file as recently used."""
     with suppress(OSError):
         os.utime(file)

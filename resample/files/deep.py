@@ -1,4 +1,4 @@
-"""Deep pictures: what pixels show at several depths, as OpenEXR files hold it."""
+"""Deep pictures in OpenEXR: several samples of different depths per pixel."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -16,7 +16,7 @@ CHANNELS = ("R", "G", "B", "A", "Z", "ZBack")
 
 
 class Slab(NamedTuple):
-    """What is seen between two depths."""
+    """Color and opacity between two depths."""
 
     near: float  # scene units
     far: float
@@ -24,20 +24,20 @@ class Slab(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """What a slab leaves on pixels."""
+    """Samples of a slab on pixels."""
 
     pixel: NDArray[np.int64]  # (N,) row × width + column
     sample: Floats  # (N, 6) in the order of `CHANNELS`
 
 
 def check_deep(path: Path) -> None:
-    """Refuse a deep picture's name that `write_deep` would refuse, before any work is done."""
+    """Reject a name that `write_deep` would reject, before any work is done."""
     if path.suffix.lower() != ".exr":
         raise ValueError(f"{path}: deep pictures are written as .exr")
 
 
 def write_deep(path: Path, slabs: Iterable[Slab]) -> None:
-    """Write slabs, of one size and from the nearest on; where one is empty it has no sample.
+    """Write slabs of one size from front to back; empty pixels get no sample.
 
     Raises
     ------
@@ -64,12 +64,12 @@ def write_deep(path: Path, slabs: Iterable[Slab]) -> None:
 
 
 def read_deep(path: Path) -> list[list[Floats]]:
-    """Samples (N, 6) of each pixel in the order of `CHANNELS`, row by row.
+    """Read samples (N, 6) of each pixel in the order of `CHANNELS`, row by row.
 
     Raises
     ------
     OSError
-        The file is missing or no deep picture.
+        The file is missing or not a deep picture.
     """
     spec, data = _stored(path)
     order = [list(spec.channelnames).index(name) for name in CHANNELS]
@@ -83,14 +83,14 @@ def read_deep(path: Path) -> list[list[Floats]]:
 
 
 def _stored(path: Path) -> tuple[Any, Any]:
-    """Header and samples of a deep picture; errors as of `read_deep`."""
+    """Header and samples of a deep picture; errors as in `read_deep`."""
     import OpenImageIO
 
     source = OpenImageIO.ImageInput.open(plain(path))
     if source is None or not source.spec().deep:
         raise OSError(f"{path} is not a deep picture that can be read")
     spec = source.spec()
-    samples = spec.width * spec.height * spec.nchannels * 4  # of one at each pixel; or more
+    samples = spec.width * spec.height * spec.nchannels * 4  # for one sample per pixel, or more
     check_unpacked(str(path), path.stat().st_size, samples)
     data = source.read_native_deep_image()
     complaint = source.geterror()
@@ -119,7 +119,7 @@ def _spec(shape: tuple[int, ...]) -> Any:
 
 
 def _deep(parts: list[_Part], shape: tuple[int, ...]) -> Any:
-    """Samples as OpenImageIO holds them."""
+    """Samples in OpenImageIO's form."""
     import OpenImageIO
 
     count = np.zeros(shape[0] * shape[1], np.int64)
@@ -141,7 +141,7 @@ def _deep(parts: list[_Part], shape: tuple[int, ...]) -> Any:
 
 
 def _put(path: Path, data: Any, shape: tuple[int, ...]) -> str:
-    """Write a file; returns why it could not be, nothing if it is whole."""
+    """Write a file; returns the error message, empty on success."""
     import OpenImageIO
 
     name = plain(path)

@@ -1,4 +1,4 @@
-"""Films frame by frame, by PyAV: H.264 that every player knows."""
+"""Read and write films frame by frame by PyAV; H.264 for all players."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,20 +17,20 @@ if TYPE_CHECKING:
 
 H264 = "libx264"
 CHOICES = {"movflags": "faststart"}
-# Files that hold a film themselves: no lists of others, which may lie anywhere.
+# Formats that contain the film itself: playlists may refer to any file.
 CONTAINERS = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpeg,mpegts,mpegvideo"
 READING = {"format_whitelist": CONTAINERS, "protocol_whitelist": "file"}
-FRAME_BYTES = 16  # of a pixel in memory: red, green, blue and alpha in float32
+FRAME_BYTES = 16  # bytes per pixel in memory: red, green, blue and alpha in float32
 QUALITY = {"crf": "18", "preset": "medium"}
 
 
 def check_codecs(path: Path) -> None:
-    """Refuse a film where what reads and writes films is not installed.
+    """Reject films if PyAV is not installed.
 
     Raises
     ------
     ValueError
-        It is not; the message says how to install it.
+        It is missing; the message says how to install it.
     """
     try:
         import av  # noqa: F401
@@ -43,12 +43,12 @@ def check_codecs(path: Path) -> None:
 
 @contextmanager
 def opened_film(path: Path) -> Iterator["InputContainer"]:
-    """Film, to be read.
+    """Open a film for reading.
 
     Raises
     ------
     OSError
-        It is none, or damaged.
+        It is not a film, or damaged.
     ValueError
         PyAV is not installed, or its frames are too large.
     """
@@ -71,7 +71,7 @@ def opened_film(path: Path) -> Iterator["InputContainer"]:
 
 @contextmanager
 def new_film(path: Path) -> Iterator["OutputContainer"]:
-    """MP4 film, to be written.
+    """Open an MP4 film for writing.
 
     Raises
     ------
@@ -88,21 +88,21 @@ def new_film(path: Path) -> Iterator["OutputContainer"]:
             yield film
     except av.FFmpegError as error:
         raise refused(path, path, str(error.strerror)) from None
-    if path.is_file():  # nothing is written of a film without pictures
+    if path.is_file():  # without frames nothing is written
         check_end(path, path)
 
 
 def new_stream(film: "OutputContainer", fps: float, size: tuple[int, int]) -> Any:
-    """Pictures of a film.
+    """Add a video stream to a film.
 
     Parameters
     ----------
     film
-        To be written.
+        The film to write.
     fps
         Frames per second.
     size
-        Height and width, px. H.264 has one color for 2 × 2 pixels, so both sides become even.
+        Height and width, px. H.264 stores one color per 2 × 2 pixels, so sides are rounded to even.
     """
     from av.video.reformatter import ColorPrimaries, ColorRange, Colorspace, ColorTrc
 
@@ -111,7 +111,7 @@ def new_stream(film: "OutputContainer", fps: float, size: tuple[int, int]) -> An
     stream.height, stream.width = (side + side % 2 for side in size)
     stream.pix_fmt = "yuv420p"
     codec_context = stream.codec_context
-    codec_context.thread_count = 1  # several cut pictures otherwise, and gain nothing at such sizes
+    codec_context.thread_count = 1  # more threads cut pictures into slices, without gain
     codec_context.color_range, codec_context.colorspace = ColorRange.MPEG, Colorspace.ITU709
     codec_context.color_primaries = ColorPrimaries.BT709
     codec_context.color_trc = ColorTrc.IEC61966_2_1
@@ -119,7 +119,7 @@ def new_stream(film: "OutputContainer", fps: float, size: tuple[int, int]) -> An
 
 
 def film_picture(levels: NDArray[np.uint8], stream: Any) -> Any:
-    """Levels (H, W, 3) as a stream takes them."""
+    """Convert levels (H, W, 3) to a frame of a stream."""
     import av
     from av.video.reformatter import ColorRange, Colorspace
 

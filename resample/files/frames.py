@@ -1,4 +1,4 @@
-"""Painted scenes as pictures of any format that is written."""
+"""Write rendered scenes in any picture format."""
 
 from pathlib import Path
 from typing import Any
@@ -12,12 +12,12 @@ SUFFIXES = (*images.SUFFIXES, *PICTURES)
 
 
 def check_frame(path: Path, bits: int, background: Color | None) -> None:
-    """Refuse a target that `write_frame` would refuse, before any work is done.
+    """Reject a target that `write_frame` would reject, before any work is done.
 
     Raises
     ------
     ValueError
-        The suffix is unknown, or the format cannot hold transparency or so many bits.
+        The suffix is unknown, or the format lacks transparency or this bit depth.
     """
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
@@ -29,23 +29,23 @@ def check_frame(path: Path, bits: int, background: Color | None) -> None:
 
 
 def write_frame(path: Path, frame: Frame[Any], bits: int, background: Color | None) -> None:
-    """Write a painted scene in the format of its suffix.
+    """Write a rendered scene in the format of its suffix.
 
     Parameters
     ----------
     path
-        Target, of a suffix in `SUFFIXES`.
+        Target with a suffix in `SUFFIXES`.
     frame
-        EXR holds all of it, other formats its `rgba` alone.
+        EXR stores all of it, other formats only its `rgba`.
     bits
-        Per channel; 32 are floats of linear light. EXR has 32.
+        Bits per channel; 32 are floats of linear light. EXR has 32.
     background
-        Linear color behind it; None keeps it transparent.
+        Linear background color; None keeps transparency.
 
     Raises
     ------
     ValueError
-        The format cannot hold it.
+        The format cannot store it.
     OSError
         The file cannot be written.
     """

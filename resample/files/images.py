@@ -1,8 +1,8 @@
-"""Pictures in and out, by OpenImageIO; nothing else of the core touches files.
+"""Read and write pictures by OpenImageIO; no other part of the core accesses files.
 
-In memory a picture is float32, linear light, premultiplied, (H, W, C), row 0 on top. EXR keeps it
-as it is; PNG holds straight alpha and sRGB-encoded color, so both are converted here, in linear
-light. A file appears whole or not at all.
+In memory a picture is float32, linear light, premultiplied, (H, W, C), row 0 at the top. EXR stores
+it unchanged; PNG has straight alpha and sRGB-encoded color, so both are converted here, in linear
+light. Files are written atomically.
 """
 
 import errno
@@ -25,8 +25,8 @@ from resample.types import Floats, Frame
 SUFFIXES = (".png", ".exr")
 LOSSLESS = ("none", "rle", "zips", "zip", "piz")
 CHANNELS = ("R", "G", "B", "A", "Z", "coverage", "first.Z", "value")
-STRIP, LEAST_STRIP = 256, 32  # rows that are read at a time; those of wide pictures
-MOST_IN_STRIP = 1 << 22  # values of them
+STRIP, LEAST_STRIP = 256, 32  # rows read at a time; for wide pictures
+MOST_IN_STRIP = 1 << 22  # values read at a time
 
 Attribute = str | int | float | Sequence[float]
 
@@ -47,11 +47,11 @@ def write_frame(
     path
         Target, `.png` or `.exr`.
     frame
-        What is written; PNG holds its `rgba` alone.
+        Picture to write; PNG stores only its `rgba`.
     bits, background
-        As `write_png` takes them; EXR keeps transparency and needs neither.
+        As in `write_png`; EXR keeps transparency and needs neither.
     half, attributes
-        As `write_exr` takes them; PNG has room for neither.
+        As in `write_exr`; PNG supports neither.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def write_frame(
 
 
 def check_suffix(path: str | Path) -> None:
-    """Refuse a picture's name that `write_frame` would refuse, before any work is done."""
+    """Reject a name that `write_frame` would reject, before any work is done."""
     if Path(path).suffix.lower() not in SUFFIXES:
         raise ValueError(f"{path}: pictures are written as {' or '.join(SUFFIXES)}")
 
@@ -76,7 +76,7 @@ def check_suffix(path: str | Path) -> None:
 def write_png(
     path: str | Path, rgba: Floats, *, bits: int = 8, background: Background | None = None
 ) -> None:
-    """Write a picture for the screen.
+    """Write a picture as PNG.
 
     Parameters
     ----------
@@ -87,13 +87,13 @@ def write_png(
     bits
         8 or 16 per channel.
     background
-        What is behind the picture, 3 values of linear light; the file is then opaque, (H, W, 3).
-        Without it the file has straight alpha, and light where alpha is 0 is lost.
+        Background, 3 values of linear light; the file is then opaque, (H, W, 3). Without it the
+        file has straight alpha, and light where alpha is 0 is lost.
 
     Raises
     ------
     ValueError
-        `bits` is neither 8 nor 16, the shape does not fit or a value is not a number.
+        `bits` is neither 8 nor 16, the shape does not fit or a value is NaN.
     OSError
         The file cannot be written.
     """
@@ -110,7 +110,7 @@ def write_png(
 def screen_levels(
     rgba: Floats, bits: int = 8, background: Background | None = None
 ) -> NDArray[Any]:
-    """Levels of sRGB, (H, W, 4) with straight alpha or (H, W, 3) before a background.
+    """Convert to sRGB levels, (H, W, 4) with straight alpha, or (H, W, 3) over a background.
 
     Parameters as of `write_png`.
     """
@@ -129,7 +129,7 @@ def write_exr(
     half: bool = False,
     attributes: Mapping[str, Attribute] | None = None,
 ) -> None:
-    """Write all that is known about a picture, without loss but for `half`.
+    """Write a picture with all its data, lossless except for `half`.
 
     Parameters
     ----------
@@ -138,13 +138,13 @@ def write_exr(
     frame
         Becomes the channels R, G, B, A (premultiplied, linear light), Z (`depth`), coverage,
         first.Z (`first_depth`) and, if there is one, `value`; all but colors are float32.
-        Depths are in scene units, inf where nothing is.
+        Depths are in scene units, inf where empty.
     compression
         One of `LOSSLESS`.
     half
         Store R, G, B and A in 16 bits instead of 32.
     attributes
-        Put into the header: text, numbers, and sequences of numbers (16 make a 4 × 4 matrix).
+        Header entries: text, numbers, and sequences of numbers (16 make a 4 × 4 matrix).
 
     Raises
     ------
@@ -162,20 +162,20 @@ def write_exr(
 
 
 def read_image(path: str | Path, page: int = 0) -> Floats:
-    """Read a picture in linear light, premultiplied, as its pixels are stored.
+    """Read a picture in linear light, premultiplied, in the stored orientation.
 
     Parameters
     ----------
     path
-        Any format that OpenImageIO reads. Values of integer formats and those that say so are
-        taken for sRGB, others for linear light. Which way is up is not asked.
+        Any format of OpenImageIO. Integer formats and files marked so are taken as sRGB, others
+        as linear light. The orientation tag is ignored.
     page
-        Which picture of a file that holds several.
+        Number of the picture in a file that holds several.
 
     Returns
     -------
-    (H, W, C) with the channels R, G, B and A that there are; all channels if there is no R, and if
-    there are bands without a name.
+    (H, W, C) with those of the channels R, G, B and A that exist; all channels if there is no R or
+    if there are unnamed bands.
 
     Raises
     ------
@@ -186,9 +186,9 @@ def read_image(path: str | Path, page: int = 0) -> Floats:
 
 
 def read_numbers(path: str | Path, page: int = 0) -> NDArray[Any]:
-    """Read all channels (H, W, C) of a picture as the whole numbers that are stored.
+    """Read all channels (H, W, C) of a picture as the stored integers.
 
-    Those of 32 bits are float64, which holds them all.
+    32-bit integers become float64, which represents them exactly.
 
     Raises
     ------
@@ -202,9 +202,9 @@ def read_numbers(path: str | Path, page: int = 0) -> NDArray[Any]:
 
 
 def read_levels(path: str | Path, channels: Sequence[str], page: int = 0) -> NDArray[Any]:
-    """Read channels (H, W, C) of a picture of 8 or 16 bits as they are stored, in this order.
+    """Read channels (H, W, C) of an 8- or 16-bit picture as stored, in this order.
 
-    What memory should not hold is in a file, see `array_where_it_fits`.
+    Large arrays are kept in files, see `array_where_it_fits`.
 
     Raises
     ------
@@ -224,7 +224,7 @@ def read_levels(path: str | Path, channels: Sequence[str], page: int = 0) -> NDA
 
 
 def check_pixels(path: str | Path, page: int = 0) -> None:
-    """Read all pixels of a picture, of which none is kept.
+    """Read all pixels of a picture to check them, without keeping any.
 
     Raises
     ------
@@ -237,7 +237,7 @@ def check_pixels(path: str | Path, page: int = 0) -> None:
 
 
 def holds_half(path: str | Path) -> bool:
-    """Whether 16 bits of floating point hold the light of a picture's file, as it is stored.
+    """Whether half floats represent a picture file's light, as stored, exactly.
 
     Raises
     ------
@@ -252,12 +252,12 @@ def holds_half(path: str | Path) -> bool:
 
 
 def number_rows(path: str | Path) -> Iterator[Floats]:
-    """Read what `read_numbers` reads of numbers of 8 and 16 bits, strip by strip from the top.
+    """Read 8- and 16-bit numbers as `read_numbers` does, strip by strip from the top.
 
     Raises
     ------
     OSError
-        The file is missing or damaged; damage may show only while iterating.
+        The file is missing or damaged; damage may be detected only while iterating.
     """
     source, _ = _open(path)
     check_honest(path, source.spec())
@@ -273,19 +273,19 @@ def read_rows(
     Parameters
     ----------
     path
-        As `read_image` takes it.
+        As in `read_image`.
     height
-        Rows of a strip, about; tiles are not cut. None: what makes some million values.
+        Approximate rows per strip; tiles are not cut. None: a few million values per strip.
 
     Returns
     -------
     Height, width and number of channels, and an iterator over strips (rows, width, channels) from
-    the top; together they are what `read_image` gives.
+    the top; together they equal the result of `read_image`.
 
     Raises
     ------
     OSError
-        The file is missing or damaged; damage may show only while iterating.
+        The file is missing or damaged; damage may be detected only while iterating.
     """
     source, header = _open(path)
     spec = source.spec()
@@ -307,7 +307,7 @@ def _strips(
 def _stored_strips(
     path: str | Path, source: Any, height: int | None = None, form: str = "float"
 ) -> Iterator[NDArray[Any]]:
-    """Rows as stored, or as values of another of OpenImageIO's types."""
+    """Rows as stored, or converted to another type of OpenImageIO."""
     spec = source.spec()
     if height is None:
         few = MOST_IN_STRIP // (spec.width * spec.nchannels) // LEAST_STRIP * LEAST_STRIP
@@ -329,16 +329,16 @@ def _stored_strips(
 
 
 def _linear(stored: "_ImageHeader", size: int | None = None) -> Floats:
-    """Picture in linear, premultiplied light, with the channels that `read_image` gives.
+    """Convert to linear, premultiplied light, with the channels that `read_image` returns.
 
-    It is a part of one of `size` values, unless it is all of it.
+    `size`: values of the whole picture, of which this may be a part.
     """
     names, data = stored.names, stored.data
     alpha = names.index("A") if "A" in names else None
     color = [n for n in range(len(names)) if n != alpha]
     if stored.is_encoded and 0 < stored.levels < (
         size or data.size
-    ):  # a table is quicker than powers
+    ):  # a table is faster than powers
         light = from_srgb((np.arange(stored.levels + 1) / stored.levels).astype(np.float32))
         for row in data:
             level = (row[:, color] * stored.levels + 0.5).astype(np.uint16)
@@ -351,7 +351,7 @@ def _linear(stored: "_ImageHeader", size: int | None = None) -> Floats:
 
 
 def light_of(levels: NDArray[Any], names: Sequence[str], *, is_encoded: bool) -> Floats:
-    """Linear light, premultiplied, of levels (H, W, C) of straight alpha; floats are light."""
+    """Linear light, premultiplied, from levels (H, W, C) with straight alpha; floats are light."""
     if levels.dtype.kind == "f":
         return np.array(levels, np.float32)
     most = int(np.iinfo(levels.dtype).max)
@@ -360,36 +360,36 @@ def light_of(levels: NDArray[Any], names: Sequence[str], *, is_encoded: bool) ->
 
 
 def shown(names: Sequence[str]) -> tuple[str, ...]:
-    """Channels of a file that are its picture: colors alone, unless there are bands beside them."""
-    has_bands = any(name.startswith("channel") for name in names)  # to which TIFF gives no name
+    """Channels that form the picture: only colors, unless there are other bands."""
+    has_bands = any(name.startswith("channel") for name in names)  # unnamed in TIFF
     if "R" not in names or has_bands:
         return tuple(names)
     return tuple(name for name in CHANNELS[:4] if name in names)
 
 
 def read_channels(path: str | Path, page: int = 0) -> dict[str, Floats]:
-    """All channels of a file by name, (H, W) each, as they are stored."""
+    """Read all channels of a file by name, (H, W) each, as stored."""
     stored = _read(path, page)
     return {name: stored.data[..., n] for n, name in enumerate(stored.names)}
 
 
 class _ImageHeader(NamedTuple):
-    """A file's content before it is turned into linear, premultiplied light."""
+    """Content of a file before conversion to linear, premultiplied light."""
 
     data: Floats  # (H, W, C)
     names: list[str]  # C channels
     is_encoded: bool  # by the sRGB curve
     is_straight: bool  # color is not multiplied by alpha
-    levels: int  # largest value of 8 and 16 bits, which data is a fraction of; 0: other types
+    levels: int  # largest value of 8 and 16 bits, which scales data to 0..1; 0: other types
 
 
 def _open(path: str | Path, page: int = 0) -> tuple[Any, _ImageHeader]:
-    """File, open, and what its header says; without data."""
+    """Open a file and read its header, without data."""
     import OpenImageIO
 
     if not Path(path).is_file():
         raise FileNotFoundError(errno.ENOENT, "there is no such file", str(path))
-    # A configuration also makes PFM come right side up: without one its lines are not flipped.
+    # The configuration also fixes PFM's flipped row order.
     as_stored = OpenImageIO.ImageSpec()
     as_stored.attribute("oiio:UnassociatedAlpha", 1)
     source = opened(path, as_stored)
@@ -421,7 +421,7 @@ def _pixels(path: str | Path, source: Any, header: _ImageHeader) -> _ImageHeader
 
 
 def _stored(path: str | Path, source: Any, form: str) -> NDArray[Any]:
-    """Pixels (H, W, C), read as values of OpenImageIO's type `form`."""
+    """Read pixels (H, W, C) as OpenImageIO's type `form`."""
     check_picture(path, source.spec(), 4)
     with suppressed_output():
         data = source.read_image(form)
@@ -436,7 +436,7 @@ def _stored(path: str | Path, source: Any, form: str) -> NDArray[Any]:
 def _write(
     path: str | Path, data: NDArray[Any], header: Mapping[str, Attribute], *, half: bool = False
 ) -> None:
-    """Write an array (H, W, C) whose type is the file's; with `half` all but R, G, B, A stay."""
+    """Write an array (H, W, C) in its own type; `half` applies to R, G, B, A only."""
     import OpenImageIO
 
     height, width, count = data.shape
@@ -461,10 +461,10 @@ def _write(
 
 
 def _put(path: Path, spec: Any, data: NDArray[Any]) -> str:
-    """Write a file; returns why it could not be, nothing if all seems well.
+    """Write a file; returns the error message, empty on success.
 
-    On a full disk the writers may report success: PNG's tells only by its error text, and what is
-    flushed when the file is closed, by neither.
+    On a full disk the writers may report success: PNG's shows only in the error text, and errors
+    while closing the file in neither.
     """
     import OpenImageIO
 
@@ -479,7 +479,7 @@ def _put(path: Path, spec: Any, data: NDArray[Any]) -> str:
 
 
 def _set(spec: Any, name: str, value: Attribute) -> None:
-    """Put one entry into a header, under the type that fits its value."""
+    """Set a header entry, with the type that fits its value."""
     if isinstance(value, str | int | float):
         spec.attribute(name, value)
     else:

@@ -1,4 +1,4 @@
-"""Values as files hold them: whole numbers, levels of light, and words for what is missing."""
+"""Convert values to stored types: integers, levels of light, and markers for missing data."""
 
 from typing import Any
 
@@ -8,29 +8,29 @@ from numpy.typing import NDArray
 from resample.colors import to_srgb
 from resample.types import Floats
 
-EVEN = {4: 1e-6, 8: 1e-12}  # what numbers of so many bytes may differ by and are the same
+EVEN = {4: 1e-6, 8: 1e-12}  # relative tolerance for equality of floats, by their size in bytes
 
 
 def whole_numbers(data: Floats, form: str) -> NDArray[Any]:
-    """Numbers rounded to integers of a type, within its range; what is missing is 0."""
+    """Round numbers to an integer type, clipped to its range; missing values become 0."""
     limits = np.iinfo(form)
     rounded = np.rint(np.nan_to_num(data.astype(np.float64), nan=0.0, posinf=np.inf))
     return np.asarray(np.clip(rounded, limits.min, limits.max).astype(form))
 
 
 def levels(data: Floats, form: str, *, has_alpha: bool, is_light: bool) -> NDArray[Any]:
-    """Integers of a type, as pictures have them.
+    """Convert light to integer levels as pictures store them.
 
     Parameters
     ----------
     data
-        (H, W, C) linear light, premultiplied; what is missing becomes 0.
+        (H, W, C) linear light, premultiplied; missing values become 0.
     form
-        Unsigned type, whose largest number is 1.
+        Unsigned type, whose largest number stands for 1.
     has_alpha
         The last channel is opacity. The others are divided by it.
     is_light
-        The sRGB curve encodes all but opacity; otherwise values are shares, as they are.
+        Encode all but opacity by the sRGB curve; otherwise values are stored linearly.
     """
     data = np.nan_to_num(data, nan=0.0, posinf=np.inf, neginf=-np.inf)
     if not is_light:
@@ -48,7 +48,7 @@ def levels(data: Floats, form: str, *, has_alpha: bool, is_light: bool) -> NDArr
 
 
 def fits(missing: float | None, form: str) -> bool:
-    """Whether a type of values has the one that means a missing one."""
+    """Whether a type can represent the marker for missing values."""
     if missing is None:
         return False
     if form == "float32":
@@ -58,14 +58,14 @@ def fits(missing: float | None, form: str) -> bool:
 
 
 def gaps_of(data: Floats, missing: float, *, as_whole: bool) -> NDArray[np.bool]:
-    """Where values are missing, each for itself or all of a pixel.
+    """Where values are missing, per value or per pixel.
 
     Parameters
     ----------
     data
         (H, W, C).
     missing
-        What stands for a missing value.
+        Marker for a missing value.
     as_whole
         A pixel, (H, W, 1), is missing if all its values are.
     """
@@ -78,16 +78,16 @@ def gaps_of(data: Floats, missing: float, *, as_whole: bool) -> NDArray[np.bool]
 def with_word(
     data: NDArray[Any], values: Floats, missing: float, *, as_whole: bool
 ) -> NDArray[Any]:
-    """Stored values with the word for missing ones, which no other value is.
+    """Replace missing values by their marker, and move other values off it.
 
     Parameters
     ----------
     data
         (H, W, C) as stored.
     values
-        The same before, not a number where one is missing.
+        The same before conversion, NaN where missing.
     missing, as_whole
-        As of `gaps_of`.
+        As in `gaps_of`.
     """
     gap, word = np.isnan(values), data.dtype.type(missing)
     taken = ~gap & (data == word)
@@ -99,7 +99,7 @@ def with_word(
 
 
 def _neighbour(word: Any) -> Any:
-    """Value beside one."""
+    """Adjacent value of a marker."""
     if word.dtype.kind == "f":
         return np.nextafter(word, np.float32(0.0 if word else 1.0))
     return word - 1 if word == np.iinfo(word.dtype).max else word + 1

@@ -1,6 +1,6 @@
-"""Pictures of any number of channels, read and written as what their files say they are.
+"""Read and write pictures with any number of channels, as described by their files.
 
-A file appears whole or not at all.
+Files are written atomically.
 """
 
 import errno
@@ -56,18 +56,18 @@ from resample.reading.pictures import opened as opened_picture
 from resample.types import Floats
 
 SUFFIXES = (".png", ".exr", ".tif", ".tiff", ".jpg", ".jpeg")
-BYTES_PER_VALUE = 20  # of a source and the copies that are made while it is read and worked on
-FORMS = {  # of OpenImageIO, that are no floats
+BYTES_PER_VALUE = 20  # bytes per value of a source and its copies while it is read and processed
+FORMS = {  # OpenImageIO's integer types
     "uint8": "u1", "uint16": "u2", "uint": "u4", "int8": "i1", "int16": "i2", "int": "i4",
 }  # fmt: skip
-UNCALIBRATED = 0xFFFF  # Exif's word for neither sRGB nor Adobe RGB
+UNCALIBRATED = 0xFFFF  # Exif's value for neither sRGB nor Adobe RGB
 PLAIN = (("Y",), ("R", "G", "B"), ("R", "G", "B", "A"))  # channels of most pictures
 
 
 class Kind(NamedTuple):
-    """What a picture's file says about its values."""
+    """Meaning of a picture file's values."""
 
-    channels: tuple[str, ...]  # of those that `read_picture` gives; alpha is called A and is last
+    channels: tuple[str, ...]  # those that `read_picture` returns; alpha is called A and is last
     bits: int  # per channel: 8, 16, or 32 for floats
     is_encoded: bool  # by the sRGB curve
 
@@ -79,30 +79,30 @@ class Kind(NamedTuple):
 class Picture(NamedTuple):
     """A picture in linear light, premultiplied; or numbers, if `about` says so."""
 
-    data: Floats  # (H, W, C), float64 of numbers of 32 bits; what is missing is not a number
+    data: Floats  # (H, W, C), float64 for 32-bit numbers; NaN where missing
     kind: Kind
     about: About = About()
 
 
 def read_picture(path: str | Place, page: int = 0, *, as_data: bool = False) -> Picture:
-    """Read a picture in linear light, premultiplied, upright, and what its file says.
+    """Read a picture in linear light, premultiplied and upright, with its metadata.
 
     Parameters
     ----------
     path
-        Any format that OpenImageIO reads, or of zarr: a folder, a zip file or an address.
+        Any format of OpenImageIO, or zarr: a folder, a zip file or an address.
     page
-        Which picture of a file that holds several, as they are stored.
+        Number of the picture in a file that holds several.
     as_data
-        Integers that are neither shades nor colors (signed or of 32 bits, or of a place on Earth
-        and not colors of 8 bits) are numbers, as stored; what a GeoTIFF calls missing is no number.
+        Keep integers that are neither shades nor colors (signed, 32-bit, or georeferenced and
+        not 8-bit colors) as numbers; the missing value of a GeoTIFF becomes NaN.
 
     Raises
     ------
     OSError
         The file is missing or damaged.
     ValueError
-        It does not fit into this machine's memory.
+        It does not fit into memory.
     """
     path = place_of(path)
     header = header_of(path, page, as_data=as_data)
@@ -121,20 +121,20 @@ def read_picture(path: str | Place, page: int = 0, *, as_data: bool = False) -> 
 
 
 def alpha_last(kind: Kind) -> tuple[Kind, list[int]]:
-    """Kind of a picture whose opacity comes last, and which of its channels that takes."""
+    """Kind of a picture with opacity last, and the indices of its channels in that order."""
     order = sorted(range(len(kind.channels)), key=lambda n: kind.channels[n] == "A")
     return kind._replace(channels=tuple(kind.channels[n] for n in order)), order
 
 
 def _data(path: Place, page: int, kind: Kind, about: About) -> Any:
-    """Light, or numbers, as pixels are stored."""
+    """Light, or numbers, in the stored orientation."""
     if isinstance(path, Address) or is_in_store(path):
         return light_of(open_picture(path).levels(), kind.channels, is_encoded=kind.is_encoded)
     return read_numbers(path, page) if about.number else read_image(path, page)
 
 
 def form_of(path: Place) -> tuple[tuple[int, int, int], Kind]:
-    """Height, width and channels of a picture as `read_picture` gives it, and what it is.
+    """Height, width and channels of the result of `read_picture`, and its kind.
 
     Raises
     ------
@@ -146,22 +146,22 @@ def form_of(path: Place) -> tuple[tuple[int, int, int], Kind]:
 
 
 class Header(NamedTuple):
-    """What a file says of a picture, as it is stored."""
+    """Header of a picture as stored."""
 
     shape: tuple[int, int, int]  # height, width and number of stored channels
     kind: Kind
     about: About
-    orientation: int  # by Exif's number
+    orientation: int  # Exif's number
 
     @property
     def size(self) -> tuple[int, int]:
-        """Height and width of the picture, upright."""
+        """Height and width of the upright picture."""
         height, width, _ = self.shape
         return (width, height) if TURNS[self.orientation][0] else (height, width)
 
     @property
     def upright_about(self) -> About:
-        """What is said of the picture, upright."""
+        """Metadata of the upright picture."""
         about = self.about
         if about.geo is None:
             return about
@@ -169,23 +169,23 @@ class Header(NamedTuple):
 
 
 class Levels(NamedTuple):
-    """A picture as its file stores it, upright: in a quarter of the memory, or half."""
+    """A picture with its stored levels, upright: in a quarter or half of the memory."""
 
-    data: NDArray[Any]  # (H, W, C) uint8 or uint16, C is 1, 3 or 4; the fourth is straight alpha
+    data: NDArray[Any]  # (H, W, C) uint8 or uint16; C is 1, 3 or 4; the fourth is straight alpha
     kind: Kind
     about: About
 
 
 def has_levels(path: Place) -> tuple[int, int, int] | None:
-    """Height, width and channels of a picture that `read_picture_levels` reads; None of others."""
+    """Height, width and channels if `read_picture_levels` can read a picture; else None."""
     header = header_of(path, 0, as_data=True)
     return (*header.size, len(header.kind.channels)) if is_plain(path, header) else None
 
 
 def is_plain(path: Place, header: Header) -> bool:
-    """Whether a picture's levels are all that there is to it."""
+    """Whether a picture has nothing but its levels."""
     _, kind, about, _ = header
-    is_known = path.suffix.lower() == ".png" or is_in_store(path)  # TIFF's may be either
+    is_known = path.suffix.lower() == ".png" or is_in_store(path)  # TIFF's alpha may be either
     is_straight = not kind.has_alpha or is_known
     missing = None if about.geo is None else about.geo.missing
     is_bare = kind.bits in (8, 16) and not about.number and kind.channels in PLAIN
@@ -193,14 +193,14 @@ def is_plain(path: Place, header: Header) -> bool:
 
 
 def read_picture_levels(path: Place) -> Levels:
-    """Read a picture as `read_picture` does, but leave its levels as they are.
+    """Read a picture like `read_picture`, but without converting its levels.
 
     Raises
     ------
     OSError
         The file is missing or damaged.
     ValueError
-        `has_levels` knows none of it.
+        `has_levels` returns None for it.
     """
     header = header_of(path, 0, as_data=True)
     kind, about = header.kind, header.upright_about
@@ -210,7 +210,7 @@ def read_picture_levels(path: Place) -> Levels:
 
 
 def with_gaps(data: Floats, kind: Kind, about: About) -> Floats:
-    """Values that are not numbers where they are missing; transparent, if there is alpha."""
+    """Mark missing values as NaN; transparent too, if there is alpha."""
     missing = None if about.geo is None else about.geo.missing
     if missing is None or np.isnan(missing):
         return data
@@ -223,20 +223,20 @@ def with_gaps(data: Floats, kind: Kind, about: About) -> Floats:
 
 
 class Look(NamedTuple):
-    """How a picture is written."""
+    """Options for writing a picture."""
 
-    bits: int | None = None  # 8, 16 or 32 per channel; None is what fits format and source
+    bits: int | None = None  # 8, 16 or 32 per channel; None: what fits format and source
     background: Color | None = None  # linear light; None keeps transparency
-    is_light: bool = True  # otherwise numbers, which no curve encodes
+    is_light: bool = True  # otherwise numbers, which are not encoded
 
 
 def check_output(path: Path, look: Look, *, transparent: bool) -> None:
-    """Refuse a target that `write_picture` would refuse, before any work is done.
+    """Reject a target that `write_picture` would reject, before any work is done.
 
     Raises
     ------
     ValueError
-        The suffix is unknown, or the format cannot hold transparency or so many bits.
+        The suffix is unknown, or the format lacks transparency or this bit depth.
     """
     suffix = path.suffix.lower()
     if suffix not in (*SUFFIXES, STORE):
@@ -251,12 +251,12 @@ def check_output(path: Path, look: Look, *, transparent: bool) -> None:
 
 
 def flattened(picture: Picture, background: Color) -> Picture:
-    """Picture in front of an even color; a gray one stays gray before gray.
+    """Composite a picture over a uniform color; gray stays gray over gray.
 
     Raises
     ------
     ValueError
-        A color is behind a picture that is neither gray nor RGB.
+        The picture is neither gray nor RGB.
     """
     data, kind, about = picture
     if not kind.has_alpha:
@@ -281,16 +281,16 @@ def write_picture(path: Path, picture: Picture, look: Look) -> None:
     Parameters
     ----------
     path
-        Target, of a suffix in `SUFFIXES`.
+        Target with a suffix in `SUFFIXES`.
     picture
-        EXR and TIFF of floats hold it as it is; integers are straight and sRGB-encoded.
+        EXR and float TIFF store it unchanged; integers are straight and sRGB-encoded.
     look
-        How it is written.
+        Options for writing.
 
     Raises
     ------
     ValueError
-        The format cannot hold it.
+        The format cannot store it.
     OSError
         The file cannot be written.
     """
@@ -298,19 +298,19 @@ def write_picture(path: Path, picture: Picture, look: Look) -> None:
 
 
 def write_pages(path: Path, pictures: Iterable[Picture], look: Look) -> None:
-    """Write pictures, one after the other, to one file; of several, to a TIFF.
+    """Write a sequence of pictures to one file; several need TIFF.
 
     Parameters
     ----------
     path, look
-        As of `write_picture`.
+        As in `write_picture`.
     pictures
-        Taken one by one.
+        Pictures, taken one by one.
 
     Raises
     ------
     ValueError
-        The format cannot hold one of them, or there is none.
+        The format cannot store one of them, or there is none.
     OSError
         The file cannot be written.
     """
@@ -335,12 +335,12 @@ def write_pages(path: Path, pictures: Iterable[Picture], look: Look) -> None:
 
 
 def finish(path: Path, temporary: Path, written: list[Stored]) -> None:
-    """Add to a file what OpenImageIO cannot, and read it back.
+    """Add metadata that OpenImageIO cannot write, and read the file back as a check.
 
     Raises
     ------
     OSError
-        It is not whole.
+        It is incomplete.
     """
     check_end(path, temporary)
     complete(temporary, written)
@@ -352,27 +352,27 @@ def finish(path: Path, temporary: Path, written: list[Stored]) -> None:
 
 
 class StoredPage(NamedTuple):
-    """A picture, or rows of one, as a file holds it."""
+    """A picture, or rows of one, in stored form."""
 
-    data: NDArray[Any]  # of the type that is stored
+    data: NDArray[Any]  # in the stored type
     kind: Kind
     about: About
     is_light: bool
 
     @property
     def pixels(self) -> NDArray[Any]:
-        """What OpenImageIO is given, which knows fewer types."""
+        """Pixels in a type that OpenImageIO supports."""
         data = np.ascontiguousarray(self.data)
         return data.view(np.float32) if data.dtype.name in AS_FLOATS else data
 
 
 def page_of(path: Path, picture: Picture, look: Look, *, tells: bool = True) -> StoredPage:
-    """Picture as a file holds it; what that has no room for is told.
+    """Convert a picture to stored form; warn about lost metadata.
 
     Raises
     ------
     ValueError
-        The format cannot hold it.
+        The format cannot store it.
     """
     check_output(path, look, transparent=picture.kind.has_alpha)
     check_source(path, picture, look)
@@ -385,7 +385,7 @@ def page_of(path: Path, picture: Picture, look: Look, *, tells: bool = True) -> 
     form = _form(suffix, kind, about, look)
     if about.geo is not None:
         if tells and about.geo.has_place and suffix not in TIFF:
-            say(f"{path.name} has no room for the picture's place on Earth; .tif has")
+            say(f"{path.name} cannot store the picture's georeference; .tif can")
         if not fits(about.geo.missing, form):
             about = about._replace(geo=about.geo._replace(nodata=""))
     is_light = look.is_light and not about.number
@@ -397,19 +397,19 @@ def page_of(path: Path, picture: Picture, look: Look, *, tells: bool = True) -> 
 
 
 def _integers(picture: Picture, form: str, is_light: bool) -> NDArray[Any]:
-    """Numbers, or levels of light or of shares, as integers of a type."""
+    """Convert numbers, or levels of light or fractions, to an integer type."""
     if picture.about.number:
         return whole_numbers(picture.data, form)
     return levels(picture.data, form, has_alpha=picture.kind.has_alpha, is_light=is_light)
 
 
 def check_source(path: Path, picture: Picture, look: Look) -> None:
-    """Refuse a target that has no room for a picture's numbers, which are no light.
+    """Reject a target that cannot store a picture's numbers (not light).
 
     Raises
     ------
     ValueError
-        The format has other types, or other bits were asked for.
+        The format lacks the type, or another bit depth was requested.
     """
     number, suffix = picture.about.number, path.suffix.lower()
     if not number or suffix == ".exr":
@@ -422,14 +422,14 @@ def check_source(path: Path, picture: Picture, look: Look) -> None:
 
 
 def holds_gaps(path: Path, picture: Picture, look: Look) -> bool:
-    """Whether a file has a word for missing values, and the picture uses it; numbers always do."""
+    """Whether a file marks missing values and the picture has some; always for numbers."""
     data, kind, about = picture
     has_nans = not about.number and not kind.has_alpha and bool(np.isnan(data).any())
     return holds_missing(path, kind, about, look, has_nans=has_nans)
 
 
 def holds_missing(path: Path, kind: Kind, about: About, look: Look, *, has_nans: bool) -> bool:
-    """What `holds_gaps` tells, of a picture with values that are no numbers or without."""
+    """As `holds_gaps`, for a picture with or without NaN."""
     if look.background is not None or kind.has_alpha:
         return False
     if about.number:
@@ -442,7 +442,7 @@ def holds_missing(path: Path, kind: Kind, about: About, look: Look, *, has_nans:
 
 
 def _form(suffix: str, kind: Kind, about: About, look: Look) -> str:
-    """Type of the values of a file."""
+    """Type of a file's values."""
     if about.number and suffix != ".exr" and look.bits != 32:
         return about.number
     bits = look.bits or _bits(suffix, kind.bits)
@@ -454,7 +454,7 @@ def _depths(suffix: str) -> tuple[int, ...]:
 
 
 def _bits(suffix: str, source: int) -> int:
-    """Bits of a format for a source that has so many."""
+    """Bit depth of a format for a source of a bit depth."""
     depths = _depths(suffix)
     if source in depths:
         return source
@@ -464,7 +464,7 @@ def _bits(suffix: str, source: int) -> int:
 def opened(
     path: Path, temporary: Path, page: StoredPage, height: int, *, is_next: bool = False
 ) -> Any:
-    """File of OpenImageIO for a page of so many rows, the first one or the next.
+    """Open an OpenImageIO output for a page of `height` rows, the first or a further one.
 
     Raises
     ------
@@ -487,12 +487,12 @@ def opened(
 
 
 def complaint_of(source: Any) -> str:
-    """What OpenImageIO, or a file of it, complains about."""
+    """Error message of OpenImageIO or one of its files."""
     return str(source.geterror()).strip().partition("\n")[0] or "no reason is given"
 
 
 def spec_of(suffix: str, page: StoredPage, height: int) -> Any:
-    """What OpenImageIO is told about a page of so many rows."""
+    """OpenImageIO header of a page of `height` rows."""
     import OpenImageIO
 
     (_, width, count), kind, is_whole = page.data.shape, page.kind, page.data.dtype.kind != "f"
@@ -511,7 +511,7 @@ def spec_of(suffix: str, page: StoredPage, height: int) -> Any:
             space = "sRGB" if page.is_light else "lin_rec709_scene"
             spec.attribute("oiio:ColorSpace", space)
     if suffix in TIFF and (not is_whole or has_profile or not page.is_light):
-        # OpenImageIO 3.1 fails to write an Exif folder that is empty.
+        # OpenImageIO 3.1 cannot write an empty Exif directory.
         spec.attribute("Exif:ColorSpace", UNCALIBRATED)
     if is_bare and is_whole:
         spec.attribute("tiff:predictor", 1)
@@ -521,19 +521,19 @@ def spec_of(suffix: str, page: StoredPage, height: int) -> Any:
 
 
 def coverage_picture(coverage: Floats) -> Picture:
-    """Shares of pixels as a gray picture whose numbers they are, whatever its format."""
+    """Gray picture of fractions, which stay numbers in every format."""
     share = np.clip(coverage, 0.0, 1.0)[..., None]
     return Picture(np.asarray(share, np.float32), Kind(("Y",), 32, is_encoded=False))
 
 
 def header_in_store(found: StoredPicture) -> Header:
-    """What is said of a picture in chunks."""
+    """Header of a picture in chunks."""
     kind = Kind(found.channels, found.bits, is_encoded=found.bits < 32)
     return Header(found.shape, kind, About(), 1)
 
 
 def header_of(path: Place, page: int, *, as_data: bool) -> Header:
-    """What a file says of a picture; parameters and errors as of `read_picture`."""
+    """Read the header of a picture; parameters and errors as in `read_picture`."""
     import OpenImageIO
 
     if isinstance(path, Address) or is_in_store(path):
@@ -564,7 +564,7 @@ def _orientation(spec: Any) -> int:
 
 
 def _is_number(form: str, names: tuple[str, ...], about: About) -> bool:
-    """Whether integers are neither shades nor colors."""
+    """Whether integers are numbers, neither shades nor colors."""
     if "A" in names:
         return False
     if about.geo is not None and form in ("uint8", "uint16"):

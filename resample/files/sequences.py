@@ -1,6 +1,6 @@
-"""Files of several pictures, read and written one by one: pages, animated pictures, films.
+"""Read and write files of several pictures one by one: pages, animations, films.
 
-Pillow reads and writes animated pictures, PyAV films; how long each frame is shown is kept.
+Pillow handles animated pictures, PyAV films; display times are preserved.
 """
 
 import itertools
@@ -42,25 +42,25 @@ from resample.files.writing import replacing
 from resample.reading.limits import check_animation, check_unpacked
 from resample.reading.pictures import decoding
 
-ANIMATED = (".gif", ".webp", ".apng", ".png")  # what may hold one picture as well
+ANIMATED = (".gif", ".webp", ".apng", ".png")  # formats that may also hold a single picture
 FILMS = (".mp4", ".mov", ".m4v", ".mkv", ".webm", ".avi", ".mpg", ".mpeg")
 WRITTEN = (".gif", ".webp", ".apng", ".mp4")
-SUBFILE, SMALLER, MASK = 254, 1, 4  # a tag of TIFF, and what its bits say
-USUAL = 1.0 / 24.0  # s that a picture is shown where nothing is said
-SHORTEST = 0.001  # s between two frames of a film, though their times be equal
-WEBP_ALPHA = 0x10  # in the flags of a WebP file
-TICKS = 90_000  # per second, that times of films are counted in
+SUBFILE, SMALLER, MASK = 254, 1, 4  # a tag of TIFF, and its bits
+USUAL = 1.0 / 24.0  # s per picture if not specified
+SHORTEST = 0.001  # s between two frames of a film, even if their times are equal
+WEBP_ALPHA = 0x10  # bit in the flags of a WebP file
+TICKS = 90_000  # per second, unit of time in films
 
 
 class Frames(NamedTuple):
-    """Pictures of a file, which are read when they are wanted."""
+    """Pictures of a file, read on demand."""
 
     path: Path
-    seconds: tuple[float, ...]  # that each is shown
-    pages: tuple[int, ...] | None = None  # of a TIFF: which of its directories are pictures
+    seconds: tuple[float, ...]  # display time of each
+    pages: tuple[int, ...] | None = None  # for TIFF: directories that are pictures
 
     def read(self) -> Iterator[Picture]:
-        """Pictures one after the other.
+        """Read pictures one after the other.
 
         Raises
         ------
@@ -74,7 +74,7 @@ class Frames(NamedTuple):
 
 
 def frames_of(path: Place) -> Frames | None:
-    """Pictures of a file, if it is one of several; None if it holds one, or is none.
+    """Pictures of a file with several; None if it has one or is not a picture.
 
     Raises
     ------
@@ -94,13 +94,13 @@ def frames_of(path: Place) -> Frames | None:
 
 
 def check_frames(path: Path, frames: Frames, look: Look) -> None:
-    """Refuse a target that `write_frames` would refuse, before any work is done.
+    """Reject a target that `write_frames` would reject, before any work is done.
 
     Raises
     ------
     ValueError
-        The suffix is none of several pictures, has not so many bits, or needs what is not
-        installed.
+        The format cannot hold several pictures, lacks this bit depth, or needs a package that is
+        not installed.
     """
     suffix, is_animated = path.suffix.lower(), frames.path.suffix.lower() in ANIMATED
     if suffix in TIFF:
@@ -118,23 +118,23 @@ def check_frames(path: Path, frames: Frames, look: Look) -> None:
 def write_frames(
     path: Path, pictures: Iterable[Picture], seconds: Sequence[float], look: Look
 ) -> None:
-    """Write pictures to one file, taken one by one.
+    """Write a sequence of pictures to one file.
 
     Parameters
     ----------
     path
-        Target: TIFF of several pages, GIF, animated PNG or WebP, or a film.
+        Target: multi-page TIFF, GIF, animated PNG or WebP, or a film.
     pictures
-        Of one size, but for TIFF.
+        Pictures of one size, except for TIFF.
     seconds
-        How long each is shown.
+        Display time of each.
     look
-        How they are written.
+        Options for writing.
 
     Raises
     ------
     ValueError
-        The format cannot hold them.
+        The format cannot store them.
     OSError
         The file cannot be written.
     """
@@ -149,11 +149,11 @@ def write_frames(
 
 
 def _pages(path: Path, pages: Sequence[Directory]) -> tuple[int, ...]:
-    """Directories of a TIFF that are pictures: neither smaller copies of others nor masks."""
+    """TIFF directories that are pictures: neither reduced copies nor masks."""
     kinds = [page.get(SUBFILE) for page in pages]
     bits = [int(kind.values[0]) if isinstance(kind, Tag) else 0 for kind in kinds]
     if any(bit & MASK for bit in bits):
-        say(f"{path.name}: its masks are not read")
+        say(f"{path.name}: its masks are ignored")
     return tuple(n for n, bit in enumerate(bits) if not bit & (SMALLER | MASK))
 
 
@@ -173,7 +173,7 @@ def _animated_times(path: Path) -> tuple[float, ...]:
                 image.load()
                 seconds.append(float(image.info.get("duration", 0.0)) / 1000.0 or USUAL)
         if path.suffix.lower() == ".gif" and not path.read_bytes().rstrip(b"\0").endswith(b";"):
-            say(f"{path.name} is cut off: it has no end after {max(count, 1)} frames")
+            say(f"{path.name} is cut off after {max(count, 1)} frames")
     return tuple(seconds)
 
 
@@ -188,7 +188,7 @@ def _animated_frames(path: Path) -> Iterator[Picture]:
 
 
 def _shades(levels: NDArray[np.uint8]) -> Picture:
-    """Picture of levels (H, W, 3 or 4); without alpha where all is opaque."""
+    """Picture from levels (H, W, 3 or 4); without alpha if opaque."""
     light = from_srgb((np.arange(256) / 255.0).astype(np.float32))
     kind = Kind(("R", "G", "B"), 8, is_encoded=True)
     color = np.asarray(light[levels[..., :3]], np.float32)
@@ -200,11 +200,11 @@ def _shades(levels: NDArray[np.uint8]) -> Picture:
 
 
 def _film_times(path: Path) -> tuple[float, ...]:
-    """Seconds that the frames of a film are shown, as far as its packets tell."""
+    """Display times of a film's frames, as far as its packets have them."""
     with opened_film(path) as film:
         stream = film.streams.video[0]
         if film.streams.audio:
-            say(f"{path.name}: its sound is left out")
+            say(f"{path.name}: sound is not copied")
         rate, base = stream.average_rate, stream.time_base or Fraction(1, TICKS)
         times = [
             packet.dts if packet.pts is None else packet.pts
@@ -234,7 +234,7 @@ def _film_frames(path: Path) -> Iterator[Picture]:
 
 
 def _colors_of(frame: Any) -> dict[str, Any]:
-    """How a frame's colors are coded, where it does not say so: large ones are as of television."""
+    """Color coding of a frame that does not state it: large frames use that of HDTV."""
     from av.video.reformatter import Colorspace
 
     known = {int(space) for space in (Colorspace.ITU709, Colorspace.ITU601, Colorspace.SMPTE240M)}
@@ -244,7 +244,7 @@ def _colors_of(frame: Any) -> dict[str, Any]:
 
 
 def _screen(path: Path, picture: Picture, look: Look) -> NDArray[np.uint8]:
-    """Levels (H, W, 3 or 4) of a picture, as screens take them."""
+    """Display levels (H, W, 3 or 4) of a picture."""
     if look.background is not None:
         picture = flattened(picture, look.background)
     if path.suffix.lower() == ".mp4" and picture.kind.has_alpha:
@@ -268,7 +268,7 @@ def _write_gif(path: Path, frames: Iterable[NDArray[np.uint8]], seconds: Sequenc
 def _write_webp(path: Path, frames: Iterable[NDArray[np.uint8]], seconds: Sequence[float]) -> None:
     """Write an animated WebP.
 
-    The encoder cuts off what is clear around a frame, and then may say that nothing is clear.
+    The encoder crops the transparent border of a frame, and then may flag the file as opaque.
     """
     clear = []
 
@@ -289,7 +289,7 @@ def _write_webp(path: Path, frames: Iterable[NDArray[np.uint8]], seconds: Sequen
 
 
 def _write_apng(path: Path, frames: Iterable[NDArray[np.uint8]], seconds: Sequence[float]) -> None:
-    """Write an animated PNG, whose frames pillow wants to look at twice."""
+    """Write an animated PNG; Pillow iterates over the frames twice."""
     with TemporaryDirectory() as folder:
         kept = []
         for n, levels in enumerate(frames):
@@ -309,7 +309,7 @@ def _image(levels: NDArray[np.uint8]) -> Any:
 
 
 def _with_palette(levels: NDArray[np.uint8]) -> Any:
-    """Image for a GIF, whose pixels are opaque or not there."""
+    """Palette image for a GIF, with pixels either opaque or transparent."""
     from PIL import Image
 
     if levels.shape[2] == 3:
@@ -325,7 +325,7 @@ def _with_palette(levels: NDArray[np.uint8]) -> Any:
 
 
 def _write_film(path: Path, frames: Iterable[NDArray[np.uint8]], seconds: Sequence[float]) -> None:
-    """Encode frames that begin one after the other."""
+    """Encode frames with their start times."""
     first, rest = _peeked(frames)
     begins = np.concatenate([[0.0], np.cumsum(seconds)])
     with new_film(path) as film:
@@ -341,14 +341,14 @@ def _write_film(path: Path, frames: Iterable[NDArray[np.uint8]], seconds: Sequen
 def _peeked(
     frames: Iterable[NDArray[np.uint8]],
 ) -> tuple[NDArray[np.uint8], Iterator[NDArray[np.uint8]]]:
-    """The first of some frames, and all of them."""
+    """First of some frames, and an iterator over all of them."""
     iterator = iter(frames)
     first = next(iterator)
     return first, itertools.chain([first], iterator)
 
 
 def _rate(seconds: Sequence[float]) -> float:
-    """Frames per second, on average."""
+    """Average frames per second."""
     total = float(sum(seconds))
     return min(1000.0, len(seconds) / total) if total > 0.0 else 1.0 / USUAL
 

@@ -1,4 +1,4 @@
-"""Windows of a picture as files, which several processes write and one puts together."""
+"""Windows of a picture as files, for several processes that write them and one that joins them."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,18 +15,18 @@ NAME = "window-{}-{}-{}-{}.npz"
 
 
 def keep_tile(folder: Path, window: Window, film: Film, facts: Mapping[str, int]) -> None:
-    """Write a window of a picture, whole or not at all.
+    """Write a window of a picture atomically.
 
     Parameters
     ----------
     folder
-        Where to.
+        Target folder.
     window
-        px of the whole picture.
+        Window in px of the whole picture.
     film
-        What is seen in it.
+        Its contents.
     facts
-        That are kept beside it.
+        Numbers to store with it.
 
     Raises
     ------
@@ -39,7 +39,7 @@ def keep_tile(folder: Path, window: Window, film: Film, facts: Mapping[str, int]
 
 
 def kept_tile(folder: Path, window: Window) -> tuple[Film, dict[str, int]] | None:
-    """A window that was written, and its facts; None if it is not there.
+    """Read a window and its numbers; None if it was not written.
 
     Raises
     ------

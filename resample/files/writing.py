@@ -1,10 +1,10 @@
-"""Files that appear whole or not at all.
+"""Write files atomically.
 
-What is written beside a target says in its name which process of which machine does so. A process
-that is killed leaves it there; the next one that writes into the folder removes it.
+Temporary files beside a target carry the process and machine in their names. A killed process
+leaves them behind; the next one that writes into the folder removes them.
 
-Libraries in C and C++ may lose what a full disk does not take, and say nothing: so what Python can
-write itself, it does, and of what they have written the end is looked at.
+C and C++ libraries may silently lose data on a full disk: so Python writes the file where it can,
+and elsewhere the end of the file is checked.
 """
 
 import errno
@@ -29,10 +29,10 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 LEFT = re.compile(r"\..+\.tmp-([0-9a-f]{6})-([0-9]{1,10})-[0-9a-f]{8}(?:\..*)?")
-MOST = 40  # letters of a target's name, as file systems take few
+MOST = 40  # characters of a target's name, as file systems limit names
 NO_ROOM = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
-PROBE = 1 << 16  # bytes that a disk is asked to take where a library could not write
-INCOMPLETE = "the file came out incomplete; is the disk full?"
+PROBE = 1 << 16  # bytes to write as a test for a full disk after a library failed
+INCOMPLETE = "the file is incomplete; is the disk full?"
 PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
 _being_written: set[str] = set()  # names, without folders
 _tidied: set[Path] = set()  # folders, once per process
@@ -40,22 +40,22 @@ _tidied: set[Path] = set()  # folders, once per process
 
 @contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
-    """Write beside a file and put the result in its place when all went well.
+    """Write to a temporary file and move it to its target on success.
 
     Parameters
     ----------
     path
-        Target. It is created or replaced at the end of the block; a link is followed.
+        Target. It is created or replaced at the end of the block; links are followed.
 
     Yields
     ------
-    An empty file of the same folder and suffix, to be written to. It is removed after an error.
+    An empty file in the same folder, with the same suffix, to write to. Removed on error.
 
     Raises
     ------
     OSError
-        The target cannot be created: its folder is missing or may not be written to, or it is a
-        folder or device. Or the disk is full: its number says so, and its name is the target's.
+        The target cannot be created: its folder is missing or not writable, or it is a folder or
+        device. Or the disk is full: the error has that number and the target's name.
     """
     target = Path(os.path.realpath(path))
     if target.exists() and not target.is_file():
@@ -77,33 +77,33 @@ def replacing(path: str | Path) -> Iterator[Path]:
 
 
 def unwritten(path: str | Path, error: OSError) -> OSError:
-    """Error of a file that cannot be written, by its own name, not that of what lies beside."""
+    """Error for a file that cannot be written, with its own name instead of the temporary one."""
     if error.errno is None or error.errno not in NO_ROOM:
         return OSError(f"{path} cannot be written: {one_line(error)}")
     return OSError(error.errno, f"cannot be written: {os.strerror(error.errno)}", str(path))
 
 
 def _on_disk(path: Path) -> None:
-    """Wait until a file is on the disk; what that has no room for may show only then."""
+    """Flush a file to the disk; a full disk may be reported only then."""
     with path.open("r+b") as file:
         try:
             os.fsync(file.fileno())
         except OSError as error:
-            if error.errno in (*NO_ROOM, errno.EIO):  # others: the file system knows no such wish
+            if error.errno in (*NO_ROOM, errno.EIO):  # others: not supported by the file system
                 raise
 
 
 def refused(path: str | Path, temporary: Path, why: str) -> OSError:
-    """Error of a file that a library could not write.
+    """Error for a file that a library could not write.
 
     Parameters
     ----------
     path
-        Name of it for the message.
+        Its name in the message.
     temporary
-        What the library has written. If the disk takes no more of it, that is the reason.
+        File written by the library. If it cannot be extended, a full disk is the reason.
     why
-        What the library says.
+        The library's message.
     """
     try:
         with temporary.open("ab", buffering=0) as file:
@@ -118,12 +118,12 @@ def refused(path: str | Path, temporary: Path, why: str) -> OSError:
 
 
 def check_end(path: str | Path, temporary: Path) -> None:
-    """Refuse a PNG or MP4 file that a library has written and that is cut off.
+    """Reject a truncated PNG or MP4 file from a library.
 
     Raises
     ------
     OSError
-        It is.
+        It is truncated.
     """
     kind, size = temporary.suffix.lower(), temporary.stat().st_size
     with temporary.open("rb") as file:
@@ -137,7 +137,7 @@ def check_end(path: str | Path, temporary: Path) -> None:
 
 
 def _end_of_boxes(file: BinaryIO, size: int) -> int:
-    """Where the last box of an MP4 file says that it ends; 0 if there is none."""
+    """Position where an MP4 file's last box should end; 0 if there is none."""
     place = 0
     while place < size:
         file.seek(place)
@@ -151,14 +151,14 @@ def _end_of_boxes(file: BinaryIO, size: int) -> int:
 
 
 class _Plain(io.FileIO):
-    """File without a number, so that nobody writes to it past Python."""
+    """File without a descriptor, so that all writes go through Python."""
 
     def fileno(self) -> int:
         raise io.UnsupportedOperation("what is written goes through Python")
 
 
 def save_array(path: Path, values: "ArrayLike") -> None:
-    """Write an array as NPY; NumPy by itself does not notice that a disk is full.
+    """Write an array as NPY; NumPy does not notice a full disk.
 
     Raises
     ------
@@ -173,16 +173,16 @@ def save_array(path: Path, values: "ArrayLike") -> None:
 
 @contextmanager
 def beside(target: Path) -> Iterator[Path]:
-    """Name beside a target that nothing has, for what is to take the target's place.
+    """Unused name beside a target, for a temporary file or folder.
 
     Parameters
     ----------
     target
-        File or folder. What killed processes left in the folder that it lies in is removed.
+        File or folder. Leftovers of killed processes in its folder are removed.
 
     Yields
     ------
-    The name, which hides a file, and keeps the suffix. What still has it in the end, is removed.
+    The name: hidden, with the same suffix. Whatever has it at the end is removed.
     """
     if target.parent not in _tidied:
         _tidied.add(target.parent)
@@ -198,25 +198,25 @@ def beside(target: Path) -> Iterator[Path]:
 
 @contextmanager
 def inheriting(target: Path) -> Iterator[list[Path]]:
-    """Folders that killed processes of this machine left beside a target, in its place.
+    """Take over the folders of killed processes of this machine for the same target.
 
-    They are this process's from now on, to go on with what is in them.
+    They belong to this process from now on, which can resume their work.
 
     Parameters
     ----------
     target
-        As of `beside`, before anything else is written there.
+        As in `beside`, before anything else is written there.
 
     Yields
     ------
-    The folders. Those that still are there in the end are removed.
+    The folders. Those that still exist at the end are removed.
     """
     start, found = f".{target.stem[:MOST]}.tmp-", []
     with suppress(OSError):
         for name in sorted(os.listdir(target.parent)):
             path = target.parent / name
             if name.startswith(start) and path.suffix == target.suffix and _is_left(name):
-                with suppress(OSError):  # another command has been quicker
+                with suppress(OSError):  # another process was faster
                     found.append(_taken_over(path, target))
     try:
         yield found
@@ -227,12 +227,12 @@ def inheriting(target: Path) -> Iterator[list[Path]]:
 
 
 def _taken_over(path: Path, target: Path) -> Path:
-    """Folder that a dead process has left, under a name of this one.
+    """Rename a folder of a dead process to a name of this process.
 
     Raises
     ------
     OSError
-        It is no folder, or gone.
+        It is not a folder, or is gone.
     """
     if not path.is_dir():
         raise NotADirectoryError(path)
@@ -246,20 +246,20 @@ def _taken_over(path: Path, target: Path) -> Path:
 
 
 def _named(target: Path) -> Path:
-    """Name beside a target that says which process writes there."""
+    """Temporary name beside a target that identifies this process."""
     owner = f"{_machine()}-{os.getpid()}-{secrets.token_hex(4)}"
     return target.with_name(f".{target.stem[:MOST]}.tmp-{owner}{target.suffix}")
 
 
 def leave_to_others(folder: Path) -> None:
-    """Do not remove what is left in a folder: another process sees to that."""
+    """Leave leftovers in a folder to another process."""
     _tidied.add(folder)
 
 
 def remove_left(folder: Path) -> None:
-    """Remove what processes of this machine that are no more were writing into a folder.
+    """Remove leftovers of dead processes of this machine from a folder.
 
-    What another machine's, or any living process writes stays, as does what must not be removed.
+    Files of living processes and of other machines stay, as do those that cannot be removed.
     """
     with suppress(OSError):
         for name in os.listdir(folder):
@@ -268,7 +268,7 @@ def remove_left(folder: Path) -> None:
 
 
 def _is_left(name: str) -> bool:
-    """Whether a process of this machine that is no more was writing under a name."""
+    """Whether a name belongs to a dead process of this machine."""
     left = LEFT.fullmatch(name)
     return bool(left and left[1] == _machine() and not _is_at_work(int(left[2]), name))
 
@@ -282,14 +282,14 @@ def _remove(path: Path) -> None:
 
 
 def _is_at_work(process: int, name: str) -> bool:
-    """Whether the process lives; one of this number may have died before this one began."""
+    """Whether a process is alive, and not a later one of the same number."""
     if process == os.getpid():
         return name in _being_written
-    if os.name == "nt":  # where asking would end it
+    if os.name == "nt":  # where the test would end it
         return True
     try:
         os.kill(process, 0)
-    except PermissionError:  # it is another user's
+    except PermissionError:  # a process of another user
         return True
     except (ProcessLookupError, OverflowError):
         return False
@@ -302,7 +302,7 @@ def _machine() -> str:
 
 
 def rows_as_json(rows: Sequence[Mapping[str, object]]) -> str:
-    """Rows as JSON, which cannot say infinity."""
+    """Format rows as JSON, where infinity becomes null."""
     finite = [
         {key: None if value == math.inf else value for key, value in row.items()} for row in rows
     ]
@@ -310,20 +310,20 @@ def rows_as_json(rows: Sequence[Mapping[str, object]]) -> str:
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write facts to a file."""
+    """Write a mapping to a JSON file."""
     with replacing(path) as temporary:
         temporary.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
 
 
 def check_targets(*paths: Path | None) -> None:
-    """Refuse files that could not be written in the end, before any work is done; None is none.
+    """Reject files that could not be written, before any work is done; None is skipped.
 
     Raises
     ------
     ValueError
         Two are the same.
     OSError
-        A folder is missing or must not be written to, or a target is no file.
+        A folder is missing or not writable, or a target is not a file.
     """
     given = [path for path in paths if path is not None]
     if len({path.resolve() for path in given}) < len(given):
@@ -334,4 +334,4 @@ def check_targets(*paths: Path | None) -> None:
 
 
 class _Abandoned(Exception):  # noqa: N818 - no error: the file was only tried
-    """Leaves a file that is being replaced as it was."""
+    """Raised to leave the target of `replacing` unchanged."""

@@ -1,1 +1,1 @@
-"""The library's own door: scattered measurements and particles, without an application."""
+"""Core functions that need no application: scattered measurements and particles."""

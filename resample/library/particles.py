@@ -1,4 +1,4 @@
-"""Particles: spheres of a radius and a color each, as samples for a `Resampler`."""
+"""Particles: spheres with radius and color, as samples for a `Resampler`."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,7 +16,7 @@ def particles(
     *,
     reconstruction: Reconstruction | None = None,
 ) -> Samples:
-    """Spheres for a `Resampler`, which may differ in size, color and opacity.
+    """Create spheres for a `Resampler`; size, color and opacity may vary.
 
     Parameters
     ----------
@@ -25,12 +25,12 @@ def particles(
     color
         (3,) or (N, 3) linear light, straight.
     opacity
-        Number or (N,), 0 to below 1: what a ray through the center loses.
+        Number or (N,), 0 to below 1: fraction of light lost along a ray through the center.
     radius
-        Number or (N,), above 0: at which a sphere ends, scene units; it thins out from its center
-        as the kernel does.
+        Number or (N,), above 0, scene units: where a sphere ends; it fades from its center as the
+        kernel does.
     reconstruction
-        The resampler's kernel; None: a `GaussianKernel`.
+        Kernel of the resampler; None: a `GaussianKernel`.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def particles(
         raise ValueError(f"positions are (N, 3), not {place.shape}")
     share = _per_particle("opacity", opacity, len(place))
     if not ((share >= 0) & (share < 1)).all():
-        raise ValueError("an opacity lies between 0 and below 1")
+        raise ValueError("an opacity must be at least 0 and below 1")
     radii = _per_particle("radius", radius, len(place))
     if not (radii > 0).all():
         raise ValueError("a radius is a number of scene units above 0")
@@ -60,7 +60,7 @@ def particles(
     usual = float(np.median(radii)) if radii.size else 1.0
     spacing = usual / kernel.radius
     peak = float(footprint_table(kernel).values[0]) / kernel.radius**3 * radii  # scene units
-    with np.errstate(over="ignore", divide="ignore"):  # what does not fit is refused below
+    with np.errstate(over="ignore", divide="ignore"):  # overflow is rejected below
         extinction = (-np.log1p(-share) / peak).astype(np.float32)
         scale = (radii / usual).astype(np.float32)
         position = place.astype(np.float32)
@@ -68,7 +68,7 @@ def particles(
 
 
 def _per_particle(name: str, given: ArrayLike, count: int) -> Doubles:
-    """A number for each of `count` particles."""
+    """One number for each of `count` particles."""
     numbers = np.asarray(given, np.float64)
     if numbers.shape not in ((), (count,)) or not np.isfinite(numbers).all():
         raise ValueError(f"{name} is one finite number or {count} of them, not {numbers.shape}")

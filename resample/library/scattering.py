@@ -1,4 +1,4 @@
-"""Scattered measurements in a plane to a grid, by hybrid forward resampling in two dimensions.
+"""Resample scattered 2-D measurements to a grid by hybrid forward resampling.
 
 A sample covers a parallelogram, the unit square under its Jacobian J, or a disc. Its area in px² is
 its mass: sums of masses per pixel are the coverage, and values are means weighted by it.
@@ -17,20 +17,20 @@ from resample.profiles.filters import Area, PixelFilter, profile_table
 from resample.registry import build
 from resample.types import Doubles, Floats
 
-THRESHOLD = {"hybrid": 1.0, "points": math.inf, "splats": -1.0}  # px; splats are longer
-# Upright boxes stand in for samples, which turned ones of a pixel would cover unevenly: those whose
-# bounds are larger than themselves by the first factor are splats from the second times a pixel on.
+THRESHOLD = {"hybrid": 1.0, "points": math.inf, "splats": -1.0}  # px; longer samples are splats
+# Points are axis-aligned boxes, which cover rotated samples unevenly. Samples whose bounds exceed
+# their area by the first factor become splats from the second factor times a pixel on.
 UPRIGHT, TURNED = 1.02, 0.5
-# Deviation of a splat in units of its sample: those of a lattice then sum to 1 within 0.5 %.
+# Standard deviation of a splat in units of its sample: a lattice of them sums to 1 within 0.5 %.
 SIGMA = 0.6
-FILTER_SIGMA = 0.5  # px, of the filter that splats are seen under
-LARGEST = 1e6  # px that a unit of a sample may cover
+FILTER_SIGMA = 0.5  # px, of the filter applied to splats
+LARGEST = 1e6  # px that a unit of a sample may cover at most
 TILE = 32  # px; neighbours are summed together
-MOST = 1024  # samples that are summed in one go, so that float32 suffices
+MOST = 1024  # samples summed in one go, so that float32 suffices
 
 
 class Scattering(NamedTuple):
-    """What scattered samples leave on a grid.
+    """Scattered samples resampled to a grid.
 
     Examples
     --------
@@ -41,39 +41,39 @@ class Scattering(NamedTuple):
     ((3, 4), 7.0, 1.0)
     """
 
-    value: Floats  # (H, W) or (H, W, C) mean of the samples' values; NaN where none is
-    coverage: Floats  # (H, W) px² that samples cover in each pixel; their areas add up
+    value: Floats  # (H, W) or (H, W, C) mean of the samples' values; NaN where there is none
+    coverage: Floats  # (H, W) px² that samples cover in each pixel, summed
 
 
 class _Seen(NamedTuple):
-    """N samples whose marks meet the grid."""
+    """N samples whose footprints meet the grid."""
 
     place: Doubles  # (N, 2) px
     jacobian: Doubles  # (N, 2, 2)
     value: Floats  # (C, N)
     is_splat: NDArray[np.bool_]  # (N,)
-    low: Doubles  # (N, 2) px, where its mark begins and ends
+    low: Doubles  # (N, 2) px, bounds of the footprint
     high: Doubles
 
 
 @dataclass(frozen=True)
 class Scatter:
-    """Puts scattered samples on a grid; call it with them.
+    """Resampler of scattered samples to a grid; call it with the samples.
 
     Parameters
     ----------
     method
-        `hybrid`: samples longer than a pixel, or than half of one if they are not upright, are
-        splats, the others points; `points`: all are
-        points, which leaves gaps where they lie apart; `splats`: all are elliptical Gaussians.
+        `hybrid`: samples longer than one pixel, or than half a pixel if not axis-aligned, are
+        splats, the others points; `points`: all are points, with gaps where they lie apart;
+        `splats`: all are elliptical Gaussians.
     pixel_filter
-        What points are spread by: a filter plugin's name, with parameters, or a filter. Under the
-        area filter they are boxes as large as the samples, shared by the pixels that they overlap.
+        Filter that spreads points: a plugin's name with parameters, or an object. The area filter
+        makes boxes as large as the samples, divided among the pixels that they overlap.
 
     Raises
     ------
     LookupError, ValueError
-        There is no such method or filter.
+        The method or filter does not exist.
 
     Examples
     --------
@@ -104,32 +104,32 @@ class Scatter:
         plane: ArrayLike | None = None,
         threads: int | None = None,
     ) -> Scattering:
-        """Samples on a grid; the result depends on neither their order nor the threads.
+        """Resample to a grid; the result depends on neither the samples' order nor the threads.
 
         Parameters
         ----------
         position
             (N, 2) x and y, px: pixel (row i, column j) covers [j, j + 1) × [i, i + 1); or
-            coordinates of `plane`. Samples beyond the grid leave there what reaches into it.
+            coordinates of `plane`. Samples beyond the grid contribute where they reach into it.
         value
-            (N,) or (N, C). A sample with a value that is not finite is missing: it has no weight.
+            (N,) or (N, C). A sample with a non-finite value is missing and has no weight.
         shape
             Height and width of the grid, px.
         jacobian
             (2, 2) or (N, 2, 2), px or units of the plane, up to 1e6: its columns are the sides of
-            the parallelogram that a sample covers. This or `radius` is left out.
+            the parallelogram that a sample covers. Give this or `radius`.
         radius
-            Number or (N,), px or units of the plane: samples are discs, of area π radius².
+            Number or (N,), px or units of the plane: samples are discs of area π radius².
         plane
             (3, 3) homography from the plane to pixels, the third coordinate positive in front of
-            the eye; samples behind it, or magnified beyond 1e6 px, are left out. None: pixels.
+            the eye; samples behind it, or magnified beyond 1e6 px, are skipped. None: pixels.
         threads
-            At most this many.
+            Number of threads at most.
 
         Raises
         ------
         ValueError
-            Arrays do not fit together or hold places or extents that are not finite.
+            Arrays do not fit together, or positions or extents are not finite.
         """
         from resample.engine.jit import threads as limited
 
@@ -155,14 +155,14 @@ class Scatter:
 
     @property
     def _taps(self) -> int:
-        """Pixels per side that a point meets; 0 for the area filter."""
+        """Pixels per side that a point covers; 0 for the area filter."""
         is_area = isinstance(self._filter, Area)
         return 0 if is_area else max(1, math.ceil(2.0 * self._filter.radius))
 
     def _seen(
         self, place: Doubles, jacobian: Doubles, value: Floats, shape: tuple[int, int]
     ) -> _Seen:
-        """Samples that have a weight and may reach into the grid (height, width)."""
+        """Samples with a weight that may reach into the grid (height, width)."""
         from resample.engine.surfaces.stamps import RIM
 
         squared = (jacobian**2).sum(axis=2)  # (N, 2) along x and y
@@ -182,7 +182,7 @@ class Scatter:
         )
 
     def _add(self, seen: _Seen, sums: Floats) -> None:
-        """Add samples, neighbours together, to sums (H, W, C + 1)."""
+        """Add samples to sums (H, W, C + 1), neighbours together."""
         from resample.engine.cells.parts import batches, channel_groups, parts_of
         from resample.engine.cells.scattering import Scattered, scatter_parts
         from resample.engine.cells.sums import collect
@@ -206,7 +206,7 @@ class Scatter:
 
 
 def _samples(position: ArrayLike, value: ArrayLike) -> tuple[Doubles, Floats]:
-    """Places (N, 2) and values (C, N), if they fit together."""
+    """Positions (N, 2) and values (C, N), checked to fit together."""
     place = np.asarray(position, np.float64)
     with np.errstate(over="ignore"):
         values = np.asarray(value).astype(np.float32)
@@ -224,9 +224,9 @@ def _samples(position: ArrayLike, value: ArrayLike) -> tuple[Doubles, Floats]:
 
 
 def _jacobians(jacobian: ArrayLike | None, radius: ArrayLike | None, count: int) -> Doubles:
-    """Jacobian of each sample (N, 2, 2); a disc's is that of a square of its area."""
+    """Jacobian of each sample (N, 2, 2); for a disc that of a square of equal area."""
     if (jacobian is None) == (radius is None):
-        raise ValueError("what a sample covers is its jacobian or its radius; give one of them")
+        raise ValueError("a sample has a jacobian or a radius; give one of them")
     if radius is not None:
         sides = np.asarray(radius, np.float64)
         if sides.shape not in ((), (count,)) or not (sides >= 0).all():
@@ -242,7 +242,7 @@ def _jacobians(jacobian: ArrayLike | None, radius: ArrayLike | None, count: int)
 
 
 def _on_screen(place: Doubles, sides: Doubles, plane: ArrayLike | None) -> tuple[Doubles, Doubles]:
-    """Places and Jacobians, px; what cannot be seen lies nowhere."""
+    """Positions and Jacobians in px; invisible samples get infinite positions."""
     if plane is None:
         return place, sides
     matrix = np.asarray(plane, np.float64)
@@ -259,13 +259,13 @@ def _on_screen(place: Doubles, sides: Doubles, plane: ArrayLike | None) -> tuple
 
 
 def _tile(place: Doubles) -> NDArray[np.int64]:
-    """Tiles of places (N, 2), counted along rows; what lies around the grid has some, too."""
+    """Tile numbers of positions (N, 2), row by row; those outside the grid have numbers too."""
     column, row = np.floor(np.clip(place / TILE, -(2.0**20), 2.0**20)).astype(np.int64).T
     return np.asarray(row * 2**22 + column)
 
 
 def _in_order(seen: _Seen) -> _Seen:
-    """Samples in an order that is their own: tile by tile, then by place and by what they are."""
+    """Sort samples independently of their input order: by tile, position and properties."""
     x, y = seen.place.T
     order = np.lexsort((x, y, _tile(seen.place)))
     if (np.diff(seen.place[order], axis=0) == 0).all(axis=1).any():
@@ -276,7 +276,7 @@ def _in_order(seen: _Seen) -> _Seen:
 
 
 def _parts(place: Doubles) -> NDArray[np.int64]:
-    """First sample (B + 1,) of each part: a tile's, at most `MOST`."""
+    """First sample (B + 1,) of each batch: at most `MOST` of one tile."""
     begins = np.ones(len(place), bool)
     begins[1:] = np.diff(_tile(place)) != 0
     start = np.flatnonzero(begins)
@@ -285,7 +285,7 @@ def _parts(place: Doubles) -> NDArray[np.int64]:
 
 
 def _bounds(seen: _Seen, first: NDArray[np.int64], shape: tuple[int, int]) -> NDArray[np.int64]:
-    """Pixels (B, 4) that the marks of parts meet; splats end where the grid does, points beyond."""
+    """Bounds (B, 4) in px of the footprints of batches; splats are clipped to the grid."""
     limit = np.array(shape[::-1], np.float64)
     is_splat = seen.is_splat[:, None]
     low = np.where(is_splat, np.maximum(seen.low, 0.0), seen.low)

@@ -1,1 +1,1 @@
-"""How good pictures are, in numbers and side by side."""
+"""Picture quality, in numbers and side by side."""

@@ -1,4 +1,4 @@
-"""Bars beside a picture that say which value each of its colors means."""
+"""Color bars: legends beside a picture that map colors to values."""
 
 import math
 from collections.abc import Callable
@@ -14,37 +14,37 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 LEAST_HEIGHT = 64  # px
-DPI = 64  # a power of two, so that a figure of whole px has as many
+DPI = 64  # a power of two, so that figures have whole px
 POINTS = 72 / DPI  # a px in points
 DARK, LIGHT = "#1a1a1a", "#e8e8e8"
 BLACK = (0.0, 0.0, 0.0)
 LUMINANCE = (0.2126, 0.7152, 0.0722)
-BRIGHT = 0.18  # luminance from which on dark text is easier to read
+BRIGHT = 0.18  # luminance above which dark text is easier to read
 SIDES = ("left", "center", "right")
-LONGEST = 18  # letters of a title
+LONGEST = 18  # characters of a title
 
-Span = tuple[float, float]  # least and greatest value of a scale
-Ticked = Callable[[Span, float], dict[float, str]]  # as of `ticks_of`
-Form = Literal["colors", "curve", "plane"]  # a strip of them, a curve beside it, or a square
+Span = tuple[float, float]  # minimum and maximum of a scale
+Ticked = Callable[[Span, float], dict[float, str]]  # as `ticks_of`
+Form = Literal["colors", "curve", "plane"]  # a color strip, a strip with a curve, or a square
 
 
 def plain_bar(
     colors: Floats, span: Span, height: int, *, title: str = "", background: Background = BLACK
 ) -> Floats:
-    """Picture of opaque colors, with a scale of their values.
+    """Picture of opaque colors with a scale of their values.
 
     Parameters
     ----------
     colors
-        (N, 3) linear, at even values from the least to the greatest.
+        (N, 3) linear, at equally spaced values from the minimum to the maximum.
     span
-        These two.
+        Minimum and maximum.
     height
         Of the picture, px, at least 64.
     title
-        Above the bar, shortened where it is long.
+        Text above the bar; long titles are shortened.
     background
-        Linear color behind all this. Text is light on dark and dark on light.
+        Linear background color. Text is light on dark and dark on light.
 
     Returns
     -------
@@ -68,16 +68,16 @@ def plain_bar(
 
 
 def with_color_bar(rgba: Floats, bar: Floats, background: Background | None = None) -> Floats:
-    """Picture (H, W + B, 4) with a bar (H, B, 4) to its right.
+    """Picture (H, W + B, 4) with a bar (H, B, 4) on its right.
 
     Parameters
     ----------
     rgba
         (H, W, 4) linear, premultiplied.
     bar
-        Of the same height.
+        Bar of the same height.
     background
-        Linear color to put behind the picture; None leaves it transparent.
+        Linear background color of the picture; None leaves it transparent.
 
     Raises
     ------
@@ -94,13 +94,13 @@ def with_color_bar(rgba: Floats, bar: Floats, background: Background | None = No
 
 
 def check_height(height: int) -> None:
-    """Refuse a height at which nothing could be read."""
+    """Reject a height at which text is illegible."""
     if height < LEAST_HEIGHT:
         raise ValueError(f"a color bar is at least {LEAST_HEIGHT} px high (got {height})")
 
 
 def check_bar(path: Path, height: int) -> None:
-    """Refuse a bar that could not be beside a picture of a height, before any work is done."""
+    """Reject a bar that cannot stand beside a picture of this height, before any work is done."""
     if path.suffix.lower() == ".exr":
         raise ValueError(f"{path}: a color bar has no depth; write a .png, or leave it out")
     if height < LEAST_HEIGHT:
@@ -115,7 +115,7 @@ def ink_on(background: Background) -> str:
 
 
 class Page(NamedTuple):
-    """What stands where, px from the upper left corner."""
+    """Layout in px from the upper left corner."""
 
     height: int
     width: int
@@ -133,7 +133,7 @@ class Page(NamedTuple):
     def of(
         cls, span: Span, height: int, title: str, form: Form, ticked: "Ticked | None" = None
     ) -> "Page":
-        """Page that is as wide as what has to be on it."""
+        """Page just wide enough for its contents."""
         size = float(np.clip(round(4 + 0.017 * height), 8, 36))
         margin = round(0.8 * size)
         shown = title if len(title) <= LONGEST else title[: LONGEST - 1] + "…"
@@ -152,12 +152,12 @@ class Page(NamedTuple):
         return cls(height, width, size, margin, top, bottom, bar, curve, span, ticks, shown)
 
     def row(self, value: Any) -> Any:
-        """Where values are, px from the top."""
+        """Positions of values, px from the top."""
         low, high = self.span
         return self.bottom - (value - low) / (high - low) * (self.bottom - self.top)
 
     def values(self, parts: int) -> Doubles:
-        """Values in the middle of each part of the bar's px, from the top to the bottom."""
+        """Values at the centers of `parts` equal parts of the bar, from top to bottom."""
         count = round(self.bottom - self.top) * parts
         share = (np.arange(count) + 0.5) / count
         return self.span[1] * (1 - share) + self.span[0] * share
@@ -170,7 +170,7 @@ def _around(value: float) -> Span:
 
 
 def ticks_of(span: Span, most: float) -> dict[float, str]:
-    """Round values within a range, and what is written beside them."""
+    """Round values within a range, and their labels."""
     from matplotlib.ticker import MaxNLocator
 
     locator = MaxNLocator(nbins=int(np.clip(most, 2, 10)), steps=[1, 2, 2.5, 5, 10])
@@ -208,7 +208,7 @@ def blank(page: Page, background: Background) -> "Axes":
 
 
 def show(axes: "Axes", page: Page, linear: Floats, ink: str) -> None:
-    """Colors (rows, columns, 3) where the bar is."""
+    """Draw colors (rows, columns, 3) as the bar."""
     left, right = page.bar
     axes.imshow(
         np.round(255 * np.clip(to_srgb(linear), 0, 1)).astype(np.uint8),
@@ -222,7 +222,7 @@ def show(axes: "Axes", page: Page, linear: Floats, ink: str) -> None:
 
 
 def draw_scale(axes: "Axes", page: Page, ink: str) -> None:
-    """Values beside the bar."""
+    """Draw values beside the bar."""
     right = page.curve[1]
     for place, text in page.ticks.items():
         row = page.row(place)
@@ -233,14 +233,14 @@ def draw_scale(axes: "Axes", page: Page, ink: str) -> None:
 def name(
     axes: "Axes", page: Page, span: tuple[float, float], texts: tuple[str, str, str], ink: str
 ) -> None:
-    """What goes from left to right: where it begins, its name and where it ends."""
+    """Draw a horizontal axis: its start, name and end."""
     row = page.bottom + 0.4 * page.type
     for x, text, side in zip((span[0], sum(span) / 2, span[1]), texts, SIDES, strict=True):
         write(axes, page, (x, row), text, ink, va="top", ha=side)
 
 
 def frame(axes: "Axes", page: Page, span: tuple[float, float], ink: str) -> None:
-    """A line around what stands between two columns of px."""
+    """Draw a line around the area between two columns of px."""
     left, right = span
     x, y = (
         [left, right, right, left, left],
@@ -252,7 +252,7 @@ def frame(axes: "Axes", page: Page, span: tuple[float, float], ink: str) -> None
 def write(
     axes: "Axes", page: Page, place: tuple[float, float], text: str, ink: str, **sides: Any
 ) -> None:
-    """Text at a place, px; `sides` are matplotlib's."""
+    """Draw text at a position in px; `sides` are matplotlib's alignments."""
     axes.text(*place, text, fontsize=page.type * POINTS, color=ink, parse_math=False, **sides)
 
 
@@ -262,7 +262,7 @@ def thin(page: Page) -> float:
 
 
 def painted(axes: "Axes", page: Page, ink: str) -> Floats:
-    """The page with its title, as a picture."""
+    """Render the page with its title to a picture."""
     write(axes, page, (page.margin, page.margin), page.title, ink, va="top")
     figure: Any = axes.figure
     canvas = figure.canvas

@@ -1,4 +1,4 @@
-"""Several renderings side by side: tables of numbers and labelled sheets of pictures."""
+"""Comparison of several renderings: tables of numbers and labelled sheets of pictures."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -28,14 +28,14 @@ Row = Mapping[str, object]
 
 
 def shown(image: Floats, background: Background = (0.0, 0.0, 0.0)) -> Floats:
-    """Picture as a screen shows it.
+    """Convert a picture to display colors.
 
     Parameters
     ----------
     image
         (H, W, C) linear light: gray, RGB, or premultiplied with alpha as channel 2 or 4.
     background
-        What is behind it, 3 values of linear light.
+        Background, 3 values of linear light.
 
     Returns
     -------
@@ -55,15 +55,15 @@ def measure_files(
 
     Returns
     -------
-    A row of `resample.measuring.quality.measure` for each file, of the pictures as shown, and the
-    pictures as read, reference first; both by the names of the files.
+    A row of `resample.measuring.quality.measure` for each file, computed on the displayed pictures,
+    and the pictures as read, reference first; both by file name.
 
     Raises
     ------
     OSError
         A file cannot be read.
     ValueError
-        A picture is not of the reference's size.
+        A picture differs in size from the reference.
     """
     target = read_image(reference)
     pictures, rows = {str(reference): target}, []
@@ -76,7 +76,7 @@ def measure_files(
 
 
 def table(rows: Sequence[Row]) -> "Table":
-    """Table for a terminal, a column per key of the first row."""
+    """Table for a terminal, with a column per key of the first row."""
     from rich.table import Table
     from rich.text import Text
 
@@ -89,7 +89,7 @@ def table(rows: Sequence[Row]) -> "Table":
 
 
 def plain(rows: Sequence[Row]) -> str:
-    """Table for a file: lines of aligned columns, a column per key of the first row."""
+    """Table for a file: aligned columns, one per key of the first row."""
     if not rows:
         return ""
     lines = [list(rows[0]), *([_text(value) for value in row.values()] for row in rows)]
@@ -102,7 +102,7 @@ def plain(rows: Sequence[Row]) -> str:
 
 
 def check_sheet(path: str | Path) -> None:
-    """Refuse a name that `contact_sheet` would refuse, before any work is done."""
+    """Reject a name that `contact_sheet` would reject, before any work is done."""
     if Path(path).suffix.lower() != ".png":
         raise ValueError(f"{path}: contact sheets are written as .png")
 
@@ -115,7 +115,7 @@ def contact_sheet(
     captions: Mapping[str, str] | None = None,
     zoom: int | None = None,
 ) -> None:
-    """Write pictures with their names as one PNG, each pixel of a picture as a square of pixels.
+    """Write pictures with their titles to one PNG, each pixel enlarged to a square.
 
     Parameters
     ----------
@@ -124,11 +124,11 @@ def contact_sheet(
     path
         Target, `.png`.
     columns
-        Pictures in a row; None chooses.
+        Pictures per row; None: chosen automatically.
     captions
-        A line of text below a picture, by title.
+        Line of text below a picture, by title.
     zoom
-        Edge of a pixel's square; None enlarges small pictures to `SMALLEST` px or more.
+        Side of a pixel's square; None enlarges small pictures to `SMALLEST` px or more.
 
     Raises
     ------
@@ -155,7 +155,7 @@ def contact_sheet(
 
 
 class _Layout(NamedTuple):
-    """Where the pictures of a sheet stand, px."""
+    """Positions of the pictures on a sheet, px."""
 
     columns: int
     rows: int
@@ -172,14 +172,14 @@ class _Layout(NamedTuple):
         return MARGIN + self.rows * (self.cell_height + 2 * LINE + MARGIN)
 
     def corner(self, cell: int) -> tuple[int, int]:
-        """Left and top of a picture."""
+        """Left and top of a cell's picture."""
         row, column = divmod(cell, self.columns)
         left = MARGIN + column * (self.cell_width + MARGIN)
         return left, MARGIN + LINE + row * (self.cell_height + 2 * LINE + MARGIN)
 
 
 def enlarged(detail: Floats, side: int) -> Floats:
-    """Detail of a picture with every pixel as a square, as large as fits into a side."""
+    """Enlarge each pixel of a detail to a square; as large as fits into `side`."""
     zoom = max(1, side // max(detail.shape[:2]))
     return np.repeat(np.repeat(detail, zoom, 0), zoom, 1)
 
@@ -205,7 +205,7 @@ def _blank(layout: _Layout) -> "Figure":
 
 
 def _write_text(figure: "Figure", layout: _Layout, corner: tuple[float, float], text: str) -> None:
-    """Put a line of text with its top left corner at a point, shortened to the cell's width."""
+    """Draw a line of text at its top left corner, shortened to the cell's width."""
     room = max(4, int(layout.cell_width / 6.5))  # characters of 10 px type
     text = visible(text)
     short = text if len(text) <= room else "…" + text[1 - room :]

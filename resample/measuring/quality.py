@@ -1,7 +1,7 @@
-"""How far a picture is from its reference, in numbers.
+"""Image quality metrics: differences of a picture from its reference.
 
-Pictures are (H, W, C) or (H, W). PSNR, RMS and the largest difference take values of any meaning;
-SSIM and FLIP model an eye and take what a screen is sent: sRGB-encoded values in 0..1.
+Pictures are (H, W, C) or (H, W). PSNR, RMS and the largest difference accept any values; SSIM and
+FLIP model human vision and take display values: sRGB-encoded, 0..1.
 """
 
 import math
@@ -15,12 +15,12 @@ Picture = NDArray[Any]
 # FLIP's reference viewer: a 0.7 m wide display of 3840 px, seen from 0.7 m.
 PIXELS_PER_DEGREE = 67.02
 
-# Structural similarity's constants for values of 0 to 255, which keep dark and even places calm.
+# Constants of structural similarity for values 0..255; they stabilise dark and uniform areas.
 LIGHT, CONTRAST = (0.01 * 255.0) ** 2, (0.03 * 255.0) ** 2
 
 
 def measure(image: Picture, reference: Picture) -> dict[str, float]:
-    """All measures at once.
+    """Compute all metrics.
 
     Parameters
     ----------
@@ -44,9 +44,9 @@ def measure(image: Picture, reference: Picture) -> dict[str, float]:
 def psnr(a: Picture, b: Picture, peak: float = 1.0, mask: NDArray[np.bool_] | None = None) -> float:
     """Peak signal-to-noise ratio, dB; inf for equal pictures.
 
-    Parameters
+    Largest possible value.
     ----------
-    a, b
+    (H, W) pixels to compare; None: all.
         Pictures of one shape.
     peak
         Largest value that a picture can have.
@@ -63,7 +63,7 @@ def psnr(a: Picture, b: Picture, peak: float = 1.0, mask: NDArray[np.bool_] | No
 
 
 def rms(a: Picture, b: Picture, mask: NDArray[np.bool_] | None = None) -> float:
-    """Root of the mean squared difference over all values; `mask` as in `psnr`."""
+    """Root mean squared difference over all values; `mask` as in `psnr`."""
     difference = _difference(a, b)
     if mask is not None:
         if mask.shape != a.shape[:2] or not mask.any():
@@ -73,7 +73,7 @@ def rms(a: Picture, b: Picture, mask: NDArray[np.bool_] | None = None) -> float:
 
 
 def largest(a: Picture, b: Picture) -> float:
-    """Largest difference of two values."""
+    """Largest absolute difference."""
     return float(np.abs(_difference(a, b)).max())
 
 
@@ -93,17 +93,17 @@ def ssim(a: Picture, b: Picture) -> float:
 
 
 def _windowed(picture: Any) -> Any:
-    """Means under the window of structural similarity, which all builds of OpenCV have."""
+    """Means under the window of structural similarity, with functions in all builds of OpenCV."""
     import cv2
 
     return cv2.GaussianBlur(picture, (11, 11), 1.5)
 
 
 def flip(a: Picture, b: Picture) -> float:
-    """Mean visible difference when one picture is flipped to the other and back; 0 is none.
+    """Mean visible difference when alternating between two pictures; 0 is none.
 
     Andersson et al., FLIP: A Difference Evaluator for Alternating Images, 2020 (the LDR variant).
-    Gray pictures count as equal red, green and blue; further channels are left out.
+    Gray pictures are treated as equal red, green and blue; further channels are ignored.
     """
     import OpenImageIO
 
@@ -117,7 +117,7 @@ def flip(a: Picture, b: Picture) -> float:
 
 
 def _tagged(picture: Picture) -> Any:
-    """Buffer of three channels that says that it is sRGB-encoded: FLIP takes others as linear."""
+    """Three-channel buffer marked as sRGB-encoded; FLIP takes unmarked ones as linear."""
     import OpenImageIO
 
     rgb = picture[..., :3] if _channels(picture) >= 3 else np.repeat(_gray(picture), 3, axis=2)

@@ -1,9 +1,8 @@
-"""Does it fit into memory? Asked before anything large is allocated.
+"""Memory budgets: check whether work fits before anything large is allocated.
 
-A command adds up what its work will hold at its height (`require`): the libraries, what is read,
-what is made of it, the picture and its copies. The sum is said with `RESAMPLE_LOG=debug`, and
-refused where it is more than `--memory`, or more than is free. Beside it stands, in the end, what
-the process really held (`held_at_most`).
+A command adds up its peak memory (`require`): libraries, input, intermediate data, the picture and
+its copies. `RESAMPLE_LOG=debug` logs the sum; it is rejected if it exceeds `--memory` or the
+free memory. The log ends with the actual peak (`held_at_most`).
 """
 
 import logging
@@ -15,8 +14,8 @@ from contextvars import ContextVar
 from pathlib import Path
 
 GIB = 1 << 30
-GIVEN_BACK = 8 << 20  # bytes from which on arrays go back to the machine when they are freed
-# Bytes of addresses, and of data, that libraries and their threads take without holding memory.
+GIVEN_BACK = 8 << 20  # bytes above which freed arrays are returned to the system
+# Bytes of address space and of data that libraries and their threads reserve without using.
 OF_ADDRESSES, OF_DATA = 1 << 30, 400 << 20
 M_MMAP_THRESHOLD = -3  # of glibc's mallopt
 LOG = logging.getLogger("resample")
@@ -24,23 +23,23 @@ ALLOWED: ContextVar[int | None] = ContextVar("allowed", default=None)
 
 
 def give_back() -> None:
-    """Let this process give large arrays back to the machine when they are freed.
+    """Return large arrays to the system as soon as they are freed.
 
-    By itself glibc holds on to arrays of up to 32 MiB, in each thread. Does nothing elsewhere.
+    By default glibc keeps arrays of up to 32 MiB in each thread. No effect elsewhere.
     """
     _tell_glibc("mallopt", M_MMAP_THRESHOLD, GIVEN_BACK)
 
 
 def trim() -> None:
-    """Give what was freed back to the machine now, of arrays of any size and in all threads.
+    """Return all freed memory to the system now, for all threads and array sizes.
 
-    For between two parts of work that each take much. Does nothing where there is no glibc.
+    Useful between two stages that both need much memory. No effect without glibc.
     """
     _tell_glibc("malloc_trim", 0)
 
 
 def _tell_glibc(name: str, *numbers: int) -> None:
-    """Call a function of glibc's, if this is one."""
+    """Call a function of glibc, if the platform uses it."""
     import ctypes
 
     with suppress(AttributeError, OSError, TypeError):
@@ -48,7 +47,7 @@ def _tell_glibc(name: str, *numbers: int) -> None:
 
 
 def physical_memory() -> int | None:
-    """Bytes of memory this machine has; None where the platform does not tell."""
+    """Bytes of physical memory; None if the platform does not tell."""
     try:
         return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     except (AttributeError, ValueError, OSError):
@@ -56,7 +55,7 @@ def physical_memory() -> int | None:
 
 
 def available_memory() -> int | None:
-    """Bytes of memory that programs can have now; None where the platform does not tell."""
+    """Bytes of memory available to programs now; None if the platform does not tell."""
     try:
         text = Path("/proc/meminfo").read_text(encoding="ascii")
         kib = next(line for line in text.splitlines() if line.startswith("MemAvailable:"))
@@ -76,38 +75,38 @@ def available_memory() -> int | None:
 
 
 def bytes_of(text: str) -> int:
-    """Bytes of a text such as 2GiB, 512MB or 1.5G.
+    """Parse an amount of memory such as 2GiB, 512MB or 1.5G to bytes.
 
     Raises
     ------
     ValueError
-        It is none.
+        The text is not an amount of memory.
     """
     found = re.fullmatch(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*([KMGT])(i?)B?\s*", text, re.IGNORECASE)
     number = float(found[1]) if found else 0.0
     if found is None or not number > 0:
-        raise ValueError(f"{text!r} is no amount of memory; give one such as 2GiB or 500MB")
+        raise ValueError(f"{text!r} is not an amount of memory; give one such as 2GiB or 500MB")
     power = "KMGT".index(found[2].upper()) + 1
     return int(number * (1024 if found[3] else 1000) ** power)
 
 
 def amount(count: int) -> str:
-    """Bytes for a user's eyes."""
+    """Format bytes for the user."""
     return f"{count / GIB:.2f} GiB" if count >= GIB / 10 else f"{count / (1 << 20):.2f} MiB"
 
 
 def held() -> int:
-    """Bytes of memory that this process has now; 0 where the platform does not tell."""
+    """Bytes of memory that this process holds now; 0 if the platform does not tell."""
     return _of_status("VmRSS")
 
 
 def held_at_most() -> int:
-    """Bytes of memory that this process had at its height; 0 where the platform does not tell."""
+    """Peak memory of this process in bytes; 0 if the platform does not tell."""
     return _of_status("VmHWM")
 
 
 def held_of_files() -> int:
-    """Bytes of files that are in the memory of this process now; 0 where that is not told."""
+    """Bytes of files that are mapped into memory now; 0 if the platform does not tell."""
     return _of_status("RssFile")
 
 
@@ -122,12 +121,12 @@ def _of_status(name: str) -> int:
 
 @contextmanager
 def allowing(memory: str | None) -> Iterator[None]:
-    """Let work within this block hold so much memory, as `--memory` has it; None: what is free.
+    """Limit the memory of work in this block, as `--memory` does; None: all free memory.
 
     Raises
     ------
     ValueError
-        It is no amount, or the limits of the process leave no room for libraries.
+        It is not an amount, or the limits of the process leave too little for libraries.
     """
     check_limits()
     token = ALLOWED.set(None if memory is None else bytes_of(memory))
@@ -138,12 +137,12 @@ def allowing(memory: str | None) -> Iterator[None]:
 
 
 def check_limits() -> None:
-    """Refuse to begin in a process whose limits end it while libraries are loaded.
+    """Reject limits of the process that would end it while libraries are loaded.
 
     Raises
     ------
     ValueError
-        They leave no room.
+        They leave too little memory.
     """
     if _limit() == 0:
         raise ValueError(
@@ -153,26 +152,26 @@ def check_limits() -> None:
 
 
 def allow(count: int) -> None:
-    """Let work hold so many bytes, from here to the end of the block of `allowing` around it."""
+    """Set the limit in bytes until the end of the enclosing block of `allowing`."""
     ALLOWED.set(count)
 
 
 def require(what: str, parts: dict[str, int], remedy: str) -> None:
-    """Say (DEBUG) what work will hold at its height, and refuse what is not allowed.
+    """Log (DEBUG) the peak memory of some work, and reject it if it is not allowed.
 
     Parameters
     ----------
     what
         Name of the work for the message.
     parts
-        Bytes by what they are for; libraries are one of them.
+        Bytes by name; libraries are one of the names.
     remedy
         What to do about it, for the message.
 
     Raises
     ------
     ValueError
-        It is more than `--memory` allows, or than is free beside what the process holds already.
+        It is more than `--memory` allows, or than is free or already held by the process.
 
     Examples
     --------
@@ -202,7 +201,7 @@ def require(what: str, parts: dict[str, int], remedy: str) -> None:
 
 
 def _limit() -> int | None:
-    """Bytes that the limits of this process let it hold; None if there are none."""
+    """Bytes that the limits of this process allow; None if there are none."""
     try:
         import resource
     except ImportError:  # Windows
@@ -214,7 +213,7 @@ def _limit() -> int | None:
 
 
 def _free() -> int | None:
-    """Bytes that this process can have, with those that it has; None if the platform is silent."""
+    """Bytes free or already held by this process; None if the platform does not tell."""
     free, installed = available_memory(), physical_memory()
     if free is None or installed is None:
         return None
@@ -222,12 +221,12 @@ def _free() -> int | None:
 
 
 def require_memory(count: int, what: str, remedy: str) -> None:
-    """Refuse what cannot fit, however long one waits; what it needs is logged (DEBUG).
+    """Reject work that can never fit into this machine; its need is logged (DEBUG).
 
     Parameters
     ----------
     count
-        Bytes that will be held at once.
+        Bytes held at the same time.
     what
         Name for the message.
     remedy
@@ -236,7 +235,7 @@ def require_memory(count: int, what: str, remedy: str) -> None:
     Raises
     ------
     ValueError
-        `--memory` allows less, or the machine has less, used or not.
+        `--memory` allows less, or the machine's total memory is smaller.
     """
     LOG.debug("%s: %.3g GiB of memory", what, count / GIB)
     allowed, installed = ALLOWED.get(), physical_memory()

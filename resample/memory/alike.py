@@ -1,4 +1,4 @@
-"""Arrays made alike before kernels see them, which are compiled anew for each kind."""
+"""Normalize arrays for kernels, which are compiled for each array type and layout."""
 
 from typing import TypeVar
 
@@ -9,9 +9,9 @@ Number = TypeVar("Number", bound=np.generic)
 
 
 def alike(given: ArrayLike, kind: type[Number]) -> NDArray[Number]:
-    """Array of a type, in C order, which may be written to; a copy if it was anything else.
+    """Writable C-ordered array of a type; a copy unless it already is one.
 
-    It is of no subclass. What is masked is not a number.
+    The result is a plain ndarray. Masked elements become NaN.
 
     Examples
     --------

@@ -1,8 +1,8 @@
-"""Arrays that memory does not hold, in files of which the machine has some pages in memory.
+"""Arrays larger than memory, mapped to files of which some pages are in memory.
 
-Who reads or writes such an array need not know. A thread beside lets pages go when more of them are
-in memory than may be: what was written to them is in the file, which has no name and ends with the
-array, however the process ends.
+Readers and writers use them as ordinary arrays. A thread releases pages when more than the budget
+are in memory: their contents are in the file. The file has no name and disappears with the array,
+however the process ends.
 """
 
 import logging
@@ -24,15 +24,15 @@ from resample.memory import ALLOWED, amount, available_memory, held_of_files
 
 LOG = logging.getLogger("resample")
 FOLDER_VARIABLE = "HYBRID_RESAMPLE_CACHE"
-OFTEN = 0.01  # seconds between two looks at how much is in memory
-SPARE = 1 << 26  # bytes that a disk is left with
+OFTEN = 0.01  # seconds between two checks of the pages in memory
+SPARE = 1 << 26  # bytes to leave free on the disk
 
 
 class _Held(NamedTuple):
-    """What is known of a file."""
+    """Properties of a mapped file."""
 
-    most: int  # bytes of pages of all files, that may be in memory
-    others: int  # bytes of pages of other files, libraries above all
+    most: int  # bytes of pages in memory, of all files together, at most
+    others: int  # bytes of pages of other files, mostly libraries
 
 
 _held: "WeakKeyDictionary[mmap.mmap, _Held]" = WeakKeyDictionary()
@@ -41,28 +41,28 @@ _thread: Thread | None = None
 
 
 def folder() -> Path:
-    """Where files are: the user's cache, or the folder that HYBRID_RESAMPLE_CACHE names."""
+    """Folder for the files: the user's cache, or the one named by HYBRID_RESAMPLE_CACHE."""
     from platformdirs import user_cache_dir
 
     return Path(os.environ.get(FOLDER_VARIABLE) or user_cache_dir("hybrid-resample"))
 
 
 def array_in_file(shape: tuple[int, ...], kind: DTypeLike, most: int, what: str) -> NDArray[Any]:
-    """Array of zeros in a file.
+    """Create an array of zeros in a file.
 
     Parameters
     ----------
     shape, kind
-        Of the array.
+        Shape and type of the array.
     most
-        Bytes of it, and of all others in files, that may be in memory.
+        Budget in bytes for the pages in memory of all arrays in files.
     what
-        Name of it for the message.
+        Name of the array for the message.
 
     Raises
     ------
     ValueError
-        The disk has no room for it, or nothing may be written there.
+        The disk is full, or the folder is not writable.
 
     Examples
     --------
@@ -81,12 +81,12 @@ def array_in_file(shape: tuple[int, ...], kind: DTypeLike, most: int, what: str)
 
 
 def array_where_it_fits(shape: tuple[int, ...], kind: DTypeLike, what: str) -> NDArray[Any]:
-    """Array in memory or, where it would take more than half of what may be taken, in a file.
+    """Create an array in memory or, if it exceeds half of the memory limit, in a file.
 
     Raises
     ------
     ValueError
-        As of `array_in_file`.
+        As in `array_in_file`.
     """
     dtype = np.dtype(kind)
     most = pages_of(prod(shape) * dtype.itemsize)
@@ -99,7 +99,7 @@ def array_where_it_fits(shape: tuple[int, ...], kind: DTypeLike, what: str) -> N
 
 
 def pages_of(size: int) -> int | None:
-    """Bytes of pages of so large an array that memory takes, if it is in a file; else None."""
+    """Bytes in memory of an array of this size, if it would be in a file; else None."""
     allowed = ALLOWED.get() or available_memory()
     return None if allowed is None or 2 * size <= allowed else allowed // 4
 
@@ -107,24 +107,24 @@ def pages_of(size: int) -> int | None:
 def array_like(
     values: NDArray[Any], shape: tuple[int, ...], kind: DTypeLike, what: str
 ) -> NDArray[Any]:
-    """Array for what is made of values: in memory, or in a file if these are in one.
+    """Create an array for results of others: in a file if one of them is in a file.
 
     Raises
     ------
     ValueError
-        As of `array_in_file`.
+        As in `array_in_file`.
     """
     held = _of(values)
     return np.empty(shape, kind) if held is None else array_in_file(shape, kind, held.most, what)
 
 
 def is_in_file(values: NDArray[Any]) -> bool:
-    """Whether an array, or what it is a part of, is one from here."""
+    """Whether an array, or the array it is a view of, is mapped to a file here."""
     return _of(values) is not None
 
 
 def most_of(values: NDArray[Any]) -> int | None:
-    """Bytes of pages that may be in memory, of an array in a file; None of any other."""
+    """Budget in bytes for the pages of an array in a file; None for any other array."""
     held = _of(values)
     return None if held is None else held.most
 
@@ -137,7 +137,7 @@ def _of(values: Any) -> _Held | None:
 
 
 def _mapping_of(size: int, what: str) -> mmap.mmap:
-    """So many bytes of a file without a name, which a full disk cannot take back."""
+    """Map a nameless file whose disk space is reserved."""
     place = folder()
     try:
         place.mkdir(parents=True, exist_ok=True)
@@ -153,12 +153,12 @@ def _mapping_of(size: int, what: str) -> mmap.mmap:
 
 
 def _claim(file: int, size: int, place: Path) -> None:
-    """Give a file its size, and the disk's room for it.
+    """Resize a file and reserve its disk space.
 
     Raises
     ------
     OSError
-        There is none.
+        The disk is full.
     """
     import shutil
 
@@ -172,7 +172,7 @@ def _claim(file: int, size: int, place: Path) -> None:
 
 
 def _watch() -> None:
-    """Begin to let pages go, if the platform can and nothing does so yet."""
+    """Start the thread that releases pages, if the platform supports it."""
     global _thread  # noqa: PLW0603 - one for all arrays of the process
     if not hasattr(mmap.mmap, "madvise") or not held_of_files():
         return
@@ -182,7 +182,7 @@ def _watch() -> None:
 
 
 def _let_go() -> None:
-    """Let go of pages as long as there are arrays."""
+    """Release pages as long as there are arrays."""
     global _thread  # noqa: PLW0603
     while True:
         time.sleep(OFTEN)
@@ -198,12 +198,12 @@ def _let_go() -> None:
 
 def _drop_pages() -> None:
     for file in list(_held):
-        with suppress(ValueError):  # it was closed
+        with suppress(ValueError):  # the mapping was closed
             file.madvise(mmap.MADV_DONTNEED)
 
 
 def _after_fork() -> None:
-    """Begin anew in a child, whose threads are gone."""
+    """Restart in a child process, which has no threads."""
     global _lock, _thread
     _lock, _thread = Lock(), None
     _watch()

@@ -1,1 +1,1 @@
-"""Samples to pictures: checked, seen by a camera, in runs of neighbours, painted."""
+"""Paint samples to pictures: validation, projection, grouping into runs, painting."""

@@ -1,10 +1,10 @@
-"""What a renderer can be asked for."""
+"""Options of a renderer, as enumerations."""
 
 from enum import StrEnum
 
 
 class Primitive(StrEnum):
-    """What samples are painted as.
+    """Primitives that samples are painted as.
 
     Examples
     --------
@@ -16,11 +16,11 @@ class Primitive(StrEnum):
     """
 
     HYBRID = "hybrid"  # points on fine sub-pixels where they shrink, splats where they grow
-    POINTS = "points"  # all of them points
-    SPLATS = "splats"  # all of them splats, one ray per pixel
-    PAPER = "paper"  # the paper's form: threshold 1 px, points summed at the size of pixels
-    INFLATE = "inflate"  # splats made so large that neighbours are a pixel apart (Swan 1997)
-    EWA = "ewa"  # splats under the pixel's filter (Zwicker 2001)
+    POINTS = "points"  # only points
+    SPLATS = "splats"  # only splats, one ray per pixel
+    PAPER = "paper"  # as published: threshold 1 px, points summed at pixel resolution
+    INFLATE = "inflate"  # splats enlarged so that neighbours are a pixel apart (Swan 1997)
+    EWA = "ewa"  # splats convolved with the pixel filter (Zwicker 2001)
 
 
 class Footprint(StrEnum):
@@ -42,8 +42,8 @@ class Footprint(StrEnum):
     DISC = "disc"
 
 
-WIDENED = (Primitive.INFLATE, Primitive.EWA)  # their ellipses are affine
-SCALED = (Primitive.HYBRID, Primitive.POINTS, Primitive.SPLATS)  # whose samples may differ in size
+WIDENED = (Primitive.INFLATE, Primitive.EWA)  # with affine ellipses
+SCALED = (Primitive.HYBRID, Primitive.POINTS, Primitive.SPLATS)  # samples may differ in size
 FOOTPRINTS = {
     primitive: [Footprint.AFFINE] if primitive in WIDENED else list(Footprint)
     for primitive in Primitive
@@ -51,7 +51,7 @@ FOOTPRINTS = {
 
 
 class Opacity(StrEnum):
-    """How a splat's line integral becomes opacity.
+    """Conversion of a splat's line integral to opacity.
 
     Examples
     --------
@@ -62,24 +62,24 @@ class Opacity(StrEnum):
     'linear'
     """
 
-    EXACT = "exact"  # 1 − exp(−τ F): transmittances multiply to the field's own
-    LINEAR = "linear"  # classic splatting's α F
+    EXACT = "exact"  # 1 − exp(−τ F): transmittances multiply to that of the field
+    LINEAR = "linear"  # α F of classic splatting
 
 
 class Projection(StrEnum):
-    """What a pixel shows of the field along its ray; all but the first need a `Field`."""
+    """What a pixel shows of the field along its ray; all but COMPOSITE need a `Field`."""
 
-    COMPOSITE = "composite"  # light that comes through what lies in front
-    MAXIMUM = "maximum"  # the largest value
-    AVERAGE = "average"  # the mean value
-    ADDITIVE = "additive"  # the sum of values times length
-    FIRST_HIT = "first-hit"  # the surface on which the field first passes a value
-    MINIMUM = "minimum"  # the least value; along rays alone
-    XRAY = "xray"  # additive, of attenuations; applications make them of values, and grays of sums
+    COMPOSITE = "composite"  # light, attenuated by what lies in front
+    MAXIMUM = "maximum"  # maximum value
+    AVERAGE = "average"  # mean value
+    ADDITIVE = "additive"  # sum of values times length
+    FIRST_HIT = "first-hit"  # the first isosurface
+    MINIMUM = "minimum"  # minimum value; along rays only
+    XRAY = "xray"  # additive, of attenuations derived from values by applications
 
 
 SUMS = (Projection.ADDITIVE, Projection.XRAY)
-WHOLE = SUMS  # whose pixels depend on all others
+WHOLE = SUMS  # every pixel depends on all others
 MEASURING = (Projection.MAXIMUM, Projection.AVERAGE, Projection.MINIMUM, *SUMS)
 OWN_FOOTPRINT = {
     Primitive.PAPER: Footprint.CORRECTED,
@@ -89,6 +89,6 @@ OWN_FOOTPRINT = {
 
 
 def number_of(projection: Projection) -> int:
-    """Projection as kernels know it."""
+    """Number of a projection in kernels."""
     one = Projection.ADDITIVE if projection is Projection.XRAY else projection
     return list(Projection).index(one)

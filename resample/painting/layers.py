@@ -1,15 +1,15 @@
-"""Samples in the layers of a compositing order."""
+"""Layers of samples in a compositing order."""
 
 import numpy as np
 
 from resample.profiles.orders import CompositingOrder, Summing
 from resample.types import Doubles, Floats, Layers, Sheets, View
 
-CHUNKS = 64  # of samples that are looked at in one task
+CHUNKS = 64  # of samples per task
 
 
 def layers_of(order: CompositingOrder, position: Floats, view: View, lattice: Doubles) -> Layers:
-    """Layers by an order, the first of which begins where samples at a position (N, 3) do."""
+    """Layers of an order, of which the first begins at the first of the samples (N, 3)."""
     layers = order(view, lattice)
     if not layers.begins_at_first:
         return layers
@@ -26,7 +26,7 @@ def layers_of(order: CompositingOrder, position: Floats, view: View, lattice: Do
 
 
 def sheets_of(layers: Layers, summing: Summing, position: Floats, view: View) -> Sheets:
-    """Key and sheet of samples at a position (N, 3), as painters find them."""
+    """Keys and sheets of samples (N, 3), as painters compute them."""
     from resample.engine.layers import fill_layers
 
     count = len(position)

@@ -1,41 +1,41 @@
-"""Meshes made ready for rays: triangles that lie near each other, in a tree of boxes."""
+"""Prepare meshes for ray casting: sort triangles spatially and build a tree of boxes."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Doubles, Indices, Triangles
 
-STEPS = 2**20  # along each axis, by which middles of triangles are sorted
-WIDER = 1e-9  # of the extent, by which boxes are wider than what is in them
+STEPS = 2**20  # along each axis, to which centers of triangles are quantised
+WIDER = 1e-9  # fraction of the extent by which boxes are enlarged
 
 
 def mesh_of(
     corner: Doubles, normal: Doubles, color: Doubles, face: Indices, opacity: Doubles
 ) -> Triangles:
-    """Triangles as rays meet them.
+    """Build triangles for ray casting.
 
     Parameters
     ----------
     corner
         (V, 3) scene units.
     normal
-        (V, 3) of any length; where it has none, a surface is not lit and its color is what is seen.
+        (V, 3) of any length; where zero, a surface is not lit and shows its own color.
     color
         (V, 3) straight linear RGB.
     face
-        (T, 3) corners of triangles.
+        (T, 3) indices of corners.
     opacity
         (T,) 0..1.
 
     Raises
     ------
     ValueError
-        A corner is not finite, or there is no such corner.
+        A corner is not finite, or an index is out of range.
     """
     if not np.isfinite(corner).all():
         raise ValueError("a mesh has corners that are not finite numbers; take them out")
     if face.size and not (face.min() >= 0 and face.max() < len(corner)):
-        raise ValueError(f"a mesh of {len(corner)} corners has triangles of others")
+        raise ValueError(f"a mesh of {len(corner)} corners has triangles with other indices")
     length = np.linalg.norm(normal, axis=1, keepdims=True)
     unit = np.divide(normal, length, out=np.zeros(normal.shape), where=length > 0)
     order = _order(corner[face].mean(axis=1))
@@ -51,7 +51,7 @@ def mesh_of(
 
 
 def _order(middle: Doubles) -> NDArray[np.int64]:
-    """Order along Morton's curve, which keeps together what lies together."""
+    """Indices in Morton order, which keeps neighbours together."""
     low = middle.min(axis=0, initial=np.inf)
     extent = max(float((middle.max(axis=0, initial=-np.inf) - low).max()), 1e-300)
     step = np.minimum((middle - low) * (STEPS / extent), STEPS - 1).astype(np.uint64)
@@ -64,7 +64,7 @@ def _order(middle: Doubles) -> NDArray[np.int64]:
 
 
 def _boxes(triangle: Doubles) -> Doubles:
-    """Tree of boxes (2 L, 6) around triangles (T, 3, 3) in their order."""
+    """Tree of boxes (2 L, 6) around triangles (T, 3, 3), in their order."""
     from resample.engine.rays.meshes import LEAF
 
     if not len(triangle):

@@ -1,4 +1,4 @@
-"""What a whole picture has in common, so that parts of it can be painted by themselves."""
+"""Plans: properties of a whole picture, from which parts of it can be painted separately."""
 
 import operator
 from collections.abc import Iterable, Sequence
@@ -8,15 +8,15 @@ import numpy as np
 
 from resample.types import Floats, Layers, Single
 
-SPLATS, POINTS, MIXTURE = "splats", "points", "mixture"  # painters
+SPLATS, POINTS, MIXTURE = "splats", "points", "mixture"  # names of painters
 
-Window = tuple[int, int, int, int]  # x0, y0, x1, y1, px of the whole picture; the last two beyond
-NOTHING: Window = (0, 0, 0, 0)  # is painted where a plan alone is asked for
+Window = tuple[int, int, int, int]  # x0, y0, x1, y1, px of the whole picture; the end is exclusive
+NOTHING: Window = (0, 0, 0, 0)  # window for a plan without a picture
 LARGEST_PICTURE = 2**28  # px
 
 
 class PicturePlan(NamedTuple):
-    """What of a picture depends on all of its samples: found once, given to each window.
+    """Properties of a picture that depend on all its samples; found once, given to each window.
 
     Examples
     --------
@@ -34,52 +34,52 @@ class PicturePlan(NamedTuple):
 
     painter: str  # "splats", "points" or "mixture"
     size: tuple[int, int]  # height and width of the whole picture, px
-    tile: int  # px, side of a tile; windows that end between tiles paint more than they show
-    margin: float  # px around a tile in which samples have part in it
-    least: Single  # px, spacing of samples
-    most: Single  # px, likewise
-    farthest: float  # greatest size of a key, as its order counts
-    strongest: float  # extinction of a sample, per scene unit
+    tile: int  # px, side of a tile; windows that end inside a tile paint all of it
+    margin: float  # px around a tile from which samples contribute
+    least: Single  # px, smallest spacing of samples
+    most: Single  # px, largest spacing of samples
+    farthest: float  # largest absolute key, in the order's units
+    strongest: float  # largest extinction of a sample, per scene unit
     layers: Layers
     bounds: tuple[float, float, float, float]  # left, top, right, bottom of samples, px
-    seen: int  # samples that can be seen
-    spacing: Floats | None = None  # (T,) as fine as what each tile shows; None: windows find it
+    seen: int  # visible samples
+    spacing: Floats | None = None  # (T,) smallest spacing in each tile; None: windows find it
 
     def merged(self, others: Iterable["PicturePlan"]) -> "PicturePlan":
-        """Plan of a picture whose samples were looked at part by part.
+        """Merge plans of parts of a picture's samples.
 
         Raises
         ------
         ValueError
-            Parts are painted in different ways, or by bounds that depend on how they were cut.
+            Parts have different painters, or bounds that depend on the partition.
         """
         plans = [plan for plan in (self, *others) if plan.seen] or [self]
         if any(plan.painter != SPLATS for plan in plans):
             raise ValueError(
-                "some samples are so close that they are painted as points; who paints all of them "
-                "is said by `Resampler.plan_of` of `plans` of each part"
+                "some samples are so close that they are painted as points; the painter of all "
+                "is found by `Resampler.plan_of` from `plans` of each part"
             )
         return together([self, *others])
 
 
 class PlansOfPart(NamedTuple):
-    """What some of a picture's samples say of it, whoever turns out to paint all of them.
+    """Plans of some of a picture's samples, one per possible painter.
 
-    None: was not asked for, or nobody paints them so. `Resampler.plan_of` makes one plan of many.
+    None: not requested, or impossible. `Resampler.plan_of` combines those of all parts.
     """
 
-    splats: PicturePlan | None  # as if all were splats of exact footprint
+    splats: PicturePlan | None  # as if all were splats with exact footprints
     points: PicturePlan | None  # as if all were points
-    mixture: PicturePlan | None  # as if they were of all kinds
+    mixture: PicturePlan | None  # as if they were a mixture of both
 
     @property
     def seen(self) -> int:
-        """Samples that can be seen, by who counts most."""
+        """Number of visible samples, the largest of all plans."""
         return max(plan.seen for plan in self if plan is not None)
 
 
 def together(plans: Sequence[PicturePlan]) -> PicturePlan:
-    """Plan of all samples of some plans of one painter."""
+    """Plan of all samples, from plans of parts by the same painter."""
     seen = [plan for plan in plans if plan.seen] or plans[:1]
     sides = np.array([plan.bounds for plan in seen])
     low, high = sides[:, :2].min(axis=0), sides[:, 2:].max(axis=0)
@@ -89,7 +89,7 @@ def together(plans: Sequence[PicturePlan]) -> PicturePlan:
         most=max(plan.most for plan in seen),
         farthest=max(plan.farthest for plan in seen),
         strongest=max(plan.strongest for plan in plans),
-        # Where layers begin at the first sample, it is that of the plan whose places are greatest.
+        # If layers begin at the first sample, it is that of the plan with the greatest places.
         layers=max((plan.layers for plan in plans), key=lambda layers: layers.offset),
         bounds=(float(low[0]), float(low[1]), float(high[0]), float(high[1])),
         seen=sum(plan.seen for plan in seen),
@@ -98,12 +98,12 @@ def together(plans: Sequence[PicturePlan]) -> PicturePlan:
 
 
 def checked_window(window: Window, height: int, width: int) -> Window:
-    """Window of a picture of that size, px.
+    """Check a window of a picture of a size in px.
 
     Raises
     ------
     ValueError
-        It is none.
+        It is not a window of the picture.
     """
     try:
         x0, y0, x1, y1 = (int(number) for number in window)
@@ -113,19 +113,19 @@ def checked_window(window: Window, height: int, width: int) -> Window:
         ) from None
     if not (0 <= x0 < x1 <= width and 0 <= y0 < y1 <= height):
         raise ValueError(
-            f"the window {x0}, {y0}, {x1}, {y1} is no part of a picture of {width} x {height} "
+            f"the window {x0}, {y0}, {x1}, {y1} is not inside a picture of {width} x {height} "
             "pixels; x0 and y0 come before x1 and y1"
         )
     return x0, y0, x1, y1
 
 
 def shape_of(size: Sequence[int]) -> tuple[int, int]:
-    """Height and width of a picture's size, which is its width and height, px.
+    """Height and width from a size, which is width and height, px.
 
     Raises
     ------
     ValueError
-        It is not two whole numbers of 1 or more, or of more than a picture can hold.
+        It is not two positive integers, or exceeds the largest picture.
     """
     try:
         width, height = (operator.index(number) for number in size)
@@ -136,7 +136,7 @@ def shape_of(size: Sequence[int]) -> tuple[int, int]:
 
 
 def check_size(height: int, width: int) -> None:
-    """Refuse what is no size of a picture, px."""
+    """Reject an invalid size of a picture, px."""
     if height < 1 or width < 1 or height * width > LARGEST_PICTURE:
         raise ValueError(
             f"a picture of {width} x {height} pixels; both sides must be at least 1 and there can "

@@ -1,7 +1,7 @@
-"""Points in runs of neighbours, which only those tiles project that show them.
+"""Paint points in runs of neighbours; only tiles that show a run project its points.
 
-The quick way for scenes in which all samples are points under a filter that is smooth; others are
-a mixture (`resample.painting.splats`). See `resample.engine.points.runs`.
+The fast path for scenes whose samples are all points, with a smooth filter; others are a mixture
+(`resample.painting.splats`). See `resample.engine.points.runs`.
 """
 
 import math
@@ -37,14 +37,14 @@ from resample.types import (
 )
 from resample.watching import Progress
 
-CROWD = 4096  # samples that may fall in one cell of a sheet, for sums of them to be exact
+CROWD = 4096  # samples per cell of a sheet, so that their sums are exact
 LONGEST_RUN = 256  # samples
-PRECISION = 2.0**-22  # of depths; sheets that are thinner have numbers that jump
-NARROWEST = 0.51  # sub-pixels that a filter must reach, so that it meets one
+PRECISION = 2.0**-22  # relative, of depths; sheets must be thicker to be numbered without gaps
+NARROWEST = 0.51  # sub-pixels, smallest radius of a filter, so that it covers a sub-pixel center
 
 
 def can_defer_points(scene: Scene) -> bool:
-    """Whether the choices that were made can be painted so; samples are looked at then."""
+    """Whether these choices allow deferred points; samples are checked later."""
     style, layers = scene.style, scene.layers
     is_of_depth = layers.axis == tuple(scene.view.rotation[2]) and layers.eye == -np.inf
     return (
@@ -56,7 +56,7 @@ def can_defer_points(scene: Scene) -> bool:
 
 
 def _outlined(scene: Scene, samples: Samples) -> Runs:
-    """Samples in runs, as if all were points."""
+    """Runs of samples, as if all were points."""
     from resample.engine.points.outlines import outline_point_runs
 
     extent = RUN_EXTENT * min(1.0, scene.layers.thickness / scene.ellipsoid.volume ** (1 / 3))
@@ -67,7 +67,7 @@ def _outlined(scene: Scene, samples: Samples) -> Runs:
 
 
 def _are_points(scene: Scene, most: float) -> bool:
-    """Whether samples of this spacing or less are points on any grid."""
+    """Whether samples up to this spacing are points at any resolution."""
     style = scene.style
     finest = style.subpixels or max(style.most_for_splats, style.most_for_points)
     return bool(most * finest <= style.threshold)
@@ -79,7 +79,7 @@ def plan_of_points(scene: Scene, samples: Samples) -> PicturePlan:
 
 
 def suits_points(scene: Scene, plan: PicturePlan) -> bool:
-    """Whether all samples of a plan as points are such, and their filter fits."""
+    """Whether all samples of a plan are points, and their filter is suitable."""
     from resample.engine.grid import grid_of
 
     finest = grid_of(plan.least, scene.style)
@@ -88,13 +88,13 @@ def suits_points(scene: Scene, plan: PicturePlan) -> bool:
 
 
 def _form_of(scene: Scene, plan: PicturePlan, finest: int) -> Spread | None:
-    """How points are spread; None if filters, rows, sheets or crowds do not fit."""
+    """Filter of points; None if the filter, rows, sheets or crowds do not fit."""
     from resample.engine.points.outlines import TOO_WIDE
     from resample.engine.points.runs import MOST_TAPS
 
     style, ellipsoid = scene.style, scene.ellipsoid
     least, most = float(plan.least), float(plan.most)
-    if not most < TOO_WIDE:  # nor a number
+    if not most < TOO_WIDE:  # NaN included
         return None
     widest = math.sqrt(style.variance * (most * finest) ** 2 + 1 / 12) if style.variance else finest
     narrowest = math.sqrt(1 / 12) if style.variance else 1.0
@@ -121,12 +121,12 @@ def _form_of(scene: Scene, plan: PicturePlan, finest: int) -> Spread | None:
 
 
 def _power_of_two(number: float) -> float:
-    """Smallest one that is not below a number."""
+    """Smallest power of two that is not below a number."""
     return 2.0 ** math.ceil(math.log2(max(number, 1e-300)))
 
 
 def spacings_of_points(scene: Scene, samples: Samples) -> Floats:
-    """As fine as the points that each tile (T,) shows, of a scene that was planned; inf if none."""
+    """Smallest spacing of points in each tile (T,) of a planned scene; inf where empty."""
     from resample.engine.points.outlines import find_point_spacings
 
     runs = _outlined(scene, samples)
@@ -135,7 +135,7 @@ def spacings_of_points(scene: Scene, samples: Samples) -> Floats:
 
 
 def points_in_steps(scene: Scene, profile: Profile) -> InSteps:
-    """How points of a scene that was planned are painted step by step."""
+    """Painter of points for a planned scene, step by step."""
     from resample.engine.ellipsoids.steps import KEPT
     from resample.engine.grid import grid_of
     from resample.engine.points.runs import paint_point_runs
@@ -161,18 +161,18 @@ def paint_points(
     profile: Profile,
     progress: Progress | None,
 ) -> tuple[Painted, Statistics] | None:
-    """Picture of samples, or None if some are no points or their filter is no such.
+    """Paint samples as points; None if some are not points or their filter is unsuitable.
 
     Parameters
     ----------
     scene
-        Of which `can_defer_points` is true.
+        Scene for which `can_defer_points` is true.
     samples
-        As `check_samples` gives them; the nearer neighbours are in memory, the better.
+        From `check_samples`; faster if neighbours are close in memory.
     profile
-        Of the filter of points, see `resample.profiles.filters.profile`.
+        Filter of points, from `resample.profiles.filters.profile`.
     progress
-        Called with the share of the work that is done.
+        Called with the fraction of the work done.
     """
     from resample.engine.ellipsoids.steps import AT_ONCE
     from resample.engine.grid import grid_of

@@ -1,4 +1,4 @@
-"""Pictures of fewer pixels, made as large as those that they stand for."""
+"""Previews: pictures of fewer pixels, enlarged to full size."""
 
 from typing import Any
 
@@ -9,18 +9,18 @@ RESIZED = ("uint8", "uint16", "int16", "float32", "float64")  # types that OpenC
 
 
 def enlarged(part: NDArray[Any], per: int, shape: tuple[int, int], *, smooth: bool) -> NDArray[Any]:
-    """Picture (h, w) or (h, w, C) with `per` × `per` pixels for each of its own.
+    """Enlarge each pixel of a picture (h, w) or (h, w, C) to `per` × `per` pixels.
 
     Parameters
     ----------
     part
-        Of any type.
+        Picture of any type.
     per
-        Pixels each way that one becomes.
+        Enlargement factor.
     shape
-        Height and width of the result, px; what is beyond is cut off.
+        Height and width of the result, px; the excess is cropped.
     smooth
-        Interpolate between pixels, where OpenCV can; otherwise they are repeated.
+        Interpolate between pixels, for types that OpenCV supports; otherwise repeat them.
     """
     import cv2
 

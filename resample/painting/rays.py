@@ -1,4 +1,4 @@
-"""Fields on a lattice, gathered along rays; see `resample.engine.rays`."""
+"""Paint lattice fields by ray casting; see `resample.engine.rays`."""
 
 import math
 from typing import TYPE_CHECKING, NamedTuple
@@ -35,32 +35,32 @@ if TYPE_CHECKING:
     from resample.engine.rays.seeing import Way
 
 LARGE_TILE, TILE, SMALL_TILE = 64, 32, 16  # px, side of a tile
-MANY = 32  # large tiles, so that all threads have some
+MANY = 32  # large tiles, enough for all threads
 FEW_RAYS = 4  # per side of a pixel, at most
-LEAST_APART, MOST_APART = 2, 16  # sub-pixels from one that is looked at to the next
-BENDS = 0.01  # of the range of values, that these may bend by where sub-pixels are spared
-OPAQUE = 1e-3  # transmittance that counts as none
-CLOSE, MOST_BENT = 4.0, 6.0  # px per voxel of these; times as much, where voxels are smaller
-LARGE = 3.0  # px per voxel, of which one ray through a pixel's middle tells enough
-FEWEST_RAYS = 2  # per side of a pixel, of smaller voxels
-NEAREST = 1e-30  # scene units from the eye, of what may lie behind it
-EDGE, OF_EDGES = 0.2, 3  # linear light that neighbours differ by, and rays there per side
-MESH_RAYS = 4  # likewise, the fewest where edges of meshes are
-MIDDLE = np.array([1, 22, 1]) / 24  # a pixel's mean by its middle and those beside it
-MOST_BRICKS = 255  # to the next one that can be seen
+LEAST_APART, MOST_APART = 2, 16  # sub-pixels between two that are sampled first
+BENDS = 0.01  # fraction of the values' range; largest bend where sub-pixels are interpolated
+OPAQUE = 1e-3  # transmittance that counts as opaque
+CLOSE, MOST_BENT = 4.0, 6.0  # px per voxel below which the bend may grow; largest factor
+LARGE = 3.0  # px per voxel above which one ray through the pixel's center suffices
+FEWEST_RAYS = 2  # per side of a pixel, for smaller voxels
+NEAREST = 1e-30  # scene units from the eye; smallest distance
+EDGE, OF_EDGES = 0.2, 3  # difference in linear light that makes an edge, and rays per side there
+MESH_RAYS = 4  # the same at edges of meshes
+MIDDLE = np.array([1, 22, 1]) / 24  # weights of a pixel's mean: its center and its neighbours
+MOST_BRICKS = 255  # longest skip to the next visible brick
 HIGHLIGHTS = 2049  # entries of a table of highlights
 MEASURED = (MAXIMUM, MINIMUM, AVERAGE, ADDITIVE)
 
 
 class _Effort(NamedTuple):
-    """How many rays are cast."""
+    """Number of rays for a quality."""
 
-    per_sample: float  # between neighbouring ones
+    per_sample: float  # between neighbouring samples
     most: int  # per side of a pixel
-    spared: float  # samples between those that are looked at, at most, if sub-pixels are closer
-    bend: float  # of colors, that is no edge
-    share: float  # of them, besides
-    bent: float  # of the range of values, that a field may bend by within a step, close up
+    spared: float  # largest distance in samples between rays, if sub-pixels are closer
+    bend: float  # tolerance in colors; larger bends are edges
+    share: float  # relative tolerance, added to `bend`
+    bent: float  # fraction of the range of values by which a field may bend within a step, close up
 
 
 EFFORTS = {
@@ -71,14 +71,14 @@ EFFORTS = {
 
 
 class Gathering(NamedTuple):
-    """How a field is gathered."""
+    """Options of ray casting."""
 
     style: Style
     tables: Tables
-    step: float  # samples, the longest of a ray
-    quality: str  # one of `EFFORTS`
+    step: float  # samples, longest step along a ray
+    quality: str  # key of `EFFORTS`
     interpolation: str  # one of `resample.profiles.orders.INTERPOLATIONS`
-    clip: ArrayLike | None  # as of `Resampler`
+    clip: ArrayLike | None  # as in `Resampler`
 
 
 def paint_field(
@@ -88,7 +88,7 @@ def paint_field(
     how: Gathering,
     progress: Progress | None,
 ) -> tuple[Painted, Statistics]:
-    """Picture (height, width) of a field."""
+    """Paint a field to a picture (height, width)."""
     from resample.engine.rays.painting import Output, paint_rays
     from resample.engine.rays.sparing import Evenness
 
@@ -136,7 +136,7 @@ def paint_field(
 
 
 def _edges_of(film: Film) -> NDArray[np.int64]:
-    """Pixels (N,), row after row, that one beside them differs from so much that it is an edge."""
+    """Edge pixels (N,), row by row: those that differ much from a neighbour."""
     light = film.rgba
     found = np.zeros(light.shape[:2], bool)
     for axis in (0, 1):
@@ -151,11 +151,11 @@ def _edges_of(film: Film) -> NDArray[np.int64]:
 def _tiles_of(
     medium: "Medium", view: View, size: tuple[int, int], margin: int, tile: int
 ) -> tuple[int, int, int, int]:
-    """Tiles of a picture (height, width) on which something can be seen.
+    """Range of tiles of a picture (height, width) that may be non-empty.
 
     Returns
     -------
-    The first column and row of them, and those after the last.
+    First column and row, and those after the last.
     """
     from resample.engine.rays.coefficients import BRICK
 
@@ -186,16 +186,16 @@ def _tiles_of(
 
 
 def _tile_of(size: tuple[int, int], fineness: int) -> int:
-    """Side of a tile, px: at its edge no rays are spared, so large ones need fewer."""
+    """Side of a tile, px: rays at its edges are never interpolated, so large tiles need fewer."""
     if fineness > FEW_RAYS:
         return SMALL_TILE
     return LARGE_TILE if math.prod(size) >= MANY * LARGE_TILE**2 else TILE
 
 
 def _mean_from_middles(film: Film) -> None:
-    """Put means over pixels in place of what is seen through their middles.
+    """Replace values at pixel centers by means over pixels.
 
-    A mean is the middle's value and 1/24 of the second differences along both axes, to third order.
+    To third order, the mean is the center plus 1/24 of the second differences along both axes.
     """
     from scipy.ndimage import correlate1d
 
@@ -205,7 +205,7 @@ def _mean_from_middles(film: Film) -> None:
 
 
 def _least_spacing(field: LatticeField, view: View) -> float:
-    """Pixels from a sample to the next, where they are closest."""
+    """Pixels between neighbouring samples, at the minimum."""
     least = float(np.linalg.norm(field.lattice, axis=0).min())
     depth = _corners(field) @ view.rotation[2] + view.translation[2]
     far = max(float(depth.max()), view.near, NEAREST) if view.perspective else 1.0
@@ -213,16 +213,16 @@ def _least_spacing(field: LatticeField, view: View) -> float:
 
 
 def spacing_of(lattice: Doubles, middle: Doubles, view: View) -> float:
-    """Pixels from a voxel to the next at a field's middle, in the mean over its axes.
+    """Pixels between neighbouring voxels at a field's center, averaged over the axes.
 
     Parameters
     ----------
     lattice
         (3, 3) columns are the steps to the neighbours, scene units.
     middle
-        (3,) of the field, scene units.
+        (3,) center of the field, scene units.
     view
-        What sees it.
+        The camera.
     """
     voxel = float(np.cbrt(abs(np.linalg.det(lattice))))
     depth = float(view.rotation[2] @ middle + view.translation[2])
@@ -231,12 +231,12 @@ def spacing_of(lattice: Doubles, middle: Doubles, view: View) -> float:
 
 
 def _mean_spacing(field: LatticeField, view: View) -> float:
-    """Pixels from a sample to the next at the field's middle."""
+    """Pixels between neighbouring samples at the field's center."""
     return spacing_of(field.lattice, _corners(field).mean(axis=0), view)
 
 
 def _rays_of(field: LatticeField, view: View, how: Gathering) -> tuple[int, int]:
-    """Rays per side of a pixel, and sub-pixels from one that is looked at to the next."""
+    """Rays per side of a pixel, and sub-pixels between two that are sampled first."""
     if how.style.subpixels:
         return how.style.subpixels, 1
     effort, is_best = EFFORTS[how.quality], how.quality == "best"
@@ -276,7 +276,7 @@ def _way(field: LatticeField, how: Gathering) -> "Way":
 
 
 def _medium(field: LatticeField, view: View, how: Gathering) -> "Medium":
-    """Field with its look, in columns of that."""
+    """Field with its classifier, in the classifier's columns."""
     from resample.engine.rays.marching import SampleSpace
     from resample.engine.rays.media import Medium
     from resample.engine.rays.splines import PAD
@@ -323,7 +323,7 @@ def _medium(field: LatticeField, view: View, how: Gathering) -> "Medium":
 
 
 def _bent(field: LatticeField, view: View, how: Gathering) -> float:
-    """Share of the range of values that a field may bend by: pixels are means over small voxels."""
+    """Fraction of the range of values by which a field may bend: pixels average small voxels."""
     bent = EFFORTS[how.quality].bent
     if how.quality == "best":
         return bent
@@ -332,13 +332,13 @@ def _bent(field: LatticeField, view: View, how: Gathering) -> float:
 
 
 def _is_from_eye(look: Classifier, eye: Doubles, view: View) -> bool:
-    """Whether places along a ray are all seen from the same direction by the lamp's viewer."""
+    """Whether the lamp's viewer is the eye, so that a ray has one direction for it."""
     viewer = look.lamp.viewer
     return bool(viewer[3] == 0 or (view.perspective and np.allclose(viewer[:3], eye, 1e-9, 1e-9)))
 
 
 def _columnwise(bound: NDArray[np.generic], low: float, per_value: float) -> Floats:
-    """Bounds of bricks in columns, plane by plane, so that nothing else is as large."""
+    """Bounds of bricks in columns, computed plane by plane to save memory."""
     columns = np.empty(bound.shape, np.float32)
     for n, plane in enumerate(bound):
         columns[n] = per_value * (plane - low)
@@ -346,7 +346,7 @@ def _columnwise(bound: NDArray[np.generic], low: float, per_value: float) -> Flo
 
 
 def _cuts(clip: ArrayLike | None, lattice: Doubles) -> Doubles:
-    """Clipping planes of the scene (M, 4), which `planes_of` has checked, in voxels."""
+    """Clipping planes of the scene (M, 4), checked by `planes_of`, in voxels."""
     given = np.asarray([] if clip is None else clip, np.float64).reshape(-1, 4)
     return np.asarray(given / np.linalg.norm(given[:, :3] @ lattice, axis=1)[:, None])
 
@@ -379,19 +379,19 @@ def _look(look: Classifier, count: int) -> "SummedLook":
 
 
 def _thickest(extinction: Floats, count: int) -> Floats:
-    """Greatest extinction (..., K) of each value in looks that are beside each other."""
+    """Largest extinction (..., K) of each value over all looks side by side."""
     return np.asarray(extinction.reshape(*extinction.shape[:-1], count, -1).max(axis=-2))
 
 
 def _most(table: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Greatest extinction of each value under any gradient, as a look without a color."""
+    """Largest extinction of each value over all gradients, as a colorless table."""
     most = np.zeros(table.shape[1:], np.float32)
     most[:, 3] = table[..., 3].max(axis=0)
     return most
 
 
 def _bricks(bounds: Bounds, field: LatticeField, style: Style) -> "Bricks":
-    """Bricks as rays see them; bounds are in columns."""
+    """Bricks for ray casting; bounds are in columns."""
     from scipy.ndimage import distance_transform_cdt
 
     from resample.engine.rays.marching import Bricks
@@ -424,9 +424,9 @@ def _bricks(bounds: Bounds, field: LatticeField, style: Style) -> "Bricks":
 
 
 def _visible(bounds: Bounds, extinction: Floats) -> NDArray[np.bool_]:
-    """Bricks that hold a value which can be seen: its greatest extinction (K,) is above 0."""
+    """Visible bricks: the largest extinction (K,) of their values is above 0."""
     thick = extinction > 0
-    # Between two columns of which one can be seen, all can.
+    # A visible column in the range makes the brick visible.
     count = np.concatenate([[0], np.cumsum(thick)])
     last = thick.size - 1
     seen = np.empty(bounds.least.shape, bool)

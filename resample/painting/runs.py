@@ -1,4 +1,4 @@
-"""Runs of neighbouring samples, which tiles take whole; what splats and points have in common."""
+"""Runs of neighbouring samples, assigned to tiles as a whole; shared by splats and points."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -19,13 +19,13 @@ from resample.watching import Progress, told
 
 RUN_EXTENT = 8.0  # voxels
 
-Deal = tuple[Tiles, Indices]  # runs that tiles may show, and how many samples these have
+Deal = tuple[Tiles, Indices]  # runs that tiles may show, and their numbers of samples
 
 
 def breaks(scene: Scene, samples: Samples, extent: float, longest: int) -> Indices:
-    """Where runs begin, and where the last one ends.
+    """Starts of runs, and the end of the last one.
 
-    They have at most `longest` samples, within `extent` voxels.
+    Runs have at most `longest` samples, within `extent` voxels.
     """
     from resample.engine.ellipsoids.run_bounds import CHUNKS, break_runs
 
@@ -40,7 +40,7 @@ def breaks(scene: Scene, samples: Samples, extent: float, longest: int) -> Indic
 
 
 def planned(scene: Scene, painter: str, runs: Runs, columns: int) -> Scene:
-    """Scene with a plan of what was found of all samples, if it has none yet.
+    """Add a plan from all samples to a scene, if it has none.
 
     `columns` as in `size_of_tiles`.
     """
@@ -73,7 +73,7 @@ def planned(scene: Scene, painter: str, runs: Runs, columns: int) -> Scene:
 
 
 def plan_of(scene: Scene) -> PicturePlan:
-    """The plan that a scene has by now."""
+    """Plan of a planned scene."""
     if scene.plan is None:
         raise RuntimeError("a scene is planned before it is painted")
     return scene.plan
@@ -84,9 +84,9 @@ def dealt(
     runs: Runs,
     find_spacings: Callable[[Tiles], None],
 ) -> Deal:
-    """Runs that tiles may show, and how many samples these have.
+    """Assign runs to tiles, with their numbers of samples.
 
-    `find_spacings` fills in the spacings of tiles of a scene that was planned.
+    `find_spacings` computes the spacings of tiles of a planned scene.
     """
     from resample.engine.grid import grid_of
     from resample.engine.runs import count_runs, deal_runs
@@ -114,7 +114,7 @@ def paint_tiles(
     deal: Deal,
     progress: Progress | None,
 ) -> Painted:
-    """Tiles that have members, most of them first; `paint` paints those of some numbers."""
+    """Paint non-empty tiles, fullest first; `paint` paints tiles of given numbers."""
     tiles, load = deal
     painted = nothing_painted(0, 0, load.size)._replace(plan=scene.plan, film=film_of(scene, tiles))
     turn = turn_of(load, shown(scene, tiles))
@@ -126,19 +126,19 @@ def paint_tiles(
 
 
 def turn_of(load: Indices, are_painted: NDArray[np.bool_]) -> Indices:
-    """Tiles (T,) in which they are painted, those that have members and are to be painted."""
+    """Order in which tiles (T,) are painted: those that have members and are selected."""
     turn: Indices = np.argsort(-load, kind="stable")
     return turn[(load[turn] > 0) & are_painted[turn]]
 
 
 def film_of(scene: Scene, tiles: Tiles) -> Film:
-    """Film of a picture, of which memory is taken for the rows of the window's tiles alone."""
+    """Film of a picture, of which only the rows of the window's tiles take memory."""
     height, width = scene.screen.height, scene.screen.width
     if scene.window is None or scene.window == NOTHING:
         size = (height, width) if scene.window is None else (0, 0)
         return nothing_painted(*size).film
     rows = _rows_of(scene, tiles)
-    # Pages that nobody writes to take no memory.
+    # Untouched pages take no memory.
     rgba, coverage = np.zeros((height, width, 4), np.float32), np.zeros((height, width), np.float32)
     depth, first_depth = np.empty((2, height, width), np.float32)
     depth[rows], first_depth[rows] = np.inf, np.inf
@@ -146,14 +146,14 @@ def film_of(scene: Scene, tiles: Tiles) -> Film:
 
 
 def values_of(scene: Scene, tiles: Tiles) -> Floats:
-    """What a projection measures (H, W), likewise."""
+    """Measured values of a projection (H, W), in memory like the film."""
     value = np.empty((scene.screen.height, scene.screen.width), np.float32)
     value[_rows_of(scene, tiles)] = np.nan
     return value
 
 
 def _rows_of(scene: Scene, tiles: Tiles) -> slice:
-    """Rows of the tiles that have pixels in the scene's window, px."""
+    """Rows in px of the tiles that overlap the scene's window."""
     if scene.window is None:
         return slice(None)
     size, y0, y1 = tiles.size, scene.window[1], scene.window[3]
@@ -161,7 +161,7 @@ def _rows_of(scene: Scene, tiles: Tiles) -> slice:
 
 
 def shown(scene: Scene, tiles: Tiles) -> NDArray[np.bool_]:
-    """Which tiles (T,) have pixels in the scene's window."""
+    """Mask of tiles (T,) that overlap the scene's window."""
     rows, columns = tiles_along(scene.screen, tiles.size)
     is_shown = np.ones((rows, columns), bool)
     if scene.window is not None:
@@ -173,6 +173,6 @@ def shown(scene: Scene, tiles: Tiles) -> NDArray[np.bool_]:
 
 
 def counted(statistics: Statistics, runs: Runs, points: int) -> Statistics:
-    """What a rendering of a whole did, of which painters know the samples that were not hidden."""
+    """Statistics of a rendering with counts of all samples; painters count those not hidden."""
     seen, shown = int(runs.known["seen"].sum()), statistics.points + statistics.splats
     return statistics._replace(points=points, splats=seen - points, hidden=seen - shown)

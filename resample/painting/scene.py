@@ -1,4 +1,4 @@
-"""What is painted: samples checked, seen by a camera, and dealt to the tiles of the screen."""
+"""Scene to paint: samples are checked, projected, and assigned to tiles of the screen."""
 
 import math
 import time
@@ -33,17 +33,17 @@ from resample.types import (
     View,
 )
 
-LENGTHS = (1e-12, 1e12)  # scene units, within which cubes of lengths are numbers of float32
-MOST_STRETCHED = 1e6  # steps of a lattice, how many times as long as others
+LENGTHS = (1e-12, 1e12)  # scene units; cubes of such lengths fit into float32
+MOST_STRETCHED = 1e6  # largest ratio of lengths of a lattice's steps
 
 
 def check_lattice(lattice: ArrayLike, what: str) -> Doubles:
-    """Steps (3, 3) to a sample's neighbours that kernels can work with.
+    """Check a lattice (3, 3), the steps to a sample's neighbours.
 
     Raises
     ------
     ValueError
-        They are not finite, all but in one plane, or absurdly short, long or uneven.
+        It is not finite or singular, or its steps are extremely short, long or uneven.
     """
     steps = alike(lattice, np.float64)
     if steps.shape != (3, 3) or not _is_regular(steps):
@@ -63,7 +63,7 @@ def check_lattice(lattice: ArrayLike, what: str) -> Doubles:
 
 
 def check_places(position: Floats | Doubles, what: str) -> None:
-    """Refuse places beyond what kernels can work with.
+    """Reject positions beyond the range of kernels.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def check_places(position: Floats | Doubles, what: str) -> None:
 
 
 def check_samples(samples: Samples) -> Samples:
-    """Samples as contiguous float32 arrays that fit together.
+    """Convert samples to contiguous float32 arrays and check that they fit together.
 
     Raises
     ------
@@ -105,7 +105,7 @@ def check_samples(samples: Samples) -> Samples:
 
 
 def _checked_scale(scale: ArrayLike | None, extinction: Floats) -> Floats | None:
-    """Sizes of samples of these extinctions, if they have any."""
+    """Scales of samples with these extinctions, if given."""
     if scale is None:
         return None
     with np.errstate(over="ignore"):
@@ -120,21 +120,21 @@ def _checked_scale(scale: ArrayLike | None, extinction: Floats) -> Floats | None
 
 
 def _is_finite(array: Floats | Doubles) -> bool:
-    """Whether all numbers are finite; most often their sum tells, which is quicker."""
+    """Whether all numbers are finite; usually their sum shows it, which is faster."""
     with np.errstate(over="ignore", invalid="ignore"):
         return bool(np.isfinite(array.sum()) or np.isfinite(array).all())
 
 
 def samples_of(field: Field) -> Samples:
-    """Field as samples for the painters.
+    """Convert a field to samples for the painters.
 
-    Gradients stand in for colors, and for extinctions the values' positions between the
-    classifier's low and high.
+    Gradients take the place of colors, and the values' positions between the classifier's low and
+    high that of extinctions.
 
     Raises
     ------
     ValueError
-        As `check_samples`, or the classifier is none.
+        As in `check_samples`, or the classifier is invalid.
     """
     look = field.classifier
     table = np.asarray(look.table)
@@ -164,7 +164,7 @@ def samples_of(field: Field) -> Samples:
 
 
 def look_alike(look: Classifier) -> Classifier:
-    """Classifier whose arrays and numbers are what kernels are compiled for."""
+    """Classifier with the array and number types that kernels are compiled for."""
     lamp = look.lamp
     toward, viewer = alike(lamp.toward, np.float64), alike(lamp.viewer, np.float64)
     return Classifier(
@@ -180,7 +180,7 @@ def look_alike(look: Classifier) -> Classifier:
 
 
 def field_alike(field: LatticeField) -> LatticeField:
-    """Field whose axes and look are what kernels are compiled for."""
+    """Field with the lattice and classifier types that kernels are compiled for."""
     return field._replace(
         lattice=alike(field.lattice, np.float64),
         origin=alike(field.origin, np.float64),
@@ -189,12 +189,12 @@ def field_alike(field: LatticeField) -> LatticeField:
 
 
 def _is_regular(matrix: Doubles) -> bool:
-    """Whether a matrix can be inverted in float64 without losing all digits."""
+    """Whether a matrix is invertible in float64 without losing all digits."""
     return bool(np.isfinite(matrix).all() and np.linalg.cond(matrix) < 1e12)
 
 
 def ellipsoid_of(lattice: Doubles, view: View, radius: float) -> Ellipsoid:
-    """Reconstruction ellipsoid of a lattice (3, 3) in a camera's axes; `radius` in voxels."""
+    """Reconstruction ellipsoid of a lattice (3, 3) in camera axes; `radius` in voxels."""
     from_unit = view.rotation @ lattice * radius
     to_unit = np.linalg.inv(from_unit).astype(np.float64)
     return Ellipsoid(
@@ -209,12 +209,12 @@ def ellipsoid_of(lattice: Doubles, view: View, radius: float) -> Ellipsoid:
 
 
 def planes_of(clip: ArrayLike | None, view: View, ellipsoid: Ellipsoid) -> Doubles:
-    """Clipping planes (M, 4) of the scene as `Screen` holds them, (M, 5).
+    """Convert clipping planes (M, 4) of the scene to those of `Screen`, (M, 5).
 
     Raises
     ------
     ValueError
-        They are not four finite numbers each, or a normal has no length.
+        They are not four finite numbers each, or a normal has length 0.
     """
     given = np.asarray([] if clip is None else clip, np.float64)
     if given.size == 0 or given.shape == (4,):
@@ -234,7 +234,7 @@ def planes_of(clip: ArrayLike | None, view: View, ellipsoid: Ellipsoid) -> Doubl
 
 
 def screen_of(width: int, height: int, margin: float, view: View, ellipsoid: Ellipsoid) -> Screen:
-    """Picture of that size, with the planes beyond which an ellipsoid's center cannot be seen."""
+    """Screen of a size, with the planes outside of which an ellipsoid's center is invisible."""
     sides = np.zeros((4, 4))
     for side, (axis, edge) in enumerate(
         [(0, -margin), (0, width + margin), (1, -margin), (1, height + margin)]
@@ -249,10 +249,10 @@ def screen_of(width: int, height: int, margin: float, view: View, ellipsoid: Ell
 
 
 def size_of_tiles(subpixels: int, margin: int = 0, columns: int = MOST_COLUMNS) -> int:
-    """Side of a tile in px where pixels are divided into so many sub-pixels per side at most.
+    """Side of a tile in px for up to `subpixels` per side of a pixel.
 
-    A row of its sub-pixels, with a margin px wide on both sides for the pixel filter, has at most
-    so many `columns`, unless that of a single pixel has more.
+    A row of its sub-pixels, with a margin in px on both sides for the pixel filter, has at most
+    `columns`, unless a single pixel has more.
     """
     return max(1, min(max(8, 32 // subpixels), columns // subpixels - 2 * margin))
 
@@ -263,7 +263,7 @@ def tiles_along(screen: Screen, size: int) -> tuple[int, int]:
 
 
 def dealt_to_tiles(footprints: Records, screen: Screen, size: int) -> Tiles:
-    """Members of every tile of `size` px."""
+    """Assign footprints to tiles of `size` px."""
     from resample.engine.tiles import CHUNKS, count_members, deal_members
 
     rows, columns = tiles_along(screen, size)
@@ -278,15 +278,15 @@ def dealt_to_tiles(footprints: Records, screen: Screen, size: int) -> Tiles:
 
 
 class Painted(NamedTuple):
-    """What the painters write to."""
+    """Output of the painters."""
 
     film: Film
-    value: Floats  # (H, W) what projections of fields measure; NaN where nothing is; or (0, 0)
+    value: Floats  # (H, W) measurements of projected fields; NaN where empty; or (0, 0)
     tally: NDArray[np.int64]  # (T, 4) per tile: points, splats, hidden, sub-pixels per side
-    plan: PicturePlan | None = None  # that it was painted by
+    plan: PicturePlan | None = None  # plan that was used
 
     def statistics(self, samples: int, seconds: dict[str, float]) -> Statistics:
-        """What is known of a rendering of so many samples."""
+        """Statistics of a rendering of `samples` samples."""
         points, splats, hidden = (int(count) for count in self.tally[:, :3].sum(axis=0))
         return Statistics(samples, points, splats, hidden, int(self.tally[:, 3].max()), seconds)
 
@@ -294,7 +294,7 @@ class Painted(NamedTuple):
 def nothing_painted(
     height: int, width: int, tiles: int = 1, *, has_values: bool = False
 ) -> Painted:
-    """A picture of nothing, and counts for so many tiles."""
+    """Empty picture, with counts for some number of tiles."""
     size = height, width
     film = Film(
         np.zeros((*size, 4), np.float32),
@@ -314,7 +314,7 @@ class Clock:
         self._last = time.perf_counter()
 
     def lap(self, stage: str) -> None:
-        """Book the time since the last call under `stage`."""
+        """Add the time since the last call to `stage`."""
         now = time.perf_counter()
         self.seconds[stage] = self.seconds.get(stage, 0.0) + now - self._last
         self._last = now
@@ -322,7 +322,7 @@ class Clock:
 
 @dataclass(frozen=True)
 class Scene:
-    """Samples seen by a camera, and everything else that the painters read."""
+    """Samples seen by a camera, and all other inputs of the painters."""
 
     view: View
     ellipsoid: Ellipsoid
@@ -331,11 +331,11 @@ class Scene:
     tables: Tables
     summing: Summing
     layers: Layers
-    classifier: Classifier | None  # of a field; None: samples have their colors already
-    plan: PicturePlan | None = None  # of the whole picture; None: it is found of the samples
-    window: Window | None = None  # that is painted; None: all
+    classifier: Classifier | None  # of a field; None: samples have colors
+    plan: PicturePlan | None = None  # of the whole picture; None: computed from the samples
+    window: Window | None = None  # part to paint; None: all
 
     @property
     def stage(self) -> Stage:
-        """What all painters share."""
+        """Data shared by all painters."""
         return Stage(self.view, self.ellipsoid, self.screen, self.style, self.tables, self.layers)

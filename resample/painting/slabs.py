@@ -1,6 +1,6 @@
-"""Sheets, slabs and fields in runs of neighbours, which only those tiles project that show them.
+"""Paint sheets, slabs and fields in runs of neighbours; tiles project only runs that they show.
 
-See `resample.engine.slabs.painting`. Splats of exact footprint take its quicker form.
+See `resample.engine.slabs.painting`. Splats with exact footprints take a faster path.
 """
 
 import math
@@ -53,8 +53,8 @@ if TYPE_CHECKING:
     from resample.engine.slabs.integrals import Integral
     from resample.engine.slabs.painting import Summed
 
-# Sub-pixels per side of a pixel at least, where all tiles have one grid: sums must fit, and
-# surfaces end sharply.
+# Minimum of sub-pixels per side of a pixel where all tiles have one resolution: sums must fit, and
+# surfaces must end sharply.
 FEWEST = {ADDITIVE: 1, FIRST_HIT: 3}
 MEASURING = (MAXIMUM, AVERAGE, ADDITIVE)
 
@@ -65,7 +65,7 @@ def paint_summed(
     reconstruction: Reconstruction,
     progress: Progress | None,
 ) -> tuple[Painted, Statistics]:
-    """Picture of samples that are summed before they are composited."""
+    """Paint samples that are summed before compositing."""
     from resample.engine.ellipsoids.deferred import find_spacings
     from resample.engine.ellipsoids.steps import AT_ONCE
     from resample.engine.slabs.painting import Ways, paint_summed_runs
@@ -96,7 +96,7 @@ def paint_summed(
 
 
 def summed_in_steps(scene: Scene, reconstruction: Reconstruction) -> tuple[Scene, InSteps]:
-    """How samples of a scene that was planned are summed step by step, and the scene for it."""
+    """Painter of summed samples for a planned scene, step by step, and the scene to use."""
     from resample.engine.ellipsoids.steps import KEPT
     from resample.engine.slabs.painting import ALL, PARTS, Ways, paint_summed_runs
     from resample.engine.slabs.steps import SEEN
@@ -120,14 +120,14 @@ def summed_in_steps(scene: Scene, reconstruction: Reconstruction) -> tuple[Scene
 
 
 def planned_as_summed(scene: Scene, samples: Samples, painter: str) -> PicturePlan:
-    """Plan of samples as if all were splats of exact footprint, or as a mixture."""
+    """Plan of samples as if all were splats with exact footprints, or as a mixture."""
     runs = runs_of(scene, samples, are_mixed=painter == MIXTURE)
     least = runs.known["least_spacing"].min()
     return plan_of(planned(scene, painter, runs, columns_of(scene, least)))
 
 
 def columns_of(scene: Scene, least: Single) -> int:
-    """Sub-pixels in a row of a tile, at most, where spacings of samples are as small."""
+    """Limit on sub-pixels in a row of a tile, for a smallest spacing of samples."""
     from resample.engine.grid import grid_of
     from resample.engine.slabs.sums import NARROW
 
@@ -135,12 +135,12 @@ def columns_of(scene: Scene, least: Single) -> int:
 
 
 def spacings_of_summed(scene: Scene, samples: Samples) -> Floats:
-    """Spacings of tiles (T,), likewise of a scene that was planned; inf where nothing is."""
+    """Smallest spacings in tiles (T,) of a planned scene; inf where empty."""
     return spacings_of(_as_fine(scene, plan_of(scene).least), samples)
 
 
 def _as_fine(scene: Scene, least: Single) -> Scene:
-    """Scene whose tiles all are as fine as the finest, if the projection asks for that."""
+    """Scene with all tiles as fine as the finest, if the projection requires it."""
     from resample.engine.grid import grid_of
 
     fewest = FEWEST.get(scene.style.projection, 0)
@@ -151,7 +151,7 @@ def _as_fine(scene: Scene, least: Single) -> Scene:
 
 
 def _seen(scene: Scene, samples: Samples) -> tuple[Scene, Runs]:
-    """Scene with a plan, as fine as the projection asks for, and its samples in runs."""
+    """Scene with a plan, as fine as the projection requires, and its samples in runs."""
     runs, painter = _runs_of(scene, samples)
     least = runs.known["least_spacing"].min() if scene.plan is None else scene.plan.least
     fine = _as_fine(scene, least)
@@ -181,7 +181,7 @@ def _is_narrow(scene: Scene, finest: int) -> bool:
 
 
 def _sums_of(scene: Scene) -> "Summed":
-    """What is summed of a scene that was planned."""
+    """Sums of a planned scene."""
     from resample.engine.grid import grid_of
     from resample.engine.slabs.painting import ALL, PARTS, WHOLES, Summed
     from resample.engine.slabs.sums import Narrow, Wide
@@ -198,7 +198,7 @@ def _sums_of(scene: Scene) -> "Summed":
 
 
 def _keyed(scene: Scene, summed: "Summed", runs: Runs) -> Runs:
-    """Runs, which get keys of sheets where these are summed."""
+    """Runs, with keys of sheets if sheets are summed."""
     from resample.engine.slabs.keys import find_first_sheets
     from resample.engine.slabs.painting import WHOLES
 
@@ -208,7 +208,7 @@ def _keyed(scene: Scene, summed: "Summed", runs: Runs) -> Runs:
 
 
 def _blend_of(scene: Scene, *, is_mixed: bool) -> "Blend":
-    """How sums are composited; what is mixed has been tinted by then."""
+    """Compositing of sums; mixtures are already tinted."""
     from resample.engine.slabs.blends import Colors, Mixed, Values
 
     style, look = scene.style, scene.classifier
@@ -247,7 +247,7 @@ def _integral_of(scene: Scene, reconstruction: Reconstruction) -> "Integral":
 
 
 def _partial(density: Doubles) -> list[tuple[np.float32, ...]]:
-    """Coefficients of the polynomials that integrals up to a place have, see `integrals`."""
+    """Polynomial coefficients of integrals up to a position, see `integrals`."""
     count = len(density)
     return [
         _singles([(-1) ** m / (2 * m + 1) * density[j] * math.comb(j, m) for j in range(m, count)])

@@ -1,7 +1,7 @@
-"""Samples in runs of neighbours, which only those tiles project that show them.
+"""Paint samples in runs of neighbours; tiles project only runs that they show.
 
-Splats of exact footprint take the quicker form of the painter; where there are other footprints or
-points, the samples are a mixture. See `resample.engine.ellipsoids.deferred`.
+Splats with exact footprints take a faster path; with other footprints or points, the samples are a
+mixture. See `resample.engine.ellipsoids.deferred`.
 """
 
 from typing import TYPE_CHECKING
@@ -50,19 +50,19 @@ LONGEST_RUN = 64  # samples
 
 
 def are_splats_exact(scene: Scene) -> bool:
-    """Whether splats have exact footprints, and some may be there."""
+    """Whether splats have exact footprints, and may occur."""
     style = scene.style
     is_exact = style.model == EXACT or (style.model == DISC and not scene.view.perspective)
     return is_exact and style.threshold < np.inf and style.inflated == style.blurred == 0
 
 
 def runs_of(scene: Scene, samples: Samples, *, are_mixed: bool) -> Runs:
-    """Samples in runs, with bounds that hold for splats only unless they are mixed.
+    """Runs of samples, with bounds that are valid only for splats unless `are_mixed`.
 
     Raises
     ------
     ValueError
-        Sub-pixels that are as fine do not fit under so wide a filter.
+        The required sub-pixels do not fit under so wide a filter.
     """
     from resample.engine.ellipsoids.run_bounds import outline_runs
     from resample.engine.grid import grid_of
@@ -85,7 +85,7 @@ def runs_of(scene: Scene, samples: Samples, *, are_mixed: bool) -> Runs:
 
 
 def may_have_points(scene: Scene, runs: Runs) -> bool:
-    """Whether a sample may be no splat."""
+    """Whether a sample may be a point."""
     from resample.engine.grid import grid_of
 
     least = runs.known["least_spacing"].min()
@@ -93,7 +93,7 @@ def may_have_points(scene: Scene, runs: Runs) -> bool:
 
 
 def _is_vague(scene: Scene, known: Records, *, are_mixed: bool) -> bool:
-    """Whether bounds of the least spacing do not tell the grid, or whether all are splats."""
+    """Whether bounds of the smallest spacing leave the resolution, or the kind, undecided."""
     from resample.engine.grid import grid_of
 
     least, most = known["least_spacing"].min(), known["most_spacing"]
@@ -105,7 +105,7 @@ def _is_vague(scene: Scene, known: Records, *, are_mixed: bool) -> bool:
 
 
 def formula_of(scene: Scene, profile: Profile | None, pieces: Pieces | None) -> Formula:
-    """How splats are weighed, by the first of these that there is, or else by the table."""
+    """Formula of splats: the first of these that is available, otherwise the table."""
     style, peak = scene.style, _peak(scene)
     integral = profile or pieces or Tabulated(scene.tables.footprint)
     return Formula(integral, Linear(style.layer) if style.linear_opacity else Absorbing(peak))
@@ -114,18 +114,18 @@ def formula_of(scene: Scene, profile: Profile | None, pieces: Pieces | None) -> 
 def paint_splats(
     scene: Scene, samples: Samples, formula: Formula, progress: Progress | None
 ) -> tuple[Painted, Statistics] | None:
-    """Picture of samples for which `are_splats_exact`, or None if some are no splats.
+    """Paint samples for which `are_splats_exact`; None if some are not splats.
 
     Parameters
     ----------
     scene
-        What painters get to know besides the samples.
+        Inputs of the painters other than the samples.
     samples
-        As `check_samples` gives them; the nearer neighbours are in memory, the better.
+        From `check_samples`; faster if neighbours are close in memory.
     formula
         Line integrals of the scene's kernel, and opacities.
     progress
-        Called with the share of the work that is done.
+        Called with the fraction of the work done.
     """
     clock = Clock()
     runs = runs_of(scene, samples, are_mixed=False)
@@ -137,22 +137,22 @@ def paint_splats(
 
 
 def planned_as(scene: Scene, samples: Samples, painter: str) -> PicturePlan:
-    """Plan of samples as if all were splats of exact footprint, or as a mixture."""
+    """Plan of samples as if all were splats with exact footprints, or as a mixture."""
     runs = runs_of(scene, samples, are_mixed=painter == MIXTURE)
     return plan_of(planned(scene, painter, runs, MOST_COLUMNS))
 
 
 def has_points(scene: Scene, plan: PicturePlan) -> bool:
-    """Whether a sample of a plan as splats may be none."""
+    """Whether a plan of splats may include points."""
     from resample.engine.grid import grid_of
 
     return bool(plan.least * grid_of(plan.least, scene.style) <= scene.style.threshold)
 
 
 def spacings_of(scene: Scene, samples: Samples) -> Floats:
-    """As fine as the samples that each tile (T,) shows, of a scene that was planned; inf if none.
+    """Smallest spacing of the samples in each tile (T,) of a planned scene; inf where empty.
 
-    They are splats, or a mixture.
+    The samples are splats, or a mixture.
     """
     from resample.engine.ellipsoids.deferred import find_spacings
 
@@ -163,7 +163,7 @@ def spacings_of(scene: Scene, samples: Samples) -> Floats:
 
 
 def splats_in_steps(scene: Scene, formula: Formula) -> InSteps:
-    """How splats, or a mixture, of a scene that was planned are painted step by step."""
+    """Painter of splats, or a mixture, for a planned scene, step by step."""
     from resample.engine.ellipsoids.deferred import paint_runs
     from resample.engine.ellipsoids.steps import KEPT
 
@@ -183,7 +183,7 @@ def splats_in_steps(scene: Scene, formula: Formula) -> InSteps:
 def paint_mixture(
     scene: Scene, samples: Samples, formula: Formula, progress: Progress | None
 ) -> tuple[Painted, Statistics]:
-    """Like `paint_splats`, of any samples."""
+    """Like `paint_splats`, for any samples."""
     clock = Clock()
     runs = runs_of(scene, samples, are_mixed=True)
     scene = planned(scene, MIXTURE, runs, MOST_COLUMNS)
@@ -192,7 +192,7 @@ def paint_mixture(
 
 
 def mixture_of(scene: Scene) -> "Mixture | None":
-    """What painters know of samples of all kinds, of a scene that was planned; None: all splats."""
+    """Parameters for samples of all kinds in a planned scene; None: all are splats."""
     from resample.engine.ellipsoids.mixed import Mixture
 
     if plan_of(scene).painter != MIXTURE:
@@ -208,7 +208,7 @@ def _painted(
     clock: Clock,
     progress: Progress | None,
 ) -> tuple[Painted, Statistics]:
-    """Picture of samples in runs."""
+    """Paint samples in runs."""
     from resample.engine.ellipsoids.deferred import find_spacings, paint_runs
     from resample.engine.ellipsoids.steps import AT_ONCE
 
@@ -227,7 +227,7 @@ def _painted(
 
 
 def count_of_points(scene: Scene, runs: Runs, tiles: Tiles) -> int:
-    """How many of the samples that are seen are points."""
+    """Number of visible samples that are points."""
     from resample.engine.ellipsoids.deferred import count_points
     from resample.engine.ellipsoids.run_bounds import CHUNKS
 

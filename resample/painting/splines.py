@@ -1,4 +1,4 @@
-"""Samples on a lattice to a field between them, once per volume."""
+"""Compute the spline field of lattice samples, once per volume."""
 
 from math import prod
 from typing import Any
@@ -9,41 +9,41 @@ from numpy.typing import NDArray
 from resample.memory.mapped import array_like, most_of
 from resample.types import Bounds, Coefficients, Spline
 
-SHORT = (np.dtype(np.uint8), np.dtype(np.int8))  # types that 16 bits suffice for, see docs
+SHORT = (np.dtype(np.uint8), np.dtype(np.int8))  # types for which 16 bits suffice, see docs
 AS_THEY_ARE = (*SHORT, *(np.dtype(name) for name in ("uint16", "int16", "float32")))
-# How far coefficients may lie beyond the samples, in spans of these: mostly, and at the very most.
-# Along an axis they are at most three times as large.
-LARGEST = 1e37  # data units; coefficients of up to 27 times as much are still float32
+# Range of coefficients beyond the samples, in spans of these: usual and maximum. Along an axis they
+# are at most three times as large.
+LARGEST = 1e37  # data units; coefficients up to 27 times as large are still float32
 MARGINS = (4.0, 13.5)
 FIELD = "the field"
-BYTES_OF_BOUNDS = 0.3  # per sample, of what is made of bounds for a picture
+BYTES_OF_BOUNDS = 0.3  # per sample, temporary memory for the bounds of a picture
 
 
 def spline_of(
     values: NDArray[np.generic], sharpness: float = 1.0, like: np.dtype[Any] | None = None
 ) -> tuple[Spline, Bounds]:
-    """Field that passes through samples, and its bounds in bricks.
+    """Interpolating field of samples, and its bounds in bricks.
 
     Parameters
     ----------
     values
         (Z, Y, X) of any real type, all finite.
     sharpness
-        1 passes through the samples; 0 takes them for coefficients, which smooths; between them
-        is a mixture.
+        1: interpolate the samples; 0: use them as coefficients, which smooths; in between it is a
+        blend.
     like
-        Type as which samples are precise, where it is not theirs.
+        Type whose precision the samples have, if not their own.
 
     Returns
     -------
-    The field, held in 16 bits where samples have 8, else in float32.
+    The field, in 16 bits for samples of 8, else in float32.
 
-    Of values in a file (`resample.memory.mapped`) the field is in one, too.
+    For values in a file (`resample.memory.mapped`) the field is in a file too.
 
     Raises
     ------
     ValueError
-        Values are too large for float32, or neither memory nor a disk holds the field.
+        Values are too large for float32, or the field fits neither in memory nor on disk.
     """
     from resample.engine.jit import threads
     from resample.engine.rays.coefficients import BRICK, find_bounds, held_as
@@ -75,14 +75,14 @@ def spline_of(
 def bytes_of_field(
     shape: tuple[int, int, int], kind: np.dtype[Any], most: int | None = None
 ) -> int:
-    """Bytes that a field of samples (Z, Y, X) takes, and those that are needed to find it.
+    """Bytes of a field of samples (Z, Y, X), and temporary bytes to compute it.
 
     Parameters
     ----------
     shape, kind
-        Of the samples.
+        Shape and type of the samples.
     most
-        Bytes of pages that may be in memory, where samples are in a file: these do not count.
+        Budget of pages in memory for samples in a file; their other bytes do not count.
     """
     held = 2 if kind in SHORT else 4 if kind in AS_THEY_ARE else 8
     bounds = int(prod(shape) * BYTES_OF_BOUNDS) + _threads(shape, most) * _bytes_of_slab(shape)
@@ -90,7 +90,7 @@ def bytes_of_field(
 
 
 def _bytes_of_slab(shape: tuple[int, ...]) -> int:
-    """Bytes in which a thread filters some planes."""
+    """Bytes of a thread that filters some planes."""
     from resample.engine.rays.coefficients import HALO, SLAB
 
     depth, height, width = shape
@@ -98,7 +98,7 @@ def _bytes_of_slab(shape: tuple[int, ...]) -> int:
 
 
 def _threads(shape: tuple[int, ...], most: int | None) -> int:
-    """Threads that filter: of samples in a file so few that memory holds what they work on."""
+    """Number of threads; for samples in a file limited so that their data fit into memory."""
     from resample.engine.jit import workers
 
     slabs = workers() if most is None else min(workers(), most // (4 * _bytes_of_slab(shape)))
@@ -106,7 +106,7 @@ def _threads(shape: tuple[int, ...], most: int | None) -> int:
 
 
 def _native(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], float]:
-    """Samples as kernels take them (contiguous, of few types, read only), and what they lack."""
+    """Samples as kernels take them (contiguous, few types, read only), and the offset removed."""
     native, base = values.dtype.newbyteorder("="), 0.0
     if native.kind == "b":
         native = np.dtype(np.uint8)
@@ -118,7 +118,7 @@ def _native(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], float]:
 
 
 def _above_least(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], float]:
-    """Samples of other types, as how far they are above the least one, and this."""
+    """Samples of other types, relative to the smallest one, and that offset."""
     base = float(values.min())
     given = array_like(values, values.shape, np.float32, FIELD)
     with np.errstate(over="ignore"):
@@ -129,7 +129,7 @@ def _above_least(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], floa
 
 
 def _range(values: NDArray[np.generic]) -> tuple[float, float]:
-    """Least and greatest value."""
+    """Smallest and largest value."""
     low, high = float(values.min()), float(values.max())
     if not max(abs(low), abs(high)) < LARGEST:
         raise ValueError(
@@ -141,7 +141,7 @@ def _range(values: NDArray[np.generic]) -> tuple[float, float]:
 def _filled(
     values: NDArray[Any], low: float, span: float, sharpness: float, flat: Coefficients
 ) -> tuple[float, float]:
-    """Store coefficients; gives the scale and the zero of what is stored."""
+    """Store coefficients; returns the scale and zero of the stored values."""
     from resample.engine.rays.coefficients import MOST, SLAB, Form, find_coefficients, values_of
 
     shape = values.shape

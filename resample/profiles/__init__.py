@@ -1,1 +1,1 @@
-"""What is spread and summed by which weights, in which order: all that plugins may replace."""
+"""Filters, reconstruction kernels, interpolations and compositing orders, all open to plugins."""

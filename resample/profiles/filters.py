@@ -1,7 +1,7 @@
-"""Pixel filters: how much a point of the picture weighs in a pixel, by distance.
+"""Pixel filters: the weight of a point of the picture in a pixel, by distance.
 
-A filter is a symmetric profile of one distance, applied to x and to y in turn and multiplied; it is
-taken as 0 beyond its radius. Kernels never call it: they read its table.
+A filter is a symmetric 1-D profile, applied along x and y and multiplied, and 0 beyond its radius.
+Kernels never call it: they read its table.
 """
 
 import math
@@ -17,10 +17,10 @@ WIDEST = 64.0  # px, radius of a filter
 
 
 class PixelFilter(Protocol):
-    """What a pixel filter has; NumPy is enough to write one.
+    """Interface of a pixel filter; NumPy is enough to write one.
 
     A plugin is a class with these two, whose constructor takes the user's parameters by name and
-    refuses bad ones with a `ValueError`; `resample.testing.check_filter` checks the rest.
+    rejects invalid ones with a `ValueError`; `resample.testing.check_filter` checks the rest.
     """
 
     @property
@@ -28,12 +28,12 @@ class PixelFilter(Protocol):
         """Largest distance with a weight, px."""
 
     def __call__(self, distance: Doubles) -> Doubles:
-        """Weight at each distance, 0..`radius` px; same shape, any scale: `table` normalises."""
+        """Weights at distances 0..`radius` px; same shape, any scale, as `table` normalises."""
 
 
 @dataclass(frozen=True)
 class Box:
-    """The same weight everywhere: the mean over a square of the pixel's size."""
+    """Constant weight: the mean over a square of the pixel's size."""
 
     radius: float = 0.5  # px
 
@@ -46,9 +46,9 @@ class Box:
 
 @dataclass(frozen=True)
 class Area:
-    """A pixel's square, shared by what overlaps it: what is weighed has an extent of its own.
+    """Area of overlap with the pixel, for samples that have an extent.
 
-    Where only points can be weighed, it is a `Box`.
+    Where only points can be weighted, it acts as a `Box`.
     """
 
     radius: ClassVar[float] = 0.5  # px
@@ -59,7 +59,7 @@ class Area:
 
 @dataclass(frozen=True)
 class Tent:
-    """Weight that falls along a line to 0; radius 1 interpolates linearly."""
+    """Weight that decreases linearly to 0; radius 1 interpolates linearly."""
 
     radius: float = 1.0  # px
 
@@ -72,16 +72,16 @@ class Tent:
 
 @dataclass(frozen=True)
 class Gaussian:
-    """A bell curve.
+    """Gaussian weight, truncated.
 
     Parameters
     ----------
     sigma
         Standard deviation, px.
     radius
-        Where it is cut, px; left out, at 4 σ, where it is 0.03 % of its peak.
+        Radius of truncation, px. Default: 4 σ, where the weight is 0.03 % of the peak.
     lowered
-        Lower it by its value at the rim, so that the cut leaves no step, whatever the radius
+        Subtract the value at the radius, so that truncation leaves no step, whatever the radius
         (Pharr, Jakob and Humphreys, Physically Based Rendering, 4th ed., section 8.8.1).
     """
 
@@ -126,7 +126,7 @@ class Mitchell:
 
 @dataclass(frozen=True)
 class CatmullRom:
-    """The cubic that passes through the samples: sharp, with some negative weights.
+    """The interpolating cubic: sharp, with some negative weights.
 
     Catmull and Rom, A Class of Local Interpolating Splines, 1974; Mitchell's with b = 0, c = 1/2.
     """
@@ -139,7 +139,7 @@ class CatmullRom:
 
 @dataclass(frozen=True)
 class Lanczos:
-    """The ideal low-pass filter under a window of its own shape: sharpest, and it rings.
+    """Windowed sinc, the window a sinc too: sharpest, with ringing.
 
     Duchon, Lanczos Filtering in One and Two Dimensions, Journal of Applied Meteorology 18, 1979.
     """
@@ -159,7 +159,7 @@ class Lanczos:
 
 
 def table(pixel_filter: PixelFilter, steps: int = 1024) -> RadialTable:
-    """Profile of a filter at equal steps, of unit mass.
+    """Tabulate a filter at equal steps, normalised to integral 1.
 
     Parameters
     ----------
@@ -170,16 +170,16 @@ def table(pixel_filter: PixelFilter, steps: int = 1024) -> RadialTable:
 
     Returns
     -------
-    Table of `steps + 1` values; read linearly, it integrates to 1 over −extent..extent.
-    `extent` is the filter's radius, and the value there is 0. A filter that ends in a step, as a
-    box does, gets its last interval laid across the rim, so that a point exactly on the border of
-    two pixels is shared by them, neither lost nor counted twice; `extent` is then larger than the
-    radius by half an interval.
+    Table of `steps + 1` values; interpolated linearly, it integrates to 1 over −extent..extent.
+    `extent` is the filter's radius, and the value there is 0. If a filter ends in a step, as a box
+    does, its last interval is centered on the radius, so that a point exactly on the border of
+    two pixels is divided between them, neither lost nor counted twice; `extent` is then larger
+    than the radius by half an interval.
 
     Raises
     ------
     ValueError
-        There are fewer than 2 steps, or the filter has no mass or is too wide.
+        There are fewer than 2 steps, or the filter's integral is 0 or its radius too large.
     """
     if steps < 2:
         raise ValueError(f"a table needs at least 2 steps, not {steps}")
@@ -211,16 +211,16 @@ def profile_table(pixel_filter: PixelFilter, count: int) -> Floats:
 
 
 def profile(values: RadialTable) -> Profile | None:
-    """Shape of a filter as a polynomial in its squared argument; None where none is as good.
+    """Fit a polynomial in the squared argument to a filter; None if none is accurate enough.
 
     Parameters
     ----------
     values
-        As `table` gives them.
+        Table from `table`.
 
     Returns
     -------
-    Coefficients of the filter divided by its peak, over 0..1 of the extent, within 1e-5.
+    Coefficients of the filter divided by its peak, over 0..1 of the extent, accurate to 1e-5.
     """
     squared = np.linspace(0, 1, values.values.size) ** 2
     powers = squared[:, None] ** np.arange(len(Profile._fields))
@@ -232,12 +232,12 @@ def profile(values: RadialTable) -> Profile | None:
 
 
 def check_reach(pixel_filter: PixelFilter) -> None:
-    """Refuse a filter so wide that the sum over its pixels would never end.
+    """Reject a filter whose radius is too large.
 
     Raises
     ------
     ValueError
-        Its radius is above `WIDEST`, or is none.
+        The radius is above `WIDEST`, not positive or not a number.
     """
     if not 0.0 < pixel_filter.radius <= WIDEST:
         raise ValueError(

@@ -1,12 +1,12 @@
 """Interpolation between the samples of a grid: separable kernels, and tables of their taps.
 
-An interpolation is a symmetric profile of one distance, applied along each axis in turn. One that
-is not 1 at distance 0 and 0 at the other whole distances does not pass through the samples by
-itself; `prefilter` turns the samples into coefficients for which it does.
+An interpolation is a symmetric 1-D profile, applied along each axis in turn. If it is not 1 at
+distance 0 and 0 at the other integer distances, it does not interpolate by itself; `prefilter` then
+turns the samples into coefficients for which it does.
 
-A sample of a picture is no value at a point but a mean over a pixel's area. An interpolation whose
-`is_mean` is true takes it for that: not its values at the samples, but its means around them, are
-the samples. To average it over pixels of another picture then blurs once instead of twice.
+A sample of a picture is not a value at a point but a mean over a pixel's area. If `is_mean` is
+true, an interpolation reproduces the samples as its means over their areas, not as its values at
+their centers. Averaging it over pixels of another picture then blurs only once.
 """
 
 import math
@@ -22,19 +22,19 @@ from resample.types import Doubles, Floats
 R = TypeVar("R")
 
 LARGEST_RADIUS = 8
-NEGLIGIBLE = 1e-7  # taps of a prefilter below this share of the middle one are left out
-LONGEST = 512  # samples over which a prefilter is worked out
-FINE = 4096  # steps per sample in which a kernel is integrated
-LIMITS = {"none": -1.0, "range": 0.0, "peaks": 1.0}  # what of a peak may be added to it
-RAYS = 8  # places in half a part of a sample, for the mean over it
+NEGLIGIBLE = 1e-7  # fraction of the middle tap of a prefilter below which taps are dropped
+LONGEST = 512  # samples over which a prefilter is computed
+FINE = 4096  # integration steps per sample
+LIMITS = {"none": -1.0, "range": 0.0, "peaks": 1.0}  # allowed overshoot, fraction of a peak
+RAYS = 8  # quadrature points in half a part of a sample
 
 
 class Interpolation(Protocol):
-    """What an interpolation has; a plugin is a class with these two.
+    """Interface of an interpolation; a plugin is a class with these two.
 
-    It may have two more: `is_mean` (samples are means over their extents, see above; false where it
-    is left out) and `limit` (a name of `LIMITS`; `none` where it is left out).
-    `resample.testing.check_interpolation` checks the rest.
+    Two are optional: `is_mean` (samples are means over their extents, see above; default false)
+    and `limit` (a name of `LIMITS`; default `none`). `resample.testing.check_interpolation` checks
+    the rest.
     """
 
     @property
@@ -42,12 +42,12 @@ class Interpolation(Protocol):
         """Largest distance with a weight, samples; at most `LARGEST_RADIUS`."""
 
     def __call__(self, distance: Doubles) -> Doubles:
-        """Weight at each distance, 0..`radius` samples; same shape, any scale."""
+        """Weights at distances 0..`radius` samples; same shape, any scale."""
 
 
 @dataclass(frozen=True)
 class Nearest:
-    """The nearest sample: squares."""
+    """Nearest neighbour."""
 
     radius: ClassVar[float] = 0.5
 
@@ -57,7 +57,7 @@ class Nearest:
 
 @dataclass(frozen=True)
 class Bilinear:
-    """Straight lines from sample to sample."""
+    """Linear interpolation along each axis."""
 
     radius: ClassVar[float] = 1.0
 
@@ -67,7 +67,7 @@ class Bilinear:
 
 @dataclass(frozen=True)
 class CatmullRom:
-    """Cubic with a slope of a = −1/2: reproduces straight lines and parabolas.
+    """Cubic with slope a = −1/2: reproduces lines and parabolas.
 
     Keys, Cubic Convolution Interpolation for Digital Image Processing, 1981. (OpenCV's INTER_CUBIC
     has a = −3/4 and does not.)
@@ -84,13 +84,13 @@ class CatmullRom:
 
 @dataclass(frozen=True)
 class Spline:
-    """Spline through the samples: of degree 3 twice continuously differentiable, of 5 four times.
+    """Interpolating spline: of degree 3 twice continuously differentiable, of 5 four times.
 
     Unser, Splines: A Perfect Fit for Signal and Image Processing, 1999.
     """
 
     degree: int = 3
-    limit: str = "none"  # as `AreaSpline` has it
+    limit: str = "none"  # as in `AreaSpline`
 
     def __post_init__(self) -> None:
         _check_degree(self.degree, (2, 3, 4, 5))
@@ -106,20 +106,20 @@ class Spline:
 
 @dataclass(frozen=True)
 class AreaSpline:
-    """Spline whose mean over the extent of every sample is that sample.
+    """Spline whose mean over the extent of every sample equals that sample.
 
-    A shift then acts like a spline one degree higher through the samples, means over whole samples
-    are exact, and sums are kept.
+    A shift then acts like an interpolating spline one degree higher, means over whole samples are
+    exact, and sums are preserved.
 
     Parameters
     ----------
     degree
-        2 to 5. A higher one keeps more of the finest detail when a picture is resampled again and
-        again, and rings farther around hard edges.
+        2 to 5. A higher degree preserves more fine detail under repeated resampling, and rings
+        farther around hard edges.
     limit
-        What is done about rings: `range` keeps pixels that cover at most two samples within the
-        range of the samples around; `peaks` lets a sample that stands out from its neighbours, but
-        not from flat ground, stand out twice as far, as what it is the mean of may; `none` is
+        Limit on ringing: `range` keeps pixels that cover at most two samples within the range of
+        the surrounding samples; `peaks` lets a sample that stands out from its neighbours, but not
+        from flat ground, stand out twice as far, as the signal it is the mean of may; `none` is
         linear.
     """
 
@@ -141,10 +141,10 @@ class AreaSpline:
 
 @dataclass(frozen=True)
 class Lanczos:
-    """Sinc under the middle lobe of one that is `a` times as wide; passes through the samples."""
+    """Sinc windowed by the main lobe of a sinc `a` times as wide; interpolating."""
 
     a: int = 3
-    limit: str = "none"  # as `AreaSpline` has it
+    limit: str = "none"  # as in `AreaSpline`
 
     def __post_init__(self) -> None:
         if self.a not in (2, 3, 4, 5):
@@ -161,7 +161,7 @@ class Lanczos:
 
 @dataclass(frozen=True)
 class InterpolatingGaussian:
-    """Gaussians of such heights that their sum passes through the samples.
+    """Gaussians with weights such that their sum interpolates the samples.
 
     Parameters
     ----------
@@ -173,7 +173,7 @@ class InterpolatingGaussian:
 
     def __post_init__(self) -> None:
         if not 0.3 <= self.sigma <= 1.0:
-            raise ValueError(f"sigma lies between 0.3 and 1 samples, not at {self.sigma}")
+            raise ValueError(f"sigma must be between 0.3 and 1 samples, not {self.sigma}")
 
     @property
     def radius(self) -> float:
@@ -184,8 +184,8 @@ class InterpolatingGaussian:
 
 
 def b_spline(degree: int, distance: Doubles) -> Doubles:
-    """B-spline of a degree at distances of its middle, in the distances between its knots."""
-    from_start = 0.5 * (degree + 1) - np.abs(distance)  # the half on which few terms do not vanish
+    """B-spline of a degree at distances from its center, in units of the knot spacing."""
+    from_start = 0.5 * (degree + 1) - np.abs(distance)  # the half with few non-zero terms
     total = np.zeros_like(from_start)
     for knot in range(degree // 2 + 1):
         sign = (-1) ** knot * math.comb(degree + 1, knot)
@@ -206,14 +206,14 @@ def _check_limit(limit: str) -> None:
 
 
 def excess(interpolation: Interpolation) -> float:
-    """How much of what a sample stands out may be added to it; below 0: an interpolation rings."""
+    """Allowed overshoot as a fraction of a sample's peak; below 0: no limit."""
     return LIMITS[getattr(interpolation, "limit", "none")]
 
 
 def remembered(function: Callable[..., R]) -> Callable[..., R]:
-    """A function of an interpolation (or filter) and other keys, worked out once for each.
+    """Cache a function of an interpolation (or filter) and other keys.
 
-    A plugin's object that cannot be a key is asked anew.
+    For objects of plugins that are not hashable it is called each time.
     """
     known = lru_cache(maxsize=64)(function)
 
@@ -229,17 +229,17 @@ def remembered(function: Callable[..., R]) -> Callable[..., R]:
 
 
 def taps(interpolation: Interpolation, offset: Doubles, extent: Doubles | float = 0.0) -> Floats:
-    """Weights of the samples around places.
+    """Compute the weights of the samples around positions.
 
     Parameters
     ----------
     interpolation
         Any `Interpolation`.
     offset
-        (N,) how far each place is from its nearest sample, −0.5..0.5 samples.
+        (N,) distance of each position from its nearest sample, −0.5..0.5 samples.
     extent
-        Samples, (N,) or one for all, around each place over which the mean is wanted of an
-        interpolation that is one of means; others give the value at the place.
+        Samples, (N,) or one for all: length around each position over which to average if the
+        interpolation is one of means; others give the value at the position.
 
     Returns
     -------
@@ -253,13 +253,13 @@ def taps(interpolation: Interpolation, offset: Doubles, extent: Doubles | float 
 
 
 def _means(interpolation: Interpolation, place: Doubles, extent: Doubles | float) -> Doubles:
-    """Weights at places, or their means over extents around them."""
+    """Weights at positions, or their means over extents around them."""
     if not getattr(interpolation, "is_mean", False):
         distance = np.abs(place)
         return np.where(distance <= interpolation.radius, interpolation(distance), 0.0)
     at, share = np.polynomial.legendre.leggauss(RAYS)
     total = np.zeros_like(place)
-    for half in (-0.25, 0.25):  # a kernel's knots lie at the middle of a sample, or at its ends
+    for half in (-0.25, 0.25):  # knots of a kernel are at the centers of samples or at their ends
         for n in range(RAYS):
             distance = np.abs(place + extent * (half + 0.25 * at[n]))
             inside = np.minimum(distance, interpolation.radius)
@@ -269,14 +269,14 @@ def _means(interpolation: Interpolation, place: Doubles, extent: Doubles | float
 
 
 class Integrals(NamedTuple):
-    """The integral of an interpolation's kernel, in the order in which means over boxes need it.
+    """Integral of an interpolation's kernel, laid out for means over boxes.
 
-    Row p of the table is for places whose distance from a sample's middle, less `shift`, has the
-    fraction p / phases. It holds `ones` ones, then the integrals from the kernel's start to
+    Row p of the table is for positions whose distance from a sample's center, minus `shift`, has
+    the fraction p / phases. It holds `ones` ones, then the integrals from the kernel's start to
     `before` + p / phases and to one sample less each, `taps` in all, then `ones` zeros.
     """
 
-    table: Floats  # ((phases + 2) × stride + ones,), the last row and the last ones to spare
+    table: Floats  # ((phases + 2) × stride + ones,), the last row and the last ones are padding
     stride: int
     taps: int
     before: int
@@ -285,7 +285,7 @@ class Integrals(NamedTuple):
 
 @remembered
 def integrals(interpolation: Interpolation, phases: int, ones: int) -> Integrals:
-    """Integral of an interpolation's kernel, whose weights are made to sum to 1 at every place."""
+    """Integral of an interpolation's kernel, with weights normalised to sum 1 everywhere."""
     radius = math.ceil(2.0 * interpolation.radius) / 2.0
     is_whole = radius == int(radius)
     taps, before = int(2.0 * radius), math.ceil(radius - 0.5) - is_whole
@@ -299,7 +299,7 @@ def integrals(interpolation: Interpolation, phases: int, ones: int) -> Integrals
     kernel = kernel / np.append(np.tile(sums[:-1], taps), sums[0])
     integral = np.append(0.0, np.cumsum(0.5 * (kernel[1:] + kernel[:-1])))
     integral /= integral[-1]
-    # A fraction may be rounded to 1, whose row is read together with the next.
+    # A fraction may be rounded to 1, whose row is read with the next one.
     phase = np.arange(phases + 2) / phases - (0.0 if is_whole else 0.5)
     table = np.zeros((phases + 2, taps + 2 * ones), np.float32)
     table[:, :ones] = 1.0
@@ -312,16 +312,16 @@ def integrals(interpolation: Interpolation, phases: int, ones: int) -> Integrals
 
 @remembered
 def prefilter(interpolation: Interpolation) -> Floats:
-    """Symmetric filter that turns samples into an interpolation's coefficients.
+    """Compute the symmetric filter that turns samples into an interpolation's coefficients.
 
     Returns
     -------
-    (K,) taps, K odd, that sum to 1; a single 1 where samples are coefficients already.
+    (K,) taps, K odd, that sum to 1; a single 1 if samples are the coefficients.
 
     Raises
     ------
     ValueError
-        No coefficients make this kernel pass through the samples.
+        No coefficients make this kernel interpolate.
     """
     reach = math.ceil(interpolation.radius)
     at_samples = _means(interpolation, np.arange(-reach, reach + 1.0), 1.0)

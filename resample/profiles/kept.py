@@ -1,4 +1,4 @@
-"""What is made of a kernel or filter, once for all that are equal."""
+"""Cache of tables made from kernels and filters."""
 
 from collections.abc import Callable
 from functools import lru_cache, wraps
@@ -9,9 +9,9 @@ R = TypeVar("R")
 
 
 def once(make: Callable[[C], R]) -> Callable[[C], R]:
-    """`make` whose results are kept for frozen dataclasses, which stay what they are.
+    """Memoize `make` for frozen dataclasses, which cannot change.
 
-    Tables of one kernel take longer than a small picture. Nobody writes into them.
+    Computing tables takes longer than painting a small picture. The results are read only.
     """
     kept = lru_cache(maxsize=32)(make)
 
@@ -22,7 +22,7 @@ def once(make: Callable[[C], R]) -> Callable[[C], R]:
             return make(choice)
         try:
             hash(choice)
-        except TypeError:  # something in it may change
+        except TypeError:  # some field is not hashable
             return make(choice)
         return kept(choice)
 

@@ -1,4 +1,4 @@
-"""Compositing orders: what is painted when, and what is summed first (paper, section 4.1)."""
+"""Compositing orders: painting order, and what is summed before (paper, section 4.1)."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -8,51 +8,51 @@ import numpy as np
 
 from resample.types import Doubles, Layers, View
 
-THINNEST = 1e-3  # voxels; thinner slabs change nothing and take as many times as long
+THINNEST = 1e-3  # voxels; thinner slabs change nothing and take proportionally longer
 
 
 class Summing(IntEnum):
-    """What is summed before it is composited."""
+    """What is summed before compositing."""
 
     POINTS = 0  # points of a sheet; splats are composited one by one
     SHEETS = 1  # all samples of a sheet
-    SLABS = 2  # all that lies between two planes parallel to the screen, which cut splats
-    RAYS = 3  # nothing: a field on a lattice is gathered along rays
+    SLABS = 2  # everything between two planes parallel to the screen, which cut splats
+    RAYS = 3  # nothing: a field on a lattice is sampled along rays
 
 
 QUALITIES = ("best", "usual", "fast")  # of rays
 MONOTONE = "monotone"
-INTERPOLATIONS = (MONOTONE, "spline")  # of largest and least values
-OF_FIELDS = (Summing.SLABS, Summing.RAYS)  # what orders sum that classify values
+INTERPOLATIONS = (MONOTONE, "spline")  # for maxima and minima
+OF_FIELDS = (Summing.SLABS, Summing.RAYS)  # orders that classify values
 
 
 class CompositingOrder(Protocol):
-    """Role of an order plugin. It gives a few numbers; painting is the kernels' work."""
+    """Interface of an order plugin. It returns a few numbers; kernels do the painting."""
 
     @property
     def thickness(self) -> float:
-        """Of the layer that is summed before it is composited, in voxels."""
+        """Thickness in voxels of the layer that is summed before compositing."""
 
     @property
     def summing(self) -> Summing:
         """What is summed."""
 
     def __call__(self, view: View, lattice: Doubles) -> Layers:
-        """Layers of samples with a lattice (3, 3); of `Summing.SLABS` they are those of depth."""
+        """Layers of samples with a lattice (3, 3); those of `Summing.SLABS` are layers of depth."""
 
 
 @dataclass(frozen=True)
 class EverySample:
     """Strict depth order: splats are composited one by one, points in layers of depth.
 
-    Westover, Interactive Volume Rendering, 1989. Colors bleed a little where kernels overlap.
+    Westover, Interactive Volume Rendering, 1989. Colors bleed slightly where kernels overlap.
 
     Parameters
     ----------
     thickness
         Depth range over which points are summed, voxels ("e.g., 1 unit"; paper, section 4.1).
     key
-        What samples are ordered by: `depth` along the view axis, or `distance` from the eye.
+        Sort key of samples: `depth` along the view axis, or `distance` from the eye.
     """
 
     thickness: float = 1.0
@@ -74,10 +74,10 @@ class EverySample:
 
 @dataclass(frozen=True)
 class AxisSheets:
-    """Sheets of the lattice along that of its axes which is nearest to the view axis.
+    """Sheets of the lattice along the lattice axis nearest to the view axis.
 
-    Westover, Splatting: A Parallel, Feed-Forward Volume Rendering Algorithm, 1991. Colors of a
-    sheet do not bleed; pictures pop where another axis becomes the nearest, at 45 degrees.
+    Westover, Splatting: A Parallel, Feed-Forward Volume Rendering Algorithm, 1991. Colors within a
+    sheet do not bleed; pictures pop where the nearest axis changes, at 45 degrees.
     """
 
     thickness = 1.0
@@ -93,7 +93,7 @@ class AxisSheets:
         eye = float(-view.rotation.T @ view.translation @ to_lattice)
         return Layers(
             _vector(to_lattice),
-            0.0,  # a lattice may begin between whole numbers
+            0.0,  # a lattice may begin at a fraction of a voxel
             1.0,
             eye if view.perspective else -np.inf,
             begins_at_first=True,
@@ -102,16 +102,16 @@ class AxisSheets:
 
 @dataclass(frozen=True)
 class ImageSheets:
-    """Slabs of even depth, which cut splats in parts.
+    """Slabs of even depth, which cut splats into parts.
 
     Mueller, Shareef, Huang and Crawfis, High-Quality Splatting on Rectilinear Grids with Efficient
-    Culling of Occluded Voxels, 1999. Nothing bleeds and nothing pops; every splat is painted once
-    for each slab that it lies in. Thinner slabs come nearer to the integral along the ray.
+    Culling of Occluded Voxels, 1999. No bleeding and no popping; every splat is painted once per
+    slab that it meets. Thinner slabs come closer to the integral along the ray.
 
     Parameters
     ----------
     thickness
-        Of a slab, voxels.
+        Thickness of a slab, voxels.
     """
 
     thickness: float = 1.0
@@ -129,27 +129,27 @@ class ImageSheets:
 
 @dataclass(frozen=True)
 class Rays:
-    """Fields gathered along rays, the other way round: pixels look for samples.
+    """Rays cast through a field: pixels gather samples instead of samples being splatted.
 
-    Where samples grow, this is quicker than summing their splats slab by slab. The field is a cubic
-    B-spline that passes through the samples, and looks of values are integrated over steps
-    (Engel, Kraus and Ertl, High-Quality Pre-Integrated Volume Rendering, 2001).
+    Where samples grow, this is faster than summing their splats slab by slab. The field is an
+    interpolating cubic B-spline, and classified values are integrated over steps (Engel, Kraus and
+    Ertl, High-Quality Pre-Integrated Volume Rendering, 2001).
 
     Parameters
     ----------
     step
-        Longest step along a ray, voxels; where the field bends, its middle is looked at, too.
+        Longest step along a ray, voxels; where the field bends, its middle is sampled as well.
     sharpness
-        1: the field passes through the samples; 0: it is the smooth one whose coefficients they
-        are; between them it is a mixture.
+        1: the field interpolates the samples; 0: it is smoothed, with the samples as spline
+        coefficients; in between it is a blend.
     quality
-        How many rays a pixel gets: `best`, as many as voxels that are smallest on screen ask for;
-        `usual`, as many as those at the field's middle do, and fewer where the picture is even;
-        `fast`, one.
+        Number of rays per pixel: `best`, as needed for the voxels smallest on screen; `usual`, as
+        needed for those at the field's center, and fewer where the picture is uniform; `fast`,
+        one.
     interpolation
-        `monotone`: maxima and minima stay within the eight samples around a place, so that no value
-        is shown which no sample has; and applications may make thick slices thin. `spline`: the
-        spline through the samples, and nothing else.
+        `monotone`: maxima and minima stay within the eight samples around a position, so that no
+        value is shown that no sample has; and applications may thin thick slices. `spline`: the
+        interpolating spline, and nothing else.
     """
 
     step: float = 1.0

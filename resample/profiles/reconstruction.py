@@ -2,8 +2,8 @@
 
 A reconstruction is a density over the distance from a sample, in voxels, zero beyond its radius.
 Its scale does not matter: tables are normalised so that the kernel's integral over space is one
-voxel, so that a constant field reconstructs as that constant (up to the ripple that
-`ripple` reports).
+voxel. A constant field is then reconstructed as that constant, up to the error that `ripple`
+reports.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from resample.profiles.kept import once
 from resample.types import Doubles, Floats, Pieces, Profile, RadialTable
 
 STEPS = 1024  # linear interpolation in 1024 steps errs by under 3e-6 of the peak
-PARTIAL_STEPS = 256  # both ways; linear interpolation errs by under 2e-5 of the peak
+PARTIAL_STEPS = 256  # in both directions; linear interpolation errs by under 2e-5 of the peak
 PROFILE_ERROR = 5e-6  # of the peak
 PIECES_ERROR = 1e-5  # likewise
 DENSITY_ERROR = 2e-5  # likewise
@@ -24,27 +24,27 @@ WIDEST = 64.0  # voxels, radius of a kernel
 
 
 class Reconstruction(Protocol):
-    """Role of a reconstruction plugin; NumPy only, compiled for nobody."""
+    """Interface of a reconstruction plugin; NumPy only, not compiled."""
 
     @property
     def radius(self) -> float:
-        """Distance in voxels from which on the density is zero."""
+        """Distance in voxels beyond which the density is zero."""
 
     def __call__(self, distance: Doubles) -> Doubles:
-        """Density at distances in voxels, same shape."""
+        """Density at distances in voxels; same shape."""
 
 
 @dataclass(frozen=True)
 class GaussianKernel:
-    """Gaussian, lowered by its value at the rim so that it ends there without a step.
+    """Gaussian minus its value at the radius, so that it ends without a step.
 
     Parameters
     ----------
     sigma
-        Standard deviation of the Gaussian before it is lowered, voxels. The default is where a
-        constant field is flattest for radius 2: from -0.37 % to +0.76 %.
+        Standard deviation of the Gaussian before the subtraction, voxels. The default makes a
+        constant field flattest for radius 2: from -0.37 % to +0.76 %.
     radius
-        Where it ends, voxels.
+        Radius at which it ends, voxels.
     """
 
     sigma: float = 0.65
@@ -67,7 +67,7 @@ class BSplineKernel:
     Parameters
     ----------
     radius
-        Where it ends, voxels; its knot lies at half of that.
+        Radius at which it ends, voxels; its knot is at half of that.
     """
 
     radius: float = 2.0
@@ -94,7 +94,7 @@ def density_table(reconstruction: Reconstruction) -> RadialTable:
 def footprint_table(reconstruction: Reconstruction) -> RadialTable:
     """Line integrals over the squared distance of the line from the center, in radii.
 
-    Normalised as `density_table` is: the integral over the unit disk is 1 (paper, section 4.2,
+    Normalised as in `density_table`: the integral over the unit disk is 1 (paper, section 4.2,
     "footprint table", here for any radial kernel and without a square root per look-up).
     """
     integral = _line_integrals(reconstruction, np.linspace(0, 1, STEPS + 1))
@@ -103,12 +103,12 @@ def footprint_table(reconstruction: Reconstruction) -> RadialTable:
 
 @once
 def footprint_profile(reconstruction: Reconstruction) -> Profile | None:
-    """Line integrals as a formula that is quicker than their table; None where none is as good.
+    """Fit a formula that is faster than the table of line integrals; None if none fits.
 
     With t = 1 - squared distance, the integral along the chord of half length sqrt(t) is sqrt(t)
     times a smooth function of t, if the density is smooth in the squared distance. For Gaussians a
     polynomial of degree 8 errs by 3e-6 of the peak, as linear interpolation in the table does.
-    Painters rely on it that the formula is nowhere negative.
+    Painters rely on the formula being non-negative everywhere.
     """
     exact = footprint_table(reconstruction).values.astype(np.float64)
     t = 1 - np.linspace(0, 1, STEPS + 1)
@@ -122,7 +122,7 @@ def footprint_profile(reconstruction: Reconstruction) -> Profile | None:
 
 @once
 def footprint_pieces(reconstruction: Reconstruction) -> Pieces | None:
-    """Like `footprint_profile`, in two pieces and of more kernels; None where none is as good.
+    """Like `footprint_profile`, in two pieces and for more kernels; None if none fits.
 
     Splines and kernels with other knots are smooth in the distance, not in its square.
     """
@@ -144,10 +144,10 @@ def footprint_pieces(reconstruction: Reconstruction) -> Pieces | None:
 
 
 def density_profile(reconstruction: Reconstruction) -> Doubles | None:
-    """Density as nine powers of t = 1 - squared distance in radii; None where that does not do.
+    """Fit nine powers of t = 1 - squared distance in radii to the density; None if they do not fit.
 
-    Normalised as `density_table` is. What is integrated of it errs by as little as `partial_table`,
-    and it is nowhere negative.
+    Normalised as in `density_table`. Its integrals are as accurate as `partial_table`, and it is
+    nowhere negative.
     """
     node = 0.5 - 0.5 * np.cos(np.pi * (np.arange(400) + 0.5) / 400)
     exact = reconstruction(np.sqrt(1 - node) * reconstruction.radius) / _mass(reconstruction)
@@ -160,11 +160,11 @@ def density_profile(reconstruction: Reconstruction) -> Doubles | None:
 
 
 def product_profile(reconstruction: Reconstruction) -> tuple[Doubles, Doubles, float] | None:
-    """Density of a Gaussian as a product of what is across a line and along it, less a number.
+    """Factor a Gaussian's density into a part across a line and a part along it, minus a constant.
 
-    Nine powers of t = 1 - squared distance of the line from the center, nine of the squared place
-    on it, both in radii; None for what is no Gaussian, or is too narrow for that. Normalised as
-    `density_table` is.
+    Nine powers of t = 1 - squared distance of the line from the center, and nine of the squared
+    position on it, both in radii; None if the kernel is not a Gaussian, or too narrow. Normalised
+    as in `density_table`.
     """
     if not isinstance(reconstruction, GaussianKernel):
         return None
@@ -181,12 +181,12 @@ def product_profile(reconstruction: Reconstruction) -> tuple[Doubles, Doubles, f
 
 @once
 def partial_table(reconstruction: Reconstruction) -> Floats:
-    """Line integrals up to a place, (K + 1, K + 1).
+    """Line integrals up to a position, (K + 1, K + 1).
 
-    Rows are the squared distance of the line from the center, 0..1 radii²; columns the place on it,
-    -1..1 radii from where it is nearest to the center. Normalised as `footprint_table` is, whose
-    values are in the last column. For a Gaussian this is what error functions give; the table
-    serves any kernel.
+    Rows are the squared distance of the line from the center, 0..1 radii²; columns the position on
+    it, -1..1 radii from the point nearest to the center. Normalised as in `footprint_table`, whose
+    values are the last column. For a Gaussian error functions give this; the table serves any
+    kernel.
     """
     node, weight = np.polynomial.legendre.leggauss(6)
     squared = np.linspace(0, 1, PARTIAL_STEPS + 1)[:, None, None]
@@ -220,13 +220,13 @@ def ripple(reconstruction: Reconstruction, steps: int = 12) -> tuple[float, floa
 
 @cache
 def _quadrature() -> tuple[Doubles, Doubles]:
-    """Nodes and weights from -1 to 1; to find them takes longer than to import all of this."""
+    """Gauss-Legendre nodes and weights; computing them takes longer than importing this module."""
     node, weight = np.polynomial.legendre.leggauss(200)
     return node, weight
 
 
 def _line_integrals(reconstruction: Reconstruction, squared: Doubles) -> Doubles:
-    """Integrals along lines at squared distances (K,) of the center, radii²; over the disk 1."""
+    """Integrals along lines at squared distances (K,) from the center, radii²; 1 over the disk."""
     node, weight = _quadrature()
     squared = squared[:, None]
     half_chord = np.sqrt(1 - squared)
@@ -237,7 +237,7 @@ def _line_integrals(reconstruction: Reconstruction, squared: Doubles) -> Doubles
 
 
 def _shells(reconstruction: Reconstruction) -> tuple[Doubles, Doubles]:
-    """Radii in (0, 1) and what the shell around each adds to the kernel's integral."""
+    """Radii in (0, 1), and the contribution of the shell around each to the kernel's integral."""
     node, weight = _quadrature()
     r = (node + 1) / 2
     return r, 4 * np.pi * r**2 * reconstruction(r * reconstruction.radius) * weight / 2

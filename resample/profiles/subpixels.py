@@ -1,7 +1,7 @@
-"""Pixel filters on parts of pixels: how many parts a filter asks for, and how they are weighed.
+"""Pixel filters on sub-pixels: how many a filter needs, and their weights.
 
-A picture is painted on parts of its pixels, visibility decided in each, and filtered last: what
-lies behind an opaque half of a pixel must not shine through the other half.
+A picture is painted on sub-pixels, each with its own visibility, and filtered last: an object
+behind an opaque half of a pixel must not show through the other half.
 """
 
 import math
@@ -13,25 +13,25 @@ import numpy as np
 from resample.profiles.filters import PixelFilter, check_reach
 from resample.types import Doubles, Floats
 
-MOST = 4  # per side of a pixel; of filters that fewer do not stand for exactly
-FINE = 16  # places along a part of a pixel that a filter is looked at
-CLOSE = 1e-3  # of a filter's mass; parts that differ by no more stand for it exactly
-LARGEST_STRIP = 1 << 21  # sub-pixels that are held at a time
+MOST = 4  # per side of a pixel; for filters that need more for exact results
+FINE = 16  # positions along a sub-pixel at which a filter is evaluated
+CLOSE = 1e-3  # fraction of a filter's mass; sub-pixels within this error count as exact
+LARGEST_STRIP = 1 << 21  # sub-pixels held at a time
 
 
 @dataclass(frozen=True)
 class Strip:
-    """Some rows of a picture, and the parts of pixels that their filter reads."""
+    """Rows of a picture with the sub-pixels that their filter reads."""
 
     first: int  # row of the picture
-    last: int  # row, one beyond
+    last: int  # row after the last one
     shape: tuple[int, int]  # rows and columns of sub-pixels
     matrix: Doubles  # (3, 3) from px of the picture to sub-pixels of the strip
 
 
 @dataclass(frozen=True)
 class Subpixels:
-    """Parts of pixels that a filter weighs."""
+    """Sub-pixels weighted by a filter."""
 
     count: int  # per side of a pixel
     margin: int  # px around a pixel that its filter reads
@@ -43,7 +43,7 @@ class Subpixels:
         return np.asarray(self.weight.reshape(-1, self.count).sum(axis=1), np.float32)
 
     def strips(self, shape: tuple[int, int]) -> Iterator[Strip]:
-        """Picture of (height, width) px in strips that fit in memory one by one."""
+        """Divide a picture of (height, width) px into strips that fit into memory one by one."""
         height, width = shape
         columns = (width + 2 * self.margin) * self.count
         rows = LARGEST_STRIP // (columns * self.count) - 2 * self.margin
@@ -57,11 +57,11 @@ class Subpixels:
 
 
 def subpixels_of(pixel_filter: PixelFilter, count: int | None = None) -> Subpixels:
-    """Parts of pixels under a filter: `count` per side, or as few as stand for it exactly.
+    """Sub-pixels for a filter: `count` per side, or the fewest that represent it exactly.
 
-    One without margin is the mean over the pixel's square if it has one part: nothing is filtered.
-    They are `MOST` per side at most, unless more are asked for. Errors are those of `check_reach`
-    and `_weights`.
+    Without margin and with one sub-pixel, the result is the mean over the pixel: nothing is
+    filtered. At most `MOST` per side are used unless more are requested. Errors as in
+    `check_reach` and `_weights`.
     """
     check_reach(pixel_filter)
     margin = max(0, math.ceil(pixel_filter.radius - 0.5 - 1e-9))
@@ -74,12 +74,12 @@ def subpixels_of(pixel_filter: PixelFilter, count: int | None = None) -> Subpixe
 
 
 def _weights(pixel_filter: PixelFilter, margin: int, n: int) -> Doubles:
-    """Weights ((2 margin + 1) n, FINE) of places within n parts of each pixel, sum 1.
+    """Weights ((2 margin + 1) n, FINE) of positions within the n sub-pixels of each pixel, sum 1.
 
     Raises
     ------
     ValueError
-        They have no sum.
+        The sum of the weights is zero or not finite.
     """
     places = (np.arange((2 * margin + 1) * n * FINE) + 0.5) / (n * FINE) - margin - 0.5
     distance, radius = np.abs(places), pixel_filter.radius

@@ -1,1 +1,1 @@
-"""The one door for files: limits, neighbours, arrays and texts of files that nobody vouches for."""
+"""Safe reading of untrusted files: limits, references to other files, arrays, texts."""

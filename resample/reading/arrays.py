@@ -1,4 +1,4 @@
-"""Arrays in NumPy's files, `.npy` and `.npz`, whose headers and sizes are looked at first."""
+"""Read NumPy files, `.npy` and `.npz`, after checking their headers and sizes."""
 
 import math
 import zipfile
@@ -14,11 +14,11 @@ from resample.reading.limits import check_unpacked
 from resample.reading.packed.unpacking import check_members
 from resample.words import one_line
 
-MAGIC = b"\x93NUMPY"  # what an array's file begins with
+MAGIC = b"\x93NUMPY"  # first bytes of an array's file
 
 
 class DamageError(OSError):
-    """A file of arrays that is damaged, cut off, or none."""
+    """A file of arrays is damaged, truncated or of another kind."""
 
     def __init__(self, path: Path, reason: str) -> None:
         what = "holds no arrays that can be read" if path.suffix == ".npy" else "is damaged"
@@ -28,37 +28,37 @@ class DamageError(OSError):
 
 @contextmanager
 def _damage(path: Path) -> Iterator[None]:
-    """Make one error of the dozen kinds that damaged arrays raise."""
+    """Convert the dozen error types of damaged arrays to one."""
     try:
         yield
     except MemoryError:
         raise
     except (FileNotFoundError, PermissionError, IsADirectoryError):
         raise
-    except Exception as error:  # a tokenizer's, zip's, zlib's, struct's, numpy's own
+    except Exception as error:  # of tokenize, zipfile, zlib, struct, numpy
         raise DamageError(path, f"{one_line(error):.200}") from None
 
 
 def is_npy(path: Path) -> bool:
-    """Whether a file begins as one array does."""
+    """Whether a file begins like a `.npy` file."""
     with path.open("rb") as file:
         return file.read(len(MAGIC)) == MAGIC
 
 
 def read_npy(path: Path, *, mapped: bool = False) -> NDArray[Any]:
-    """Array of a `.npy` file.
+    """Read a `.npy` file.
 
     Parameters
     ----------
     path
         The file.
     mapped
-        Leave the values in the file until they are used.
+        Map the values into memory instead of reading them.
 
     Raises
     ------
     OSError
-        The file is missing, damaged or cut off, or holds objects.
+        The file is missing, damaged or truncated, or contains objects.
 
     Examples
     --------
@@ -85,20 +85,20 @@ def read_npy(path: Path, *, mapped: bool = False) -> NDArray[Any]:
 
 
 def npz_names(path: Path) -> list[str]:
-    """Names of the arrays of a `.npz` file; errors are those of `read_npz`."""
+    """Names of the arrays of a `.npz` file; errors as in `read_npz`."""
     with _damage(path), zipfile.ZipFile(path) as packed:
         return [_name(member) for member in packed.namelist()]
 
 
 def read_npz(path: Path, *names: str) -> dict[str, NDArray[Any]]:
-    """Arrays of a `.npz` file by name: those that are asked for, or all.
+    """Read arrays of a `.npz` file by name: those requested, or all.
 
     Raises
     ------
     OSError
-        The file is missing, damaged or cut off, or holds objects.
+        The file is missing, damaged or truncated, or contains objects.
     ValueError
-        It becomes too large when it is unpacked.
+        It unpacks to more than the limits allow.
     LookupError
         It has no such array.
     """
@@ -117,7 +117,7 @@ def read_npz(path: Path, *names: str) -> dict[str, NDArray[Any]]:
                     raise ValueError(f"{name} is cut off")
             with _damage(path), packed.open(members[name]) as file:
                 found[name] = np.lib.format.read_array(file, allow_pickle=False)
-                file.read(1)  # looks at the checksum, too
+                file.read(1)  # verifies the checksum
     return found
 
 
@@ -128,7 +128,7 @@ def _name(member: str) -> str:
 def _check_sizes(
     path: Path, members: Mapping[str, zipfile.ZipInfo], wanted: tuple[str, ...]
 ) -> None:
-    """Refuse arrays that are not there, and a bomb."""
+    """Reject missing arrays and zip bombs."""
     missing = [name for name in wanted if name not in members]
     if missing:
         raise LookupError(f"{path} has no array {missing[0]!r}; it has {', '.join(members)}")
@@ -137,17 +137,17 @@ def _check_sizes(
 
 
 def _needed(file: IO[bytes]) -> int:
-    """Bytes of values that a header speaks of; the file then stands behind it."""
+    """Bytes of the values declared in a header, which is read."""
     version = np.lib.format.read_magic(file)
     headers = {
         (1, 0): np.lib.format.read_array_header_1_0,
         (2, 0): np.lib.format.read_array_header_2_0,
     }
-    if version not in headers:  # 3.0 is for names that are not Latin, of records
-        raise ValueError(f"version {version} of the format is not read")
+    if version not in headers:  # 3.0 is for non-Latin names of record fields
+        raise ValueError(f"version {version} of the format is not supported")
     shape, _, kind = headers[version](file)
     if kind.hasobject:
-        raise ValueError("it holds objects of Python, which are not read")
+        raise ValueError("it contains Python objects, which are not supported")
     if kind.itemsize < 1 or any(size < 0 or size >= 1 << 62 for size in shape):
-        raise ValueError(f"{kind} of shape {shape} are no numbers")
+        raise ValueError(f"{kind} of shape {shape} are not numbers")
     return math.prod(shape) * int(kind.itemsize)

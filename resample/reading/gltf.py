@@ -1,4 +1,4 @@
-"""What glTF files say of their parts, checked before trimesh reads them: numbers and sizes."""
+"""Validate glTF files before trimesh reads them: indices, numbers and sizes."""
 
 import struct
 from collections.abc import Callable, Iterator
@@ -9,10 +9,10 @@ from resample.reading.limits import check_size, limits, refused
 from resample.reading.texts import json_of
 
 JSON = 0x4E4F534A  # type of a binary file's first chunk
-SIZES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}  # bytes of types of components
+SIZES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}  # bytes of component types
 PARTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
-MOST = 1 << 53  # of whole numbers that JSON's readers agree on
-# Under which key things name others by their numbers
+MOST = 1 << 53  # largest integer that all JSON readers represent exactly
+# Keys under which objects refer to others by index
 NAMED = {
     "scenes": {"nodes": "nodes"},
     "nodes": {"mesh": "meshes", "children": "nodes"},
@@ -21,16 +21,16 @@ NAMED = {
     "bufferViews": {"buffer": "buffers"},
     "accessors": {"bufferView": "bufferViews"},
 }
-LISTS = ("children", "nodes")  # of which there are several, in NAMED
+LISTS = ("children", "nodes")  # keys in NAMED that hold several indices
 LENGTHS = {"matrix": 16, "translation": 3, "rotation": 4, "scale": 3, "baseColorFactor": 4}
 TEXTURES = ("baseColorTexture", "metallicRoughnessTexture", "normalTexture", "emissiveTexture")
-MOST_LENGTH = 1e30  # of numbers that stand for places
+MOST_LENGTH = 1e30  # of coordinates
 
 Tree = dict[str, Any]
 
 
 def header_of(path: Path) -> Tree:
-    """JSON of a glTF file, in text or binary.
+    """JSON of a glTF file, in text or binary form.
 
     Raises
     ------
@@ -42,7 +42,7 @@ def header_of(path: Path) -> Tree:
         if path.suffix.lower() == ".glb":
             first = file.read(20)
             if first[:4] != b"glTF" or len(first) < 20:
-                raise ValueError("it is no binary glTF")
+                raise ValueError("it is not a binary glTF")
             length, kind = struct.unpack_from("<II", first, 12)
             if kind != JSON or length > size - 20:
                 raise ValueError("its first chunk is not JSON, or cut off")
@@ -51,21 +51,21 @@ def header_of(path: Path) -> Tree:
         content = file.read(size)
     tree = json_of(content.decode("utf-8"))
     if not isinstance(tree, dict):
-        raise ValueError("its JSON is no object")
+        raise ValueError("its JSON is not an object")
     return tree
 
 
 def check_gltf(tree: Tree) -> None:
-    """Refuse numbers of things that are not there, sizes beyond buffers, and other nonsense.
+    """Reject indices out of range, sizes beyond buffers, and other invalid values.
 
     Raises
     ------
     ValueError
-        Which field is what, and what it may be.
+        The message names the field, its value and what is allowed.
     """
     version = _object(tree, "asset", "asset").get("version")
     if not isinstance(version, str) or not version.startswith("2."):
-        raise ValueError(f"its asset.version is {version!r:.40}, where '2.0' is")
+        raise ValueError(f"its asset.version is {version!r:.40}, not '2.0'")
     if "scene" in tree:
         _index(tree, "scenes", tree["scene"], "scene")
     for key, names in NAMED.items():
@@ -84,31 +84,31 @@ def _check_named(tree: Tree, place: str, thing: Tree, names: dict[str, str]) -> 
 
 
 def _things(tree: Tree, key: str, place: str = "") -> Iterator[tuple[str, Tree]]:
-    """Objects of a list, and how they are called."""
+    """Objects of a list with their names in messages."""
     every = tree.get(key, [])
     if not isinstance(every, list):
-        raise ValueError(f"its {place or key} are no list")
+        raise ValueError(f"its {place or key} is not a list")
     for n, one in enumerate(every):
         if not isinstance(one, dict):
-            raise ValueError(f"its {place or key}[{n}] is no object")
+            raise ValueError(f"its {place or key}[{n}] is not an object")
         yield f"{place or key}[{n}]", one
 
 
 def _several(thing: Tree, name: str, place: str) -> list[Any]:
-    """Numbers under a key: one, or a list of them."""
+    """Indices under a key, whether it holds one or a list."""
     if name not in thing:
         return []
     found = thing[name] if name in LISTS else [thing[name]]
     if not isinstance(found, list):
-        raise ValueError(f"its {place} is {found!r:.40}, where a list is")
+        raise ValueError(f"its {place} is {found!r:.40}, not a list")
     return found
 
 
 def _object(thing: Tree, name: str, place: str) -> Tree:
-    """Object under a key, empty where there is none."""
+    """Object under a key; empty if there is none."""
     found = thing.get(name, {})
     if not isinstance(found, dict):
-        raise ValueError(f"its {place} is {found!r:.40}, where an object is")
+        raise ValueError(f"its {place} is {found!r:.40}, not an object")
     return found
 
 
@@ -120,27 +120,27 @@ def _whole(value: Any, place: str, least: int = 0, most: int = MOST) -> int:
 
 
 def _index(tree: Tree, key: str, value: Any, place: str) -> Tree:
-    """Thing of a list that a field names by its number."""
+    """Element of a list that a field refers to by index."""
     every = tree.get(key, [])
     count = len(every) if isinstance(every, list) else 0
     if not count:
         raise ValueError(f"its {place} is {value!r:.40}, but there are no {key}")
     found = every[_whole(value, place, most=count - 1)]
     if not isinstance(found, dict):
-        raise ValueError(f"its {key}[{value}] is no object")
+        raise ValueError(f"its {key}[{value}] is not an object")
     return found
 
 
 def _check_uri(_: Tree, place: str, thing: Tree) -> None:
-    """Refuse a file without a name, and a buffer without a length."""
+    """Reject a file without a name, and a buffer without a length."""
     if not isinstance(thing.get("uri", ""), str):
-        raise ValueError(f"its {place}.uri is {thing['uri']!r:.40}, where a text is")
+        raise ValueError(f"its {place}.uri is {thing['uri']!r:.40}, not a text")
     if place.startswith("buffers"):
         _whole(thing.get("byteLength"), f"{place}.byteLength")
 
 
 def _check_view(tree: Tree, place: str, view: Tree) -> None:
-    """Refuse a view that reaches beyond its buffer."""
+    """Reject a view that extends beyond its buffer."""
     buffer = _index(tree, "buffers", view.get("buffer"), f"{place}.buffer")
     most = _whole(buffer.get("byteLength"), "buffers[].byteLength")
     start = _whole(view.get("byteOffset", 0), f"{place}.byteOffset", most=most)
@@ -150,7 +150,7 @@ def _check_view(tree: Tree, place: str, view: Tree) -> None:
 
 
 def _check_accessor(tree: Tree, place: str, accessor: Tree) -> None:
-    """Refuse an accessor that reaches beyond its view."""
+    """Reject an accessor that extends beyond its view."""
     kind, parts = accessor.get("componentType"), accessor.get("type")
     for given, key, known in ((kind, "componentType", SIZES), (parts, "type", PARTS)):
         if not isinstance(given, int | str) or isinstance(given, bool) or given not in known:
@@ -177,7 +177,7 @@ def _check_node(_: Tree, place: str, node: Tree) -> None:
 
 
 def _check_numbers(place: str, node: Tree) -> None:
-    """Refuse a node that stands nowhere."""
+    """Reject a node whose transformation is invalid."""
     for key, count in LENGTHS.items():
         given = node.get(key)
         if key in node and not (
@@ -193,12 +193,12 @@ def _is_number(value: Any) -> bool:
 
 
 def _check_material(tree: Tree, place: str, material: Tree) -> None:
-    """Refuse a material whose texture or numbers are none."""
+    """Reject a material with an invalid texture or number."""
     look = _object(material, "pbrMetallicRoughness", f"{place}.pbrMetallicRoughness")
     _check_numbers(f"{place}.pbrMetallicRoughness", look)
     cutoff = material.get("alphaCutoff", 0.5)
     if not _is_number(cutoff):
-        raise ValueError(f"its {place}.alphaCutoff is {cutoff!r:.40}, where a number is")
+        raise ValueError(f"its {place}.alphaCutoff is {cutoff!r:.40}, not a number")
     for holder in (look, material):
         for key in TEXTURES:
             if key in holder:
@@ -207,7 +207,7 @@ def _check_material(tree: Tree, place: str, material: Tree) -> None:
 
 
 def _check_depth(tree: Tree) -> None:
-    """Refuse nodes that are below each other too deep, or in a ring."""
+    """Reject node trees that are too deep or contain a cycle."""
     nodes = tree.get("nodes", [])
     below = {child for node in nodes for child in node.get("children", [])}
     level, depth = [n for n in range(len(nodes)) if n not in below], 0
@@ -224,7 +224,7 @@ def _check_depth(tree: Tree) -> None:
 
 
 def _check_mesh(tree: Tree, place: str, mesh: Tree) -> None:
-    """Refuse a mesh of nothing."""
+    """Reject an empty mesh."""
     if not mesh.get("primitives"):
         raise ValueError(f"its {place} has no primitives")
     for at, primitive in _things(mesh, "primitives", f"{place}.primitives"):
@@ -232,17 +232,17 @@ def _check_mesh(tree: Tree, place: str, mesh: Tree) -> None:
 
 
 def _check_primitive(tree: Tree, place: str, primitive: Tree) -> None:
-    """Refuse a part of a mesh whose data are not there."""
+    """Reject a primitive whose data are missing."""
     attributes = primitive.get("attributes")
     if not isinstance(attributes, dict):
-        raise ValueError(f"its {place}.attributes is no object")
+        raise ValueError(f"its {place}.attributes is not an object")
     _object(primitive, "extensions", f"{place}.extensions")
     for name, wanted in (("POSITION", "VEC3"), ("TEXCOORD_0", "VEC2"), ("NORMAL", "VEC3")):
         if name in attributes or name == "POSITION":
             at = f"{place}.attributes.{name}"
             kind = _index(tree, "accessors", attributes.get(name), at).get("type")
             if kind != wanted:
-                raise ValueError(f"its {at} is of type {kind}, where {wanted} is")
+                raise ValueError(f"its {at} is of type {kind}, not {wanted}")
     for name, value in attributes.items():
         _index(tree, "accessors", value, f"{place}.attributes.{name:.20}")
     for name, others in (("indices", "accessors"), ("material", "materials")):

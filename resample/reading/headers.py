@@ -1,18 +1,18 @@
-"""Text headers of NRRD and MetaImage, whose numbers are looked at before anything is read.
+"""Validate the numbers in NRRD and MetaImage headers before data are read.
 
-A header may have words in the place of numbers, or more or fewer of them than it says that there
-are dimensions (found by `make fuzz`).
+A header may have words in place of numbers, or a number of them that contradicts its dimensions
+(found by `make fuzz`).
 """
 
 from collections.abc import Mapping
 from itertools import islice
 from pathlib import Path
 
-LONGEST_LINE = 1000  # bytes; of numbers no line is longer
+LONGEST_LINE = 1000  # bytes; lines of numbers are shorter
 MOST_LINES = 10_000  # of a header
 MOST_DIMENSIONS = 9
 
-NRRD_NUMBERS = (  # fields without blanks, all of whose words are numbers
+NRRD_NUMBERS = (  # fields without blanks that consist of numbers only
     *("dimension", "spacedimension", "sizes", "spacings", "thicknesses", "axismins", "axismaxs"),
     *("spaceorigin", "spacedirections", "measurementframe", "lineskip", "byteskip", "min", "max"),
     *("blocksize", "oldmin", "oldmax"),
@@ -27,21 +27,21 @@ META_NUMBERS = (
     *("ndims", "headersize", "elementnumberofchannels", "elementmin", "elementmax"),
     *("compresseddatasize", "id", "parentid"),
 )
-NOTHING = ("none", "nan", "inf", "-inf", "?", "???")  # that NRRD says in the place of numbers
+NOTHING = ("none", "nan", "inf", "-inf", "?", "???")  # NRRD's words for a missing number
 
 
 def check_nrrd_numbers(path: Path, value: Mapping[str, str]) -> None:
-    """Refuse fields of NRRD without the numbers that they must have.
+    """Reject NRRD fields that lack their numbers.
 
     Raises
     ------
     ValueError
-        There are others, more or fewer.
+        There are other words, or a wrong count.
     """
     fields = {key.replace(" ", ""): text for key, text in value.items()}
     _check_lengths(path)
     if "dimension" not in fields:
-        return  # the reader says what is wrong with it
+        return  # the reader reports what is wrong
     axes = _dimensions(path, "dimension", fields["dimension"])
     for key in NRRD_NUMBERS:
         if key in fields:
@@ -53,7 +53,7 @@ def check_nrrd_numbers(path: Path, value: Mapping[str, str]) -> None:
 
 
 def check_meta_numbers(path: Path, value: Mapping[str, str]) -> None:
-    """Refuse fields of MetaImage without the numbers that they must have; errors as of NRRD."""
+    """Reject MetaImage fields that lack their numbers; errors as for NRRD."""
     _check_lengths(path)
     axes = _dimensions(path, "ndims", value.get("ndims", ""))
     if "dimsize" not in value:
@@ -67,17 +67,17 @@ def check_meta_numbers(path: Path, value: Mapping[str, str]) -> None:
 
 
 def whole(path: Path, word: str) -> int:
-    """Whole number of a header.
+    """Parse an integer of a header.
 
     Raises
     ------
     ValueError
-        It is none.
+        It is not an integer.
     """
     try:
         return int(word[:20])
     except ValueError:
-        raise ValueError(f"{path.name}: {word!r:.40} is no whole number; correct it") from None
+        raise ValueError(f"{path.name}: {word!r:.40} is not a whole number; correct it") from None
 
 
 def _dimensions(path: Path, key: str, text: str) -> int:
@@ -88,7 +88,7 @@ def _dimensions(path: Path, key: str, text: str) -> int:
 
 
 def _check_lengths(path: Path) -> None:
-    """Refuse very long lines of fields; comments and keys of the user's own may be long."""
+    """Reject very long lines of fields; comments and custom keys may be long."""
     with path.open("rb") as file:
         for line in islice(file, MOST_LINES):
             text = line.strip()

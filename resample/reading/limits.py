@@ -1,8 +1,8 @@
-"""How much a file may hold, and how much more it may become, before it is refused.
+"""Limits on the contents of untrusted files, and on their unpacked size.
 
-Files come from anywhere. Each limit is far above what honest files need; `RESAMPLE_LIMIT` in the
-environment raises it, for this process and all that it starts, as in
-`RESAMPLE_LIMIT=unpacked=8GiB,ratio=5000`; a command's `--limit` does so for the command.
+Each limit is far above what ordinary files need. `RESAMPLE_LIMIT` in the environment raises it for
+this process and its children, as in `RESAMPLE_LIMIT=unpacked=8GiB,ratio=5000`; a command's
+`--limit` raises it for the command.
 """
 
 import os
@@ -14,31 +14,31 @@ SETTING = "RESAMPLE_LIMIT"  # name of an environment variable
 
 
 class LimitError(ValueError):
-    """A file that holds more than is let in; it may be whole."""
+    """A file exceeds a limit; it may still be intact."""
 
 
 class FileLimits(NamedTuple):
-    """What is let in."""
+    """Limits of files."""
 
     text: int = 1 << 30  # bytes of a text: points, poses
-    tree: int = 1 << 26  # bytes of JSON, TOML and YAML, which become many times as much
-    depth: int = 64  # of things within things
-    items: int = 10_000  # files that a file names, members of an archive, parts of a name
-    unpacked: int = 1 << 30  # bytes that compressed data may become, however small it is
-    ratio: int = 200  # times its own size that it may become above that
+    tree: int = 1 << 26  # bytes of JSON, TOML and YAML, which use many times as much in memory
+    depth: int = 64  # levels of nesting
+    items: int = 10_000  # referenced files, members of an archive, parts of a name
+    unpacked: int = 1 << 30  # bytes that compressed data may always unpack to
+    ratio: int = 200  # unpacked size relative to the packed one, above that
 
 
-ALIKE = 40  # times the ratio of one picture that frames which are alike may have
+ALIKE = 40  # factor on the ratio for animations with similar frames
 BYTES = ("text", "tree", "unpacked")  # limits that are amounts of memory
 
 
 def limits() -> FileLimits:
-    """Limits that hold now.
+    """Current limits.
 
     Raises
     ------
     ValueError
-        The setting names something else.
+        The setting has an unknown name.
 
     Examples
     --------
@@ -52,7 +52,7 @@ def limits() -> FileLimits:
 
 
 def _changed(part: str) -> tuple[str, int]:
-    """Name and number of one limit that is set."""
+    """Parse one part of the setting to a name and number."""
     name, _, text = (word.strip() for word in part.partition("="))
     try:
         if name not in FileLimits._fields:
@@ -69,7 +69,7 @@ def _changed(part: str) -> tuple[str, int]:
 
 
 def refused(what: str, found: str, name: str) -> LimitError:
-    """Make the error for what is over the limit of a name."""
+    """Error for a value above a named limit."""
     most = getattr(limits(), name)
     told = amount(most) if name in BYTES else str(most)
     return LimitError(
@@ -78,19 +78,19 @@ def refused(what: str, found: str, name: str) -> LimitError:
 
 
 def check_size(what: str, count: int, name: str = "text") -> None:
-    """Refuse a file of more bytes than the limit of a name.
+    """Reject a file whose size in bytes exceeds a named limit.
 
     Raises
     ------
     ValueError
-        It has more.
+        It exceeds the limit.
     """
     if count > getattr(limits(), name):
         raise refused(what, amount(count), name)
 
 
 def check_items(what: str, count: int, things: str) -> None:
-    """Refuse more things than are let in.
+    """Reject more items than allowed.
 
     Raises
     ------
@@ -102,7 +102,7 @@ def check_items(what: str, count: int, things: str) -> None:
 
 
 def check_unpacked(what: str, packed: int, unpacked: int) -> None:
-    """Refuse what becomes too large, by itself or beside free memory, before it is unpacked.
+    """Reject data that unpack to more than the limits or the free memory, before unpacking.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def check_unpacked(what: str, packed: int, unpacked: int) -> None:
     Raises
     ------
     ValueError
-        It is more than the file can honestly hold, or than the memory that is free.
+        It is more than plausible for the packed size, or than the free memory.
 
     Examples
     --------
@@ -126,14 +126,14 @@ def check_unpacked(what: str, packed: int, unpacked: int) -> None:
 
 
 def check_ratio(what: str, packed: int, unpacked: int) -> None:
-    """Refuse what becomes more than the file can honestly hold, wherever it is put.
+    """Reject data that unpack to more than plausible, wherever they go.
 
     Parameters
     ----------
     what
         Name for the message.
     packed, unpacked
-        Bytes in the file, and of what it becomes.
+        Bytes in the file, and unpacked.
 
     Raises
     ------
@@ -147,21 +147,21 @@ def check_ratio(what: str, packed: int, unpacked: int) -> None:
 
 
 def check_animation(what: str, packed: int, frame: int, count: int) -> None:
-    """Refuse an animation whose frames have far more pixels than its file can honestly hold.
+    """Reject an animation with implausibly many pixels for its file.
 
     Parameters
     ----------
     what
         Name for the message.
     packed
-        Bytes in the file. Frames that are alike take few, so more is let in than of one picture.
+        Bytes in the file. Similar frames compress well, so the limit is higher than for a picture.
     frame, count
-        Bytes of a frame in memory, and how many frames there are.
+        Bytes of a frame in memory, and number of frames.
 
     Raises
     ------
     ValueError
-        They have more.
+        There are too many.
 
     Examples
     --------
@@ -176,12 +176,12 @@ def check_animation(what: str, packed: int, frame: int, count: int) -> None:
 
 
 def check_free(what: str, count: int) -> None:
-    """Refuse what is more than the memory that is free.
+    """Reject data larger than the free memory.
 
     Raises
     ------
     ValueError
-        It is more.
+        They are larger.
     """
     free = available_memory()
     if free is not None and count > free:

@@ -1,4 +1,4 @@
-"""XML of files, looked at before other libraries read it: deep XML ends the process in some."""
+"""Validate XML before other libraries parse it: deep nesting crashes some of them."""
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -6,31 +6,31 @@ from typing import IO, Any
 
 from resample.reading.limits import check_items, limits, refused
 
-BLOCK = 1 << 16  # bytes that are looked at together
-LONGEST = 1 << 20  # bytes of a tag or comment; parsers begin each again with each block
+BLOCK = 1 << 16  # bytes parsed together
+LONGEST = 1 << 20  # bytes of a tag or comment; parsers restart each with every block
 
 
 class _EndError(Exception):
-    """What comes is no more XML."""
+    """The XML ends here."""
 
 
 def check_xml(
     what: str, blocks: Iterable[bytes], last: str = "", encoding: str | None = None
 ) -> int:
-    """Refuse XML whose elements are nested too deep, or that defines things of its own.
+    """Reject XML that is nested too deep or has a DOCTYPE.
 
-    What is no XML is left to who reads it, and says what is wrong with it.
+    Malformed XML is left to the actual reader, which reports the error.
 
     Parameters
     ----------
     what
         Name for the message.
     blocks
-        Its bytes, piece by piece.
+        Its bytes, in pieces.
     last
-        Name of an element behind whose beginning come data; empty: all is XML.
+        Name of an element whose start tag is followed by binary data; empty: all is XML.
     encoding
-        Of the bytes; None: as they say.
+        Encoding of the bytes; None: as declared.
 
     Returns
     -------
@@ -39,7 +39,7 @@ def check_xml(
     Raises
     ------
     ValueError
-        There is something to refuse.
+        It is rejected.
 
     Examples
     --------
@@ -58,24 +58,24 @@ def check_xml(
             read += len(block)
             if read - parser.CurrentByteIndex > LONGEST:
                 raise ValueError(f"{what} has a tag or comment of more than {LONGEST} bytes")
-    except (expat.ExpatError, LookupError, _EndError):  # lookups are of encodings
+    except (expat.ExpatError, LookupError, _EndError):  # LookupError: unknown encoding
         pass
     return seen.count
 
 
 class _Seen:
-    """What of XML has been seen so far."""
+    """State of the parser."""
 
     def __init__(self, what: str, last: str) -> None:
         self.what, self.last, self.most = what, last, limits().depth
         self.depth = self.count = 0
 
     def begun(self, name: str, _: Any) -> None:
-        """Go on to an element within others."""
+        """Enter an element."""
         self.depth += 1
         self.count += 1
         if self.depth > self.most:
-            raise refused(f"{self.what} is too deep", "elements within each other", "depth")
+            raise refused(f"{self.what} is too deep", "nested elements", "depth")
         if name == self.last:
             raise _EndError
 
@@ -84,23 +84,23 @@ class _Seen:
         self.depth -= 1
 
     def defined(self, *_: Any) -> None:
-        """Refuse what defines things."""
-        raise ValueError(f"{self.what} defines things of its own (DOCTYPE), which are not read")
+        """Reject a DOCTYPE."""
+        raise ValueError(f"{self.what} has a DOCTYPE, which is not supported")
 
 
 def check_xml_file(path: Path, last: str = "") -> None:
-    """As `check_xml` of a file, of which very many elements are refused, too."""
+    """As `check_xml` for a file; also rejects too many elements."""
     with path.open("rb") as file:
         check_items(path.name, check_xml(path.name, _blocks(file), last), "elements")
 
 
 def check_xml_member(what: str, file: IO[bytes]) -> None:
-    """As `check_xml` of an open member of an archive."""
+    """As `check_xml` for an open member of an archive."""
     check_xml(what, _blocks(file))
 
 
 def check_xml_text(what: str, text: str) -> None:
-    """As `check_xml` of a text."""
+    """As `check_xml` for a text."""
     pieces = (text[start : start + BLOCK] for start in range(0, len(text), BLOCK))
     check_xml(what, (piece.encode() for piece in pieces), encoding="utf-8")
 

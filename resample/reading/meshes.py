@@ -1,4 +1,4 @@
-"""What files of meshes name: textures, materials, buffers, all beside them or refused."""
+"""Check the files that a mesh refers to: textures, materials, buffers."""
 
 import errno
 import zipfile
@@ -15,19 +15,19 @@ from resample.reading.neighbours import neighbour
 from resample.reading.packed.unpacking import check_members
 from resample.words import naming, one_line, visible
 
-ARCHIVES = (".zip", ".3mf", ".zae")  # in which there are files
-MARKUP = (".dae", ".xaml", ".svg")  # of XML
-MARKUP_MEMBERS = (*MARKUP, ".model", ".rels", ".xml")  # likewise, in archives
-PACKED = (".gz", ".bz2", ".xz", ".tar", ".tgz", ".7z")  # that are not unpacked here
+ARCHIVES = (".zip", ".3mf", ".zae")  # formats that contain files
+MARKUP = (".dae", ".xaml", ".svg")  # XML formats
+MARKUP_MEMBERS = (*MARKUP, ".model", ".rels", ".xml")  # XML files in archives
+PACKED = (".gz", ".bz2", ".xz", ".tar", ".tgz", ".7z")  # compressed formats that are not supported
 
 
 def check_mesh(source: Path) -> None:
-    """Refuse a mesh that names files outside of its folder, or that unpacks to far too much.
+    """Reject a mesh that refers to files outside its folder, or unpacks to too much.
 
     Raises
     ------
     ValueError
-        It does.
+        It is rejected.
     OSError
         It cannot be read.
     """
@@ -44,7 +44,7 @@ def check_mesh(source: Path) -> None:
         _check_members(source, infos)
     elif kind in MARKUP:
         check_xml_file(source)
-    with suppress(FileNotFoundError):  # which matters to who wants the textures
+    with suppress(FileNotFoundError):  # matters only if textures are needed
         for _ in _named(source):
             pass
     if kind in (".gltf", ".glb"):
@@ -55,7 +55,7 @@ def check_mesh(source: Path) -> None:
 
 
 def _check_members(source: Path, infos: list[zipfile.ZipInfo]) -> None:
-    """Refuse an archive with XML that is nested too deep."""
+    """Reject an archive with XML that is nested too deep."""
     members = [info for info in infos if info.filename.lower().endswith(MARKUP_MEMBERS)]
     try:
         with zipfile.ZipFile(source) as packed:
@@ -67,20 +67,20 @@ def _check_members(source: Path, infos: list[zipfile.ZipInfo]) -> None:
 
 
 def named_textures(source: Path) -> Iterator[Path]:
-    """Files that a mesh names as its textures, whether they are there or not.
+    """Texture files of a mesh, whether they exist or not.
 
     Raises
     ------
     ValueError
-        One is outside of the mesh's folder.
+        One is outside the mesh's folder.
     OSError
-        A library of materials is missing.
+        A material library is missing.
     """
     return (file for file, is_texture in _named(source) if is_texture)
 
 
 def _named(source: Path) -> Iterator[tuple[Path, bool]]:
-    """Files, and whether they are textures."""
+    """Referenced files, and whether each is a texture."""
     kind = source.suffix.lower()
     if kind == ".obj":
         for library in _values(source, "mtllib"):
@@ -101,12 +101,12 @@ def _named(source: Path) -> Iterator[tuple[Path, bool]]:
 
 
 def _check_parts(source: Path, told: dict[str, Any]) -> None:
-    """Refuse a glTF whose nodes have far more numbers than its files can honestly hold.
+    """Reject a glTF whose nodes expand to implausibly many numbers for its files.
 
-    Numbers need not be in a file, and many nodes may show one mesh.
+    Numbers need not be in a file, and many nodes may instance one mesh.
     """
     unpacked = 0
-    with suppress(ValueError, LookupError, AttributeError, TypeError):  # who reads it says of them
+    with suppress(ValueError, LookupError, AttributeError, TypeError):  # reported by the reader
         sizes = [_bytes_of(each) for each in told.get("accessors", [])]
         meshes = [
             sum(sizes[n] for part in mesh["primitives"] for n in _numbers_of(part))
@@ -119,13 +119,13 @@ def _check_parts(source: Path, told: dict[str, Any]) -> None:
 
 
 def _bytes_of(accessor: dict[str, Any]) -> int:
-    """Bytes of the numbers that an accessor speaks of."""
+    """Bytes of an accessor's numbers."""
     width = SIZES[accessor["componentType"]] * PARTS[accessor["type"]]
     return int(accessor["count"]) * width
 
 
 def _numbers_of(part: dict[str, Any]) -> list[int]:
-    """Accessors of a part of a mesh."""
+    """Accessors of a primitive."""
     return [*part["attributes"].values(), *([part["indices"]] if "indices" in part else [])]
 
 
@@ -141,7 +141,7 @@ def _named_in_gltf(source: Path) -> Iterator[tuple[Path, bool]]:
             for one in content.get(key, [])
         ]
     except (ValueError, AttributeError, TypeError):
-        return  # who reads it says what is wrong with it
+        return  # the reader reports what is wrong
     check_items(source.name, len(told), "buffers and pictures")
     for name, is_texture in told:
         if isinstance(name, str) and not name.startswith("data:"):
@@ -157,7 +157,7 @@ def _material_textures(library: Path, source: Path) -> list[str]:
 
 
 def _values(file: Path, key: str) -> list[str]:
-    """What follows a key word at the beginnings of a file's lines."""
+    """Arguments of a keyword at the start of a file's lines."""
     with file.open(encoding="utf-8", errors="replace") as lines:
         split = (line.split(maxsplit=1) for line in lines)
         found = [words[1] for words in split if len(words) == 2 and words[0].lower() == key]
@@ -165,20 +165,20 @@ def _values(file: Path, key: str) -> list[str]:
 
 
 def unreadable(what: str, error: Exception) -> ValueError:
-    """Make the error for a mesh that trimesh or a parser of its cannot read.
+    """Error for a mesh that trimesh or one of its parsers cannot read.
 
-    They raise anything at all; what says nothing to a user is told by its kind.
+    They raise any type of error; if the message is not helpful, the type is named.
     """
     line = one_line(error)[:200]
     if not isinstance(error, ValueError | OSError):
-        line = f"it is damaged, or trimesh does not know its form ({type(error).__name__}: {line})"
+        line = f"it is damaged, or trimesh does not support it ({type(error).__name__}: {line})"
     return ValueError(f"{what} cannot be read as a mesh: {line}")
 
 
 def trimesh_resolver(source: Path) -> Any:
-    """What gives trimesh the files that a mesh names, once `check_mesh` has passed them."""
+    """Resolver of referenced files for trimesh, after `check_mesh` has approved them."""
     resolver = _resolver(source)
-    resolver.file_name = visible(resolver.file_name)  # as parts of the mesh are called
+    resolver.file_name = visible(resolver.file_name)  # used in the names of the mesh's parts
     return resolver
 
 
@@ -190,6 +190,6 @@ def _resolver(source: Path) -> Any:
     if allows_outside():
         try:
             return trimesh.resolvers.FilePathResolver(str(source), allow_anywhere=True)
-        except TypeError:  # of trimesh before 5, which always does
+        except TypeError:  # always in trimesh before 5
             pass
     return trimesh.resolvers.FilePathResolver(str(source))

@@ -1,7 +1,7 @@
-"""Names of files as libraries in C++ take them: texts in UTF-8.
+"""File names for C++ libraries, which expect UTF-8.
 
-Linux has names of any bytes; Python keeps those that are no letters as lone surrogates, on which
-such libraries fail.
+Linux allows any bytes in names; Python represents undecodable ones as lone surrogates, which such
+libraries reject.
 """
 
 import atexit
@@ -15,16 +15,16 @@ from pathlib import Path
 
 
 def plain(path: str | Path) -> str:
-    r"""Name of a file that any library takes: its own or, where that is no text, a link to it.
+    """Name of a file for any library: its own, or a temporary link if it is not valid text.
 
     Parameters
     ----------
     path
-        File, which need not be there.
+        File; it need not exist.
 
     Returns
     -------
-    Links keep the suffix, are where temporary files are, and go when the process ends.
+    Links keep the suffix, are in the folder for temporary files, and are removed at exit.
 
     Examples
     --------
@@ -41,7 +41,7 @@ def plain(path: str | Path) -> str:
 
 
 def _link(target: str) -> str:
-    """Link to a file, the same one each time."""
+    """Link to a file, the same for repeated calls."""
     ending = "".join(Path(target).suffixes[-2:])
     name = sha256(os.fsencode(target)).hexdigest()[:16] + (ending if ending.isascii() else "")
     link = os.path.join(_folder(os.getpid()), name)
@@ -52,7 +52,7 @@ def _link(target: str) -> str:
 
 @cache
 def _folder(process: int) -> str:
-    """Folder of a process's links, which goes with it, and not with those that it was forked to."""
+    """Folder of a process's links, removed with it but not with its forks."""
     made = tempfile.mkdtemp(prefix="resample-names-")
 
     def remove() -> None:

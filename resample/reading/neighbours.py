@@ -1,8 +1,8 @@
-"""Files that a file names: textures, materials, buffers, raw data.
+"""Files that other files refer to: textures, materials, buffers, raw data.
 
-A file that came from anywhere must not have others read that its user never meant: what it names
-lies in or under its own folder. `RESAMPLE_ALLOW_OUTSIDE=1` in the environment, or a command's
-`--allow-outside`, lets all of them in.
+An untrusted file must not cause others to be read that the user did not intend: the files it refers
+to must be in or below its own folder. `RESAMPLE_ALLOW_OUTSIDE=1` in the environment, or a command's
+`--allow-outside`, allows all.
 """
 
 import os
@@ -14,19 +14,19 @@ ADDRESS = re.compile(r"^[A-Za-z][A-Za-z0-9+.-]+:")  # not a drive's single lette
 
 
 def neighbour(source: Path, name: str) -> Path:
-    """File that another names, whether it is there or not.
+    """Path of a file that another refers to, whether it exists or not.
 
     Parameters
     ----------
     source
-        The file that names it.
+        The referring file.
     name
-        As it stands there.
+        The name as written there.
 
     Raises
     ------
     ValueError
-        It is an address, lies outside of the folder of `source`, or is no plain file.
+        It is an address, outside the folder of `source`, or not a regular file.
 
     Examples
     --------
@@ -55,16 +55,16 @@ def neighbour(source: Path, name: str) -> Path:
 
 
 def allows_outside() -> bool:
-    """Whether files may name others outside of their folder."""
+    """Whether files may refer to others outside their folder."""
     return os.environ.get(SETTING, "") not in ("", "0")
 
 
 def _is_within(source: Path, file: Path) -> bool:
-    """Whether a file lies under the folder of another, or of what that is a link to."""
+    """Whether a file is under the folder of another, or of the target if that is a link."""
     try:
         real = file.resolve()
         homes = (source.parent.resolve(), source.resolve().parent)
-    except (OSError, RuntimeError):  # a circle of links
+    except (OSError, RuntimeError):  # a cycle of links
         return False
     return any(real.is_relative_to(home) for home in homes)
 

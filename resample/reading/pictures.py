@@ -1,4 +1,4 @@
-"""Sizes of pictures, looked at before their pixels are decoded."""
+"""Check picture sizes before pixels are decoded."""
 
 import math
 import struct
@@ -20,37 +20,37 @@ FORMS = {"uint8": 1, "int8": 1, "uint16": 2, "int16": 2, "half": 2, "double": 8}
 
 
 def check_picture(path: str | Path, spec: Any, size: int | None = None) -> None:
-    """Refuse a picture that unpacks to far more than its file can honestly hold, or than is free.
+    """Reject a picture that unpacks to implausibly much for its file, or to more than is free.
 
     Parameters
     ----------
     path
         The file.
     spec
-        Header of it, as OpenImageIO has it.
+        Its OpenImageIO header.
     size
-        Bytes of a value in memory; as it is stored.
+        Bytes per value in memory. Default: as stored.
 
     Raises
     ------
     ValueError
-        It does, or it has no pixels.
+        It is rejected, or has no pixels.
     """
     count, stored = check_honest(path, spec)
     check_free(str(path), count * (size or stored))
 
 
 def check_honest(path: str | Path, spec: Any) -> tuple[int, int]:
-    """Refuse a picture that unpacks to far more than its file can honestly hold, or to nothing.
+    """Reject a picture that unpacks to implausibly much for its file, or has no pixels.
 
     Returns
     -------
-    How many values it has, and bytes of each.
+    Number of values, and bytes per value.
 
     Raises
     ------
     ValueError
-        So it does.
+        It is rejected.
     """
     if spec.deep:
         raise ValueError(f"{path} is a deep picture, of samples at several depths; flatten it")
@@ -63,18 +63,18 @@ def check_honest(path: str | Path, spec: Any) -> tuple[int, int]:
 
 
 def opened(path: str | Path, wanted: Any = None) -> Any:
-    """Open a picture by OpenImageIO, once it is known that this makes no gigabytes.
+    """Open a picture by OpenImageIO, after checking that this does not unpack gigabytes.
 
     Parameters
     ----------
     path
-        The file, whose name need not be a text.
+        The file; any name.
     wanted
-        Header of OpenImageIO's that says how it is to be read; None: as it is read by itself.
+        OpenImageIO header with reading options; None: defaults.
 
     Returns
     -------
-    OpenImageIO's ImageInput; None if it cannot be read, and `OpenImageIO.geterror` tells why.
+    OpenImageIO's ImageInput; None if it cannot be read, with the reason in `OpenImageIO.geterror`.
 
     Raises
     ------
@@ -90,19 +90,19 @@ def opened(path: str | Path, wanted: Any = None) -> Any:
 
 
 def check_unopened(path: str | Path) -> None:
-    """Refuse a picture that becomes far too much as soon as it is opened, whoever asks for it.
+    """Reject a picture that unpacks to too much when opened, by any library.
 
-    So are packed texts and color profiles of PNG, and all pixels of JPEG 2000 and JPEG XL.
+    That applies to compressed texts and color profiles of PNG, and to JPEG 2000 and JPEG XL.
 
     Raises
     ------
     ValueError
-        They do.
+        It is rejected.
     OSError
         It cannot be read.
     """
     size = size_at_once(Path(path))
-    if size is not None:  # and a byte for each pixel, at the least
+    if size is not None:  # at least a byte per pixel
         check_unpacked(str(path), Path(path).stat().st_size, math.prod(size))
     total = 0
     with Path(path).open("rb") as file:
@@ -118,10 +118,10 @@ def check_unopened(path: str | Path) -> None:
 
 
 def _grown(path: str | Path, content: bytes, name: bytes, total: int) -> int:
-    """Bytes of all texts so far, with one more."""
+    """Unpacked bytes of all texts so far, including this one."""
     keyword, _, rest = content.partition(b"\0")
     if name == b"iTXt":
-        if rest[:1] != b"\1":  # as it is
+        if rest[:1] != b"\1":  # uncompressed
             return total + len(rest)
         rest = b"".join(rest[2:].split(b"\0", 2)[2:])
     rest, unpacker = rest[name != b"iTXt" :], zlib.decompressobj()
@@ -130,23 +130,23 @@ def _grown(path: str | Path, content: bytes, name: bytes, total: int) -> int:
             total += len(unpacker.decompress(rest, PIECE))
             check_size(f"{path}, its text {keyword.decode('latin-1')!r:.40}", total, "tree")
             rest = unpacker.unconsumed_tail
-    except zlib.error:  # which its reader leaves out
+    except zlib.error:  # ignored by readers
         pass
     return total
 
 
 @contextmanager
 def decoding(path: str | Path) -> Iterator[None]:
-    """Make one error of all that decoders written in Python raise where a file is damaged.
+    """Convert the errors of decoders written in Python to one type.
 
     Raises
     ------
     OSError
-        Something else than a lack of memory was raised.
+        Any error other than a lack of memory.
     """
     try:
         yield
     except (MemoryError, FileNotFoundError, PermissionError):
         raise
-    except Exception as error:  # Pillow's plugins raise a dozen kinds
+    except Exception as error:  # Pillow's plugins raise a dozen types
         raise OSError(f"{path} is not a picture that can be read: {one_line(error):.200}") from None

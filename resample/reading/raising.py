@@ -1,4 +1,4 @@
-"""Limits of files raised for one command and all that it starts, as its flags have it."""
+"""Raise the limits on files for one command and its child processes."""
 
 import os
 from collections.abc import Iterator
@@ -9,19 +9,19 @@ from resample.reading import limits, neighbours
 
 @contextmanager
 def raised(limit: str | None = None, *, allow_outside: bool = False) -> Iterator[None]:
-    """Let files hold more, or name others outside of their folder, within this block.
+    """Raise limits, or allow files to refer to others outside their folder, in this block.
 
     Parameters
     ----------
     limit
-        As `RESAMPLE_LIMIT` has it: unpacked=8GiB,ratio=5000. It goes before the environment's.
+        As in `RESAMPLE_LIMIT`: unpacked=8GiB,ratio=5000. Overrides the environment.
     allow_outside
         As `RESAMPLE_ALLOW_OUTSIDE=1`.
 
     Raises
     ------
     ValueError
-        A limit, of these or of the environment, is none.
+        A limit, here or in the environment, is invalid.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Silence for C and C++ libraries that print what they also report."""
+"""Suppress what C and C++ libraries print in addition to their error results."""
 
 import os
 from collections.abc import Iterator
@@ -7,13 +7,13 @@ from threading import Lock
 
 
 class _Silence:
-    """Standard error of the process, while some blocks want it to be silent."""
+    """Standard error of the process, suppressed while any block needs it."""
 
     def __init__(self) -> None:
         self._turn, self._blocks, self._kept = Lock(), 0, -1
 
     def begin(self) -> None:
-        """Turn the descriptor away, unless another block has done so."""
+        """Redirect the descriptor, unless another block has done so."""
         with self._turn:
             self._blocks += 1
             if self._blocks > 1:
@@ -28,7 +28,7 @@ class _Silence:
             os.close(nowhere)
 
     def end(self) -> None:
-        """Turn it back, if no other block wants silence."""
+        """Restore the descriptor, unless another block still needs it redirected."""
         with self._turn:
             self._blocks -= 1
             if self._blocks or self._kept < 0:
@@ -42,10 +42,10 @@ _SILENCE = _Silence()
 
 @contextmanager
 def suppressed_output() -> Iterator[None]:
-    """Send what the process writes to standard error nowhere, while the block runs.
+    """Discard what the process writes to standard error in this block.
 
-    VTK, libpng and others write to file descriptor 2 behind Python's back; only the descriptor
-    itself can be turned away. Other threads' messages are lost as well.
+    VTK, libpng and others write to file descriptor 2 directly; only the descriptor itself can be
+    redirected. Other threads' messages are lost as well.
     """
     _SILENCE.begin()
     try:

@@ -1,4 +1,4 @@
-"""Texts of files, and the trees of JSON and TOML, within limits."""
+"""Read text files and parse JSON and TOML, within limits."""
 
 import json
 import re
@@ -9,20 +9,20 @@ from typing import Any
 from resample.reading.limits import check_items, check_size, limits, refused
 from resample.words import TOO_LARGE, TOO_MANY_DIGITS
 
-WIDEST = 1 << 63  # whole numbers from here on are none that arrays hold
-# Of dotted keys; each word is looked at once.
+WIDEST = 1 << 63  # integers from here on do not fit into arrays
+# Dotted keys; each word is matched once.
 PARTS = re.compile(r"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*"|'[^'\n]*')[ \t]*+\.[ \t]*+){16,}""")
 
 
 def text_of(path: Path) -> str:
-    """Text of a file.
+    """Read a text file.
 
     Raises
     ------
     OSError
         It cannot be read.
     ValueError
-        It is no text, or too long.
+        It is not text, or too long.
     """
     check_size(str(path), path.stat().st_size)
     try:
@@ -32,12 +32,12 @@ def text_of(path: Path) -> str:
 
 
 def json_of(text: str) -> Any:
-    """What a JSON text holds.
+    """Parse JSON.
 
     Raises
     ------
     ValueError
-        It is no JSON, too large or too deep, or has a number that no array can hold.
+        It is not JSON, too large, nested too deep, or has an integer that no array can hold.
 
     Examples
     --------
@@ -55,7 +55,7 @@ def json_of(text: str) -> Any:
 
 
 def toml_of(text: str) -> dict[str, Any]:
-    """What a TOML text holds; errors are those of `json_of`.
+    """Parse TOML; errors as in `json_of`.
 
     Examples
     --------
@@ -64,7 +64,7 @@ def toml_of(text: str) -> dict[str, Any]:
     {'fov': 30}
     """
     check_size("its TOML", len(text), "tree")
-    # Of names of very many parts the time grows with the square.
+    # Parsing keys with very many parts takes quadratic time.
     longest = max((found[0].count(".") for found in PARTS.finditer(text)), default=0)
     if longest > limits().depth:
         raise _too_deep()
@@ -78,17 +78,17 @@ def toml_of(text: str) -> dict[str, Any]:
 
 
 def _too_deep() -> ValueError:
-    return refused("too deep", "things within each other", "depth")
+    return refused("too deep", "nested levels", "depth")
 
 
 def _said(error: ValueError) -> ValueError:
-    """Give the error of a parser, which for numbers of thousands of digits speaks of Python."""
+    """Convert a parser's error; for numbers of thousands of digits it mentions Python internals."""
     is_own = type(error) is ValueError and TOO_MANY_DIGITS.match(str(error))
     return ValueError(TOO_LARGE) if is_own else error
 
 
 def _checked(tree: Any) -> Any:
-    """Pass on what is neither too deep nor has numbers of too many digits."""
+    """Return a tree unless it is nested too deep or has numbers with too many digits."""
     left, most, count = [(tree, 0)], limits().depth, 0
     while left:
         item, depth = left.pop()
@@ -105,5 +105,5 @@ def _checked(tree: Any) -> Any:
 
 
 def check_names(what: str, names: list[str]) -> None:
-    """Refuse a file that names too many others."""
+    """Reject a file that refers to too many others."""
     check_items(what, len(names), "files are named")

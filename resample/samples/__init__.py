@@ -1,1 +1,1 @@
-"""Built-in data: pictures, depth images, meshes, clouds and volumes, made when asked for."""
+"""Built-in test data: pictures, depth images, meshes, clouds and volumes, generated on demand."""

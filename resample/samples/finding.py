@@ -1,4 +1,4 @@
-"""Samples by name: made in memory, or as files that are written once."""
+"""Find built-in samples by name: in memory, or as files that are written once."""
 
 import atexit
 import contextlib
@@ -17,14 +17,14 @@ from resample import registry
 from resample.samples.writing import Said, store
 
 PREFIX = "sample:"
-VIEW = "--view"  # option of pictures, their depth and where they were seen from
-FOLDER_VARIABLE = "HYBRID_RESAMPLE_DATA"  # as of fetched volumes
-CONTENTS = "contents.json"  # what the folder of a sample holds
+VIEW = "--view"  # option for pictures with depth and pose
+FOLDER_VARIABLE = "HYBRID_RESAMPLE_DATA"  # also used for downloaded volumes
+CONTENTS = "contents.json"  # list of files in the folder of a sample
 PICTURES = ("--texture", "--truth", "--reference", "-R")  # options that take one file
 
 
 class Kept(NamedTuple):
-    """A sample's files."""
+    """Files of a sample."""
 
     folder: Path
     files: list[Path]
@@ -32,12 +32,12 @@ class Kept(NamedTuple):
 
 
 def sample(spec: str) -> Any:
-    """Built-in data by name; `resample plugins samples` lists what there is.
+    """Create built-in data by name; `resample plugins samples` lists the names.
 
     Parameters
     ----------
     spec
-        A name, with parameters where it has any: `bricks`, `room:size=120`.
+        A name, with optional parameters: `bricks`, `room:size=120`.
 
     Returns
     -------
@@ -47,9 +47,9 @@ def sample(spec: str) -> Any:
     Raises
     ------
     LookupError
-        There is no such sample; the message lists those that there are.
+        There is no such sample; the message lists all.
     ValueError
-        A parameter is unknown or cannot be worked with.
+        A parameter is unknown or invalid.
 
     Examples
     --------
@@ -64,22 +64,22 @@ def sample(spec: str) -> Any:
 
 
 def sample_path(spec: str) -> Path:
-    """File of built-in data, for what reads files; written when it is first asked for.
+    """Path of built-in data as a file, written on first use.
 
     Parameters
     ----------
     spec
-        As `sample` takes it.
+        As in `sample`.
 
     Returns
     -------
-    Of several files the first, which is the picture of a depth image. It lies in the folder that
-    HYBRID_RESAMPLE_DATA names or in the user's cache.
+    The first file if there are several, which for a depth image is the picture. It is in the folder
+    named by HYBRID_RESAMPLE_DATA or in the user's cache.
 
     Raises
     ------
     LookupError, ValueError
-        As of `sample`.
+        As in `sample`.
 
     Examples
     --------
@@ -91,7 +91,7 @@ def sample_path(spec: str) -> Path:
 
 
 def kept(spec: str) -> Kept:
-    """Files of a sample, written if they are not there; errors are those of `sample`."""
+    """Files of a sample, written if missing; errors as in `sample`."""
     spec = spec.removeprefix(PREFIX)
     name = spec.partition(":")[0]
     plugin = registry.load("samples", name)
@@ -101,7 +101,7 @@ def kept(spec: str) -> Kept:
         made = Path(tempfile.mkdtemp(prefix=".sample-", dir=base))
         try:
             _fill(made, spec, name)
-            with contextlib.suppress(OSError):  # another process was quicker
+            with contextlib.suppress(OSError):  # another process was faster
                 made.rename(target)
         finally:
             shutil.rmtree(made, ignore_errors=True)
@@ -110,18 +110,18 @@ def kept(spec: str) -> Kept:
 
 
 def expanded(words: Sequence[str]) -> list[str]:
-    """Words of a command line with files, and the options they bring, in place of samples.
+    """Replace samples in a command's arguments by their files and options.
 
     Parameters
     ----------
     words
-        Those that begin with `sample:` name samples, and so do values of options for pictures; a
+        Arguments that begin with `sample:` name samples, also as values of options for pictures; a
         view is `sample:NAME,POSE`.
 
     Raises
     ------
     LookupError, ValueError
-        As of `sample`.
+        As in `sample`.
     """
     made: list[str] = []
     said: list[Said] = []
@@ -150,7 +150,7 @@ def expanded(words: Sequence[str]) -> list[str]:
 
 
 def _view(text: str) -> str:
-    """COLOR,DEPTH,POSE of a text sample:NAME,POSE, whose sample is a picture with its depth."""
+    """Convert sample:NAME,POSE, a picture with depth, to COLOR,DEPTH,POSE."""
     spec, _, pose = text.rpartition(",")
     files = kept(spec).files if spec and "=" not in pose else []
     if len(files) < 2:
@@ -161,7 +161,7 @@ def _view(text: str) -> str:
 
 
 def _said(folder: Path, stored: Sequence[Sequence[Any]]) -> list[Said]:
-    """Options with the folder's name in them."""
+    """Insert the folder's name into options."""
     return [
         Said(commands, [word.replace("FOLDER/", f"{folder}{os.sep}") for word in words], unless)
         for commands, words, unless in stored
@@ -169,7 +169,7 @@ def _said(folder: Path, stored: Sequence[Sequence[Any]]) -> list[Said]:
 
 
 def _fill(folder: Path, spec: str, name: str) -> None:
-    """Write a sample and what its folder holds."""
+    """Write a sample and its list of files."""
     stored = store(sample(spec), folder, name)
     contents = {"files": list(stored.files), "said": [list(map(list, s)) for s in stored.said]}
     (folder / CONTENTS).write_text(json.dumps(contents), "utf-8")
@@ -177,7 +177,7 @@ def _fill(folder: Path, spec: str, name: str) -> None:
 
 @cache
 def _base() -> Path:
-    """Folder of all samples; one that goes with the process where none can be kept."""
+    """Folder of all samples; a temporary one if none can be kept."""
     from platformdirs import user_cache_dir
 
     base = Path(os.environ.get(FOLDER_VARIABLE) or user_cache_dir("hybrid-resample")) / "samples"
@@ -193,7 +193,7 @@ def _base() -> Path:
 
 
 def _digest(spec: str, source: str) -> str:
-    """Of a sample's name and of what makes and writes it, so that no old one is taken for it."""
+    """Digest of a sample's name and the code that makes it, so that outdated files are not used."""
     files = [*sorted(Path(__file__).parent.glob("*.py")), Path(source)]
     parts = [spec.encode(), *(file.read_bytes() for file in files)]
     return hashlib.sha256(b"\0".join(parts)).hexdigest()[:16]

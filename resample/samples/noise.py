@@ -1,4 +1,4 @@
-"""Noise that is the same on every machine: whole numbers mixed, then smoothed."""
+"""Noise from hashed integers, identical on every machine."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,7 +7,7 @@ from resample.types import Doubles
 
 
 def mixed(x: NDArray[np.int64], y: NDArray[np.int64], seed: int = 0) -> Doubles:
-    """A number from 0 to 1 for every pair of whole numbers, as if thrown."""
+    """Pseudo-random number from 0 to 1 for every pair of integers."""
     state = x.astype(np.uint32) * np.uint32(0x9E3779B1) + y.astype(np.uint32) * np.uint32(
         0x85EBCA77
     )
@@ -18,7 +18,7 @@ def mixed(x: NDArray[np.int64], y: NDArray[np.int64], seed: int = 0) -> Doubles:
 
 
 def smooth(x: Doubles, y: Doubles, seed: int = 0) -> Doubles:
-    """Smooth noise from 0 to 1, of which a bump is about 1 wide."""
+    """Smooth noise from 0 to 1 with features about 1 wide."""
     left, top = np.floor(x), np.floor(y)
     across, down = x - left, y - top
     across, down = across * across * (3 - 2 * across), down * down * (3 - 2 * down)
@@ -29,12 +29,12 @@ def smooth(x: Doubles, y: Doubles, seed: int = 0) -> Doubles:
 
 
 def rough(x: Doubles, y: Doubles, octaves: int = 4, seed: int = 0) -> Doubles:
-    """Noise of several sizes, each half of the one before, from 0 to 1."""
+    """Sum of noise at several octaves, from 0 to 1."""
     total = sum(smooth(x * 2**n, y * 2**n, seed + n) / 2**n for n in range(octaves))
     return np.asarray(total / (2 - 2 ** (1 - octaves)))
 
 
 def grain(height: int, width: int, seed: int = 0) -> Doubles:
-    """(height, width) of numbers from 0 to 1, without any likeness of neighbours."""
+    """White noise (height, width) from 0 to 1."""
     rows, columns = np.mgrid[:height, :width]
     return mixed(columns, rows, seed)

@@ -1,4 +1,4 @@
-"""Pictures with fine structure, on which faults of resampling show."""
+"""Pictures with fine structure, which reveal resampling errors."""
 
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -34,7 +34,7 @@ CORNERS = ((133.0, 47.0), (517.0, 82.0), (596.0, 422.0), (57.0, 448.0))  # of th
 
 
 class Photo(NamedTuple):
-    """A photo of a flat thing, and where its corners are."""
+    """A photo of a flat object, and the positions of its corners."""
 
     color: Levels  # (H, W, 3) sRGB
     corners: tuple[tuple[float, float], ...]  # x, y in px, clockwise from the top left
@@ -47,16 +47,16 @@ class Photo(NamedTuple):
 
 
 def bricks(size: int = 512) -> Levels:
-    """A wall of bricks whose mortar is thin: it flickers where it shrinks.
+    """A brick wall with thin mortar, which flickers when minified.
 
     Parameters
     ----------
     size
-        Px of each side.
+        Side, px.
 
     Returns
     -------
-    (size, size, 3) sRGB; it repeats without a seam of bricks.
+    (size, size, 3) sRGB; it tiles seamlessly.
     """
     _check("bricks", size)
     y, x = (np.mgrid[:size, :size] + 0.5) / size
@@ -75,17 +75,17 @@ def bricks(size: int = 512) -> Levels:
     stains = rough(x * 22, y * 22, 5, 11)[..., None]
     fired = fired * (0.72 + 0.45 * stains) * (0.93 + 0.14 * grain(size, size, 2)[..., None])
     mortar = np.array([0.77, 0.74, 0.68]) * (0.78 + 0.3 * rough(x * 90, y * 90, 3, 21)[..., None])
-    edge = np.clip((rim - 0.07) * 5, 0, 1)[..., None]  # bricks are round at their rims
+    edge = np.clip((rim - 0.07) * 5, 0, 1)[..., None]  # bricks are rounded at their edges
     return _levels(brick * fired * (0.8 + 0.2 * edge) + (1 - brick) * mortar * 0.94)
 
 
 def zone_plate(size: int = 512) -> Levels:
-    """Rings that get finer until they are 2 px wide: every fault of a filter is seen at once.
+    """Rings that get finer down to 2 px: they show every error of a filter.
 
     Parameters
     ----------
     size
-        Px of each side.
+        Side, px.
 
     Returns
     -------
@@ -98,12 +98,12 @@ def zone_plate(size: int = 512) -> Levels:
 
 
 def card(size: int = 512) -> Levels:
-    """Star, wedges, bars of color and grays in one picture.
+    """Test card: star, wedges, color bars and grays.
 
     Parameters
     ----------
     size
-        Px of each side.
+        Side, px.
 
     Returns
     -------
@@ -134,7 +134,7 @@ def card(size: int = 512) -> Levels:
 
 
 def page() -> Photo:
-    """A printed page that lies on a desk, photographed from the side.
+    """A printed page on a desk, photographed obliquely.
 
     Returns
     -------
@@ -167,7 +167,7 @@ def page() -> Photo:
 
 
 def _sheet() -> Any:
-    """The page seen from above, (H, W) float32 light."""
+    """The page in front view, (H, W) float32 light."""
     import cv2
 
     sheet = np.full((1360, 1000), 255, np.uint8)
@@ -176,7 +176,7 @@ def _sheet() -> Any:
     for number, line in enumerate(TEXT):
         base = (120, 265 + 44 * number)
         cv2.putText(sheet, line, base, cv2.FONT_HERSHEY_COMPLEX, 0.98, 25, 2, cv2.LINE_AA)
-    for number in range(64):  # lines that come closer to each other
+    for number in range(64):  # lines that converge
         across = 120 + round(760 * (1 - (1 - number / 64) ** 1.8))
         cv2.line(sheet, (across, 1010), (across, 1150), 20, 3, cv2.LINE_AA)
     for ring in range(10):
@@ -187,7 +187,7 @@ def _sheet() -> Any:
 
 
 def _wood(x: Doubles, y: Doubles) -> Doubles:
-    """Light of a desk of wood, (H, W, 3)."""
+    """Light of a wooden desk, (H, W, 3)."""
     board = np.floor(y / 96)
     fiber = rough(x / 190 + 7 * board, y / 5, 4, 41)
     ring = 0.5 + 0.5 * np.sin(26 * rough(x / 420 + 3 * board, y / 60, 2, 47))
@@ -197,7 +197,7 @@ def _wood(x: Doubles, y: Doubles) -> Doubles:
 
 
 def _place_bars(seen: Doubles, x: Doubles, y: Doubles) -> None:
-    """Bars of color on top, grays at the foot, in light."""
+    """Add color bars at the top and grays at the bottom, in light."""
     bars = np.array(
         [(1, 1, 1), (1, 1, 0), (0, 1, 1), (0, 1, 0), (1, 0, 1), (1, 0, 0), (0, 0, 1), (0, 0, 0)]
     )
@@ -209,7 +209,7 @@ def _place_bars(seen: Doubles, x: Doubles, y: Doubles) -> None:
 
 
 def _encoded(light: Doubles) -> Doubles:
-    """Levels 0..1 of sRGB."""
+    """Convert to sRGB levels 0..1."""
     from resample.colors import to_srgb
 
     return np.asarray(to_srgb(np.clip(light, 0, 1).astype(np.float32)))

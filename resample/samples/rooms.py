@@ -1,4 +1,4 @@
-"""A room with things in it, as a picture with exact depth, from wherever one stands."""
+"""A furnished room as a picture with exact depth, from any viewpoint."""
 
 import json
 import math
@@ -14,7 +14,7 @@ from resample.types import Doubles, Floats
 
 FOV = 60.0  # degrees along the shorter side
 RAYS = 3  # per side of a pixel
-ASIDE = (0.35, -0.05, 0.1)  # where it is looked at anew, if nothing else is said
+ASIDE = (0.35, -0.05, 0.1)  # default position of the new viewpoint
 EYED = ("render", "animate", "view", "stereo", "compare", "figures")  # commands with a camera
 EYES = ("--source-pose", "--intrinsics", "--fov", "--lens", "--source-projection")
 BALLS = (  # center, radius, color
@@ -24,17 +24,17 @@ BALLS = (  # center, radius, color
     ((-0.12, 0.92, 2.15), 0.18, (0.18, 0.50, 0.16)),
 )
 BOX_LOW, BOX_HIGH = np.array([-0.35, 0.1, 3.5]), np.array([0.45, 1.1, 4.3])
-LOW, HIGH = np.array([-2.2, -1.3, -1.0]), np.array([2.2, 1.1, 5.6])  # of the room
+LOW, HIGH = np.array([-2.2, -1.3, -1.0]), np.array([2.2, 1.1, 5.6])  # corners of the room
 LAMP = np.array([-0.7, -1.15, 1.6])
 
 
 class DepthPicture(NamedTuple):
-    """A picture and how far it is, of a pinhole with square pixels."""
+    """A picture with its depth, from a pinhole camera with square pixels."""
 
     color: NDArray[np.uint8]  # (H, W, 3) sRGB
     depth: Floats  # (H, W) z in scene units
     fov: float  # degrees along the shorter side
-    place: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of the camera: right, down, ahead
+    place: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of the camera: right, down, forward
 
     def stored(self, folder: Path, name: str) -> SampleFiles:
         write_png(folder / f"{name}.png", self.color)
@@ -54,7 +54,7 @@ class DepthPicture(NamedTuple):
         return SampleFiles([f"{name}.png", f"{name}.npy"], said)
 
     def _camera(self) -> dict[str, object]:
-        """What NeRF's transforms.json says of a camera."""
+        """Camera in the form of NeRF's transforms.json."""
         height, width = self.depth.shape
         focal = min(height, width) / 2 / math.tan(math.radians(self.fov / 2))
         pose = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -65,27 +65,27 @@ class DepthPicture(NamedTuple):
 
 
 def room(size: int = 320, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> DepthPicture:
-    """Balls and a box in a room with a tiled floor, ray traced.
+    """Ray trace balls and a box in a room with a tiled floor.
 
     Parameters
     ----------
     size
         Height in px; pictures are 4 : 3.
     x, y, z
-        Where the camera stands: right, down and ahead, scene units. It looks along z.
+        Position of the camera: right, down and forward, scene units. It looks along z.
     """
     if not 16 <= size <= 2048:
         raise ValueError(f"room: size is 16 to 2048 px, not {size}")
     eye = np.array([x, y, z])
     if not ((eye > LOW + 0.1) & (eye < (2.1, 1.0, 1.7))).all():
-        raise ValueError(f"room: {x:g}, {y:g}, {z:g} is not a place in front of the things in it")
+        raise ValueError(f"room: {x:g}, {y:g}, {z:g} is not a position in front of the objects")
     shape = size, size * 4 // 3
     depth = _traced(eye, shape)[1].astype(np.float32)
     return DepthPicture(_picture(eye, shape), depth, FOV, (x, y, z))
 
 
 def _picture(eye: Doubles, shape: tuple[int, int]) -> NDArray[np.uint8]:
-    """What is seen from a place, (H, W, 3) sRGB."""
+    """Picture from a position, (H, W, 3) sRGB."""
     from resample.colors import to_srgb
 
     light = np.zeros((*shape, 3), np.float32)
@@ -99,7 +99,7 @@ def _picture(eye: Doubles, shape: tuple[int, int]) -> NDArray[np.uint8]:
 def _traced(
     eye: Doubles, shape: tuple[int, int], at: tuple[float, float] = (0.5, 0.5)
 ) -> tuple[Doubles, Doubles]:
-    """Light and z of a ray through that place in every pixel, as exact as the eye's numbers."""
+    """Light and z-depth of a ray through one position in every pixel, in float64."""
     height, width = shape
     focal = min(shape) / 2 / math.tan(math.radians(FOV / 2))
     y, x = np.mgrid[:height, :width].astype(eye.dtype)
@@ -117,7 +117,7 @@ def _traced(
 
 
 def _room(eye: Doubles, ray: Doubles) -> tuple[Doubles, NDArray[np.intp]]:
-    """Distance of the room's sides, and the axis that each lies across."""
+    """Distance to the room's walls, and the axis that each is perpendicular to."""
     with np.errstate(divide="ignore", invalid="ignore"):
         ways = np.where(ray > 0, (HIGH - eye) / ray, (LOW - eye) / ray).astype(eye.dtype)
     return ways.min(axis=2), ways.argmin(axis=2)
@@ -147,7 +147,7 @@ def _paint_walls(place: Doubles, axis: NDArray[np.intp], paint: Doubles) -> None
 
 
 def _add_box(eye: Doubles, ray: Doubles, seen: tuple[Doubles, Doubles, Doubles]) -> None:
-    """Put the box before what is there."""
+    """Add the box where it is nearest."""
     depth, normal, paint = seen
     with np.errstate(divide="ignore", invalid="ignore"):
         one, other = (BOX_LOW - eye) / ray, (BOX_HIGH - eye) / ray
@@ -168,7 +168,7 @@ def _add_ball(
     ball: tuple[Doubles, float, Doubles],
     seen: tuple[Doubles, Doubles, Doubles],
 ) -> None:
-    """Put a ball before what is there."""
+    """Add a ball where it is nearest."""
     center, radius, color = ball
     depth, normal, paint = seen
     offset = eye - center
@@ -183,7 +183,7 @@ def _add_ball(
 
 
 def _lit(place: Doubles, normal: Doubles, paint: Doubles) -> Doubles:
-    """Light of a lamp under the ceiling, with shadows of balls, and of the room."""
+    """Shade by a lamp under the ceiling, with shadows of the balls, and ambient light."""
     way = LAMP - place
     length = np.linalg.norm(way, axis=2)
     way = way / length[..., None]

@@ -17,7 +17,7 @@ class MeshSample(NamedTuple):
     position: Doubles  # (N, 3)
     normal: Doubles  # (N, 3)
     place: Doubles  # (N, 2) on the texture, from the bottom left
-    triangle: NDArray[np.int64]  # (T, 3) numbers of vertices
+    triangle: NDArray[np.int64]  # (T, 3) indices of vertices
     texture: NDArray[np.uint8]  # (H, W, 3) sRGB
 
     def stored(self, folder: Path, name: str) -> SampleFiles:
@@ -26,7 +26,7 @@ class MeshSample(NamedTuple):
 
 
 class PointSample(NamedTuple):
-    """PointSample of a surface."""
+    """Points on a surface."""
 
     position: Doubles  # (N, 3)
     normal: Doubles  # (N, 3)
@@ -38,12 +38,12 @@ class PointSample(NamedTuple):
 
 
 def knot(along: int = 360, around: int = 36) -> MeshSample:
-    """A tube in a knot, with bricks on it.
+    """A knotted tube with a brick texture.
 
     Parameters
     ----------
     along, around
-        Vertices along the tube and around it.
+        Number of vertices along the tube and around it.
     """
     from resample.samples.pictures import bricks
 
@@ -61,18 +61,18 @@ def knot(along: int = 360, around: int = 36) -> MeshSample:
 
 
 def knot_points(count: int = 60000) -> PointSample:
-    """PointSample of a tube in a knot, with normals and colors.
+    """Points on a knotted tube, with normals and colors.
 
     Parameters
     ----------
     count
-        How many.
+        Number of points.
     """
     if not 16 <= count <= 10_000_000:
         raise ValueError(f"knot-points: count is 16 to 10000000, not {count}")
     number = np.arange(count)
     u = np.asarray((number + 0.5) / count, np.float64)
-    v = np.asarray((number * 0.6180339887498949) % 1, np.float64)  # evenly, without rows
+    v = np.asarray((number * 0.6180339887498949) % 1, np.float64)  # uniform, without visible rows
     position, normal = _tube(u, v)
     turn = 2 * np.pi * (3 * u[:, None] + np.array([0.0, 1 / 3, 2 / 3]))
     band = np.where((48 * u + 2 * v) % 1 < 0.16, 0.45, 1.0)[:, None]
@@ -82,7 +82,7 @@ def knot_points(count: int = 60000) -> PointSample:
 
 
 def _tube(u: Doubles, v: Doubles) -> tuple[Doubles, Doubles]:
-    """Places and normals of a tube around a trefoil knot; u along it, v around it, 0..1."""
+    """Positions and normals of a tube around a trefoil knot; u along it, v around it, 0..1."""
     t = 2 * np.pi * u
     way = 2 + np.cos(3 * t)
     center = np.stack([way * np.cos(2 * t), way * np.sin(2 * t), 1.2 * np.sin(3 * t)], axis=1)

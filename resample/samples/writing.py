@@ -1,4 +1,4 @@
-"""Samples as files that every reader knows, byte for byte the same wherever they are written."""
+"""Write samples to standard file formats, byte for byte the same on every machine."""
 
 import struct
 import zlib
@@ -14,26 +14,26 @@ RGB = ("red", "green", "blue")
 
 
 class Said(NamedTuple):
-    """Options that a sample brings along, unless a user says them."""
+    """Default options that a sample adds to a command."""
 
-    commands: Sequence[str]  # that have these options
-    words: Sequence[str]  # `FOLDER/` stands for where the files are
-    unless: Sequence[str]  # beginnings of options in whose presence these are not said
+    commands: Sequence[str]  # commands that have these options
+    words: Sequence[str]  # `FOLDER/` stands for the folder of the files
+    unless: Sequence[str]  # prefixes of options that replace these
 
 
 class SampleFiles(NamedTuple):
-    """What stands for a sample on a command line."""
+    """Files and options that replace a sample on a command line."""
 
-    files: Sequence[str]  # names in the folder; the first is the one that stands for all
+    files: Sequence[str]  # names in the folder; the first represents all
     said: Sequence[Said] = ()
 
 
 @runtime_checkable
 class Storable(Protocol):
-    """A sample that knows how it is stored; what a plugin makes may be one."""
+    """Interface of a sample that can write itself; plugins may implement it."""
 
     def stored(self, folder: Path, name: str) -> SampleFiles:
-        """Write it as files into a folder that exists."""
+        """Write the sample to files in an existing folder."""
 
 
 def store(sample: Any, folder: Path, name: str) -> SampleFiles:
@@ -42,11 +42,11 @@ def store(sample: Any, folder: Path, name: str) -> SampleFiles:
     Parameters
     ----------
     sample
-        A picture (H, W) or (H, W, 3 or 4) of bytes, a volume, or what is `Storable`.
+        A picture (H, W) or (H, W, 3 or 4) of bytes, a volume, or a `Storable`.
     folder
-        Exists.
+        An existing folder.
     name
-        Of the files, without a suffix.
+        Name of the files, without suffix.
 
     Raises
     ------
@@ -65,7 +65,7 @@ def store(sample: Any, folder: Path, name: str) -> SampleFiles:
 
 
 def write_png(path: Path, levels: NDArray[Any]) -> None:
-    """Picture of bytes as it is, (H, W) or (H, W, 3 or 4)."""
+    """Write levels as they are, (H, W) or (H, W, 3 or 4)."""
     if levels.dtype != np.uint8 or levels.ndim not in (2, 3):
         raise TypeError(f"{path.name}: a picture is of bytes, not {levels.dtype}{levels.shape}")
     kinds = {1: 0, 3: 2, 4: 6}
@@ -74,7 +74,7 @@ def write_png(path: Path, levels: NDArray[Any]) -> None:
     head = struct.pack(">2I5B", width, height, 8, kinds[channels], 0, 0, 0)
     rows = levels.reshape(height, -1)
     above = np.vstack([np.zeros_like(rows[:1]), rows[:-1]])
-    lines = np.hstack([np.full((height, 1), 2, np.uint8), rows - above])  # filter 2: less the above
+    lines = np.hstack([np.full((height, 1), 2, np.uint8), rows - above])  # minus the row above
     parts = [(b"IHDR", head), (b"sRGB", b"\0"), (b"IDAT", zlib.compress(lines.tobytes(), 6))]
     with path.open("wb") as file:
         file.write(b"\x89PNG\r\n\x1a\n")
@@ -84,14 +84,14 @@ def write_png(path: Path, levels: NDArray[Any]) -> None:
 
 
 def write_npy(path: Path, values: NDArray[Any]) -> None:
-    """Array as NumPy keeps it, which does not notice a full disk if it writes by itself."""
+    """Write an array as NPY; NumPy does not notice a full disk."""
     stored = BytesIO()
     np.save(stored, values)
     path.write_bytes(stored.getbuffer())
 
 
 def write_nrrd(path: Path, volume: Any) -> None:
-    """Volume of `values` (Z, Y, X), `spacing` and `origin` (x, y, z)."""
+    """Write a volume with `values` (Z, Y, X), `spacing` and `origin` (x, y, z)."""
     values = np.ascontiguousarray(volume.values)
     kind = values.dtype.name.replace("float32", "float").replace("float64", "double")
     steps = [", ".join(f"{s if n == axis else 0.0!r}" for n in range(3))
@@ -113,7 +113,7 @@ def write_nrrd(path: Path, volume: Any) -> None:
 
 
 def write_obj(path: Path, mesh: Any) -> None:
-    """Triangles with a texture; its material and picture lie beside it."""
+    """Write textured triangles; material and picture are beside the file."""
     write_png(path.with_suffix(".png"), mesh.texture)
     path.with_suffix(".mtl").write_text(
         f"newmtl {path.stem}\nKd 1 1 1\nmap_Kd {path.stem}.png\n", "utf-8"
@@ -128,7 +128,7 @@ def write_obj(path: Path, mesh: Any) -> None:
 
 
 def write_ply(path: Path, points: Any) -> None:
-    """Points with normals and colors, binary."""
+    """Write points with normals and colors, binary."""
     places = [(name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz")]
     table = np.empty(len(points.position), [*places, *((name, "u1") for name in RGB)])
     parts = np.hstack([points.position, points.normal]).T

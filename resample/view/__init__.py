@@ -1,1 +1,1 @@
-"""A page in the browser that shows what a command would paint, while its options are changed."""
+"""Browser page that previews what a command would paint while its options change."""

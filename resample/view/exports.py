@@ -1,4 +1,4 @@
-"""How a picture on the page is made without the page: command, settings file, Python, notebook."""
+"""Export a picture of the page as command, settings file, Python or notebook."""
 
 import json
 import math
@@ -10,7 +10,7 @@ from resample.cameras.viewpoints import Orbit, viewpoint_of
 from resample.command.settings_files import as_toml, look_of
 from resample.view.views import Settings, Size, marks_in
 
-ORBITING = {"file": "keyframes.toml", "steered": ["camera", "fov", "up"]}  # films around things
+ORBITING = {"file": "keyframes.toml", "steered": ["camera", "fov", "up"]}  # films that orbit
 STEP = 2.0  # seconds from one keyframe to the next
 
 
@@ -21,18 +21,18 @@ def exports_of(
     cameras: Sequence[str] = (),
     keyframes: str = "",
 ) -> dict[str, str]:
-    """Texts that make the picture again, and a film through keyframes.
+    """Texts that reproduce the picture, and a film through keyframes.
 
     Parameters
     ----------
     about
-        Of the view; its command, inputs, `fixed` options and what makes pictures are used.
+        Description of the view; its command, inputs, `fixed` options and function are used.
     settings
         Options by name.
     size
         Width and height, px.
     cameras, keyframes
-        Of a film, and the file that holds them; of one camera there is none.
+        Keyframes of a film, and the file that holds them; one camera needs no file.
     """
     command, inputs = about["command"], about["inputs"]
     whole = {**about.get("fixed", {}), **settings, "size": f"{size[0]}x{size[1]}"}
@@ -56,18 +56,20 @@ def exports_of(
 
 
 def keyframes_as_toml(cameras: Sequence[str], settings: Settings) -> str:
-    """File of keyframes, `STEP` apart, each the short way round from the one before.
+    """Write keyframes as TOML, `STEP` apart, each along the shorter rotation from the previous.
 
     Raises
     ------
     ValueError
-        One is no camera around what is looked at.
+        A camera does not orbit the scene.
     """
     tables, last = [], 0.0
     for n, text in enumerate(cameras):
         orbit = viewpoint_of(text)
         if not isinstance(orbit, Orbit):
-            raise ValueError(f"a keyframe {text!r:.60}; films go through cameras of angles")
+            raise ValueError(
+                f"keyframe {text!r:.60} is not azimuth/elevation/zoom; films need such cameras"
+            )
         azimuth = orbit.azimuth if n == 0 else last + math.remainder(orbit.azimuth - last, 360.0)
         last = azimuth
         tables.append(
@@ -80,7 +82,7 @@ def keyframes_as_toml(cameras: Sequence[str], settings: Settings) -> str:
 
 
 def _film(about: dict[str, Any], settings: Settings, count: int) -> str:
-    """Command of a film through so many keyframes."""
+    """Command that makes a film through `count` keyframes."""
     film = about["film"]
     known = film.get("options", settings)
     still = {
@@ -94,12 +96,12 @@ def _film(about: dict[str, Any], settings: Settings, count: int) -> str:
 
 
 def _options(settings: Settings) -> list[str]:
-    """Words of a command line that choose all values."""
+    """Arguments of a command line that set all options."""
     return [word for key, value in settings.items() for word in _words(key, value)]
 
 
 def _words(key: str, value: Any) -> Sequence[str]:
-    """Words of a command line that choose a value."""
+    """Arguments of a command line that set one option."""
     if isinstance(value, bool):
         return [f"--{key}" if value else f"--no-{key}"]
     if isinstance(value, list):

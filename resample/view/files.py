@@ -1,4 +1,4 @@
-"""Pictures as files hold them, in memory: what commands write, and what a page shows of it."""
+"""Encode pictures as files in memory, and convert them to what a page shows."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 
 def file_of(write: Callable[[Path], object], suffix: str) -> bytes:
-    """Content of the file that is written to a path of a suffix."""
+    """Content of the file that a function writes to a path with a suffix."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / f"picture{suffix}"
         write(path)
@@ -18,7 +18,7 @@ def file_of(write: Callable[[Path], object], suffix: str) -> bytes:
 
 
 def levels_in(png: bytes) -> NDArray[np.uint8]:
-    """Levels that a page shows of a PNG."""
+    """8-bit levels of a PNG as a page shows them."""
     import cv2
 
     stored: Any = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_UNCHANGED)
@@ -28,7 +28,7 @@ def levels_in(png: bytes) -> NDArray[np.uint8]:
 
 
 def shown(stored: NDArray[np.uint8] | NDArray[np.uint16]) -> NDArray[np.uint8]:
-    """Levels (H, W, 3 or 4) that a page shows of a picture's.
+    """8-bit levels (H, W, 3 or 4) as a page shows them.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a page may say to the viewer, checked: kinds, sizes, and options as in settings files."""
+"""Messages from a page to the viewer, validated."""
 
 from typing import Annotated, Literal
 
@@ -21,49 +21,49 @@ class _Message(BaseModel):
     settings: Settings
     width: Side
     height: Side
-    number: Annotated[int, Field(ge=0)]  # which of the page's messages it is
+    number: Annotated[int, Field(ge=0)]  # sequence number of the page's messages
 
 
 class Draw(_Message):
-    """Paint a picture; the latest is painted, those before it are forgotten."""
+    """Paint a picture; a newer request replaces pending ones."""
 
     kind: Literal["draw"]
-    moving: bool  # a preview will do
-    other: Settings | None = None  # paint these as well, and tell how far apart both are
-    rival: Key | None = None  # have another renderer paint it, and tell how far apart both are
+    moving: bool  # a preview suffices
+    other: Settings | None = None  # paint these as well, and measure the difference
+    rival: Key | None = None  # let another renderer paint it, and measure the difference
 
 
 class Pick(_Message):
-    """Tell what is seen at a place."""
+    """Describe what is visible at a position."""
 
     kind: Literal["pick"]
-    x: float  # px to the right; centers are at halves
+    x: float  # px to the right; pixel centers are at halves
     y: float  # px down
 
 
 class Ask(_Message):
-    """Tell what a painter knows of the options, such as the points of a curve."""
+    """Return information on options, such as the points of a curve."""
 
     kind: Literal["ask"]
     what: Key
 
 
 class Export(_Message):
-    """Tell how the picture, and a film through keyframes, are made without the viewer."""
+    """Return commands and code that make the picture, and a film through keyframes."""
 
     kind: Literal["export"]
     keyframes: Annotated[list[Camera], Field(max_length=64)] = []
 
 
 class MakeFilm(_Message):
-    """Give the film through keyframes as a file, telling how far it is; a second one stops it."""
+    """Make a film through keyframes and report progress; a second message stops it."""
 
     kind: Literal["film"]
-    keyframes: Annotated[list[Camera], Field(max_length=64)]  # none: stop the film
+    keyframes: Annotated[list[Camera], Field(max_length=64)]  # empty: stop the film
 
 
 class Save(_Message):
-    """Give the picture as a file."""
+    """Return the picture as a file."""
 
     kind: Literal["save"]
     suffix: Literal[".png", ".exr"]
@@ -74,13 +74,13 @@ _adapter: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discrimina
 
 
 def message_of(text: str) -> Message:
-    """Message of a page.
+    """Parse a message of a page.
 
     Raises
     ------
     ValueError
-        It is none.
+        It is not a valid message.
     """
     if len(text) > LONGEST:
-        raise ValueError(f"a message of {len(text)} letters; {LONGEST} at most are read")
+        raise ValueError(f"a message of {len(text)} letters; at most {LONGEST} are allowed")
     return _adapter.validate_json(text)

@@ -1,4 +1,4 @@
-"""Pages for this machine alone: an address with a token, a socket for each page."""
+"""Local web server of the viewer: one address with a token, one socket per page."""
 
 import asyncio
 import contextlib
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from starlette.websockets import WebSocket
 
 LOOPBACK = "127.0.0.1"
-MOST_PAGES = 8  # at a time
-NOTABLE = 5.0  # seconds of compiling, whose end is said
+MOST_PAGES = 8  # open at the same time
+NOTABLE = 5.0  # seconds of compilation after which its end is reported
 LOG = logging.getLogger("resample")
 HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
@@ -41,12 +41,12 @@ HEADERS = {
 
 
 def require_parts() -> None:
-    """Refuse to serve where the extra is not installed.
+    """Reject serving if the extra is not installed.
 
     Raises
     ------
     ValueError
-        It is not; the message says how to install it.
+        The extra is missing; the message says how to install it.
     """
     try:
         import starlette  # noqa: F401
@@ -65,9 +65,9 @@ def application(
     hosts: Sequence[str],
     shown: Callable[[], object] | None = None,
 ) -> "Starlette":
-    """Pages of a view for who knows the token, from addresses of these hosts (with their port).
+    """Web application that serves a view to clients with the token, from these hosts (with port).
 
-    `shown` is called when a page has a whole picture.
+    `shown` is called when a page has received a complete picture.
     """
     from starlette.applications import Starlette
     from starlette.responses import Response
@@ -120,13 +120,13 @@ async def _talked(
     open_pages: set[Session],
     shown: Callable[[], object] | None,
 ) -> None:
-    """Talk with a page until it is closed."""
+    """Exchange messages with a page until it is closed."""
     from starlette.websockets import WebSocketDisconnect
 
     turn = asyncio.Lock()
 
     async def send(data: str | bytes) -> None:
-        with contextlib.suppress(WebSocketDisconnect, RuntimeError):  # the page has gone
+        with contextlib.suppress(WebSocketDisconnect, RuntimeError):  # the page was closed
             async with turn:
                 await (socket.send_text(data) if isinstance(data, str) else socket.send_bytes(data))
 
@@ -137,10 +137,10 @@ async def _talked(
         while True:
             try:
                 message = message_of(await socket.receive_text())
-            except (ValueError, KeyError):  # no text, or none that a page says
+            except (ValueError, KeyError):  # invalid text or message
                 await send(json.dumps({"kind": "error", "number": 0, "text": "not understood"}))
                 continue
-            except RuntimeError:  # what was sent to it has found the page gone
+            except RuntimeError:  # the page was closed while sending
                 break
             await session.told(message)
     except WebSocketDisconnect:
@@ -152,14 +152,14 @@ async def _talked(
 
 @contextlib.contextmanager
 def served(view: Viewable, shown: Callable[[], object] | None = None) -> Iterator[tuple[str, str]]:
-    """Serve a view on this machine beside what else goes on.
+    """Serve a view from a background thread.
 
     Parameters
     ----------
     view
-        What is looked at.
+        The view to serve.
     shown
-        As of `application`.
+        As in `application`.
 
     Yields
     ------
@@ -198,11 +198,11 @@ def serve(view: Viewable, *, host: str = LOOPBACK, port: int = 0, browser: bool 
     Parameters
     ----------
     view
-        What is looked at.
+        The view to serve.
     host
-        Address to listen at. Another than this machine's own is warned about.
+        Address to listen at. A warning is printed if other machines can reach it.
     port
-        0 takes one that is free.
+        Port; 0: any free port.
     browser
         Open the page in the browser.
 
@@ -215,7 +215,7 @@ def serve(view: Viewable, *, host: str = LOOPBACK, port: int = 0, browser: bool 
     """
     require_parts()
     if host not in (LOOPBACK, "localhost"):
-        say(f"anyone who reaches {host} and learns the address can look, and read your files")
+        say(f"anyone who reaches {host} and learns the address can view, and read, your files")
     listening = socket.create_server((host, port))
     port = listening.getsockname()[1]
     token = secrets.token_urlsafe(24)
@@ -225,7 +225,7 @@ def serve(view: Viewable, *, host: str = LOOPBACK, port: int = 0, browser: bool 
     sys.stdout.flush()
     if browser:
         webbrowser.open(address)
-    say("Ctrl-C ends it")
+    say("press Ctrl-C to stop")
     first = threading.Event()
     if isinstance(view, Warming):
         threading.Thread(target=_warmed, args=(view, first), name="warm", daemon=True).start()
@@ -233,13 +233,13 @@ def serve(view: Viewable, *, host: str = LOOPBACK, port: int = 0, browser: bool 
 
 
 def _warmed(view: Warming, first: threading.Event) -> None:
-    """Have other kinds of pictures compiled once the first one is there, and say that it is so."""
+    """Compile kernels for other kinds of pictures once the first is shown, and report it."""
     first.wait()
     start = time.monotonic()
     try:
         for _ in view.warm():
             pass
-    except Exception as error:  # pages say what is wrong when that is asked for
-        LOG.debug("not all kinds of pictures are compiled: %s", one_line(error))
+    except Exception as error:  # reported when a page needs that kind
+        LOG.debug("kernels could not be compiled for all kinds of pictures: %s", one_line(error))
     if time.monotonic() - start > NOTABLE:
-        LOG.info("all kinds of pictures are compiled")
+        LOG.info("kernels for all kinds of pictures are compiled")

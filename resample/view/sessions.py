@@ -1,4 +1,4 @@
-"""A page that is open: the latest wish is painted, quick while it moves, whole when it is still."""
+"""Session of an open page: paints the latest request, as preview during motion, else in full."""
 
 import asyncio
 import json
@@ -29,10 +29,10 @@ from resample.watching import Cancel, CancelledError, cancellable
 from resample.words import one_line
 
 JPEG_QUALITY = 88  # of previews
-GAIN = 8  # of differences, so that small ones are seen
-FILM = "film.mp4"  # name of what is made
-TELLING = 0.25  # seconds from one word about how far a film is to the next
-PNG_EFFORT = 1  # of zlib: pictures are looked at once
+GAIN = 8  # factor of differences, so that small ones are visible
+FILM = "film.mp4"  # name of the film
+TELLING = 0.25  # seconds between two progress reports of a film
+PNG_EFFORT = 1  # zlib's compression level: pictures are sent once
 
 Send = Callable[[str | bytes], Awaitable[None]]
 LOG = logging.getLogger("resample")
@@ -44,18 +44,18 @@ class _Job(NamedTuple):
 
 
 class Session:
-    """What one page sees; it is made, told and closed by the event loop's thread.
+    """Session of one page; created, called and closed by the event loop's thread.
 
     Parameters
     ----------
     view
-        What is looked at.
+        The view that the page shows.
     send
-        Sends a text or bytes to the page.
+        Function that sends text or bytes to the page.
     shown
-        Called when the page has a whole picture.
+        Called when the page has received a complete picture.
     begun
-        Options that were not chosen on the page; the view's first ones.
+        Initial options, set outside the page; None: those of the view.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class Session:
         self._painter = view.painter()
         self._wanted: Draw | None = None
         self._job: _Job | None = None
-        self._film: Cancel | None = None  # stops the film that is made
+        self._film: Cancel | None = None  # cancels the film in progress
         self._filming: asyncio.Task[None] | None = None
         self._news = asyncio.Event()
         self._task = asyncio.create_task(self._paint())
@@ -78,7 +78,7 @@ class Session:
         LOG.addHandler(self._notices)
 
     async def close(self) -> None:
-        """Stop what is painted and let go of everything."""
+        """Stop painting and release everything."""
         LOG.removeHandler(self._notices)
         if self._job is not None:
             self._job.cancel.cancel()
@@ -88,7 +88,7 @@ class Session:
         await asyncio.gather(self._task, return_exceptions=True)
 
     async def told(self, message: Message) -> None:
-        """Do what a page says; what goes wrong is said on the page."""
+        """Handle a message of the page; errors are reported on the page."""
         try:
             self._check(message)
         except ValueError as error:
@@ -97,7 +97,7 @@ class Session:
         if isinstance(message, Draw):
             self._wanted = message
             if self._job is not None and not self._job.draw.moving:
-                self._job.cancel.cancel()  # previews are let through, or none would be seen
+                self._job.cancel.cancel()  # but not a preview, or none would be shown
             self._news.set()
             return
         if isinstance(message, MakeFilm):
@@ -114,7 +114,7 @@ class Session:
         await self._send(answer)
 
     def _check(self, message: Message) -> None:
-        """Refuse what a page must not say."""
+        """Reject settings that a page must not change."""
         command, begun = self._view.about["command"], self._begun()
         check_said(command, message.settings, begun)
         if isinstance(message, Draw) and message.other is not None:
@@ -140,7 +140,7 @@ class Session:
         return _framed({"kind": "file", "name": f"picture{message.suffix}"}, file)
 
     async def _filmed(self, message: MakeFilm, cancel: Cancel) -> None:
-        """Make a film, and tell how far it is."""
+        """Make a film and report its progress."""
         loop, told = asyncio.get_running_loop(), [0.0]
 
         def tell(share: float) -> None:
@@ -163,7 +163,7 @@ class Session:
         if not isinstance(self._painter, Filming):
             raise ValueError("this page makes no films")
         size, keyframes = (message.width, message.height), list(message.keyframes)
-        film = self._view.painter()  # pages go on with theirs meanwhile
+        film = self._view.painter()  # pages keep their own painters meanwhile
         assert isinstance(film, Filming)
         text = film.keyframes(keyframes, message.settings)
         write = partial(film.film, message.settings, size, text, progress=tell)
@@ -171,7 +171,7 @@ class Session:
             return _framed({"kind": "file", "name": FILM}, file_of(write, Path(FILM).suffix))
 
     async def _paint(self) -> None:
-        """Paint what is wanted, for ever."""
+        """Paint requests in an endless loop."""
         while True:
             await self._news.wait()
             self._news.clear()
@@ -192,7 +192,7 @@ class Session:
                 self._shown()
 
     def _drawn(self, job: _Job) -> list[str | bytes]:
-        """Picture, and where there is another to be compared with that and the difference."""
+        """Picture, and the one it is compared with and their difference, if any."""
         shown, frame = self._painted(job, job.draw.settings, "frame")
         if job.draw.other is None and job.draw.rival is None:
             return [frame]
@@ -200,7 +200,7 @@ class Session:
             other, second = self._painted(job, job.draw.other, "other")
         except CancelledError:
             raise
-        except Exception as error:  # ours is still worth having
+        except Exception as error:  # our picture is still useful
             return [_told("other", job.draw.number, text=one_line(error)), frame]
         gap, decibels = difference(shown, other)
         kind, data = encoded(gap)
@@ -208,7 +208,7 @@ class Session:
         return [second, _framed(about | {"decibels": decibels}, data), frame]
 
     def _painted(self, job: _Job, settings: Settings | None, name: str) -> tuple[Painting, bytes]:
-        """Picture of settings, or where there are none a rival's of the page's."""
+        """Picture of some settings; without settings, of another renderer."""
         draw, start = job.draw, time.perf_counter()
         size = draw.width, draw.height
         if settings is not None:
@@ -216,7 +216,7 @@ class Session:
         elif isinstance(self._painter, Comparing):
             shown = self._painter.beside(str(draw.rival), draw.settings, size)
         else:
-            raise ValueError("this page has no rivals")
+            raise ValueError("this page has no other renderers")
         kind, data = encoded(shown)
         about = {
             **shown.about,
@@ -233,7 +233,7 @@ class Session:
 
 
 class _Notices(logging.Handler):
-    """What the library says while it works (that it compiles, for one), sent to the page."""
+    """Logging handler that sends the library's messages, such as compilation, to the page."""
 
     def __init__(
         self,
@@ -248,7 +248,7 @@ class _Notices(logging.Handler):
 
 
 def encoded(shown: Painting) -> tuple[str, bytes]:
-    """Type and bytes of a picture: PNG, or JPEG where it is a preview that hides what is behind."""
+    """Type and bytes of a picture: PNG, or JPEG for an opaque preview."""
     import cv2
 
     levels = shown.levels
@@ -262,7 +262,7 @@ def encoded(shown: Painting) -> tuple[str, bytes]:
 
 
 def difference(one: Painting, other: Painting) -> tuple[Painting, float | None]:
-    """Difference of two pictures over black, `GAIN`-fold, and PSNR in dB; None: they are equal."""
+    """Difference of two pictures over black, times `GAIN`, and PSNR in dB; None if equal."""
     a, b = _over_black(one.levels), _over_black(other.levels)
     apart = np.minimum(GAIN * np.abs(a - b), 255.0).astype(np.uint8)
     decibels = psnr(a, b, peak=255.0)
@@ -280,6 +280,6 @@ def _told(kind: str, number: int, **parts: Any) -> str:
 
 
 def _framed(about: dict[str, Any], data: bytes) -> bytes:
-    """Bytes with what is said about them before them, and the length of that."""
+    """Message of bytes: length of the JSON header, header, data."""
     head = json.dumps(about).encode()
     return len(head).to_bytes(4, "little") + head + data

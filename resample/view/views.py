@@ -1,4 +1,4 @@
-"""Roles of what applications show in a page, and what all of them have in common."""
+"""Interfaces that applications implement to show a page, and shared functions."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
@@ -27,102 +27,101 @@ class Painting(NamedTuple):
 
     levels: NDArray[np.uint8]  # (H, W, 3 or 4) sRGB, straight opacity
     is_preview: bool
-    about: Mapping[str, Any] = MappingProxyType({})  # said with the picture, as JSON holds it
+    about: Mapping[str, Any] = MappingProxyType({})  # sent with the picture, as JSON values
 
 
 class Painter(Protocol):
-    """Role of what paints for one page: it keeps what the last pictures needed."""
+    """Interface of a page's painter; it caches data between pictures."""
 
     def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> Painting:
-        """Picture of these options; `quick` asks for a preview."""
+        """Paint a picture with these options; `quick` requests a preview."""
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
-        """What is seen at a place of the picture, px; nothing: an empty dictionary."""
+        """Describe what is visible at a position of the picture, px; empty if nothing is."""
 
 
 @runtime_checkable
 class Knowing(Protocol):
-    """Role of painters that can be asked about options; what there is to ask is their own."""
+    """Interface of painters with information on options; the questions are their own."""
 
     def tell(self, settings: Settings, what: str) -> dict[str, Any]:
-        """What a page asks for."""
+        """Answer a question of a page."""
 
 
 @runtime_checkable
 class Comparing(Protocol):
-    """Role of painters that have other renderers paint the same; `about` names these `rivals`."""
+    """Interface of painters that compare with other renderers; `about` lists these as `rivals`."""
 
     def beside(self, rival: str, settings: Settings, size: Size) -> Painting:
-        """Picture that a rival makes of these options."""
+        """Picture of another renderer with these options."""
 
 
 @runtime_checkable
 class Filming(Protocol):
-    """Role of painters that make films."""
+    """Interface of painters that make films."""
 
     def keyframes(self, cameras: Sequence[str], settings: Settings) -> str:
-        """File of keyframes, as the film's command takes it, of cameras as the page spells them."""
+        """Keyframe file for the film's command, from cameras as the page writes them."""
 
     def film(
         self, settings: Settings, size: Size, keyframes: str, path: Path, progress: Progress
     ) -> None:
-        """Write what the command would write, of a file of keyframes with this content."""
+        """Write the film that the command would write for these keyframes."""
 
 
 @runtime_checkable
 class Warming(Protocol):
-    """Role of what is looked at whose other kinds of pictures can be compiled beforehand."""
+    """Interface of views whose other kinds of pictures can be compiled in advance."""
 
     def warm(self) -> Iterator[None]:
-        """Paint tiny pictures of all kinds that pages can ask for, one at each step."""
+        """Paint a tiny picture of each kind that pages may request, one per step."""
 
 
 class Viewable(Protocol):
-    """Role of what is looked at in pages.
+    """Interface of what pages can show.
 
-    A plugin of the group `resample.views` is named as an application that has a command `view`: a
-    function that tells whether that shows files of such names.
+    A plugin of the group `resample.views` has the name of an application with a command `view`. It
+    is a function that tells whether the command can show files with such names.
     """
 
     @property
     def about(self) -> dict[str, Any]:
-        """What a page has to know, as JSON holds it.
+        """Description of the view for a page, as JSON values.
 
-        `title`; `command`, its `inputs` and options of it that are `fixed`; `package` whose
-        `viewing` has a `function` (`picture`) that takes inputs and options; if there is a `film`
-        through keyframes, its `command`, the name of the `file` that holds them, the options
-        `steered` by them, those that it has (`options`; all) and frames from `each` keyframe to
-        the next, where it has to be told; `controls` of
-        `controls_of`; `settings` to begin with; `rivals` that paint the same, by name, with why
-        one does not, if so; `names` that options may have, by option; and what else its page
-        shows, such as a `histogram`.
+        `title`; `command`, its `inputs` and `fixed` options; `package` whose `viewing` has a
+        `function` (`picture`) of inputs and options; if there is a `film` through keyframes, its
+        `command`, the name of their `file`, the options that they set (`steered`), those it has
+        (`options`; default all) and, if needed, the frames from `each` keyframe to the next;
+        `controls` from `controls_of`; the initial `settings`; other renderers (`rivals`) by name,
+        with the reason if one is unavailable; `names` that options may have, by option; and data
+        of its page, such as a `histogram`.
         """
 
     def check(self, settings: Settings | None = None) -> None:
-        """Read what is looked at, and refuse options that are not allowed; None: the first ones."""
+        """Read the inputs and reject invalid options; None: the initial ones."""
 
     def painter(self) -> Painter:
-        """What paints for a page that has been opened."""
+        """Create a painter for a new page."""
 
     def save(self, settings: Settings, size: Size, suffix: str) -> bytes:
         """File that the command would write."""
 
 
 def controls_of(name: str, command: App, left_out: Sequence[str] = ()) -> list[dict[str, Any]]:
-    """Options of a command as a page offers them: those that say how a picture looks.
+    """Options of a command that a page offers: those that change the look.
 
     Parameters
     ----------
     name
-        Of the application and the command.
+        Names of the application and the command.
     command
-        It.
+        The command.
     left_out
-        Options that a page has no control for.
+        Options without a control on the page.
 
     Returns
     -------
-    For each `key`, `heading`, `help`, `default` and the `schema` of its values.
+    For each option its `key`, `heading`, `help`, `default` and the `schema` of its values.
     """
     schema, found = schema_of(name, command)["properties"], []
     for key, option in options_of(command).items():
@@ -144,7 +143,7 @@ def controls_of(name: str, command: App, left_out: Sequence[str] = ()) -> list[d
 
 
 def _heading(option: Argument) -> str:
-    """Name of the group that the help shows an option under."""
+    """Heading of an option in the help."""
     given = option.parameter.group
     groups = [given] if isinstance(given, str | Group) else list(given or ())
     return str(getattr(groups[0], "name", groups[0])) if groups else ""
@@ -152,7 +151,7 @@ def _heading(option: Argument) -> str:
 
 @cache
 def marks_in(command: str) -> Marks:
-    """What options of a command, such as `resample-volume render`, are about."""
+    """Categories of the options of a command, such as `resample-volume render`."""
     application, _, name = command.partition(" ")
     home: App = registry.load("apps", application.removeprefix("resample-"))
     found = home[name].default_command
@@ -160,39 +159,39 @@ def marks_in(command: str) -> Marks:
 
 
 def check_said(command: str, said: Settings, begun: Settings) -> None:
-    """Refuse what a page must not say: anything but how a picture looks.
+    """Reject changes of a page to anything but the look.
 
     Parameters
     ----------
     command
-        Whose options these are.
+        Command that the options belong to.
     said
-        What the page says. Names that the command does not know are for `chosen` to refuse.
+        Settings from the page. Unknown names are left for `chosen` to reject.
     begun
-        What was chosen on the command line or in Python; a page may say that again.
+        Settings chosen on the command line or in Python; a page may repeat them.
 
     Raises
     ------
     ValueError
-        It says something else.
+        A setting is not allowed.
     """
     marks = marks_in(command)
     for key, value in said.items():
         is_known = key in begun and begun[key] == value
         if key in marks and not is_known and about(marks[key], value) is not About.LOOK:
             raise ValueError(
-                f"{key} {value!r:.60}: a page says how a picture looks; give what is read or "
+                f"{key} {value!r:.60}: a page only changes the look; give what is read or "
                 "written on the command line, or in Python"
             )
 
 
 def chosen(settings: Settings, models: Sequence[type[Choices]]) -> list[Any]:
-    """Models of options, filled from settings.
+    """Create models of options from settings.
 
     Raises
     ------
     ValueError
-        An option is none of theirs, or is not allowed.
+        An option is unknown or invalid.
     """
     parts: list[dict[str, Any]] = [{} for _ in models]
     fields = {
@@ -209,7 +208,7 @@ def chosen(settings: Settings, models: Sequence[type[Choices]]) -> list[Any]:
 
 
 def settings_of(choices: Sequence[Choices]) -> dict[str, Any]:
-    """Options that were given, by name."""
+    """Options that were set, by name."""
     found = {}
     for model in choices:
         for field in type(model).model_fields:
@@ -220,12 +219,12 @@ def settings_of(choices: Sequence[Choices]) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Value as JSON holds it."""
+    """Convert a value to JSON types."""
     if isinstance(value, tuple):
         return list(value)
     return str(value) if isinstance(value, Path) else value
 
 
 def option_of(model: type[Choices], field: str) -> str:
-    """Name of the option that fills a field of a model."""
+    """Name of the option for a field of a model."""
     return name_of(field, model.model_fields[field].metadata)

@@ -1,4 +1,4 @@
-"""A viewer in a notebook: the page's own module, which talks to the kernel instead of a server."""
+"""Viewer in a notebook: the module of the page, connected to the kernel instead of a server."""
 
 import asyncio
 import json
@@ -28,28 +28,28 @@ except ImportError as error:
     ) from None
 
 Folder = TemporaryDirectory[str]
-SIZE = (480, 360)  # px, until a page says how large it is
+SIZE = (480, 360)  # px, until the page reports its size
 
 
 class Viewer(anywidget.AnyWidget):
-    """What is looked at, in a cell's output.
+    """A view in the output of a notebook cell.
 
-    `settings` are the options that differ from the command's defaults, by name: changes on the page
-    appear there, and what is set from Python appears on the page.
+    `settings` are the options that differ from the command's defaults, by name; they are kept in
+    sync with the page in both directions.
 
     Parameters
     ----------
     view
-        What is looked at.
+        The view to show.
     settings
-        Options to begin with, besides the view's own.
+        Initial options, in addition to those of the view.
     holds
-        Folder of files that goes with the widget.
+        Folder of temporary files that lives as long as the widget.
 
     Raises
     ------
     ValueError, LookupError, OSError
-        An option is not allowed, or a file cannot be read.
+        An option is invalid, or a file cannot be read.
     """
 
     _esm = joined()
@@ -66,7 +66,7 @@ class Viewer(anywidget.AnyWidget):
 
     @property
     def frame(self) -> Any:
-        """Picture of the settings: what the Python of `to_python` makes."""
+        """Picture of the current settings, the same that the code from `to_python` makes."""
         about = self._view.about
         home = import_module(f"{about['package']}.viewing")
         made_by = getattr(home, about.get("function", "picture"))
@@ -75,7 +75,7 @@ class Viewer(anywidget.AnyWidget):
         return made_by(*about["inputs"], whole)
 
     def to_python(self) -> str:
-        """Python that makes the picture without the widget."""
+        """Python code that makes the picture without the widget."""
         return exports_of(self._view.about, self._given(), self._size)["python"]
 
     def to_command(self) -> str:
@@ -83,7 +83,7 @@ class Viewer(anywidget.AnyWidget):
         return exports_of(self._view.about, self._given(), self._size)["command"]
 
     def close(self) -> None:
-        """Stop what is painted and let go of everything."""
+        """Stop painting and release everything."""
         for page in list(self._sessions):
             _soon(self._forget(page))
         if self._holds is not None:
@@ -91,7 +91,7 @@ class Viewer(anywidget.AnyWidget):
         super().close()
 
     def _given(self) -> dict[str, Any]:
-        """Settings without those that only a page fills in."""
+        """Settings without those that only the page sets."""
         return {key: value for key, value in self.settings.items() if value != ""}
 
     @traitlets.validate("settings")
@@ -101,19 +101,19 @@ class Viewer(anywidget.AnyWidget):
         return given
 
     def set_state(self, sync_data: Mapping[str, Any]) -> None:
-        """Take what a page has changed, which may be how the picture looks."""
+        """Accept changes from the page if they are allowed."""
         if isinstance(said := sync_data.get("settings"), Mapping):
             check_said(self._view.about["command"], said, self.settings)
         super().set_state(sync_data)
 
     def _repr_mimebundle_(self, **kwargs: Any) -> Any:
-        """The widget; and a picture, for notebooks that are read without a kernel."""
+        """The widget, and a picture for notebooks without a kernel."""
         found = super()._repr_mimebundle_(**kwargs)
         parts, facts = found if isinstance(found, tuple) else (found, {})
         return {**(parts or {}), "image/png": self._view.save(self._given(), SIZE, ".png")}, facts
 
     def _heard(self, _: Any, content: Any, __: Any) -> None:
-        """Take what a page says."""
+        """Handle a message of the page."""
         if isinstance(content, dict) and isinstance(content.get("page"), str):
             _soon(self._told(content["page"], content))
 
@@ -149,18 +149,18 @@ class Viewer(anywidget.AnyWidget):
 
 
 def shown(view: Viewable, settings: Mapping[str, Any], holds: Folder | None = None) -> Viewer:
-    """Widget of a view; options are named as in Python, `opacity_unit`, or as on the page."""
+    """Widget of a view; options are spelled as in Python (`opacity_unit`) or as on the page."""
     named = {key.replace("_", "-"): value for key, value in settings.items()}
     return Viewer(view, named, holds)
 
 
 def kept(name: str, given: Any) -> tuple[Path, Folder | None]:
-    """File of a picture, and the folder it was written to where it is no file yet.
+    """File of a picture; an array is written to a temporary folder, which is returned too.
 
     Raises
     ------
     TypeError, ValueError
-        It is no picture, or one whose levels have not 8 or 16 bits.
+        It is not a picture, or its levels do not have 8 or 16 bits.
     """
     if isinstance(given, str | Path):
         return Path(given), None
@@ -176,13 +176,13 @@ def kept(name: str, given: Any) -> tuple[Path, Folder | None]:
     stored = picture[..., [2, 1, 0, 3][:channels]] if channels > 2 else picture
     path = Path(folder.name) / name
     _, encoded = cv2.imencode(path.suffix, np.ascontiguousarray(stored))
-    path.write_bytes(encoded.tobytes())  # OpenCV by itself does not notice that a disk is full
+    path.write_bytes(encoded.tobytes())  # OpenCV does not report a full disk
     return path, folder
 
 
 @cache
 def _loop() -> asyncio.AbstractEventLoop:
-    """Loop of all sessions of this process, in a thread of its own."""
+    """Event loop of all sessions of this process, in its own thread."""
     loop = asyncio.new_event_loop()
     threading.Thread(target=loop.run_forever, name="viewer", daemon=True).start()
     return loop

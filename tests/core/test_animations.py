@@ -121,7 +121,10 @@ def test_progress_is_not_told_for_frames_that_are_there_so_that_the_time_left_is
 def test_an_ended_run_is_gone_on_with(name, error, tmp_path, capsys):
     with pytest.raises(error):
         write_film(tmp_path / name, stopping(2, error), 24)
-    assert "2 frames are kept; the same command with --resume goes on" in capsys.readouterr().err
+    assert (
+        "2 frames are kept; run the same command with --resume to continue"
+        in capsys.readouterr().err
+    )
     assert not (tmp_path / name).is_file()
     seen: list[int] = []
     write_film(tmp_path / name, shots(seen=seen), 24, resume=True)

@@ -127,7 +127,7 @@ def test_what_follows_an_unknown_model_is_not_guessed(tmp_path):
     assert [shot.name for shot in shots_of(folder)] == [NAMES[0]]
     with pytest.raises(ValueError, match="COLMAP's model 'number 99' is not known"):
         read_camera(f"{folder}:1")
-    with pytest.raises(ValueError, match="what comes after camera 7 cannot be found"):
+    with pytest.raises(ValueError, match="cameras after camera 7 cannot be read"):
         read_camera(f"{folder}:2")
 
 

@@ -228,7 +228,7 @@ def test_what_a_library_could_not_write_has_its_own_reason_where_the_disk_has_ro
     Path("a.png").write_bytes(b"half")
     error = refused("b.png", Path("a.png"), "it did not like it")
     assert str(error) == "b.png cannot be written: it did not like it"
-    with pytest.raises(OSError, match=r"b\.png cannot be written: the file came out incomplete"):
+    with pytest.raises(OSError, match=r"b\.png cannot be written: the file is incomplete"):
         check_end("b.png", Path("a.png"))
 
 

@@ -69,7 +69,7 @@ def test_the_nearest_sample_is_taken():
 
 
 def test_a_gaussian_that_blurs_too_much_is_refused():
-    with pytest.raises(ValueError, match="sigma lies between"):
+    with pytest.raises(ValueError, match="sigma must be between"):
         InterpolatingGaussian(2.0)
 
 

@@ -214,7 +214,7 @@ def test_other_counts_of_coefficients_are_refused(given):
 @pytest.mark.parametrize(
     ("camera", "complaint"),
     [
-        (Camera(np.diag([5.0, 5.0, 1.0]), distortion=np.array(FOLDING)), "a lens .* bends"),
+        (Camera(np.diag([5.0, 5.0, 1.0]), distortion=np.array(FOLDING)), "a lens .* distorts"),
         (Camera(MATRIX), "without skew, not with fx 90, fy -85 and skew 2"),
     ],
 )

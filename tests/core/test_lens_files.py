@@ -161,15 +161,18 @@ def test_intrinsics_are_fitted_to_pictures_of_the_same_proportions(tmp_path):
 
 BAD = {
     "empty.yaml": ("", "it is empty"),
-    "words.yaml": ("no camera at all\n", "line 1: 'no camera at all' is no name and value"),
-    "open.yaml": ("K: [1, 2,\n  3", "line 1: its list has no end"),
+    "words.yaml": ("no camera at all\n", "line 1: 'no camera at all' is not a name with a value"),
+    "open.yaml": ("K: [1, 2,\n  3", "line 1: its list is not closed"),
     "after.yaml": ("K: [1, 2] 3", "line 1: something comes after its list"),
     "comma.yaml": ("K: [1, [2] 3]", "line 1: a comma is missing before '3'"),
     "anchor.yaml": ("K: &a [1, 2]", "line 1: '&a .1, 2.' is neither a number nor a text"),
     "indent.yaml": ("a: 1\n  b: 2\n", "line 2: it is too far to the right"),
-    "list.yaml": ("- 1\n- 2\n", "line 2: it is no name and value"),
-    "deep.yaml": ("a: " + "[" * 99 + "]" * 99, "line 1: more than 16 things"),
-    "steps.yaml": ("".join(f"{' ' * n}a:\n" for n in range(99)), "line 18: more than 16 things"),
+    "list.yaml": ("- 1\n- 2\n", "line 2: it is not a name with a value"),
+    "deep.yaml": ("a: " + "[" * 99 + "]" * 99, "line 1: nested deeper than 16 levels"),
+    "steps.yaml": (
+        "".join(f"{' ' * n}a:\n" for n in range(99)),
+        "line 18: nested deeper than 16 levels",
+    ),
     "other.yaml": ("a: 1\n", "it has none of camera_matrix"),
     "model.yaml": ("distortion_model: fov\nK: [1]", "cannot reshape array of size 1"),
     "name.yaml": ("distortion_model: fov\nD: [1]", "unknown lens model 'fov'; known: pinhole"),

@@ -186,7 +186,7 @@ def test_results_are_still_tuples() -> None:
 
 def test_what_is_no_picture_is_refused(tmp_path: Path) -> None:
     batch = Warped(np.zeros((2, 4, 5, 3), np.uint8), np.ones((2, 4, 5), np.float32))
-    with pytest.raises(ValueError, match=r"\(2, 4, 5, 3\) is no picture .* take one of a batch"):
+    with pytest.raises(ValueError, match=r"\(2, 4, 5, 3\) is not a picture .* take one of a batch"):
         batch.to_uint8()
     assert "2 × 4 × 5 × 3" in repr(batch)
     wide = Warped(np.zeros((4, 5, 7), np.float32), np.ones((4, 5), np.float32))

@@ -135,7 +135,7 @@ def test_the_command_line_goes_before_the_file():
         ('shading = "yes"', "shading: Input should be a valid boolean"),
         ('specular = "1"', "specular: Input should be a valid number"),
         ("specular = -1", "specular: Input should be greater than or equal to 0"),
-        ("specular = 2020-01-01", "specular: no option is a date"),
+        ("specular = 2020-01-01", "specular: no option takes a date"),
         ("bits = 12", "bits: Input should be 8, 16 or 32"),
         ("clip = [1]", "clip: "),
         ("[camera]\nazimuth = 3", "camera: Input should be a valid string"),

@@ -100,7 +100,7 @@ def test_a_file_with_settings_makes_nobody_connect(attack, kind, listener, capsy
     given = picture_of(text) if kind == "png" else "foreign.toml"
     assert ended(*RENDER, "--settings", given) == 0
     option = attack.partition(" ")[0]
-    assert f"{given}: {option} left out, as settings say how a picture looks" in (
+    assert f"{given}: {option} left out, as settings only say how a picture looks" in (
         capsys.readouterr().err
     )
     assert met == []

@@ -115,5 +115,5 @@ def test_directories_in_a_circle_end(tmp_path):
     data = bytearray(path.read_bytes())
     data[-4:] = (8).to_bytes(4, "little")
     path.write_bytes(data)
-    with pytest.raises(OSError, match="its tags are damaged: they overlap, or go in circles"):
+    with pytest.raises(OSError, match="its tags are damaged: directories overlap or form a loop"):
         read_tags(path, (256,), {})

@@ -238,10 +238,10 @@ def test_pages_that_share_their_pixels_are_counted_together(tmp_path):
 def test_tags_that_overlap_or_go_round_are_damage(tmp_path):
     texts = [(tag, 2, 1 << 17, 8) for tag in (270, 271, 272)]
     path = tiff(tmp_path / "a.tif", 60, 4, bytes(1 << 17), texts)
-    refused(read_tags, path, (270, 271, 272), {}, match="they overlap, or go in circles")
+    refused(read_tags, path, (270, 271, 272), {}, match="directories overlap or form a loop")
     padding = [(60000 + n, 3, 1, 1) for n in range(2000)]
     path = tiff(tmp_path / "b.tif", 1, 4, bytes(16), padding, goes_round=True)
-    refused(read_tags, path, (270,), {}, match="they overlap, or go in circles")
+    refused(read_tags, path, (270,), {}, match="directories overlap or form a loop")
 
 
 def png(path, *texts):

@@ -124,7 +124,7 @@ def test_what_is_no_window_or_cannot_have_one_is_refused():
     samples, eye, paint = cloud(50, 20.0), camera(), Resampler()
     plan = paint.plan(samples, eye, **PICTURE)
     for window in ((0, 0, WIDTH + 1, 5), (5, 0, 5, 5), (-1, 0, 5, 5)):
-        with pytest.raises(ValueError, match="is no part of a picture of 70 x 50"):
+        with pytest.raises(ValueError, match="is not inside a picture of 70 x 50"):
             paint.paint_window(samples, eye, plan, window)
     with pytest.raises(ValueError, match="give x0, y0, x1 and y1"):
         paint.paint_window(samples, eye, plan, (1, 2, 3))

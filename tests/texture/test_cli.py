@@ -400,7 +400,7 @@ def test_a_target_larger_than_the_memory_is_refused(monkeypatch, capsys):
         (["--flow", "small.npy"], "is a flow of 3 x 2 pixels, the picture has 24 x 16"),
         (["--lens", "1,2,3"], "give fx,fy,cx,cy,k1,k2,p1,p2"),
         (["--lens", "none.yml"], "none.yml: there is no such file"),
-        (["--lens", "bad.yml"], "bad.yml: line 1: its list has no end"),
+        (["--lens", "bad.yml"], "bad.yml: line 1: its list is not closed"),
         (["--lens", "bad.json"], "bad.json: "),
         (["--lens", "bare.toml"], "it has none of camera_matrix"),
         ([*HALF, "--size", "0"], "both sides must be at least 1"),

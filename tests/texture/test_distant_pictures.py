@@ -130,11 +130,11 @@ def test_several_addresses_are_a_batch(values, server):
 def test_what_is_no_picture_at_an_address_is_said_in_one_line(values, server, capsys):
     array_of("a.zarr", values[..., :2])
     error = refused(capsys, *TURN, f"{server.url}a.zarr", "-o", "b.png")
-    assert "a.zarr has 2 channels; 1, 3 (RGB) or 4 (RGBA) are read" in error
+    assert "a.zarr has 2 channels; 1, 3 (RGB) or 4 (RGBA) are supported" in error
     error = refused(capsys, *TURN, f"{server.url}none.zarr", "-o", "b.png")
-    assert "is no zarr, or damaged" in error
+    assert "is not zarr, or damaged" in error
     Path("a.zip").write_bytes(b"PK nothing")
-    assert "a.zip is no zarr, or damaged" in refused(capsys, *TURN, "a.zip", "-o", "b.png")
+    assert "a.zip is not zarr, or damaged" in refused(capsys, *TURN, "a.zip", "-o", "b.png")
 
 
 def test_servers_that_fail_are_said_in_one_line(values, server, capsys):

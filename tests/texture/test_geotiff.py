@@ -131,7 +131,7 @@ def test_other_formats_have_no_room_and_it_is_said(capsys):
     write(ground((16, 24, 3)), PLACED)
     assert ended("warp", "in.tif", "-o", "out.png", *SAME) == 0
     assert capsys.readouterr().err == (
-        "resample: out.png has no room for the picture's place on Earth; .tif has\n"
+        "resample: out.png cannot store the picture's georeference; .tif can\n"
     )
 
 

@@ -169,7 +169,7 @@ def rows(count, width=5):
 @pytest.mark.parametrize(
     ("parts", "complaint"),
     [
-        ([rows(3)], "only 3 of 8 rows came"),
+        ([rows(3)], "only 3 of 8 rows were given"),
         ([rows(3), rows(6)], "rows 3 to 9"),
         ([rows(3), rows(5, width=6)], "rows 3 to 8"),
     ],

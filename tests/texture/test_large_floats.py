@@ -181,7 +181,7 @@ def test_words_for_what_is_missing_come_back(monkeypatch, kind, capsys):
     assert np.isnan(keepable(Path("a.tif")).keep().data[30:50, 40:90]).all()
     capsys.readouterr()
     made(words, "a.tif", "parts.exr")
-    assert capsys.readouterr().err.count("has no room for the picture's place on Earth") == 1
+    assert capsys.readouterr().err.count("cannot store the picture's georeference") == 1
 
 
 def test_numbers_without_a_word_for_what_is_missing_say_so_once(monkeypatch, capsys):

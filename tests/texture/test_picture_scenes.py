@@ -175,7 +175,7 @@ def test_pillow_s_modes_become_arrays(mode: str) -> None:
         (None, TypeError, "a picture of NoneType; give an array"),
         (7, TypeError, "a picture of int; give an array"),
         ({"a": 1}, TypeError, "a picture of dict; give an array"),
-        ([[1, 2], [3]], ValueError, "lists of different lengths are no picture"),
+        ([[1, 2], [3]], ValueError, "lists of different lengths are not a picture"),
         (np.zeros((4, 4), complex), TypeError, "a picture of complex128; its values must be real"),
         (np.zeros((4, 4), object), TypeError, "a picture of object; its values must be real"),
         (np.full((4, 4), "a"), TypeError, "its values must be real numbers"),

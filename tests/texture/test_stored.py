@@ -140,10 +140,10 @@ def test_files_in_tiles_are_read_as_those_in_rows(monkeypatch):
 @pytest.mark.parametrize(
     ("shape", "kind", "complaint"),
     [
-        ((20, 20, 5), "u1", "a.zarr has 5 channels; 1, 3 (RGB) or 4 (RGBA) are read"),
-        ((20, 20, 3), "i4", "a.zarr is of int32; read are uint8, uint16, float16"),
-        ((20, 20), "?", "a.zarr is of bool; read are uint8"),
-        ((20, 20), "c8", "a.zarr is of complex64; read are uint8"),
+        ((20, 20, 5), "u1", "a.zarr has 5 channels; 1, 3 (RGB) or 4 (RGBA) are supported"),
+        ((20, 20, 3), "i4", "a.zarr is of int32; supported are uint8, uint16, float16"),
+        ((20, 20), "?", "a.zarr is of bool; supported are uint8"),
+        ((20, 20), "c8", "a.zarr is of complex64; supported are uint8"),
         ((20,), "u1", "a.zarr is an array 20; a picture is (y, x), or (y, x, channels)"),
         ((4, 5, 20, 20), "u1", "a.zarr is an array 4 x 5 x 20 x 20; a picture is (y, x)"),
         ((0, 20), "u1", "a.zarr is an array 0 x 20 in chunks of"),
@@ -158,13 +158,13 @@ def test_stores_that_are_damaged_are_refused(capsys):
     store("a.zarr", texels(3, np.uint8))
     chunk = next(path for path in Path("a.zarr").rglob("*") if path.is_file() and "c" in path.parts)
     chunk.write_bytes(chunk.read_bytes()[:20])
-    assert "a.zarr is no zarr, or damaged" in refused(capsys, *TURN, "a.zarr", "-o", "b.png")
+    assert "a.zarr is not zarr, or damaged" in refused(capsys, *TURN, "a.zarr", "-o", "b.png")
     volume = zarr.open_group("v.ome.zarr", mode="w")
     volume.attrs["ome"] = {"version": "0.5", "multiscales": [{"axes": [], "datasets": []}]}
     assert "v.ome.zarr, multiscales:" in refused(capsys, *TURN, "v.ome.zarr", "-o", "b.png")
     store("z.zarr", np.zeros((4, 20, 20), np.uint8), dimension_names=["z", "y", "x"])
     error = refused(capsys, *TURN, "z.zarr", "-o", "b.png")
-    assert "so no single picture; volumes are for resample-volume" in error
+    assert "not a single picture; volumes are for resample-volume" in error
 
 
 def test_a_store_is_never_replaced(capsys):

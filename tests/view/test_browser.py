@@ -131,7 +131,7 @@ def test_controls_change_the_picture(page: Any) -> None:
     assert differs(page, lambda: choose("classify", "post"))
     unfold("Method")
     assert differs(page, lambda: choose("projection", "maximum"))
-    unfold("Beside the volume")
+    unfold("Annotations and objects")
     assert differs(page, lambda: page.check("#option-box"))
     page.fill("#option-transfer", "hot")
     assert differs(page, lambda: page.keyboard.press("Tab"))
@@ -441,7 +441,7 @@ def test_a_lens_beside_a_field_of_view_is_set_by_sliders(browser: Any, tmp_path:
         tab.set_default_timeout(TIME)
         tab.goto(address.address)
         still(tab)
-        tab.locator("summary", has_text="Source's camera").click()
+        tab.locator("summary", has_text="Source camera").click()
         assert differs(tab, lambda: tab.fill("#lens-k1", "0.2"))
         assert tab.input_value("#option-lens") == "k=0.2,0,0,0,0"
         tab.close()

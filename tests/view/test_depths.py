@@ -133,7 +133,7 @@ def test_a_point_of_a_cloud_is_picked(
         )
         calibrated = {"pose": str(tmp_path / "pose.txt"), "intrinsics": "30,30,24,20"}
         page.say("pick", settings | calibrated, x=24, y=20)
-        assert "a page says how a picture looks" in page.told("error")["text"]
+        assert "a page only changes the look" in page.told("error")["text"]
     painter = CloudView(Path(files[2])).painter()
     found = painter.pick(settings | calibrated, (48, 40), 24, 20)
     place = [float(part) for part in found["position"].split(",")]

@@ -121,11 +121,11 @@ def test_a_page_changes_how_a_picture_looks_and_nothing_else(
     widget = resample_volume.view("checker-box:size=16", labels="labels.npy")
     kept = dict(widget.settings)
     for foreign in ({"labels": "/dev/zero"}, {"mesh": ["a.ply"]}, {"transfer": "a.toml"}):
-        with pytest.raises(ValueError, match="a page says how a picture looks"):
+        with pytest.raises(ValueError, match="a page only changes the look"):
             widget.set_state({"settings": kept | foreign})
         page = CellPage(widget)
         page.wish("pick", x=24, y=20, settings=kept | foreign)
-        assert "a page says how a picture looks" in page.told("error")["text"]
+        assert "a page only changes the look" in page.told("error")["text"]
         assert widget.settings == kept
     widget.set_state({"settings": kept | {"camera": "front"}})
     assert widget.settings == kept | {"camera": "front"}

@@ -214,7 +214,7 @@ def test_the_resample_command_finds_the_viewer_of_a_file(
     for name in ("notes.md", "missing.nrrd"):
         assert not suits([str(tmp_path / name)])
     assert ended(resample_app, "view", tmp_path / "notes.md") == 2
-    assert "nothing to view" in capsys.readouterr().err
+    assert "cannot be viewed" in capsys.readouterr().err
 
 
 def test_what_is_picked_is_told_and_errors_are_lines(place: Served) -> None:
@@ -228,8 +228,8 @@ def test_what_is_picked_is_told_and_errors_are_lines(place: Served) -> None:
         page.say("pick", settings, x=1, y=1)
         assert page.told("picked")["found"] == {}
         for wrong, said in (
-            ({"transfer": "none.toml"}, "a page says how a picture looks"),
-            ({"labels": "labels.nrrd"}, "a page says how a picture looks"),
+            ({"transfer": "none.toml"}, "a page only changes the look"),
+            ({"labels": "labels.nrrd"}, "a page only changes the look"),
             ({"camera": "1/2/3/4"}, "give azimuth/elevation/zoom"),
             ({"projection": "sideways"}, "composite"),
             ({"speed": 3}, "no option 'speed'"),

@@ -228,7 +228,7 @@ def test_of_times_and_channels_those_alone_are_asked_about_that_are_looked_at(rn
 
 
 def test_what_is_no_store_is_said(server):
-    with pytest.raises(ValueError, match="is no zarr, or damaged"):
+    with pytest.raises(ValueError, match="is not zarr, or damaged"):
         open_volume(f"{server.url}gone.zarr")
 
 
@@ -301,7 +301,7 @@ def test_a_store_of_s3_is_read(values, s3):
     )
     array[...] = values
     np.testing.assert_array_equal(open_volume(f"{s3}/a.zarr").values, values)
-    with pytest.raises(ValueError, match="is no zarr, or damaged"):
+    with pytest.raises(ValueError, match="is not zarr, or damaged"):
         open_volume(f"{s3}/b.zarr")
 
 

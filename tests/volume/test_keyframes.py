@@ -219,7 +219,7 @@ def test_a_file_of_poses_alone_is_a_way_one_second_apart(tmp_path):
 
 def test_one_pose_is_no_way(tmp_path):
     (tmp_path / "way.txt").write_text(POSES.splitlines()[0])
-    with pytest.raises(ValueError, match="one pose; a way has two or more"):
+    with pytest.raises(ValueError, match="one pose; a camera path needs two or more"):
         keyframes_of(tmp_path / "way.txt", 40.0)
 
 

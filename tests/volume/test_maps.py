@@ -281,7 +281,7 @@ CUBE = cube(np.ones((2, 3, 4)))
         (CUBE.replace(b"\n2 0 0 0", b"\n99999999 0 0 0"), "over the limit"),
         (CUBE.replace(b"\n2 0 0 0", b"\n3 0 0 0"), "an atom has five numbers"),
         (CUBE.replace(b"\n2 0 0 0", b"\n2 0 0 0 -1"), "have -1 numbers"),
-        (CUBE.replace(b"\n2 0 0 0", b"\n-2 0 0 0"), "no whole number|orbitals"),
+        (CUBE.replace(b"\n2 0 0 0", b"\n-2 0 0 0"), "not a whole number|orbitals"),
     ],
 )
 def test_nonsense_in_a_cube_is_refused_in_words(content, match, tmp_path):

@@ -118,7 +118,7 @@ def test_a_chunk_of_a_server_that_is_far_too_large_is_refused(values, server):
     path = store(server, values)
     (path / "c/0/0/0").write_bytes(bytes(1 << 16))
     held = open_streamed(f"{server.place}/a.zarr")
-    with pytest.raises(ValueError, match=r"its chunk c/0/0/0 takes 0\.06 MiB, where its values"):
+    with pytest.raises(ValueError, match=r"its chunk c/0/0/0 takes 0\.06 MiB, but its values"):
         held.values[0, 0].read((slice(0, 8),) * 3)
 
 
@@ -142,7 +142,7 @@ def test_a_wrong_shape_is_refused(change, values, server, capsys):
     path = store(server, values)
     metadata = json.loads((path / "zarr.json").read_text())
     (path / "zarr.json").write_text(json.dumps(metadata | change))
-    assert "is no zarr, or damaged" in refused(capsys, f"{server.place}/a.zarr")
+    assert "is not zarr, or damaged" in refused(capsys, f"{server.place}/a.zarr")
 
 
 def test_without_a_list_of_chunks_each_is_asked_about(values, server):

@@ -300,15 +300,15 @@ PICKLE, TEXT = {"id": "pickle"}, {"id": "vlen-utf8"}
 @pytest.mark.parametrize(
     ("compressor", "filters", "dtype", "message"),
     [
-        (PICKLE, None, "|u1", "a.zarr is no zarr, or damaged"),
-        (None, [PICKLE], "|u1", "a.zarr is no zarr, or damaged"),
+        (PICKLE, None, "|u1", "a.zarr is not zarr, or damaged"),
+        (None, [PICKLE], "|u1", "a.zarr is not zarr, or damaged"),
         (
             None,
             [{"id": "shuffle", "elementsize": 1}, PICKLE],
             "|u1",
-            "a.zarr is no zarr, or damaged",
+            "a.zarr is not zarr, or damaged",
         ),
-        (None, [PICKLE], "|O", "a.zarr is no zarr, or damaged"),
+        (None, [PICKLE], "|O", "a.zarr is not zarr, or damaged"),
         (None, [TEXT], "|O", "a has voxels of type StringDType"),
     ],
 )
@@ -342,7 +342,7 @@ def test_a_chunk_that_holds_far_more_than_its_values_is_not_unpacked(tmp_path):
     found = open_volume(packed_store(tmp_path / "a.zarr", [8] * 3, [8] * 3, bytes(512)))
     assert found.values.shape == (8, 8, 8)
     bomb = packed_store(tmp_path / "b.zarr", [8] * 3, [8] * 3, bytes(20 << 20))
-    with pytest.raises(ValueError, match=r"its chunk 0\.0\.0 takes 0\.02 MiB, where its values"):
+    with pytest.raises(ValueError, match=r"its chunk 0\.0\.0 takes 0\.02 MiB, but its values"):
         open_volume(bomb)
     huge = packed_store(tmp_path / "c.zarr", [8] * 3, [100_000] * 3, bytes(512))
     with pytest.raises(ValueError, match="a chunk of c"):
@@ -353,7 +353,7 @@ def test_a_chunk_that_holds_far_more_than_its_values_is_not_unpacked(tmp_path):
 
 
 def test_another_version_is_refused(values, tmp_path):
-    with pytest.raises(ValueError, match=r"a is of OME-Zarr 0.3; 0.4 and 0.5 are read"):
+    with pytest.raises(ValueError, match=r"a is of OME-Zarr 0.3; 0.4 and 0.5 are supported"):
         open_volume(written(tmp_path / "a.zarr", values, "0.3"))
 
 
@@ -361,7 +361,7 @@ def test_a_wrong_shape_in_the_metadata_is_refused_in_a_line(values, tmp_path):
     path = written(tmp_path / "a.zarr", values)
     text = json.loads((path / "0" / "zarr.json").read_text())
     (path / "0" / "zarr.json").write_text(json.dumps({**text, "shape": [10, 21]}))
-    with pytest.raises(ValueError, match=r"a/0 is no zarr, or damaged: ") as caught:
+    with pytest.raises(ValueError, match=r"a/0 is not zarr, or damaged: ") as caught:
         open_volume(path)
     assert "\n" not in str(caught.value)
 
@@ -370,7 +370,7 @@ def test_a_damaged_chunk_is_named_in_a_line(values, tmp_path):
     path = written(tmp_path / "a.zarr", values)
     chunk = path / "0" / "c" / "0" / "0" / "0"
     chunk.write_bytes(chunk.read_bytes()[:20])
-    with pytest.raises(ValueError, match="0 is no zarr, or damaged") as caught:
+    with pytest.raises(ValueError, match="0 is not zarr, or damaged") as caught:
         open_volume(path)
     assert "\n" not in str(caught.value)
 
@@ -385,10 +385,10 @@ def test_a_level_that_is_missing_is_named(values, tmp_path):
 def test_a_zip_file_of_something_else_is_refused(tmp_path):
     with zipfile.ZipFile(tmp_path / "a.zip", "w") as packed:
         packed.writestr("notes.txt", "nothing")
-    with pytest.raises(ValueError, match=r"a.zip is no zarr, or damaged: there is no zarr.json"):
+    with pytest.raises(ValueError, match=r"a.zip is not zarr, or damaged: there is no zarr.json"):
         open_volume(tmp_path / "a.zip")
     (tmp_path / "b.zip").write_text("nothing")
-    with pytest.raises(ValueError, match=r"b.zip is no zarr, or damaged: File is not a zip file"):
+    with pytest.raises(ValueError, match=r"b.zip is not zarr, or damaged: File is not a zip file"):
         open_volume(tmp_path / "b.zip")
 
 
@@ -535,7 +535,7 @@ def test_a_volume_that_cannot_be_read_to_its_end_leaves_no_store(values, here, c
     chunk = path / "0" / "c" / "1" / "0" / "0"
     chunk.write_bytes(chunk.read_bytes()[:20])
     error = refused(app, capsys, "convert", "a.ome.zarr", "b.ome.zarr", "--chunk", "8")
-    assert "0 is no zarr, or damaged" in error
+    assert "0 is not zarr, or damaged" in error
 
 
 def test_a_full_disk_leaves_no_store(capsys, monkeypatch):
@@ -551,7 +551,7 @@ def test_a_full_disk_leaves_no_store(capsys, monkeypatch):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["a.npy", "a.ome.zarr"], "a.ome.zarr is there already; remove it or give another name"),
+        (["a.npy", "a.ome.zarr"], "a.ome.zarr already exists; remove it or give another name"),
         (["a.npy", "b.nrrd"], "b.nrrd: volumes are converted to OME-Zarr"),
         (["a.npy", "no/b.zarr"], "no: there is no such folder"),
         (["a.npy", "b.zarr", "--chunk", "4"], "chunks of 4 voxels; their sides are 8 or more"),
@@ -674,7 +674,7 @@ def test_work_that_cannot_be_shared_is_refused_in_a_line(values, capsys):
     words = ["--size", "16", "-o", "a.png", "--workers", "2"]
     for name, more, message in (
         ("a.npy", [], "workers paint windows of a volume in chunks, and a is in memory"),
-        ("a.zarr", ["--scheduler", "tcp://localhost:1"], "give one of both"),
+        ("a.zarr", ["--scheduler", "tcp://localhost:1"], "give only one"),
         ("a.zarr", ["--labels", "labels.npy"], "workers read labels from a store, and these are"),
     ):
         assert ended(app, "render", name, *words, *more) == 2
@@ -698,7 +698,7 @@ def test_memory_that_does_not_do_is_refused_in_a_line(values, capsys):
         f"a needs about {needed} GiB of memory, --memory allows 0.10 MiB; take a smaller" in error
     )
     error = refused(app, capsys, "render", "a.zarr", *common[:-1], "much")
-    assert "'much' is no amount of memory; give one such as 2GiB" in error
+    assert "'much' is not an amount of memory; give one such as 2GiB" in error
 
 
 def test_a_store_that_is_being_written_does_not_look_whole(monkeypatch):

@@ -265,10 +265,10 @@ def test_an_error_while_bricks_are_read_ends_it(volume):
     assert survey(streamed).greatest > 100
 
     def broken(_):
-        raise ValueError("blobs is no zarr, or damaged")
+        raise ValueError("blobs is not zarr, or damaged")
 
     streamed.values.read = broken
-    with pytest.raises(ValueError, match="blobs is no zarr, or damaged"):
+    with pytest.raises(ValueError, match="blobs is not zarr, or damaged"):
         Subject.of(streamed, of_voxels(SOLID))
 
 
@@ -282,7 +282,7 @@ def test_amounts_of_memory_are_read(text, count):
 
 @pytest.mark.parametrize("text", ["", "2", "GiB", "-2GiB", "0G", "2GiBs"])
 def test_what_is_no_amount_of_memory_is_refused(text):
-    with pytest.raises(ValueError, match="is no amount of memory; give one such as 2GiB"):
+    with pytest.raises(ValueError, match="is not an amount of memory; give one such as 2GiB"):
         bytes_of(text)
 
 

@@ -943,7 +943,10 @@ def test_a_lens_of_a_file_bends_as_its_numbers_do(capsys):
 def test_files_that_hold_no_intrinsics_are_one_line(option, capsys):
     Path("bad.yaml").write_text("K: [1, 2")
     eye = EYE if option == "--target-intrinsics" else []
-    for name, complaint in (("bad.yaml", "its list has no end"), ("no.json", "there is no such")):
+    for name, complaint in (
+        ("bad.yaml", "its list is not closed"),
+        ("no.json", "there is no such"),
+    ):
         words = [*eye, *RIGHT, option, name, "-o", "no.png"]
         line = refused(capsys, "render", "color.png", "depth.png", "--depth-scale", 1000, *words)
         assert f"{name}: " in line

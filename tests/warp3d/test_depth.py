@@ -374,7 +374,7 @@ def test_arrays_that_are_no_depth_are_refused(tmp_path, given):
 
 def test_pickled_objects_are_not_loaded(tmp_path):
     np.save(tmp_path / "depth.npy", np.array([{}], object), allow_pickle=True)
-    with pytest.raises(OSError, match="holds objects of Python"):
+    with pytest.raises(OSError, match="contains Python objects"):
         read_depth(tmp_path / "depth.npy")
 
 

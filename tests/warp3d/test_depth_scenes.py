@@ -177,7 +177,12 @@ def test_pictures_of_files_and_of_pillow_are_taken(
         (np.ones((*SHAPE, 3), complex), np.ones(SHAPE), TypeError, "must be real numbers"),
         (np.ones(SHAPE), {}, TypeError, "a depth map of dict; give an array"),
         (np.ones(SHAPE), np.full(SHAPE, "far"), TypeError, "a depth map of <U3"),
-        (np.ones(SHAPE), [[1, 2], [3]], ValueError, "lists of different lengths are no depth map"),
+        (
+            np.ones(SHAPE),
+            [[1, 2], [3]],
+            ValueError,
+            "lists of different lengths are not a depth map",
+        ),
         (np.ones(SHAPE), np.ones((0, 4)), ValueError, "depth of shape"),
         ("none.png", np.ones(SHAPE), OSError, "no such file"),
     ],

@@ -1,1 +1,1 @@
-"""The library of kernels: which are built in, and how they become a shared library."""
+"""Build the kernel library: choose kernels, compile them, link a shared library."""

@@ -1,6 +1,6 @@
-"""Build the library of kernels, or list what was compiled: `python -m tools.kernels [--list]`.
+"""Build the kernel library, or list compiled kernels: `python -m tools.kernels [--list]`.
 
-Kernels that the user's cache already holds are taken from there; the others are compiled first.
+Kernels in the user's cache are reused; the others are compiled first.
 """
 
 import argparse
@@ -26,22 +26,22 @@ LIBRARY = ROOT / "resample" / "engine" / "compiled" / "_kernels.abi3.so"
 
 
 def is_for_this_machine() -> bool:
-    """Whether libraries are built where this runs."""
+    """Whether this platform is supported."""
     return sys.platform == "linux" and platform.machine() == "x86_64"
 
 
 def used(log: Path) -> list[Path]:
-    """Files of kernels that a list of RESAMPLE_KERNELS_LOG names, each once."""
+    """Kernel files named in a log of RESAMPLE_KERNELS_LOG, without duplicates."""
     return sorted({Path(line) for line in log.read_text().splitlines()}) if log.exists() else []
 
 
 def compiled_for_scenes(folder: Path) -> list[Path]:
-    """Run all groups of scenes, and find the kernels that they need.
+    """Run all groups of scenes and collect the kernels that they use.
 
     Raises
     ------
     subprocess.CalledProcessError
-        A command of a group fails.
+        A command of a group failed.
     """
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         logs = list(pool.map(lambda group: _run(group, folder), GROUPS))
@@ -62,7 +62,7 @@ def _run(group: str, folder: Path) -> Path:
 
 
 def listed(files: Iterable[Path]) -> list[str]:
-    """Lines that tell for each kernel how many forms it has, and in what these differ."""
+    """Lines with the number of specialisations of each kernel, and their differences."""
     keys = defaultdict(set)
     for file in files:
         entry = entries.read(file)
@@ -78,20 +78,20 @@ def listed(files: Iterable[Path]) -> list[str]:
 
 
 def differences(keys: list[str]) -> list[str]:
-    """What is not the same in all keys, without what they begin and end with."""
+    """Parts in which keys differ, without common prefix and suffix."""
     begin = _alike(keys)
     end = _alike([key[:begin:-1] for key in keys])
     return sorted(key[begin : len(key) - end] or "nothing there" for key in keys)
 
 
 def _alike(texts: list[str]) -> int:
-    """How many characters all texts begin with."""
+    """Length of the common prefix of all texts."""
     columns = enumerate(zip(*texts, strict=False))
     return next((n for n, letters in columns if len(set(letters)) > 1), min(map(len, texts)))
 
 
 def edits(files: Iterable[Path]) -> list[str]:
-    """Lines that tell what share of all compiling an edit of each module causes again."""
+    """Lines with the fraction of compile time that an edit of each module causes."""
     known = [entry for entry in map(entries.read, files) if entry is not None]
     total = sum(entry.seconds for entry in known)
     seconds: defaultdict[str, float] = defaultdict(float)
@@ -105,7 +105,7 @@ def edits(files: Iterable[Path]) -> list[str]:
 
 
 def is_of_kernels(module: str) -> bool:
-    """Whether a module holds kernels or what they are made of, and not what compiles them all."""
+    """Whether a module contains kernels or their parts, but not the compiler tools."""
     return module not in TOOLS and bool({"engine", "kernels"} & set(module.split(".")[:-1]))
 
 
@@ -114,12 +114,16 @@ def _by_share(item: tuple[str, float]) -> tuple[float, str]:
 
 
 def main() -> int:
-    """Answer the command line; gives the exit status."""
+    """Run the command line and return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m tools.kernels", description=__doc__)
-    parser.add_argument("--list", action="store_true", help="list kernels and their forms")
-    parser.add_argument("--edits", action="store_true", help="what edits of modules compile anew")
-    parser.add_argument("--log", type=Path, help="kernels of this list of RESAMPLE_KERNELS_LOG")
-    parser.add_argument("--most", type=Path, help="file of limits: a list beyond them is an error")
+    parser.add_argument(
+        "--list", action="store_true", help="list kernels and their specialisations"
+    )
+    parser.add_argument("--edits", action="store_true", help="show what edits of modules recompile")
+    parser.add_argument(
+        "--log", type=Path, help="use the kernels in this log of RESAMPLE_KERNELS_LOG"
+    )
+    parser.add_argument("--most", type=Path, help="file of limits; exceeding them is an error")
     asked = parser.parse_args()
     if not (asked.list or asked.edits) and not is_for_this_machine():
         print(f"no library of kernels is built for {sys.platform} on {platform.machine()}")

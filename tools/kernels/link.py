@@ -1,8 +1,8 @@
-"""Machine code of kernels that numba has compiled, in one extension module.
+"""Link kernels that numba has compiled into one extension module.
 
-numba keeps optimised LLVM bitcode beside its machine code. From that, each kernel gets machine code
-for any processor of a level (x86-64-v3), with an entry that takes its arguments as numbers of
-eight bytes; so no kernel is compiled twice. The C compiler links it with the marshaller.
+numba stores optimised LLVM bitcode beside its machine code. From that, each kernel is compiled for
+any processor of a level (x86-64-v3), with an entry point that takes its arguments as 8-byte words;
+so no kernel is compiled twice by numba. The C compiler links it with the marshaller.
 """
 
 import json
@@ -31,35 +31,35 @@ from resample.engine.compiled.library import dtype_name, sealed
 
 HERE = Path(__file__).parent
 LEVEL = "x86-64-v3"
-# All that the level has and the marshaller looks for (`lacking`).
+# Features of the level that the marshaller checks (`lacking`).
 FEATURES = "+avx,+avx2,+bmi,+bmi2,+cx16,+f16c,+fma,+lzcnt,+movbe,+popcnt,+sahf,+sse4.2,+xsave"
 FAILURES = re.compile(r'@"?\.const\.pickledata\.[^=]*= [^\n]*?c"((?:[^"\\]|\\.)*)"')
 WORD = ir.IntType(64)
-# Of an error whose text numba would make of numbers: shapes of arrays that do not fit.
+# Replaces an error whose text numba would build from numbers: shapes of arrays that do not fit.
 UNKNOWN = "arrays of a kernel do not fit each other; RESAMPLE_KERNELS=off tells their shapes"
-# Kernels that take 4 to 10 % longer without AVX-512 are there twice.
+# Kernels that take 4 to 10 % longer without AVX-512 are included twice.
 WIDE = (
     "resample.engine.ellipsoids.deferred.paint_runs",
     "resample.engine.rays.painting.paint_rays",
 )
 WIDE_LEVEL = "x86-64-v4"
 WIDE_FEATURES = f"{FEATURES},+avx512f,+avx512bw,+avx512cd,+avx512dq,+avx512vl"
-# Functions whose calls go through runtime.c (FIRST).
+# Functions that are called through runtime.c (FIRST).
 WRAPPED = ("exp", "exp2", "log", "log2", "pow", "expf", "exp2f", "logf", "log2f", "powf")
 WRAPPED += ("hypot", "hypotf", "fmod", "fmodf")
 
 
 class Part(NamedTuple):
-    """A kernel for types of arguments, as it is in the library."""
+    """A kernel specialisation in the library."""
 
     kernel: str  # module and name
     key: str  # types of the arguments
-    sources: str  # fingerprint of what it was compiled from
-    symbol: str  # of its entry
-    wide: str  # of that for x86-64-v4, or NULL
+    sources: str  # fingerprint of its sources
+    symbol: str  # name of its entry point
+    wide: str  # the same for x86-64-v4, or NULL
     gives: str  # types of the results
-    count: int  # of numbers that the arguments take
-    failures: tuple[bytes, ...]  # what it may raise, as numba pickles it
+    count: int  # number of words of the arguments
+    failures: tuple[bytes, ...]  # exceptions that it may raise, as pickled by numba
 
 
 def build(files: Iterable[Path], library: Path) -> list[Part]:
@@ -68,14 +68,14 @@ def build(files: Iterable[Path], library: Path) -> list[Part]:
     Parameters
     ----------
     files
-        Kernels as `resample.engine.compiled.entries` keeps them.
+        Kernels in the form of `resample.engine.compiled.entries`.
     library
-        File of the module.
+        Path of the module.
 
     Raises
     ------
     ValueError
-        A file is none of a kernel's, or the kernel's types are none that the library knows.
+        A file does not hold a kernel, or the library does not support a kernel's types.
     OSError
         There is no C compiler.
     """
@@ -90,7 +90,7 @@ def build(files: Iterable[Path], library: Path) -> list[Part]:
 
 
 def _emit(file: Path, number: int, folder: str) -> Part:
-    """Write an object file of one kernel."""
+    """Write the object file of one kernel."""
     entry = entries.read(file)
     if entry is None:
         raise ValueError(f"{file} holds no kernel")
@@ -113,7 +113,7 @@ def _emit(file: Path, number: int, folder: str) -> Part:
 
 
 def _write_object(bitcode: bytes, description: Any, file: Path, level: str, features: str) -> Any:
-    """Write machine code of a kernel for a level of processors; gives the module of LLVM."""
+    """Compile a kernel for a processor level to an object file; returns the LLVM module."""
     symbol = file.stem
     module = llvm.parse_bitcode(bitcode)
     module.link_in(llvm.parse_assembly(_trampoline(symbol, description)[0]))
@@ -132,7 +132,7 @@ def _write_object(bitcode: bytes, description: Any, file: Path, level: str, feat
 
 
 def _gives(given: types.Type) -> str:
-    """Type of a result, as the marshaller reads it."""
+    """Type of a result in the marshaller's notation."""
     match given:
         case types.NoneType():
             return "n"
@@ -155,7 +155,7 @@ def _gives(given: types.Type) -> str:
 
 
 def _trampoline(symbol: str, description: Any) -> tuple[str, int]:
-    """LLVM code of an entry, and how many numbers it takes for the arguments."""
+    """LLVM code of an entry point, and the number of words of its arguments."""
     context = cpu_target.target_context
     convention = context.call_conv
     called = convention.get_function_type(description.restype, description.argtypes)
@@ -171,7 +171,7 @@ def _trampoline(symbol: str, description: Any) -> tuple[str, int]:
         for n, each in enumerate(called.args[2:])
     ]
     places = []
-    for to in called.args[:2]:  # of the result, and of what is raised
+    for to in called.args[:2]:  # result, and exception
         places.append(builder.alloca(to.pointee))
         builder.store(ir.Constant(to.pointee, None), places[-1])
     status = builder.call(body, [*places, *arguments])
@@ -192,7 +192,7 @@ def _trampoline(symbol: str, description: Any) -> tuple[str, int]:
 
 
 def _from_word(builder: Any, word: Any, kind: Any) -> Any:
-    """A number of eight bytes as numba's calling convention wants it."""
+    """Convert an 8-byte word to the type in numba's calling convention."""
     match kind:
         case ir.PointerType():
             return builder.inttoptr(word, kind)
@@ -204,7 +204,7 @@ def _from_word(builder: Any, word: Any, kind: Any) -> Any:
 
 
 def _store(builder: Any, given: types.Type, value: Any, result: Any, at: int) -> int:
-    """Store a result as numbers of eight bytes; gives where the next is."""
+    """Store a result as 8-byte words; returns the position of the next one."""
     if isinstance(given, types.BaseTuple):
         for n, part in enumerate(given.types):
             at = _store(builder, part, builder.extract_value(value, n), result, at)
@@ -236,14 +236,14 @@ def _to_word(builder: Any, value: Any, is_signed: bool) -> Any:
 
 
 def _bytes(text: str) -> bytes:
-    r"""Bytes of a constant of LLVM's, in which \0A is one of them."""
+    r"""Bytes of an LLVM constant, in which \0A stands for one byte."""
     return re.sub(
         rb"\\([0-9A-Fa-f]{2})", lambda found: bytes([int(found[1], 16)]), text.encode("latin-1")
     )
 
 
 def _table(parts: list[Part]) -> str:
-    """C code of all entries, and of what they may raise."""
+    """C code of the tables of entry points and exceptions."""
     declared, rows = [], []
     for part in parts:
         texts = (part.kernel, part.key, part.sources, part.gives)
@@ -272,7 +272,7 @@ def _table(parts: list[Part]) -> str:
 
 
 def _failure(pickled: bytes) -> Iterator[str]:
-    """Fields of what a kernel may raise, in C; nothing for what is no error of Python's."""
+    """C fields of a kernel's exception; nothing if the pickle is not an exception."""
     try:
         of, arguments, *_ = pickle.loads(pickled)  # noqa: S301  the builder's own
     except Exception:  # a constant of another kind

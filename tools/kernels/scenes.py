@@ -1,6 +1,6 @@
-"""What the library holds kernels for: small commands and pictures, by every method, of every dtype.
+"""Commands and pictures that use the library's kernels: all methods and dtypes, small sizes.
 
-`python -m tools.kernels.scenes volume` runs those of one group, in an empty folder.
+`python -m tools.kernels.scenes volume` runs one group in an empty folder.
 """
 
 import os
@@ -21,7 +21,7 @@ DEPTH = "resample-warp3d render {} --size 40 -o out.png"
 
 
 def volumes() -> Iterator[str]:
-    """Commands of volumes."""
+    """Commands for volumes."""
     for dtype in DTYPES:
         for more in ("", "--classify pre", "--shading --light 1/-1/2", "--gradient sobel"):
             yield VOLUME.format(f"{dtype}.npy {more}")
@@ -84,7 +84,7 @@ def volumes() -> Iterator[str]:
 
 
 def textures() -> Iterator[str]:
-    """Commands of pictures and meshes."""
+    """Commands for pictures and meshes."""
     pictures = [f"{name}.{kind}" for name in ("gray", "rgb", "rgba") for kind in ("png", "tif")]
     pictures += ["gray16.png", "rgb16.png"]
     for picture in pictures:
@@ -118,7 +118,7 @@ def textures() -> Iterator[str]:
 
 
 def depths() -> Iterator[str]:
-    """Commands of pictures with depth, and of clouds."""
+    """Commands for depth images and clouds."""
     for method in (
         *("hybrid", "paper", "point", "preview", "splat", "mcmillan", "mcmillan-zbuffer"),
         *("mesh", "subsample", "ldi", "opencv"),
@@ -135,14 +135,14 @@ def depths() -> Iterator[str]:
 
 
 def documented() -> Iterator[str]:
-    """Commands of README and docs that need no files of the user's."""
+    """Commands in README and docs that need no files of the user."""
     from tests.core.test_docs import commands, runs_as_it_stands
 
     yield from sorted({line for _, line in commands() if runs_as_it_stands(line)})
 
 
 def painters() -> Iterator[Callable[[], Any]]:
-    """Small pictures by every painter, from Python."""
+    """Small pictures by every painter, through the Python API."""
     from tests.golden.scenes import SCENES
 
     yield from SCENES.values()
@@ -158,7 +158,7 @@ GROUPS: dict[str, Callable[[], Iterator[str | Callable[[], Any]]]] = {
 
 
 def prepare() -> None:
-    """Write the files that commands read."""
+    """Write the commands' input files."""
     import cv2
 
     axis = np.linspace(-1, 1, 24)
@@ -183,7 +183,7 @@ def prepare() -> None:
 
 
 def _store(path: str, values: np.ndarray) -> None:
-    """Write a volume in chunks, where zarr is installed."""
+    """Write a chunked volume, if zarr is installed."""
     try:
         import zarr
     except ImportError:
@@ -192,7 +192,7 @@ def _store(path: str, values: np.ndarray) -> None:
 
 
 def run(group: str) -> int:
-    """Run all of a group; gives how many commands failed."""
+    """Run all commands of a group; returns the number of failures."""
     from resample.command.options import run as answer
 
     lines = list(GROUPS[group]())

@@ -3,7 +3,7 @@ Particles from a hundredth of a pixel to ten
 ============================================
 
 Spheres of any radius, color and opacity, composited nearest first. Those too small for a ray per
-sub-pixel are points and take away the same light in all.
+sub-pixel are painted as points, which absorb the same total light.
 
 The same as a program:
 

@@ -2,8 +2,8 @@
 Four corners
 ============
 
-A picture is put where its four corners go: left top, right top, right bottom, left bottom. Edges
-are as sharp as pixels allow, because the share of every pixel that the picture covers is exact.
+A picture is mapped to four given corners: top left, top right, bottom right, bottom left. Edges are
+as sharp as pixels allow, because the covered fraction of every pixel is exact.
 
 The same from the command line, with a picture of yours:
 

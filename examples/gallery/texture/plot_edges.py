@@ -2,8 +2,8 @@
 Edges to a part of a pixel
 ==========================
 
-A white picture of 20 × 12 pixels is turned. Every pixel at its edges holds the share of it that
-the picture covers, so that the sum of all pixels is the area of the picture at any angle: 240.
+A white picture of 20 × 12 pixels is rotated. Every pixel at its edges holds the fraction that the
+picture covers, so that the sum of all pixels is the area of the picture at any angle: 240.
 
 The same from the command line, with a picture of yours:
 

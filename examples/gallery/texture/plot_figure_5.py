@@ -2,9 +2,9 @@
 Figure 5: a floor, near and far
 ===============================
 
-The paper's Figure 5 puts a texture on a floor. Its near texels are 8 × 8 pixels large, its far
-ones a half by a thirty-second of a pixel. Points alone leave holes where texels grow. Bilinear
-lookup aliases where they shrink. The hybrid does neither.
+The paper's Figure 5 maps a texture to a floor. Its near texels are 8 × 8 pixels large, its far ones
+1/2 by 1/32 of a pixel. Points alone leave holes where texels grow. Bilinear lookup aliases where
+they shrink. The hybrid does neither.
 
 The same from the command line, with a table of errors:
 

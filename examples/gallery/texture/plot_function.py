@@ -2,9 +2,9 @@
 Any function is a map
 =====================
 
-A function that says where each pixel looks in the source warps a picture. How far pixels reach
-there is found from how the function changes from one pixel to the next, so that nothing aliases
-where it squeezes the picture.
+A function that returns each pixel's position in the source warps a picture. Footprints of pixels
+follow from the differences between neighbouring pixels, so that nothing aliases where the picture
+shrinks.
 
 From the command line a map comes as a file with the arrays ``x`` and ``y``:
 
@@ -20,7 +20,7 @@ from resample_texture.showing.scenes import bricks
 
 
 def whirl(x, y):
-    """Where a pixel looks: turned the more, the nearer it is to the middle."""
+    """Source position of a pixel: rotated more toward the center."""
     right, down = x - 200, y - 150
     angle = 3.5 * np.exp(-np.hypot(right, down) / 70)
     cosine, sine = np.cos(angle), np.sin(angle)

@@ -2,9 +2,9 @@
 Labels stay labels
 ==================
 
-A map of classes must not be averaged: between class 1 and class 3 lies no class 2. ``majority``
-gives every pixel the class that covers most of it, ``nearest`` the one at its center. No label is
-invented, whatever the type.
+A label map must not be averaged: class 2 is not between class 1 and class 3. ``majority`` gives
+every pixel the class that covers most of it, ``nearest`` the one at its center. No new labels
+appear, whatever the type.
 
 The same from the command line, with labels of yours:
 

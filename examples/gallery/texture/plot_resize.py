@@ -2,9 +2,9 @@
 Ten times smaller
 =================
 
-Rings that become ever finer to the outside are shrunk by ten. A bilinear lookup reads four texels
-of every hundred and shows rings that are not there. ``resize`` takes the mean over all that a
-pixel covers: what is too fine becomes gray.
+Rings that get finer toward the outside are reduced by ten. A bilinear lookup reads four of every
+hundred texels and shows false rings. ``resize`` averages all texels that a pixel covers: what is
+too fine becomes gray.
 
 The same from the command line, with a picture of yours:
 

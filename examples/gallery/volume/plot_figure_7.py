@@ -2,9 +2,10 @@
 Figure 7: orders that pop
 =========================
 
-A translucent box is seen at 44.9 and at 45.1 degrees; the lower row is 16 times the difference.
-Sheets along the lattice's axes change their axis in between, and the whole picture jumps. With every
-sample by depth it changes a little, with sheets parallel to the screen by hardly more than the turn.
+A translucent box is viewed at 44.9 and at 45.1 degrees; the lower row is 16 times the difference.
+Sheets along the lattice's axes change their axis in between, and the whole picture pops. Sorting
+every sample by depth changes it a little, sheets parallel to the screen by hardly more than the
+rotation.
 
 The same from the command line, with curves over a whole turn:
 

@@ -1,10 +1,10 @@
 """
-Figure 8: near voxels splats, far ones points
-=============================================
+Figure 8: splats near, points far
+=================================
 
-The paper colors splats red to show what is painted as what. By its rule voxels are points as soon
-as they are smaller than a pixel (left). The default paints splats on sub-pixels until voxels are
-smaller than about 0.04 pixels (right), in about the same time and far closer to the truth.
+The paper colors splats red to show the primitives. By its rule voxels are points as soon as they
+are smaller than a pixel (left). The default paints splats on sub-pixels until voxels are smaller
+than about 0.04 pixels (right), in about the same time and with far smaller errors.
 
 The same from the command line; the paper's own volumes come by ``resample-volume fetch``:
 

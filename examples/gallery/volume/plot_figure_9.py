@@ -1,10 +1,10 @@
 """
-Figure 9: how long it takes
-===========================
+Figure 9: rendering times
+=========================
 
-The paper measures how the time depends on how large voxels are on screen. Here `splats` are one
-ray per pixel and alias from afar, `points` one filter per voxel; the hybrid takes several
-sub-pixels per pixel, for which it needs some milliseconds more.
+The paper measures how time depends on the size of voxels on screen. Here `splats` are one ray per
+pixel and alias at a distance, `points` one filter per voxel; the hybrid uses several sub-pixels per
+pixel, which cost a few milliseconds more.
 
 The same from the command line, for the volumes of the paper where they have been fetched:
 

@@ -2,10 +2,10 @@
 Figures 1 and 2: which samples are points
 =========================================
 
-One layer of a volume, seen from above, with the eye below. By the paper's rule a voxel is a splat
-(red) where it is larger than a pixel on screen, and a point (blue) where it is smaller; the border
-is an arc. On the right splats have the color of their turn, nearest first, and points are summed in
-layers one voxel deep.
+One layer of a volume, from above, with the eye below. By the paper's rule a voxel is a splat (red)
+where it is larger than a pixel on screen, and a point (blue) where it is smaller; the border is an
+arc. On the right, colors of splats show their order, nearest first, and points are summed in layers
+one voxel deep.
 
 The same from the command line:
 

@@ -2,9 +2,9 @@
 Figures 3 and 4: the footprint of a ball
 ========================================
 
-A ball away from the axis is seen as an ellipse whose middle is not where the ball's center is
-seen. Models of footprints differ in what they make of the rays within; the curves are their
-largest errors. ``exact`` has none, on and off the axis.
+A ball away from the axis projects to an ellipse whose center is not the projection of the ball's
+center. Models of footprints differ in how they treat the rays within; the curves are their largest
+errors. ``exact`` has none, on and off the axis.
 
 The same from the command line:
 

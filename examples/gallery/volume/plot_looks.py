@@ -2,8 +2,8 @@
 Looks by name
 =============
 
-A look says which values are seen, how opaque and in which color. It is a name, a range of values,
-or names joined by ``+``, each with changes of its own.
+A look assigns colors and opacities to values. It is a name, a range of values, or names joined by
+``+``, each with its own modifications.
 
 The same from the command line:
 

@@ -1,9 +1,9 @@
 """
-Ripples that show interpolation
+Ripples that test interpolation
 ===============================
 
 The signal of Marschner and Lobb has ripples just below the highest frequency that its 41³ samples
-can hold. A kernel that smooths flattens them; the default passes through the samples and keeps them.
+can represent. A smoothing kernel flattens them; the default interpolates the samples and keeps them.
 
 The same from the command line:
 

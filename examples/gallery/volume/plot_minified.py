@@ -2,9 +2,9 @@
 Small without flicker
 =====================
 
-A box of blocks, 0.4 pixels per voxel. One splat or ray per pixel misses most voxels, and what it
-misses changes with every degree. Points alone are summed before it is known what hides what. The
-hybrid composites on sub-pixels and filters last.
+A box of blocks, at 0.4 pixels per voxel. One splat or ray per pixel misses most voxels, and which
+ones changes with every degree. Points alone are summed before occlusion is resolved. The hybrid
+composites on sub-pixels and filters last.
 
 The same from the command line, as a sheet with errors:
 

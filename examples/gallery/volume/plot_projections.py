@@ -2,9 +2,8 @@
 Maximum, sum and surface
 ========================
 
-Besides light that is absorbed, a pixel can show the largest value along its ray, the sum as an
-X-ray does, or the surface where a value is first met. All of them go along rays through a spline
-that passes through the voxels.
+Besides composited light, a pixel can show the maximum along its ray, the sum as in an X-ray, or an
+isosurface. All of them are computed along rays through a spline that interpolates the voxels.
 
 The same from the command line:
 

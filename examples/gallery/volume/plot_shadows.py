@@ -1,9 +1,9 @@
 """
-Light that gets there
-=====================
+Shadows and ambient occlusion
+=============================
 
-Shadows and ambient occlusion are worked out once per look. They show which vessel lies in front
-of which.
+Shadows and ambient occlusion are computed once per look. They show which vessel lies in front of
+which.
 
 The same from the command line:
 

@@ -2,8 +2,8 @@
 From far away
 =============
 
-Twelve meters back, things are a quarter as large. Points that are painted one by one flicker and
-break up thin posts. The hybrid gives each pixel the mean of all that is seen in it.
+Twelve meters back, objects are a quarter as large. Points that are painted one by one flicker and
+break up thin posts. The hybrid gives each pixel the mean of all samples that it shows.
 
 The same from the command line, in the same generated room:
 

@@ -2,8 +2,8 @@
 A cloud of points
 =================
 
-Points of a surface are painted as discs that close it; how large they are follows from how far
-apart the points are. Coverage at outlines is exact to a sixteenth of a pixel.
+Points of a surface are painted as discs that close it; their size follows from the distance between
+points. Coverage at outlines is exact to a sixteenth of a pixel.
 
 The same from the command line, with a cloud of yours:
 

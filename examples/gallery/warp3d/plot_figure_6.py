@@ -1,10 +1,10 @@
 """
-Figure 6: a depth image from aside
-==================================
+Figure 6: a depth image from the side
+=====================================
 
 The paper's Figure 6 compares McMillan's warp, which paints a pixel for each sample, with the
-hybrid. Between samples that move apart McMillan's picture has holes, and its edges are stairs.
-What stays empty with the hybrid is what the source has not seen.
+hybrid. Where samples move apart, McMillan's picture has holes and jagged edges. With the hybrid,
+only areas that the source did not see stay empty.
 
 The same from the command line, with numbers:
 

@@ -1,9 +1,9 @@
 """
-Why pixels are empty, and how they are filled
-=============================================
+Why pixels are empty, and how to fill them
+==========================================
 
-A step aside uncovers what was hidden. ``holes`` says of each empty pixel why it is empty, and
-``fill`` makes it up from the background beside it, never from what stands in front.
+A step aside uncovers what was occluded. ``holes`` gives the reason for each empty pixel, and
+``fill`` fills it from the background beside it, never from the foreground.
 
 The same from the command line, with a picture and depth of yours:
 

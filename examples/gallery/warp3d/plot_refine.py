@@ -1,9 +1,9 @@
 """
-Soft depth, made to fit the picture
-===================================
+Sharpen soft depth edges to fit the picture
+===========================================
 
-Depth of sensors and networks is soft where objects end. Seen from elsewhere, such edges tear into
-rubber. Unless told otherwise, ``warp`` finds out that depth is soft and moves it to where the
+Depth from sensors and networks is soft at object boundaries. From other viewpoints such edges
+stretch into rubber sheets. By default, ``warp`` detects soft depth and moves its edges to where the
 picture's colors change.
 
 The same from the command line, with a picture and depth of yours:

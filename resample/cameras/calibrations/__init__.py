@@ -1,1 +1,1 @@
-"""Files of calibrated cameras as other programs write them."""
+"""Readers of camera files from other programs."""

@@ -1,4 +1,4 @@
-"""Models of COLMAP, as text and as binary files; their pixel centers are at + 0.5."""
+"""COLMAP models, text and binary; pixel centers are at + 0.5."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -14,7 +14,7 @@ from resample.cameras.trajectories import Entry, Refused, Shot, entry_of, lines_
 from resample.reading.texts import text_of
 from resample.words import naming
 
-# Where fx, fy, cx, cy and then OpenCV's coefficients stand; −1 is 0.
+# Positions of fx, fy, cx, cy and OpenCV's coefficients in the parameters; −1: 0.
 MODELS = {
     "SIMPLE_PINHOLE": (0, 0, 1, 2),
     "PINHOLE": (0, 1, 2, 3),
@@ -35,14 +35,14 @@ class Sized(NamedTuple):
     shape: tuple[int, int]
 
 
-OTHERS = -1  # number of all that come after what cannot be read
-Cameras = Mapping[int, Sized | str]  # by number; a text says why one cannot be had
+OTHERS = -1  # key of the message for all cameras after an unreadable one
+Cameras = Mapping[int, Sized | str]  # by number; a text says why one is unavailable
 
 
 def read_colmap(path: Path) -> list[Entry]:
-    """World-to-camera poses of images.bin or images.txt, and the cameras of the file beside it.
+    """World-to-camera poses of images.bin or images.txt, with the cameras of the file beside it.
 
-    `path` is the folder, of which binary files are taken first, as COLMAP does, or the file.
+    `path` is the folder, where binary files are preferred, as in COLMAP, or the file.
     """
     images = _images_of(path)
     is_binary = images.suffix.lower() == ".bin"
@@ -61,7 +61,7 @@ def read_colmap(path: Path) -> list[Entry]:
 
 
 def _images_of(path: Path) -> Path:
-    """File of pictures, of a folder or its own."""
+    """File of pictures: the given one, or the one in the given folder."""
     if not path.is_dir():
         return path
     for name in ("images.bin", "images.txt"):
@@ -74,7 +74,7 @@ def _images_of(path: Path) -> Path:
 
 
 def _entry(picture: Posed, path: Path, cameras: Cameras) -> Entry:
-    """Posed with its camera, of the file `path`, if there is one."""
+    """Entry of a picture of the file `path`, with its camera if available."""
     w, x, y, z, *shift = picture.numbers
     pose = rigid(np.column_stack([from_quaternion([x, y, z, w]), shift]))
     if not cameras:
@@ -87,7 +87,7 @@ def _entry(picture: Posed, path: Path, cameras: Cameras) -> Entry:
 
 
 def _camera(model: str, width: float, height: float, given: Sequence[float]) -> Sized:
-    """Camera of a model's parameters."""
+    """Camera with the parameters of a COLMAP model."""
     if model not in MODELS:
         raise ValueError(
             f"COLMAP's model {model!r} is not known; known: {', '.join(MODELS)}; undistort the"
@@ -114,7 +114,7 @@ def _camera(model: str, width: float, height: float, given: Sequence[float]) -> 
 
 
 def _text_pictures(text: str) -> Iterator[tuple[int, str]]:
-    """Lines of pictures, numbered from 1; each is followed by one of points, which may be empty."""
+    """Lines of pictures, numbered from 1; each is followed by a line of points, maybe empty."""
     is_points = False
     for number, line in enumerate(text.splitlines(), 1):
         if is_points:
@@ -125,7 +125,7 @@ def _text_pictures(text: str) -> Iterator[tuple[int, str]]:
 
 
 def _text_entry(line: str, path: Path, cameras: Cameras) -> Entry:
-    """Entry of: number, qw, qx, qy, qz, tx, ty, tz, number of the camera, name."""
+    """Entry of a line: number, qw, qx, qy, qz, tx, ty, tz, number of the camera, name."""
     words = line.split(maxsplit=9)
     if len(words) != 10:
         raise ValueError(f"a picture has 10 words, not {len(words)}")
@@ -134,13 +134,13 @@ def _text_entry(line: str, path: Path, cameras: Cameras) -> Entry:
 
 
 def _name_of(line: str) -> str:
-    """Name of a line of a picture; empty if it is cut off."""
+    """Name in a line of a picture; empty if the line is truncated."""
     words = line.split(maxsplit=9)
     return words[9].strip() if len(words) == 10 else ""
 
 
 def _text_cameras(path: Path) -> Cameras:
-    """Cameras of: number, model, width, height, parameters."""
+    """Cameras, one line each: number, model, width, height, parameters."""
     cameras: dict[int, Sized | str] = {}
     for line in lines_of(path):
         place = f"{path}: line {line.number}"
@@ -169,7 +169,7 @@ def _binary_cameras(path: Path) -> Cameras:
             cameras[number] = str(error)
         if model not in dict(colmap_binary.MODELS):
             cameras[OTHERS] = (
-                f"{path}: what comes after camera {number} cannot be found, as its model, {model},"
+                f"{path}: cameras after camera {number} cannot be read, as its model, {model},"
                 " is not known"
             )
     return cameras

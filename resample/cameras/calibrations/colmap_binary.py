@@ -1,11 +1,11 @@
-"""Bytes of COLMAP's cameras.bin and images.bin: little-endian, without any padding."""
+"""Reader of COLMAP's cameras.bin and images.bin: little-endian, unpadded."""
 
 import struct
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
-# Models by number, with how many parameters each has.
+# Models by number, each with its number of parameters.
 MODELS = (
     ("SIMPLE_PINHOLE", 3),
     ("PINHOLE", 4),
@@ -24,12 +24,12 @@ MODELS = (
 COUNT = struct.Struct("<Q")
 CAMERA = struct.Struct("<IiQQ")  # number, model, width, height; then parameters in float64
 PICTURE = struct.Struct("<I7dI")  # number, qw, qx, qy, qz, tx, ty, tz, camera; then a name
-POINT_BYTES = 24  # of a point of a picture: x, y, and the number of a point of the scene
+POINT_BYTES = 24  # of a picture's point: x, y, and the number of a scene point
 LONGEST = 4096  # bytes of a name
 
 
 class Posed(NamedTuple):
-    """Where a picture was taken and by which camera."""
+    """Pose and camera number of a picture."""
 
     name: str
     numbers: Sequence[float]  # qw, qx, qy, qz, tx, ty, tz of world to camera
@@ -37,62 +37,64 @@ class Posed(NamedTuple):
 
 
 class Written(NamedTuple):
-    """A camera as it is written."""
+    """A camera as stored in the file."""
 
     number: int
-    model: str  # its number, in words, if that is not known
+    model: str  # "number N" if the model is unknown
     width: int
     height: int
     parameters: Sequence[float]
 
 
 class _Bytes:
-    """Bytes of a file, which are refused where they end too early."""
+    """Byte stream that raises an error where the file is truncated."""
 
     def __init__(self, file: BinaryIO, path: Path) -> None:
         self.file, self.path = file, path
         self.size = path.stat().st_size
 
     def take(self, layout: struct.Struct, place: str) -> tuple[float, ...]:
-        """Numbers of a layout."""
+        """Read the numbers of a struct layout."""
         content = self.file.read(layout.size)
         if len(content) < layout.size:
             raise ValueError(f"{self.path} is cut off in {place}, after {self.size} bytes")
         return layout.unpack(content)
 
     def count(self, what: str, least: int) -> int:
-        """How many things follow, each of some bytes at least."""
+        """Read a count of items; each takes at least `least` bytes."""
         count = int(self.take(COUNT, "its first number")[0])
         if count * least > self.size:
             raise ValueError(
-                f"{self.path} is cut off or no file of COLMAP's: it says that it has {count}"
+                f"{self.path} is cut off or not a COLMAP file: it claims {count}"
                 f" {what}, and has {self.size} bytes"
             )
         return count
 
     def name(self, place: str) -> str:
-        """Text that ends with a 0."""
+        """Read a zero-terminated text."""
         start = self.file.tell()
         content, end, _ = self.file.read(LONGEST).partition(b"\0")
         if not end:
-            raise ValueError(f"{self.path} is cut off or damaged: the name of {place} has no end")
+            raise ValueError(
+                f"{self.path} is cut off or damaged: the name of {place} is not terminated"
+            )
         self.file.seek(start + len(content) + 1)
         return content.decode("utf-8", "replace")
 
     def skip(self, count: int, place: str) -> None:
-        """Leave out bytes."""
+        """Skip bytes."""
         if self.file.tell() + count > self.size:
             raise ValueError(f"{self.path} is cut off in {place}, after {self.size} bytes")
         self.file.seek(count, 1)
 
 
 def cameras_of(path: Path) -> Iterator[Written]:
-    """Cameras of cameras.bin; what comes after an unknown model cannot be found and is left out.
+    """Cameras of cameras.bin; those after an unknown model cannot be read and are omitted.
 
     Raises
     ------
     ValueError
-        The file is cut off, or none of COLMAP's.
+        The file is truncated, or not COLMAP's.
     OSError
         It cannot be read.
     """
@@ -109,7 +111,7 @@ def cameras_of(path: Path) -> Iterator[Written]:
 
 
 def pictures_of(path: Path) -> Iterator[Posed]:
-    """Pictures of images.bin, without their points; errors are those of `cameras_of`."""
+    """Pictures of images.bin, without their points; errors as in `cameras_of`."""
     with path.open("rb") as file:
         content = _Bytes(file, path)
         for n in range(content.count("pictures", PICTURE.size + 1 + COUNT.size)):

@@ -1,4 +1,4 @@
-"""Cameras of NeRF's transforms.json; their pixel centers are at + 0.5."""
+"""Cameras of NeRF's transforms.json; pixel centers are at + 0.5."""
 
 import math
 from collections.abc import Mapping
@@ -21,7 +21,7 @@ Facts = Mapping[str, Any]
 
 
 def read_nerf(path: Path) -> list[Entry]:
-    """Camera-to-world in OpenGL's axes, and intrinsics (transforms.json of NeRF)."""
+    """Read camera-to-world poses in OpenGL's axes, and intrinsics (transforms.json of NeRF)."""
     text = text_of(path)
     with naming(str(path)):
         facts = json_of(text)
@@ -38,7 +38,7 @@ def read_nerf(path: Path) -> list[Entry]:
 
 
 def _entry(place: str, folder: Path, common: Facts, frame: Facts) -> Entry:
-    """Frame with what it shares with all others; without its camera, if that cannot be had."""
+    """Entry of a frame and the values common to all; without its camera if that is invalid."""
     facts = {**common, **frame}
     name, pose = str(facts.get("file_path", "")), from_opengl(facts["transform_matrix"])
     try:
@@ -49,7 +49,7 @@ def _entry(place: str, folder: Path, common: Facts, frame: Facts) -> Entry:
 
 
 def _shot(folder: Path, name: str, pose: Doubles, facts: Facts) -> Shot:
-    """Frame with its camera, unless the file has none."""
+    """Frame with its camera, if the file has one."""
     model, names = _lens(facts)
     if "h" in facts and "w" in facts:
         shape: tuple[int, int] | None = (int(facts["h"]), int(facts["w"]))
@@ -63,17 +63,17 @@ def _shot(folder: Path, name: str, pose: Doubles, facts: Facts) -> Shot:
 
 
 def _lens(facts: Facts) -> tuple[LensModel, tuple[str, ...]]:
-    """Model of the lens, and what its coefficients are called."""
+    """Lens model and the names of its coefficients."""
     model = facts.get("camera_model", "")
     if model == "OPENCV_FISHEYE" or (not model and facts.get("is_fisheye")):
         return LensModel.FISHEYE, ("k1", "k2", "k3", "k4")
     if model not in PINHOLES or facts.get("is_fisheye") or facts.get("k4"):
-        raise ValueError("its lens is none of OpenCV's; undistort the pictures first")
+        raise ValueError("its lens is not a model of OpenCV's; undistort the pictures first")
     return LensModel.PINHOLE, ("k1", "k2", "p1", "p2", "k3")
 
 
 def _matrix(facts: Facts, shape: tuple[int, int] | None) -> Doubles | None:
-    """Intrinsics of focal lengths or angles, the principal point by default in the middle."""
+    """Intrinsics from focal lengths or angles; the principal point defaults to the center."""
     height, width = shape or (math.nan, math.nan)
     across, along = facts.get("camera_angle_x", math.nan), facts.get("camera_angle_y", math.nan)
     fx = float(facts["fl_x"] if "fl_x" in facts else _focal(width, across))
@@ -86,14 +86,14 @@ def _matrix(facts: Facts, shape: tuple[int, int] | None) -> Doubles | None:
 
 
 def _focal(size: float, angle: float) -> float:
-    """Focal length that sees an angle, rad, across a frame; not a number if one is unknown."""
+    """Focal length for a field of view in rad; NaN if either argument is unknown."""
     if angle <= 0 or angle >= math.pi:
         raise ValueError(f"a camera cannot see an angle of {angle:g}")
     return 0.5 * size / math.tan(0.5 * angle)
 
 
 def _size(path: Path) -> tuple[int, int] | None:
-    """Height and width of a picture, which NeRF names without its suffix; None if there is none."""
+    """Height and width of a picture, whose suffix NeRF may omit; None if there is none."""
     import OpenImageIO
 
     for file in (path, path.with_name(path.name + ".png")):
@@ -104,5 +104,5 @@ def _size(path: Path) -> tuple[int, int] | None:
             spec = source.spec()
             source.close()
             return spec.height, spec.width
-    OpenImageIO.geterror()  # which it would print at the end of the process
+    OpenImageIO.geterror()  # clears the error, which OpenImageIO would print at exit
     return None

@@ -1,4 +1,4 @@
-"""Cameras of Open3D's trajectories; their pixel centers are at + 0."""
+"""Cameras of Open3D trajectories; pixel centers are at + 0."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,15 +16,15 @@ Facts = Mapping[str, Any]
 
 
 def is_open3d(path: Path) -> bool:
-    """Whether a JSON file is a trajectory of Open3D's, or one camera of it."""
+    """Whether a JSON file is a trajectory or a single camera of Open3D."""
     facts = _facts(path)
     return isinstance(facts, dict) and ("parameters" in facts or "extrinsic" in facts)
 
 
 def read_open3d(path: Path) -> list[Entry]:
-    """World-to-camera poses and intrinsics (`PinholeCameraTrajectory`, `PinholeCameraParameters`).
+    """Read world-to-camera poses and intrinsics (`PinholeCameraTrajectory` and -`Parameters`).
 
-    Matrices are lists of their columns.
+    Matrices are column-major.
     """
     facts = _facts(path)
     if not isinstance(facts, dict) or not {"parameters", "extrinsic"} & set(facts):
@@ -36,14 +36,14 @@ def read_open3d(path: Path) -> list[Entry]:
 
 
 def _facts(path: Path) -> Any:
-    """Content of a JSON file."""
+    """Parse a JSON file."""
     text = text_of(path)
     with naming(str(path)):
         return json_of(text)
 
 
 def _shot(facts: Facts) -> Shot:
-    """One camera."""
+    """Parse one camera."""
     pose = rigid(_columns(facts, "extrinsic", 4))
     inner = facts.get("intrinsic")
     if not inner:
@@ -54,7 +54,7 @@ def _shot(facts: Facts) -> Shot:
 
 
 def _columns(facts: Facts, name: str, side: int) -> Any:
-    """Matrix of a list of its columns, or of its rows if they are lists."""
+    """Matrix from a flat list in column order, or from a list of rows."""
     given = np.asarray(facts[name], np.float64)
     if given.shape not in ((side * side,), (side, side)):
         raise ValueError(f"its {name} has {given.size} numbers, not {side * side}")

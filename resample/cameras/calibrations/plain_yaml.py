@@ -1,4 +1,4 @@
-"""The part of YAML that calibrations are written in: names, numbers, texts, and lists of them."""
+"""Parser of the YAML subset of calibration files: names, numbers, texts and lists."""
 
 import re
 from collections.abc import Sequence
@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 NAME = re.compile(r"""("[^"]*"|'[^']*'|[^\s"'\[\]{},:#-][^"'\[\]{}:#]*?)\s*:(?:\s+|$)(.*)$""")
 TAG = re.compile(r"^!!?[\w-]*\s*")  # such as !!opencv-matrix
 TOKEN = re.compile(r"""[\[\],]|"[^"]*"|'[^']*'|[^\[\],"']+""")
-DEEPEST = 16  # of things within things
+DEEPEST = 16  # nesting levels
 
 
 class _Line(NamedTuple):
@@ -16,26 +16,28 @@ class _Line(NamedTuple):
     words: str
 
 
-Found = tuple[Any, int]  # a value, and the line or word after it
+Found = tuple[Any, int]  # a value, and the index of the next line or word
 
 
 def plain_yaml(text: str) -> dict[str, Any]:
-    """Names and values of the first document of a text.
+    """Parse the first document of a text to names and values.
 
-    Values are numbers, texts, None, lists and dictionaries; what else YAML knows, such as anchors
-    and texts of several lines, is refused.
+    Values are numbers, texts, None, lists and dictionaries; other features of YAML, such as anchors
+    and multi-line texts, are rejected.
 
     Raises
     ------
     ValueError
-        It is something else; says which line.
+        The text is not in this subset; the message names the line.
     """
     lines = _lines(text)
     if not lines:
         raise ValueError("it is empty")
     found, end = _block(lines, 0, 0)
     if end < len(lines) or not isinstance(found, dict):
-        raise ValueError(f"line {lines[min(end, len(lines) - 1)].number}: it is no name and value")
+        raise ValueError(
+            f"line {lines[min(end, len(lines) - 1)].number}: it is not a name with a value"
+        )
     return found
 
 
@@ -68,9 +70,9 @@ def _without_comment(line: str) -> str:
 
 
 def _block(lines: Sequence[_Line], n: int, depth: int) -> Found:
-    """List or names that begin in a line."""
+    """Parse the list or mapping that begins in line `n`."""
     if depth > DEEPEST:
-        raise ValueError(f"line {lines[n].number}: more than {DEEPEST} things within each other")
+        raise ValueError(f"line {lines[n].number}: nested deeper than {DEEPEST} levels")
     is_list = _is_item(lines[n])
     return _items(lines, n) if is_list else _names(lines, n, depth)
 
@@ -80,14 +82,14 @@ def _is_item(line: _Line) -> bool:
 
 
 def _names(lines: Sequence[_Line], n: int, depth: int) -> Found:
-    """Names and their values, all equally far to the right."""
+    """Parse a mapping whose names have equal indentation."""
     facts: dict[str, Any] = {}
     indent = lines[n].indent
     while n < len(lines) and lines[n].indent == indent and not _is_item(lines[n]):
         line = lines[n]
         found = NAME.match(line.words)
         if found is None:
-            raise ValueError(f"line {line.number}: {line.words!r:.60} is no name and value")
+            raise ValueError(f"line {line.number}: {line.words!r:.60} is not a name with a value")
         value = TAG.sub("", found[2])
         if value:
             facts[_text(found[1])], n = _value(lines, n, value)
@@ -101,12 +103,12 @@ def _names(lines: Sequence[_Line], n: int, depth: int) -> Found:
 
 
 def _is_within(line: _Line, indent: int) -> bool:
-    """Whether a line belongs to a name above it."""
+    """Whether a line belongs to the name above it."""
     return line.indent > indent or (line.indent == indent and _is_item(line))
 
 
 def _items(lines: Sequence[_Line], n: int) -> Found:
-    """List of an item in each line."""
+    """Parse a list with one item per line."""
     items, indent = [], lines[n].indent
     while n < len(lines) and lines[n].indent == indent and _is_item(lines[n]):
         item, n = _value(lines, n, lines[n].words[1:].strip())
@@ -115,7 +117,7 @@ def _items(lines: Sequence[_Line], n: int) -> Found:
 
 
 def _value(lines: Sequence[_Line], n: int, words: str) -> Found:
-    """Value that begins in a line; lists in brackets may go on in those that follow."""
+    """Parse a value that begins in line `n`; a list in brackets may span lines."""
     start = lines[n].number
     if not words.startswith("["):
         return _scalar(words, start), n + 1
@@ -123,7 +125,7 @@ def _value(lines: Sequence[_Line], n: int, words: str) -> Found:
     while sum(part.count("[") - part.count("]") for part in parts) > 0:
         n += 1
         if n == len(lines):
-            raise ValueError(f"line {start}: its list has no end")
+            raise ValueError(f"line {start}: its list is not closed")
         parts.append(lines[n].words)
     words_of = [word.strip() for word in TOKEN.findall(" ".join(parts)) if word.strip()]
     found, end = _bracket(words_of, 1, start, 0)
@@ -133,9 +135,9 @@ def _value(lines: Sequence[_Line], n: int, words: str) -> Found:
 
 
 def _bracket(words: Sequence[str], n: int, number: int, depth: int) -> Found:
-    """List of the words after a bracket."""
+    """Parse a list from the words after its bracket."""
     if depth > DEEPEST:
-        raise ValueError(f"line {number}: more than {DEEPEST} things within each other")
+        raise ValueError(f"line {number}: nested deeper than {DEEPEST} levels")
     items: list[Any] = []
     while n < len(words) and words[n] != "]":
         if words[n] == "[":
@@ -148,12 +150,12 @@ def _bracket(words: Sequence[str], n: int, number: int, depth: int) -> Found:
         elif n < len(words) and words[n] != "]":
             raise ValueError(f"line {number}: a comma is missing before {words[n]!r:.30}")
     if n >= len(words):
-        raise ValueError(f"line {number}: its list has no end")
+        raise ValueError(f"line {number}: its list is not closed")
     return items, n + 1
 
 
 def _scalar(words: str, number: int) -> float | str | None:
-    """Number or text."""
+    """Parse a number or text."""
     if words in ("", "~", "null"):
         return None
     if words[0] in "&*|>{}[]%@`,":
@@ -166,6 +168,6 @@ def _scalar(words: str, number: int) -> float | str | None:
 
 
 def _text(words: str) -> str:
-    """Text without its quotes."""
+    """Text without quotes."""
     is_quoted = len(words) > 1 and words[0] in "\"'" and words[-1] == words[0]
     return words[1:-1] if is_quoted else words

@@ -1,1 +1,1 @@
-"""What callers give and get: arrays, images of other libraries, results as pictures."""
+"""Conversions of arguments and results: arrays, images of other libraries, pictures."""

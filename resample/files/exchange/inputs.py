@@ -1,4 +1,4 @@
-"""Pictures as callers have them: arrays of any kind, files, and images of other libraries."""
+"""Convert arguments to pictures: arrays of any kind, files, images of other libraries."""
 
 from os import PathLike
 from typing import Any
@@ -17,27 +17,27 @@ MODES = {"1": "L", "P": "RGBA", "PA": "RGBA", "CMYK": "RGB", "YCbCr": "RGB", "HS
 
 
 def as_picture(given: Any, name: str = "picture") -> NDArray[Any]:
-    """Array of what a caller has; its values are as they are stored.
+    """Convert an argument to an array, with its values unchanged.
 
     Parameters
     ----------
     given
-        An array of real numbers, of any layout and byte order, masked, mapped or delayed; nested
-        lists; the path or address of a picture; an image of Pillow's, whose palettes become colors;
-        one of SimpleITK's; or an `xarray.DataArray` with rows along y and columns along x.
+        An array of real numbers of any layout and byte order, masked, memory-mapped or lazy; nested
+        lists; the path or address of a picture; a Pillow image, whose palette becomes colors; a
+        SimpleITK image; or an `xarray.DataArray` with rows along y and columns along x.
     name
-        What messages call it.
+        Name in messages.
 
     Returns
     -------
-    Masked arrays stay masked. What is taken as it is, is not copied.
+    Masked arrays stay masked. Arrays that need no conversion are not copied.
 
     Raises
     ------
     TypeError
-        It is none of these, or its values are no real numbers.
+        It is none of these, or its values are not real numbers.
     ValueError
-        Lists are of different lengths, or dimensions are not known.
+        Lists have different lengths, or dimensions are unknown.
     OSError
         The file cannot be read.
     """
@@ -58,7 +58,7 @@ def as_picture(given: Any, name: str = "picture") -> NDArray[Any]:
 
 
 def _read(path: str | PathLike[str] | Address) -> NDArray[Any]:
-    """Levels of a picture of 8 or 16 bits, as they are stored; linear light of all others."""
+    """Read levels of 8- and 16-bit pictures as stored; linear light of all others."""
     from resample.files.pictures import has_levels, read_picture, read_picture_levels
 
     file = place_of(path)
@@ -71,7 +71,7 @@ def _array(given: Any, name: str) -> NDArray[Any]:
     try:
         return np.asanyarray(given)
     except ValueError:
-        raise ValueError(f"lists of different lengths are no {name}; give {TAKEN}") from None
+        raise ValueError(f"lists of different lengths are not a {name}; give {TAKEN}") from None
 
 
 def _of_itk(image: Any, name: str) -> NDArray[Any]:
@@ -83,7 +83,7 @@ def _of_itk(image: Any, name: str) -> NDArray[Any]:
 
 
 def _of_labeled(given: Any, name: str) -> NDArray[Any]:
-    """Array of xarray's, rows first, channels last."""
+    """Array of an xarray object, rows first, channels last."""
     dims = {str(dim).lower(): dim for dim in given.dims}
     rows = next((dims.pop(dim) for dim in ROWS if dim in dims), None)
     columns = next((dims.pop(dim) for dim in COLUMNS if dim in dims), None)

@@ -1,4 +1,4 @@
-"""Results as pictures: levels, Pillow's images, PNG, false colors, and a line about each."""
+"""Convert results to pictures: levels, Pillow images, PNG, false colors, one-line summaries."""
 
 from io import BytesIO
 from pathlib import Path
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 COLORMAP = "turbo"
-PERCENTILES = (0.5, 99.5)  # of what is finite, that false colors span
-ENCODED = (np.dtype(np.uint8), np.dtype(np.uint16))  # types of light that is sRGB-encoded
-NOTEBOOK = 2048  # px, longer sides are shown smaller in notebooks
+PERCENTILES = (0.5, 99.5)  # range of the finite values that false colors span
+ENCODED = (np.dtype(np.uint8), np.dtype(np.uint16))  # types with sRGB-encoded light
+NOTEBOOK = 2048  # px; larger pictures are reduced for notebooks
 HOLE_COLORS = "tab10"
 MEASURED = ("depth", "first_depth", "coverage", "value", "holes", "magnification", "confidence")
 
@@ -32,7 +32,7 @@ def save(result: Any, path: str | Path, *, bits: int, background: Behind) -> Non
 
 
 def _behind(background: Behind) -> Color | None:
-    """Linear light of what is behind a picture; None where it is transparent."""
+    """Linear light of a background; None: transparent."""
     if background is None or isinstance(background, str):
         return None if background is None else linear_color(background)
     light = [float(part) for part in background]
@@ -46,7 +46,7 @@ def _behind(background: Behind) -> Color | None:
 
 
 def levels_of(result: Any, of: str, *, background: Behind = None) -> NDArray[np.uint8]:
-    """Levels of a part of a result; see `resample.showable.Showable.to_uint8`."""
+    """8-bit levels of a part of a result; see `resample.showable.Showable.to_uint8`."""
     if of != "color":
         light = _false_colors(result, of)
         return screen_levels(np.dstack([light, np.ones_like(light[..., :1])]))[..., :3]
@@ -54,14 +54,14 @@ def levels_of(result: Any, of: str, *, background: Behind = None) -> NDArray[np.
 
 
 def image_of(result: Any, of: str, *, background: Behind = None) -> "Image":
-    """A result as Pillow's image."""
+    """Convert a result to a Pillow image."""
     from PIL import Image
 
     return Image.fromarray(levels_of(result, of, background=background))
 
 
 def png_of(result: Any) -> bytes:
-    """PNG of a result, not larger than notebooks can show."""
+    """PNG of a result, reduced to a size for notebooks."""
     image, file = image_of(result, "color"), BytesIO()
     image.thumbnail((NOTEBOOK, NOTEBOOK))
     image.save(file, "png")
@@ -69,7 +69,7 @@ def png_of(result: Any) -> bytes:
 
 
 def line_about(result: Any) -> str:
-    """A result's class, size and share of pixels that something covers."""
+    """Class, size and covered fraction of a result."""
     name = type(result).__name__
     if isinstance(result, Frame):
         height, width = result.depth.shape
@@ -87,7 +87,7 @@ def light_of(result: Any) -> Floats:
     Raises
     ------
     ValueError
-        It is a batch, or has more channels than a picture.
+        It is a batch, or has too many channels for a picture.
     """
     if isinstance(result, Frame):
         return result.rgba
@@ -95,8 +95,8 @@ def light_of(result: Any) -> Floats:
     image = stored[..., np.newaxis] if stored.ndim == result.coverage.ndim else stored
     if image.ndim != 3 or image.shape[2] > 4:
         raise ValueError(
-            f"{stored.shape} is no picture (H, W) or (H, W, C) of up to 4 channels; take one of a "
-            "batch, or some of the channels"
+            f"{stored.shape} is not a picture (H, W) or (H, W, C) of up to 4 channels; take one of "
+            "a batch, or some of the channels"
         )
     values = _as_light(image)
     if image.shape[2] in (1, 2):
@@ -111,7 +111,7 @@ def light_of(result: Any) -> Floats:
 
 
 def _as_light(image: NDArray[Any]) -> Floats:
-    """Values (H, W, C) as linear light; what is missing is black."""
+    """Values (H, W, C) as linear light; missing values are black."""
     values = np.nan_to_num(image.astype(np.float32))
     if image.dtype in ENCODED:
         values /= np.float32(np.iinfo(image.dtype).max)
@@ -122,7 +122,7 @@ def _as_light(image: NDArray[Any]) -> Floats:
 
 
 def _as_frame(result: Any) -> Frame[Any]:
-    """A picture that was moved as a painted one, to be written."""
+    """Convert a warped picture to a frame, to be written."""
     light = light_of(result)
     depth = getattr(result, "depth", np.full(light.shape[:2], np.inf, np.float32))
     coverage = np.asarray(result.coverage, np.float32)
@@ -130,7 +130,7 @@ def _as_frame(result: Any) -> Frame[Any]:
 
 
 def _false_colors(result: Any, of: str) -> Floats:
-    """Linear light (H, W, 3) that shows the values of a part; black where there are none."""
+    """Linear light (H, W, 3) in false colors for a part; black where it has no values."""
     known = [part for part in MEASURED if getattr(result, part, None) is not None]
     if of not in known:
         raise ValueError(

@@ -1,1 +1,1 @@
-"""What picture files tell besides their pixels."""
+"""Metadata of picture files."""

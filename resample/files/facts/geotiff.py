@@ -1,6 +1,6 @@
-"""Where on Earth a picture lies, by GeoTIFF's tags, and where it lies when it was warped.
+"""Georeference of pictures in GeoTIFF tags, also after a warp.
 
-Tags alone: coordinate systems are kept as they are written, not understood.
+Tags only: coordinate systems are copied without being interpreted.
 """
 
 import re
@@ -12,30 +12,30 @@ from resample.files.facts.tags import DOUBLE, Directory, Tag, text, text_tag
 from resample.types import Doubles
 
 SCALE, POINTS, MATRIX, KEYS, NUMBERS, WORDS = 33550, 33922, 34264, 34735, 34736, 34737
-FACTS, NODATA, SATELLITE = 42112, 42113, 50844  # GDAL's, and coefficients of a satellite's camera
+FACTS, NODATA, SATELLITE = 42112, 42113, 50844  # GDAL's, and coefficients of a satellite camera
 TAGS = (SCALE, POINTS, MATRIX, KEYS, NUMBERS, WORDS, FACTS, NODATA, SATELLITE)
-RASTER_TYPE, PIXEL_IS_POINT = 1025, 2  # a key, and what it says: places are those of centers
+RASTER_TYPE, PIXEL_IS_POINT = 1025, 2  # a key, and its value for coordinates of pixel centers
 STATISTICS = re.compile(r"\s*<Item[^>]*\bSTATISTICS_[^>]*>[^<]*</Item>")
-STRAIGHT = 1e-12  # of the largest number of a matrix: less is no rotation
+STRAIGHT = 1e-12  # fraction of a matrix's largest number below which a rotation counts as 0
 
 
 class Geo(NamedTuple):
-    """A picture's place on Earth."""
+    """Georeference of a picture."""
 
-    matrix: Doubles | None  # (4, 4) of (x, y, z, 1), px from the corner, to the Earth's coordinates
-    points: Doubles | None  # (n, 6) places x, y, z of the picture and of the Earth
-    words: Directory  # tags that are kept as they are
-    nodata: str  # what a missing value is written as; nothing if none is
-    is_point: bool  # files count from the first pixel's center
+    matrix: Doubles | None  # (4, 4) of (x, y, z, 1), px from the corner, to Earth coordinates
+    points: Doubles | None  # (n, 6) tie points: x, y, z in the picture and on Earth
+    words: Directory  # tags that are copied
+    nodata: str  # text of the value for missing data; empty if there is none
+    is_point: bool  # coordinates start at the first pixel's center
 
     @property
     def has_place(self) -> bool:
-        """Whether it is known where the picture lies."""
+        """Whether the picture is georeferenced."""
         return self.matrix is not None or self.points is not None
 
     @property
     def missing(self) -> float | None:
-        """What a missing value is written as."""
+        """Value for missing data."""
         try:
             return float(self.nodata) if self.nodata else None
         except ValueError:
@@ -43,7 +43,7 @@ class Geo(NamedTuple):
 
 
 def geo_of(tags: Directory) -> Geo | None:
-    """What tags say about a picture's place and missing values; None if nothing."""
+    """Parse georeference and missing value from tags; None if there are none."""
     if not set(TAGS) & set(tags):
         return None
     keys = _numbers(tags, KEYS).astype(int)
@@ -64,19 +64,19 @@ def geo_of(tags: Directory) -> Geo | None:
 
 
 def moved(geo: Geo, matrix: Doubles) -> Geo:
-    """Place of a warped picture.
+    """Georeference of a warped picture.
 
     Parameters
     ----------
     geo
-        Of the source.
+        Georeference of the source.
     matrix
         (3, 3) homography from source to target, px from the corners.
 
     Returns
     -------
-    Place of the target. It is not known if `matrix` is not affine and the place is not told by
-    points, which move exactly.
+    Georeference of the target. It is lost if `matrix` is not affine, except for tie points, which
+    are mapped exactly.
     """
     bare = matrix / matrix[2, 2] if matrix[2, 2] else matrix
     if geo.points is not None:
@@ -92,18 +92,18 @@ def moved(geo: Geo, matrix: Doubles) -> Geo:
 
 
 def is_affine(matrix: Doubles) -> bool:
-    """Whether a homography (3, 3) keeps parallels parallel."""
+    """Whether a homography (3, 3) maps parallels to parallels."""
     return bool(matrix[2, 2] != 0.0 and (matrix[2, :2] == 0.0).all())
 
 
 def unplaced(geo: Geo) -> Geo:
-    """The same without a place; its missing values are still written so."""
+    """Copy without the georeference, but with the missing value."""
     words = {tag: value for tag, value in geo.words.items() if tag == FACTS}
     return geo._replace(matrix=None, points=None, words=words)
 
 
 def tags_of(geo: Geo) -> Directory:
-    """Tags that say it."""
+    """Tags for a georeference."""
     tags = dict(geo.words)
     if geo.nodata:
         tags[NODATA] = text_tag(geo.nodata)
@@ -117,7 +117,7 @@ def tags_of(geo: Geo) -> Directory:
 
 
 def _matrix(tags: Directory) -> Doubles | None:
-    """Matrix (4, 4) of either form; None if there is none."""
+    """Matrix (4, 4) from either form; None if there is none."""
     given = _numbers(tags, MATRIX)
     if given.size == 16:
         return np.asarray(given.reshape(4, 4), np.float64)
@@ -131,7 +131,7 @@ def _matrix(tags: Directory) -> Doubles | None:
 
 
 def _placement(matrix: Doubles) -> Directory:
-    """A scale and a point if nothing is turned, else the matrix."""
+    """Scale and tie point if there is no rotation, else the matrix."""
     plane = matrix[:2, :2]
     is_turned = np.abs([plane[0, 1], plane[1, 0]]).max() > STRAIGHT * np.abs(plane).max()
     others = (matrix[:2, 2], matrix[2, :2], matrix[3])
@@ -152,7 +152,7 @@ def _numbers(tags: Directory, name: int) -> Doubles:
 
 
 def _shift(distance: float) -> Doubles:
-    """Matrix (4, 4) that adds to x and y."""
+    """Matrix (4, 4) that adds a distance to x and y."""
     matrix = np.eye(4)
     matrix[:2, 3] = distance
     return matrix

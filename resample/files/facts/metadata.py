@@ -1,7 +1,7 @@
-"""What a picture's file tells besides its pixels: camera, color profile, place, which way is up.
+"""Metadata of picture files: Exif, color profile, georeference, orientation.
 
-Exif blocks travel as they are, tag by tag, since OpenImageIO forgets what it does not know. What a
-warp makes untrue is left out: thumbnails, sizes, and areas in pixels.
+Exif blocks are copied tag by tag, since OpenImageIO drops tags that it does not know. Tags that a
+warp invalidates are removed: thumbnails, sizes, and areas in pixels.
 """
 
 import struct
@@ -36,18 +36,18 @@ CAMERA = (DESCRIPTION, 271, 272, 305, 306, 315, 316, 18246, 18249, 33432)
 EXIF, GPS = 34665, 34853
 NESTED = {EXIF: None, GPS: None}
 WIDTH, HEIGHT, MAKERS_NOTES = 0xA002, 0xA003, 0x927C
-UNTRUE = (WIDTH, HEIGHT, 0xA005, 0x9214, 0xA214)  # when warped; the pointer to another directory
+UNTRUE = (WIDTH, HEIGHT, 0xA005, 0x9214, 0xA214)  # after a warp; 0xA005 points to a directory
 SAMPLE_FORMAT = 339
-AS_FLOATS = ("int32", "uint32")  # what OpenImageIO does not write, but as bits that pass for floats
-PROFILE_SPACES = {b"GRAY": 1, b"RGB ": 3}  # how many channels of color a profile speaks about
-MARKS = (*range(0xE0, 0xF0), 0xFE)  # of a JPEG's segments that hold no pixels
+AS_FLOATS = ("int32", "uint32")  # types that OpenImageIO cannot write, except as the bits of floats
+PROFILE_SPACES = {b"GRAY": 1, b"RGB ": 3}  # number of color channels of a profile
+MARKS = (*range(0xE0, 0xF0), 0xFE)  # of JPEG segments without pixels
 LONGEST_SEGMENT = 65_533 - 6  # bytes of Exif in a JPEG
-TURNS = {  # rows and columns exchanged, then rows turned round, then columns
+TURNS = {  # rows and columns exchanged, then rows reversed, then columns
     1: (False, False, False), 2: (False, False, True), 3: (False, True, True),
     4: (False, True, False), 5: (True, False, False), 6: (True, False, True),
     7: (True, True, True), 8: (True, True, False),
 }  # fmt: skip
-# As OpenImageIO calls it, for EXR.
+# OpenImageIO's names, for EXR.
 SPOKEN = (
     *("Make", "Model", "DateTime", "Artist", "Copyright", "ImageDescription", "ExposureTime"),
     *("FNumber", "chromaticities"),
@@ -55,32 +55,32 @@ SPOKEN = (
 
 
 class About(NamedTuple):
-    """What a file tells besides its pixels and channels."""
+    """Metadata of a file other than pixels and channels."""
 
-    camera: Directory = MappingProxyType({})  # Exif's tags
-    profile: bytes = b""  # ICC's, of the encoded values
+    camera: Directory = MappingProxyType({})  # Exif tags
+    profile: bytes = b""  # ICC profile of the encoded values
     geo: Geo | None = None
-    spoken: tuple[tuple[str, Any, Any], ...] = ()  # name, type and value by OpenImageIO
-    number: str = ""  # the integers that values are, as they are stored; nothing: light or floats
+    spoken: tuple[tuple[str, Any, Any], ...] = ()  # name, type and value in OpenImageIO
+    number: str = ""  # integer type of numbers as stored; empty for light or floats
 
 
 def page_tags(path: Path) -> list[Directory]:
-    """Tags of interest of all pages of a TIFF file; none of other files."""
+    """Selected tags of all pages of a TIFF file; none for other files."""
     wanted = (*TAGS, *CAMERA, SUBFILE, ORIENTATION)
     return list(read_tags(path, wanted, NESTED))
 
 
 def about_file(path: Path, spec: Any, tags: Directory) -> About:
-    """What a file tells.
+    """Read a file's metadata.
 
     Parameters
     ----------
     path
-        File.
+        The file.
     spec
-        Its header, by OpenImageIO.
+        Its header from OpenImageIO.
     tags
-        Of its page, if it is a TIFF file.
+        Tags of its page, for a TIFF file.
     """
     camera = tags or block_tags(_exif_block(path), CAMERA, NESTED)
     profile = spec.getattribute("ICCProfile")
@@ -98,7 +98,7 @@ def about_file(path: Path, spec: Any, tags: Directory) -> About:
 
 
 def upright(data: NDArray[Any], orientation: int) -> NDArray[Any]:
-    """Picture (H, W, ...) turned the way its file says."""
+    """Rotate a picture (H, W, ...) by its orientation tag."""
     is_crossed, rows, columns = TURNS.get(orientation, TURNS[1])
     data = data.swapaxes(0, 1) if is_crossed else data
     return data[:: -1 if rows else 1, :: -1 if columns else 1]
@@ -115,20 +115,20 @@ def turn(orientation: int, shape: tuple[int, int]) -> Doubles:
 
 
 def describe(spec: Any, about: About, suffix: str, *, is_encoded: bool, colors: int) -> bool:
-    """Tell OpenImageIO what it can write itself; returns whether there is a color profile.
+    """Pass metadata that OpenImageIO can write; returns whether there is a color profile.
 
     Parameters
     ----------
     spec
-        Of the file to be written.
+        Header of the file to write.
     about
-        What is known.
+        Metadata.
     suffix
-        Of the file, in small letters.
+        Suffix of the file, in lower case.
     is_encoded
-        The file holds encoded values, as the source did.
+        Values are encoded, as in the source.
     colors
-        How many channels of color it has.
+        Number of color channels.
     """
     if suffix == ".exr" or not about.camera:
         for name, kind, value in about.spoken:
@@ -143,7 +143,7 @@ def describe(spec: Any, about: About, suffix: str, *, is_encoded: bool, colors: 
 
 
 class Stored(NamedTuple):
-    """A page that is written."""
+    """A page to write."""
 
     about: About
     shape: tuple[int, ...]  # height, width and channels
@@ -151,7 +151,7 @@ class Stored(NamedTuple):
 
 
 def complete(path: Path, pages: list[Stored]) -> None:
-    """Add to a written file what OpenImageIO cannot: Exif and, to TIFF, the place on Earth."""
+    """Add metadata that OpenImageIO cannot write: Exif and, for TIFF, the georeference."""
     suffix = path.suffix.lower()
     if suffix in TIFF:
         additions = [_page_tags(page) for page in pages]
@@ -168,11 +168,11 @@ def complete(path: Path, pages: list[Stored]) -> None:
 
 
 def _true(tags: Directory) -> Directory:
-    """Tags about the camera that are still true when the picture was warped."""
+    """Camera tags that remain valid after a warp."""
     found: dict[int, Tag | Directory] = {
         tag: value for tag, value in tags.items() if tag in (*CAMERA, EXIF, GPS)
     }
-    if "<OME" in text(found.get(DESCRIPTION)):  # which tells the sizes of all pages
+    if "<OME" in text(found.get(DESCRIPTION)):  # lists the sizes of all pages
         del found[DESCRIPTION]
     inner = found.get(EXIF)
     if isinstance(inner, Mapping):
@@ -190,7 +190,7 @@ def _page_tags(page: Stored) -> Directory:
 
 
 def _sized(tags: Directory, shape: tuple[int, ...]) -> Directory:
-    """Tags of a picture (height, width, ...)."""
+    """Tags with the size of a picture (height, width, ...)."""
     inner = tags.get(EXIF)
     if not isinstance(inner, Mapping):
         return tags
@@ -199,7 +199,7 @@ def _sized(tags: Directory, shape: tuple[int, ...]) -> Directory:
 
 
 def _shorter(tags: Directory) -> Directory:
-    """Tags without the camera maker's own, which are long."""
+    """Tags without maker notes, which are long."""
     inner = tags.get(EXIF)
     if not isinstance(inner, Mapping):
         return {}
@@ -211,7 +211,7 @@ def _short(number: int) -> Tag:
 
 
 def _exif_block(path: Path) -> bytes:
-    """Exif of a JPEG, PNG or WebP file; nothing if there is none, or the file is damaged."""
+    """Exif block of a JPEG, PNG or WebP file; empty if missing or damaged."""
     with path.open("rb") as file:
         start = file.read(12)
         blocks: Iterator[bytes]
@@ -231,14 +231,14 @@ def _exif_block(path: Path) -> bytes:
 
 
 def is_animated_png(path: Path) -> bool:
-    """Whether a file is a PNG that says it is animated."""
+    """Whether a file is an animated PNG."""
     with path.open("rb") as file:
         is_png = file.read(8) == b"\x89PNG\r\n\x1a\n"
         return is_png and next(_chunks(file, 8, b"acTL", ">I4s", 4), None) is not None
 
 
 def _segments(file: BinaryIO) -> Iterator[bytes]:
-    """What the segments of a JPEG file hold, up to its pixels."""
+    """Contents of a JPEG file's segments up to its pixels."""
     file.seek(2)
     while True:
         lead, marker, size = struct.unpack(">BBH", file.read(4))
@@ -248,7 +248,7 @@ def _segments(file: BinaryIO) -> Iterator[bytes]:
 
 
 def _chunks(file: BinaryIO, place: int, wanted: bytes, form: str, tail: int) -> Iterator[bytes]:
-    """What chunks of one name hold, of a file that is made of chunks."""
+    """Contents of the chunks of one name in a chunked file."""
     end = file.seek(0, 2)
     while place + 8 <= end:
         file.seek(place)
@@ -260,9 +260,9 @@ def _chunks(file: BinaryIO, place: int, wanted: bytes, form: str, tail: int) -> 
 
 
 def _put_into_png(path: Path, block: bytes) -> None:
-    """Put an Exif chunk, unless it is empty, behind the header of a PNG file.
+    """Insert an Exif chunk, unless empty, after the header of a PNG file.
 
-    If it has a color profile, what OpenImageIO says about the color beside it goes.
+    If the file has a color profile, OpenImageIO's other color chunks are removed.
     """
     fresh = path.with_name(f"{path.name}.exif")
     try:
@@ -282,7 +282,7 @@ def _put_into_png(path: Path, block: bytes) -> None:
 
 
 def _before_pixels(file: BinaryIO) -> Iterator[bytes]:
-    """Chunks of a PNG file up to its pixels, from where it is read."""
+    """Chunks of a PNG file from the current position up to its pixels."""
     while True:
         head = file.read(8)
         if len(head) < 8 or head[4:] == b"IDAT":
@@ -292,7 +292,7 @@ def _before_pixels(file: BinaryIO) -> Iterator[bytes]:
 
 
 def _put_into_jpeg(path: Path, block: bytes) -> None:
-    """Put an Exif segment into a JPEG file, in place of the one that is there."""
+    """Replace or insert the Exif segment of a JPEG file."""
     data = path.read_bytes()
     place, before, after = 2, b"", b""
     while data[place + 1] in MARKS:

@@ -1,4 +1,4 @@
-"""Where a picture comes from: the command that made it and its options, kept in its file."""
+"""Provenance: the command and options that made a picture, stored in its file."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -8,15 +8,15 @@ from typing import Any
 
 from resample.reading.pictures import opened
 
-KEY = "resample:settings"  # of the text in PNG and EXR
-SUFFIXES = (".png", ".exr")  # of files that have room for it
+KEY = "resample:settings"  # key of the text in PNG and EXR
+SUFFIXES = (".png", ".exr")  # files that can store it
 
 _settings: ContextVar[str] = ContextVar("settings", default="")
 
 
 @contextmanager
 def stating(settings: str) -> Iterator[None]:
-    """Let pictures that are written here tell the settings they are made with, as TOML."""
+    """Store these settings, as TOML, in pictures written in this block."""
     token = _settings.set(_ascii(settings))
     try:
         yield
@@ -25,21 +25,21 @@ def stating(settings: str) -> Iterator[None]:
 
 
 def state(spec: Any, path: Path) -> None:
-    """Put the settings, if there are any and the file has room, into a header of OpenImageIO's."""
+    """Add the settings, if any, to an OpenImageIO header if the format can store them."""
     text = _settings.get()
     if text and path.suffix.lower() in SUFFIXES:
         spec.attribute(KEY, text)
 
 
 def settings_in(path: Path) -> str:
-    """Settings that a picture was made with, as TOML.
+    """Read the settings, as TOML, that a picture was made with.
 
     Raises
     ------
     OSError
         The file cannot be read.
     ValueError
-        It holds none.
+        It contains none.
     """
     import OpenImageIO
 
@@ -60,5 +60,5 @@ def settings_in(path: Path) -> str:
 
 
 def _ascii(text: str) -> str:
-    """TOML without letters that PNG's texts have no room for."""
+    """Escape characters that PNG texts cannot store."""
     return "".join(c if ord(c) < 128 else f"\\U{ord(c):08x}" for c in text)

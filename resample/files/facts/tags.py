@@ -1,7 +1,7 @@
-"""Tags of TIFF files, and of the Exif blocks of others, which are built alike.
+"""Read and write tags of TIFF files and of Exif blocks, which share a format.
 
-OpenImageIO and pillow hide what they do not know, such as where on Earth a picture lies; so the
-directories themselves are read here, and written at the end of a file that is whole.
+OpenImageIO and Pillow hide unknown tags, such as georeferences. So this module reads the
+directories itself, and appends new ones to finished files.
 """
 
 import struct
@@ -15,32 +15,32 @@ from numpy.typing import NDArray
 
 SHORT, LONG, DOUBLE = 3, 4, 12
 ASCII = 2
-# Types of values by their numbers; of a fraction, two whole numbers.
+# Value types by number; fractions are two integers.
 TYPES = {
     1: "u1", 2: "u1", 3: "u2", 4: "u4", 5: "u4", 6: "i1", 7: "u1", 8: "i2", 9: "i4", 10: "i4",
     11: "f4", 12: "f8", 13: "u4", 16: "u8", 17: "i8", 18: "u8",
 }  # fmt: skip
 FRACTIONS = (5, 10)
-MOST_DIRECTORIES = 65536  # a file with more points in circles
-PER_BYTE, BESIDE = 4, 1 << 20  # bytes that are read of directories, by those that a file has
+MOST_DIRECTORIES = 65536  # a file with more has pointers in a loop
+PER_BYTE, BESIDE = 4, 1 << 20  # bytes of directories to read, relative to the file's size
 LARGEST_VALUE = 1 << 26  # bytes of one tag
 
 
 class Tag(NamedTuple):
-    """Values of one tag."""
+    """Type and values of a tag."""
 
     kind: int  # of `TYPES`
-    values: NDArray[Any]  # flat; text as bytes that end with 0
+    values: NDArray[Any]  # flat; text as zero-terminated bytes
 
 
 Directory = Mapping[int, "Tag | Directory"]
 
 
 class _Layout(NamedTuple):
-    """How a file writes its numbers."""
+    """Byte order and word sizes of a file."""
 
     order: Literal["<", ">"]  # of bytes
-    is_big: bool  # BigTIFF, whose offsets have 8 bytes
+    is_big: bool  # BigTIFF, with offsets of 8 bytes
 
     @property
     def offset(self) -> str:
@@ -52,21 +52,21 @@ class _Layout(NamedTuple):
 
     @property
     def entry(self) -> str:
-        """Tag, type, number of values, and the values or where they are."""
+        """Struct of an entry: tag, type, count, and values or their offset."""
         return self.order + ("HHQ8s" if self.is_big else "HHI4s")
 
 
 class _Entry(NamedTuple):
-    """One line of a directory, as it is stored."""
+    """One stored entry of a directory."""
 
     tag: int
     kind: int
-    size: int  # how many values
+    size: int  # number of values
     field: bytes  # the values, or their offset
 
 
 class _Counted(BytesIO):
-    """A file of which little more is read than it has: directories may overlap, or go round."""
+    """File with a budget for reads: directories may overlap or form loops."""
 
     def __init__(self, file: BinaryIO) -> None:
         super().__init__()
@@ -74,43 +74,43 @@ class _Counted(BytesIO):
         self._left = PER_BYTE * file.seek(0, 2) + BESIDE
 
     def seek(self, place: int, whence: int = 0) -> int:
-        """Go to a place."""
+        """Move to a position."""
         return self._file.seek(place, whence)
 
     def read(self, size: int | None = -1) -> bytes:
-        """Bytes from there."""
+        """Read bytes from the current position."""
         found = self._file.read(-1 if size is None else size)
         self._left -= len(found)
         if self._left < 0:
-            raise ValueError("they overlap, or go in circles")
+            raise ValueError("directories overlap or form a loop")
         return found
 
 
 def text(tag: "Tag | Directory | None") -> str:
-    """What a tag says, of a tag of text; nothing if there is none."""
+    """Text of a tag; empty if there is none."""
     if not isinstance(tag, Tag):
         return ""
     return tag.values.astype(np.uint8).tobytes().partition(b"\0")[0].decode("latin-1").strip()
 
 
 def text_tag(words: str) -> Tag:
-    """Tag that says something."""
+    """Tag with a text."""
     return Tag(ASCII, np.frombuffer(words.encode("latin-1", "replace") + b"\0", np.uint8))
 
 
 def read_tags(
     path: str | Path, wanted: Collection[int], nested: Mapping[int, Collection[int] | None]
 ) -> list[dict[int, "Tag | Directory"]]:
-    """Some tags of every directory of a TIFF file.
+    """Read selected tags of every directory of a TIFF file.
 
     Parameters
     ----------
     path
-        File; one that is no TIFF has no directory.
+        The file; other formats have no directories.
     wanted
-        Which tags.
+        Numbers of the tags.
     nested
-        Tags that lead to a directory of their own, and which of its tags are read; None is all.
+        Tags that point to directories, and which of their tags to read; None: all.
 
     Raises
     ------
@@ -127,7 +127,7 @@ def read_tags(
 def block_tags(
     block: bytes, wanted: Collection[int], nested: Mapping[int, Collection[int] | None]
 ) -> dict[int, "Tag | Directory"]:
-    """Some tags of an Exif block; none if it is damaged."""
+    """Read selected tags of an Exif block; none if it is damaged."""
     try:
         found = _directories(_Counted(BytesIO(block)), wanted, nested, 1)
     except (struct.error, ValueError):
@@ -136,7 +136,7 @@ def block_tags(
 
 
 def block_of(directory: Directory) -> bytes:
-    """Exif block with these tags."""
+    """Exif block of a directory."""
     file, layout = BytesIO(), _Layout("<", False)
     file.write(b"II*\0" + bytes(4))
     place = _append(file, layout, [], directory, 0)
@@ -146,24 +146,24 @@ def block_of(directory: Directory) -> bytes:
 
 
 def add_tags(path: Path, additions: Sequence[Directory]) -> None:
-    """Add tags to the directories of a TIFF file, in place of those that are there.
+    """Add or replace tags in the directories of a TIFF file.
 
     Parameters
     ----------
     path
-        File that nobody else reads yet.
+        File that no other process reads yet.
     additions
-        For each directory; the tags of one within them become a directory of their own.
+        One per directory; nested mappings become directories of their own.
 
     Raises
     ------
     OSError
-        The file cannot be written or becomes too large.
+        The file cannot be written, or gets too large.
     """
     with path.open("r+b") as file:
         layout, pointer = _head(file)
         if layout is None:
-            raise OSError(f"{path} is no TIFF file")
+            raise OSError(f"{path} is not a TIFF file")
         try:
             for directory in additions:
                 place = _number(file, pointer, layout.offset)
@@ -180,7 +180,7 @@ def add_tags(path: Path, additions: Sequence[Directory]) -> None:
 
 
 def _head(file: BinaryIO) -> tuple[_Layout | None, int]:
-    """Layout of a TIFF file, and where the place of its first directory stands."""
+    """Layout of a TIFF file, and the position of the first directory's offset."""
     file.seek(0)
     start = file.read(8)
     if start[:2] not in (b"II", b"MM") or len(start) < 8:
@@ -198,7 +198,7 @@ def _number(file: BinaryIO, place: int, form: str) -> int:
 
 
 def _entries(file: BinaryIO, layout: _Layout, place: int) -> tuple[list[_Entry], int]:
-    """Lines of a directory, and where the place of the next one stands."""
+    """Entries of a directory, and the position of the next one's offset."""
     count = _number(file, place, layout.length)
     size = struct.calcsize(layout.entry)
     if count > 65535:
@@ -264,7 +264,7 @@ def _tag(file: BinaryIO, layout: _Layout, line: _Entry) -> Tag:
 def _append(
     file: BinaryIO, layout: _Layout, lines: Sequence[_Entry], added: Directory, following: int
 ) -> int:
-    """Write a directory to the end of a file; gives its place."""
+    """Append a directory to a file and return its position."""
     kept = [line for line in lines if line.tag not in added]
     fresh = [_stored(file, layout, tag, value) for tag, value in added.items()]
     place = _end(file)
@@ -276,7 +276,7 @@ def _append(
 
 
 def _stored(file: BinaryIO, layout: _Layout, tag: int, value: "Tag | Directory") -> _Entry:
-    """Line of a tag, whose values are in the file."""
+    """Append a tag's values to the file and return its entry."""
     if not isinstance(value, Tag):
         value = Tag(LONG, np.array([_append(file, layout, [], value, 0)], np.uint32))
     stored = value.values.astype(np.dtype(TYPES[value.kind]).newbyteorder(layout.order)).tobytes()
@@ -290,7 +290,7 @@ def _stored(file: BinaryIO, layout: _Layout, tag: int, value: "Tag | Directory")
 
 
 def _end(file: BinaryIO) -> int:
-    """End of a file, to which it is put; an even number."""
+    """Pad the file to an even end and return its position."""
     if file.seek(0, 2) % 2:
         file.write(b"\0")
     return file.tell()

@@ -1,1 +1,1 @@
-"""Public files, downloaded once and checked."""
+"""Download and verify public files."""

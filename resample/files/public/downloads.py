@@ -1,4 +1,4 @@
-"""Files from servers that may be slow, wrong or endless: bounded, checked, whole or not there."""
+"""Robust downloads: limits on size and time, checksums, no partial files."""
 
 import hashlib
 import shutil
@@ -12,40 +12,40 @@ from resample.files.writing import replacing
 from resample.memory import amount
 
 TRIES = 3
-CONNECTING, SILENCE = 10.0, 30.0  # seconds that a server may take to answer, and to say nothing
-SLOWEST = 10_000  # bytes per second in the mean, from a minute on
+CONNECTING, SILENCE = 10.0, 30.0  # seconds to wait for a connection, and for data
+SLOWEST = 10_000  # bytes per second on average, after the first minute
 PATIENCE = 60.0  # seconds
 CHUNK = 1 << 16  # bytes
-BARE = {"Accept-Encoding": "identity"}  # files are not packed on their way
+BARE = {"Accept-Encoding": "identity"}  # no compressed transfer
 
 Advance = Callable[[int], object]
 
 
 class WrongFileError(ValueError):
-    """What came is not what was asked for."""
+    """The received file is not the requested one."""
 
 
 def download(url: str, target: Path, size: int, digest: str) -> None:
-    """Fetch a file that is known beforehand, unless it is there.
+    """Download a file with a known checksum, unless it exists.
 
     Parameters
     ----------
     url
-        Where it is.
+        Address of the file.
     target
-        Where it is kept; its folder is made.
+        Path to store it; its folder is created.
     size
-        Bytes that it has. A server that sends more is not listened to.
+        Its size in bytes. Longer responses are cut.
     digest
         SHA-256 or SHA-512 of its content, as hexadecimal digits.
 
     Raises
     ------
     ValueError
-        Another file came, every time. It is not kept.
+        The server repeatedly sent a different file. It is not kept.
     OSError
-        The server cannot be reached, refuses, is silent or is too slow; or the folder cannot be
-        written or has not that much room.
+        The server cannot be reached, refuses, is silent or too slow; or the folder is not writable
+        or full.
     """
     if target.is_file() and _digest(target, digest) == digest:
         return
@@ -70,7 +70,7 @@ def download(url: str, target: Path, size: int, digest: str) -> None:
 
 
 def _receive(url: str, target: Path, size: int, advance: Advance) -> None:
-    """Write what a server sends, which is `size` bytes or refused."""
+    """Write a response, which must have `size` bytes."""
     import requests
     from urllib3.exceptions import HTTPError
 
@@ -81,7 +81,7 @@ def _receive(url: str, target: Path, size: int, advance: Advance) -> None:
             target.open("wb") as file,
         ):
             answer.raise_for_status()
-            for chunk in answer.raw.stream(CHUNK, decode_content=False):  # as it is sent
+            for chunk in answer.raw.stream(CHUNK, decode_content=False):  # undecoded
                 count += len(chunk)
                 if count > size:
                     break
@@ -111,14 +111,14 @@ def _kind(digest: str) -> str:
 
 
 def _digest(path: Path, like: str) -> str:
-    """Digest of a file, of the kind of another one."""
+    """Digest of a file, with the algorithm of another digest."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, _kind(like).replace("-", "")).hexdigest()
 
 
 @contextmanager
 def _progress(name: str, size: int) -> Iterator[Advance]:
-    """Draw a bar on a terminal, which is told of bytes."""
+    """Progress bar on a terminal, advanced by bytes."""
     if sys.stderr is None or not sys.stderr.isatty():
         yield int
         return

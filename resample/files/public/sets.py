@@ -1,4 +1,4 @@
-"""Sets of public files that an application lists, by name."""
+"""Named sets of public files, listed by applications."""
 
 import json
 import os
@@ -14,7 +14,7 @@ from resample.samples.finding import FOLDER_VARIABLE
 class PublicFile(NamedTuple):
     """A file of a set."""
 
-    name: str  # that it is kept by
+    name: str  # file name in the folder
     url: str
     size: int  # bytes
     digest: str  # SHA-256
@@ -24,13 +24,13 @@ class PublicSet(NamedTuple):
     """Files that belong together."""
 
     description: str
-    terms: str  # on which they may be used, and whom to thank
-    example: str  # words of a command that shows them, in their folder
+    terms: str  # conditions of use and credits
+    example: str  # command that shows them, run in their folder
     files: tuple[PublicFile, ...]
 
 
 def available(package: str) -> dict[str, PublicSet]:
-    """Sets that a package lists in `data/public.json`, by name."""
+    """Sets listed in a package's `data/public.json`, by name."""
     text = files(package).joinpath("data/public.json").read_text("utf-8")
     return {
         name: PublicSet(**{**entry, "files": tuple(PublicFile(*each) for each in entry["files"])})
@@ -39,7 +39,7 @@ def available(package: str) -> dict[str, PublicSet]:
 
 
 def place_of(folder: str | Path | None) -> Path:
-    """Folder that public files are kept in; None: what HYBRID_RESAMPLE_DATA says, or a cache."""
+    """Folder for public files; None: HYBRID_RESAMPLE_DATA if set, else a cache."""
     from platformdirs import user_cache_dir
 
     return Path(folder or os.environ.get(FOLDER_VARIABLE) or user_cache_dir("hybrid-resample"))
@@ -48,18 +48,18 @@ def place_of(folder: str | Path | None) -> Path:
 def fetch(
     package: str, name: str, *, folder: str | Path | None = None, base_url: str | None = None
 ) -> Path:
-    """Download a set, or find it where it was downloaded before.
+    """Download a set, unless it is there already.
 
     Parameters
     ----------
     package
-        Whose sets.
+        Package that lists the set.
     name
         One of `available(package)`.
     folder
-        Where sets are kept, each in a folder of its name; see `place_of`.
+        Parent folder; each set has a folder of its name. See `place_of`.
     base_url
-        Where a mirror has the files, by their names; None: their public homes.
+        Mirror that has the files under their names; None: their original addresses.
 
     Returns
     -------
@@ -70,7 +70,7 @@ def fetch(
     LookupError
         The name is unknown.
     ValueError
-        What came is not what is listed. It is not kept.
+        A received file differs from the listed one. It is not kept.
     OSError
         A server cannot be reached, or refuses; or the folder cannot be written.
     """
@@ -85,7 +85,7 @@ def fetch(
 
 
 def told(package: str, name: str | None, folder: Path | None) -> None:
-    """Write what a `fetch` command says: what there is, or where a set lies and on which terms."""
+    """Print the results of a `fetch` command: the sets, or a set's folder and terms."""
     from resample.console.messages import say
 
     if name is None:

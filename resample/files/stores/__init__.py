@@ -1,1 +1,1 @@
-"""Arrays in chunks, of zarr: opened, and what OME-Zarr says of them; pictures in and out."""
+"""Chunked zarr arrays: access, OME-Zarr metadata, and pictures."""

@@ -1,8 +1,8 @@
-"""Addresses of stores that lie elsewhere: in object stores, and on servers of the web.
+"""Addresses of remote stores: object stores and web servers.
 
-They are named on the command line or in a program, never by a file. Keys, regions and endpoints are
-taken from the environment, as obstore does: `AWS_ACCESS_KEY_ID`, `AWS_ENDPOINT`,
-`AWS_SKIP_SIGNATURE=true` for what is public, and so on.
+They are given on the command line or in a program, never by a file. Keys, regions and endpoints
+come from the environment, as in obstore: `AWS_ACCESS_KEY_ID`, `AWS_ENDPOINT`,
+`AWS_SKIP_SIGNATURE=true` for public data, and so on.
 """
 
 import os
@@ -14,7 +14,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 SCHEMES = ("s3", "s3a", "gs", "az", "abfs", "abfss", "http", "https")
-PATIENCE = timedelta(seconds=30)  # for an answer, and for all tries of a chunk
+PATIENCE = timedelta(seconds=30)  # for a response, and for all attempts to read a chunk
 TRIES = 4
 ACCOUNTS = ("AZURE_STORAGE_ACCOUNT_NAME", "AZURE_STORAGE_ENDPOINT", "GOOGLE_BASE_URL")
 ENDPOINTS = ("AWS_ENDPOINT", "AWS_ENDPOINT_URL", "AWS_ENDPOINT_URL_S3")
@@ -22,23 +22,23 @@ ENDPOINTS = ("AWS_ENDPOINT", "AWS_ENDPOINT_URL", "AWS_ENDPOINT_URL_S3")
 
 @dataclass(frozen=True)
 class Address:
-    """Where a store lies, such as `s3://bucket/heart.ome.zarr`."""
+    """Address of a store, such as `s3://bucket/heart.ome.zarr`."""
 
     url: str
 
     @property
     def name(self) -> str:
-        """Last part of its path."""
+        """Last part of the path."""
         parts = urlsplit(self.url)
         return parts.path.rstrip("/").rpartition("/")[2] or parts.netloc
 
     @property
     def suffix(self) -> str:
-        """End of the name, from its last dot on."""
+        """Suffix of the name, from its last dot on."""
         return Path(self.name).suffix
 
     def resolve(self) -> "Address":
-        """The same; paths have this, too."""
+        """Return itself, for compatibility with paths."""
         return self
 
     def __truediv__(self, key: str) -> "Address":
@@ -50,25 +50,25 @@ class Address:
 
     @property
     def identity(self) -> str:
-        """Text that is another one for the same words where these name another store."""
+        """Text that differs for different stores, even if their addresses are equal."""
         return "\n".join(
             [self.url, *(os.environ.get(name, "") for name in (*ENDPOINTS, *ACCOUNTS))]
         )
 
     def store(self) -> Any:
-        """Store of zarr's, to be read.
+        """Open as a zarr store for reading.
 
         Raises
         ------
         ValueError
-            The extra is not installed, or it is no address.
+            The extra is not installed, or the address is invalid.
         """
         try:
             import obstore
             from zarr.storage import ObjectStore
         except ImportError as error:
             raise ValueError(
-                f"{self.url} lies elsewhere, and {error.name} is not installed: "
+                f"{self.url} is remote, and {error.name} is not installed: "
                 "pip install 'hybrid-resample[remote]'"
             ) from None
         asked = [self.url, *(os.environ.get(name, "") for name in ENDPOINTS)]
@@ -83,7 +83,7 @@ Place = Path | Address
 
 
 def place_of(name: "str | PathLike[str] | Address") -> Place:
-    """Path or address of a name.
+    """Convert a name to a path or address.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Codecs of zarr that unpack no more than a chunk may hold."""
+"""Zarr codecs with an upper bound on the size of their output."""
 
 import asyncio
 import lzma
@@ -18,27 +18,27 @@ from zarr.core.buffer.cpu import as_numpy_array_wrapper
 from resample.memory import amount
 from resample.reading.packed.unpacking import bunzipped, check_becomes, deflated, unlzma
 
-ZSTD = 0xFD2FB528  # first number of a frame
-ZSTD_BLOCK = 1 << 17  # bytes that one of its blocks becomes, at most
+ZSTD = 0xFD2FB528  # magic number of a frame
+ZSTD_BLOCK = 1 << 17  # largest unpacked size of a block, bytes
 OF_OBJECTS = ("pickle", "json2", "msgpack2", "vlen-utf8", "vlen-bytes", "vlen-array")
 
-Decode = Callable[..., Any]  # of packed data, and `most` bytes that they may become
+Decode = Callable[..., Any]  # takes packed data and `most`, the largest output in bytes
 
 
 def bound(array: Any, size: int, most: int) -> None:
-    """Let codecs of an array make no more of a chunk than it may hold.
+    """Bound the output of an array's codecs.
 
     Parameters
     ----------
     array
-        Of zarr; an array that is bound stays so.
+        Zarr array; it stays bound.
     size, most
-        Bytes that a chunk's values take, and that its codecs may make of it.
+        Bytes of a chunk's values, and the bound on its codecs' output.
 
     Raises
     ------
     ValueError
-        One of them makes objects of Python.
+        A codec creates Python objects.
     """
     inner = array.async_array
     pipeline = inner.codec_pipeline
@@ -47,7 +47,7 @@ def bound(array: Any, size: int, most: int) -> None:
 
 
 def _bound(codec: Any, size: int, most: int) -> Any:
-    """A codec of either form of zarr, within bounds."""
+    """Bound a codec of zarr 2 or 3."""
     if isinstance(codec, ShardingCodec):
         return replace(codec, codecs=tuple(_bound(each, size, most) for each in codec.codecs))
     if isinstance(codec, V2Codec):
@@ -61,19 +61,19 @@ def _bound(codec: Any, size: int, most: int) -> Any:
 
 @dataclass(frozen=True)
 class BoundCodec(BytesBytesCodec):  # type: ignore[misc]
-    """A codec of zarr 3 whose output is bounded."""
+    """A codec of zarr 3 with bounded output."""
 
     codec: BytesBytesCodec
     size: int  # bytes of a chunk's values
-    most: int  # that it may make
+    most: int  # bound on the output
 
     @property
     def is_fixed_size(self) -> bool:
-        """Whether what it makes has one size."""
+        """Whether the output has a fixed size."""
         return bool(self.codec.is_fixed_size)
 
     def to_dict(self) -> Any:
-        """What metadata say of it."""
+        """Metadata of the codec."""
         return self.codec.to_dict()
 
     def evolve_from_array_spec(self, array_spec: Any) -> "BoundCodec":
@@ -96,14 +96,14 @@ class BoundCodec(BytesBytesCodec):  # type: ignore[misc]
 
 @dataclass(frozen=True)
 class BoundPacking:
-    """A codec of zarr 2 whose output is bounded."""
+    """A codec of zarr 2 with bounded output."""
 
     codec: Any
     size: int  # bytes of a chunk's values
-    most: int  # that it may make
+    most: int  # bound on the output
 
     def decode(self, data: Any) -> Any:
-        """Unpacked data."""
+        """Unpack data."""
         decode = _decoder(*_told(self.codec), self.size)
         assert decode is not None
         with _chunk(self.size):
@@ -112,7 +112,7 @@ class BoundPacking:
 
 @contextmanager
 def _chunk(size: int) -> Iterator[None]:
-    """Say what is wrong with a chunk, and how large it should be."""
+    """Prefix errors with a chunk and its size."""
     try:
         yield
     except ValueError as error:
@@ -124,12 +124,12 @@ def _of_numcodecs(codec: Any, size: int, most: int) -> Any:
         return codec
     name, told = _told(codec)
     if name in OF_OBJECTS:
-        raise ValueError(f"its codec {name} makes objects, which are not read")
+        raise ValueError(f"its codec {name} creates objects, which are not supported")
     return BoundPacking(codec, size, most) if _decoder(name, told, size) else codec
 
 
 def _told(codec: Any) -> tuple[str, dict[str, Any]]:
-    """Name of a codec of either form, and what metadata say of it."""
+    """Name and metadata of a codec of zarr 2 or 3."""
     if not isinstance(codec, BytesBytesCodec):
         told = codec.get_config()
         return str(told["id"]), told
@@ -139,7 +139,7 @@ def _told(codec: Any) -> tuple[str, dict[str, Any]]:
 
 
 def _decoder(name: str, told: dict[str, Any], size: int) -> Decode | None:
-    """How a codec unpacks within bounds; None of those that make nothing larger, or are others'."""
+    """Bounded decoder of a codec; None for codecs that do not enlarge, or unknown ones."""
     if name in ("zlib", "gzip"):
         return deflated
     if name == "bz2":
@@ -154,7 +154,7 @@ def _decoder(name: str, told: dict[str, Any], size: int) -> Decode | None:
 
 
 def _of_told_size(data: Any, most: int, name: str) -> Any:
-    """What packing becomes whose size stands before it."""
+    """Unpack data that begin with their unpacked size."""
     import numcodecs
 
     data, place = bytes(data), 4 if name == "blosc" else 0
@@ -165,9 +165,9 @@ def _of_told_size(data: Any, most: int, name: str) -> Any:
 
 
 def _of_zstd(data: Any, most: int, size: int) -> Any:
-    """What Zstandard has packed, which tells its size, or whose blocks tell a bound of it.
+    """Unpack Zstandard data, whose frame states its size or whose blocks bound it.
 
-    Where the bound is more than it may become, it has to be as large as a chunk.
+    If the bound exceeds `most`, the output must have the size of a chunk.
     """
     from numcodecs import Zstd
 
@@ -185,7 +185,7 @@ def _of_zstd(data: Any, most: int, size: int) -> Any:
 
 
 def _zstd_head(data: bytes) -> tuple[int | None, int]:
-    """Bytes that a frame says that it becomes, if it does, and where its blocks begin."""
+    """Unpacked size that a frame states, if any, and the position of its blocks."""
     if len(data) < 6 or struct.unpack_from("<I", data)[0] != ZSTD:
         raise ValueError("it is not of Zstandard")
     flags = data[4]
@@ -201,7 +201,7 @@ def _zstd_head(data: bytes) -> tuple[int | None, int]:
 
 
 def _zstd_bound(data: bytes, place: int, most: int) -> int:
-    """Bytes that the blocks of a frame may become, or more than may be."""
+    """Bound on the unpacked size of a frame's blocks, or a number above `most`."""
     count, is_last = 0, False
     while not is_last and count <= most:
         if place + 3 > len(data):

@@ -1,4 +1,4 @@
-"""Stores whose files are looked at before they are read: where they lie, and how large they are."""
+"""Guarded stores: check location and size of files before they are read."""
 
 import os
 import zipfile
@@ -16,16 +16,16 @@ from resample.reading.limits import LimitError, check_free, check_size
 from resample.reading.neighbours import allows_outside, neighbour
 from resample.reading.packed.unpacking import check_member
 
-PER_VALUE, BESIDE = 2, 4096  # what packed data may take, by what their values do, and besides
-LEAST = 1 << 20  # bytes that a codec may make, however small a chunk is
+PER_VALUE, BESIDE = 2, 4096  # largest packed size, relative to the values, plus a constant in bytes
+LEAST = 1 << 20  # bytes that a codec may produce, however small the chunk
 METADATA = ("zarr.json", ".zarray", ".zattrs", ".zgroup", ".zmetadata")
 
 
 class Listing(Protocol):
-    """What is told of files before they are read."""
+    """Information on files before they are read."""
 
     def size(self, key: str) -> int | None:
-        """Bytes of a file; None where there is none.
+        """Size of a file in bytes; None if it does not exist.
 
         Raises
         ------
@@ -35,19 +35,19 @@ class Listing(Protocol):
         ...
 
     def names(self, path: str, depth: int) -> Iterator[str] | None:
-        """Names from a path on, of so many parts at most; None where they are not told."""
+        """Names below a path, at most `depth` parts long; None if they cannot be listed."""
         ...
 
 
 class Folder:
-    """Files of a folder: plain ones, that lie in it or below."""
+    """Regular files in a folder and its subfolders."""
 
     def __init__(self, root: Path) -> None:
         self.root = root
-        self._within: set[str] = set()  # folders that are known to lie in it
+        self._within: set[str] = set()  # folders known to lie inside
 
     def size(self, key: str) -> int | None:
-        """Bytes of a file, see `Listing`."""
+        """Size of a file in bytes, see `Listing`."""
         path = os.path.join(self.root, key)
         try:
             told = os.lstat(path)
@@ -68,7 +68,7 @@ class Folder:
         return told.st_size
 
     def names(self, path: str, depth: int) -> Iterator[str]:
-        """Names of files below a path, see `Listing`; links to folders are followed if they may."""
+        """Names of files below a path, see `Listing`; links to folders are followed if allowed."""
         return _below(os.path.join(self.root, path), "", depth)
 
 
@@ -93,14 +93,14 @@ class Zip:
 
     @property
     def members(self) -> dict[str, zipfile.ZipInfo]:
-        """By their names."""
+        """Members by name."""
         if self._members is None:
             with zipfile.ZipFile(self.path) as packed:
                 self._members = {info.filename: info for info in packed.infolist()}
         return self._members
 
     def size(self, key: str) -> int | None:
-        """Bytes of a member, unpacked, see `Listing`."""
+        """Unpacked size of a member in bytes, see `Listing`."""
         found = self.members.get(key)
         if found is None:
             return None
@@ -118,13 +118,13 @@ class Zip:
 
 
 class GuardedStore(WrapperStore[Any]):  # type: ignore[misc]
-    """A store of which nothing is read that lies elsewhere, or is much larger than it should be.
+    """A store that rejects files outside of it, and files much larger than expected.
 
-    Honest packing makes values smaller, or hardly larger; what unpacks to gigabytes does not fit
-    behind a small chunk then.
+    Compressed values are rarely larger than raw ones; so a chunk that unpacks to gigabytes is too
+    large to be accepted.
     """
 
-    most: int | None = None  # bytes that a chunk may take as it is stored; None: not known yet
+    most: int | None = None  # limit on the stored size of a chunk in bytes; None: not known yet
 
     def __init__(self, store: Any, listing: Listing | None = None) -> None:
         super().__init__(store)
@@ -137,19 +137,19 @@ class GuardedStore(WrapperStore[Any]):  # type: ignore[misc]
 
     @property
     def within(self) -> Any:
-        """The store that is guarded."""
+        """The wrapped store."""
         return self._store
 
     def size(self, key: str) -> int | None:
-        """Bytes of what a key stands for; None where it is not there, or not known."""
+        """Size of a key's value in bytes; None if it does not exist or is unknown."""
         return None if self.listing is None else self.listing.size(key)
 
     def names(self, path: str, depth: int) -> Iterator[str] | None:
-        """Names below a path, of so many parts at most; None where nobody can list them."""
+        """Names below a path, at most `depth` parts long; None if they cannot be listed."""
         return None if self.listing is None else self.listing.names(path, depth)
 
     async def get(self, key: str, prototype: Any, byte_range: Any = None) -> Any:
-        """Chunk or metadata of a key, see zarr."""
+        """Read a chunk or metadata, see zarr."""
         if self.listing is not None:
             try:
                 size = self.listing.size(key)
@@ -179,7 +179,7 @@ class GuardedStore(WrapperStore[Any]):  # type: ignore[misc]
     async def get_partial_values(
         self, prototype: Any, key_ranges: Iterable[tuple[str, Any]]
     ) -> list[Any]:
-        """Parts of chunks, see zarr."""
+        """Read parts of chunks, see zarr."""
         return [await self.get(key, prototype, part) for key, part in key_ranges]
 
     async def _get_many(
@@ -189,23 +189,23 @@ class GuardedStore(WrapperStore[Any]):  # type: ignore[misc]
             yield key, await self.get(key, prototype, part)
 
     def _check(self, key: str, size: int) -> None:
-        """Refuse what is too large, before it is read."""
+        """Reject a file that is too large, before it is read."""
         if key.rpartition("/")[2] in METADATA:
             check_size(key, size, "tree")
         elif self.most is not None and size > self.most:
             raise LimitError(
-                f"its chunk {key} takes {amount(size)}, where its values take "
+                f"its chunk {key} takes {amount(size)}, but its values take "
                 f"{amount((self.most - BESIDE) // PER_VALUE)}"
             )
 
 
 def guard(array: Any, name: str) -> None:
-    """Let no chunk of an array be read that cannot be one of its, nor become more than that.
+    """Bound the stored and unpacked sizes of an array's chunks.
 
     Raises
     ------
     ValueError
-        Values of one chunk take more memory than is free; or a codec makes objects of Python.
+        A chunk needs more memory than is free; or a codec creates Python objects.
     """
     alone = prod(array.chunks) * array.dtype.itemsize
     size = prod(getattr(array, "shards", None) or array.chunks) * array.dtype.itemsize

@@ -1,7 +1,7 @@
-"""Which chunks of an array there are: those that are missing are not looked for one by one.
+"""List the existing chunks of an array, so that missing ones are not looked up one by one.
 
-A chunk that is missing has the fill value. Where a disk or a zip file is asked once for all names,
-millions of them cost nothing.
+A missing chunk has the fill value. A folder or zip file lists all names at once, so that millions
+of missing chunks cost nothing.
 """
 
 import logging
@@ -17,22 +17,22 @@ from numpy.typing import NDArray
 from resample.memory import amount
 from resample.reading.limits import ALIKE, limits, refused
 
-MOST = 1 << 32  # chunks whose places are kept, of which memory holds the pages that are used
-FEW = 4  # of so many chunks at most one is there: they are read one by one
+MOST = 1 << 32  # chunks in the table, of which only used pages take memory
+FEW = 4  # if at most one chunk in so many exists, they are read one by one
 NUMBER = re.compile(r"\d{1,12}")
 
 Selection = Sequence[slice | int]  # along each axis; slices have both ends
 
 
 class Holes(NamedTuple):
-    """What is missing of an array."""
+    """Missing chunks of an array."""
 
     missing: int  # chunks, or shards
-    total: int  # of all
-    is_there: NDArray[np.bool_] | None  # of each, by its index; None: all are, or it is not known
+    total: int  # number of all
+    is_there: NDArray[np.bool_] | None  # by chunk index; None: all exist, or it is unknown
 
     def told(self, fill: Any) -> str:
-        """One line of what is missing; nothing if nothing is."""
+        """Message about missing chunks; empty if there are none."""
         if not self.missing:
             return ""
         return (
@@ -43,19 +43,19 @@ class Holes(NamedTuple):
 
 @cache
 def warned(line: str) -> None:
-    """Say a line once, however often a picture is opened."""
+    """Show a warning once, however often a picture is opened."""
     logging.getLogger("resample").warning("%s", line)
 
 
 def holes_of(array: Any, name: str) -> Holes:
-    """Chunks that are missing of an array of zarr, of a folder or a zip file.
+    """Find missing chunks of a zarr array in a folder or zip file.
 
-    Elsewhere it is not known beforehand.
+    Other stores cannot list them.
 
     Raises
     ------
     ValueError
-        They are far more than what is there can honestly stand for.
+        There are implausibly many of them.
     OSError
         The folder cannot be read.
     """
@@ -79,7 +79,7 @@ def holes_of(array: Any, name: str) -> Holes:
 
 
 def values_of(array: Any, holes: Holes | None, chosen: Selection) -> NDArray[Any]:
-    """Values of a part of an array, of which chunks that are missing are not looked for."""
+    """Read a part of an array without looking up missing chunks."""
     if holes is None or holes.is_there is None:
         return np.asarray(array[tuple(chosen)])
     sides = _sides(array)
@@ -113,7 +113,7 @@ def _sides(array: Any) -> tuple[int, ...]:
 
 
 def _index(array: Any, name: str, grid: tuple[int, ...]) -> tuple[int, ...] | None:
-    """Index of the chunk that a file's name is of; None of others."""
+    """Index of the chunk in a file of this name; None for other files."""
     index = tuple(int(word) for word in NUMBER.findall(name))[-len(grid) :]
     is_within = len(index) == len(grid) and all(
         n < size for n, size in zip(index, grid, strict=True)
@@ -122,7 +122,7 @@ def _index(array: Any, name: str, grid: tuple[int, ...]) -> tuple[int, ...] | No
 
 
 def _check_claims(array: Any, name: str, holes: Holes, there: list[tuple[int, ...]]) -> None:
-    """Refuse an array most of which is not there, though its metadata speak of gigabytes."""
+    """Reject an array of gigabytes by its metadata, most of whose chunks are missing."""
     known = limits()
     claimed = holes.missing * prod(_sides(array)) * array.dtype.itemsize
     if claimed <= known.unpacked:
@@ -131,7 +131,7 @@ def _check_claims(array: Any, name: str, holes: Holes, there: list[tuple[int, ..
     stored = sum(array.store.size(key.lstrip("/")) or 0 for key in keys)
     if claimed > ALIKE * known.ratio * max(1, stored):
         found = (
-            f"{amount(stored)} are there of {holes.total} chunks, of which {holes.missing} "
+            f"{amount(stored)} exist of {holes.total} chunks; {holes.missing} "
             f"({amount(claimed)}) are missing"
         )
         raise refused(name, found, "ratio")

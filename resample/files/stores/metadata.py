@@ -1,4 +1,4 @@
-"""What OME-Zarr 0.4 and 0.5 say of an image: axes, levels and where these lie."""
+"""Parse OME-Zarr 0.4 and 0.5 metadata: axes and resolution levels."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from resample.files.stores.models import Axis, Dataset, Transformation
 
 VERSIONS = ("0.4", "0.5")
-KINDS = {"time": "t", "channel": "c"}  # of axes that are not of space
+KINDS = {"time": "t", "channel": "c"}  # non-spatial axes
 SPACE = "zyx"
 METERS = {
     "angstrom": 1e-10,
@@ -22,44 +22,44 @@ METERS = {
     "centimeter": 1e-2,
     "meter": 1.0,
 }
-OWN = "hybrid-resample"  # key of what the format cannot say of a volume that we have written
+OWN = "hybrid-resample"  # key of volume properties that the format lacks, in stores that we write
 
 
 class Level(NamedTuple):
-    """An array and where it lies; numbers are of its axes, in their order."""
+    """An array and its position; numbers are per axis, in its order."""
 
-    path: str  # from the group on
-    scale: Doubles  # (D,) scene units from one element to the next
-    start: Doubles  # (D,) scene units, place of the first element
-    is_placed: bool  # whether the file says where, and not only how large its voxels are
+    path: str  # relative to the group
+    scale: Doubles  # (D,) scene units between elements
+    start: Doubles  # (D,) scene units, position of the first element
+    is_placed: bool  # whether the file states the position, not only the voxel size
 
 
 class Layout(NamedTuple):
-    """All that is said of an image."""
+    """Metadata of an image."""
 
-    axes: str  # letters of t, c, z, y and x in the order of the arrays
-    levels: tuple[Level, ...]  # the finest first
-    unit: str = ""  # of length; empty: not told
-    direction: Doubles | None = None  # (3, 3) as of `Volume`
-    units: str = ""  # of values, as of `Volume`
-    space: str = ""  # as of `Volume`
-    is_color: bool = False  # whether channels are red, green, blue and perhaps opacity
+    axes: str  # letters t, c, z, y and x in the order of the arrays
+    levels: tuple[Level, ...]  # finest first
+    unit: str = ""  # of length; empty: unknown
+    direction: Doubles | None = None  # (3, 3) as in `Volume`
+    units: str = ""  # of values, as in `Volume`
+    space: str = ""  # as in `Volume`
+    is_color: bool = False  # whether channels are red, green, blue and optional opacity
 
 
 def layout_of(attributes: Mapping[str, Any], name: str, space: str = SPACE) -> Layout | None:
-    """What a group's attributes say of an image; None where they speak of none.
+    """Parse a group's attributes; None if they describe no image.
 
     Parameters
     ----------
     attributes, name
-        Of the group.
+        Attributes and name of the group.
     space
-        Letters of the axes that it has to have.
+        Letters of the required axes.
 
     Raises
     ------
     ValueError
-        They are of another version, are not as this demands, or the axes are none of space.
+        They have another version or are invalid, or the axes are not spatial.
     """
     from pydantic import ValidationError
 
@@ -75,8 +75,8 @@ def layout_of(attributes: Mapping[str, Any], name: str, space: str = SPACE) -> L
     version = str(told.get("version") or first.get("version") or VERSIONS[0])
     if version not in VERSIONS:
         raise ValueError(
-            f"{name} is of OME-Zarr {version:.20}; {' and '.join(VERSIONS)} are read: convert it, "
-            "or name one of its arrays"
+            f"{name} is of OME-Zarr {version:.20}; {' and '.join(VERSIONS)} are supported: convert "
+            "it, or name one of its arrays"
         )
     try:
         image = Multiscale.model_validate(first)
@@ -90,10 +90,10 @@ def layout_of(attributes: Mapping[str, Any], name: str, space: str = SPACE) -> L
 
 
 def moved(layout: Layout, number: int) -> Level:
-    """Level in its place, also where its file does not say it: among means of finer voxels.
+    """Position a level, also if its file does not state it: as means of finer voxels.
 
-    Where writers leave the translation out, voxels of coarser levels are taken for means of those
-    of the finest, whose corner they share.
+    Where the translation is missing, coarser voxels are taken as means of the finest ones, with a
+    common corner.
     """
     level, finest = layout.levels[number], layout.levels[0]
     if level.is_placed or number == 0:
@@ -102,7 +102,7 @@ def moved(layout: Layout, number: int) -> Level:
 
 
 def _axes(given: "list[Axis]", name: str, space: str) -> tuple[str, Doubles, str]:
-    """Letters of axes; what their lengths are multiplied by; and the unit that these are in."""
+    """Letters of the axes, factors to a common length unit, and that unit."""
     letters = [_letter(axis, name) for axis in given]
     if len(set(letters)) < len(letters) or not set(letters) >= set(space):
         listed, wanted = ", ".join(axis.name for axis in given), ", ".join(space[:-1])
@@ -125,7 +125,7 @@ def _axes(given: "list[Axis]", name: str, space: str) -> tuple[str, Doubles, str
 
 
 def _letter(axis: "Axis", name: str) -> str:
-    """Letter of an axis: by its type, else by its name."""
+    """Letter of an axis, by its type, else by its name."""
     letter = KINDS.get(axis.type or "", axis.name.lower())
     if letter not in (*SPACE, *KINDS.values()):
         raise ValueError(
@@ -136,7 +136,7 @@ def _letter(axis: "Axis", name: str) -> str:
 
 
 def _level(given: "Dataset", after: "list[Transformation]", factor: Doubles, name: str) -> Level:
-    """Level after its own transformations and those of the image."""
+    """Level with its own transformations and those of the image."""
     scale, start, is_placed = np.ones(factor.size), np.zeros(factor.size), False
     for step in [*given.transformations, *after]:
         if step.type == "scale":

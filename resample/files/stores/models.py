@@ -1,4 +1,4 @@
-"""What the attributes of an OME-Zarr image have to be; built where a store is read."""
+"""Pydantic models of OME-Zarr attributes; imported when a store is read."""
 
 from typing import Annotated, Literal
 
@@ -16,7 +16,7 @@ class Axis(BaseModel):
 
 
 class Transformation(BaseModel):
-    """Scale or translation; numbers in a file of their own are of older versions."""
+    """Scale or translation; numbers in separate files belong to older versions."""
 
     type: Literal["identity", "scale", "translation"]
     scale: list[Number] | None = None
@@ -24,7 +24,7 @@ class Transformation(BaseModel):
 
 
 class Dataset(BaseModel):
-    """One level."""
+    """One resolution level."""
 
     path: str
     transformations: Annotated[
@@ -33,7 +33,7 @@ class Dataset(BaseModel):
 
 
 class Multiscale(BaseModel):
-    """One image at several sizes."""
+    """One image at several resolutions."""
 
     axes: Annotated[list[Axis], Field(min_length=2, max_length=5)]
     datasets: Annotated[list[Dataset], Field(min_length=1, max_length=64)]  # each half the last
@@ -41,7 +41,7 @@ class Multiscale(BaseModel):
 
 
 class Own(BaseModel):
-    """What the format cannot say; see `writing`."""
+    """Properties that the format lacks; see `writing`."""
 
     direction: Annotated[list[list[Number]], Field(min_length=3, max_length=3)] | None = None
     units: str = ""

@@ -1,4 +1,4 @@
-"""Stores of zarr, opened: what is in them, and what is wrong with them."""
+"""Open zarr stores and report errors in one line."""
 
 import json
 import warnings
@@ -11,43 +11,43 @@ from resample.files.stores.addresses import Address, Place
 from resample.reading.limits import LimitError
 from resample.words import one_line, visible
 
-MARKS = ("zarr.json", ".zgroup", ".zarray")  # of a folder that zarr has written
+MARKS = ("zarr.json", ".zgroup", ".zarray")  # files that mark a folder as zarr
 ZIPS = (".zip", ".ozx")
 SETTLING = 5.0  # seconds
 
 
 def is_store(path: Path) -> bool:
-    """Whether a folder is a group or an array of zarr."""
+    """Whether a folder is a zarr group or array."""
     return path.is_dir() and any((path / mark).is_file() for mark in MARKS)
 
 
 def require_zarr(what: str) -> Any:
-    """The package zarr, which is an extra.
+    """Import the package zarr, an extra.
 
     Raises
     ------
     ValueError
-        It is not installed; the message says how to do that.
+        It is not installed; the message says how to install it.
     """
     try:
         import zarr
     except ImportError as error:
         raise ValueError(
-            f"{what} is of zarr, and {error.name} is not installed: "
+            f"{what} is a zarr store, and {error.name} is not installed: "
             "pip install 'hybrid-resample[zarr]'"
         ) from None
     return zarr
 
 
 def open_node(path: Place) -> Any:
-    """Group or array in a folder or a zip file, or at an address.
+    """Open a group or array in a folder, a zip file or at an address.
 
     Raises
     ------
     ValueError
-        The extra is not installed, there is none, or its metadata cannot be read.
+        The extra is not installed, there is no such node, or its metadata cannot be read.
     OSError
-        There is nothing of that name, or it must not be read.
+        The path does not exist, or access is denied.
     """
     zarr = require_zarr(path.name)
     from resample.files.stores.guarding import Folder, GuardedStore, Zip
@@ -70,19 +70,19 @@ def open_node(path: Place) -> Any:
             store = zarr.storage.ZipStore(place, mode="r")
         if root is None:
             raise ValueError("there is no zarr.json, .zgroup or .zarray")
-        # What is consolidated may speak of any number of arrays; here each is asked for itself.
+        # Consolidated metadata may list any number of arrays; so each is opened by itself.
         return zarr.open(GuardedStore(store, listing), path=root, mode="r", use_consolidated=False)
 
 
 def _root_of_zip(names: Iterable[str]) -> str | None:
-    """Where in a zip file the metadata are that lie above all others; None: nowhere."""
+    """Path of the topmost metadata in a zip file; None if there are none."""
     found = [name for name in names if name.rpartition("/")[2] in MARKS]
     return min(found, key=len).rpartition("/")[0] if found else None
 
 
 @contextmanager
 def reading(what: str) -> Iterator[None]:
-    """Say in one line what cannot be read, and why; damaged chunks fail in many ways."""
+    """Convert errors to one line; damaged chunks raise many types."""
     try:
         yield
     except MemoryError:
@@ -92,26 +92,26 @@ def reading(what: str) -> Iterator[None]:
     except ConnectionError:
         raise
     except json.JSONDecodeError as error:
-        raise ValueError(f"{what}: its metadata are no JSON: {one_line(error)}") from None
+        raise ValueError(f"{what}: its metadata is not JSON: {one_line(error)}") from None
     except Exception as error:
         _settle()
         if isinstance(error, LimitError):
             raise ValueError(f"{what}: {one_line(error):.300}") from None
         if type(error).__module__.startswith("obstore"):
             raise ConnectionError(f"{what} cannot be fetched: {_reason(error)}") from None
-        raise ValueError(f"{what} is no zarr, or damaged: {one_line(error):.300}") from None
+        raise ValueError(f"{what} is not zarr, or damaged: {one_line(error):.300}") from None
 
 
 @contextmanager
 def reading_metadata(what: str) -> Iterator[None]:
-    """The same of metadata, at which zarr warns of codecs that not all programs have."""
+    """As `reading`, without zarr's warnings about non-standard codecs."""
     with reading(what), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         yield
 
 
 def _settle() -> None:
-    """Wait for what zarr has begun beside a read that failed; it would be said of it at the end."""
+    """Wait for zarr's pending tasks after a failed read, which would print errors at exit."""
     import asyncio
 
     from zarr.core import sync
@@ -120,7 +120,7 @@ def _settle() -> None:
         begun = [
             task
             for task in asyncio.all_tasks()
-            if getattr(task.get_coro(), "__name__", "") != "_runner"  # which wait for these
+            if getattr(task.get_coro(), "__name__", "") != "_runner"  # of tasks that wait for these
         ]
         if begun:
             await asyncio.wait(begun, timeout=SETTLING)
@@ -130,5 +130,5 @@ def _settle() -> None:
 
 
 def _reason(error: Exception) -> str:
-    """What an error of obstore says, without its source code."""
+    """Message of an obstore error, without its source code."""
     return visible(" ".join(str(error).partition("Debug source")[0].split()))[:300]

@@ -1,4 +1,4 @@
-"""Pictures in chunks: arrays of zarr and images of OME-Zarr, as files have them."""
+"""Read and write pictures as zarr arrays and OME-Zarr images."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -24,9 +24,9 @@ from resample.files.writing import beside, unwritten
 from resample.memory.mapped import array_where_it_fits
 
 SUFFIX = ".zarr"
-SIDE = 256  # px of chunks that are written
-NAMES = {1: ("Y",), 3: ("R", "G", "B"), 4: ("R", "G", "B", "A")}  # channels, by their number
-LETTERS = {2: "yx", 3: "yxc"}  # axes of arrays that do not name theirs
+SIDE = 256  # px, of written chunks
+NAMES = {1: ("Y",), 3: ("R", "G", "B"), 4: ("R", "G", "B", "A")}  # channels, by their count
+LETTERS = {2: "yx", 3: "yxc"}  # default axes by number of dimensions
 DEPTHS = {"uint8": 8, "uint16": 16, "float16": 32, "float32": 32, "float64": 32}  # bits
 
 
@@ -34,12 +34,12 @@ Part = tuple[slice, slice]  # rows and columns
 
 
 class StoredPicture(NamedTuple):
-    """A picture that is in chunks."""
+    """A picture in chunks."""
 
     array: Any  # of zarr
-    axes: str  # letters of y, x, and perhaps c, z and t, in the order of the array
+    axes: str  # letters y, x and optional c, z and t, in the order of the array
     name: str
-    holes: Holes | None = None  # what is missing of it
+    holes: Holes | None = None  # missing chunks
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -54,11 +54,11 @@ class StoredPicture(NamedTuple):
 
     @property
     def bits(self) -> int:
-        """Of a value: 8, 16, or 32 for floats."""
+        """Bits of a value: 8, 16, or 32 for floats."""
         return DEPTHS[self.array.dtype.name]
 
     def rows(self, first: int, last: int, across: slice = slice(None)) -> NDArray[Any]:
-        """Rows (N, W, C), or some columns of them, as stored; floats in 32 bits at most.
+        """Read rows (N, W, C), or some of their columns, as stored; floats have at most 32 bits.
 
         Raises
         ------
@@ -77,21 +77,21 @@ class StoredPicture(NamedTuple):
         return turned.astype(np.float32) if turned.dtype.itemsize == 8 else turned
 
     def strips(self, seen: Part | None = None) -> Iterator[NDArray[Any]]:
-        """All rows, or those of a part, as many at a time as a chunk has; errors as of `rows`."""
+        """Read all rows, or those of a part, one row of chunks at a time; errors as in `rows`."""
         down, across = seen or (slice(0, self.shape[0]), slice(None))
         step = max(1, self.array.chunks[self.axes.index("y")])
         ends = [*range(down.start // step * step + step, down.stop, step), down.stop]
         return (self.rows(*pair, across) for pair in pairwise([down.start, *ends]))
 
     def levels(self, seen: Part | None = None) -> NDArray[Any]:
-        """All rows (H, W, C), in memory or in a file, see `array_where_it_fits`.
+        """Read all rows (H, W, C) to memory or to a file, see `array_where_it_fits`.
 
-        Of a part that is `seen` there is what is stored, elsewhere may be anything.
+        With `seen`, only that part is defined.
 
         Raises
         ------
         ValueError, OSError
-            They cannot be read, or fit nowhere.
+            They cannot be read, or do not fit anywhere.
         """
         stored = self.array.dtype
         kind = np.dtype(np.float32) if stored.itemsize == 8 else stored.newbyteorder("=")
@@ -104,23 +104,23 @@ class StoredPicture(NamedTuple):
 
 
 def is_in_store(path: Place) -> bool:
-    """Whether a picture is of zarr: a folder, a zip file, or at an address."""
+    """Whether a picture is a zarr store: a folder, a zip file, or at an address."""
     if isinstance(path, Address):
         return True
     return is_store(path) or (path.suffix.lower() in ZIPS and path.is_file())
 
 
 def open_picture(path: Place) -> StoredPicture:
-    """Picture in a store of zarr, of an OME-Zarr the finest.
+    """Open a picture in a zarr store; for OME-Zarr the finest level.
 
     Raises
     ------
     ValueError
-        The extra is not installed, it is no picture, or its metadata cannot be read.
+        The extra is not installed, it is not a picture, or its metadata cannot be read.
     OSError
-        There is nothing of that name, or it must not be read; or it cannot be fetched.
+        The path does not exist, access is denied, or it cannot be fetched.
     """
-    node, name = open_node(path), path.name  # says what is missing
+    node, name = open_node(path), path.name  # raises if zarr is missing
     import zarr
 
     if isinstance(node, zarr.Array):
@@ -141,7 +141,7 @@ def open_picture(path: Place) -> StoredPicture:
 
 
 def _checked(found: StoredPicture) -> StoredPicture:
-    """Picture in chunks that can be one."""
+    """Check that an array can be a picture."""
     from resample.files.stores.guarding import guard
 
     array, axes, name, _ = found
@@ -151,15 +151,17 @@ def _checked(found: StoredPicture) -> StoredPicture:
     others = [letter for letter in axes if letter not in "yxc"]
     if any(array.shape[axes.index(letter)] != 1 for letter in others):
         raise ValueError(
-            f"{name} is an array {sizes} ({', '.join(axes)}), so no single picture; volumes are "
+            f"{name} is an array {sizes} ({', '.join(axes)}), not a single picture; volumes are "
             "for resample-volume"
         )
     if min(array.shape) < 1 or min(array.chunks, default=0) < 1:
         raise ValueError(f"{name} is an array {sizes} in chunks of {array.chunks}; get it again")
     if found.shape[2] not in NAMES:
-        raise ValueError(f"{name} has {found.shape[2]} channels; 1, 3 (RGB) or 4 (RGBA) are read")
+        raise ValueError(
+            f"{name} has {found.shape[2]} channels; 1, 3 (RGB) or 4 (RGBA) are supported"
+        )
     if array.dtype.name not in DEPTHS:
-        raise ValueError(f"{name} is of {array.dtype}; read are {', '.join(DEPTHS)}")
+        raise ValueError(f"{name} is of {array.dtype}; supported are {', '.join(DEPTHS)}")
     guard(array, name)
     holes = holes_of(array, name)
     if line := holes.told(array.fill_value):
@@ -168,32 +170,32 @@ def _checked(found: StoredPicture) -> StoredPicture:
 
 
 def check_store(path: Path) -> None:
-    """Refuse a store that could not be written in the end, before any work is done.
+    """Reject a store that could not be written, before any work is done.
 
     Raises
     ------
     ValueError
-        The extra is not installed, or there is something of that name.
+        The extra is not installed, or the path exists.
     """
     require_zarr(path.name)
     if path.exists():
-        raise ValueError(f"{path} is there already; remove it or give another name")
+        raise ValueError(f"{path} already exists; remove it or give another name")
 
 
 @contextmanager
 def writing_store(path: Path, height: int) -> "Iterator[StoreRows]":
-    """Write a picture of so many rows; the store appears when the block ends well.
+    """Write a picture of `height` rows; the store appears when the block succeeds.
 
     Yields
     ------
-    What takes the rows from the top.
+    The object that takes the rows from the top.
 
     Raises
     ------
     ValueError
-        As of `check_store`; or they are not so many.
+        As in `check_store`; or the number of rows differs.
     OSError
-        It cannot be written; nothing of it stays.
+        It cannot be written; no partial store is left.
     """
     check_store(path)
     try:
@@ -207,11 +209,11 @@ def writing_store(path: Path, height: int) -> "Iterator[StoreRows]":
 
 
 class StoreRows:
-    """A store that is being written, chunk by chunk."""
+    """A store that is written chunk by chunk."""
 
     def __init__(self, temporary: Path, height: int) -> None:
         self.temporary, self.height = temporary, height
-        self.done = 0  # rows that are in the store
+        self.done = 0  # rows written
         self.waiting: list[NDArray[Any]] = []
         self.array: Any = None
 
@@ -226,11 +228,11 @@ class StoreRows:
         self.waiting = [held[whole:]]
 
     def close(self) -> None:
-        """Write what is left to be written."""
+        """Write remaining rows."""
         for rows in self.waiting:
             self._write(rows)
         if self.done != self.height:
-            raise ValueError(f"only {self.done} of {self.height} rows came")
+            raise ValueError(f"only {self.done} of {self.height} rows were given")
 
     def _write(self, rows: NDArray[Any]) -> None:
         last = self.done + len(rows)

@@ -1,4 +1,4 @@
-"""JPEG files, which are encoded in memory: libjpeg ends the process if it cannot write."""
+"""Encode JPEG files in memory: libjpeg ends the process if a write fails."""
 
 import errno
 import os
@@ -11,28 +11,28 @@ import numpy as np
 
 from resample.reading.names import plain
 
-MOST = 4  # bytes of a value that is encoded: no code of libjpeg's takes more than 26 bits
-HEAD = 1 << 16  # bytes of what is written besides values and attributes
-STEP = 1 << 20  # bytes that are taken from memory at once
+MOST = 4  # upper bound on bytes per encoded value: no code of libjpeg's exceeds 26 bits
+HEAD = 1 << 16  # bytes besides values and attributes
+STEP = 1 << 20  # bytes moved from memory to disk at once
 
 
 class HeldJpeg:
-    """File of OpenImageIO for a JPEG, with its methods, which gets to the disk through Python.
+    """OpenImageIO output for a JPEG, written to disk by Python.
 
-    Where the system has no files in memory (others than Linux), or limits how large files may be,
-    it is refused beforehand if there might be no room for it.
+    If the system has no in-memory files (other than Linux) or limits the size of files, it is
+    rejected beforehand if it might not fit.
 
     Parameters
     ----------
     path
-        What is written, which is there.
+        Existing file to write to.
     spec
-        Of OpenImageIO: what is told of the picture.
+        OpenImageIO header of the picture.
 
     Raises
     ------
     OSError
-        There is no room, which methods that write may raise as well; or it cannot be begun.
+        There is not enough space (writing methods may raise this too), or it cannot be started.
     """
 
     def __init__(self, path: Path, spec: Any) -> None:
@@ -53,29 +53,29 @@ class HeldJpeg:
         self._held.close()
 
     def write_image(self, pixels: Any) -> bool:
-        """Write all rows; whether that went well."""
+        """Write all rows; returns whether it succeeded."""
         return self._drained(is_done=self._target.write_image(pixels))
 
     def write_scanlines(self, first: int, last: int, z: int, pixels: Any) -> bool:
-        """Write some rows; whether that went well."""
+        """Write some rows; returns whether it succeeded."""
         return self._drained(is_done=self._target.write_scanlines(first, last, z, pixels))
 
     def close(self) -> bool:
-        """Write what is left; whether that went well."""
+        """Finish the file; returns whether it succeeded."""
         with self._held:
             return self._drained(is_done=self._target.close())
 
     @property
     def has_error(self) -> bool:
-        """Whether OpenImageIO complains."""
+        """Whether OpenImageIO reports an error."""
         return bool(self._target.has_error)
 
     def geterror(self) -> str:
-        """What it complains about."""
+        """The error message."""
         return str(self._target.geterror())
 
     def _drained(self, *, is_done: bool) -> bool:
-        """Put what is in memory by now into the file."""
+        """Move the data in memory to the file."""
         if self._memory is None:
             return is_done
         end = os.fstat(self._memory).st_size
@@ -83,12 +83,12 @@ class HeldJpeg:
             data = os.pread(self._memory, min(STEP, end - self._done), self._done)
             self._file.write(data)
             self._done += len(data)
-        os.ftruncate(self._memory, 0)  # what follows is written behind a hole, which takes no room
+        os.ftruncate(self._memory, 0)  # later writes follow a hole, which takes no space
         return is_done
 
 
 def _memory() -> int | None:
-    """File in memory that has a name, by its number; None where there is none."""
+    """Descriptor of a new in-memory file; None if there is no such thing."""
     if hasattr(os, "memfd_create"):
         with suppress(OSError):
             memory = os.memfd_create("jpeg")
@@ -103,13 +103,13 @@ def _name(memory: int) -> str:
 
 
 def _most(spec: Any) -> int:
-    """Bytes that a JPEG cannot be larger than."""
+    """Upper bound on the size of the JPEG in bytes."""
     told = sum(np.asarray(attribute.value).nbytes for attribute in spec.extra_attribs)
     return MOST * int(spec.width) * int(spec.height) * int(spec.nchannels) + told + HEAD
 
 
 def _check_room(path: Path, most: int, *, is_on_disk: bool) -> None:
-    """Refuse what might not be written as a whole."""
+    """Reject a file that might not fit."""
     limit = _limit()
     if limit is not None and most > limit:
         raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
@@ -118,7 +118,7 @@ def _check_room(path: Path, most: int, *, is_on_disk: bool) -> None:
 
 
 def _limit() -> int | None:
-    """Bytes that the system lets a file of this process have, in memory as well."""
+    """Limit on the size of files of this process, in memory too; None if there is none."""
     try:
         import resource
     except ImportError:  # Windows

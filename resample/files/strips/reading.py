@@ -1,7 +1,7 @@
-"""Pictures that are kept as their files store them, in memory or in a file meanwhile.
+"""Pictures kept in their stored form, in memory or in a temporary file.
 
-Levels of 8 and 16 bits stay levels, and halves of light stay halves; all else is kept as light, or
-as numbers, of 32 bits.
+8- and 16-bit levels stay levels, half floats stay half floats; everything else is kept as light,
+or as numbers, of 32 bits.
 """
 
 from collections.abc import Iterator
@@ -29,7 +29,7 @@ from resample.files.stores.pictures import Part, StoredPicture, is_in_store, ope
 from resample.memory.mapped import array_where_it_fits
 from resample.types import Floats
 
-WIDE = ("int32", "uint32")  # numbers that 32 bits of floating point do not hold
+WIDE = ("int32", "uint32")  # integers that float32 cannot represent exactly
 
 
 class KeptPicture(NamedTuple):
@@ -38,18 +38,18 @@ class KeptPicture(NamedTuple):
     data: NDArray[Any]  # (H, W, C) levels of straight alpha; or light, premultiplied, or numbers
     kind: Kind
     about: About
-    has_nans: bool = False  # values that are missing
-    has_gaps: bool = False  # values that are not finite: those, and infinite ones
+    has_nans: bool = False  # missing values
+    has_gaps: bool = False  # missing or infinite values
 
     @property
     def has_levels(self) -> bool:
-        """Whether values are levels, which are not light yet."""
+        """Whether values are levels that are not converted to light yet."""
         return self.data.dtype.kind == "u"
 
 
 @dataclass(frozen=True, eq=False)
 class Keepable:
-    """A picture that may be kept, of which nothing but the header is read as yet."""
+    """A picture whose header has been read, and that can be kept."""
 
     path: Place
     header: Header
@@ -62,12 +62,12 @@ class Keepable:
 
     @property
     def is_encoded(self) -> bool:
-        """Whether there are levels of the sRGB curve, or light that was made of such."""
+        """Whether it has sRGB-encoded levels, or light converted from them."""
         return self.header.kind.is_encoded
 
     @cached_property
     def dtype(self) -> np.dtype[Any]:
-        """Type of the values that are kept."""
+        """Type of the kept values."""
         if self.is_plain:
             return np.dtype(np.uint8 if self.header.kind.bits == 8 else np.uint16)
         if self.stored is not None:
@@ -79,31 +79,31 @@ class Keepable:
 
     @cached_property
     def is_plain(self) -> bool:
-        """Whether its levels are all that there is to it."""
+        """Whether it has nothing but its levels."""
         return is_plain(self.path, self.header)
 
     @property
     def size(self) -> int:
-        """Bytes that are kept."""
+        """Bytes of the kept values."""
         height, width, channels = self.shape
         return height * width * channels * self.dtype.itemsize
 
     def keep(self, seen: Part | None = None) -> KeptPicture:
-        """Read the picture as `read_picture` does, but as it is stored, where that is smaller.
+        """Read the picture as `read_picture` does, but keep the stored form if it is smaller.
 
-        What memory should not hold is in a file, see `array_where_it_fits`.
+        Large arrays are kept in a file, see `array_where_it_fits`.
 
         Parameters
         ----------
         seen
-            Rows and columns that are wanted. Others of levels that are in chunks are not read.
+            Rows and columns needed. Other levels in chunks are not read.
 
         Raises
         ------
         OSError
             The file is missing or damaged.
         ValueError
-            It fits nowhere.
+            It fits neither into memory nor on the disk.
         """
         header = self.header
         if self.is_plain:
@@ -124,7 +124,7 @@ class Keepable:
 
     @property
     def _file(self) -> Path:
-        assert isinstance(self.path, Path)  # what is elsewhere is in a store
+        assert isinstance(self.path, Path)  # addresses are always stores
         return self.path
 
     def _levels(self, seen: Part | None) -> NDArray[Any]:
@@ -135,7 +135,7 @@ class Keepable:
         return upright(levels, self.header.orientation)
 
     def _strips(self) -> Iterator[Floats]:
-        """Light, or numbers, as pixels are stored, from the top."""
+        """Light, or numbers, in the stored orientation, from the top."""
         kind = self.header.kind
         if self.stored is not None:
             rows = self.stored.strips()
@@ -144,7 +144,7 @@ class Keepable:
 
 
 def keepable(path: Place) -> Keepable | None:
-    """Picture of a file; None of numbers that 32 bits of floating point do not hold.
+    """Open a picture to keep; None for integers that float32 cannot represent.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Pictures written as their rows come."""
+"""Write pictures row by row."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -16,24 +16,24 @@ Put = Callable[[Picture], None]
 
 @contextmanager
 def writing_rows(path: Path, height: int, look: Look) -> Iterator[Put]:
-    """Write a picture of so many rows; the file appears when the block ends well.
+    """Write a picture of `height` rows; the file appears when the block succeeds.
 
     Parameters
     ----------
     path, look
-        As `write_picture` takes them.
+        As in `write_picture`.
     height
         Rows of the whole picture.
 
     Yields
     ------
-    What takes the picture's rows from the top, as many at a time as one likes, but all with the
-    same channels.
+    The function that takes the picture's rows from the top, any number at a time, always with
+    the same channels.
 
     Raises
     ------
     ValueError
-        The format cannot hold them, or they are not so many.
+        The format cannot store them, or the number of rows differs.
     OSError
         The file cannot be written.
     """
@@ -48,7 +48,7 @@ def writing_rows(path: Path, height: int, look: Look) -> Iterator[Put]:
 
 
 class _Rows:
-    """A file that is being written."""
+    """A file being written."""
 
     def __init__(self, path: Path, temporary: Path, height: int, look: Look) -> None:
         self.path, self.temporary, self.height, self.look = path, temporary, height, look
@@ -70,9 +70,9 @@ class _Rows:
         self.done = last
 
     def close(self) -> None:
-        """Write what is left to be written."""
+        """Write remaining rows."""
         if self.done != self.height:
-            raise ValueError(f"{self.path}: only {self.done} of {self.height} rows came")
+            raise ValueError(f"{self.path}: only {self.done} of {self.height} rows were given")
         self._check(is_done=self.target.close())
         finish(self.path, self.temporary, [self.stored])
 

@@ -1,1 +1,1 @@
-"""Windows whose samples come part by part, nearest first."""
+"""Paint windows from samples that are loaded in parts, nearest first."""

@@ -1,4 +1,4 @@
-"""Where steps end: before a key that no sample is below which was not loaded yet."""
+"""Ends of steps: the key up to which all samples are loaded."""
 
 import math
 from collections.abc import Callable
@@ -20,37 +20,37 @@ Output = tuple[Film, Floats, Tally, "Carried"]  # the second are values of proje
 
 
 class Between(Enum):
-    """What steps end between."""
+    """Units between which a step can end."""
 
-    SPLATS = 0  # that are composited one by one
+    SPLATS = 0  # composited one by one
     LAYERS = 1  # of points
     SHEETS = 2  # of whole splats
     SLABS = 3  # that cut splats
-    NOTHING = 4  # all samples are one sum
+    NOTHING = 4  # all samples form one sum
 
 
 class EndOfStep(NamedTuple):
-    """The end of a step."""
+    """End of a step."""
 
-    last: Single  # key of samples that are not painted any more
-    again: Single  # least key of samples that are in memory for the next step
+    last: Single  # samples from this key on are not painted yet
+    again: Single  # smallest key of samples that stay in memory for the next step
     due: int  # number of the first layer that is not composited
 
 
 class InSteps(NamedTuple):
-    """How samples of a scene that was planned are painted step by step."""
+    """Painter of a planned scene, step by step."""
 
     runs: Callable[[Samples], Runs]
-    paint: Callable[[Indices, Tiles, Runs, Output], None]  # tiles of some numbers
+    paint: Callable[[Indices, Tiles, Runs, Output], None]  # paints tiles of given numbers
     between: Between
-    kept: int  # numbers of a sub-pixel that are kept between steps
-    is_measuring: bool = False  # values of a projection
+    kept: int  # numbers per sub-pixel that are kept between steps
+    is_measuring: bool = False  # values of a projection are measured
 
 
 def keys_of(scene: Scene, source: SamplesInParts) -> tuple[Floats, Floats, Single]:
-    """What no key of a part (P,) is below, nor above, and how wrong single keys may be.
+    """Lower and upper bounds of keys in each part (P,), and the error of single keys.
 
-    They are those of single samples, also where sheets of them are summed.
+    They are keys of single samples, even if sheets are summed.
     """
     layers, view = scene.layers, scene.view
     eye = -view.rotation.T @ view.translation
@@ -66,12 +66,12 @@ def keys_of(scene: Scene, source: SamplesInParts) -> tuple[Floats, Floats, Singl
     slack = SLACK * size
     reach = per_unit * source.radius + slack
     near = (place - reach).astype(np.float32)
-    near[near == 0] = -np.finfo(np.float32).tiny  # keys of -0 come before those of 0
+    near[near == 0] = -np.finfo(np.float32).tiny  # keys of -0 sort before those of 0
     return near, (place + reach).astype(np.float32), np.float32(slack)
 
 
 def cut_at(scene: Scene, between: Between, key: Single, slack: Single) -> EndOfStep:
-    """End of a step after which no sample has a key below this one, give or take a slack."""
+    """End of a step after which all other samples have keys of at least `key` minus `slack`."""
     is_end = key == np.inf
     thickness = np.float32(scene.layers.thickness)
     if is_end or between in (Between.SPLATS, Between.NOTHING):
@@ -79,11 +79,11 @@ def cut_at(scene: Scene, between: Between, key: Single, slack: Single) -> EndOfS
     if between is Between.SLABS:
         reach = math.sqrt(scene.ellipsoid.covariance[2, 2])
         due = math.floor((float(key) - float(slack) - reach) / scene.layers.thickness)
-        # One slab more, as who is added first says which slab is.
+        # One more slab, since the first sample added determines its slab.
         again = (due - 1) * scene.layers.thickness - reach
         return EndOfStep(key, np.float32(again - slack), due)
     if between is Between.SHEETS and scene.layers.eye > -np.inf:
-        # A sheet's middle is half a sheet from what lies in it, at most.
+        # The middle of a sheet is at most half a sheet from its samples.
         last = np.float32(max(0.0, (float(key) - float(slack)) / float(thickness) - 0.5))
         return EndOfStep(last, last, NEVER)
     number = math.floor(key / thickness)
@@ -94,7 +94,7 @@ def cut_at(scene: Scene, between: Between, key: Single, slack: Single) -> EndOfS
 
 
 def _first_of_layer(number: int, thickness: Single) -> Single:
-    """Least key that lies in a layer, as kernels number them."""
+    """Smallest key in a layer, as kernels number them."""
     key = np.float32(np.float32(number) * thickness)
     far = np.float32(np.inf)
     while math.floor(key / thickness) >= number:
@@ -105,7 +105,7 @@ def _first_of_layer(number: int, thickness: Single) -> Single:
 
 
 def most_waiting(scene: Scene, source: SamplesInParts, between: Between) -> int:
-    """Samples that are in memory because parts may be nearer that are not loaded yet, at most."""
+    """Upper bound on samples in memory that wait for parts that may be nearer."""
     near, far, _ = keys_of(scene, source)
     far = far + np.float32(_kept_before(scene, between))
     behind, order = np.argsort(far), np.argsort(near)
@@ -116,7 +116,7 @@ def most_waiting(scene: Scene, source: SamplesInParts, between: Between) -> int:
 
 
 def _kept_before(scene: Scene, between: Between) -> float:
-    """How far before the end of a step, in keys of single samples, there are some that wait."""
+    """Distance in keys before the end of a step within which samples are kept."""
     if between is Between.SLABS:
         return 2 * math.sqrt(scene.ellipsoid.covariance[2, 2]) + 3 * scene.layers.thickness
     return 2 * scene.layers.thickness if between in (Between.LAYERS, Between.SHEETS) else 0.0

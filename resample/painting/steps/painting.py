@@ -1,7 +1,7 @@
-"""Paint a window from the nearest parts on: what is behind opaque tiles stays away.
+"""Paint a window in steps from front to back: parts behind opaque tiles are never loaded.
 
-Between steps tiles are kept as they are by then. Each step paints those samples that are nearer
-than any part that was not loaded yet; the others wait.
+Tiles keep their state between steps. Each step paints the samples that are nearer than any part not
+loaded yet; the others wait.
 """
 
 from typing import TYPE_CHECKING
@@ -28,31 +28,31 @@ from resample.watching import Progress, look, told
 if TYPE_CHECKING:
     from resample.engine.ellipsoids.steps import Carried, Step
 
-BORDER = 1.0  # px, that rounding may take away of bounds, at most
+BORDER = 1.0  # px, largest rounding error of bounds
 
 Flags = NDArray[np.bool_]
 
 
 def bytes_kept(scene: Scene, by: InSteps) -> int:
-    """What a window takes from step to step, besides samples."""
+    """Bytes of a window's state between steps, without samples."""
     return 4 * by.kept * int(_subpixels(scene, _tiles_of(scene)).sum())
 
 
 def paint_in_steps(
     scene: Scene, by: InSteps, source: SamplesInParts, progress: Progress | None
 ) -> Painted:
-    """Window of a picture.
+    """Paint a window of a picture.
 
     Parameters
     ----------
     scene
-        Has a window, and a plan that knows how fine its tiles are.
+        Scene with a window, and a plan with the spacings of its tiles.
     by
-        How its samples are painted.
+        Painter of its samples.
     source
-        What the window may show, at least.
+        All parts that may be visible in the window.
     progress
-        Called with the share of the samples that were painted or are hidden.
+        Called with the fraction of samples that are painted or hidden.
     """
     from resample.engine.ellipsoids.steps import OPAQUE
 
@@ -86,14 +86,14 @@ def paint_in_steps(
 
 
 def _next_step(step: "Step", between: Between, end: EndOfStep) -> "Step":
-    """What the next step paints, but for where it ends."""
+    """Next step, with the end left open."""
     again = end.again if between is Between.SLABS else end.last
     counts = between in (Between.SLABS, Between.LAYERS)
     return step._replace(again=again, first=end.last, done=end.due if counts else step.done)
 
 
 def _tiles_of(scene: Scene) -> Tiles:
-    """Tiles of a scene that was planned, without members."""
+    """Tiles of a planned scene, without members."""
     plan = plan_of(scene)
     rows, columns = tiles_along(scene.screen, plan.tile)
     spacing = plan.spacing
@@ -104,7 +104,7 @@ def _tiles_of(scene: Scene) -> Tiles:
 
 
 def _subpixels(scene: Scene, tiles: Tiles) -> Indices:
-    """Sub-pixels of each tile (T,) of the window."""
+    """Number of sub-pixels of each tile (T,) of the window."""
     from resample.engine.ellipsoids.steps import count_subpixels
 
     count = np.zeros(tiles.spacing.size, np.int64)
@@ -113,7 +113,7 @@ def _subpixels(scene: Scene, tiles: Tiles) -> Indices:
 
 
 def _nothing_carried(scene: Scene, by: InSteps, tiles: Tiles) -> "Carried":
-    """Tiles before the first step."""
+    """State of the tiles before the first step."""
     from resample.engine.ellipsoids.steps import Carried, Step
 
     start = np.concatenate([[0], np.cumsum(_subpixels(scene, tiles))])
@@ -125,14 +125,14 @@ def _nothing_carried(scene: Scene, by: InSteps, tiles: Tiles) -> "Carried":
 
 
 def _all_open(scene: Scene, tiles: Tiles) -> Flags:
-    """Pixels of tiles (T, S, S), of those of the window all."""
+    """Mask of pixels (T, S, S) with those of the window open."""
     is_open = np.zeros((tiles.spacing.size, tiles.size, tiles.size), bool)
     is_open[shown(scene, tiles)] = True
     return is_open
 
 
 def _are_met(scene: Scene, tiles: Tiles, carried: "Carried", bounds: Floats) -> Flags:
-    """Which bounds (N, 4), px, meet a pixel that is open."""
+    """Mask of bounds (N, 4), px, that contain an open pixel."""
     (rows, columns), side = tiles_along(scene.screen, tiles.size), tiles.size
     is_open = carried.is_open.reshape(rows, columns, side, side).swapaxes(1, 2)
     height, width = rows * side, columns * side
@@ -151,7 +151,7 @@ def _are_met(scene: Scene, tiles: Tiles, carried: "Carried", bounds: Floats) -> 
 def _with_next(
     source: SamplesInParts, left: Indices, waiting: Samples | None
 ) -> tuple[Samples | None, Indices]:
-    """Samples that wait and those of the next parts, one at least; and the parts after them."""
+    """Waiting samples plus those of the next parts, at least one; and the parts after these."""
     taken = max(1, int(np.searchsorted(source.sizes[left].cumsum(), source.step, "right")))
     found = [waiting] if waiting is not None else []
     if left.size:
@@ -161,7 +161,7 @@ def _with_next(
 
 
 def _together(parts: list[Samples]) -> Samples | None:
-    """All samples of some parts, if there are any."""
+    """Concatenate samples of parts; None if there are none."""
     some = [part for part in parts if len(part.extinction)]
     if len(some) < 2:
         return some[0] if some else None
@@ -181,7 +181,7 @@ def _paint_step(
     are_open: Flags,
     painted: Painted,
 ) -> None:
-    """Paint samples whose turn it is on tiles that are open."""
+    """Paint the samples of a step on open tiles."""
     runs = by.runs(samples)
     runs.known["seen"][runs.known["key"] >= carried.step.last] = 0
     tiles, load = dealt(scene, runs, _find_nothing)
@@ -191,11 +191,11 @@ def _paint_step(
 
 
 def _find_nothing(tiles: Tiles) -> None:
-    """Spacings of tiles are known."""
+    """Do nothing: the spacings of tiles are known."""
 
 
 def _behind(scene: Scene, by: InSteps, samples: Samples, end: EndOfStep) -> Samples | None:
-    """Samples that the next step wants, if there are any."""
+    """Samples to keep for the next step; None if there are none."""
     summing = Summing.SHEETS if by.between is Between.SHEETS else Summing.POINTS
     key = sheets_of(scene.layers, summing, samples.position, scene.view).key
     are_left = np.flatnonzero(key >= end.again)

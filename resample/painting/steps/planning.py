@@ -1,4 +1,4 @@
-"""Who paints a picture whose samples are looked at part by part."""
+"""Choose the painter of a picture whose samples are loaded in parts."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -14,18 +14,18 @@ from resample.painting.steps.parts import SLACK, SamplesInParts
 from resample.types import AFFINE, MOST_COLUMNS, SMALL_ANGLE, Samples
 
 EVERYBODY = (SPLATS, POINTS, MIXTURE)
-MIRRORED = (AFFINE, SMALL_ANGLE)  # footprints that reach as far on both sides of their center
+MIRRORED = (AFFINE, SMALL_ANGLE)  # footprints that are symmetric about their center
 
 
 class Painters(NamedTuple):
-    """Who may paint samples of some choices."""
+    """Painters that are possible with some choices."""
 
     is_streamed: bool  # splats are composited one by one
     has_point_filter: bool  # the filter of points is a formula
 
 
 def _tile_of(scene: Scene, by: Painters, plan: PicturePlan) -> int:
-    """Px, side of a tile of a picture of such samples."""
+    """Side in px of a tile for a picture of such samples."""
     from resample.engine.grid import grid_of
 
     columns = MOST_COLUMNS if by.is_streamed else columns_of(scene, plan.least)
@@ -33,7 +33,7 @@ def _tile_of(scene: Scene, by: Painters, plan: PicturePlan) -> int:
 
 
 def plans_of(scene: Scene, samples: Samples, by: Painters, asked: Sequence[str]) -> PlansOfPart:
-    """Plans of some samples, as far as they are asked for and there may be such a painter."""
+    """Plans of some samples for the requested painters, as far as possible."""
     planned = planned_as if by.is_streamed else planned_as_summed
     splats = points = mixture = None
     if SPLATS in asked and are_splats_exact(scene):
@@ -50,7 +50,7 @@ def _may_be_points(scene: Scene, by: Painters) -> bool:
 
 
 def plan_of_all(scene: Scene, by: Painters, parts: Sequence[PlansOfPart]) -> PicturePlan | None:
-    """Plan that all samples would have together; None: more of their plans are needed."""
+    """Plan of all samples together; None: plans for other painters are needed."""
     splats, points, mixture = (_together(plans) for plans in zip(*parts, strict=True))
     found = None
     if are_splats_exact(scene):
@@ -68,17 +68,17 @@ def plan_of_all(scene: Scene, by: Painters, parts: Sequence[PlansOfPart]) -> Pic
 
 
 def _together(plans: Sequence[PicturePlan | None]) -> PicturePlan | None:
-    """Plan of one painter for all parts, if it is known of each."""
+    """Combined plan of one painter; None if it is missing for a part."""
     known = [plan for plan in plans if plan is not None]
     return together(known) if len(known) == len(plans) else None
 
 
 def reach_beyond(scene: Scene, plan: PicturePlan) -> tuple[bool, float]:
-    """How far samples are painted beyond their exact footprints.
+    """Extent of painted samples beyond their exact footprints.
 
     Returns
     -------
-    Whether on one side of their center as far as they reach on the other; and px, at most.
+    Whether they are symmetric about their center, and a bound on the extent, px.
     """
     from resample.engine.points.adding import MOST_TAPS
 
@@ -96,10 +96,10 @@ def reach_beyond(scene: Scene, plan: PicturePlan) -> tuple[bool, float]:
 
 
 def plan_of_parts(scene: Scene, source: SamplesInParts, by: Painters) -> PicturePlan | None:
-    """Plan of splats of exact footprint, if places of parts say enough; None: they do not.
+    """Plan of splats with exact footprints from bounds of parts; None if these do not suffice.
 
-    They do where sub-pixels of the whole picture are as fine, and no sample may be a point. Layers
-    do not begin at the first sample.
+    They suffice if the whole picture has equal sub-pixels and no sample may be a point. Layers do
+    not begin at the first sample.
     """
     from resample.engine.grid import grid_of
 
@@ -125,9 +125,9 @@ def plan_of_parts(scene: Scene, source: SamplesInParts, by: Painters) -> Picture
 
 
 def _spacings(scene: Scene, source: SamplesInParts) -> tuple[float, float]:
-    """No less and no more are spacings of samples, px; 0 where one may be cut by the near plane.
+    """Bounds on the spacings of samples, px; 0 where the near plane may cut one.
 
-    As `_spacings_of` of `resample.engine.ellipsoids.run_bounds`, of balls.
+    As `_spacings_of` of `resample.engine.ellipsoids.run_bounds`, for balls.
     """
     view, ellipsoid = scene.view, scene.ellipsoid
     center = source.center @ view.rotation.T + view.translation

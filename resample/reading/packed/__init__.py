@@ -1,1 +1,1 @@
-"""Data that are packed: what they become, told before or while they are unpacked."""
+"""Compressed data, with limits on their unpacked size."""

@@ -1,20 +1,20 @@
-"""Sizes of packed pictures, by their first bytes: some readers unpack them as soon as they open."""
+"""Sizes of compressed pictures from their first bytes: some readers decode when opening."""
 
 import struct
 from pathlib import Path
 from typing import BinaryIO
 
-START, SIZED = b"\xff\xd8", b"\xff\x4f\xff\x51"  # of JPEG and its kin; of JPEG 2000
-NO_FRAMES = (0xC4, 0xC8, 0xCC)  # among the marks of frames
+START, SIZED = b"\xff\xd8", b"\xff\x4f\xff\x51"  # of JPEG and its variants; of JPEG 2000
+NO_FRAMES = (0xC4, 0xC8, 0xCC)  # markers in the range of frames that are not frames
 OF_JPEG_LS = 0xF7
 BARE_XL, BOXED_XL, BOXED_2000 = b"\xff\x0a", b"\0\0\0\x0cJXL ", b"\0\0\0\x0cjP  "
-MOST_BOXES, NEAR = 1000, 1 << 16  # bytes within which JPEG 2000 tells its size
-BITS = (9, 13, 18, 30)  # of a side in JPEG XL
+MOST_BOXES, NEAR = 1000, 1 << 16  # bytes within which JPEG 2000 states its size
+BITS = (9, 13, 18, 30)  # field widths of a side in JPEG XL
 SHAPES = ((1, 1), (12, 10), (4, 3), (3, 2), (16, 9), (5, 4), (2, 1))  # width to height
 
 
 def size_of(frame: bytes) -> tuple[int, int] | None:
-    """Height and width of a picture of JPEG, JPEG-LS or JPEG 2000; None of others.
+    """Height and width of a JPEG, JPEG-LS or JPEG 2000 picture; None for others.
 
     Examples
     --------
@@ -39,7 +39,7 @@ def size_of(frame: bytes) -> tuple[int, int] | None:
 
 
 def size_at_once(path: Path) -> tuple[int, int] | None:
-    """Height and width of a file that is unpacked as it is opened, of JPEG 2000 or JPEG XL.
+    """Height and width of a file that is decoded when opened: JPEG 2000 or JPEG XL.
 
     Raises
     ------
@@ -64,7 +64,7 @@ def _of_jpeg_2000(sizes: bytes) -> tuple[int, int] | None:
 
 
 def _codestream(file: BinaryIO, head: bytes) -> bytes:
-    """First bytes of a picture of JPEG XL; nothing if none is found."""
+    """First bytes of a JPEG XL picture; empty if not found."""
     if head.startswith(BARE_XL):
         return file.read(32)
     place = 0
@@ -85,7 +85,7 @@ def _codestream(file: BinaryIO, head: bytes) -> bytes:
 
 
 def _of_jpeg_xl(head: bytes) -> tuple[int, int] | None:
-    """Height and width, which stand in the bits behind the mark, the lowest first."""
+    """Height and width from the bits after the marker, lowest first."""
     if not head.startswith(BARE_XL) or len(head) < 14:
         return None
     bits = int.from_bytes(head[2:], "little")

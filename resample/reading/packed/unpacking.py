@@ -1,6 +1,6 @@
-"""Packed data, unpacked to no more than they may become.
+"""Decompress data, with a limit on the unpacked size.
 
-Each kind is stopped where its output goes on beyond what is allowed, before memory holds it.
+Decompression stops when the output exceeds its limit, before memory holds it all.
 """
 
 import bz2
@@ -15,28 +15,28 @@ from resample.memory import amount
 from resample.reading.limits import check_free, check_items, check_ratio
 
 Buffer = bytes | bytearray | memoryview
-PLAIN = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # others unpack to their end, whatever they say
-ANY, RAW = 47, -15  # zlib's numbers for its own form or gzip's, and for neither
-PIECE = 1 << 20  # bytes that are unpacked at a time
-JOINED = (b"\x1f\x8b", b"BZ", b"\xfd7")  # first bytes of streams behind which others may follow
+PLAIN = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # methods that stop at the stated size
+ANY, RAW = 47, -15  # zlib's `wbits` for zlib or gzip headers, and for raw data
+PIECE = 1 << 20  # bytes unpacked at a time
+JOINED = (b"\x1f\x8b", b"BZ", b"\xfd7")  # first bytes of streams that may be followed by others
 
 
 def deflated(data: Buffer, most: int, form: int = ANY) -> bytes:
-    """What zlib, or gzip, has packed, in one or more streams.
+    """Unpack zlib or gzip data of one or more streams.
 
     Parameters
     ----------
     data
-        All of it.
+        All data.
     most
-        Bytes that it may become.
+        Limit in bytes.
     form
         `ANY` or `RAW`.
 
     Raises
     ------
     ValueError
-        It becomes more, is damaged or cut off.
+        It exceeds the limit, is damaged or truncated.
 
     Examples
     --------
@@ -49,29 +49,29 @@ def deflated(data: Buffer, most: int, form: int = ANY) -> bytes:
 
 
 def bunzipped(data: Buffer, most: int) -> bytes:
-    """What bzip2 has packed; parameters and errors as of `deflated`."""
+    """Unpack bzip2 data; parameters and errors as in `deflated`."""
     return _unpacked(data, most, bz2.BZ2Decompressor)
 
 
 def unlzma(data: Buffer, most: int, form: int, filters: Any = None) -> bytes:
-    """What LZMA has packed in one of its forms; parameters and errors as of `deflated`."""
+    """Unpack LZMA data in one of its forms; parameters and errors as in `deflated`."""
     return _unpacked(data, most, lambda: lzma.LZMADecompressor(form, None, filters))
 
 
 def check_deflated(what: str, data: Buffer, form: int = ANY) -> None:
-    """Refuse what zlib has packed if it becomes far too much; it is unpacked piece by piece.
+    """Reject zlib data that unpack to too much; they are unpacked piece by piece.
 
     Parameters
     ----------
     what
         Name for the message.
     data, form
-        As of `deflated`. What is damaged, or cut off, is counted up to there.
+        As in `deflated`. Damaged or truncated data count up to that point.
 
     Raises
     ------
     ValueError
-        It is more than so many bytes can honestly hold, or than the memory that is free.
+        It is more than plausible for the packed size, or than the free memory.
     """
     unpacker, rest, count = zlib.decompressobj(wbits=form), bytes(data), 0
     with suppress(zlib.error):
@@ -83,33 +83,33 @@ def check_deflated(what: str, data: Buffer, form: int = ANY) -> None:
 
 
 def check_becomes(count: int, most: int) -> None:
-    """Refuse what becomes more bytes than it may.
+    """Reject an unpacked size above a limit.
 
     Raises
     ------
     ValueError
-        It does.
+        It is above the limit.
     """
     if count > most:
         raise ValueError(f"it unpacks to more than {amount(most)}")
 
 
 def check_members(what: str, members: Iterable[zipfile.ZipInfo], things: str) -> None:
-    """Refuse a zip file of too many members, or of some whose sizes cannot be relied on.
+    """Reject a zip file with too many members, or with unreliable sizes.
 
     Parameters
     ----------
     what
         Name for the message.
     members
-        Of the file.
+        Members of the file.
     things
-        Word for them.
+        Word for them in the message.
 
     Raises
     ------
     ValueError
-        There are.
+        It is rejected.
     """
     listed = list(members)
     check_items(what, len(listed), things)
@@ -118,7 +118,7 @@ def check_members(what: str, members: Iterable[zipfile.ZipInfo], things: str) ->
 
 
 def check_member(what: str, member: zipfile.ZipInfo) -> None:
-    """Refuse a member of a zip file whose size cannot be relied on; parameters as of the above."""
+    """Reject a member of a zip file with an unreliable size; parameters as above."""
     if member.compress_type not in PLAIN:
         raise ValueError(
             f"{what} has {member.filename!r:.100} packed by a method whose sizes cannot be relied "

@@ -28,17 +28,15 @@ class NewSize(Choices):
     size: Annotated[
         str | None,
         Field(
-            description="In px: 400 for a square, 640x480 for width and height; or relative to the "
-            "picture: 50%, 0.5 or 2x."
+            description="Size in px: 400 for a square, 640x480 for width and height; or of the "
+            "picture's: 50%, 0.5 or 2x."
         ),
     ] = None
     width: Annotated[
-        int | None,
-        Field(ge=1, description="In px, instead of --size; the height keeps the proportions."),
+        int | None, Field(ge=1, description="Width in px, instead of a size; the height follows.")
     ] = None
     height: Annotated[
-        int | None,
-        Field(ge=1, description="In px, instead of --size; the width keeps the proportions."),
+        int | None, Field(ge=1, description="Height in px, instead of a size; the width follows.")
     ] = None
 
     def check(self) -> None:
@@ -173,7 +171,9 @@ class Undistortion(Choices):
         ),
     ] = None
     inverse: Annotated[
-        bool, Switch, Field(description="Add the distortion instead of removing it.")
+        bool,
+        Switch,
+        Field(description="Invert the mapping: add the distortion instead of removing it."),
     ] = False
     size: Annotated[str | None, Field(description=f"{SIZE} Default: the picture's.")] = None
 

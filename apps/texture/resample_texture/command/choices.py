@@ -131,7 +131,7 @@ class Warping(Choices):
 
     method: Annotated[
         str,
-        Field(description="Method, such as hybrid, paper, bilinear or opencv-supersample:n=8."),
+        Field(description="Method: hybrid, paper, bilinear, opencv-supersample:n=8 ..."),
     ] = "hybrid"
     filter: MethodsFilter = None
     interpolation: Annotated[
@@ -182,7 +182,7 @@ class Filling(Warping):
 class Besides(Choices):
     """Which part of a warp is written, and which files besides it."""
 
-    heading: ClassVar[str] = "Beside the picture"
+    heading: ClassVar[str] = "Further outputs"
     about: ClassVar[About] = About.TARGET
 
     roi: Annotated[
@@ -208,7 +208,7 @@ class MeshView(Choices):
     camera: Viewed = "30/20/1"
     fov: FieldOfView = 30.0
     up: Up = "y"
-    shading: Annotated[bool, Field(description="Shade surfaces by a light at the camera.")] = False
+    shading: Annotated[bool, Field(description="Light surfaces: by a light at the camera.")] = False
 
     def placed(self, mesh: "Mesh", size: tuple[int, int]) -> "AnyCamera":
         """Return the camera for a picture (height, width) of a mesh.
@@ -277,12 +277,12 @@ class MeshFormat(Choices):
     ] = None
     background: Annotated[
         str | None,
-        Field(description="Behind the picture: black, white, #rrggbb or none for transparent."),
+        Field(description="Background: black, white, #rrggbb or none for transparent."),
     ] = None
     bits: Annotated[
         Literal[8, 16],
         BeforeValidator(number),
-        Field(description="Per channel: 8 or 16 of a PNG."),
+        Field(description="Bits per channel: 8 or 16 (PNG)."),
     ] = 8
 
     def height_and_width(self) -> tuple[int, int]:

@@ -67,7 +67,7 @@ def warp(
         .webp, .apng or film are warped alike. So are several files, a folder, or a quoted pattern
         such as "photos/*.jpg".
     output
-        Output file: .png, .tif or .exr, or .jpg over a background; for several pages or frames
+        Written to: .png, .tif or .exr, or .jpg over a background; for several pages or frames
         .tif, .gif, .webp, .apng or .mp4; for several files a folder.
     """
     from functools import partial
@@ -141,12 +141,12 @@ def rectify(
     photo
         Any picture.
     corners
-        x,y of the page's four corners in px of the photo, in any order.
+        x,y of four corners: those of the page in px of the photo, in any order.
     output
-        Output file, as for warp.
+        As in warp.
     size
-        In px: 400 for a square, 640x480 for width and height. Default: the lengths of the page's
-        sides in the photo.
+        Size in px: 400 for a square, 640x480 for width and height. Default: the page's sides in
+        the photo.
     """
     from resample.command.session import Session
     from resample.files.pictures import check_output, read_picture, write_picture
@@ -238,11 +238,12 @@ def compare(
     image
         A picture; a small one is tiled with its mirror images.
     scene
-        Scene: floor, floor-yaw, floor-close, zoom, shrink, or a matrix as warp takes it.
+        Scene: floor, floor-yaw, floor-close, zoom, shrink, or a matrix as warp takes
+        it.
     methods
-        Separated by commas; with parameters as in opencv-supersample:n=8,kernel=linear.
+        Methods separated by commas; with parameters as in opencv-supersample:n=8,kernel=linear.
     output
-        Output file: a page with sliders (.html), or all pictures side by side with enlarged
+        Written to: a page with sliders (.html), or all pictures side by side with enlarged
         details (.png).
     truth_filter
         Pixel filter of the truth: the pixel's area, or a Gaussian of 0.5 px.
@@ -251,7 +252,7 @@ def compare(
     edge
         What lies beyond the picture's edges. Not measured.
     size
-        In px: 400 for a square, 640x480 for width and height. Default: half of the (tiled)
+        Size in px: 400 for a square, 640x480 for width and height. Default: half the (tiled)
         picture's; for a matrix the picture's.
     """
     from resample import registry
@@ -309,11 +310,11 @@ def animate(
     image
         Any picture.
     path
-        Camera path: fly, low over the picture, back and forth; or turn, around its center.
+        Camera path: fly, low over the picture and back; or turn, around its center.
     frames
         Number of frames.
     method
-        Method, as for warp.
+        As in warp.
     edge
         What lies beyond the picture's edges.
     """
@@ -364,7 +365,7 @@ def figures(
     Parameters
     ----------
     output
-        Output folder for figure5.png, the single pictures and table.txt; created if missing.
+        Written to: folder for figure5.png, the single pictures and table.txt; created if missing.
     image
         Picture to show beside the checkerboard. Default: a generated brick wall.
     """

@@ -14,12 +14,12 @@ from resample_texture.command.choices import Besides, Filling, Picture, Warping
 Files = Annotated[
     list[Picture],
     Parameter(
-        help="Pictures, pages, films, folders or patterns, as for warp, followed by the output "
+        help="Pictures, pages, films, folders or patterns, as in warp, followed by the output "
         "unless --output names it."
     ),
 ]
 Output = Annotated[
-    flags.OptionalOutput, Parameter(help="Output, as for warp. Default: the last of the files.")
+    flags.OptionalOutput, Parameter(help="As in warp. Default: the last of the files.")
 ]
 
 WRITTEN, BESIDES = Written.usual(), Besides.usual()

@@ -61,8 +61,8 @@ class Source(Choices):
         str | None,
         About.RESOURCE,
         Field(
-            description=f"{MEMORY}; of a volume in chunks (OME-Zarr, zarr) its voxels may take "
-            "that, or half of what is free."
+            description=f"{MEMORY}; the voxels of a chunked volume (OME-Zarr, zarr) may take that, "
+            "or half of the free memory."
         ),
     ] = None
     level: Annotated[
@@ -104,7 +104,7 @@ class Source(Choices):
 class Added(Choices):
     """What is shown in the same scene."""
 
-    heading: ClassVar[str] = "Also in the scene"
+    heading: ClassVar[str] = "Further volumes"
     about: ClassVar[About] = About.LOOK
 
     also: Annotated[
@@ -393,7 +393,7 @@ class Look(Choices):
 class Beside(Choices):
     """What else is seen in the volume's scene."""
 
-    heading: ClassVar[str] = "Beside the volume"
+    heading: ClassVar[str] = "Annotations and objects"
     about: ClassVar[About] = About.LOOK
 
     axes: Annotated[

@@ -164,12 +164,14 @@ def compare(
     volume
         As in render.
     methods
-        Separated by commas; of hybrid, points, splats, paper, inflate, ewa.
+        Methods separated by commas; of hybrid, points, splats, paper, inflate, ewa.
     footprints
-        Separated by commas; of exact, corrected, small-angle, affine, disc. Each method's own.
+        Splat models separated by commas; of exact, corrected, small-angle, affine, disc. Default:
+        as the method.
     orders
-        Separated by commas; of every-sample, axis-sheets, image-sheets:thickness=0.5, rays. As in
-        render, but fields and their projections take image-sheets.
+        Compositing orders separated by commas; of every-sample, axis-sheets,
+        image-sheets:thickness=0.5, rays. Default: as in render, but image-sheets for fields and
+        their projections.
     peer
         Also VTK's ray caster, at 1 and 4 x 4 rays per pixel; with the extra peers.
     reference
@@ -254,13 +256,13 @@ def animate(
     volume
         As in render.
     path
-        The camera's way: orbit, once around; zoom, from the camera to 16 times as far; threshold,
-        from voxels that are splats to voxels that are points; still, where it is; or a file of
+        Camera path: orbit, once around; zoom, from the camera to 16 times as far; threshold,
+        from voxels that are splats to voxels that are points; still, no motion; or a file of
         keyframes or poses.
     frames
-        How many. 96, or as many as the volume's times, or as the keyframes' times ask for.
+        Number of frames. Default: 96, or as the times of the volume or the keyframes require.
     threads
-        At most this many; pixels do not depend on it.
+        Number of threads at most; pixels do not depend on it.
     """
     from resample.command.session import require_picture
     from resample.command.workers import hiring
@@ -435,7 +437,7 @@ def fetch(name: str | None = None, /, *, folder: flags.Target = None) -> None:
     name
         Of the open-scivis collection.
     folder
-        Where to keep it; the user's cache.
+        Folder to keep it in. Default: the user's cache.
     """
     from resample_volume.files.public import fetch as store
 

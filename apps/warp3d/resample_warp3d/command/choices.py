@@ -180,14 +180,14 @@ class PairDepth(Depth):
 
     depth_kind: Annotated[
         Literal["pair", "z", "ray", "inverse", "disparity", "relative", "relative-z"],
-        Field(description="As for render; or pair, the disparity of a rectified pair in px."),
+        Field(description="As in render; or pair, the disparity of a rectified pair in px."),
     ] = "pair"  # type: ignore[assignment]  # one more kind
 
 
 class Parallax(Choices):
     """Geometry and layout of a stereo pair."""
 
-    heading: ClassVar[str] = "Eyes"
+    heading: ClassVar[str] = "Stereo"
     about: ClassVar[About] = About.LOOK
 
     eyes: Annotated[
@@ -235,7 +235,7 @@ class Warping(Choices):
 
     method: Annotated[
         str,
-        Field(description="Method, such as hybrid, paper, mesh or mcmillan; see resample plugins."),
+        Field(description="Method: hybrid, paper, mesh, mcmillan ...; see resample plugins."),
     ] = "hybrid"
     filter: MethodsFilter = None
     noise: Annotated[
@@ -393,7 +393,7 @@ class Showing(Choices):
 class Extras(Choices):
     """Files to write beside the picture."""
 
-    heading: ClassVar[str] = "Beside the picture"
+    heading: ClassVar[str] = "Further outputs"
     about: ClassVar[About] = About.TARGET
 
     holes: Annotated[
@@ -412,7 +412,7 @@ class Extras(Choices):
         Path | None,
         Field(
             description="Also write depth z: .exr and .npy in scene units; .png in 16 bits "
-            "(values per unit: the depth scale, or 1000). For a film as for animate."
+            "(values per unit: the depth scale, or 1000). For a film as in animate."
         ),
     ] = None
     export: Annotated[
@@ -440,7 +440,7 @@ class Travel(Choices):
         words("sway", "orbit", "dolly"),
         Field(
             description="Camera path: sway, left and right around the scene; orbit, in a circle; "
-            "dolly, forward and back; or a file of poses, as for render."
+            "dolly, forward and back; or a file of poses, as in render."
         ),
     ] = "sway"
     amount: Annotated[
@@ -451,6 +451,5 @@ class Travel(Choices):
         ),
     ] = None
     frames: Annotated[
-        int | None,
-        Field(description="Number of frames. Default: 48; for a file its number of poses."),
+        int | None, Field(description="Number of frames. Default: 48; one per pose of a file.")
     ] = None

@@ -79,7 +79,7 @@ def render(
         .png, .tif, .exr, .pfm, .npy or .npz of the same size; file:name selects a channel or
         array. For a film: a film of gray levels, a folder, or a pattern of depth files.
     output
-        Output file: .png, .tif or .exr, or .jpg over a background; for a film .mp4, .gif, .webp or
+        Written to: .png, .tif or .exr, or .jpg over a background; for a film .mp4, .gif, .webp or
         .apng.
     view
         Another view of the same scene: COLOR,DEPTH,POSE or sample:room,POSE; repeatable.
@@ -167,7 +167,7 @@ def stereo(
         Disparity of the same size: how much further left things are in the right picture, 0 if
         unknown; or depth of the kind given by --depth-kind.
     output
-        Output file, as for render.
+        As in render.
     disparity_scale
         File values per px: 4 for Middlebury 2003, 16 for OpenCV, 256 for KITTI. Not for floats.
     fraction
@@ -175,9 +175,9 @@ def stereo(
     given
         Which of the two pictures is given.
     holes
-        As for render.
+        As in render.
     coverage
-        As for render.
+        As in render.
     """
     from resample.command.session import Session
     from resample.files.pictures import check_output, write_picture
@@ -246,11 +246,11 @@ def animate(
     Parameters
     ----------
     color
-        As for render.
+        As in render.
     depth
-        As for render.
+        As in render.
     depth_output
-        Depth z: a folder for a 16-bit .png per frame (values per unit: the depth scale, or 1000),
+        Also write depth z: a folder for a 16-bit .png per frame (values per unit: the depth scale, or 1000),
         or a name with * for the frame's number, such as depth/*.exr or .npy in scene units.
         Render reads it with the film.
     """
@@ -364,11 +364,11 @@ def view(
     Parameters
     ----------
     file
-        A picture as for render, or a point cloud as for cloud.
+        A picture as in render, or a point cloud as in cloud.
     depth
-        Depth of the picture, as for render.
+        Depth of the picture, as in render.
     further
-        As for render.
+        As in render.
     """
     from resample.view.server import require_parts, serve
     from resample.view.views import Viewable, controls_of, settings_of
@@ -416,11 +416,11 @@ def animate_cloud(
     Parameters
     ----------
     file
-        As for cloud.
+        As in cloud.
     path
         Camera path: orbit, once around; sway, left and right; or a file of keyframes or poses.
     frames
-        Number of frames. Default: 96; for a file as many as its times need.
+        Number of frames. Default: 96; for a file as its times require.
     """
     from resample.command.session import Session
     from resample.command.workers import at_work, check_sharing
@@ -474,9 +474,9 @@ def compare(
     Parameters
     ----------
     color
-        As for render, with a true picture of the new view. Default: the generated scene.
+        As in render, with a true picture of the new view. Default: the generated scene.
     depth
-        As for render.
+        As in render.
     scene
         Scene: generated, a ray-traced room of known depth.
     truth
@@ -486,11 +486,11 @@ def compare(
     views
         Views of the generated scene: side, back4, in3, oblique, roll, separated by commas.
     methods
-        Separated by commas; with parameters as in hybrid:quality=2.
+        Methods separated by commas; with parameters as in hybrid:quality=2.
     refine
-        As for render; applied to the depth that all methods get.
+        As in render; applied to the depth that all methods get.
     output
-        Output file: all pictures side by side with enlarged details (.png).
+        Written to: all pictures side by side with enlarged details (.png).
     """
     from resample import registry
     from resample.files.writing import check_targets, rows_as_json
@@ -557,17 +557,18 @@ def figures(
     Parameters
     ----------
     color
-        As for render. Default: the generated scene.
+        As in render. Default: the generated scene.
     depth
-        As for render.
+        As in render.
     output
-        Output folder for figure-6.png, the single pictures and figure-6.json; created if missing.
+        Written to: folder for figure-6.png, the single pictures and figure-6.json; created if
+        missing.
     views
-        View of the generated scene: one of side, back4, in3, oblique or roll.
+        Views of the generated scene: one of side, back4, in3, oblique or roll.
     methods
-        Methods, separated by commas.
+        Methods separated by commas.
     refine
-        As for render, with COLOR and DEPTH.
+        As in render, with COLOR and DEPTH.
     """
     from resample import registry
     from resample.measuring.compare import plain

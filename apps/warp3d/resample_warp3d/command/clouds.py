@@ -51,7 +51,7 @@ class CloudLook(Choices):
     color_by: Annotated[
         str | None,
         Field(
-            description="Column of the file to color points by, such as intensity, or x, y or z."
+            description="Source of colors: a column of the file, such as intensity, or x, y or z."
         ),
     ] = None
     colormap: Annotated[
@@ -66,7 +66,9 @@ class CloudLook(Choices):
             "2%,98%. Default: least and greatest value."
         ),
     ] = None
-    color_bar: Annotated[bool, Switch, Field(description="Add a color bar at the right.")] = False
+    color_bar: Annotated[
+        bool, Switch, Field(description="Add a bar to the right: the colors and their values.")
+    ] = False
     point_size: Annotated[
         float, Field(description="Scale of the points, relative to their spacing.")
     ] = 1.0
@@ -86,7 +88,7 @@ class CloudLook(Choices):
     light: Annotated[
         Literal["none", "eye"] | None,
         Field(
-            description="Light source: eye, a light at the camera (default for clouds without "
+            description="Where light comes from: eye, the camera (default for clouds without "
             "colors), or none."
         ),
     ] = None
@@ -160,10 +162,10 @@ class CloudAim(CloudStart):
     pose: Annotated[
         str | None,
         About.SOURCE,
-        Field(description="File or file:frame of a pose, instead of --camera; needs --intrinsics."),
+        Field(description="File or file:frame of a pose; instead of --camera, needs --intrinsics."),
     ] = None
     intrinsics: Annotated[
-        str | None, NUMBERS, Hyphen, Field(description="fx,fy,cx,cy[,skew] in px, for --pose.")
+        str | None, NUMBERS, Hyphen, Field(description="fx,fy,cx,cy[,skew] in px; for --pose.")
     ] = None
 
     def check(self) -> None:
@@ -201,11 +203,13 @@ class CloudFormat(Choices):
     background: Annotated[
         str | None,
         Field(
-            description="Behind the picture: black, white, #rrggbb or none for transparent. None."
+            description="Background: black, white, #rrggbb or none for transparent. Default: none."
         ),
     ] = None
     bits: Annotated[
-        Literal[8, 16], BeforeValidator(number), Field(description="Per channel: 8 or 16 of a PNG.")
+        Literal[8, 16],
+        BeforeValidator(number),
+        Field(description="Bits per channel: 8 or 16 (PNG)."),
     ] = 8
 
     def height_and_width(self) -> Shape:

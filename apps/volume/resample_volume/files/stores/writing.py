@@ -120,7 +120,7 @@ def check_store(path: Path) -> None:
     if not path.name.lower().endswith(SUFFIX):
         raise ValueError(f"{path}: volumes are converted to OME-Zarr, as volume.ome.zarr")
     if path.exists():
-        raise ValueError(f"{path} is there already; remove it or give another name")
+        raise ValueError(f"{path} already exists; remove it or give another name")
     if not path.parent.is_dir():
         raise FileNotFoundError(f"{path.parent}: there is no such folder")
     if not os.access(path.parent, os.W_OK):

@@ -26,7 +26,7 @@ FOV = 60.0  # degrees along the shorter side, assumed if unknown
 class SourceCamera(Choices):
     """The camera of the source picture."""
 
-    heading: ClassVar[str] = "Source's camera"
+    heading: ClassVar[str] = "Source camera"
     about: ClassVar[About] = About.LOOK
 
     intrinsics: Annotated[
@@ -37,7 +37,9 @@ class SourceCamera(Choices):
     ] = None
     fov: Annotated[
         float | None,
-        Field(description="Field of view along the shorter side, degrees; instead of intrinsics."),
+        Field(
+            description="Field of view along the shorter side in degrees; in place of intrinsics."
+        ),
     ] = None
     lens: Annotated[
         str | None,
