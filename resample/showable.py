@@ -1,7 +1,7 @@
 """Base class of results: save, display in notebooks, convert to 8-bit levels.
 
-Code for files and pictures is in higher layers: `resample/__init__.py` registers it with
-`register_exporter`, and it is imported when a result is first saved or shown.
+Code for files and pictures is in higher layers; `resample/__init__.py` registers it with
+`register_exporter`, and it is imported on first use.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,11 +16,11 @@ if TYPE_CHECKING:  # `import resample` reads this file: NumPy would take most of
 # 3 values of linear light, or a value of the commands' --background: white, #rrggbb, none...
 Behind = Sequence[float] | str | None
 
-_exporters: list[Callable[[], Any]] = []  # one: imports the module that makes pictures of results
+_exporters: list[Callable[[], Any]] = []  # one entry; imports the module that exports results
 
 
 def register_exporter(find: Callable[[], Any]) -> None:
-    """Let `find` give the module that saves and shows results, when one is first needed."""
+    """Register a function that imports the module which saves and shows results."""
     _exporters[:] = [find]
 
 

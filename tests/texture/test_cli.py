@@ -394,7 +394,7 @@ def test_a_target_larger_than_the_memory_is_refused(monkeypatch, capsys):
         (["--corners", "1,2,3"], "is not four points"),
         (["--corners", "0,0 1,1 2,2 3,3"], "lie on a line"),
         (["--corners", "0,0 9,0 9,9 0,9 -> 0,0 9,9 9,0 0,9"], "no camera sees"),
-        (["--corners", "0,0 9,0 9,9 0,9", "--inverse"], "not about a corners"),
+        (["--corners", "0,0 9,0 9,9 0,9", "--inverse"], "not to a corners"),
         (["--map", "none.npz"], "none.npz: No such file"),
         (["--map", "small.npy", "--size", "9"], "leave out the size"),
         (["--flow", "small.npy"], "is a flow of 3 x 2 pixels, the picture has 24 x 16"),

@@ -420,7 +420,7 @@ def test_help_imports_nothing_heavy(name):
         (["resize", "photo.png", "out.png", "--size", "much"], "give 400, 640x480, 50%,"),
         (["resize", "photo.png", "out.png", "--width", "0"], "greater than or equal to 1"),
         (["resize", "photo.png", "out.png", "--size", "9999999999.5"], "together at most"),
-        (["resize", "photo.png", "--size", "9"], "give what is written after photo.png"),
+        (["resize", "photo.png", "--size", "9"], "give the output after photo.png"),
         (["resize", "--size", "9"], "FILES requires an argument"),
         (["resize", "none.png", "out.png", "--size", "9"], "none.png"),
         (["resize", "photo.png", "out.gif", "--size", "9"], "pictures are written as"),

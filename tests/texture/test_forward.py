@@ -455,7 +455,7 @@ def test_a_map_as_a_matrix_would_make_it_gives_the_same_picture():
 
 
 def test_a_map_of_another_shape_is_refused():
-    with pytest.raises(ValueError, match="places no source"):
+    with pytest.raises(ValueError, match="does not fit a source"):
         project(noise(), bent(5, 5), FRAME, Edge.TRANSPARENT, Cells())
 
 
@@ -479,7 +479,7 @@ def test_a_map_with_a_place_absurdly_far_away_is_refused():
     x[1, 1] = np.inf  # goes nowhere
     project(np.ones((3, 4, 1), np.float32), ForwardMap(x, y), (3, 4), Edge.TRANSPARENT, Cells())
     x[1, 1] = 1e13
-    with pytest.raises(ValueError, match=r"leads neighbours 1e\+13 px apart"):
+    with pytest.raises(ValueError, match=r"moves neighbours 1e\+13 px apart"):
         project(np.ones((3, 4, 1), np.float32), ForwardMap(x, y), (3, 4), Edge.TRANSPARENT, Cells())
 
 
@@ -490,5 +490,5 @@ def test_a_matrix_whose_blocks_have_no_end_is_refused(edge):
     if edge == "transparent":
         blocks_of(Homography(matrix), (12, 14), frame, Edge(edge), Cells())
         return
-    with pytest.raises(ValueError, match="the matrix draws texels out without end"):
+    with pytest.raises(ValueError, match="the matrix stretches texels without limit"):
         blocks_of(Homography(matrix), (12, 14), frame, Edge(edge), Cells())

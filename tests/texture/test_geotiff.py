@@ -110,7 +110,7 @@ def test_what_is_not_affine_drops_the_place_and_says_so(words, capsys):
     assert not {SCALE, POINTS, MATRIX, KEYS, NUMBERS, WORDS} & set(tags())
     assert tags()[NODATA] == "0"
     error = capsys.readouterr().err
-    assert error == "resample: the place on Earth is left out: the warp is not affine\n"
+    assert error == "resample: georeference dropped: the warp is not affine\n"
 
 
 def test_control_points_move_even_so():

@@ -189,7 +189,7 @@ def test_numbers_without_a_word_for_what_is_missing_say_so_once(monkeypatch, cap
     written("a.tif", (light(1) * 50).astype(np.int16), "int16")
     in_strips(monkeypatch)
     made(["warp", "--matrix", "1,0,0.5,0,1,60.5"], "a.tif", "b.tif")
-    assert capsys.readouterr().err.count("has no word for missing values") == 1
+    assert capsys.readouterr().err.count("cannot mark missing values") == 1
     error = refused(capsys, *["warp", "a.tif", "-o", "b.png", "--matrix", "1,0,0.5,0,1,60.5"])
     assert "numbers of int16 do not fit into .png" in error
 

@@ -192,7 +192,7 @@ def test_numbers_without_a_word_for_missing_ones_are_0_beyond_the_picture(capsys
     cv2.imwrite("in.tif", np.full((16, 24), -700, np.int16))
     assert ended("warp", "in.tif", "-o", "out.tif", *HALF[:2]) == 0
     assert capsys.readouterr().err == (
-        "resample: out.tif has no word for missing values: what is not covered is 0\n"
+        "resample: out.tif cannot mark missing values: pixels that are not covered are 0\n"
     )
     values = cv2.imread("out.tif", cv2.IMREAD_UNCHANGED)
     assert values.dtype == np.int16

@@ -270,7 +270,7 @@ def test_a_film_has_a_background_or_none_is_needed(capsys):
         (["-o", "out.exr"], "the 3 pictures of in.gif are written as .tif"),
         (["-o", "out.jpg"], "the 3 pictures of in.gif are written as .tif"),
         (["-o", "out.gif", "--bits", "16"], "animations have 8 bits per channel, not 16"),
-        (["-o", "out.gif", "--coverage", "c.png"], "coverage is written of one"),
+        (["-o", "out.gif", "--coverage", "c.png"], "--coverage works with one picture"),
         (["-o", "none/out.gif"], "none/out.gif: cannot be written"),
     ],
 )
@@ -373,7 +373,7 @@ def test_stats_tell_of_every_file():
         (["in", "other", "-o", "out"], "would both become out/a.png"),
         (["empty", "-o", "out"], "empty: no pictures found"),
         (["in/*.tif", "-o", "out"], "in/*.tif: no pictures found"),
-        (["in", "-o", "out", "--coverage", "c.png"], "coverage is written of one picture"),
+        (["in", "-o", "out", "--coverage", "c.png"], "--coverage works with one picture"),
         (["in", "-o", "none/out"], "none/out"),
     ],
 )

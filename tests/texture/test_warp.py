@@ -615,7 +615,7 @@ def test_a_choice_that_a_method_does_not_know_is_refused(method):
 
 @pytest.mark.parametrize("said", [{"inverse": True}, {"convention": "opencv"}])
 def test_what_is_said_about_a_matrix_does_not_go_with_a_geometry(said):
-    with pytest.raises(ValueError, match="speak about a matrix, not about a geometry"):
+    with pytest.raises(ValueError, match="apply to a matrix, not to a geometry"):
         warp(picture(), Homography(PERSPECTIVE), FRAME, **said)
 
 
@@ -627,5 +627,7 @@ def test_a_backward_map_is_as_large_as_the_target(roi):
 
 
 def test_a_forward_map_is_as_large_as_the_source():
-    with pytest.raises(ValueError, match=r"a map of \(15, 16\) places no source of \(15, 17\)"):
+    with pytest.raises(
+        ValueError, match=r"a map of \(15, 16\) does not fit a source of \(15, 17\)"
+    ):
         warp(picture(), forward_map(PERSPECTIVE, (15, 16)), FRAME)

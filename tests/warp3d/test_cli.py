@@ -169,8 +169,8 @@ def test_holes_are_told(capsys):
     assert ended(*render(*RIGHT, *FAST, "-o", "out.png")) == 0
     error = capsys.readouterr().err
     assert "% hidden in the source" in error
-    assert "% outside of it" in error
-    assert "--holes shows them, --fill makes them up" in error
+    assert "% outside the source" in error
+    assert "--holes shows them, --fill fills them" in error
 
 
 @pytest.mark.parametrize("suffix", ["exr", "npy", "png"])
@@ -327,7 +327,7 @@ def test_a_doubtful_scale_is_said(capsys):
 
 def test_looking_away_is_said(capsys):
     assert ended(*render("--turn", "180,0,0", "-o", "out.png", *FAST)) == 0
-    assert "nothing of the source is in view" in capsys.readouterr().err
+    assert "no part of the source is in view" in capsys.readouterr().err
 
 
 def test_colors_that_are_no_numbers_are_holes(capsys):
@@ -354,7 +354,7 @@ def test_pictures_of_one_pixel_are_rendered():
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        ([], "say from where to look: --pose FILE, or --move x,y,z"),
+        ([], "give a viewpoint: --pose FILE, or --move x,y,z"),
         (["--move", "1,2"], "move '1,2'; give 3 numbers"),
         (["--turn", "a,b,c"], "turn 'a,b,c'; give 3 numbers"),
         ([*RIGHT, "--pose", "none.txt"], "none.txt"),
@@ -393,9 +393,8 @@ def test_an_output_that_cannot_be_written_is_found_before_any_work(name, monkeyp
 
 def test_intrinsics_are_asked_for(capsys):
     words = ["render", "color.png", "depth.png", "--depth-scale", 1000, *RIGHT, "-o", "out.png"]
-    assert (
-        "give --intrinsics fx,fy,cx,cy or a --lens or, where they are unknown, --fov 60"
-        in refused(capsys, *words)
+    assert "give --intrinsics fx,fy,cx,cy or a --lens, or --fov 60 if they are unknown" in refused(
+        capsys, *words
     )
     assert "singular" in refused(capsys, *words, "--intrinsics", "0,20,16,12")
 
@@ -796,13 +795,13 @@ def test_depth_of_half_the_size_is_brought_to_the_picture(capsys):
     (refined,) = json.loads(Path("stats.json").read_text())["refine"]
     assert picture.shape == (24, 32, 4)
     assert refined["chosen"] == "snap"
-    assert "--refine none leaves it as it is" in capsys.readouterr().err
+    assert "--refine none keeps it unchanged" in capsys.readouterr().err
 
 
 def test_refining_is_switched_off_by_one_option(capsys):
     cv2.imwrite("half.png", np.full((12, 16), 2000, np.uint16))
     picture = moved(*RIGHT, *FAST, "--refine", "none", depth="half.png")
-    assert "edges are moved" not in capsys.readouterr().err
+    assert "edges moved" not in capsys.readouterr().err
     assert np.allclose(picture[:, :30, :3], read_image("color.png")[:, 2:], atol=1e-6)
 
 

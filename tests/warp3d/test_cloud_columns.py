@@ -90,8 +90,8 @@ def test_four_columns_of_text_are_a_place_and_a_value(tmp_path):
     ("content", "message"),
     [
         ("x y z\n1 2 3 4\n", "names 3 columns and has 4"),
-        ("1 2 3 4 5\n", "has 5 columns; known are x y z, .* or what the first line says"),
-        ("one two\n1 2 three\n", "no table of numbers"),
+        ("1 2 3 4 5\n", "has 5 columns; known are x y z, .* or columns named by the first line"),
+        ("one two\n1 2 three\n", "not a table of numbers"),
     ],
 )
 def test_text_without_sense_is_refused(tmp_path, content, message):

@@ -167,7 +167,7 @@ def test_a_bar_is_for_pictures_of_the_screen(capsys):
     [
         (["--path", "walk"], "unknown path 'walk'; known: orbit, sway, or a file"),
         (["--path", "walk.toml"], "walk.toml"),
-        (["--camera", "eye.toml"], "the path orbit goes around the cloud; give its camera as"),
+        (["--camera", "eye.toml"], "the path orbit goes around the cloud; give --camera as"),
     ],
 )
 def test_films_are_refused_in_one_line(words, complaint, capsys):

@@ -152,7 +152,7 @@ def test_a_mask_of_another_size_is_refused(source):
 
 
 def test_a_view_of_something_else_is_refused(source):
-    with pytest.raises(ValueError, match="sees nothing of the true view"):
+    with pytest.raises(ValueError, match="no part of the true view is in the source"):
         compare_view(source, of_rectified(1000.0), source.color, None, ["copy"])
 
 

@@ -347,7 +347,7 @@ def test_a_folder_is_no_file(tmp_path):
 def test_nothing_can_be_picked_where_there_is_one_array(tmp_path, suffix):
     path = tmp_path / f"depth{suffix}"
     path.touch()
-    with pytest.raises(ValueError, match="no 'Z' can be picked"):
+    with pytest.raises(ValueError, match="'Z' cannot be selected"):
         read_depth(f"{path}:Z")
 
 
@@ -412,9 +412,9 @@ def test_nothing_of_a_dense_map_is_unknown(tmp_path):
             colmap_bytes([SINGLE] * 3),
             "3 channels; depth has one, as in stereo/depth_maps",
         ),
-        (b"4&3", "no depth map of COLMAP's: it does not begin with"),
-        (b"4&three&1&" + bytes(48), "no depth map of COLMAP's"),
-        (b"4&-3&1&" + bytes(48), "no depth map of COLMAP's"),
+        (b"4&3", "not a depth map of COLMAP: it does not begin with"),
+        (b"4&three&1&" + bytes(48), "not a depth map of COLMAP"),
+        (b"4&-3&1&" + bytes(48), "not a depth map of COLMAP"),
         (b"999999999&999999999&1&" + bytes(48), "is cut off or damaged"),
         (b"4&3&1&" + bytes(44), "4 × 3 floats are 48 bytes, it has 44"),
         (b"4&3&1&" + bytes(52), "4 × 3 floats are 48 bytes, it has 52"),

@@ -322,7 +322,7 @@ def test_frames_that_are_made_elsewhere_keep_to_their_share_of_memory(scan, monk
         assert memory_of_each(0) == share  # from now on
     with caplog.at_level("INFO", "resample"):
         elsewhere = frames_of(scan, scene.look, cameras, (24, 32), (0.0, 0.0, 0.0), share, 1)
-    assert "and 1.00 GiB may be taken: they are in files" in caplog.text
+    assert "and 1.00 GiB may be used: they are kept in files" in caplog.text
     for n in range(2):
         assert np.array_equal(elsewhere(n), film.frame(n))
 
@@ -341,5 +341,5 @@ def test_a_disk_without_room_is_said_in_a_line(monkeypatch, capsys):
 def test_a_stray_point_too_far_for_memory_is_said(monkeypatch):
     given = in_files(stray())
     monkeypatch.setattr(spacing, "memory_left", lambda: 1000)
-    with pytest.raises(ValueError, match=r"lie so far away .* leave them out, or allow more"):
+    with pytest.raises(ValueError, match=r"are so far away .* drop those points, or allow more"):
         prepare_cloud(given)

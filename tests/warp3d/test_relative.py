@@ -102,7 +102,9 @@ def test_relative_depth_shows_a_picture_and_says_what_it_takes_for_granted(capsy
     words = ["render", "color.png", "rel.npy", "--depth-kind", "relative", "--move", ".1,0,0"]
     assert ended(*words, "-o", "out.png") == 0
     said = capsys.readouterr().err
-    assert "the depth is taken for 1 to 10 units (--near, --far), the view for 60 degrees" in said
+    assert (
+        "assumed a depth of 1 to 10 units (--near, --far) and a field of view of 60 degrees" in said
+    )
     assert read_image("out.png")[..., 3].mean() > 0.8
 
 

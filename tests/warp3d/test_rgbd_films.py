@@ -98,7 +98,7 @@ def test_a_doubtful_scale_is_said_once(capsys):
             ["film.gif", "depth", "-o", "out.gif", "--holes", "h.png"],
             "--holes is made of",
         ),
-        (["film.gif", "depth", "-o", "out.gif", "--view", "a,b,c"], "--view belongs to a picture"),
+        (["film.gif", "depth", "-o", "out.gif", "--view", "a,b,c"], "--view is for pictures"),
     ],
 )
 def test_what_is_no_film_with_depth_is_refused_in_one_line(capsys, words, complaint):
@@ -191,7 +191,7 @@ def test_depth_of_a_shorter_film_replaces_that_of_a_longer_one():
         ("z/*.jpg", "depth is written as .exr, .npy or .png"),
         ("none/z/*.png", "none"),
         ("film.gif/*.png", "film.gif is not a folder"),
-        ("out", "out holds the film's frames; give its depth another folder"),
+        ("out", "out is the folder of the film's frames; give the depth another folder"),
     ],
 )
 def test_depth_that_cannot_be_written_is_refused_at_once(capsys, pattern, complaint):

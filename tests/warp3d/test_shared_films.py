@@ -82,7 +82,7 @@ def test_frames_of_clouds_are_the_same_elsewhere():
 
 def test_what_workers_cannot_do_is_refused_in_a_line(capsys):
     error = refused(app, capsys, *ROOM, "-o", "a", "--workers", "2", "--depth-output", "depth")
-    assert "depth of frames is written by one process; leave workers out" in error
+    assert "depth of frames can only be written by one process; leave workers out" in error
     error = refused(app, capsys, *ROOM, "-o", "a", "--workers", "2", "--scheduler", "tcp://a:1")
     assert "give only one" in error
 

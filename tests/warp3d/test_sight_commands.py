@@ -134,14 +134,14 @@ def test_a_film_of_a_panorama_has_frames():
         (["--fov", "60", "--pixel-size", "1"], "--pixel-size belongs to"),
         ([*AROUND, "--depth-kind", "disparity", "--baseline", "1"], "known: z, ray, inverse"),
         ([*AROUND, "--target-projection", "pinhole"], "needs --target-fov"),
-        ([*AROUND, "--view", "a,b,c"], "--view takes pictures of a pinhole"),
-        ([*AROUND, "--export", "a.ply"], "--export takes pictures of a pinhole"),
+        ([*AROUND, "--view", "a,b,c"], "--view needs pictures of a pinhole"),
+        ([*AROUND, "--export", "a.ply"], "--export needs pictures of a pinhole"),
         ([*AROUND, "--target-fov", "60", "--target-lens", "1,1,1,1,1,0,0,0"], "not both"),
         (["--fov", "60", "--target-projection", "equirectangular"], "twice as wide as high"),
         (["--fov", "60", "--target-projection", "orthographic"], "belong together"),
         (
             ["--fov", "60", "--target-lens", "1,1,1,1,1,0,0,0", "--method", "mesh"],
-            "take the method hybrid",
+            "use the method hybrid",
         ),
     ],
 )

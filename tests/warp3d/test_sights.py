@@ -201,7 +201,7 @@ def test_threads_change_no_bit():
 
 @pytest.mark.parametrize("method", ["mesh", "paper", "mcmillan", "preview"])
 def test_methods_of_the_equation_refuse_other_targets(method):
-    with pytest.raises(ValueError, match="take the method hybrid"):
+    with pytest.raises(ValueError, match="use the method hybrid"):
         warped("pinhole", TARGETS["fisheye"], method=method)
 
 

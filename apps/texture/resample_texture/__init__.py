@@ -1,6 +1,6 @@
 """Texture mapping and image warping by hybrid forward resampling.
 
-The names below are imported when they are first used, so that `import resample_texture` is quick.
+The names below are imported on first use, so that `import resample_texture` is fast.
 """
 
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""What users say about a warp, checked: sizes, edges, methods, and where texels go."""
+"""Check a warp's arguments: sizes, edge modes, methods, geometries and regions."""
 
 import dataclasses
 import math
@@ -21,20 +21,20 @@ from resample_texture.geometry.mappings import (
 from resample_texture.geometry.matrices import homography
 from resample_texture.types import Edge, Method
 
-LARGEST_PICTURE = 1 << 30  # pixels; more is a mistake in a size
-MARGIN = 3  # px of a map around a region, besides the filter: they tell how large its pixels are
+LARGEST_PICTURE = 1 << 30  # pixels; a larger size is taken for a mistake
+MARGIN = 3  # px of a map around a region, beyond the filter, from which pixel sizes are estimated
 REFLECT_101 = "reflect-101"  # as `mirror`, about the outermost texels' centers: d c b | a b c d
 
-Places = Callable[[Any, Any], Any]  # x and y of pixels to those of texels
+Places = Callable[[Any, Any], Any]  # from x and y in the target to x and y in the source
 
 
 def edge_named(name: str) -> str:
-    """What lies beyond the source, by name: an `Edge`, or `REFLECT_101`.
+    """Return the edge mode of a name: an `Edge`, or `REFLECT_101`.
 
     Raises
     ------
     ValueError
-        There is no such edge.
+        There is no such edge mode.
     """
     if name == REFLECT_101:
         return name
@@ -46,21 +46,21 @@ def edge_named(name: str) -> str:
 def geometry_of(
     given: ArrayLike | Geometry | Places, shape: tuple[int, int], convention: str, inverse: bool
 ) -> Geometry:
-    """Where texels go, of a matrix, a function of places, or a geometry.
+    """Return the geometry of a matrix, a function of coordinates, or a geometry.
 
     Raises
     ------
     ValueError
-        It is none of them, or more was said about it than there is to say.
+        It is none of them, or convention or inverse do not apply to it.
     """
     if isinstance(given, Homography | ForwardMap | BackwardMap):
         if inverse or convention != "corner":
-            raise ValueError("convention and inverse speak about a matrix, not about a geometry")
+            raise ValueError("convention and inverse apply to a matrix, not to a geometry")
         return given
     if not callable(given):
         return homography(given, convention=convention, inverse=inverse)
     if inverse:
-        raise ValueError("a function leads from target to source anyway; leave inverse out")
+        raise ValueError("a function always maps target to source; leave inverse out")
     if convention not in tuple(Convention):
         raise ValueError(f"unknown convention {convention!r}; known: {', '.join(Convention)}")
     return BackwardMap.from_function(given, shape, first=0.5 if convention == "corner" else 0.0)
@@ -70,9 +70,9 @@ def within(
     geometry: Geometry | Places, shape: tuple[int, int], roi: tuple[int, int, int, int],
     chosen: Method,
 ) -> tuple[Geometry, tuple[int, int], tuple[slice, slice]]:  # fmt: skip
-    """Geometry and shape of what to draw of the target, and the part of it that is wanted.
+    """Return geometry and shape of tiles around a region, and the region within them.
 
-    A function takes and gives pixel centers at + 0.5.
+    A function takes and returns coordinates with pixel centers at + 0.5.
     """
     left, top = whole_pair(roi[:2], "left", "top")
     width, height = whole_pair(roi[2:], "width", "height")
@@ -81,7 +81,7 @@ def within(
     check_shape((height, width))
     tile = getattr(chosen, "tile", 1)
     if isinstance(geometry, BackwardMap) and geometry.x.shape != shape:
-        raise ValueError(f"a map of {geometry.x.shape} makes no picture of {shape}")
+        raise ValueError(f"a map of {geometry.x.shape} does not fit a target of {shape}")
     if isinstance(geometry, BackwardMap) or callable(geometry):
         margin = MARGIN + math.ceil(getattr(getattr(chosen, "filter", None), "radius", 0.0))
         sides, part = _around(roi, shape, margin, tile)
@@ -101,9 +101,9 @@ def within(
 def _around(
     roi: tuple[int, int, int, int], shape: tuple[int, int], margin: int, tile: int
 ) -> tuple[tuple[int, int, int, int], tuple[slice, slice]]:
-    """Left, top, right and bottom of whole tiles of a target around a region; where that is in it.
+    """Return the bounds of whole tiles around a region, and the region within them.
 
-    The region has a margin of its own in them.
+    The tiles leave a margin around the region.
     """
     left, top, width, height = (int(side) for side in roi)
     x, y = max(left - margin, 0) // tile * tile, max(top - margin, 0) // tile * tile
@@ -124,7 +124,7 @@ def _places_in(geometry: BackwardMap | Places, sides: tuple[int, int, int, int])
 
 
 def whole_pair(given: Sequence[int], first: str, second: str) -> tuple[int, int]:
-    """Two numbers of pixels."""
+    """Return two whole numbers of px."""
     try:
         numbers = [operator.index(number) for number in given]
     except TypeError:
@@ -135,7 +135,7 @@ def whole_pair(given: Sequence[int], first: str, second: str) -> tuple[int, int]
 
 
 def check_shape(shape: tuple[int, int]) -> None:
-    """Refuse a target's height and width that no picture can have."""
+    """Refuse a height and width that no target can have."""
     height, width = shape
     if min(height, width) < 1 or height * width > LARGEST_PICTURE:
         raise ValueError(
@@ -145,7 +145,7 @@ def check_shape(shape: tuple[int, int]) -> None:
 
 
 def check_out(out: NDArray[Any], shape: tuple[int, ...], image: NDArray[Any]) -> None:
-    """Refuse an array that cannot take a result of a shape and of a picture's type and kind."""
+    """Refuse an `out` array that does not fit the result."""
     if not isinstance(out, np.ndarray) or out.shape != shape or out.dtype != image.dtype:
         given = f"{out.dtype} of {out.shape}" if isinstance(out, np.ndarray) else repr(type(out))
         raise ValueError(f"out is {given}; the result is {image.dtype} of {shape}")
@@ -156,12 +156,12 @@ def check_out(out: NDArray[Any], shape: tuple[int, ...], image: NDArray[Any]) ->
 
 
 def method_named(method: str | Method, **choices: Any) -> Method:
-    """Method by name, with the choices that were made.
+    """Return a method by name, with the given choices.
 
     Raises
     ------
     ValueError
-        The method knows nothing of a choice.
+        The method does not have such a choice.
     """
     chosen: Any = registry.build("methods", method) if isinstance(method, str) else method
     made = {name: value for name, value in choices.items() if value is not None}

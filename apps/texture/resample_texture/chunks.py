@@ -1,7 +1,8 @@
-"""Pictures beyond memory: warped chunk by chunk, each from that part of the source that it shows.
+"""Warp pictures larger than memory, chunk by chunk.
 
-The source is whatever is sliced like an array, such as a zarr array, a dask array or a mapped file,
-of which parts are read when they are wanted; the target is whatever takes such slices.
+The source is anything that can be sliced like an array, such as a zarr array, a dask array or a
+memory-mapped file; only the parts that a chunk shows are read. The target is anything that can be
+assigned slices.
 """
 
 import math
@@ -28,11 +29,11 @@ from resample_texture.geometry.shifts import whole_move
 from resample_texture.geometry.windows import Rect, windows_of
 from resample_texture.types import Method, Warped
 
-SIDE = 1024  # px of chunks, unless the target has its own
+SIDE = 1024  # px of chunks, unless the target has its own chunks
 
 
 class Chunk(NamedTuple):
-    """A rectangle of a target."""
+    """A warped rectangle of the target."""
 
     left: int  # px
     top: int
@@ -40,13 +41,13 @@ class Chunk(NamedTuple):
 
     @property
     def part(self) -> tuple[slice, slice]:
-        """Rows and columns of the target."""
+        """Rows and columns in the target."""
         height, width = self.warped.coverage.shape
         return slice(self.top, self.top + height), slice(self.left, self.left + width)
 
 
 class _Source:
-    """A picture that stays where it is until a part of it is wanted."""
+    """A stored picture, of which parts are read on demand."""
 
     def __init__(self, stored: Any) -> None:
         self.shape: tuple[int, ...] = tuple(int(size) for size in stored.shape)
@@ -54,7 +55,7 @@ class _Source:
         self._stored = stored
 
     def __getitem__(self, where: tuple[Any, Any]) -> NDArray[Any]:
-        """Texels of two slices, or of rows (N, 1) and columns (M,), as an array has them."""
+        """Read the texels of two slices, or of rows (N, 1) and columns (M,)."""
         if all(isinstance(part, slice) for part in where):
             return np.ascontiguousarray(self._stored[where])
         rows, columns = where
@@ -64,13 +65,13 @@ class _Source:
         return found
 
     def whole(self) -> NDArray[Any]:
-        """All of it, if there is room."""
+        """Read the whole picture, if it fits into memory."""
         check_free("the source", math.prod(self.shape) * self.dtype.itemsize)
         return np.asarray(self._stored[...])
 
 
 class _Way(NamedTuple):
-    """Where the texels of a source go, and how."""
+    """Method, geometry, target size and edge mode of a warp."""
 
     method: Method
     geometry: Geometry
@@ -94,34 +95,34 @@ def warp_chunks(  # noqa: PLR0913 - what a user may say about a warp
     alpha: str | None = None,
     threads: int | None = None,
 ) -> Any:
-    """Warp a picture beyond memory chunk by chunk: pixels are those of `warp`.
+    """Warp a picture larger than memory, chunk by chunk; pixels equal those of `warp`.
 
-    They have its bits along matrices, for targets of up to 2³⁰ px, where what is seen lies within
-    the source; elsewhere they differ by the rounding of a place.
+    They are equal bit by bit with matrices, for targets of up to 2³⁰ px, where what is shown lies
+    within the source; elsewhere coordinates may be rounded differently.
 
     Parameters
     ----------
     source
-        (H, W) or (H, W, C), of any kind that has `shape` and `dtype` and gives arrays for slices:
+        (H, W) or (H, W, C), anything with `shape` and `dtype` that returns arrays for slices:
         `zarr.open_array(...)`, `dask.array`, `numpy.memmap`.
     matrix, shape, method, edge, convention, inverse, linear_light, alpha, threads
-        As `warp` takes them; matrices and backward maps, and methods of which every pixel looks at
-        its part of the source, as the default does. `reflect-101` is for pictures in memory.
+        As `warp` takes them. Geometry must be a matrix or a backward map, and the method one whose
+        pixels gather from a part of the source, as the default. `reflect-101` is not available.
     out
-        (height, width) or (height, width, C): what takes arrays for slices. It is filled. None: a
-        dask array is made, whose chunks are warped when they are asked for.
+        (height, width) or (height, width, C): anything that takes arrays for slices; it is filled.
+        None: return a dask array, whose chunks are warped on demand.
     side
-        Height and width of chunks, px; those of `out` in a zarr array, else 1024.
+        Height and width of chunks, px; by default those of a zarr `out`, else 1024.
 
     Returns
     -------
-    `out`, or the dask array; of a source of dask's each chunk asks for the chunks that it shows.
+    `out`, or the dask array; with a dask source each chunk depends on the chunks that it shows.
 
     Raises
     ------
     ValueError
-        As of `warp`; or sizes do not fit, or the source has to be read as a whole, because it is
-        shrunk much or its horizon is seen, and memory does not hold it; or dask is not installed.
+        As `warp` does; or sizes do not fit; or the source must be read as a whole, because it is
+        shrunk much or its horizon is visible, and does not fit into memory; or dask is missing.
 
     Examples
     --------
@@ -141,7 +142,7 @@ def warp_chunks(  # noqa: PLR0913 - what a user may say about a warp
     sides = _sides(side, out)
     border = edge_named(edge)
     if border == REFLECT_101:
-        raise ValueError(f"edge {REFLECT_101} is for pictures in memory; take mirror")
+        raise ValueError(f"edge {REFLECT_101} is only for pictures in memory; use mirror")
     geometry = geometry_of(matrix, shape, convention, inverse)
     way = _Way(method_named(method), geometry, shape, border, threads)
     if out is None:
@@ -152,7 +153,7 @@ def warp_chunks(  # noqa: PLR0913 - what a user may say about a warp
 
 
 class _Light(NamedTuple):
-    """What values of a source mean, as `warp` takes it."""
+    """Meaning of a source's values, as `warp` takes it."""
 
     linear_light: bool
     alpha: str | None
@@ -160,7 +161,7 @@ class _Light(NamedTuple):
 
 @dataclass(frozen=True)
 class _Placed:
-    """A part of a source, in place of the whole."""
+    """A part of a source that is indexed like the whole."""
 
     values: NDArray[Any]
     left: int
@@ -173,14 +174,14 @@ class _Placed:
         return self.values.dtype
 
     def __getitem__(self, where: Any) -> NDArray[Any]:
-        """Rows and columns of the whole, of which this has all that are asked for."""
+        """Return rows and columns of the whole, which must lie within this part."""
         rows, columns = where
         down = slice(rows.start - self.top, rows.stop - self.top)
         return self.values[down, columns.start - self.left : columns.stop - self.left]
 
 
 def _lazy(source: Any, kept: _Source, way: _Way, sides: tuple[int, int], light: _Light) -> Any:
-    """Target as an array of dask's, of chunks that know what of the source they show."""
+    """Return the target as a dask array, whose chunks depend on the parts they show."""
     dask, is_partly = _dask(), _is_read_in_parts(kept, way)
     is_dask = dask.is_dask_collection(source)
     height, width = way.shape
@@ -200,12 +201,12 @@ def _lazy(source: Any, kept: _Source, way: _Way, sides: tuple[int, int], light: 
 
 
 def _dask() -> Any:
-    """The package dask, an extra."""
+    """Import dask, an optional dependency."""
     try:
         import dask.array
     except ImportError as error:
         raise ValueError(
-            f"without out, chunks are dask's, and {error.name} is not installed: "
+            f"without out the result is a dask array, and {error.name} is not installed: "
             "pip install 'hybrid-resample[dist]'"
         ) from None
     return dask
@@ -220,20 +221,20 @@ def _block(
     light: _Light,
     is_partly: bool,
 ) -> NDArray[Any]:
-    """A chunk of a target, of the part of a source that it shows."""
+    """Warp one chunk of the target from the part of the source that it shows."""
     values = np.asarray(values)
     source: Any = _Source(_Placed(values, seen.left, seen.top, shape)) if is_partly else values
     return _drawn(source, drawing, **light._asdict()).image[part]
 
 
 def _drawing(way: _Way, roi: tuple[int, int, int, int]) -> tuple[Drawing, tuple[slice, slice]]:
-    """What is drawn for a part of a target (left, top, width, height), and what of it that is."""
+    """Return the drawing for a region (left, top, width, height), and its part of it."""
     geometry, form, part = within(way.geometry, way.shape, roi, way.method)
     return Drawing(way.method, geometry, form, way.edge, way.threads), part
 
 
 def _seen_of(source: _Source, drawing: Drawing) -> Rect:
-    """Part of a source that a chunk reads."""
+    """Return the part of the source that a chunk reads."""
     height, width = source.shape[:2]
     parts = parts_of(source, drawing)
     if parts is None or parts.mixed is not None:
@@ -243,13 +244,13 @@ def _seen_of(source: _Source, drawing: Drawing) -> Rect:
     sources = np.array([window.source for window in windows])
     left, top = sources[:, :2].min(axis=0)
     right, bottom = sources[:, 2:].max(axis=0)
-    if min(left, top) < 0 or right > width or bottom > height:  # it is repeated
+    if min(left, top) < 0 or right > width or bottom > height:  # continued beyond its edges
         return Rect(0, 0, width, height)
     return Rect(int(left), int(top), int(right), int(bottom))
 
 
 def _sides(given: int | tuple[int, int] | None, out: Any) -> tuple[int, int]:
-    """Height and width of chunks."""
+    """Return height and width of chunks."""
     if given is None:
         chunks = getattr(out, "shards", None) or getattr(out, "chunks", None)
         given = chunks[:2] if chunks and isinstance(chunks[0], int) else SIDE
@@ -263,7 +264,7 @@ def _sides(given: int | tuple[int, int] | None, out: Any) -> tuple[int, int]:
 def _chunks(
     source: _Source, way: _Way, sides: tuple[int, int], *, linear_light: bool, alpha: str | None
 ) -> Iterator[Chunk]:
-    """All chunks of a target, row by row."""
+    """Yield all chunks of the target, row by row."""
     if not _is_read_in_parts(source, way):
         source = source.whole()  # type: ignore[assignment]
     height, width = way.shape
@@ -276,7 +277,7 @@ def _chunks(
 
 
 def _is_read_in_parts(source: _Source, way: _Way) -> bool:
-    """Whether every chunk shows a part of the source that can be told."""
+    """Whether the part of the source that each chunk shows is known beforehand."""
     geometry: Any = way.geometry
     if isinstance(geometry, ForwardMap) or not hasattr(way.method, "seen_tiles"):
         return False
@@ -288,7 +289,7 @@ def _is_read_in_parts(source: _Source, way: _Way) -> bool:
 
 
 def _drawn(source: Any, drawing: Drawing, *, linear_light: bool, alpha: str | None) -> Warped:
-    """One chunk, from what it shows of a source, or from one that is in memory."""
+    """Draw one chunk from the part of a source that it shows, or from one in memory."""
     parts = None
     if isinstance(source, _Source):
         parts = parts_of(source, drawing)

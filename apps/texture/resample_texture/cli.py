@@ -27,8 +27,8 @@ from resample_texture.command.choices import (
 
 app = App(
     name="resample-texture",
-    help="Texture mapping and image warping: points where texels shrink, parts of them where they "
-    "grow.\n\nExample: resample-texture warp photo.png --corners "
+    help="Texture mapping and image warping: texels are projected as points where they shrink and "
+    "split into parts where they grow.\n\nExample: resample-texture warp photo.png --corners "
     "'0,0 400,60 400,240 0,300' -o out.png",
     version=installed_version,
 )
@@ -37,7 +37,7 @@ app.register_install_completion_command()
 PLACE, WARPING, WRITTEN = Place.usual(), Warping.usual(), Written.usual()
 VIEW, DRAWING, FORM = MeshView.usual(), MeshDrawing.usual(), MeshFormat.usual()
 BESIDES, SERVING = Besides.usual(), Serving.usual()
-PAGE = Filling.usual()  # a page that reaches the photo's edge does not fade there
+PAGE = Filling.usual()  # a page must not fade at the photo's edges
 COMPARED = "bilinear,opencv-supersample:n=4,paper,hybrid"
 SHEETS = (".png", ".html")
 SCENES = ("floor", "floor-yaw", "floor-close", "zoom", "shrink")
@@ -63,12 +63,12 @@ def warp(
     ----------
     images
         Any picture; float files are linear light, the others sRGB. Or an address of zarr or
-        OME-Zarr, such as s3://bucket/slide.zarr. All pages of a TIFF, all frames of a .gif, .webp,
-        .apng or film are warped alike; so are several files, a folder or a pattern in quotes, such
-        as "photos/*.jpg".
+        OME-Zarr, such as s3://bucket/slide.zarr. All pages of a TIFF and all frames of a .gif,
+        .webp, .apng or film are warped alike. So are several files, a folder, or a quoted pattern
+        such as "photos/*.jpg".
     output
-        Written to: .png, .tif, .exr with what the file holds, or .jpg over a background; .tif,
-        .gif, .webp, .apng or .mp4 of several pages or frames; a folder of several files.
+        Written to: .png, .tif or .exr, or .jpg over a background; for several pages or frames
+        .tif, .gif, .webp, .apng or .mp4; for several files a folder.
     """
     from functools import partial
 
@@ -89,9 +89,9 @@ def view(
     warping: Annotated[Warping, flags.Flat] = WARPING,
     page: Annotated[Serving, flags.Flat] = SERVING,
 ) -> None:
-    """Show a picture in the browser: drag its corners, choose a method, take the command.
+    """Show a picture in the browser: drag its corners, choose a method, copy the command.
 
-    Or a mesh with its textures, which is turned.
+    Or show a mesh with its textures, and orbit it.
 
     Example: resample-texture view photo.png
 
@@ -132,7 +132,7 @@ def rectify(
     warping: Annotated[Filling, flags.Flat] = PAGE,
     written: Annotated[Written, flags.Flat] = WRITTEN,
 ) -> None:
-    """Turn a photographed page into a page.
+    """Rectify a photographed page.
 
     Example: resample-texture rectify desk.jpg --corners "82,60 590,41 655,430 20,455" -o page.png
 
@@ -141,7 +141,7 @@ def rectify(
     photo
         Any picture.
     corners
-        x,y of four corners: the page's in px of the photo, in any order.
+        x,y of four corners: those of the page in px of the photo, in any order.
     output
         As in warp.
     size
@@ -185,7 +185,7 @@ def mesh(
     drawing: Annotated[MeshDrawing, flags.Flat] = DRAWING,
     form: Annotated[MeshFormat, flags.Flat] = FORM,
 ) -> None:
-    """Show a mesh with its texture.
+    """Render a textured mesh.
 
     Example: resample-texture mesh cow.obj --camera 120/20/1.2 -o cow.png
 
@@ -227,9 +227,9 @@ def compare(
     edge: flags.Look[Edges] = "transparent",
     size: flags.Look[str | None] = None,
 ) -> None:
-    """Warp a picture by several methods and measure them where texels shrink and where they grow.
+    """Compare methods on a picture, separately where texels shrink and where they grow.
 
-    The truth is made of 16 x 16 rays per pixel through a Catmull-Rom spline of the picture.
+    The truth uses 16 x 16 rays per pixel and Catmull-Rom interpolation of the picture.
 
     Example: resample-texture compare brick.png --methods bilinear,hybrid,oiio -o compare.html
 
@@ -243,14 +243,14 @@ def compare(
     methods
         Methods separated by commas; with parameters as in opencv-supersample:n=8,kernel=linear.
     output
-        Written to: a page with sliders (.html), or all pictures side by side with details enlarged
-        (.png).
+        Written to: a page with sliders (.html), or all pictures side by side with enlarged
+        details (.png).
     truth_filter
         Pixel filter of the truth: the pixel's area, or a Gaussian of 0.5 px.
     linear
-        Filter light; otherwise values as they are encoded.
+        Filter linear light, or the encoded values.
     edge
-        What lies beyond the picture's edges. It is not measured.
+        What lies beyond the picture's edges. Not measured.
     size
         Size in px: 400 for a square, 640x480 for width and height. Default: half the (tiled)
         picture's; for a matrix the picture's.
@@ -301,7 +301,7 @@ def animate(
     background: flags.FilmBackground = "#9dbbd8",
     resume: flags.Resume = False,
 ) -> None:
-    """Fly over a picture, or turn around it.
+    """Animate a camera that flies over a picture, or orbits it.
 
     Example: resample-texture animate map.png -o fly.gif
 
@@ -333,21 +333,21 @@ def animate(
     check_film(output, fps)
     require_film(image, flight.size)
     picture = animation.with_alpha(read_picture(image).data)
-    with progress_bar("flying") as progress:
+    with progress_bar("rendering") as progress:
         shots = animation.shots(picture, flight, paint)
         write_film(output, shots, fps, resume=resume, progress=progress)
 
 
 @app.command
 def fetch(name: str | None = None, /, *, folder: flags.Target = None) -> None:
-    """Download a public set of files, check it and print where it is; without a name, list them.
+    """Download and verify a public data set and print its folder; without a name, list all.
 
     Example: resample-texture fetch astronaut
 
     Parameters
     ----------
     name
-        Of the set; on which terms it may be used is said.
+        Name of the data set; its licence is printed.
     folder
         Folder to keep it in. Default: the user's cache.
     """
@@ -360,14 +360,14 @@ def fetch(name: str | None = None, /, *, folder: flags.Target = None) -> None:
 def figures(
     *, output: flags.Output = FIGURES, image: Annotated[Picture | None, About.SOURCE] = None
 ) -> None:
-    """Remake the paper's Figure 5: a floor by points, by the hybrid, and backward.
+    """Reproduce the paper's Figure 5: a floor by points, by the hybrid, and backward.
 
     Parameters
     ----------
     output
         Written to: folder for figure5.png, the single pictures and table.txt; created if missing.
     image
-        Picture to show beside the checkerboard. A generated wall of bricks.
+        Picture to show beside the checkerboard. Default: a generated brick wall.
     """
     from resample.files.pictures import flattened, read_picture
     from resample_texture.showing.figures import (
@@ -409,7 +409,7 @@ def demo(*, output: flags.DemoOutput = DEMO) -> None:
     comparisons = compare_floors(subjects, ["points", "hybrid", "bilinear"], (384, 384))
     write_figures(output, comparisons, FIGURE, "floors.png")
     paint = animation.Paint(registry.build("methods", "hybrid"), background=(0.3, 0.5, 0.7))
-    with progress_bar("flying") as progress:
+    with progress_bar("rendering") as progress:
         flight = animation.Flyover(frames=24, size=(180, 320))
         shots = animation.shots(animation.with_alpha(wall), flight, paint)
         write_film(output / "flight.gif", shots, 12, progress=progress)

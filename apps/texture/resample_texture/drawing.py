@@ -1,4 +1,4 @@
-"""One picture drawn by one method: decoded, warped or copied texel by texel, with its gaps."""
+"""Draw a picture by a method: decode, warp or copy texels, handle missing values."""
 
 import dataclasses
 import math
@@ -29,27 +29,27 @@ if TYPE_CHECKING:
     from resample_texture.texels.looking import MixedTiles
 
 Integers = NDArray[np.int64]
-MOST_AT_ONCE = 1 << 24  # values of source and target that are drawn in one go
-MOST_IN_WINDOW = 1 << 22  # values of a window, of what it shows and of what it makes
+MOST_AT_ONCE = 1 << 24  # values of source and target drawn without windows
+MOST_IN_WINDOW = 1 << 22  # values of a window, in the source and in the target
 LIGHT = np.dtype(np.float32)
 
 
 class Drawing(NamedTuple):
-    """What is to be done with a picture's texels."""
+    """Method, geometry, target size and edge mode of a warp."""
 
     method: Method
     geometry: Geometry
     shape: tuple[int, int]  # of the target: height, width
     edge: str  # an `Edge`, or `REFLECT_101`
     threads: int | None = None
-    as_light: bool = False  # the picture is as methods make it, whatever the source's type
-    has_gaps: bool | None = None  # whether there are values that are not finite; None: not known
+    as_light: bool = False  # the result is float light, whatever the source's type
+    has_gaps: bool | None = None  # whether some values are not finite; None: unknown
 
 
 def drawn(
     image: NDArray[Any], drawing: Drawing, *, linear_light: bool, alpha: str | None
 ) -> Warped:
-    """Picture (H, W) or (H, W, C), masked or not, warped; coverage tells where values are."""
+    """Warp a picture (H, W) or (H, W, C), masked or not; coverage is 0 without values."""
     image, drawing = continued(image, drawing)
     picks = copied(image, drawing)
     if picks is not None:
@@ -65,7 +65,7 @@ def drawn(
 
 
 def light_of(image: NDArray[Any], linear_light: bool, alpha: str | None) -> Floats:
-    """Light, as methods make it, of a picture of levels or of light."""
+    """Return the light, in floats, of a picture of levels or of light."""
     if image.dtype.kind == "f":
         return image.astype(np.float32)
     light, _ = decoded(image, linear_light=linear_light, alpha=alpha)
@@ -75,7 +75,7 @@ def light_of(image: NDArray[Any], linear_light: bool, alpha: str | None) -> Floa
 def _drawn_whole(
     image: NDArray[Any], drawing: Drawing, *, linear_light: bool, alpha: str | None
 ) -> Warped:
-    """Picture warped in one go."""
+    """Warp a picture without windows."""
     is_sum = adds(drawing.method)
     texels, encoding = decoded(image, linear_light=linear_light, alpha=alpha, is_sum=is_sum)
     encoding = encoding.as_light() if drawing.as_light else encoding
@@ -89,7 +89,7 @@ def _drawn_whole(
 
 
 def finished(warped: Warped, encoding: Encoding) -> Warped:
-    """Warped texels as a picture of the source's type."""
+    """Return warped texels as a picture of the source's type."""
     return _as_stored(mended(warped, encoding.gaps), encoding)
 
 
@@ -99,32 +99,32 @@ def _as_stored(plain: Mended, encoding: Encoding) -> Warped:
 
 
 def put(warped: Warped, out: NDArray[Any]) -> Warped:
-    """Result in an array that was given for it."""
+    """Put a result into the array given as `out`."""
     check_out(out, warped.image.shape, warped.image)
     out[...] = warped.image
     return Warped(out, warped.coverage)
 
 
 def _is_large(image: NDArray[Any], drawing: Drawing) -> bool:
-    """Whether a picture had better be drawn in parts, so that little memory is needed."""
+    """Whether a picture is large enough to be drawn in parts, to save memory."""
     channels = math.prod(image.shape[2:])
     return (math.prod(image.shape[:2]) + math.prod(drawing.shape)) * channels > MOST_AT_ONCE
 
 
 class Parts(NamedTuple):
-    """Parts that a picture is drawn in, so that little memory is needed, and that quickly."""
+    """Parts in which a picture is drawn with little memory."""
 
     windows: SeenTiles
-    mixed: "MixedTiles | None" = None  # where texels are projected to others
+    mixed: "MixedTiles | None" = None  # near and far tiles; far texels are projected
 
 
 def parts_of(image: Any, drawing: Drawing) -> Parts | None:
-    """Parts of what gives arrays for slices; None if it is drawn whole.
+    """Return the parts of a sliceable picture; None if it is drawn whole.
 
     Raises
     ------
     ValueError
-        As of the method.
+        As the method does.
     """
     from resample.engine import jit
 
@@ -146,7 +146,7 @@ def parts_of(image: Any, drawing: Drawing) -> Parts | None:
 def drawn_in_parts(
     image: Any, drawing: Drawing, parts: Parts, *, linear_light: bool, alpha: str | None
 ) -> Warped:
-    """Picture warped window by window; it may be what gives arrays for slices alone."""
+    """Warp a picture window by window; it need only support slices."""
     form = LIGHT if drawing.as_light else image.dtype
     result = Warped(
         np.empty((*drawing.shape, *image.shape[2:]), form), np.empty(drawing.shape, np.float32)
@@ -173,7 +173,7 @@ def drawn_in_parts(
 
 
 def _pixels_of(mixed: "MixedTiles", shape: tuple[int, int]) -> NDArray[np.bool_]:
-    """Pixels (height, width) of near tiles."""
+    """Mark the pixels (height, width) of near tiles."""
     is_near = np.zeros(shape, np.bool_)
     for left, top, right, bottom in mixed.near.tiles[mixed.is_near].tolist():
         is_near[top:bottom, left:right] = True
@@ -181,7 +181,7 @@ def _pixels_of(mixed: "MixedTiles", shape: tuple[int, int]) -> NDArray[np.bool_]
 
 
 class _Read:
-    """Texels of a picture that gives arrays for slices, decoded where they are asked for."""
+    """Texels of a sliceable picture, decoded on demand."""
 
     def __init__(self, image: Any, drawing: Drawing, linear_light: bool, alpha: str | None) -> None:
         self.image, self.drawing = image, drawing
@@ -192,11 +192,11 @@ class _Read:
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """Height, width and channels, those included that tell of gaps."""
+        """Height, width and channels, including those that mark missing values."""
         return self.image.shape[0], self.image.shape[1], self.channels + self.gaps
 
     def texels(self, rows: Integers, columns: Integers) -> Floats:
-        """Texels (R, K, C), see `resample_texture.texels.partly.TexelReader`."""
+        """Return texels (R, K, C), see `resample_texture.texels.partly.TexelReader`."""
         found = np.empty((rows.size, columns.size, self.shape[2]), np.float32)
         for down, here in _stretches(rows):
             for across, there in _stretches(columns):
@@ -204,7 +204,7 @@ class _Read:
         return found
 
     def projected(self, mixed: "MixedTiles") -> Warped:
-        """What texels fill."""
+        """Project the texels of the far tiles."""
         _, encoding = self._decoded(self.image[0:1, 0:1])
         encoding = encoding.as_light() if self.drawing.as_light else encoding
         from resample.engine import jit
@@ -217,7 +217,7 @@ class _Read:
 
 
 def _stretches(places: Integers) -> Iterator[tuple[slice, slice]]:
-    """Consecutive numbers among some, and where they stand."""
+    """Yield runs of consecutive numbers, and their positions."""
     ends = [0, *(np.flatnonzero(np.diff(places) != 1) + 1).tolist(), places.size]
     for first, last in pairwise(ends):
         start = int(places[first])
@@ -225,7 +225,7 @@ def _stretches(places: Integers) -> Iterator[tuple[slice, slice]]:
 
 
 def _has_gaps(image: Any) -> bool:
-    """Whether a picture that gives arrays for slices has values that are not finite."""
+    """Whether a sliceable picture has values that are not finite."""
     if image.dtype.kind != "f":
         return False
     step = max(1, MOST_IN_WINDOW // math.prod(image.shape[1:]))
@@ -237,21 +237,21 @@ def _has_gaps(image: Any) -> bool:
 def _part_of(
     drawing: Drawing, window: PictureWindow, size: tuple[int, int]
 ) -> tuple[Drawing, tuple[slice, slice]]:
-    """What to draw for a window of a target from its part of a source, and what of that it is."""
+    """Return the drawing for a window of the target, and the window's part of it."""
     left, top, right, bottom = window.target
     geometry, shape, inner = drawing.geometry, (bottom - top, right - left), np.s_[:, :]
     if isinstance(geometry, BackwardMap):
         roi = (left, top, right - left, bottom - top)
         geometry, shape, inner = within(geometry, drawing.shape, roi, drawing.method)
     edge = drawing.edge if window.source.is_within(size) else Edge.CLAMP
-    assert not isinstance(geometry, ForwardMap)  # its texels go where they go
+    assert not isinstance(geometry, ForwardMap)  # forward maps are not drawn in windows
     return drawing._replace(
         geometry=between(geometry, window, size, drawing.shape), shape=shape, edge=edge
     ), inner
 
 
 def _seen_through(window: PictureWindow, image: Any, edge: str) -> NDArray[Any]:
-    """Part of a picture (H, W, ...), repeated beyond its edges, that a window shows."""
+    """Return the part of a picture (H, W, ...), continued beyond its edges, for a window."""
     size = image.shape[0], image.shape[1]
     part: NDArray[Any]
     if window.source.is_within(size):
@@ -265,11 +265,11 @@ def _seen_through(window: PictureWindow, image: Any, edge: str) -> NDArray[Any]:
 
 
 def continued(image: NDArray[Any], drawing: Drawing) -> tuple[NDArray[Any], Drawing]:
-    """Picture and what to do with it, where `Edge` has a name for what lies beyond its edges."""
+    """Turn `REFLECT_101` into an `Edge`: unfold the picture and wrap around."""
     if drawing.edge != REFLECT_101:
         return image, drawing
     geometry = drawing.geometry
-    if isinstance(geometry, ForwardMap):  # it places the source's own texels and no others
+    if isinstance(geometry, ForwardMap):  # only the source's own texels are placed
         return image, drawing._replace(edge=Edge.TRANSPARENT)
     if isinstance(geometry, Homography):
         size, region = (image.shape[0], image.shape[1]), geometry.region
@@ -281,7 +281,7 @@ def continued(image: NDArray[Any], drawing: Drawing) -> tuple[NDArray[Any], Draw
 
 
 def copied(image: NDArray[Any], drawing: Drawing) -> Picks | None:
-    """Texels that pixels show, if that is all that happens to them."""
+    """Return the texel that each pixel copies; None if texels are mixed."""
     method, geometry, shape, edge, *_ = drawing
     check_picture(np.ma.getdata(image))
     if hasattr(method, "picks"):
@@ -296,7 +296,7 @@ def copied(image: NDArray[Any], drawing: Drawing) -> Picks | None:
 
 
 def picked(image: NDArray[Any], picks: Picks, alpha: str | None = None) -> Warped:
-    """Picture of copied texels, value for value; what is missing is not covered."""
+    """Copy texels value for value; missing ones are not covered."""
     values, mask = unmasked(image)
     planes = values.reshape(*values.shape[:2], -1)
     missing = missing_in(planes, mask, together=is_together(planes, alpha))
@@ -316,10 +316,10 @@ def picked(image: NDArray[Any], picks: Picks, alpha: str | None = None) -> Warpe
 
 
 def _run_with_gaps(drawing: Drawing, texels: Floats, gaps: int) -> Warped:
-    """Warp texels, the last channels of which tell where there are values.
+    """Warp texels whose last channels mark where values exist.
 
-    Gray is warped alone, as it is where no value is missing: kernels add one channel in an order of
-    its own.
+    Gray is warped alone, as it is without missing values: kernels add a single channel in an order
+    of its own.
     """
     if (gaps, texels.shape[2]) != (1, 2):
         return run(drawing, texels)
@@ -328,7 +328,7 @@ def _run_with_gaps(drawing: Drawing, texels: Floats, gaps: int) -> Warped:
 
 
 def run(drawing: Drawing, texels: Floats) -> Warped:
-    """Warp texels on so many threads, whose tasks are handed out one by one."""
+    """Warp texels on the given number of threads."""
     from resample.engine import jit
 
     method, geometry, shape, edge, threads, *_ = drawing
@@ -337,5 +337,5 @@ def run(drawing: Drawing, texels: Floats) -> Warped:
 
 
 def adds(method: Method) -> bool:
-    """Whether a method keeps sums instead of means."""
+    """Whether a method preserves sums instead of means."""
     return dataclasses.is_dataclass(method) and bool(getattr(method, "total", False))

@@ -1,4 +1,4 @@
-"""Pictures resized, scaled by a factor and rotated: `warp` with a matrix that fits the picture."""
+"""Resize, scale and rotate pictures: `warp` with a matrix that fits the picture."""
 
 from typing import Any
 
@@ -20,7 +20,7 @@ def resize(
     linear_light: bool = True,
     alpha: str | None = None,
 ) -> Warped:
-    """Picture of another size; its area fills that of the target exactly.
+    """Resize a picture so that it fills the target exactly.
 
     Parameters
     ----------
@@ -29,14 +29,14 @@ def resize(
     shape
         Height and width of the result, px.
     method
-        Name, or an object with choices of its own, such as `Hybrid(filter="gaussian:sigma=0.5")`.
+        Name, or an object with its own options, such as `Hybrid(filter="gaussian:sigma=0.5")`.
     edge, linear_light, alpha
         As `warp` takes them.
 
     Raises
     ------
     ValueError, LookupError
-        As of `warp`.
+        As `warp` does.
 
     Examples
     --------
@@ -61,19 +61,19 @@ def scale(
     linear_light: bool = True,
     alpha: str | None = None,
 ) -> Warped:
-    """Picture scaled by exactly a factor; its size is the nearest whole one.
+    """Scale a picture by an exact factor; its size is rounded to whole px.
 
     Parameters
     ----------
     image, method, edge, linear_light, alpha
         As `resize` takes them.
     factor
-        Above 0; one, or two: along x and y.
+        Above 0; one factor, or two for x and y.
 
     Raises
     ------
     ValueError, LookupError
-        A factor is not above 0, or as of `warp`.
+        A factor is not above 0, or as `warp` does.
 
     Examples
     --------
@@ -100,22 +100,22 @@ def rotate(
     linear_light: bool = True,
     alpha: str | None = None,
 ) -> Warped:
-    """Picture turned counterclockwise about its middle; by multiples of 90 degrees value for value.
+    """Rotate a picture counterclockwise about its center; multiples of 90° copy values.
 
     Parameters
     ----------
     image, method, edge, linear_light, alpha
         As `resize` takes them.
     degrees
-        Negative ones turn clockwise.
+        Angle; negative angles turn clockwise.
     shape
-        Height and width of the result, px, in whose middle the picture's is; by default what holds
-        it whole.
+        Height and width of the result, px; the centers of picture and result coincide. By default
+        the result holds the whole picture.
 
     Raises
     ------
     ValueError, LookupError
-        The angle is no number, or as of `warp`.
+        The angle is not a finite number, or as `warp` does.
 
     Examples
     --------
@@ -135,7 +135,7 @@ def rotate(
 
 
 def _shape_of(image: NDArray[Any]) -> tuple[int, int]:
-    """Height and width of a picture, or of those of a batch."""
+    """Return height and width of a picture, or of a batch's pictures."""
     shape = np.shape(image)
     height, width = shape[1:3] if len(shape) == 4 else shape[:2] if len(shape) > 1 else (0, 0)
     if min(height, width) < 1:

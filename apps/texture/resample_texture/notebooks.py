@@ -1,4 +1,4 @@
-"""Pictures in a notebook's cell."""
+"""Show a picture in a notebook's cell."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -6,23 +6,23 @@ if TYPE_CHECKING:
     from resample.view.views import Size
     from resample.view.widgets import Viewer
 
-MARGIN = 0.8  # of a target, that a picture takes at first
+MARGIN = 0.8  # share of the target that a picture takes at first
 
 
 def view(image: Any, /, **settings: Any) -> "Viewer":
-    """A picture in a notebook's cell: drag its corners, take the Python of what you see.
+    """Show a picture in a notebook's cell: drag its corners, copy the Python code.
 
     Parameters
     ----------
     image
-        A file; or what `as_picture` takes of 8 or 16 bits, which is written to a temporary one that
-        lives as long as the widget.
+        A file, or an 8- or 16-bit picture as `as_picture` takes it, which is written to a temporary
+        file that lives as long as the widget.
     settings
         Options of `resample-texture warp` to begin with: `method="bilinear"`.
 
     Returns
     -------
-    Widget with `settings`, `frame` and `to_python()`; needs the extra `notebook`.
+    A widget with `settings`, `frame` and `to_python()`. It needs the extra `notebook`.
 
     Raises
     ------
@@ -49,7 +49,7 @@ def view(image: Any, /, **settings: Any) -> "Viewer":
 
 
 def fitted(extent: "Size", size: "Size") -> str:
-    """Corners of a picture, px, that leaves a margin around it in a target."""
+    """Return corners, px, that fit a picture into a target with a margin."""
     (across, down), (width, height) = extent, size
     scale = MARGIN * min(width / across, height / down)
     left, top = (width - scale * across) / 2, (height - scale * down) / 2

@@ -1,4 +1,4 @@
-"""A warp that many pictures go through: what does not depend on them is worked out once."""
+"""Prepare a warp once, apply it to many pictures."""
 
 from typing import Any
 
@@ -19,19 +19,19 @@ from resample_texture.types import Edge, Method, Warped
 
 
 class Plan:
-    """A warp of pictures of one size by one matrix, map or function: a lens taken out of a film.
+    """A prepared warp of pictures of one size, e.g. to undistort the frames of a film.
 
     Parameters
     ----------
     matrix, shape, method, edge, convention, inverse
-        As `warp` takes them. A function is asked once.
+        As `warp` takes them. A function is called once.
     source_shape
         Height and width of the pictures, px.
 
     Raises
     ------
     ValueError, LookupError
-        As of `warp`.
+        As `warp` does.
 
     Examples
     --------
@@ -81,17 +81,17 @@ class Plan:
         Parameters
         ----------
         image
-            Of `source_shape`, and else, as `linear_light`, `alpha`, `threads` and `out`, as `warp`
-            takes it; no batch.
+            A picture of `source_shape`. It and `linear_light`, `alpha`, `threads` and `out` are as
+            `warp` takes them, except that batches are refused.
 
         Returns
         -------
-        What `warp` gives.
+        What `warp` returns.
 
         Raises
         ------
         ValueError
-            The picture has another size, or cannot be worked with.
+            The picture has another size or is invalid.
         """
         image = image if isinstance(image, np.ma.MaskedArray) else np.asarray(image)
         if image.shape[:2] != self.source_shape:

@@ -1,4 +1,4 @@
-"""A picture that is opened once and warped often: quick previews, and what pixels show."""
+"""Open a picture once, warp it often: previews, and the texels that pixels show."""
 
 import dataclasses
 import math
@@ -26,31 +26,31 @@ from resample_texture.texels.pyramid import shrunk
 from resample_texture.types import Edge, Method, Previewed, Warped
 from resample_texture.warping import warp
 
-PER = 2  # px each way of a target that are one of its preview
-# Choices of final pictures that previews know and do not use, and their names in `warp`.
+PER = 2  # px of the target per px of its preview, along each axis
+# Options of final pictures that previews accept but ignore, and their names in `warp`.
 UNUSED = {
     **{name: name for name in ("filter", "interpolation", "total", "threads")},
     "detail": "quality",
 }
-GRID = 16  # places each way where it is looked at how much a picture shrinks
+GRID = 16  # samples per axis at which the scale of a warp is estimated
 
 Quality = Literal["final", "preview"]
 
 
 class PictureScene:
-    """A picture for many warps: other places, other methods, quick previews.
+    """A picture for many warps, by other geometries and methods, with quick previews.
 
     Parameters
     ----------
     given
         What `resample.files.exchange.inputs.as_picture` takes.
     linear_light, alpha
-        As of `warp`.
+        As `warp` takes them.
 
     Raises
     ------
     TypeError, ValueError, OSError
-        See `as_picture`; or it is no picture.
+        As `as_picture` does, or the array is not a picture.
 
     Examples
     --------
@@ -63,7 +63,7 @@ class PictureScene:
     def __init__(self, given: Any, *, linear_light: bool = True, alpha: str | None = None) -> None:
         self.image = as_picture(given)
         self._light: dict[str, Any] = {"linear_light": linear_light, "alpha": alpha}
-        self._levels: list[Floats] = []  # texels, and these merged 2 × 2 again and again
+        self._levels: list[Floats] = []  # the texels, and the levels of their 2 × 2 pyramid
         self._encoding: Encoding | None = None
 
     def render(  # noqa: PLR0913 - what a user may say about a warp
@@ -79,28 +79,28 @@ class PictureScene:
         cancel: Cancel | None = None,
         **choices: Any,
     ) -> Warped:
-        """Picture, warped.
+        """Warp the picture.
 
         Parameters
         ----------
         matrix, method, edge, convention, inverse
-            As of `warp`.
+            As `warp` takes them.
         size
-            Width and height of the target, px. The picture's.
+            Width and height of the target, px. Default: the picture's.
         quality
-            `preview` looks up merged texels at each other pixel, whatever the method. The result
-            says `is_preview`.
+            `preview` samples a reduced level of the picture at every other pixel, whatever the
+            method; the result's `is_preview` is true.
         cancel
-            Stops it from another thread.
+            Cancels the warp from another thread.
         choices
             `filter`, `interpolation`, `quality` as `detail`, `total`, `roi`, `threads` of `warp`.
 
         Raises
         ------
         ValueError, LookupError
-            As of `warp`.
+            As `warp` does.
         resample.CancelledError
-            It was cancelled.
+            The warp was cancelled.
         """
         if quality not in ("final", "preview"):
             raise ValueError(f"quality {quality!r}; it can be final or preview")
@@ -125,21 +125,21 @@ class PictureScene:
         convention: str = "corner",
         inverse: bool = False,
     ) -> NDArray[np.int32]:
-        """Texels at the centers of pixels.
+        """Return the texel at each pixel's center.
 
         Parameters
         ----------
         matrix, size, edge, convention, inverse
-            As of `render`.
+            As `render` takes them.
 
         Returns
         -------
-        (H, W, 2) row and column of the source; -1 where there is none.
+        (H, W, 2) row and column of the source; -1 outside the source.
 
         Raises
         ------
         ValueError
-            A forward map, or a choice is not allowed.
+            The geometry is a forward map, or an option is invalid.
         """
         rows, columns = self.image.shape[:2]
         index = np.arange(rows * columns, dtype=np.int64).reshape(rows, columns)
@@ -159,7 +159,7 @@ class PictureScene:
         return (self.image.shape[0], self.image.shape[1]) if size is None else shape_of(size)
 
     def _preview(self, geometry: Geometry, shape: tuple[int, int], edge: str) -> Previewed:
-        """Merged texels at each other pixel, made as large as the target."""
+        """Sample a reduced level at every other pixel, and enlarge that to the target."""
         from resample_texture.methods.forward import Hybrid
         from resample_texture.rivals.opencv import Bilinear
 
@@ -174,7 +174,7 @@ class PictureScene:
         return Previewed(image, coverage)
 
     def _texels(self, level: int) -> tuple[Floats, Encoding]:
-        """Texels merged 2 × 2 so many times, and what they stand for."""
+        """Return a level of the texels' pyramid, and their encoding."""
         if self._encoding is None:
             texels, self._encoding = decoded(self.image, **self._light)
             self._levels = [texels]
@@ -185,21 +185,21 @@ class PictureScene:
         return self._levels[level], self._encoding
 
     def _merged(self, level: int) -> tuple[float, float]:
-        """Texels along x and y that are one of a level."""
+        """Return how many texels along x and y are one of a level."""
         (height, width), texels = self.image.shape[:2], self._levels[level]
         return width / texels.shape[1], height / texels.shape[0]
 
     def _level(self, geometry: Geometry, shape: tuple[int, int]) -> int:
-        """How often texels are merged, so that about one is looked up for a pixel of a preview."""
+        """Return the level that has about one texel per pixel of the preview."""
         most = int(math.log2(max(1, min(self.image.shape[:2]))))
-        if isinstance(geometry, ForwardMap):  # of the texels as they are
+        if isinstance(geometry, ForwardMap):  # forward maps need the texels themselves
             return 0
         per = PER * _texels_per_pixel(geometry, shape, (self.image.shape[0], self.image.shape[1]))
         return min(most, max(0, math.floor(math.log2(max(per, 1.0)))))
 
 
 def _check_unused(method: str | Method, choices: dict[str, Any]) -> None:
-    """Refuse for previews, too, what there is not."""
+    """Refuse unknown options for previews, too."""
     if unknown := sorted(choices.keys() - UNUSED.keys()):
         raise ValueError(f"a preview has no {', '.join(unknown)}; leave it out")
     given = {UNUSED[name]: value for name, value in choices.items() if name != "threads"}
@@ -209,7 +209,7 @@ def _check_unused(method: str | Method, choices: dict[str, Any]) -> None:
 def _texels_per_pixel(
     geometry: Homography | BackwardMap, shape: tuple[int, int], source_shape: tuple[int, int]
 ) -> float:
-    """Texels that a pixel is about as large as, in the middle of what is seen."""
+    """Return the side of a pixel in texels, the median over the visible source."""
     if isinstance(geometry, BackwardMap):
         rows, columns = (max(1, count // GRID) for count in shape)
         x, y = geometry.x[::rows, ::columns], geometry.y[::rows, ::columns]
@@ -228,7 +228,7 @@ def _texels_per_pixel(
 
 
 def _shrunk(geometry: Geometry, merged: tuple[float, float], small: tuple[int, int]) -> Geometry:
-    """Geometry between merged texels and merged pixels."""
+    """Return the geometry from a reduced level to the preview's pixels."""
     across, down = merged
     if isinstance(geometry, Homography):
         source, target = np.diag([across, down, 1.0]), np.diag([1 / PER, 1 / PER, 1.0])
@@ -239,7 +239,7 @@ def _shrunk(geometry: Geometry, merged: tuple[float, float], small: tuple[int, i
 
 
 def _merged(places: Doubles, small: tuple[int, int]) -> Doubles:
-    """Means of a map over the pixels that become one."""
+    """Average a map over the pixels that become one."""
     short = [(0, PER * count - whole) for count, whole in zip(small, places.shape, strict=True)]
     whole = np.pad(places, short, mode="edge").reshape(small[0], PER, small[1], PER)
     return np.asarray(whole.mean(axis=(1, 3)))

@@ -1,7 +1,7 @@
 """Warps as differentiable functions of PyTorch's tensors (`pip install hybrid-resample[torch]`).
 
-Computed on the CPU in float64 by `differentiable.LinearWarp`, whatever the tensors are. Gradients
-are exact; they have no gradients of their own.
+Everything is computed on the CPU in float64 by `differentiable.LinearWarp`, whatever the tensors'
+type and device. Gradients are exact; second derivatives are not available.
 """
 
 from collections.abc import Callable
@@ -34,10 +34,10 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     quality: float = 1.0,
     threads: int | None = None,
 ) -> Tensor:
-    """Pictures warped by a matrix, differentiable by both.
+    """Warp pictures by a matrix, differentiable with respect to both.
 
-    Values are filtered as they are: neither encoded nor divided by the coverage, which is the warp
-    of a picture of ones.
+    Values are filtered as given: neither encoded nor divided by the coverage. The coverage is the
+    warp of a picture of ones.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def warp_by_map(
     quality: float = 1.0,
     threads: int | None = None,
 ) -> Tensor:
-    """Pictures whose pixels look where a backward map says, differentiable by both.
+    """Warp pictures by a backward map, differentiable with respect to both.
 
     Parameters
     ----------
@@ -91,8 +91,8 @@ def warp_by_map(
     places
         (height, width, 2) or (N, height, width, 2): x and y in the source of every pixel's center,
         px; the first texel's center is at (0.5, 0.5). Of the `grid` of `grid_sample` without
-        `align_corners` it is `(grid + 1) / 2 * torch.tensor([W, H])`. Not a number where a pixel
-        sees nothing.
+        `align_corners` it is `(grid + 1) / 2 * torch.tensor([W, H])`. Not a number (nan) where a
+        pixel shows nothing.
     interpolation, edge, quality, threads
         As `differentiable.LinearWarp` takes them.
 
@@ -153,18 +153,18 @@ class _Warp(torch.autograd.Function):  # type: ignore[misc]
 
 
 def _is_shared(geometry: Tensor) -> bool:
-    """Whether one matrix (3, 3) or map (h, w, 2) is that of all pictures."""
+    """Tell whether one matrix (3, 3) or map (h, w, 2) serves all pictures."""
     return bool(geometry.ndim == 2 or (geometry.ndim == 3 and geometry.shape[-1] == 2))
 
 
 def _geometries(geometry: Tensor) -> list[Doubles]:
-    """The matrix or map of all pictures, or that of each."""
+    """Return the matrix or map of all pictures, or one of each."""
     array = _as_array(geometry)
     return [array] if _is_shared(geometry) else list(array)
 
 
 def _pictures(tensor: Tensor, is_shared: bool) -> list[Doubles]:
-    """Pictures (H, W, C) of a tensor (N, C, H, W), or all of them as one of N × C channels."""
+    """Split (N, C, H, W) into pictures (H, W, C), or make it one of N × C channels."""
     array = np.moveaxis(_as_array(tensor), (2, 3), (0, 1))  # (H, W, N, C)
     if is_shared:
         return [np.ascontiguousarray(array.reshape(*array.shape[:2], -1))]
@@ -172,19 +172,19 @@ def _pictures(tensor: Tensor, is_shared: bool) -> list[Doubles]:
 
 
 def _batch(pictures: list[Doubles], channels: int) -> Doubles:
-    """Array (N, C, H, W) of what `_pictures` gave."""
+    """Stack what `_pictures` returned into (N, C, H, W)."""
     shape = pictures[0].shape[:2]
     flat = np.concatenate(pictures, axis=2).reshape(*shape, -1, channels)
     return np.moveaxis(flat, (0, 1), (2, 3))
 
 
 def _as_array(tensor: Tensor) -> Doubles:
-    """Numbers of a tensor, wherever it is, in an array of their own."""
+    """Copy a tensor from any device into a float64 array."""
     return np.array(np.from_dlpack(tensor.detach().cpu()), np.float64)
 
 
 def _as_tensor(array: Doubles, like: Tensor) -> Tensor:
-    """Tensor of the type and on the device of another."""
+    """Convert an array to a tensor of another's type and device."""
     return torch.from_dlpack(np.ascontiguousarray(array)).to(device=like.device, dtype=like.dtype)
 
 
@@ -197,7 +197,7 @@ def _check_image(image: Tensor) -> None:
 
 
 def _check_geometry(geometry: Tensor, image: Tensor, dimensions: int, shapes: str) -> None:
-    """Refuse what is neither for all pictures nor for each of them."""
+    """Refuse a geometry that is neither one for all pictures nor one for each."""
     many = geometry.ndim == dimensions + 1 and geometry.shape[0] == image.shape[0]
     if not (many or geometry.ndim == dimensions) or not geometry.is_floating_point():
         raise ValueError(

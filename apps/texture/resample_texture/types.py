@@ -1,4 +1,4 @@
-"""The application's own nouns.
+"""Types of the application: edge modes, warped pictures, the role of a method.
 
 Continuous pixel coordinates everywhere: the pixel in row i, column j covers [j, j + 1) × [i, i + 1)
 and has its center at (j + 0.5, i + 0.5), in the source as in the target.
@@ -42,13 +42,13 @@ class Warped(Showable, _Warped):
 
     __slots__ = ()
 
-    is_preview = False  # whether it is of fewer texels and pixels than there are
+    is_preview = False  # whether fewer texels and pixels were used
 
     @property
     def mean(self) -> NDArray[Any]:
-        """Mean of what covers each pixel; not a number where nothing does.
+        """Mean of what covers each pixel; not a number where nothing covers it.
 
-        Of float32, or of float64 if the picture's values do not fit into it.
+        float32, or float64 if the picture's values do not fit into float32.
         """
         image = np.ma.getdata(self.image)
         coverage = self.coverage.reshape(
@@ -61,7 +61,7 @@ class Warped(Showable, _Warped):
 
 
 class Previewed(Warped):
-    """A warped picture that was made quickly, of fewer texels and pixels than there are."""
+    """A quick preview of a warped picture, made from fewer texels and pixels."""
 
     __slots__ = ()
 
@@ -69,10 +69,10 @@ class Previewed(Warped):
 
 
 class Method(Protocol):
-    """Role of a way to warp.
+    """Role of a warping method.
 
-    A plugin is a class whose constructor takes the user's choices by name and refuses bad ones with
-    a `ValueError`.
+    A plugin is a class whose constructor takes options by name and refuses bad ones with a
+    `ValueError`.
     """
 
     def __call__(
@@ -83,9 +83,9 @@ class Method(Protocol):
         Parameters
         ----------
         source
-            (H, W, C) float32, C-contiguous, linear light, multiplied by alpha where there is one.
+            (H, W, C) float32, C-contiguous, linear light, premultiplied if it has alpha.
         geometry
-            Where texels go, or where pixels come from.
+            Mapping between source and target.
         shape
             Height and width of the target, px.
         edge
@@ -98,5 +98,5 @@ class Method(Protocol):
         Raises
         ------
         ValueError
-            The method cannot do this kind of geometry.
+            The method does not support this kind of geometry.
         """

@@ -1,4 +1,4 @@
-"""The library's call: warp a picture by a matrix, a map, a function or a flow."""
+"""Warp a picture by a matrix, a map, a function or a flow."""
 
 from typing import Any
 
@@ -45,62 +45,62 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     Parameters
     ----------
     image
-        An array (H, W) or (H, W, C), or a batch (N, H, W, C), in any layout, masked or not; or what
-        else `resample.files.exchange.inputs.as_picture` takes, such as a path. Light of uint8 or
-        uint16; values, which are never encoded or limited to 0..1, of bool, other integers of 8
-        to 64 bits and floats of 16 to 64. What is masked or not finite is missing, channel by
-        channel: it weighs nothing.
+        An array (H, W) or (H, W, C), or a batch (N, H, W, C), in any layout, masked or not; or
+        anything else that `resample.files.exchange.inputs.as_picture` takes, such as a path. uint8
+        and uint16 are taken for light; bool, other integers of 8 to 64 bits and floats of 16 to 64
+        bits for values, which are never encoded or limited to 0..1. Values that are masked or not
+        finite are missing, channel by channel, and have no weight.
     matrix
         (3, 3) homography or (2, 3) affine map from source to target; or a `Homography`, a
-        `ForwardMap` or a `BackwardMap`; or a function that takes x and y of pixels, (height, width)
-        each, and gives those of the source.
+        `ForwardMap` or a `BackwardMap`; or a function from x and y of pixels, (height, width)
+        each, to those of the source.
     shape
         Height and width of the target, px.
     method
-        Name such as `hybrid`, `paper` or `opencv-supersample:n=8`, or an object with that role.
-        `nearest` and `majority` are for labels: they copy texels and mix none.
+        Name such as `hybrid`, `paper` or `opencv-supersample:n=8`, or an object in that role.
+        `nearest` and `majority` are for labels: they copy texels without mixing them.
     filter
         Pixel filter: `area`, `gaussian:sigma=0.5`, `tent`, `mitchell`, `lanczos:a=3`...
     interpolation
         Interpolation between texels: `area-spline`, `lanczos`, `spline`, `catmull-rom`,
         `bilinear`, `nearest`, `gaussian`.
     quality
-        Parts that texels are cut into per px of the target; 1 is fastest.
+        Parts per target px that texels are split into; 1 is fastest.
     total
-        True keeps sums (a texel's value is a flux, say) instead of means; of floats only.
+        True preserves sums (of a flux, say) instead of means; for floats only.
     edge
         What lies beyond the source: `transparent`, `clamp`, `wrap`, `mirror` or `reflect-101`.
     convention
-        `corner`: pixel centers at + 0.5. `opencv`: `matrix` counts from pixel centers, as a
-        function then does.
+        `corner`: pixel centers at + 0.5. `opencv`: the coordinates of `matrix`, or of a function,
+        count from pixel centers.
     inverse
-        `matrix` leads from target to source.
+        True: `matrix` maps target to source.
     linear_light
-        Filter light: uint8 and uint16 are taken for sRGB-encoded, and returned so. False filters
-        values as they are.
+        Filter linear light: uint8 and uint16 are taken for sRGB-encoded, and the result is encoded
+        again. False filters values as given.
     alpha
         What a fourth channel is: `straight` (as for uint8 and uint16), `premultiplied` (as for all
         other types) or `none`.
     roi
-        Left, top, width and height of the part of the target that is wanted, px.
+        Left, top, width and height of the part of the target to return, px.
     threads
-        At most this many; pixels do not depend on it.
+        Most threads to use; the result does not depend on it.
     out
-        Array of the result's shape and type, which it is put into and returned as.
+        Array of the result's shape and type to write the result to.
 
     Returns
     -------
     `image` of the source's type and number of channels, (height, width) or (height, width, C),
-    multiplied by `coverage` (height, width): what is not covered is black. Where the fourth channel
-    is straight opacity, that alone is multiplied; copied texels (`nearest`, `majority`, shifts by
-    whole pixels) are not. A channel with less than half of its pixel's coverage is not a number, or
-    masked. Of a masked array a masked array, of a batch (N, height, width, C) and (N, height,
-    width).
+    multiplied by `coverage` (height, width): uncovered pixels are black. If the fourth channel is
+    straight opacity, only it is multiplied; copied texels (`nearest`, `majority`, shifts by whole
+    pixels) are not multiplied. A channel known for less than half of its pixel's coverage is not a
+    number, or masked. A masked array returns a masked array, a batch (N, height, width, C) and
+    (N, height, width).
 
     Raises
     ------
     ValueError
-        A picture, matrix, size or choice cannot be worked with.
+        A picture, matrix, size or option is invalid.
     LookupError
         A name is unknown.
 
@@ -143,7 +143,7 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
 
 
 def _stacked(each: list[Warped], image: NDArray[Any]) -> Warped:
-    """Pictures of a batch (N, H, W, C), one behind the other."""
+    """Stack the warped pictures of a batch (N, H, W, C)."""
     if not each:
         raise ValueError(f"a batch has one picture or more, not {image.shape}")
     images = [warped.image for warped in each]

@@ -1,6 +1,6 @@
 """3D warping of depth images by hybrid forward resampling.
 
-The names below are imported when they are first used, so that `import resample_warp3d` is quick.
+The names below are imported on first use, so that `import resample_warp3d` is fast.
 """
 
 from typing import TYPE_CHECKING

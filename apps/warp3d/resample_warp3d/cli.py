@@ -30,8 +30,8 @@ from resample_warp3d.command.clouds import CloudAim, CloudFormat, CloudLook, Clo
 
 app = App(
     name="resample-warp3d",
-    help="Pictures with depth, seen from somewhere else: points where samples shrink, parts of "
-    "them where they grow.\n\nExample: resample-warp3d render photo.jpg depth.png "
+    help="Novel views of pictures with depth: samples are projected as points where they shrink "
+    "and split into parts where they grow.\n\nExample: resample-warp3d render photo.jpg depth.png "
     "--depth-scale 1000 --fov 60 --move 0.1,0,0 -o moved.png",
     version=installed_version,
 )
@@ -43,8 +43,8 @@ TARGET, SHOWING = TargetCamera.usual(), Showing.usual()
 JOINT, SERVING, SHARING = Joint.usual(), Serving.usual(), Sharing.usual()
 PAIR_DEPTH, PARALLAX = PairDepth.usual(), Parallax.usual()
 CLOUD_START, CLOUD_AIM, CLOUD_FORMAT = CloudStart.usual(), CloudAim.usual(), CloudFormat.usual()
-VIEWS = "side,back4,in3,oblique"  # some of the generated scene's
-SIDE = 512  # px of the generated scene's views
+VIEWS = "side,back4,in3,oblique"  # of the generated scene
+SIDE = 512  # px per side of the generated scene's views
 COMPARED = "mcmillan,mesh,paper,hybrid"
 DEMO, FIGURES = Path("demo"), Path("figures")
 
@@ -66,7 +66,7 @@ def render(
     showing: Annotated[Showing, flags.Flat] = SHOWING,
     extras: Annotated[Extras, flags.Flat] = EXTRAS,
 ) -> None:
-    """Show a picture with depth from another place.
+    """Render a picture with depth from another viewpoint.
 
     Example: resample-warp3d render color.jpg depth.png --depth-scale 1000 --intrinsics
     525,525,320,240 --pose T.txt -o moved.png --holes holes.png
@@ -76,14 +76,13 @@ def render(
     color
         Any picture; float files are linear light, the others sRGB. Or a film.
     depth
-        .png, .tif, .exr, .pfm, .npy or .npz of the same size; file:name picks a channel or array.
-        Of a film a film of gray levels, a folder or a pattern of depth files.
+        .png, .tif, .exr, .pfm, .npy or .npz of the same size; file:name selects a channel or
+        array. For a film: a film of gray levels, a folder, or a pattern of depth files.
     output
-        Written to: .png, .tif, .exr with what the file holds, or .jpg over a background; of a film
-        .mp4, .gif, .webp or .apng.
+        Written to: .png, .tif or .exr, or .jpg over a background; for a film .mp4, .gif, .webp or
+        .apng.
     view
-        A further view of the same scene, COLOR,DEPTH,POSE or sample:room,POSE; may be given
-        several times.
+        Another view of the same scene: COLOR,DEPTH,POSE or sample:room,POSE; repeatable.
     """
     from resample.command.session import Session
     from resample.files.pictures import Look, check_output, write_picture
@@ -155,7 +154,7 @@ def stereo(
     holes: flags.Target = None,
     coverage: flags.Target = None,
 ) -> None:
-    """Make the picture of the other eye from a picture and its disparity or depth, or both in one.
+    """Make the other eye's picture of a stereo pair from a picture and its depth.
 
     Example: resample-warp3d stereo photo.jpg rel.npy --depth-kind relative --layout anaglyph --fill
     -o photo-3d.png
@@ -163,22 +162,22 @@ def stereo(
     Parameters
     ----------
     picture
-        The left one, unless --from says otherwise.
+        The left picture, unless --from right.
     depth
-        Of the same size: how much further left things are in the right picture, 0 is unknown; or
-        depth of the kind that --depth-kind says.
+        Disparity of the same size: how much further left things are in the right picture, 0 if
+        unknown; or depth of the kind given by --depth-kind.
     output
-        As of render.
+        As in render.
     disparity_scale
-        Numbers per px: 4 for Middlebury 2003, 16 for OpenCV, 256 for KITTI. Floats need none.
+        File values per px: 4 for Middlebury 2003, 16 for OpenCV, 256 for KITTI. Not for floats.
     fraction
-        How far to go: 1 to the other eye, 0.5 half of the way; below 0 away from it.
+        Position of the new eye: 1 is the other eye, 0.5 halfway; below 0 the opposite way.
     given
-        Which of both pictures there is.
+        Which of the two pictures is given.
     holes
-        As of render.
+        As in render.
     coverage
-        As of render.
+        As in render.
     """
     from resample.command.session import Session
     from resample.files.pictures import check_output, write_picture
@@ -214,7 +213,7 @@ def stereo(
     made = warped_picture(warped, seen.picture.kind, filled=warping.fill)
     if parallax.layout != "one":
         first = seen.picture
-        if seen.image.place.size:  # a lens, which the other picture is free of
+        if seen.image.place.size:  # the source has a lens; the other picture has none
             unbent = shifted(session, source, of_rectified(0.0), shape, warping)
             first = warped_picture(unbent, seen.picture.kind, filled=warping.fill)
         made = together(*((first, made) if given == "left" else (made, first)), parallax.layout)
@@ -240,20 +239,20 @@ def animate(
     resume: flags.Resume = False,
     sharing: Annotated[Sharing, flags.Flat] = SHARING,
 ) -> None:
-    """Move a camera past a picture with depth.
+    """Animate a camera that moves in a picture with depth.
 
     Example: resample-warp3d animate photo.jpg depth.png --depth-scale 1000 --fov 60 -o sway.mp4
 
     Parameters
     ----------
     color
-        As of render.
+        As in render.
     depth
-        As of render.
+        As in render.
     depth_output
-        Depth z: a folder for the .png of each frame, in 16 bits of the depth scale or 1000 per
-        unit, or a name with * for a frame's number, such as depth/*.exr or .npy in scene units.
-        Render reads it with the film.
+        Also write depth z: a folder for a 16-bit .png per frame (values per unit: the depth scale,
+        or 1000), or a name with * for the frame's number, such as depth/*.exr or .npy in scene
+        units. Render reads it with the film.
     """
     import numpy as np
 
@@ -293,7 +292,7 @@ def animate(
     again = partial(frames_of, ToFilm(reader, color, depth, warping, shape, behind), poses, camera)
     with (
         at_work(sharing, warping.threads) as crew,
-        session.stage("film", bar="moving") as progress,
+        session.stage("film", bar="rendering") as progress,
         appearing(depths, resume=resume),
     ):
         made, executor = made_by(crew, made, again)
@@ -310,7 +309,7 @@ def cloud(
     look: Annotated[CloudLook, flags.Flat] = CLOUD,
     form: Annotated[CloudFormat, flags.Flat] = CLOUD_FORMAT,
 ) -> None:
-    """Show a point cloud with normals, where it has them, and colors.
+    """Render a point cloud, with its colors and normals if it has them.
 
     Example: resample-warp3d cloud scan.ply --camera 40/20/1.5 --up y --color-by intensity
     --color-bar -o scan.png
@@ -358,18 +357,18 @@ def view(
     start: Annotated[CloudStart, flags.Flat] = CLOUD_START,
     page: Annotated[Serving, flags.Flat] = SERVING,
 ) -> None:
-    """Show a picture with depth, or a cloud, in the browser: move, turn, take the command.
+    """Show a picture with depth, or a cloud, in the browser: navigate, copy the command.
 
     Example: resample-warp3d view color.jpg depth.png --depth-scale 1000 --fov 60
 
     Parameters
     ----------
     file
-        A picture as of render, or a cloud as of cloud.
+        A picture as in render, or a point cloud as in cloud.
     depth
-        Of the picture, as of render.
+        Depth of the picture, as in render.
     further
-        As of render.
+        As in render.
     """
     from resample.view.server import require_parts, serve
     from resample.view.views import Viewable, controls_of, settings_of
@@ -417,7 +416,7 @@ def animate_cloud(
     Parameters
     ----------
     file
-        As of cloud.
+        As in cloud.
     path
         Camera path: orbit, once around; sway, left and right; or a file of keyframes or poses.
     frames
@@ -443,7 +442,7 @@ def animate_cloud(
     cameras = clouds.cameras_of(scene.surfels, viewpoints, shape, steady=start.steady)
     film = clouds.film_of(scene, cameras, shape, behind)
     again = partial(clouds.frames_of, file, look, cameras, shape, behind, memory)
-    with at_work(sharing, look.threads) as crew, session.stage("film", bar="moving") as progress:
+    with at_work(sharing, look.threads) as crew, session.stage("film", bar="rendering") as progress:
         film, executor = made_by(crew, film, again)
         write_film(output, film, fps, resume=resume, progress=progress, executor=executor)
 
@@ -466,32 +465,32 @@ def compare(
     output: flags.OptionalOutput = None,
     as_json: flags.Json = False,
 ) -> None:
-    """Measure methods by what a view really shows, in the generated scene or in your own pictures.
+    """Compare methods with a true view, in the generated scene or in your own pictures.
 
-    Only pixels that the source sees, too, are measured; holes are black.
+    Only pixels that the source also shows are measured; holes are black.
 
     Example: resample-warp3d compare --scene generated --methods mcmillan,mesh,hybrid -o compare.png
 
     Parameters
     ----------
     color
-        As of render, with a true picture of the new view. Left out, the scene is generated.
+        As in render, with a true picture of the new view. Default: the generated scene.
     depth
-        As of render.
+        As in render.
     scene
         Scene: generated, a ray-traced room of known depth.
     truth
-        What the camera at --pose saw.
+        True picture of the camera at --pose.
     mask
-        Pixels of the truth to be measured, white in a picture. Those that the depth leads to.
+        Pixels to measure, white in a picture. Default: those that the source's depth reaches.
     views
-        Of the generated scene: some of side, back4, in3, oblique and roll, separated by commas.
+        Views of the generated scene: side, back4, in3, oblique, roll, separated by commas.
     methods
         Methods separated by commas; with parameters as in hybrid:quality=2.
     refine
-        As of render: what is done about the depth that all of them are given.
+        As in render; applied to the depth that all methods get.
     output
-        Written to: all pictures side by side with details enlarged (.png).
+        Written to: all pictures side by side with enlarged details (.png).
     """
     from resample import registry
     from resample.files.writing import check_targets, rows_as_json
@@ -523,14 +522,14 @@ def compare(
 
 @app.command
 def fetch(name: str | None = None, /, *, folder: flags.Target = None) -> None:
-    """Download a public set of files, check it and print where it is; without a name, list them.
+    """Download and verify a public data set and print its folder; without a name, list all.
 
     Example: resample-warp3d fetch living-room
 
     Parameters
     ----------
     name
-        Of the set; on which terms it may be used is said.
+        Name of the data set; its licence is printed.
     folder
         Folder to keep it in. Default: the user's cache.
     """
@@ -553,23 +552,23 @@ def figures(
     methods: flags.Look[str] = "hybrid,mcmillan",
     refine: flags.Look[Refine] = "auto",
 ) -> None:
-    """Remake the paper's Figure 6: a picture, and a view of it by the hybrid and by McMillan.
+    """Reproduce the paper's Figure 6: a picture, and a view by the hybrid and by McMillan.
 
     Parameters
     ----------
     color
-        As of render. Left out, the scene is generated.
+        As in render. Default: the generated scene.
     depth
-        As of render.
+        As in render.
     output
         Written to: folder for figure-6.png, the single pictures and figure-6.json; created if
         missing.
     views
-        Of the generated scene: one of side, back4, in3, oblique or roll.
+        Views of the generated scene: one of side, back4, in3, oblique or roll.
     methods
         Methods separated by commas.
     refine
-        As of render, of COLOR and DEPTH.
+        As in render, with COLOR and DEPTH.
     """
     from resample import registry
     from resample.measuring.compare import plain
@@ -598,7 +597,7 @@ def figures(
 
 @app.command
 def demo(*, output: flags.DemoOutput = DEMO) -> None:
-    """Show a generated room from elsewhere by several methods, and a camera that sways in it."""
+    """Render new views of a generated room by several methods, and a swaying camera."""
     from resample_warp3d.command.compare import write_demo
 
     output.mkdir(parents=True, exist_ok=True)

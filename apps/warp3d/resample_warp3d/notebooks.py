@@ -1,4 +1,4 @@
-"""Depth images and clouds in a notebook's cell."""
+"""Show depth images and point clouds in a notebook's cell."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,26 +15,25 @@ if TYPE_CHECKING:
 
 
 def view(color: Any, depth: Any = None, /, **settings: Any) -> "Viewer":
-    """A depth image or a cloud in a notebook's cell: move past it, take the Python of what you see.
+    """Show a depth image or a cloud in a notebook's cell: navigate, copy the Python code.
 
     Parameters
     ----------
-    color
-        Picture of a depth image, a file or what `as_picture` takes of 8 or 16 bits; or, alone, the
-        file of a cloud. Arrays are written to temporary files that live as long as the widget.
+    Picture of a depth image: a file, or 8 or 16 bits as `as_picture` takes them; or, alone,
+    the file of a cloud. Arrays are written to temporary files that live as long as the widget.
     depth
-        Of the picture: a file, or an array (H, W).
+        Depth of the picture: a file, or an array (H, W).
     settings
-        Options of `resample-warp3d render`, or `cloud`, to begin with: `fov=60`.
+        Initial options of `resample-warp3d render` or `cloud`: `fov=60`.
 
     Returns
     -------
-    Widget with `settings`, `frame` and `to_python()`; needs the extra `notebook`.
+    A widget with `settings`, `frame` and `to_python()`. It needs the extra `notebook`.
 
     Raises
     ------
     ValueError, LookupError, OSError, TypeError
-        An option is not allowed, or a file cannot be read.
+        An option is invalid, or a file cannot be read.
 
     Examples
     --------

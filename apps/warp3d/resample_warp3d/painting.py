@@ -1,4 +1,4 @@
-"""The hybrid method's pictures of targets of any kind, and why their holes are there."""
+"""Paint targets of any camera model by the hybrid method, and classify their holes."""
 
 import math
 from collections.abc import Callable
@@ -19,12 +19,12 @@ from resample_warp3d.types import Hole, Method, Rendered, Source
 from resample_warp3d.wide.passages import Passage, on_lattice, poles_rows
 from resample_warp3d.wide.sights import Shape
 
-MARGIN = 8  # px that halves of a panorama have in common, on either side
-LEAST_ROWS = 3  # of a panorama, beside each pole, that are taken from a picture of the pole
-MOST_ROWS = 0.15  # of its height: as many rows at most
-REACHES = 3  # as far from the pole as the cells over it reach
+MARGIN = 8  # px that the halves of a panorama overlap, on each side
+LEAST_ROWS = 3  # of a panorama, beside each pole, taken from a picture of the pole
+MOST_ROWS = 0.15  # of its height: most such rows
+REACHES = 3  # times the extent of the cells over the pole
 FINE = 4  # px of that picture per row of the panorama
-SAMPLES = 8, 4  # of it, down and across, in each pixel of the panorama
+SAMPLES = 8, 4  # of that picture, down and across, per pixel of the panorama
 
 Look = Callable[[Source, Passage, Shape], Rendered]
 
@@ -32,18 +32,18 @@ Look = Callable[[Source, Passage, Shape], Rendered]
 def painted(
     method: Method, pixel: PixelFilter | None, source: Source, passage: Passage, shape: Shape
 ) -> Rendered:
-    """Source as a target of any kind sees it.
+    """Paint a source for a target of any camera model.
 
     Raises
     ------
     ValueError
-        The method knows the warping equation alone, a panorama has another shape, or as of
-        `resample_warp3d.methods.filtering.filtered`.
+        The method only supports the warping equation, a panorama has a wrong shape, or as
+        `resample_warp3d.methods.filtering.filtered` does.
     """
     if not isinstance(method, Hybrid):
         raise ValueError(
             f"{type(method).__name__} warps from pinhole to pinhole; for lenses, panoramas and"
-            " parallel rays take the method hybrid"
+            " parallel rays use the method hybrid"
         )
     look: Look = method if pixel is None else partial(_filtered, method, pixel)
     if not isinstance(passage.target, Equirectangular):
@@ -59,10 +59,10 @@ def painted(
 
 
 def explained(rendered: Rendered, source: Source, passage: Passage) -> NDArray[np.uint8]:
-    """Why each pixel is what it is, (H, W) values of `Hole`.
+    """Classify each pixel, (H, W) values of `Hole`.
 
-    A hole is taken to be as far as the farther of its two sides in its row, an empty row as far as
-    the farthest of the next row that is not.
+    A hole is assumed to be as far as the farther of its two sides in its row, an empty row as far
+    as the farthest point of the nearest row that is not empty.
     """
     shape = rendered.coverage.shape[0], rendered.coverage.shape[1]
     holes = np.zeros(shape, np.uint8)
@@ -86,7 +86,7 @@ def explained(rendered: Rendered, source: Source, passage: Passage) -> NDArray[n
 
 
 def trusted(rendered: Rendered, source: Source, passage: Passage) -> Floats:
-    """How sure the depth is that pixels (H, W) are made of, as `sheet.holes.trusted` says it."""
+    """Return the trust of the pixels' depth (H, W), as `sheet.holes.trusted` does."""
     sure = np.ones(rendered.nearness.shape, np.float32)
     if not source.trust.size:
         return sure
@@ -113,14 +113,14 @@ def _filtered(
 
 
 def _last_known(nearness: Floats) -> Floats:
-    """The last number of each row up to each pixel that is finite; inf where there is none."""
+    """Return the last finite number to the left of each pixel; inf if there is none."""
     width = nearness.shape[1]
     at = np.where(np.isfinite(nearness), np.arange(width), 0)
     return np.take_along_axis(nearness, np.maximum.accumulate(at, axis=1), axis=1)
 
 
 def _halves(look: Look, source: Source, passage: Passage, shape: Shape) -> Rendered:
-    """Panorama, seen once ahead and once behind: each half is far from where its cells are cut."""
+    """Paint a panorama in two halves, so that no cell is cut by the seam."""
     height, width = shape
     first, half = width // 4, width // 2
     whole = empty(shape, source.color.shape[2])
@@ -142,16 +142,16 @@ def _turned(target: object, yaw: float) -> Equirectangular:
 
 
 def _shifted(right: float) -> Doubles:
-    """Frame (3, 3) that begins elsewhere."""
+    """Return a horizontally shifted frame (3, 3)."""
     frame = np.eye(3)
     frame[0, 2] = right
     return frame
 
 
 def _cap(method: Hybrid, source: Source, passage: Passage, whole: Rendered, rows: int) -> None:
-    """Fill the rows beside a pole, the lower one's if below 0, from a picture of the pole.
+    """Fill rows beside a pole (negative: the lower one) from a picture of the pole.
 
-    Cells there are bent too much, and one of them has the pole inside. Each pixel is the mean over
+    Cells there are too distorted, and one of them contains the pole. Each pixel is the mean over
     its square, whatever the filter.
     """
     height, width = whole.coverage.shape
@@ -175,7 +175,7 @@ def _resampled(
     method: Hybrid, fine: Rendered, at: Doubles, cosine: Doubles, whole: Rendered,
     rows: NDArray[np.int64],
 ) -> None:  # fmt: skip
-    """Fill rows of a panorama from a pinhole's picture at samples' places `at`, px."""
+    """Fill rows of a panorama from a pinhole's picture, sampled at `at`, px."""
     height, width = whole.coverage.shape
     shape = rows.size, SAMPLES[0], width, SAMPLES[1]
     column, row = (
@@ -193,7 +193,7 @@ def _resampled(
     flat = cosine.reshape(shape)
     near = fine.nearness[row, column] * flat
     whole.nearness[rows] = np.where(whole.coverage[rows] > 0, near.max(axis=(1, 3)), 0.0)
-    # Pixels of the panorama per px of the fine picture, by their solid angles.
+    # Magnification in pixels of the panorama, by solid angles.
     sine = np.sqrt(np.maximum(1.0 - flat * flat, 0.0))
     pixel = (math.pi / height) ** 2 * sine * (FINE * height / math.pi) ** 2 / flat**3
     finely = fine.magnification[row, column]

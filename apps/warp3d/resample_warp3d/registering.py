@@ -1,4 +1,4 @@
-"""Depth of a camera of its own, brought to the camera that took the picture."""
+"""Reproject depth from a separate depth camera to the picture's camera."""
 
 import numpy as np
 
@@ -7,31 +7,31 @@ from resample.types import Floats
 from resample_warp3d.depth.equation import between, lens_places
 from resample_warp3d.types import DepthImage
 
-SOLID = 0.5  # coverage from which on a pixel has a depth
+SOLID = 0.5  # coverage from which a pixel has a depth
 
 
 def registered(
     nearness: Floats, depth_camera: Camera, camera: Camera, shape: tuple[int, int]
 ) -> Floats:
-    """Nearness (height, width) as a camera sees it that did not take the depth.
+    """Reproject nearness from the depth camera to another camera, (height, width).
 
     Parameters
     ----------
     nearness
         (h, w) of the depth camera; 0 where unknown.
     depth_camera, camera
-        Both with poses in one world; the second without distortion.
+        Cameras with poses in the same world; the second without distortion.
     shape
         Height and width of the result, px.
 
     Returns
     -------
-    That of the nearest surface over most of each pixel; 0 where the depth camera saw none.
+    Nearness of the nearest surface that covers most of each pixel; 0 where there is none.
 
     Raises
     ------
     ValueError
-        Nothing of the depth is in view.
+        None of the depth is in view.
 
     Examples
     --------
@@ -53,5 +53,7 @@ def registered(
     rendered = Hybrid()(source, between(depth_camera, camera), shape)
     seen = np.where(rendered.coverage >= SOLID, rendered.nearness, np.float32(0))
     if not seen.any():
-        raise ValueError("the picture sees nothing of its depth; check the depth camera's pose")
+        raise ValueError(
+            "none of the depth is in the picture's view; check the depth camera's pose"
+        )
     return np.asarray(seen, np.float32)

@@ -1,4 +1,4 @@
-"""A depth image that is opened once and seen often: what does not depend on the target is kept."""
+"""Open a depth image once, render it often: what is independent of the target is kept."""
 
 from dataclasses import replace
 from functools import partial
@@ -19,27 +19,27 @@ from resample_warp3d.warping import Filling, as_light, filled, nearness_of, rend
 from resample_warp3d.wide.passages import way_between
 from resample_warp3d.wide.sights import Sight, taken_by
 
-PER = 2  # px each way of a target that are one of its preview
+PER = 2  # px of the target per px of its preview, along each axis
 TO_SAMPLES = np.array([[PER, 0, 0.5 - PER / 2], [0, PER, 0.5 - PER / 2], [0, 0, 1]])
-MOST_NAMED = 1 << 24  # samples that float32 tells apart
+MOST_NAMED = 1 << 24  # largest number of samples that float32 can index
 
 Quality = Literal["final", "preview"]
 
 
 class DepthScene:
-    """A depth image for many targets: other cameras, other methods, quick previews.
+    """A depth image for many targets, cameras and methods, with quick previews.
 
-    What is known of its surfaces (noise, links, refined depth, torn edges) is found once.
+    Properties of its surfaces (noise, links, refined depth, torn edges) are found once.
 
     Parameters
     ----------
     color, depth, source, noise, step, refine
-        As of `warp`.
+        As `warp` takes them.
 
     Raises
     ------
     TypeError, ValueError, OSError
-        As of `warp`.
+        As `warp` does.
 
     Examples
     --------
@@ -65,7 +65,7 @@ class DepthScene:
         self.shape = light.shape[0], light.shape[1]
         image, self.camera = taken_by(source, DepthImage(light, nearness, np.empty((0, 0, 2))))
         self.source = prepare(image, noise=noise, step=step, refine=refine)
-        self._methods: dict[str, Method] = {}  # that keep what they found of the source
+        self._methods: dict[str, Method] = {}  # by name; they cache what they found in the source
         self._few: Source | None = None  # for previews
         self._quick, self._coarse_cells = Preview(), Hybrid(quality=0.5)
 
@@ -81,26 +81,26 @@ class DepthScene:
         threads: int | None = None,
         cancel: Cancel | None = None,
     ) -> Warped:
-        """Depth image as another camera sees it.
+        """Render the depth image for another camera.
 
         Parameters
         ----------
         target
-            Camera; or a pose (3, 4) or (4, 4) from world to camera, which the source's takes.
+            Camera; or a pose (3, 4) or (4, 4) from world to camera, for the source's camera.
         size, method, filter, fill, threads
-            As of `warp`.
+            As `warp` takes them.
         quality
-            `preview` shows the nearest sample at each other pixel, whatever the method. The result
-            says `is_preview`.
+            `preview` shows the nearest sample at every other pixel, whatever the method; the
+            result's `is_preview` is true.
         cancel
-            Stops it from another thread.
+            Cancels the rendering from another thread.
 
         Raises
         ------
         ValueError, LookupError
-            As of `warp`.
+            As `warp` does.
         resample.CancelledError
-            It was cancelled.
+            The rendering was cancelled.
         """
         if quality not in ("final", "preview"):
             raise ValueError(f"quality {quality!r}; it can be final or preview")
@@ -117,16 +117,16 @@ class DepthScene:
     def sample_ids(
         self, target: Sight | ArrayLike, *, size: tuple[int, int] | None = None
     ) -> NDArray[np.int32]:
-        """Samples that cover the most of pixels.
+        """Return the sample that covers most of each pixel.
 
         Parameters
         ----------
         target, size
-            As of `render`.
+            As `render` takes them.
 
         Returns
         -------
-        (H, W, 2) row and column of the source; -1 where there is none.
+        (H, W, 2) row and column of the source; -1 where nothing is.
 
         Raises
         ------
@@ -135,7 +135,7 @@ class DepthScene:
         """
         rows, columns = self.shape
         if rows * columns > MOST_NAMED:
-            raise ValueError(f"{rows} × {columns} samples; {MOST_NAMED} at most have a name")
+            raise ValueError(f"{rows} × {columns} samples; at most {MOST_NAMED} can be numbered")
         index = np.arange(rows * columns, dtype=np.float32).reshape(rows, columns, 1)
         shape = self.shape if size is None else shape_of(size)
         way = way_between(self.camera, self._sight(target), shape)
@@ -162,7 +162,7 @@ class DepthScene:
         return self.camera.moved(pose)
 
     def _method(self, method: str | Method) -> str | Method:
-        """Method by its name, kept with what it found of the source."""
+        """Return a method by name, cached with what it found in the source."""
         if not isinstance(method, str):
             return method
         from resample import registry
@@ -172,7 +172,7 @@ class DepthScene:
         return self._methods[method]
 
     def _preview(self, sight: Sight, shape: tuple[int, int], threads: int | None) -> Previewed:
-        """Nearest samples at each other pixel, made as large as the target."""
+        """Render nearest samples at every other pixel, and enlarge that to the target."""
         small = -(-shape[0] // PER), -(-shape[1] // PER)
         way = way_between(self.camera, sight, shape)
         per = np.diag([1 / PER, 1 / PER, 1.0])
@@ -187,7 +187,7 @@ class DepthScene:
         return Previewed(*(enlarged(part, PER, shape, smooth=False) for part in made))
 
     def _merged(self) -> Source:
-        """Each other sample, with the mean color of those around it."""
+        """Return every other sample, with the mean color of its block."""
         if self._few is None:
             source = self.source
             color = source.color

@@ -1,14 +1,14 @@
-"""The application's own nouns.
+"""Types of the application: depth images, equations, sources, results, method role.
 
 Continuous pixel coordinates everywhere: the pixel in row i, column j covers
 [j, j + 1) × [i, i + 1) and has its center at (j + 0.5, i + 0.5), in the source as in the target.
 Cameras look along +z, x to the right and y down; poses map world to camera.
 
-McMillan's warping equation takes a pixel x₁ of the source to x₂ ~ M x₁ + δ(x₁) e, with a matrix M,
-the epipole e (where the target's picture shows the source's eye) and a generalised disparity δ. Two
-cameras give M = K₂ R K₁⁻¹, e = K₂ t and δ = 1 / z; a rectified pair M = 1, e = (−1, 0, 0) and δ in
-px. Nearer is larger; 0 is nothing known. What divides by the third coordinate of x₂ is δ as the
-target sees it, which is called *nearness* here and linear on planes, in both views.
+McMillan's warping equation maps a pixel x₁ of the source to x₂ ~ M x₁ + δ(x₁) e, with a matrix M,
+the epipole e (the image of the source's camera center in the target) and a generalized disparity δ.
+Two cameras give M = K₂ R K₁⁻¹, e = K₂ t and δ = 1 / z; a rectified pair M = 1, e = (−1, 0, 0) and δ
+in px. Nearer is larger; 0 means unknown. δ divided by the third coordinate of x₂ is δ as seen from
+the target; it is called *nearness* here and is linear on planes, in both views.
 """
 
 from enum import IntEnum
@@ -22,15 +22,15 @@ from resample.types import Doubles, Floats
 
 Links = NDArray[np.uint8]
 
-# Bits of a sample's links: that neighbour lies on the same surface. A link has two ends.
+# Bits of a sample's links: that neighbour lies on the same surface. Links are symmetric.
 RIGHT, DOWN, LEFT, UP = 1, 2, 4, 8
-TURNS = 16  # times one of those, in a sheet: beyond that side the surface turns away
-MARGIN = 2  # samples around a sheet that nothing is linked with; colors are interpolated from five
-AS_GIVEN: Floats = np.empty((0, 0), np.float32)  # trust in depth that was not refined
+TURNS = 16  # factor of these bits, in a sheet: the surface turns away beyond that side
+MARGIN = 2  # unlinked samples around a sheet; colors are interpolated from five
+AS_GIVEN: Floats = np.empty((0, 0), np.float32)  # trust of depth that was not refined
 
 
 class Hole(IntEnum):
-    """Why a pixel of the target is what it is.
+    """Cause of a hole in the target; `NONE` for covered pixels.
 
     Examples
     --------
@@ -45,15 +45,15 @@ class Hole(IntEnum):
     ('DISOCCLUDED', 'OUTSIDE')
     """
 
-    NONE = 0  # covered, wholly or in part
-    DISOCCLUDED = 1  # the source has something nearer in the way
-    OUTSIDE = 2  # beyond the source's frame
-    NO_DEPTH = 3  # the source shows it but knows no depth there
-    CRACK = 4  # a gap between samples, filled from both its sides
+    NONE = 0  # fully or partly covered
+    DISOCCLUDED = 1  # hidden in the source by something nearer
+    OUTSIDE = 2  # outside the source's frame
+    NO_DEPTH = 3  # in the source, without depth
+    CRACK = 4  # a gap between samples, filled from both sides
 
 
 class DepthImage(NamedTuple):
-    """A picture and how far everything in it is.
+    """A picture with its depth, as nearness.
 
     Examples
     --------
@@ -65,9 +65,9 @@ class DepthImage(NamedTuple):
     0.5
     """
 
-    color: Floats  # (H, W, C) linear light, premultiplied where a channel is opacity
-    nearness: Floats  # (H, W) δ; 0 where there is none
-    place: Doubles  # (H, W, 2) where a camera without distortion sees each sample, px; or (0, 0, 2)
+    color: Floats  # (H, W, C) linear light, premultiplied if a channel is opacity
+    nearness: Floats  # (H, W) δ; 0: unknown
+    place: Doubles  # (H, W, 2) undistorted position of each sample, px; or (0, 0, 2)
 
 
 class Equation(NamedTuple):
@@ -86,21 +86,21 @@ class Equation(NamedTuple):
     epipole: Doubles  # (3,)
 
     def in_frame(self, matrix: Doubles) -> "Equation":
-        """Equation that leads to a frame (3, 3) of the target's."""
+        """Return the equation to a frame that a matrix (3, 3) maps the target to."""
         return Equation(matrix @ self.matrix, matrix @ self.epipole)
 
 
 class Sheet(NamedTuple):
     """A depth image as a sheet of cells, one around each sample, torn where surfaces end."""
 
-    color: Floats  # (G, 3, H + 4, W + 4) groups of channels; surfaces without the others' light
+    color: Floats  # (G, 3, H + 4, W + 4) channel groups; colors not mixed between surfaces
     vertex: Floats  # (H + 1, W + 1) nearness at the lattice's corners; 0 where the sheet is torn
-    place: Doubles  # (H + 1, W + 1, 2) where a camera without distortion sees them; or (0, 0, 2)
+    place: Doubles  # (H + 1, W + 1, 2) their undistorted positions, px; or (0, 0, 2)
     torn: NDArray[np.int32]  # (H, W) row of `corner`; −1: corners of the lattice, −2: no cell
     corner: Floats  # (N, 4, 3) x, y and nearness of torn cells' corners, row by row
-    links: Links  # (H + 4, W + 4) of the source, and TURNS; MARGIN of nothing around, as of colors
-    ends: NDArray[np.int32]  # (M, 2) rows of `corner` and its corners where surfaces turn away
-    roundness: Floats  # (M, 2) of them: squared nearness per px, outward, along x and y
+    links: Links  # (H + 4, W + 4) of the source, with TURNS; MARGIN unlinked around, as for colors
+    ends: NDArray[np.int32]  # (M, 2) row of `corner` and corner, where surfaces turn away
+    roundness: Floats  # (M, 2) of those: squared nearness per px, outward, along x and y
 
 
 class Source(NamedTuple):
@@ -118,17 +118,17 @@ class Source(NamedTuple):
     """
 
     color: Floats  # (H, W, C)
-    nearness: Floats  # (H, W) smoothed along surfaces where it is noisy or coarse; 0: none
+    nearness: Floats  # (H, W) smoothed along surfaces if noisy or coarse; 0: unknown
     slope: Floats  # (H, W, 2) change of nearness to the next column and row, on the surface
     links: Links  # (H, W) which neighbours are on the same surface
     place: Doubles  # (H, W, 2) as in DepthImage
     noise: float  # standard deviation of the nearness, relative to it
-    step: float = 0.0  # smallest difference of nearness that is told apart
-    trust: Floats = AS_GIVEN  # (H, W) 0..1: how sure refined depth is; or (0, 0)
+    step: float = 0.0  # smallest step of nearness
+    trust: Floats = AS_GIVEN  # (H, W) 0..1 certainty of refined depth; or (0, 0)
 
 
 class Rendered(NamedTuple):
-    """What a method makes of a source in the frame of a target."""
+    """Result of a method in the frame of a target."""
 
     image: Floats  # (H, W, C) multiplied by the coverage
     coverage: Floats  # (H, W) 0..1
@@ -172,11 +172,11 @@ class Warped(Showable, _Warped):
 
     __slots__ = ()
 
-    is_preview = False  # whether it is of fewer samples and pixels than there are
+    is_preview = False  # whether fewer samples and pixels were used
 
 
 class Previewed(Warped):
-    """A warped depth image that was made quickly, of fewer samples and pixels than there are."""
+    """A quick preview of a warped depth image, made from fewer samples and pixels."""
 
     __slots__ = ()
 
@@ -184,12 +184,12 @@ class Previewed(Warped):
 
 
 class Method(Protocol):
-    """Role of a way to warp.
+    """Role of a warping method.
 
-    A plugin is a class whose constructor takes the user's choices by name and refuses bad ones with
-    a `ValueError`; its entry point stands in the group `resample.warps`. Under a pixel filter it is
-    asked for a frame of sub-pixels. A method that can only fill whole pixels has an attribute
-    `is_per_pixel` that is True, and takes no filter; one with `is_whole` True covers a pixel wholly
+    A plugin is a class whose constructor takes options by name and refuses bad ones with a
+    `ValueError`; its entry point is in the group `resample.warps`. With a pixel filter it is called
+    for a frame of sub-pixels. A method that can only fill whole pixels has an attribute
+    `is_per_pixel` that is True, and takes no filter; one with `is_whole` True covers a pixel fully
     as soon as anything is in it.
     """
 

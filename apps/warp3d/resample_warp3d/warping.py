@@ -1,4 +1,4 @@
-"""The library's calls: depth images as other cameras see them."""
+"""Warp depth images to other cameras."""
 
 import operator
 from collections.abc import Callable
@@ -28,8 +28,8 @@ from resample_warp3d.wide.sights import Sight, taken_by
 
 Filling = Literal["picture", "layer"]
 FILLINGS = get_args(Filling)
-CLOSEST = 1e-30  # scene units: a depth below this is none
-LARGEST_PICTURE = 1 << 28  # pixels; more is a mistake in a size
+CLOSEST = 1e-30  # scene units; smaller depths are unknown
+LARGEST_PICTURE = 1 << 28  # pixels; a larger size is taken for a mistake
 
 
 def warp(  # noqa: PLR0913 - what a user may say about a warp
@@ -47,52 +47,52 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     fill: bool | Filling = False,
     threads: int | None = None,
 ) -> Warped:
-    """Warp a depth image: exact at 1:1, antialiased where it shrinks, without holes where it grows.
+    """Warp a depth image: exact at 1:1, antialiased if shrunk, without holes if enlarged.
 
     Parameters
     ----------
     color
-        (H, W) or (H, W, C), any number of channels, linear light, premultiplied where one is
-        opacity; or what else `resample.files.exchange.inputs.as_picture` takes. Integers are taken
-        as shares of their largest value.
+        (H, W) or (H, W, C), any number of channels, linear light, premultiplied if one is opacity;
+        or anything else that `resample.files.exchange.inputs.as_picture` takes. Integers are
+        divided by their type's largest value.
     depth
         (H, W) z along the source's axis, scene units; 0, negative, NaN and inf are unknown. A map
-        of another size that shows the same frame is brought to the picture's.
+        of another size that shows the same frame is scaled to the picture's size.
     source, target
-        Cameras, of which either may be parallel (`resample.cameras.models.Orthographic`); the
-        target's lens is applied, and it may be a panorama's
-        (`resample.cameras.panoramic.Equirectangular`). These take the method hybrid.
+        Cameras. Either may be parallel (`resample.cameras.models.Orthographic`), the target also a
+        panorama (`resample.cameras.panoramic.Equirectangular`). Those targets, and targets with a
+        lens, need the method hybrid.
     method
-        Name such as `hybrid`, `paper`, `mesh:samples=4` or `mcmillan`, or an object with that role.
+        Name such as `hybrid`, `paper`, `mesh:samples=4` or `mcmillan`, or an object in that role.
     filter
-        Pixel filter: `area`, `gaussian:sigma=0.5`, `tent`, `mitchell`, `lanczos:a=3`... The
-        method's own, which is the mean over a pixel's square.
+        Pixel filter: `area`, `gaussian:sigma=0.5`, `tent`, `mitchell`, `lanczos:a=3`... Default:
+        the method's own, the mean over a pixel's square.
     size
-        Width and height of the target, px. The source's.
+        Width and height of the target, px. Default: the source's.
     noise
-        Standard deviation of the depth, relative to it; measured if left out.
+        Relative standard deviation of the depth. Default: estimated.
     step
-        Smallest difference of 1 / depth that is told apart; measured if left out.
+        Smallest step of 1 / depth. Default: estimated.
     refine
-        What is done about depth that does not fit the picture: `auto` finds out, `snap` moves edges
-        to those of color, `sharpen` makes soft ones hard, `complete` fills gaps, `none` nothing.
+        Repair of depth that does not fit the picture: `snap` moves edges to color edges, `sharpen`
+        hardens soft edges, `complete` fills gaps, `none` does nothing, `auto` chooses.
     fill
-        Make up what the source does not show: True or `picture`, from the background beside it in
-        the picture made; `layer`, first from a background that the source has once for all targets.
+        Fill holes: True or `picture` from the background beside them in the result; `layer` first
+        from a background layer of the source, the same for all targets.
     threads
-        At most this many; pixels do not depend on it.
+        Most threads to use; the result does not depend on it.
 
     Returns
     -------
-    Picture (height, width, C), coverage, depth (z; of a panorama the length of the ray), typed
+    Picture (height, width, C), coverage, depth (z; for a panorama the ray length), classified
     holes, magnification and confidence.
 
     Raises
     ------
     ValueError
-        A picture, depth, size or choice cannot be worked with.
+        A picture, depth, size or option is invalid.
     LookupError
-        The method is unknown, or what `refine` asks for.
+        The method or refinement is unknown.
 
     Examples
     --------
@@ -133,13 +133,13 @@ def warp_disparity(  # noqa: PLR0913 - what a user may say about a warp
     Parameters
     ----------
     color
-        As in `warp`.
+        As `warp` takes it.
     disparity
-        (H, W) px, larger is nearer; 0 and what is not finite are unknown.
+        (H, W) px, larger is nearer; 0 and values not finite are unknown.
     fraction
-        1 leads from the left picture to the right one, −1 from the right to the left, 0.5 half way.
+        1 from the left picture to the right one, −1 from right to left, 0.5 halfway.
     method, filter, refine, fill, threads
-        As in `warp`.
+        As `warp` takes them.
 
     Returns
     -------
@@ -170,7 +170,7 @@ def warp_disparity(  # noqa: PLR0913 - what a user may say about a warp
 
 
 def filled(source: Source, seen: Callable[[Source], Warped], fill: bool | Filling) -> Warped:
-    """Source as it is seen, and filled as it is asked for."""
+    """Render a source and fill it as requested."""
     if fill not in (False, True, *FILLINGS):
         raise ValueError(f"unknown filling {fill!r}; known: {', '.join(FILLINGS)}, True and False")
     warped = seen(source)
@@ -181,12 +181,12 @@ def filled(source: Source, seen: Callable[[Source], Warped], fill: bool | Fillin
 
 
 def nearness_of(depth: Any) -> Floats:
-    """1 / depth, 0 where the depth is unknown.
+    """Return 1 / depth, 0 where the depth is unknown.
 
     Raises
     ------
     ValueError
-        It is not of the shape (H, W).
+        It does not have the shape (H, W).
     """
     given = two_dimensional(as_picture(depth, "depth map"), "depth")
     nearness = np.zeros(given.shape, np.float64)
@@ -195,7 +195,7 @@ def nearness_of(depth: Any) -> Floats:
 
 
 def two_dimensional(given: ArrayLike, name: str) -> Doubles:
-    """Numbers of the shape (H, W)."""
+    """Return numbers of the shape (H, W), checked."""
     array = np.asarray(given, np.float64)
     if array.ndim != 2 or min(array.shape) < 1:
         raise ValueError(f"{name} of shape {array.shape}; give (H, W) of at least 1 px")
@@ -203,12 +203,12 @@ def two_dimensional(given: ArrayLike, name: str) -> Doubles:
 
 
 def as_light(color: Any) -> Floats:
-    """Picture (H, W, C) in float32; integers as shares of their largest value.
+    """Convert a picture to (H, W, C) float32; integers are divided by their largest value.
 
     Raises
     ------
     ValueError
-        It is no picture, or of a type that none has.
+        It is not a picture, or has an unknown type.
     """
     given = as_picture(color)
     if given.ndim == 2:
@@ -238,19 +238,19 @@ def render(
     Parameters
     ----------
     source
-        Of `preparation.prepare`; one serves any number of targets.
+        Result of `preparation.prepare`; one serves any number of targets.
     equation
-        Of `equation.between` or `equation.of_rectified`; of `wide.passages.way_between`, whose
-        targets may have a lens, show all around or be parallel, for the hybrid method.
+        Result of `equation.between` or `equation.of_rectified`; or of `wide.passages.way_between`,
+        whose targets may have a lens, be panoramas or parallel, for the method hybrid.
     shape
         Height and width of the target, px.
     method, threads, filter
-        As in `warp`.
+        As `warp` takes them.
 
     Raises
     ------
     ValueError
-        The method takes no filter, or the shape or the equation cannot be worked with.
+        The method takes no filter, or the shape or the equation is invalid.
     LookupError
         The method or the filter is unknown.
 
@@ -299,7 +299,7 @@ def render(
 
 
 def shape_of(size: tuple[int, int]) -> tuple[int, int]:
-    """Height and width of a picture's size, which is its width and height."""
+    """Return height and width of a size (width, height)."""
     try:
         width, height = (operator.index(number) for number in size)
     except (TypeError, ValueError):
@@ -316,7 +316,7 @@ def _height_and_width(shape: tuple[int, int]) -> tuple[int, int]:
 
 
 def is_usable(equation: Equation) -> bool:
-    """Whether an equation's numbers are finite and its matrix leads back."""
+    """Whether an equation's numbers are finite and its matrix is invertible."""
     matrix = equation.matrix
     if not (np.isfinite(matrix).all() and np.isfinite(equation.epipole).all()):
         return False
@@ -325,11 +325,11 @@ def is_usable(equation: Equation) -> bool:
 
 
 def confidence_of(rendered: Rendered) -> Floats:
-    """How far samples support each pixel, 0..1.
+    """Return how well samples support each pixel, 0..1.
 
-    Its coverage, divided by the pixels that have to share one sample; half of that where a gap was
-    filled. A surface that the source saw at a grazing angle is magnified, too. How sure refined
-    depth is, of `holes.trusted`, comes on top.
+    The coverage, divided by the number of pixels that share one sample, and halved where a gap was
+    filled. A surface that the source saw at a grazing angle counts as magnified, too. The trust of
+    refined depth, from `holes.trusted`, is a further factor.
     """
     shared = np.maximum(rendered.magnification, np.float32(1))
     trust = np.where(rendered.bridged, np.float32(0.5), np.float32(1))

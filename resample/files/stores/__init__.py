@@ -1,1 +1,1 @@
-"""Chunked zarr arrays: access, OME-Zarr metadata, and pictures."""
+"""Chunked zarr arrays: access and OME-Zarr metadata."""

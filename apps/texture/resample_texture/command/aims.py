@@ -1,4 +1,4 @@
-"""What the everyday commands let a user choose, and where it sends a picture."""
+"""Options of the everyday commands, and the target that they give for a picture."""
 
 import math
 import re
@@ -20,7 +20,7 @@ SHARE = re.compile(r"(\d+|\d*\.\d+|\d+\.)\s*(%|x)?", re.ASCII)
 
 
 class NewSize(Choices):
-    """How large a picture becomes."""
+    """The new size of a picture."""
 
     heading: ClassVar[str] = "Target"
     about: ClassVar[About] = About.LOOK
@@ -40,16 +40,16 @@ class NewSize(Choices):
     ] = None
 
     def check(self) -> None:
-        """Refuse what can be seen to be wrong without the picture."""
+        """Refuse a wrong size before any picture is read."""
         self.shape((1, 1))
 
     def shape(self, source_shape: tuple[int, int]) -> tuple[int, int]:
-        """Height and width, px, of what becomes of a picture (height, width).
+        """Return height and width, px, of the result for a picture (height, width).
 
         Raises
         ------
         ValueError
-            There is no size, there are two, or it is none.
+            No size was given, two were, or it is not a size.
         """
         from resample_texture.geometry.sizes import scaled_shape
 
@@ -67,7 +67,7 @@ class NewSize(Choices):
         return _side(self.height, height * across), _side(self.width, width * down)
 
     def target(self, source_shape: tuple[int, int]) -> "Target":
-        """Where a picture (height, width) goes."""
+        """Return the target of a picture (height, width)."""
         from resample_texture.command.inputs import Target
         from resample_texture.geometry.sizes import resizing
 
@@ -76,17 +76,17 @@ class NewSize(Choices):
 
 
 class Factor(Choices):
-    """By what a picture is scaled."""
+    """The factor by which a picture is scaled."""
 
     heading: ClassVar[str] = "Target"
     about: ClassVar[About] = About.LOOK
 
     factor: Annotated[
-        str, Hyphen, Field(description="Of both sides, such as 0.5; or of x,y, such as 0.5,0.25.")
+        str, Hyphen, Field(description="For both sides, such as 0.5, or x,y, such as 0.5,0.25.")
     ]
 
     def check(self) -> None:
-        """Refuse what can be seen to be wrong without the picture."""
+        """Refuse a wrong factor before any picture is read."""
         self.target((1, 1))
 
     def pair(self) -> tuple[float, float]:
@@ -103,7 +103,7 @@ class Factor(Choices):
         return numbers[0], numbers[-1]
 
     def target(self, source_shape: tuple[int, int]) -> "Target":
-        """Where a picture (height, width) goes."""
+        """Return the target of a picture (height, width)."""
         from resample_texture.command.inputs import Target
         from resample_texture.geometry.sizes import scaled_shape, scaling
 
@@ -113,7 +113,7 @@ class Factor(Choices):
 
 
 class Turn(Choices):
-    """How a picture is turned."""
+    """The angle by which a picture is rotated."""
 
     heading: ClassVar[str] = "Target"
     about: ClassVar[About] = About.LOOK
@@ -121,16 +121,16 @@ class Turn(Choices):
     degrees: Annotated[
         float,
         Hyphen,
-        Field(allow_inf_nan=False, description="Counterclockwise; negative ones turn clockwise."),
+        Field(allow_inf_nan=False, description="Counterclockwise; negative: clockwise."),
     ]
     expand: Annotated[
         bool,
         Parameter(negative="--keep-size"),
-        Field(description="What is written holds the picture whole; otherwise it is as large."),
+        Field(description="Enlarge the result to hold the whole picture, or keep the size."),
     ] = True
 
     def target(self, source_shape: tuple[int, int]) -> "Target":
-        """Where a picture (height, width) goes."""
+        """Return the target of a picture (height, width)."""
         from resample_texture.command.inputs import Target
         from resample_texture.geometry.sizes import turned_shape, turning
 
@@ -139,13 +139,13 @@ class Turn(Choices):
 
 
 class Undistortion(Choices):
-    """Which lens is taken out, and what is seen then."""
+    """The lens whose distortion is removed, and the pinhole camera to rectify for."""
 
     heading: ClassVar[str] = "Target"
     about: ClassVar[About] = About.LOOK
 
     lens: Annotated[
-        str, NUMBERS, Hyphen, Field(description=f"{CALIBRATED}. Its distortion is taken out.")
+        str, NUMBERS, Hyphen, Field(description=f"{CALIBRATED}. Its distortion is removed.")
     ]
     fisheye: Annotated[
         bool,
@@ -157,8 +157,8 @@ class Undistortion(Choices):
         NUMBERS,
         Hyphen,
         Field(
-            description="Of the pinhole that the picture is rectified for: fx,fy,cx,cy, 9 numbers "
-            "or a file. The lens file's, or the camera's."
+            description="Pinhole camera to rectify for: fx,fy,cx,cy, 9 numbers or a file. Default: "
+            "the lens file's, or the lens's own matrix."
         ),
     ] = None
     rectify: Annotated[
@@ -167,21 +167,23 @@ class Undistortion(Choices):
         Hyphen,
         Field(
             description="Rotation from the camera's axes to the pinhole's: 9 numbers or a file. "
-            "The lens file's, or none."
+            "Default: the lens file's, or none."
         ),
     ] = None
     inverse: Annotated[
-        bool, Switch, Field(description="The other way round: the distortion is put in.")
+        bool,
+        Switch,
+        Field(description="Invert the mapping: add the distortion instead of removing it."),
     ] = False
-    size: Annotated[str | None, Field(description=f"{SIZE} The picture's.")] = None
+    size: Annotated[str | None, Field(description=f"{SIZE} Default: the picture's.")] = None
 
     def aim(self) -> "Aim":
-        """Where pictures go, each by its height and width.
+        """Return a function from a picture's height and width to its target.
 
         Raises
         ------
         ValueError, OSError
-            These are no lens, matrix, rotation or size.
+            The lens, matrix, rotation or size is invalid.
         """
         from resample_texture.command.inputs import calibrated, rectified
 
@@ -191,7 +193,7 @@ class Undistortion(Choices):
 
 
 def _share_of(size: str) -> float | None:
-    """Factor that 50%, 0.5 or 2x stands for; None for a size in px."""
+    """Return the factor that 50%, 0.5 or 2x stands for; None for a size in px."""
     match = SHARE.fullmatch(size.strip())
     if match is None or (match[2] is None and "." not in match[1]):
         return None
@@ -199,5 +201,5 @@ def _share_of(size: str) -> float | None:
 
 
 def _side(given: int | None, following: float) -> int:
-    """Height or width, px: as given, or as follows from the other."""
+    """Return a side, px: as given, or else in proportion to the other."""
     return max(1, math.floor(following + 0.5)) if given is None else given

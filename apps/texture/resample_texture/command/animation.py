@@ -1,4 +1,4 @@
-"""A camera that flies over a picture, or turns around it, frame by frame."""
+"""Camera flights over a picture, or around it, frame by frame."""
 
 from dataclasses import asdict, dataclass
 from typing import Literal
@@ -25,9 +25,9 @@ class Flyover:
     Parameters
     ----------
     path
-        `fly`: low over the picture, forth and back; `turn`: around its middle.
+        `fly`: low over the picture, back and forth; `turn`: around its center.
     frames
-        How many, 1 to `resample.files.animations.MOST_FRAMES`.
+        Number of frames, 1 to `resample.files.animations.MOST_FRAMES`.
     size
         Height and width of a frame, px.
 
@@ -45,7 +45,7 @@ class Flyover:
         check_count(self.frames)
 
     def camera(self, n: int) -> AnyCamera:
-        """Camera of a frame."""
+        """Return the camera of frame `n`."""
         eye, target = self._fly(n) if self.path == "fly" else self._turn(n)
         height, width = self.size
         pose = look_at(eye, target)
@@ -65,7 +65,7 @@ class Flyover:
 
 @dataclass(frozen=True)
 class Paint:
-    """How frames are made: by which method, with what at the edges and behind the picture."""
+    """How frames are painted: method, edge mode and background."""
 
     method: Method
     edge: Edge = Edge.TRANSPARENT
@@ -73,7 +73,7 @@ class Paint:
 
 
 def shots(source: Floats, flight: Flyover, paint: Paint) -> Shots:
-    """Frames of a flight over a picture as `frame` takes it."""
+    """Return the frames of a flight over a picture, given as for `frame`."""
     job = {
         **asdict(flight),
         "picture": fingerprint(source),
@@ -85,16 +85,16 @@ def shots(source: Floats, flight: Flyover, paint: Paint) -> Shots:
 
 
 def frame(source: Floats, flight: Flyover, paint: Paint, n: int) -> Levels:
-    """Frame (H, W, 3) as a screen takes it.
+    """Paint one frame (H, W, 3), sRGB-encoded, 8 bits.
 
     Parameters
     ----------
     source
         (H, W, 4) linear light, premultiplied; see `with_alpha`.
     flight, paint
-        Where the camera is and what it shows.
+        The camera's path and how frames are painted.
     n
-        Which frame; 0 is the first.
+        Index of the frame, from 0.
     """
     texel_size = 1.0 / max(source.shape[:2])
     geometry = plane_seen_by(flight.camera(n), source.shape[:2], texel_size=texel_size)
@@ -106,7 +106,7 @@ def frame(source: Floats, flight: Flyover, paint: Paint, n: int) -> Levels:
 
 
 def with_alpha(picture: Floats) -> Floats:
-    """RGB and alpha (H, W, 4) of a gray or RGB picture with or without alpha.
+    """Return RGB and alpha (H, W, 4) of a gray or RGB picture with or without alpha.
 
     Raises
     ------

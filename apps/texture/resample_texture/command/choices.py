@@ -1,4 +1,4 @@
-"""What the command line lets a user choose about a warp and a mesh; no numerics in here."""
+"""Options of the command line for warps and meshes."""
 
 import re
 from collections.abc import Sequence
@@ -34,7 +34,7 @@ Edges = Literal["transparent", "clamp", "wrap", "mirror"]
 
 
 def _picture(_kind: Any, words: Sequence[Token]) -> addresses.Place:
-    """Path or address that was given."""
+    """Return the path or address that was given."""
     return addresses.place_of(words[-1].value)
 
 
@@ -44,7 +44,7 @@ Picture = Annotated[
 
 
 class Place(Choices):
-    """Where the picture's pixels go: one of matrix, corners, map, flow and lens."""
+    """The target of a warp, given by one of matrix, corners, map, flow and lens."""
 
     heading: ClassVar[str] = "Target"
     about: ClassVar[About] = About.LOOK
@@ -77,13 +77,15 @@ class Place(Choices):
     flow: Annotated[
         Path | None,
         About.SOURCE,
-        Field(description="File of how far every source pixel moves: .flo, or as of a map."),
+        Field(
+            description="Displacement of every source pixel: a .flo file, or a file as for --map."
+        ),
     ] = None
     lens: Annotated[
         str | None,
         NUMBERS,
         Hyphen,
-        Field(description=f"{CALIBRATED}. Its distortion is taken out."),
+        Field(description=f"{CALIBRATED}. Its distortion is removed."),
     ] = None
     convention: Annotated[Convention, Field(description=f"{COUNTED} matrix, corners and map.")] = (
         "corner"
@@ -92,22 +94,22 @@ class Place(Choices):
         bool,
         Switch,
         Field(
-            description="The other way round: the matrix leads from target to source; a lens "
-            "distorts."
+            description="Invert the mapping: the matrix maps target to source; a lens's distortion "
+            "is added."
         ),
     ] = False
     size: Annotated[
         str | None,
-        Field(description=f"{SIZE} The source's; that of the map; what holds the corners."),
+        Field(description=f"{SIZE} Default: the source's, the map's, or what holds the corners."),
     ] = None
 
     def check(self) -> None:
-        """Refuse what can be seen to be wrong without the picture."""
+        """Refuse a wrong target before any picture is read."""
         self.given()
         self.shape()
 
     def given(self) -> tuple[str, Any]:
-        """Name and value of the one that was given."""
+        """Return name and value of the option that was given."""
         names = ("matrix", "corners", "map", "flow", "lens")
         given = [(name, getattr(self, name)) for name in names if getattr(self, name) is not None]
         if len(given) != 1:
@@ -117,7 +119,7 @@ class Place(Choices):
         return given[0]
 
     def shape(self) -> tuple[int, int] | None:
-        """Height and width of the target, px, where they were given."""
+        """Return height and width of the target, px, if given."""
         return None if self.size is None else height_and_width(self.size)
 
 
@@ -135,29 +137,27 @@ class Warping(Choices):
     interpolation: Annotated[
         str | None,
         Field(
-            description="Between texels: area-spline, lanczos, spline, catmull-rom, bilinear, "
-            "nearest, gaussian."
+            description="Interpolation between texels: area-spline, lanczos, spline, catmull-rom, "
+            "bilinear, nearest, gaussian."
         ),
     ] = None
     quality: Annotated[
         float | None,
-        Field(description="Parts that pixels are cut into per px of the target, 1 to 16."),
+        Field(description="Parts per target px that texels are split into, 1 to 16."),
     ] = None
     edge: Annotated[Edges, Field(description="What lies beyond the picture's edges.")] = (
         "transparent"
     )
-    linear: Annotated[
-        bool, Field(description="Filter light; otherwise values as they are encoded.")
-    ] = True
+    linear: Annotated[bool, Field(description="Filter linear light, or the encoded values.")] = True
     total: Annotated[
         bool,
         Switch,
-        Field(description="Values are totals, such as a flux: keep their sum, not their mean."),
+        Field(description="Values are totals, such as flux: preserve their sum, not their mean."),
     ] = False
     threads: Threads = None
 
     def check(self) -> None:
-        """Refuse names that nobody knows, before any work is done.
+        """Refuse unknown names before any work is done.
 
         Raises
         ------
@@ -174,13 +174,13 @@ class Warping(Choices):
 
 
 class Filling(Warping):
-    """How a picture is warped that fills its target, at whose edges nothing is to fade."""
+    """Options of a warp that fills its target, so that its edges must not fade."""
 
     edge: Annotated[Edges, Field(description="What lies beyond the picture's edges.")] = "clamp"
 
 
 class Besides(Choices):
-    """What is written of a warp, and besides it."""
+    """Which part of a warp is written, and which files besides it."""
 
     heading: ClassVar[str] = "Further outputs"
     about: ClassVar[About] = About.TARGET
@@ -200,7 +200,7 @@ class Besides(Choices):
 
 
 class MeshView(Choices):
-    """How a mesh is seen."""
+    """Camera and lighting of a mesh."""
 
     heading: ClassVar[str] = "Look"
     about: ClassVar[About] = About.LOOK
@@ -208,10 +208,10 @@ class MeshView(Choices):
     camera: Viewed = "30/20/1"
     fov: FieldOfView = 30.0
     up: Up = "y"
-    shading: Annotated[bool, Field(description="Light surfaces: from the eye.")] = False
+    shading: Annotated[bool, Field(description="Light surfaces: by a light at the camera.")] = False
 
     def placed(self, mesh: "Mesh", size: tuple[int, int]) -> "AnyCamera":
-        """Camera for a picture (height, width) of a mesh.
+        """Return the camera for a picture (height, width) of a mesh.
 
         Raises
         ------
@@ -224,14 +224,14 @@ class MeshView(Choices):
         return camera_from(self.viewpoint(), ball_around(mesh), *size)
 
     def viewpoint(self) -> "Viewpoint":
-        """Where the mesh is seen from, as `resample.cameras.files.viewpoint` reads it."""
+        """Return the viewpoint, as `resample.cameras.files.viewpoint` reads it."""
         from resample.cameras.files import viewpoint
 
         return viewpoint(self.camera, self.fov, self.up)
 
 
 class MeshDrawing(Choices):
-    """How a mesh is drawn."""
+    """Interpolation and pixel filter of a mesh."""
 
     heading: ClassVar[str] = "Method"
     about: ClassVar[About] = About.LOOK
@@ -239,14 +239,14 @@ class MeshDrawing(Choices):
     interpolation: Annotated[
         str,
         Field(
-            description="Between texels: area-spline, lanczos, spline, catmull-rom, bilinear, "
-            "nearest, gaussian."
+            description="Interpolation between texels: area-spline, lanczos, spline, catmull-rom, "
+            "bilinear, nearest, gaussian."
         ),
     ] = "area-spline"
     filter: Annotated[str, Field(description="Pixel filter, such as gaussian:sigma=0.6.")] = "box"
 
     def style(self, shading: bool) -> "MeshStyle":
-        """The style that `render_mesh` takes.
+        """Return the style that `render_mesh` takes.
 
         Raises
         ------
@@ -264,7 +264,7 @@ class MeshDrawing(Choices):
 
 
 class MeshFormat(Choices):
-    """What kind of picture of a mesh is written."""
+    """Size, texture, background and bits of a mesh's picture."""
 
     heading: ClassVar[str] = "Picture"
     about: ClassVar[About] = About.LOOK
@@ -286,7 +286,7 @@ class MeshFormat(Choices):
     ] = 8
 
     def height_and_width(self) -> tuple[int, int]:
-        """Size, px; errors as of `height_and_width`."""
+        """Return the size, px; raises as `height_and_width` does."""
         return height_and_width(self.size)
 
     def behind(self) -> "Color | None":
@@ -295,7 +295,7 @@ class MeshFormat(Choices):
 
 
 def region(text: str | None) -> tuple[int, int, int, int] | None:
-    """Left, top, width and height of a text like 10,20,300,200.
+    """Read left, top, width and height from a text such as 10,20,300,200.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Commands for what is done every day: resize, scale, rotate, undistort."""
+"""Everyday commands: resize, scale, rotate, undistort."""
 
 from pathlib import Path
 from typing import Annotated
@@ -14,12 +14,12 @@ from resample_texture.command.choices import Besides, Filling, Picture, Warping
 Files = Annotated[
     list[Picture],
     Parameter(
-        help="Pictures, pages, films, folders or patterns, as warp takes them, and last what is "
-        "written, unless --output says it."
+        help="Pictures, pages, films, folders or patterns, as in warp, followed by the output "
+        "unless --output names it."
     ),
 ]
 Output = Annotated[
-    flags.OptionalOutput, Parameter(help="Written to: as warp does. The last of the files.")
+    flags.OptionalOutput, Parameter(help="As in warp. Default: the last of the files.")
 ]
 
 WRITTEN, BESIDES = Written.usual(), Besides.usual()
@@ -36,7 +36,7 @@ def resize(
     written: Annotated[Written, flags.Flat] = WRITTEN,
     besides: Annotated[Besides, flags.Flat] = BESIDES,
 ) -> None:
-    """Give pictures another size; the area of each fills its target's exactly.
+    """Resize pictures; each fills its target exactly.
 
     Example: resample-texture resize photo.jpg small.jpg --size 50%
     """
@@ -57,7 +57,7 @@ def scale(
     written: Annotated[Written, flags.Flat] = WRITTEN,
     besides: Annotated[Besides, flags.Flat] = BESIDES,
 ) -> None:
-    """Scale pictures by exactly a factor; their sizes are the nearest whole ones.
+    """Scale pictures by an exact factor; their sizes are rounded to whole px.
 
     Example: resample-texture scale map.tif half.tif --factor 0.5
     """
@@ -78,7 +78,7 @@ def rotate(
     written: Annotated[Written, flags.Flat] = WRITTEN,
     besides: Annotated[Besides, flags.Flat] = BESIDES,
 ) -> None:
-    """Rotate pictures about their middle; by multiples of 90 degrees pixel for pixel.
+    """Rotate pictures about their center; multiples of 90 degrees copy pixels.
 
     Example: resample-texture rotate photo.png straight.png --degrees -1.5 --keep-size
     """
@@ -98,7 +98,7 @@ def undistort(
     written: Annotated[Written, flags.Flat] = WRITTEN,
     besides: Annotated[Besides, flags.Flat] = BESIDES,
 ) -> None:
-    """Take a lens's distortion out of pictures, and rectify them; or put it in.
+    """Remove a lens's distortion from pictures and rectify them, or add it.
 
     Example: resample-texture undistort "shots/*.jpg" straight/ --lens gopro.yml --fisheye
     """
@@ -110,17 +110,17 @@ def undistort(
 
 
 def separated(files: list[Place], output: Path | None) -> tuple[list[Place], Path]:
-    """Pictures, and what is written of them.
+    """Separate the pictures from the output.
 
     Raises
     ------
     ValueError
-        There is nothing to write to, or it is an address.
+        There is no output, or it is an address.
     """
     if output is not None:
         return files, output
     if len(files) < 2:
-        raise ValueError(f"give what is written after {files[0]}, or by --output")
+        raise ValueError(f"give the output after {files[0]}, or by --output")
     *images, target = files
     if isinstance(target, Address):
         raise ValueError(f"{target} lies elsewhere; pictures are written to files and folders")

@@ -1,4 +1,4 @@
-"""Where pictures go, as the command line's files and words say it."""
+"""Targets of pictures from the command line's options and files."""
 
 import math
 from collections.abc import Callable
@@ -14,27 +14,27 @@ from resample_texture.geometry.mappings import Geometry
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """Where a picture goes."""
+    """Geometry and size of a warp's target."""
 
     places: Geometry | Places
     shape: tuple[int, int]  # height and width, px
 
     @cached_property
     def geometry(self) -> Geometry:
-        """Geometry, worked out for the whole target."""
+        """Geometry, evaluated for the whole target."""
         return geometry_of(self.places, self.shape, "corner", inverse=False)
 
 
-Aim = Callable[[tuple[int, int]], Target]  # of a picture's height and width
+Aim = Callable[[tuple[int, int]], Target]  # from a picture's height and width
 
 
 def target_of(place: Place, source_shape: tuple[int, int]) -> Target:
-    """Geometry and size for a source (height, width).
+    """Return geometry and size for a source (height, width).
 
     Raises
     ------
     ValueError, OSError
-        A choice cannot be worked with.
+        An option is invalid.
     """
     name, given = place.given()
     if name == "matrix":
@@ -42,7 +42,7 @@ def target_of(place: Place, source_shape: tuple[int, int]) -> Target:
     if name == "lens":
         return _by_lens(place, given, source_shape)
     if place.inverse:
-        raise ValueError(f"inverse speaks about a matrix or a lens, not about a {name}")
+        raise ValueError(f"--inverse applies to a matrix or a lens, not to a {name}")
     if name == "corners":
         return _by_corners(place, given, source_shape)
     return _by_flow(place, given, source_shape) if name == "flow" else _by_map(place, given)
@@ -105,12 +105,12 @@ def calibrated(
     *,
     fisheye: bool = False,
 ) -> Calibration:
-    """Lens, and what pictures are rectified for where that is said besides.
+    """Read a lens, with the pinhole and rotation to rectify for if given.
 
     Raises
     ------
     ValueError, OSError
-        A text is neither numbers that make sense nor a file of them.
+        A text is neither valid numbers nor a file of them.
     """
     from resample.cameras.models import LensModel
     from resample.cameras.poses import turned_by
@@ -129,7 +129,7 @@ def calibrated(
 
 
 def rectified(calibration: Calibration, shape: tuple[int, int], *, inverse: bool) -> Target:
-    """Target (height, width) where a lens is taken out, or put in."""
+    """Return the target (height, width) that removes a lens's distortion, or adds it."""
     from resample_texture.geometry.lenses import places_by_lens
 
     camera, pinhole, rotation, _ = calibration
@@ -138,7 +138,7 @@ def rectified(calibration: Calibration, shape: tuple[int, int], *, inverse: bool
 
 
 def _four_of(text: str) -> list[float] | None:
-    """Numbers fx, fy, cx, cy; None if these are not four."""
+    """Read fx, fy, cx, cy; None unless there are four numbers."""
     try:
         numbers = [float(number) for number in text.replace(",", " ").split()]
     except ValueError:

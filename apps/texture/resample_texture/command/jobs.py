@@ -1,4 +1,4 @@
-"""Picture files warped one after the other, and all pictures of a file alike."""
+"""Warp picture files one by one; all pictures of a file are warped alike."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, suppress
@@ -42,7 +42,7 @@ NOTHING = np.zeros((0, 0, 0), np.float32)
 
 @dataclass(frozen=True)
 class Job:
-    """What is done with every picture."""
+    """Target, method and output format of a warp, for every picture."""
 
     aim: Aim
     warping: Warping
@@ -50,16 +50,16 @@ class Job:
     roi: tuple[int, int, int, int] | None = None
 
     def target(self, picture: Picture) -> Target:
-        """Where a picture goes."""
+        """Return the target of a picture."""
         return self.aim((picture.data.shape[0], picture.data.shape[1]))
 
     def require_room(self, source: Place | Picture, output: Path) -> None:
-        """Refuse what memory does not hold, of a file before its pixels are read.
+        """Refuse a warp that does not fit into memory, before a file's pixels are read.
 
         Raises
         ------
         ValueError, OSError
-            It does not hold it, or the file is none.
+            It does not fit, or the file is not a picture.
         """
         if isinstance(source, Picture):
             (height, width, count), kind = source.data.shape, source.kind
@@ -77,7 +77,7 @@ class Job:
         output: Path,
         bar: str | None = "warping",
     ) -> tuple[Picture, Floats]:
-        """Picture as a picture file is to hold it, and the coverage of its pixels.
+        """Warp a picture for a file; also return the coverage of its pixels.
 
         Raises
         ------
@@ -88,7 +88,7 @@ class Job:
         return warped(session, picture, target, self.warping, self.roi, keeps_gaps=gaps, bar=bar)
 
     def check(self, picture: Picture, target: Target, output: Path) -> None:
-        """Refuse a picture file that could not be written in the end, before any work is done.
+        """Refuse an output file that could not be written, before any work is done.
 
         Raises
         ------
@@ -112,22 +112,22 @@ def warp_all(
     written: Written,
     besides: Besides,
 ) -> None:
-    """Warp a picture, a film or a batch of files; all that a command does once it knows where to.
+    """Warp a picture, a film or a batch of files, once the target is known.
 
     Raises
     ------
     ValueError, LookupError, OSError
-        A choice or a file cannot be worked with.
+        An option or a file is invalid.
     """
     warping.check()
-    # Pictures of one size go to one place, whose files are read once.
+    # Pictures of the same size share a target, whose files are read once.
     job = Job(lru_cache(maxsize=1)(aim), warping, written.look(), region(besides.roi))
     coverage, stats = besides.coverage, besides.stats
     if coverage is not None:
         check_output(coverage, Look(is_light=False), transparent=False)
     if is_batch(images, output):
         if coverage is not None:
-            raise ValueError("coverage is written of one picture; leave it out")
+            raise ValueError("--coverage works with one picture only; leave it out")
         check_targets(stats)
         told = warp_batch(images, output, job)
     else:
@@ -138,14 +138,14 @@ def warp_all(
 
 
 def warp_batch(images: Sequence[Place], output: Path, job: Job) -> dict[str, Any]:
-    """Warp files into a folder; returns what `--stats` says. What fails is said, the others go on.
+    """Warp files into a folder; return the statistics. Report failures and go on.
 
     Raises
     ------
     ValueError
-        Some failed, or the names do not fit.
+        Some files failed, or their names clash.
     OSError
-        The folder cannot be made.
+        The folder cannot be created.
     """
     pairs = batch_of(images, output)
     output.mkdir(exist_ok=True)
@@ -161,7 +161,7 @@ def warp_batch(images: Sequence[Place], output: Path, job: Job) -> dict[str, Any
             if progress is not None:
                 progress((n + 1) / len(pairs))
     if len(told) < len(pairs):
-        with suppress(OSError):  # it holds files
+        with suppress(OSError):  # the folder holds files
             output.rmdir()
         raise ValueError(f"{len(pairs) - len(told)} of {len(pairs)} files could not be warped")
     return {"files": told, "seconds": session.times()}
@@ -170,24 +170,24 @@ def warp_batch(images: Sequence[Place], output: Path, job: Job) -> dict[str, Any
 def warp_file(
     source: Place, output: Path, job: Job, coverage: Path | None = None
 ) -> dict[str, Any]:
-    """Warp the pictures of a file; returns what `--stats` says.
+    """Warp the pictures of a file; return what `--stats` writes.
 
     Raises
     ------
     ValueError, OSError
-        It cannot be read, worked with or written.
+        A file cannot be read, warped or written.
     """
     session, frames = Session(), frames_of(source)
     if frames is None:
         return _warp_picture(session, source, output, job, coverage, bar="warping")
     if coverage is not None:
-        raise ValueError(f"{source} has several pictures, and coverage is written of one")
+        raise ValueError(f"{source} has several pictures; --coverage works with one picture only")
     with progress_bar("warping") as progress:
         return _warp_frames(session, frames, output, job, progress)
 
 
 def _warp(session: Session, source: Place, output: Path, job: Job) -> dict[str, Any]:
-    """Warp a file without a bar of its own."""
+    """Warp a file without a progress bar."""
     frames = frames_of(source)
     if frames is None:
         return _warp_picture(session, source, output, job)
@@ -236,7 +236,7 @@ def _warp_picture(
 def _warp_large(
     session: Session, large: Large, output: Path, job: Job, coverage: Path | None, bar: str | None
 ) -> dict[str, Any]:
-    """Warp a picture strip by strip; what is written is the same."""
+    """Warp a picture strip by strip; the output is the same."""
     kept = large.kept
     check_source(output, Picture(NOTHING, kept.kind, kept.about), job.look)
     check_output(output, job.look, transparent=large.kind.has_alpha)
@@ -264,7 +264,7 @@ def _warp_large(
 def _warped_frames(
     session: Session, frames: Frames, output: Path, job: Job, progress: Progress | None
 ) -> Iterator[Picture]:
-    """Pictures of a file, warped one by one."""
+    """Yield the warped pictures of a file."""
     for n, picture in enumerate(frames.read()):
         if n == 0:
             job.require_room(picture, output)
@@ -278,10 +278,10 @@ def _warped_frames(
 
 
 def _say_lost(about: About, made: About, output: Path, *, has_nans: bool) -> None:
-    """Say what of a picture cannot be told any more by its warped one."""
+    """Report which metadata of a picture its warp loses."""
     before, after = about.geo, made.geo
     if before is not None and before.has_place and not (after is not None and after.has_place):
-        say("the place on Earth is left out: the warp is not affine")
+        say("georeference dropped: the warp is not affine")
     has_word = output.suffix.lower() == ".exr" or (after is not None and after.missing is not None)
     if made.number and not has_word and has_nans:
-        say(f"{output.name} has no word for missing values: what is not covered is 0")
+        say(f"{output.name} cannot mark missing values: pixels that are not covered are 0")

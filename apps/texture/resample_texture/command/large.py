@@ -1,4 +1,4 @@
-"""Pictures that would fill the memory as light: kept as stored, warped and written in strips."""
+"""Pictures too large for memory as floats: kept as stored, warped in strips."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -34,17 +34,17 @@ from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Homograp
 from resample_texture.geometry.windows import Rect, windows_of
 from resample_texture.types import Edge, Warped
 
-MOST_AT_ONCE = 1 << 30  # bytes that a warp in one go may take
-MOST_IN_STRIP, LEAST_IN_STRIP = 1 << 24, 1 << 22  # values of the target, worked on at a time
-SHARE_OF_STRIP = 8  # that of what --memory allows, one part
+MOST_AT_ONCE = 1 << 30  # bytes that a warp of the whole picture may take
+MOST_IN_STRIP, LEAST_IN_STRIP = 1 << 24, 1 << 22  # target values per strip
+SHARE_OF_STRIP = 8  # a strip takes 1 / 8 of what --memory allows
 EVERYTHING = 1 << 62  # px of a window
-ROWS = 32  # a strip's are a multiple of, so that files keep their blocks
+ROWS = 32  # strips have a multiple of this, so that files keep their blocks
 
 Roi = tuple[int, int, int, int]  # left, top, width and height, px
 
 
 class Destination(NamedTuple):
-    """What a large picture is written to."""
+    """Output file of a large picture, and its format."""
 
     path: Path
     look: Look
@@ -53,12 +53,12 @@ class Destination(NamedTuple):
 def large_picture(
     path: Place, aim: Aim, choice: Warping, roi: Roi | None, written: Destination
 ) -> "Large | None":
-    """Picture that is warped strip by strip: one that is large, if its kind and warp allow that.
+    """Return a large picture to warp strip by strip; None if it is small or cannot be.
 
     Raises
     ------
     ValueError, OSError
-        The file, or a choice, cannot be worked with.
+        The file or an option is invalid.
     """
     form = keepable(path)
     if form is None or choice.total:
@@ -82,7 +82,7 @@ def large_picture(
 
 
 def most_in_strip() -> int:
-    """Values that are worked on at a time: the more, the less of the source is looked at twice."""
+    """Return the target values per strip: more values read less of the source twice."""
     allowed = ALLOWED.get()
     if allowed is None:
         return MOST_IN_STRIP
@@ -92,20 +92,20 @@ def most_in_strip() -> int:
 
 @dataclass(frozen=True, eq=False)
 class Large:
-    """A picture, and what is to be made of it.
+    """A large picture and its warp.
 
     Parameters
     ----------
     form
-        What may be kept of the picture.
+        The picture, which can be kept as stored.
     target
-        Where it goes.
+        Geometry and size of the target.
     choice, method
-        How it is warped.
+        Options of the warp, and the method that they name.
     roi
-        What of the target is wanted.
+        Part of the target to make.
     written
-        What it is written to.
+        Output file and format.
     """
 
     form: Keepable
@@ -117,40 +117,40 @@ class Large:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Height and width of what is made, px."""
+        """Height and width of the result, px."""
         return self.roi[3], self.roi[2]
 
     @property
     def looks(self) -> bool:
-        """Whether every part of the target is drawn from parts of the source."""
+        """Whether every part of the target can be drawn from a part of the source."""
         return self._parts is not None
 
     @cached_property
     def _parts(self) -> Parts | None:
-        """Parts of the whole target, or of some rows: along maps all are alike."""
+        """Parts of the whole target, or of its first strip: with maps all strips are alike."""
         is_plane = isinstance(self.target.places, Homography)
         rows = (0, self.roi[3]) if is_plane else next(self._rows())
         return parts_of(self.form, self._drawing(*rows)[0])
 
     def _drawing(self, first: int, count: int) -> tuple[Drawing, tuple[slice, slice]]:
-        """What is drawn for some rows, and what of that they are."""
+        """Return the drawing for a strip of rows, and the part of it that they take."""
         choice, (geometry, shape, part) = self.choice, self._part(first, count)
         drawing = Drawing(self.method, geometry, shape, choice.edge, choice.threads, as_light=True)
         return drawing, part
 
     @cached_property
     def most(self) -> int:
-        """Values that are worked on at a time."""
+        """Target values per strip."""
         return min(most_in_strip(), (self.form.shape[2] + 1) * prod(self.shape))
 
     @property
     def in_strips(self) -> InStrips:
-        """What is held of it."""
+        """Memory that the picture takes while it is warped in strips."""
         return InStrips(self.form.size, max(self.most, LEAST_IN_STRIP))
 
     @cached_property
     def kept(self) -> KeptPicture:
-        """The picture as it is kept; of encoded light encoded, if it is warped so."""
+        """The stored picture; sRGB-encoded if encoded values are warped."""
         kept = self.form.keep(self._seen.part)
         if self._is_curved and not kept.has_levels:
             for first in range(0, len(kept.data), ROWS):
@@ -160,7 +160,7 @@ class Large:
 
     @property
     def _seen(self) -> Rect:
-        """Part of the source that is shown."""
+        """Part of the source that the target shows."""
         size = self.form.shape[:2]
         if self._parts is not None and self._parts.mixed is not None:
             return Rect(0, 0, size[1], size[0])
@@ -170,7 +170,7 @@ class Large:
         return seen if seen.is_within(size) else Rect(0, 0, size[1], size[0])
 
     def _seen_by(self, first: int, count: int) -> Rect:
-        """Part of the continued source that some rows show."""
+        """Return the part of the source, continued beyond its edges, that a strip shows."""
         size = self.form.shape[:2]
         geometry, shape, _ = self._part(first, count)
         seen = self.method.seen_tiles(size, geometry, shape, Edge(self.choice.edge))
@@ -178,7 +178,7 @@ class Large:
 
     @cached_property
     def kind(self) -> Kind:
-        """Of what is made: with transparency, if not all of it shows the picture."""
+        """Kind of the result: with transparency unless every pixel shows the picture."""
         kind = self.kept.kind
         is_closed = kind.has_alpha or self.choice.edge != "transparent" or self.keeps_gaps
         return (
@@ -187,19 +187,19 @@ class Large:
 
     @cached_property
     def about(self) -> About:
-        """What the file of what is made tells."""
+        """Metadata of the result."""
         about = self.kept.about
         return about._replace(geo=placed(about.geo, self.target, self.roi))
 
     @cached_property
     def keeps_gaps(self) -> bool:
-        """Whether what is not covered is missing, as the file has a word for that."""
+        """Whether uncovered pixels are marked as missing, if the file format can do that."""
         kept, (path, look) = self.kept, self.written
         return holds_missing(path, kept.kind, kept.about, look, has_nans=kept.has_nans)
 
     @property
     def _is_curved(self) -> bool:
-        """Whether encoded values are warped as they are."""
+        """Whether encoded values are warped, not linear light."""
         return self.form.is_encoded and not self.choice.linear
 
     @cached_property
@@ -224,7 +224,7 @@ class Large:
         return bool((low >= 0.0).all() and high[0] <= width and high[1] <= height)
 
     def _rows(self) -> Iterator[tuple[int, int]]:
-        """First row of each strip, and how many there are."""
+        """Yield the first row of each strip, and its number of rows."""
         height, width = self.shape
         most = self.most // ((self.form.shape[2] + 1) * width)
         count = max(ROWS, most // ROWS * ROWS)
@@ -233,13 +233,13 @@ class Large:
     def _part(
         self, first: int, count: int
     ) -> tuple[Homography | ForwardMap | BackwardMap, tuple[int, int], tuple[slice, slice]]:
-        """Geometry of some rows."""
+        """Return geometry, shape and part of a strip of rows."""
         left, top, width, _ = self.roi
         roi = (left, top + first, width, count)
         return within(self.target.places, self.target.shape, roi, self.method)
 
     def strips(self) -> Iterator[tuple[int, tuple[Picture, Floats]]]:
-        """First row, picture and coverage of strips of what is made, from the top."""
+        """Yield first row, picture and coverage of each strip, from the top."""
         for first, count in self._rows():
             yield first, self._strip(first, count)
 
@@ -258,7 +258,7 @@ class Large:
         return made._replace(about=self.about), coverage
 
     def _drawn(self, first: int, count: int) -> Warped:
-        """Light of some rows of what is made, and their coverage."""
+        """Return a strip in linear light, and its coverage."""
         kept, choice = self.kept, self.choice
         drawing, part = self._drawing(first, count)
         drawing = drawing._replace(has_gaps=kept.has_gaps)

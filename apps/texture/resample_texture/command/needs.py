@@ -1,6 +1,6 @@
-"""What a warp will hold in memory at its height, from what is known before any work.
+"""Estimate of a warp's peak memory, made before any work.
 
-Measured as the highest mark of fresh processes (`python -m benchmarks.memory`).
+Constants were measured as the peak of fresh processes (`python -m benchmarks.memory`).
 """
 
 from math import prod
@@ -15,18 +15,18 @@ from resample.memory.mapped import pages_of
 from resample_texture.asking import method_named
 from resample_texture.command.choices import Warping
 
-BYTES_PER_TEXEL = 6  # and channel, of a source and what is held while it is decoded
-BYTES_IN_STRIP = 28  # and value, of what is drawn of a large picture at a time
+BYTES_PER_TEXEL = 6  # per texel and channel: the source and its decoding buffers
+BYTES_IN_STRIP = 28  # per value of the strip of a large picture that is being drawn
 BYTES_PER_MESH_PIXEL = 100  # of a mesh's picture
-BYTES_OF_FILM = 16, 60  # of a texel of what a camera flies over, and of a pixel of a frame
+BYTES_OF_FILM = 16, 60  # per texel of the picture, per pixel of a frame
 REMEDY = "take a smaller size, or a part of it by --roi"
 
 
 class InStrips(NamedTuple):
-    """What is held of a picture that is drawn strip by strip."""
+    """Memory of a picture that is drawn strip by strip."""
 
-    source: int  # bytes of it as it is kept
-    strip: int  # values that are drawn at a time
+    source: int  # bytes of the picture as stored
+    strip: int  # values drawn at a time
 
 
 def require_room(
@@ -38,27 +38,27 @@ def require_room(
     has_alpha: bool = False,
     in_strips: InStrips | None = None,
 ) -> None:
-    """Refuse a warp that memory does not hold, and say (DEBUG) what it needs.
+    """Refuse a warp that does not fit into memory; log what it needs (DEBUG).
 
     Parameters
     ----------
     form
-        Height, width and channels of the source, opacity included.
+        Height, width and channels of the source, including opacity.
     shape
-        Height and width of what is written, px.
+        Height and width of the result, px.
     choice
         How it is warped.
     output
-        What it is written to: integers are encoded by way of floats.
+        Output file: integer formats are encoded by way of floats.
     has_alpha
-        Whether one of the channels is opacity.
+        Whether a channel is opacity.
     in_strips
-        What is held of a large picture, which is drawn strip by strip.
+        Memory of a large picture, which is drawn strip by strip.
 
     Raises
     ------
     ValueError
-        It needs more than is allowed, or free.
+        It needs more memory than is allowed or free.
     """
     height, width = shape
     what = f"a picture of {width} x {height} pixels"
@@ -77,12 +77,12 @@ def require_room(
 
 
 def require_film(source: Place, size: tuple[int, int]) -> None:
-    """Refuse a flight over a picture, in frames (height, width), as `require_room` does.
+    """Refuse a flight over a picture that does not fit into memory, as `require_room` does.
 
     Raises
     ------
     ValueError, OSError
-        It needs more than is allowed, or free; or the file is no picture.
+        It needs more memory than is allowed or free, or the file is not a picture.
     """
     (height, width, _), _ = form_of(source)
     texel, pixel = BYTES_OF_FILM

@@ -1,4 +1,4 @@
-"""A picture warped for the command line: in light or as encoded."""
+"""Warp a picture for the command line, in linear light or as encoded."""
 
 from collections.abc import Callable
 from typing import Any
@@ -16,8 +16,8 @@ from resample_texture.command.inputs import Target
 from resample_texture.geometry.mappings import ForwardMap, Homography
 from resample_texture.warping import warp
 
-WHOLE = 1.0 - 1e-3  # coverage of what is no seen less than all; float32 sums are 1e-4 off
-BYTES_PER_VALUE = 16  # of a target and the copies that are made when it is warped and written
+WHOLE = 1.0 - 1e-3  # coverage that counts as complete; float32 sums are off by 1e-4
+BYTES_PER_VALUE = 16  # of a target, including the copies made while warping and writing
 
 
 def warped(
@@ -30,10 +30,10 @@ def warped(
     keeps_gaps: bool = False,
     bar: str | None = "warping",
 ) -> tuple[Picture, Floats]:
-    """Picture at its target, and the coverage of its pixels.
+    """Return the warped picture and the coverage of its pixels.
 
-    What is not covered is transparent if that is what lies beyond the edge, and black if not; it is
-    no number where `keeps_gaps`. Where all is covered no transparency is added.
+    Pixels that are not covered are transparent with the edge mode `transparent`, else black, and
+    not a number if `keeps_gaps`. No transparency is added where all pixels are covered.
     """
     as_encoded = picture.kind.is_encoded and (choice.total or not choice.linear)
     source = curved(picture, to_srgb) if as_encoded else picture.data
@@ -62,7 +62,7 @@ def warped(
 
 
 def as_light(picture: Picture) -> Picture:
-    """Picture of encoded values as one of light."""
+    """Convert a picture of encoded values to linear light."""
     return picture._replace(data=curved(picture, from_srgb))
 
 
@@ -70,7 +70,7 @@ def finished(
     image: Floats, coverage: Floats, kind: Kind, choice: Warping, *, keeps_gaps: bool,
     is_whole: bool,
 ) -> Picture:  # fmt: skip
-    """Picture whose pixels, or alpha, tell what is covered, unless all of it is."""
+    """Mark uncovered pixels by alpha or not-a-numbers, unless all are covered."""
     if kind.has_alpha or choice.total:
         return Picture(image, kind)
     if not (keeps_gaps or choice.edge == "transparent"):
@@ -85,7 +85,7 @@ def finished(
 
 
 def placed(geo: Geo | None, target: Target, roi: tuple[int, int, int, int] | None) -> Geo | None:
-    """Where a warped picture lies on Earth, if that is known."""
+    """Return the georeference of a warped picture, if known."""
     if geo is None or not geo.has_place:
         return geo
     there = unplaced(geo)
@@ -99,7 +99,7 @@ def placed(geo: Geo | None, target: Target, roi: tuple[int, int, int, int] | Non
 def sees_all(
     target: Target, source_shape: tuple[int, int], roi: tuple[int, int, int, int] | None
 ) -> bool:
-    """Whether every pixel of a target shows the source alone, as far as can be told beforehand."""
+    """Tell whether every target pixel lies within the source, as far as known beforehand."""
     geometry, (height, width) = target.geometry, source_shape
     if not isinstance(geometry, Homography):
         return not isinstance(geometry, ForwardMap)
@@ -119,7 +119,7 @@ def sees_all(
 def report(
     session: Session, source: tuple[int, ...], result: tuple[int, ...], kind: Kind, choice: Warping
 ) -> dict[str, Any]:
-    """Sizes and times, for `--stats`; of shapes (height, width, ...)."""
+    """Return sizes and times for `--stats`; shapes are (height, width, ...)."""
     return {
         "source": [source[1], source[0]],
         "size": [result[1], result[0]],
@@ -130,14 +130,14 @@ def report(
 
 
 def bytes_at_once(source: tuple[int, int, int], shape: tuple[int, int]) -> int:
-    """Bytes that a source (height, width, channels) and its target take, warped in one go."""
+    """Return the bytes of a source (height, width, channels) and its target."""
     height, width, channels = source
     target = BYTES_PER_VALUE * shape[0] * shape[1]
     return channels * (pictures.BYTES_PER_VALUE * height * width + target)
 
 
 def curved(picture: Picture, curve: Callable[[Floats], Floats]) -> Floats:
-    """Premultiplied values whose straight color went through a curve."""
+    """Apply a curve to the straight color of premultiplied values."""
     data = picture.data
     if not picture.kind.has_alpha:
         return np.ascontiguousarray(curve(data))

@@ -1,4 +1,4 @@
-"""Warps with gradients: by the picture, by where pixels look, by a matrix or a map."""
+"""Differentiable warps, with gradients by the picture and by the matrix or map."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""From a picture to an interpolation's coefficients in float64, and the transposed way back."""
+"""Interpolation coefficients of a picture in float64, and the transposed operation."""
 
 import math
 from typing import Any
@@ -13,18 +13,18 @@ from resample_texture.types import Edge
 
 
 def ring_of(interpolation: Interpolation, edge: str) -> int:
-    """Texels beyond a clamped edge from which on nothing changes."""
+    """Return the number of texels beyond a clamped edge after which values are constant."""
     reach = prefilter(interpolation).size // 2 + math.ceil(interpolation.radius) + 1
     return reach if edge == Edge.CLAMP else 0
 
 
 def margin_of(interpolation: Interpolation, edge: str) -> int:
-    """Coefficients beyond a source's edges that places within it, and in its ring, are sums of."""
+    """Return the margin of coefficients that interpolation in source and ring needs."""
     return ring_of(interpolation, edge) + math.ceil(interpolation.radius) + 1
 
 
 def coefficients(image: Doubles, interpolation: Interpolation, edge: str) -> Doubles:
-    """Coefficients (rows, columns, C) of a picture (H, W, C), with a margin on all sides."""
+    """Return coefficients (rows, columns, C) of a picture (H, W, C), with a margin."""
     weights, margin = prefilter(interpolation).astype(np.float64), margin_of(interpolation, edge)
     reach = weights.size // 2
     for axis in (0, 1):
@@ -35,7 +35,7 @@ def coefficients(image: Doubles, interpolation: Interpolation, edge: str) -> Dou
 
 
 def transposed(gradient: Doubles, interpolation: Interpolation, edge: str) -> Doubles:
-    """Transposed `coefficients`: what coefficients are given, given to the picture's texels."""
+    """Apply the transpose of `coefficients`: gradients by coefficients to those by texels."""
     weights, margin = prefilter(interpolation).astype(np.float64), margin_of(interpolation, edge)
     reach = weights.size // 2
     for axis in (1, 0):
@@ -55,7 +55,7 @@ def transposed(gradient: Doubles, interpolation: Interpolation, edge: str) -> Do
 
 
 def _indices(size: int, margin: int, edge: str) -> Any:
-    """Texels that stand at all places of an axis and of margins on both sides."""
+    """Return the texel index at every position of an axis with margins on both sides."""
     index = np.arange(-margin, size + margin)
     if edge != REFLECT_101:
         return texels_at(index, size, Edge(edge))
@@ -66,7 +66,7 @@ def _indices(size: int, margin: int, edge: str) -> Any:
 
 
 def _filtered(lines: Doubles, weights: Doubles, axis: int) -> Doubles:
-    """Array under a symmetric filter along an axis; beyond its ends there is nothing."""
+    """Apply a symmetric filter along an axis, with zeros beyond the ends."""
     if weights.size == 1:
         return lines
     from scipy.ndimage import correlate1d
@@ -75,5 +75,5 @@ def _filtered(lines: Doubles, weights: Doubles, axis: int) -> Doubles:
 
 
 def _inner(lines: Doubles, margin: int, axis: int) -> Doubles:
-    """Array without a margin at both ends of an axis."""
+    """Remove a margin from both ends of an axis."""
     return np.moveaxis(np.moveaxis(lines, axis, 0)[margin : lines.shape[axis] - margin], 0, axis)

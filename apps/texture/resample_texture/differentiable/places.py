@@ -1,7 +1,7 @@
-"""Where pixels look, as arrays, and gradients by it turned into gradients by a matrix or a map.
+"""Footprints of pixels in the source, and their gradients by a matrix or a map.
 
-A pixel sees about a parallelogram of the source: (h, w, 6) holds u and v of its middle, the step of
-both to the next pixel to the right, and down.
+A pixel's footprint is about a parallelogram: (h, w, 6) holds u and v of its center, the step of
+both to the next pixel to the right, and the step down.
 """
 
 from dataclasses import dataclass, field
@@ -15,12 +15,12 @@ from resample_texture.geometry.mappings import BackwardMap, oriented, pixel_cent
 from resample_texture.geometry.matrices import homography
 from resample_texture.texels.kernels.looking import FARTHEST, TORN, TWELFTH
 
-MOVED = {"corner": 0.0, "opencv": 0.5}  # where a convention's first pixel center is not
+MOVED = {"corner": 0.0, "opencv": 0.5}  # offset of a convention's pixel centers
 
 
 @dataclass(frozen=True, eq=False)
 class MatrixPlaces:
-    """Where pixels of a target look under a homography.
+    """Footprints of a target's pixels under a homography.
 
     Parameters
     ----------
@@ -29,16 +29,16 @@ class MatrixPlaces:
     shape
         Height and width of the target, px.
     source_shape
-        Height and width of the source, px; it decides what is in front of the eye.
+        Height and width of the source, px; it decides what is in front of the camera.
     convention
         `corner`: pixel centers at + 0.5. `opencv`: `matrix` counts from pixel centers.
     inverse
-        `matrix` leads from target to source.
+        True: `matrix` maps target to source.
 
     Raises
     ------
     ValueError
-        The matrix has no inverse, or another shape; a size is none.
+        The matrix has no inverse or another shape, or a size is invalid.
     """
 
     matrix: ArrayLike
@@ -57,12 +57,12 @@ class MatrixPlaces:
         object.__setattr__(self, "_back", back)
 
     def places(self) -> Doubles:
-        """What pixels see, (h, w, 6); not a number above the horizon."""
+        """Return the pixels' footprints, (h, w, 6); not a number beyond the horizon."""
         x, y = pixel_centers(self.shape)
         a, places = self._back, np.empty((*self.shape, 6))
         _, share = self._depth(x, y)
         u, v = ((row[0] * x + row[1] * y + row[2]) * share for row in a[:2])
-        # The middle is where the pixel's points are in the mean, to second order.
+        # The center is the mean of the pixel's points, to second order.
         bend_x, bend_y = a[2, 0] * share * TWELFTH, a[2, 1] * share * TWELFTH
         for axis, place in enumerate((u, v)):
             along_x = (a[axis, 0] - place * a[2, 0]) * share
@@ -72,7 +72,7 @@ class MatrixPlaces:
         return places
 
     def gradient(self, by_places: Doubles) -> Doubles:
-        """Gradient by the matrix, in its own shape, of that (h, w, 6) by what pixels see."""
+        """Convert a gradient (h, w, 6) by footprints to one by the matrix, in its shape."""
         by_back = self._by_back(by_places)
         given = np.asarray(self.matrix, np.float64)
         to, fro = _shifts(MOVED[self.convention])
@@ -85,7 +85,7 @@ class MatrixPlaces:
         return np.asarray((sign * (to.T @ forward @ fro.T))[: given.shape[0]])
 
     def _depth(self, x: Doubles, y: Doubles) -> tuple[Doubles, Doubles]:
-        """How far pixels see, and the inverse; not a number above the horizon."""
+        """Return the depth of pixels, and its inverse; not a number beyond the horizon."""
         a = self._back
         depth = a[2, 0] * x + a[2, 1] * y + a[2, 2]
         share = np.full(np.broadcast(x, y).shape, np.nan)
@@ -93,7 +93,7 @@ class MatrixPlaces:
         return depth, share
 
     def _by_back(self, by_places: Doubles) -> Doubles:
-        """Gradient (3, 3) by the matrix from target to source."""
+        """Return the gradient (3, 3) by the matrix from target to source."""
         x, y = pixel_centers(self.shape)
         a, result = self._back, np.zeros((3, 3))
         _, share = self._depth(x, y)
@@ -126,17 +126,17 @@ class MatrixPlaces:
 
 @dataclass(frozen=True, eq=False)
 class MapPlaces:
-    """Where pixels of a target look under a backward map; what they cover is its differences.
+    """Footprints of a target's pixels under a backward map, from its differences.
 
     Parameters
     ----------
     x, y
-        (h, w) source coordinates of pixel centers, px; not a number where a pixel sees nothing.
+        (h, w) source coordinates of pixel centers, px; not a number where a pixel shows nothing.
 
     Raises
     ------
     ValueError
-        They are not two pictures of one shape.
+        They are not two arrays (h, w) of the same shape.
     """
 
     x: Doubles
@@ -148,7 +148,7 @@ class MapPlaces:
         object.__setattr__(self, "y", kept.y)
 
     def places(self) -> Doubles:
-        """What pixels see, (h, w, 6)."""
+        """Return the pixels' footprints, (h, w, 6)."""
         places = np.empty((*self.x.shape, 6))
         for axis, place in enumerate((self.x, self.y)):
             across, down = _steps(place, 1), _steps(place, 0)
@@ -159,7 +159,7 @@ class MapPlaces:
         return _squared(places)
 
     def gradient(self, by_places: Doubles) -> Doubles:
-        """Gradient (h, w, 2) by x and y, of that (h, w, 6) by what pixels see."""
+        """Convert a gradient (h, w, 6) by footprints to one (h, w, 2) by x and y."""
         is_seen = np.isfinite(self.x)
         gradient = np.where(is_seen[..., None], by_places, 0.0)
         steps = [(_steps(place, 1), _steps(place, 0)) for place in (self.x, self.y)]
@@ -181,7 +181,7 @@ class MapPlaces:
 
 @dataclass(frozen=True, eq=False)
 class _Steps:
-    """Steps of a map to both sides of a pixel; a missing or torn one is as the other."""
+    """Steps of a map to both neighbours of a pixel; a missing or torn one copies the other."""
 
     axis: int
     before: Doubles
@@ -191,7 +191,7 @@ class _Steps:
     is_known: NDArray[np.bool_]
 
     def back(self, by_before: Doubles, by_after: Doubles) -> Doubles:
-        """Gradient by places of that by steps."""
+        """Convert a gradient by steps to one by coordinates."""
         by_before, by_after = (np.where(self.is_known, a, 0.0) for a in (by_before, by_after))
         by_before = by_before + np.where(self.keeps_after, 0.0, by_after)
         by_after = np.where(self.keeps_after, by_after, 0.0)
@@ -209,7 +209,7 @@ class _Steps:
 
 
 def _steps(place: Doubles, axis: int) -> _Steps:
-    """Steps along an axis."""
+    """Return the steps along an axis."""
     step = np.diff(place, axis=axis)
     if place.shape[axis] == 1:
         step = np.zeros_like(place)
@@ -228,12 +228,12 @@ def _steps(place: Doubles, axis: int) -> _Steps:
 
 
 def _known_sides(sides: Doubles) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Whether neighbours tell the sides (h, w, 4) of what pixels see."""
+    """Tell which sides (h, w, 4) of the footprints are known from neighbours."""
     return (sides[..., :2] != 0.0).any(axis=-1), (sides[..., 2:] != 0.0).any(axis=-1)
 
 
 def _squared(places: Doubles) -> Doubles:
-    """Places whose unknown sides are as the other ones, and of both unknown a texel long."""
+    """Make footprints square where one side is unknown, and one texel where both are."""
     along_x, along_y = places[..., 2:4], places[..., 4:6]
     is_known_x, is_known_y = _known_sides(places[..., 2:])
     lacks_y, lacks_x = is_known_x & ~is_known_y, is_known_y & ~is_known_x
@@ -244,7 +244,7 @@ def _squared(places: Doubles) -> Doubles:
 
 
 def _unsquared(gradient: Doubles, sides: Doubles) -> Doubles:
-    """Transposed `_squared` of a gradient (h, w, 6), with the sides that neighbours tell."""
+    """Apply the transpose of `_squared` to a gradient (h, w, 6), given the known sides."""
     is_known_x, is_known_y = _known_sides(sides)
     lacks_y, lacks_x = is_known_x & ~is_known_y, is_known_y & ~is_known_x
     by_x, by_y = gradient[..., 2:4], gradient[..., 4:6]
@@ -255,19 +255,19 @@ def _unsquared(gradient: Doubles, sides: Doubles) -> Doubles:
 
 
 def _sums(value: Doubles, x: Doubles, y: Doubles) -> Doubles:
-    """Sums of a picture times x, times y, and of the picture."""
+    """Return the sums of a picture times x, times y, and of the picture itself."""
     return np.array([(value * x).sum(), (value * y).sum(), value.sum()])
 
 
 def _shifts(distance: float) -> tuple[Doubles, Doubles]:
-    """Matrices that move by a distance along both axes, and back."""
+    """Return matrices that shift by a distance along both axes, and back."""
     to, fro = np.eye(3), np.eye(3)
     to[:2, 2], fro[:2, 2] = distance, -distance
     return to, fro
 
 
 def _full(matrix: Doubles) -> Doubles:
-    """Matrix (3, 3) of a (2, 3) or (3, 3) one."""
+    """Return a (2, 3) or (3, 3) matrix as (3, 3)."""
     full = np.eye(3)
     full[: matrix.shape[0]] = matrix
     return full

@@ -1,4 +1,4 @@
-"""What kernels read, in float64: an interpolation as polynomials, and Gauss points."""
+"""Tables for the float64 kernels: interpolations as polynomials, and Gauss points."""
 
 import math
 from functools import cache
@@ -10,14 +10,14 @@ from resample.profiles.interpolation import Interpolation, remembered
 from resample.types import Doubles
 
 HIGHEST = 15  # degree of polynomials
-TRUE = 1e-11  # error of polynomials up to which the degree is high enough
-WORST = 1e-6  # error beyond which a kernel is none of polynomials
-PLACES = 65  # of a piece at which a kernel is asked
+TRUE = 1e-11  # error of polynomials at which the degree suffices
+WORST = 1e-6  # error above which a kernel is not piecewise polynomial
+PLACES = 65  # of a piece at which a kernel is evaluated
 
 
 @remembered
 def pieces(interpolation: Interpolation) -> tuple[Doubles, Doubles, float]:
-    """Weights of the samples around a place as polynomials of it.
+    """Return the weights of the samples around a place as polynomials of the place.
 
     Returns
     -------
@@ -28,12 +28,12 @@ def pieces(interpolation: Interpolation) -> tuple[Doubles, Doubles, float]:
     Raises
     ------
     ValueError
-        The interpolation is not linear, has no slope, or is no smooth kernel.
+        The interpolation is not linear, has no slope, or is not smooth.
     """
     if getattr(interpolation, "limit", "none") != "none":
         raise ValueError(
             f"gradients are those of a linear interpolation, not of {interpolation}; "
-            "give it limit=none, as in area-spline:limit=none"
+            "set limit=none, as in area-spline:limit=none"
         )
     radius = math.ceil(2.0 * interpolation.radius) / 2.0
     taps = int(2.0 * radius)
@@ -53,7 +53,7 @@ def pieces(interpolation: Interpolation) -> tuple[Doubles, Doubles, float]:
 
 
 def _fitted(t: Doubles, weight: Doubles) -> Doubles | None:
-    """Polynomials (K, D) of the lowest degree that gives the weights (K, N), if any does."""
+    """Return polynomials (K, D) of the lowest degree that fits the weights (K, N), if any."""
     powers = np.empty((0, 0))
     error = math.inf
     for degree in range(1, HIGHEST + 1):
@@ -70,9 +70,9 @@ def _fitted(t: Doubles, weight: Doubles) -> Doubles | None:
 
 @cache
 def rules() -> Doubles:
-    """Two and four Gauss points of an interval 0..1: place, weight, and reach to both sides.
+    """Return 2 and 4 Gauss points of 0..1: place, weight, and extent to both sides.
 
-    Reaches are those of an interval as long as the weight; the intervals lie side by side.
+    Each point stands for an interval as long as its weight; the intervals tile 0..1.
     """
     table = np.empty((6, 4))
     for first, count in ((0, 2), (2, 4)):

@@ -1,4 +1,4 @@
-"""A linear warp of pictures, its adjoint, and how pixels change with where they look."""
+"""A linear warp of pictures, its adjoint, and its gradient by the geometry."""
 
 import math
 from dataclasses import dataclass
@@ -28,36 +28,36 @@ from resample_texture.types import Edge
 Integers = NDArray[np.int64]
 Places = MatrixPlaces | MapPlaces
 
-TILE = 32  # px along a side of what is given back at a time
-BATCH = 1 << 24  # numbers that patches may hold at a time
+TILE = 32  # px per side of a tile of the adjoint
+BATCH = 1 << 24  # most numbers in the patches of a batch
 LARGEST_QUALITY = 16.0
 
 
 @dataclass(frozen=True)
 class LinearWarp:
-    """Warp under the area filter that has gradients, in float64.
+    """Differentiable warp under the area filter, in float64.
 
-    A pixel is the mean, over the parallelogram of the source that it sees, of what an interpolation
-    makes of the source: a sum over Gauss points, of which there are more where pixels are longer.
-    Gradients are the exact ones of these sums. How many points there are is no part of them: where
-    it changes, the picture changes by the error of the sums.
+    A pixel is the mean of the interpolated source over the pixel's footprint, a parallelogram: a
+    sum over Gauss points, of which there are more where footprints are longer. Gradients are exact
+    for these sums, at a fixed number of points: where that number changes, the picture changes by
+    the error of the sums.
 
     Parameters
     ----------
     interpolation
         By name or as an object: a linear one (`limit=none`) with a slope, so not `nearest`.
     edge
-        What lies beyond the source: `transparent`, `clamp`, `wrap`, `mirror` or `reflect-101`. The
-        picture is multiplied by its coverage, which is the warp of a picture of ones.
+        Edge mode: `transparent`, `clamp`, `wrap`, `mirror` or `reflect-101`. The picture is
+        multiplied by its coverage, which is the warp of a picture of ones.
     quality
-        Gauss points are so many times as dense, 1 to 16.
+        Factor of the density of Gauss points, 1 to 16.
     threads
-        At most this many; no bit depends on it.
+        Most threads to use; the result does not depend on it.
 
     Raises
     ------
     ValueError, LookupError
-        A choice is unknown or out of its range.
+        An option is unknown or out of range.
     """
 
     interpolation: Any = "area-spline:limit=none"
@@ -75,12 +75,12 @@ class LinearWarp:
             raise ValueError(f"quality lies between 1 and {LARGEST_QUALITY:g}, not {self.quality}")
 
     def __call__(self, image: ArrayLike, places: Places) -> Doubles:
-        """Picture (h, w) or (h, w, C) of one (H, W) or (H, W, C).
+        """Warp a picture (H, W) or (H, W, C) to (h, w) or (h, w, C).
 
         Raises
         ------
         ValueError
-            The picture has another shape, or is not that of the places.
+            The picture has a wrong shape, or does not fit the places.
         """
         texels = _picture(image, "a picture")
         _check_source(texels.shape[:2], places)
@@ -94,12 +94,12 @@ class LinearWarp:
     def by_image(
         self, gradient: ArrayLike, places: Places, source_shape: tuple[int, int]
     ) -> Doubles:
-        """Gradient (H, W) or (H, W, C) by the source, of one by the picture: the adjoint.
+        """Apply the adjoint: a gradient by the result becomes one (H, W[, C]) by the source.
 
         Raises
         ------
         ValueError
-            The gradient is not of the places' shape.
+            The gradient does not fit the places.
         """
         given = _picture(gradient, "a gradient")
         _check_source(source_shape, places)
@@ -114,12 +114,12 @@ class LinearWarp:
         return texels.reshape(tuple(source_shape) + np.shape(gradient)[2:])
 
     def by_places(self, gradient: ArrayLike, image: ArrayLike, places: Places) -> Doubles:
-        """Gradient by the places' matrix (3, 3) or map (h, w, 2), of one by the picture.
+        """Convert a gradient by the result to one by the places' matrix or map (h, w, 2).
 
         Raises
         ------
         ValueError
-            The gradient is not of the places' shape, or has other channels than the picture.
+            The gradient does not fit the places, or the picture's number of channels.
         """
         given, texels = _picture(gradient, "a gradient"), _picture(image, "a picture")
         _check_source(texels.shape[:2], places)
@@ -143,13 +143,13 @@ class LinearWarp:
 
 
 def _plate(coefficients: Doubles) -> Plate:
-    """Coefficients (rows, columns, C) as kernels read them."""
+    """Return coefficients (rows, columns, C) as kernels read them."""
     _, columns, channels = coefficients.shape
     return Plate(coefficients.reshape(-1), columns, channels, 0, 0)
 
 
 def _threads(count: int | None) -> Any:
-    """At most so many threads, where that was said; otherwise what holds around."""
+    """Limit the threads, if a count is given; otherwise keep the current limit."""
     from contextlib import nullcontext
 
     from resample.engine.jit import threads
@@ -158,7 +158,7 @@ def _threads(count: int | None) -> Any:
 
 
 def _give_all(gradient: Doubles, seen: Doubles, lens: Lens, plate: Doubles) -> None:
-    """Add to coefficients what all pixels say, tile by tile in one order."""
+    """Add all pixels' gradients to the coefficients, tile by tile in a fixed order."""
     tiles = _tiles(seen.shape[:2])
     boxes = _boxes(seen, tiles, lens)
     tiles, boxes = (np.ascontiguousarray(a[boxes[:, 2] > boxes[:, 0]]) for a in (tiles, boxes))
@@ -178,14 +178,14 @@ def _give_all(gradient: Doubles, seen: Doubles, lens: Lens, plate: Doubles) -> N
 
 
 def _tiles(shape: tuple[int, ...]) -> Integers:
-    """Tiles (T, 4) of a picture: left, top, right and bottom, px."""
+    """Return the tiles (T, 4) of a picture: left, top, right and bottom, px."""
     top, left = (a.ravel() for a in np.mgrid[0 : shape[0] : TILE, 0 : shape[1] : TILE])
     right, bottom = np.minimum(left + TILE, shape[1]), np.minimum(top + TILE, shape[0])
     return np.stack([left, top, right, bottom], axis=1).astype(np.int64)
 
 
 def _boxes(seen: Doubles, tiles: Integers, lens: Lens) -> Integers:
-    """Coefficients (T, 4) that tiles may see: left, top, right and bottom; right = left: none."""
+    """Return the coefficients (T, 4) that tiles may read: left, top, right, bottom."""
     boxes = np.zeros(tiles.shape, np.int64)
     for axis in (0, 1):
         reach = 0.5 * (abs(seen[..., 2 + axis]) + abs(seen[..., 4 + axis]))
@@ -203,7 +203,7 @@ def _boxes(seen: Doubles, tiles: Integers, lens: Lens) -> Integers:
 
 
 def _within(low: float, high: float, size: float, lens: Lens) -> tuple[float, float]:
-    """Ends between which places are, in the source and its ring, that lie between two ends."""
+    """Fold an interval of coordinates into the source and its ring."""
     if lens.edge in (EDGES[Edge.TRANSPARENT], EDGES[Edge.CLAMP]):
         low, high = (min(max(end, -lens.ring), size + lens.ring) for end in (low, high))
         return low, high
@@ -217,7 +217,7 @@ def _within(low: float, high: float, size: float, lens: Lens) -> tuple[float, fl
 
 
 def _picture(given: ArrayLike, name: str) -> Doubles:
-    """Array (H, W, C) of float64 that kernels may take."""
+    """Return a float64 array (H, W, C) for the kernels."""
     array = np.asarray(given)
     if array.ndim not in (2, 3) or array.size == 0 or array.dtype.kind not in "buif":
         raise ValueError(

@@ -1,1 +1,1 @@
-"""Where texels go: matrices, corners, maps, lenses and planes."""
+"""Geometry of warps: matrices, corners, maps, lenses and planes."""

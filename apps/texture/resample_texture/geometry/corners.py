@@ -1,4 +1,4 @@
-"""Four corners: the homography that moves them, and the page they bound.
+"""Homographies from four corners, and the order and size of a page's corners.
 
 Points are in continuous pixel coordinates, x to the right and y down; arrays of them are (4, 2).
 """
@@ -16,13 +16,13 @@ from resample_texture.geometry.matrices import SEPARATOR
 
 NEARLY_STRAIGHT = 1e-6  # height of a triangle over its longest side
 FARTHEST = 1e9  # px
-LEAST_LEAD = 0.02  # of the best order over the next; refuses pages turned by 44.4 to 45.6 degrees
+LEAST_LEAD = 0.02  # of the best order over the second; refuses pages turned by 44.4 to 45.6 degrees
 
 Exact = NDArray[Any]  # rational numbers
 
 
 def parse_points(text: str) -> Doubles:
-    """Four points (4, 2) of a text like "10,20 500,30 490,700 5,680"; semicolons do as well.
+    """Read four points (4, 2) from "10,20 500,30 490,700 5,680"; semicolons also separate.
 
     Raises
     ------
@@ -39,53 +39,53 @@ def parse_points(text: str) -> Doubles:
 
 
 def page_corners(shape: tuple[int, int]) -> Doubles:
-    """Corners of a page (height, width): top left, top right, bottom right, bottom left."""
+    """Return the corners of a page: top left, top right, bottom right, bottom left."""
     height, width = shape
     return np.array([[0, 0], [width, 0], [width, height], [0, height]], np.float64)
 
 
 def from_corners(source: ArrayLike, target: ArrayLike) -> Homography:
-    """Homography that takes four points of the source to four of the target.
+    """Return the homography that maps four source points to four target points.
 
-    All four are in front of the eye. The system is solved in rational numbers, so that a shift
-    comes out as that shift and an affine map as an affine one.
+    All four are in front of the camera. The system is solved in rational numbers, so that a shift
+    results in exactly that shift, and an affine map in an affine one.
 
     Parameters
     ----------
     source, target
-        (4, 2) each, in one order, px.
+        (4, 2) each, in the same order, px.
 
     Raises
     ------
     ValueError
         Three points lie on a line, or the two orders differ so that a corner would lie behind the
-        eye.
+        camera.
     """
     before, after = _exact(_checked(source, "source")), _exact(_checked(target, "target"))
     coordinates, weight = _barycentric(before)
-    d = _barycentric(after)[1] / weight  # of the first three corners; that of the last is 1
+    d = _barycentric(after)[1] / weight  # weights of the first three corners; the last is 1
     if min(d) < 0:
         raise ValueError(
             "no camera sees these source points at those target points;"
-            " give both in one order, for example clockwise"
+            " give both in the same order, for example clockwise"
         )
     return Homography((after[:3].T * d @ coordinates).astype(np.float64), is_signed=True)
 
 
 def order_corners(corners: ArrayLike) -> Doubles:
-    """Corners of a page as top left, top right, bottom right, bottom left.
+    """Order a page's corners: top left, top right, bottom right, bottom left.
 
     Parameters
     ----------
     corners
         (4, 2) px in any order. The page's top side lies above its bottom side, and its left side to
-        the left of its right one, as the means of their ends tell; if two orders have that, the
-        page is taken to be turned by less than 45 degrees.
+        the left of its right side, judged by the means of their ends; if two orders satisfy that,
+        the page is taken to be turned by less than 45 degrees.
 
     Raises
     ------
     ValueError
-        They do not bound a convex shape, or it is turned by 45 degrees and has no top left.
+        They do not bound a convex shape, or its rotation by 45 degrees is ambiguous.
     """
     given = _checked(corners, "page")
     offset = given - given.mean(axis=0)
@@ -105,7 +105,7 @@ def order_corners(corners: ArrayLike) -> Doubles:
 
 
 def rectified_shape(corners: ArrayLike) -> tuple[int, int]:
-    """Height and width of a page: the means of its opposite sides, px, whole.
+    """Return height and width of a page: means of opposite sides, rounded to px.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def rectified_shape(corners: ArrayLike) -> tuple[int, int]:
 
 
 def _checked(points: ArrayLike, name: str) -> Doubles:
-    """Four points of which no three lie on a line."""
+    """Return four points, refusing three on a line."""
     given = np.asarray(points, np.float64)
     if given.shape != (4, 2):
         raise ValueError(f"the {name} has four points, (4, 2), not {given.shape}")
@@ -138,7 +138,7 @@ def _checked(points: ArrayLike, name: str) -> Doubles:
 
 
 def _spans(ring: Doubles) -> tuple[float, float]:
-    """How far the second side lies to the right of the fourth, and the third below the first."""
+    """Return how far right lies from left, and bottom below top, by the sides' means."""
     top_left, top_right, bottom_right, bottom_left = ring
     rightward = top_right + bottom_right - top_left - bottom_left
     downward = bottom_left + bottom_right - top_left - top_right
@@ -160,13 +160,13 @@ def _cross(first: Doubles, second: Doubles) -> float:
 
 
 def _exact(points: Doubles) -> Exact:
-    """Points as rational numbers (4, 3), followed by 1."""
+    """Return points as rational numbers (4, 3), with a third coordinate of 1."""
     rows = [[Fraction(float(x)), Fraction(float(y)), Fraction(1)] for x, y in points]
     return np.array(rows, object)
 
 
 def _barycentric(points: Exact) -> tuple[Exact, Exact]:
-    """Matrix (3, 3) to coordinates in the first three points, and those of the fourth."""
+    """Return the matrix to coordinates in the first three points, and the fourth's."""
     first, second, third, fourth = points
     adjugate = np.stack([np.cross(second, third), np.cross(third, first), np.cross(first, second)])
     coordinates = adjugate / (first @ adjugate[0])

@@ -4,7 +4,7 @@ from enum import StrEnum
 
 
 class Edge(StrEnum):
-    """What lies beyond the source's edges.
+    """Edge modes: what lies beyond the source's edges.
 
     Examples
     --------
@@ -20,6 +20,6 @@ class Edge(StrEnum):
     """
 
     TRANSPARENT = "transparent"  # nothing: coverage ends there
-    CLAMP = "clamp"  # the outermost texels, for ever
+    CLAMP = "clamp"  # the outermost texels, repeated
     WRAP = "wrap"  # the source again: a b c | a b c
     MIRROR = "mirror"  # the source's mirror image: a b c | c b a

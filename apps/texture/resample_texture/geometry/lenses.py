@@ -1,4 +1,4 @@
-"""Maps that take a lens's distortion out of a photo, or put it in."""
+"""Maps that remove a lens's distortion from a photo, or add it."""
 
 from collections.abc import Callable
 
@@ -19,30 +19,30 @@ def undistorting(
     ideal: Camera | None = None,
     rotation: ArrayLike | None = None,
 ) -> BackwardMap:
-    """Map of a pinhole's picture, seen in the photo that the camera took.
+    """Return the backward map of a pinhole's picture into the camera's photo.
 
     Parameters
     ----------
     camera
-        Whose lens is taken out.
+        Camera whose distortion is removed.
     shape
         Height and width of the pinhole's picture, the target, px.
     ideal
-        The pinhole, of which the matrix matters; by default the camera without its lens. OpenCV's
-        new camera matrix.
+        The pinhole, of which only the matrix matters (OpenCV's new camera matrix); by default the
+        camera without its lens.
     rotation
-        (3, 3) from the camera's axes to the pinhole's; by default they are one. OpenCV's R.
+        (3, 3) from the camera's axes to the pinhole's (OpenCV's R); by default the identity.
 
     Returns
     -------
-    Map without numbers behind the camera, and where the distortion's polynomial folds back: there
-    `cv2.initUndistortRectifyMap` and `cv2.fisheye.initUndistortRectifyMap` show parts of the photo
-    twice.
+    A map that is not a number behind the camera, and where the distortion's polynomial folds back:
+    there `cv2.initUndistortRectifyMap` and `cv2.fisheye.initUndistortRectifyMap` show parts of the
+    photo twice.
 
     Raises
     ------
     ValueError
-        The rotation is none.
+        The rotation is not one.
     """
     return BackwardMap.from_function(
         places_by_lens(camera, ideal=ideal, rotation=rotation, inverse=False), shape
@@ -56,18 +56,18 @@ def distorting(
     ideal: Camera | None = None,
     rotation: ArrayLike | None = None,
 ) -> BackwardMap:
-    """Map of the photo that the camera would take, seen in a pinhole's picture.
+    """Return the backward map of the camera's photo into a pinhole's picture.
 
     Parameters
     ----------
     camera, ideal, rotation
-        As in `undistorting`.
+        As `undistorting` takes them.
     shape
         Height and width of the photo, the target, px.
 
     Returns
     -------
-    Map without numbers where no light comes through the lens.
+    A map that is not a number where no light comes through the lens.
     """
     return BackwardMap.from_function(
         places_by_lens(camera, ideal=ideal, rotation=rotation, inverse=True), shape
@@ -77,14 +77,14 @@ def distorting(
 def places_by_lens(
     camera: Camera, *, ideal: Camera | None, rotation: ArrayLike | None, inverse: bool
 ) -> Callable[[Doubles, Doubles], tuple[Doubles, Doubles]]:
-    """Function from x and y of pixel centers, (h, w) each, to those of the source.
+    """Return a function from x and y of pixel centers, (h, w) each, to those of the source.
 
     Parameters
     ----------
     camera, ideal, rotation
-        As in `undistorting`.
+        As `undistorting` takes them.
     inverse
-        As `distorting` has it.
+        True: distort, as `distorting` does.
     """
     turned = _checked(rotation)
     way = undistorted_places if inverse else distorted_places
@@ -103,12 +103,12 @@ def undistorting_forward(
     ideal: Camera | None = None,
     rotation: ArrayLike | None = None,
 ) -> ForwardMap:
-    """Map that moves the photo's texels to their places in a pinhole's picture.
+    """Return the forward map of a photo's texels to a pinhole's picture.
 
     Parameters
     ----------
     camera, ideal, rotation
-        As in `undistorting`.
+        As `undistorting` takes them.
     source_shape
         Height and width of the photo, the source, px.
     """

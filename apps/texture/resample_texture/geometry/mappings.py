@@ -1,4 +1,4 @@
-"""Where texels go, or where pixels come from.
+"""Geometry of a warp: homographies, forward maps and backward maps.
 
 Continuous pixel coordinates: pixel (row i, column j) has its center at (j + 0.5, i + 0.5), in the
 source as in the target. OpenCV counts from pixel centers; its maps are converted here, its matrices
@@ -16,8 +16,8 @@ from resample.memory.alike import alike
 from resample.types import Doubles
 from resample_texture.geometry.maps import as_pairs, from_fixed_point, is_number
 
-LARGEST_CONDITION = 1e12  # of a matrix freed of its units; beyond it its inverse has no 4 digits
-LARGEST_EXPONENT = 690.0  # of e in a determinant, which kernels divide by
+LARGEST_CONDITION = 1e12  # of a balanced matrix; beyond, its inverse has no 4 correct digits
+LARGEST_EXPONENT = 690.0  # of e in a determinant, as kernels divide by it
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,13 +27,13 @@ class Homography:
     Parameters
     ----------
     matrix
-        (3, 3); (u, v, 1) of the source goes to d (x, y, 1) with d in the last row.
+        (3, 3); (u, v, 1) of the source maps to d (x, y, 1); the last row gives d.
     is_signed
-        What has d > 0 is in front of the eye. Otherwise the sign of `matrix` means nothing and the
-        source's center is in front, see `oriented`.
+        True: points with d > 0 are in front of the camera. False: the sign of `matrix` has no
+        meaning and the source's center is in front, see `oriented`.
     region
-        What of a larger target this leads to; methods that know of it give the same bits for it as
-        for the whole.
+        Part of a larger target that this maps to; methods that support it give the same bits for
+        it as for the whole.
 
     Raises
     ------
@@ -53,7 +53,7 @@ class Homography:
 
     matrix: Doubles
     is_signed: bool = False
-    region: "Region | None" = None  # of a larger target, which this leads to
+    region: "Region | None" = None  # of a larger target, to which this maps
 
     def __post_init__(self) -> None:
         matrix = np.array(self.matrix, np.float64)
@@ -70,34 +70,34 @@ class Homography:
         return np.asarray(np.linalg.inv(self.matrix), np.float64)
 
     def oriented(self, source_shape: tuple[int, int] = (1, 1)) -> Doubles:
-        """Matrix (3, 3) times 1 or −1, so that what is in front of the eye has d > 0."""
+        """Return ± the matrix (3, 3), so that points in front of the camera have d > 0."""
         return self.matrix if self.is_signed else oriented(self.matrix, source_shape)
 
 
 class Region(NamedTuple):
-    """A rectangle of a larger target, whose pixels have the bits that they have in it."""
+    """A rectangle of a larger target, whose pixels are bit-identical to the whole's."""
 
-    whole: Homography  # source to that target
+    whole: Homography  # from the source to that target
     left: int  # px
     top: int
     shape: tuple[int, int]  # of that target: height, width
-    size: tuple[int, int] | None = None  # of the source, if only a part of it is at hand
+    size: tuple[int, int] | None = None  # of the source, if only a part of it is given
     first: tuple[int, int] = (0, 0)  # column and row of the source at which that part begins
 
 
 @dataclass(frozen=True, eq=False)
 class ForwardMap:
-    """Target coordinates of every texel's center.
+    """Target coordinates of each texel's center.
 
     Parameters
     ----------
     x, y
-        (H, W) of the source, px; not a number where a texel goes nowhere.
+        (H, W) of the source, px; not a number where a texel is dropped.
 
     Raises
     ------
     ValueError
-        They are not two pictures of one shape.
+        They are not two arrays (H, W) of the same shape.
 
     Examples
     --------
@@ -118,7 +118,7 @@ class ForwardMap:
 
     @classmethod
     def from_flow(cls, flow: ArrayLike) -> "ForwardMap":
-        """Map that moves every texel by a vector (x, y) of `flow`, (H, W, 2) px."""
+        """Return a map that moves each texel by a vector (x, y) of `flow`, (H, W, 2) px."""
         moves = as_pairs(flow, "a flow")
         x, y = pixel_centers(moves.shape[:2])
         return cls(x + moves[..., 0], y + moves[..., 1])
@@ -126,17 +126,17 @@ class ForwardMap:
 
 @dataclass(frozen=True, eq=False)
 class BackwardMap:
-    """Source coordinates of every pixel's center.
+    """Source coordinates of each pixel's center.
 
     Parameters
     ----------
     x, y
-        (h, w) of the target, px; not a number where a pixel sees nothing.
+        (h, w) of the target, px; not a number where a pixel shows nothing.
 
     Raises
     ------
     ValueError
-        They are not two pictures of one shape.
+        They are not two arrays (h, w) of the same shape.
 
     Examples
     --------
@@ -156,7 +156,7 @@ class BackwardMap:
 
     @classmethod
     def from_opencv(cls, map_x: ArrayLike, map_y: ArrayLike | None = None) -> "BackwardMap":
-        """Map as `cv2.remap` takes it, in any of its forms.
+        """Return the map of arrays as `cv2.remap` takes them, in any form.
 
         Parameters
         ----------
@@ -184,26 +184,26 @@ class BackwardMap:
     def from_function(
         cls, function: Callable[[Any, Any], Any], shape: tuple[int, int], *, first: float = 0.5
     ) -> "BackwardMap":
-        """Map of a function that takes x and y of pixels and gives those of the source.
+        """Return the map of a function from x and y of pixels to those of the source.
 
         Parameters
         ----------
         function
-            Takes and gives two arrays of the target's shape.
+            Takes and returns two arrays of the target's shape.
         shape
             Height and width of the target, px.
         first
-            Where the function takes the first pixel's center to be: at 0.5 (corner) or 0 (OpenCV).
+            Coordinate of the first pixel's center: 0.5 (corner) or 0 (OpenCV).
 
         Raises
         ------
         ValueError
-            The function gives anything else.
+            The function returns anything else.
         """
         x, y = np.meshgrid(np.arange(shape[1]) + first, np.arange(shape[0]) + first)
         given = function(x, y)
         if len(given) != 2:
-            raise ValueError(f"the function gave {len(given)} arrays; it gives x and y")
+            raise ValueError(f"the function returned {len(given)} arrays; it must return x and y")
         u, v = (np.broadcast_to(np.asarray(a), x.shape) for a in given)
         _check_pictures(u, v, "function")
         return cls(u + (0.5 - first), v + (0.5 - first))
@@ -212,7 +212,7 @@ class BackwardMap:
     def from_grid_sample(
         cls, grid: ArrayLike, source_shape: tuple[int, int], *, align_corners: bool = False
     ) -> "BackwardMap":
-        """Map as `torch.nn.functional.grid_sample` takes it.
+        """Return the map of a grid as `torch.nn.functional.grid_sample` takes it.
 
         Parameters
         ----------
@@ -221,7 +221,7 @@ class BackwardMap:
         source_shape
             Height and width of the source, px.
         align_corners
-            −1 and 1 are the centers of the outermost texels; otherwise their outer edges.
+            True: −1 and 1 are the centers of the outermost texels; false: their outer edges.
 
         Raises
         ------
@@ -241,18 +241,18 @@ Geometry = Homography | ForwardMap | BackwardMap
 
 
 def oriented(matrix: Doubles, source_shape: tuple[int, int] = (1, 1)) -> Doubles:
-    """Matrix times 1 or −1, so that the source's center has d > 0.
+    """Return ± the matrix, so that the source's center has d > 0.
 
-    A matrix and its negative map points alike; of a source that the horizon cuts, the half that
-    holds the center is taken to be in front of the eye. If the horizon passes through the center,
-    the corner farthest from it decides.
+    A matrix and its negative map points alike. If the horizon cuts the source, the half that holds
+    its center is taken to be in front of the camera. If the horizon passes through the center, the
+    corner farthest from the horizon decides.
 
     Parameters
     ----------
     matrix
         (3, 3) from source to target.
     source_shape
-        Height and width of the source, px; without it the first texel is in front.
+        Height and width of the source, px; by default the first texel is in front.
     """
     height, width = source_shape
     center = np.array([width / 2, height / 2, 1.0])
@@ -267,7 +267,7 @@ def oriented(matrix: Doubles, source_shape: tuple[int, int] = (1, 1)) -> Doubles
 def source_coordinates(
     geometry: Geometry, shape: tuple[int, int], source_shape: tuple[int, int] = (1, 1)
 ) -> tuple[Doubles, Doubles]:
-    """Source coordinates of the centers of a target's pixels.
+    """Return the source coordinates of a target's pixel centers.
 
     Parameters
     ----------
@@ -276,17 +276,17 @@ def source_coordinates(
     shape
         Height and width of the target, px.
     source_shape
-        Height and width of the source, px; decides what is in front of the eye, see `oriented`.
+        Height and width of the source, px; decides what is in front of the camera, see `oriented`.
 
     Returns
     -------
-    x and y, (height, width) each; not a number where a pixel looks above the horizon or sees
+    x and y, (height, width) each; not a number where a pixel lies beyond the horizon or shows
     nothing.
 
     Raises
     ------
     ValueError
-        A forward map, or the map is of another shape.
+        The geometry is a forward map, or a map of another shape.
     """
     if isinstance(geometry, ForwardMap):
         raise ValueError("a forward map cannot be inverted; give a homography or a backward map")
@@ -305,7 +305,7 @@ def source_coordinates(
 
 
 def pixel_centers(shape: tuple[int, ...]) -> tuple[Doubles, Doubles]:
-    """Centers of the pixels of a frame (height, width): x as a row, y as a column."""
+    """Return the pixel centers of a frame (height, width): x as a row, y as a column."""
     height, width = shape
     if height < 1 or width < 1:
         raise ValueError(f"a picture of {width} × {height} pixels is empty; give it at least one")
@@ -313,20 +313,20 @@ def pixel_centers(shape: tuple[int, ...]) -> tuple[Doubles, Doubles]:
 
 
 def _is_singular(matrix: Doubles) -> bool:
-    """Whether a matrix has no inverse that means anything, whatever units its numbers are in."""
+    """Whether a matrix has no meaningful inverse, regardless of units."""
     if not abs(np.linalg.slogdet(matrix).logabsdet) < LARGEST_EXPONENT:
         return True
     bare = matrix / np.abs(matrix).max()
     if float(np.linalg.cond(bare)) < LARGEST_CONDITION:
         return False
-    for _ in range(8):  # rows and columns to about the same size
+    for _ in range(8):  # balance rows and columns
         bare = bare / np.sqrt(np.abs(bare).max(axis=1, keepdims=True))
         bare = bare / np.sqrt(np.abs(bare).max(axis=0, keepdims=True))
     return not float(np.linalg.cond(bare)) < LARGEST_CONDITION
 
 
 def _keep_pair(given: ForwardMap | BackwardMap, name: str) -> None:
-    """Keep a map's arrays as float64, with numbers in both or in none."""
+    """Store a map's arrays as float64, not a number in both or in none."""
     x, y = np.asarray(given.x), np.asarray(given.y)
     _check_pictures(x, y, name)
     x, y = alike(x, np.float64), alike(y, np.float64)

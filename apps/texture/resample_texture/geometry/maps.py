@@ -1,7 +1,7 @@
-"""Arrays of two numbers per pixel: OpenCV's integer maps, and files.
+"""Read arrays of two numbers per pixel: map files, flow files, OpenCV's integer maps.
 
-What the numbers mean (places in the source, or moves of the texels) is not written in a file; the
-caller says so by what is made of them in `geometry`.
+Files do not say what the numbers mean (coordinates in the source, or displacements of texels); the
+caller decides by the class of `geometry` that it makes of them.
 """
 
 from collections.abc import Callable
@@ -17,12 +17,12 @@ from resample.types import Doubles
 
 FIXED_POINT_STEPS = 32  # per pixel, of OpenCV's integer maps
 FLOW_MAGIC = 202021.25  # the first number of a .flo file
-UNKNOWN_FLOW = 1e9  # px; what moves farther is not known, Baker et al. 2011
+UNKNOWN_FLOW = 1e9  # px; larger flow means unknown, Baker et al. 2011
 NAMES = (("X", "Y"), ("x", "y"), ("U", "V"), ("u", "v"), ("map_x", "map_y"), ("R", "G"))
 
 
 def read_map(path: str | Path) -> NDArray[Any]:
-    """Two numbers per pixel, (H, W, 2), x first, of the type that the file has.
+    """Read two numbers per pixel, (H, W, 2), x first, in the file's own type.
 
     Parameters
     ----------
@@ -52,14 +52,14 @@ def read_map(path: str | Path) -> NDArray[Any]:
 def places_by_map(
     pairs: NDArray[Any], shift: float = 0.0
 ) -> Callable[[Doubles, Doubles], tuple[Doubles, Doubles]]:
-    """Function from x and y of pixel centers, a rectangle (h, w), to what a map holds there.
+    """Return a function from x and y of a rectangle of pixel centers to a map's values.
 
     Parameters
     ----------
     pairs
         (H, W, 2) of real numbers.
     shift
-        Added to them, px.
+        Added to the numbers, px.
     """
 
     def places(x: Doubles, y: Doubles) -> tuple[Doubles, Doubles]:
@@ -71,7 +71,7 @@ def places_by_map(
 
 
 def read_arrays(path: str | Path) -> NDArray[Any] | dict[str, NDArray[Any]]:
-    """Array of a .npy file, or those of a .npz file by name.
+    """Read the array of a .npy file, or the arrays of a .npz file by name.
 
     Raises
     ------
@@ -79,17 +79,17 @@ def read_arrays(path: str | Path) -> NDArray[Any] | dict[str, NDArray[Any]]:
         The file is missing or damaged.
     """
     file = Path(path)
-    # As much is read as is looked at.
+    # Only the parts that are used are read.
     return read_npy(file, mapped=True) if is_npy(file) else read_npz(file)
 
 
 def as_pairs(array: ArrayLike, name: str) -> Doubles:
-    """Numbers of the shape (H, W, 2), checked; `name` begins the message that refuses them."""
+    """Return checked numbers (H, W, 2) as float64; `name` begins error messages."""
     return checked_pairs(array, name).astype(np.float64)
 
 
 def checked_pairs(array: ArrayLike, name: str) -> NDArray[Any]:
-    """Numbers of the shape (H, W, 2) as they are; `name` begins the message that refuses others."""
+    """Return checked numbers (H, W, 2), unconverted; `name` begins error messages."""
     pairs = np.asarray(array)
     if pairs.ndim != 3 or pairs.shape[2] != 2 or pairs.size == 0:
         raise ValueError(f"{name} holds two numbers per pixel, (H, W, 2), not {pairs.shape}")
@@ -104,7 +104,7 @@ def is_number(array: NDArray[Any]) -> bool:
 
 
 def from_fixed_point(whole: NDArray[Any], fraction: NDArray[Any]) -> Doubles:
-    """Places (h, w, 2) of OpenCV's pair of integer maps, centers at integers.
+    """Return coordinates (h, w, 2) of OpenCV's two integer maps, centers at integers.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def from_fixed_point(whole: NDArray[Any], fraction: NDArray[Any]) -> Doubles:
     Raises
     ------
     ValueError
-        They are of other types, or do not fit each other.
+        Their types or shapes do not fit.
     """
     places = as_pairs(whole, "a fixed-point map")
     if fraction.shape != whole.shape[:2]:
@@ -130,7 +130,7 @@ def from_fixed_point(whole: NDArray[Any], fraction: NDArray[Any]) -> Doubles:
 
 
 def _read_flow(path: str | Path) -> Doubles:
-    """Middlebury's .flo: a magic number, width, height, and pairs of float32, little endian."""
+    """Read Middlebury's .flo: magic number, width, height, float32 pairs, little endian."""
     data = Path(path).read_bytes()
     if len(data) < 12 or np.frombuffer(data, "<f4", 1)[0] != FLOW_MAGIC:
         raise ValueError(f"{path} is not a .flo file: it does not begin with {FLOW_MAGIC}")
@@ -143,7 +143,7 @@ def _read_flow(path: str | Path) -> Doubles:
 
 
 def _two_of(channel: dict[str, NDArray[Any]], path: str | Path) -> NDArray[Any]:
-    """The two channels that are x and y, by their names, or because there are only two."""
+    """Return the channels x and y, by name, or because there are only two."""
     known = [pair for pair in NAMES if all(name in channel for name in pair)]
     if not known and len(channel) != 2:
         names = ", ".join(channel) or "none"

@@ -1,4 +1,4 @@
-"""Homographies from what users write: numbers, files, OpenCV's convention, the inverse."""
+"""Read homographies from numbers and files, in either convention, or inverted."""
 
 import re
 from pathlib import Path
@@ -13,7 +13,7 @@ from resample_texture.geometry.maps import read_arrays
 
 SEPARATOR = re.compile(r"[\s,;\[\]()]+")
 SHAPES = {(3, 3): (3, 3), (2, 3): (2, 3), (1, 9): (3, 3), (1, 6): (2, 3)}  # lines × numbers
-LARGEST_FILE = 1 << 16  # bytes; nobody writes nine numbers longer
+LARGEST_FILE = 1 << 16  # bytes; more than nine numbers need
 
 
 def homography(
@@ -22,14 +22,14 @@ def homography(
     convention: Convention | str = Convention.CORNER,
     inverse: bool = False,
 ) -> Homography:
-    """Homography of a matrix in any of the usual forms.
+    """Return the homography of a matrix in any of the usual forms.
 
     Parameters
     ----------
     matrix
         (3, 3), or (2, 3) if it is affine.
     convention
-        Where the matrix takes the first pixel's center to be, in source and target.
+        Coordinates of the first pixel's center, in source and target.
     inverse
         The matrix maps the target to the source (`cv2.WARP_INVERSE_MAP`).
 
@@ -49,19 +49,19 @@ def homography(
 
 
 def parse_matrix(text: str) -> Doubles:
-    """Matrix (3, 3) as it is written on a command line.
+    """Read a matrix (3, 3) from a command line's text.
 
     Parameters
     ----------
     text
         Nine numbers, row by row, or six of an affine matrix, separated by commas or blanks; or the
-        path of a text file of three or two lines of three such numbers (`#` begins a comment), or
-        of a `.npy` file.
+        path of a text file with three or two lines of three numbers (`#` begins a comment), or of
+        a `.npy` file.
 
     Raises
     ------
     ValueError
-        It is neither numbers nor a file, or they do not make a matrix.
+        It is neither numbers nor a file, or the numbers do not make a matrix.
     OSError
         The file cannot be read.
     """
@@ -77,7 +77,9 @@ def _read_matrix(text: str) -> Doubles:
     if not path.exists():
         raise ValueError(f"{text!r} is neither nine or six numbers nor a file")
     if path.is_file() and path.stat().st_size > LARGEST_FILE:
-        raise ValueError(f"{path} has {path.stat().st_size} bytes; that is no file of nine numbers")
+        raise ValueError(
+            f"{path} has {path.stat().st_size} bytes; a file of nine numbers is smaller"
+        )
     if path.suffix.lower() == ".npy":
         return _read_array(path)
     try:
@@ -100,7 +102,7 @@ def _numbers(line: str) -> list[float]:
 
 
 def _of_lines(rows: list[list[float]], name: str) -> Doubles:
-    """Matrix of the numbers of each line."""
+    """Return the matrix of the numbers of all lines."""
     widths = {len(row) for row in rows}
     shape = SHAPES.get((len(rows), widths.pop())) if len(widths) == 1 else None
     if shape is None:
@@ -113,7 +115,7 @@ def _of_lines(rows: list[list[float]], name: str) -> Doubles:
 
 
 def _full(matrix: ArrayLike) -> Doubles:
-    """Matrix as (3, 3)."""
+    """Return a matrix as (3, 3)."""
     given = np.asarray(matrix)
     if given.shape not in ((2, 3), (3, 3)) or given.dtype.kind not in "fiu":
         raise ValueError(

@@ -1,4 +1,4 @@
-"""What the pixels of a backward map show: places in the source, and how they change."""
+"""Source coordinates of a backward map's pixels, and their derivatives."""
 
 import numpy as np
 
@@ -7,16 +7,16 @@ from resample_texture.geometry.mappings import BackwardMap, source_coordinates
 
 
 def places_of(geometry: BackwardMap, shape: tuple[int, int]) -> Doubles:
-    """Map (6, h, w): x, y, their change from column to column, and from row to row."""
+    """Return (6, h, w): x, y, their change per column, and their change per row."""
     x, y = source_coordinates(geometry, shape)
     return np.stack([x, y, _step(x, 1), _step(y, 1), _step(x, 0), _step(y, 0)])
 
 
 def _step(position: Doubles, axis: int) -> Doubles:
-    """Change of a coordinate from pixel to pixel along an axis; 0 where no neighbour has one.
+    """Return a coordinate's change per pixel along an axis; 0 without valid neighbours.
 
-    It is the mean of the steps to both neighbours unless they disagree much: at the seam of a
-    panorama or the edge of a fold the smaller one counts.
+    It is the mean of the steps to both neighbours, unless they differ much: at the seam of a
+    panorama or the edge of a fold the smaller step counts.
     """
     step = np.diff(position, axis=axis)
     none = np.full_like(position.take([0], axis), np.nan)

@@ -1,4 +1,4 @@
-"""A textured plane seen by a camera."""
+"""Homography of a textured plane seen by a camera."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,28 +15,28 @@ def plane_seen_by(
     texel_size: float = 1.0,
     pose: ArrayLike | None = None,
 ) -> Homography:
-    """Homography from a texture on a plane to the frame of a camera.
+    """Return the homography from a texture on a plane to a camera's frame.
 
-    What is behind the eye is known, wherever the texture's center is. The camera's near plane is
-    not regarded.
+    It knows what is behind the camera, wherever the texture's center is. The camera's near plane is
+    ignored.
 
     Parameters
     ----------
     camera
-        Whose frame is the target.
+        Camera whose frame is the target.
     source_shape
         Height and width of the texture, px.
     texel_size
         Width of a texel, scene units.
     pose
-        (4, 4) or (3, 4) from the plane's space to the world; by default they are one. In its own
-        space the texture lies at z = 0, centered at the origin, with x to its right and y up: from
-        above, where z is positive, it looks as it is. It may be mirrored or stretched.
+        (4, 4) or (3, 4) from the plane's space to the world; by default the identity. In its own
+        space the texture lies at z = 0, centered at the origin, with x to the right and y up; seen
+        from positive z it is not mirrored. The pose may mirror or stretch it.
 
     Raises
     ------
     ValueError
-        The camera sees the plane edge-on, or a number is not what it should be.
+        The camera sees the plane edge-on, or a number is invalid.
     """
     height, width = source_shape
     if not (height > 0 and width > 0 and 0 < texel_size < np.inf):
@@ -54,13 +54,13 @@ def plane_seen_by(
         return Homography(np.vstack([across, depth]), is_signed=True)
     except ValueError:
         raise ValueError(
-            "the camera sees the texture's plane edge-on; move one of them, or see that all"
+            "the camera sees the texture's plane edge-on; move one of them, or check that all"
             " numbers are finite and neither is flat"
         ) from None
 
 
 def _affine(pose: ArrayLike | None) -> Doubles:
-    """Upper three lines of a pose."""
+    """Return the upper three rows of a pose."""
     given = np.eye(4) if pose is None else np.asarray(pose, np.float64)
     if given.shape not in ((3, 4), (4, 4)):
         raise ValueError(f"a pose has shape (3, 4) or (4, 4), not {given.shape}")

@@ -1,4 +1,4 @@
-"""Texels that are copied as they are: moved by whole pixels, or one texel for each pixel."""
+"""Copy texels unchanged: shifts by whole pixels, quarter turns, flips, nearest texels."""
 
 from typing import Any, NamedTuple
 
@@ -12,29 +12,29 @@ FARTHEST = 2.0**52  # px or texels; beyond it float64 has no halves
 
 
 class Picks(NamedTuple):
-    """Texel that each pixel shows."""
+    """The texel that each pixel copies."""
 
-    row: Indices  # (h, w), or (h, 1) or (1, w) if rows or columns of pixels show one row of texels
+    row: Indices  # (h, w), or (h, 1) or (1, w) if pixel rows or columns share texel rows
     column: Indices  # (h, w), (1, w) or (h, 1)
     coverage: Floats  # (h, w); 0 where no texel is shown
 
     def of(self, image: NDArray[Any]) -> NDArray[Any]:
-        """Values (h, w) or (h, w, C) of a picture's texels, 0 where none is shown."""
+        """Return the copied values (h, w) or (h, w, C), 0 where there is no texel."""
         values = np.array(image[self.row, self.column])
         values[self.coverage == 0.0] = 0
         return values
 
 
 class Move(NamedTuple):
-    """A shift by whole pixels after a turn by quarters, a flip, or neither."""
+    """A shift by whole pixels, after a quarter turn or a flip if any."""
 
     shift: tuple[int, int]  # along x and y, px
-    sign: tuple[int, int]  # −1 where the target's x and y lead against the source's axes
-    is_turned: bool = False  # the target's x is the source's y, and the other way round
+    sign: tuple[int, int]  # −1 where the target's x or y runs against the source's axis
+    is_turned: bool = False  # the target's x is the source's y, and vice versa
 
 
 def whole_move(matrix: Doubles) -> Move | None:
-    """Move that a matrix (3, 3) does; None if it does anything else."""
+    """Return the move of a matrix (3, 3); None if it does anything else."""
     scaled = matrix / matrix[2, 2] if matrix[2, 2] else matrix
     turn, shift = scaled[:2, :2], scaled[:2, 2]
     is_turned = bool(turn[0, 0] == 0.0)
@@ -50,7 +50,7 @@ def whole_move(matrix: Doubles) -> Move | None:
 def picks_of_move(
     move: Move, source_shape: tuple[int, int], shape: tuple[int, int], edge: Edge
 ) -> Picks:
-    """Texels that pixels show after a move."""
+    """Return the texels that pixels copy after a move."""
     (x, y), (across, down) = move.shift, move.sign
     column, row = _counted(shape[1], x, across)[None], _counted(shape[0], y, down)[:, None]
     if move.is_turned:
@@ -61,13 +61,13 @@ def picks_of_move(
 
 
 def _counted(size: int, shift: int, sign: int) -> Indices:
-    """Texels along an axis of so many pixels."""
+    """Return the texel index of each pixel along an axis."""
     place = np.arange(size) - shift
     return place if sign > 0 else -1 - place
 
 
 def nearest_texels(x: Doubles, y: Doubles, source_shape: tuple[int, int], edge: Edge) -> Picks:
-    """Texels in which places lie, (h, w) each; none where they are not numbers."""
+    """Return the texels that hold places, (h, w) each; none where these are not numbers."""
     is_place = (abs(x) < FARTHEST) & (abs(y) < FARTHEST)
     places = (np.floor(np.where(is_place, a, 0.0)).astype(np.int64) for a in (y, x))
     (row, row_is_in), (column, column_is_in) = (
@@ -77,7 +77,7 @@ def nearest_texels(x: Doubles, y: Doubles, source_shape: tuple[int, int], edge: 
 
 
 def texels_at(index: Indices, size: int, edge: Edge) -> tuple[Indices, NDArray[np.bool_]]:
-    """Texels that stand at places counted by whole numbers, and whether there is one."""
+    """Return the texels at indices under an edge mode, and whether there is one."""
     if edge is Edge.WRAP:
         return index % size, np.ones(index.shape, np.bool_)
     if edge is Edge.MIRROR:
@@ -88,10 +88,10 @@ def texels_at(index: Indices, size: int, edge: Edge) -> tuple[Indices, NDArray[n
 
 
 def unfolded(image: NDArray[Any]) -> NDArray[Any]:
-    """Picture and its mirror images about the outermost texels' centers: d c b | a b c d | c b a.
+    """Mirror a picture about the centers of its last texels: a b c d | c b.
 
-    It is one period of them all, so wrapping it around continues the picture by reflection that
-    does not repeat the outermost texels (`cv2.BORDER_REFLECT_101`).
+    This is one period: wrapping it around continues the picture by reflection without repeating the
+    outermost texels (`cv2.BORDER_REFLECT_101`).
     """
     for axis in (0, 1):
         size = image.shape[axis]

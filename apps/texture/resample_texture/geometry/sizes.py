@@ -1,4 +1,4 @@
-"""Matrices and sizes of pictures that are made larger or smaller, or turned, as areas of pixels."""
+"""Matrices and target sizes for resizing, scaling and rotating pictures."""
 
 import math
 
@@ -7,22 +7,22 @@ import numpy as np
 from resample_texture.geometry.mappings import Homography
 
 QUARTERS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))  # cosine and sine, exactly
-ROUNDED = 1e-6  # px by which a side may be longer than a whole number of px and fit
+ROUNDED = 1e-6  # px by which a side may exceed a whole number of px and still fit
 
 
 def resizing(source_shape: tuple[int, int], shape: tuple[int, int]) -> Homography:
-    """Map of a picture's whole area to that of a target (height, width)."""
+    """Return the map from a picture's whole area to that of a target (height, width)."""
     (source_height, source_width), (height, width) = source_shape, shape
     return Homography(np.diag([width / source_width, height / source_height, 1.0]))
 
 
 def scaling(factor: tuple[float, float]) -> Homography:
-    """Map that scales by factors along x and y, from the picture's corner on."""
+    """Return the map that scales along x and y about the picture's corner."""
     return Homography(np.diag([*factor, 1.0]))
 
 
 def scaled_shape(source_shape: tuple[int, int], factor: tuple[float, float]) -> tuple[int, int]:
-    """Whole height and width nearest to those of a picture times factors along x and y.
+    """Return a picture's height and width times factors along x and y, rounded.
 
     Raises
     ------
@@ -40,20 +40,20 @@ def scaled_shape(source_shape: tuple[int, int], factor: tuple[float, float]) -> 
 
 
 def turning(source_shape: tuple[int, int], degrees: float, shape: tuple[int, int]) -> Homography:
-    """Map that turns a picture counterclockwise, its middle to the middle of a target.
+    """Return the map that rotates a picture counterclockwise about the centers.
 
     Parameters
     ----------
     source_shape, shape
         Height and width of the picture and of the target, px.
     degrees
-        Multiples of 90 are exact: texels are copied where both middles are centers of pixels, or
-        corners of them.
+        Multiples of 90 are exact: texels are copied if both centers are centers of pixels, or
+        corners of pixels.
 
     Raises
     ------
     ValueError
-        The angle is no number.
+        The angle is not finite.
     """
     cosine, sine = _cosine_and_sine(degrees)
     turn = np.array([[cosine, sine], [-sine, cosine]])
@@ -64,7 +64,7 @@ def turning(source_shape: tuple[int, int], degrees: float, shape: tuple[int, int
 
 
 def turned_shape(source_shape: tuple[int, int], degrees: float) -> tuple[int, int]:
-    """Height and width of what holds a turned picture whole."""
+    """Return height and width that hold a whole rotated picture."""
     cosine, sine = (abs(number) for number in _cosine_and_sine(degrees))
     height, width = source_shape
     sides = cosine * height + sine * width, cosine * width + sine * height

@@ -1,4 +1,4 @@
-"""Large pictures in parts: windows of the target, and the part of the source that each shows."""
+"""Windows of a large target, and the part of the source that each shows."""
 
 import math
 from collections.abc import Iterator
@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 from resample.types import Doubles
 from resample_texture.geometry.mappings import BackwardMap, Homography, Region
 
-MOST_TWICE = 1.5  # texels of two halves' sources by those of the whole's: more is not halved
+MOST_TWICE = 1.5  # source texels of both halves over those of the whole; above, windows stay whole
 LEFT, TOP, RIGHT, BOTTOM = range(4)
 
 Integers = NDArray[np.int64]
 
 
 class Rect(NamedTuple):
-    """Pixels of a part of a picture; the last ones are not in it."""
+    """A rectangle of pixels; right and bottom are exclusive."""
 
     left: int
     top: int
@@ -26,7 +26,7 @@ class Rect(NamedTuple):
 
     @property
     def part(self) -> tuple[slice, slice]:
-        """Rows and columns."""
+        """Rows and columns, as slices."""
         return slice(self.top, self.bottom), slice(self.left, self.right)
 
     def is_within(self, size: tuple[int, int]) -> bool:
@@ -35,14 +35,14 @@ class Rect(NamedTuple):
 
     @property
     def pixels(self) -> int:
-        """How many there are."""
+        """Number of pixels."""
         return max(0, self.right - self.left) * max(0, self.bottom - self.top)
 
 
 class PictureWindow(NamedTuple):
-    """A part of the target, and the part of the source that has a say in it.
+    """A part of the target, and the part of the source that contributes to it.
 
-    Of a source that is repeated the part may lie beyond its edges.
+    If the source is repeated, the part may lie beyond its edges.
     """
 
     target: Rect
@@ -50,19 +50,19 @@ class PictureWindow(NamedTuple):
 
 
 class SeenTiles(NamedTuple):
-    """What tiles of a target see of a source."""
+    """Tiles of a target, and the bounds of the source that each gathers from."""
 
     tiles: Integers  # (T, 4) px, row by row
-    bounds: Doubles  # (T, 4) texels; the first is the greater where a tile sees nothing
-    reach: int  # texels around those bounds that have a say
+    bounds: Doubles  # (T, 4) texels; first > last where a tile shows nothing
+    reach: int  # texels around those bounds that contribute
     is_endless: bool  # the source is repeated beyond its edges
 
 
 def windows_of(seen: SeenTiles, size: tuple[int, int], most: int) -> Iterator[PictureWindow]:
-    """Windows of a target, from the top, and what they show of a source (height, width).
+    """Yield windows of a target, from the top, with their parts of a source (height, width).
 
-    A window is halved while it, or its source, has more than `most` pixels; unless it is a tile,
-    or its halves see almost the same.
+    A window is halved while it, or its source, has more than `most` pixels, unless it is a single
+    tile, or both halves would need almost the same source.
     """
     columns = int((seen.tiles[:, TOP] == seen.tiles[0, TOP]).sum())
     waiting = [np.arange(len(seen.tiles)).reshape(-1, columns)]
@@ -83,10 +83,10 @@ def between(
     geometry: Homography | BackwardMap, window: PictureWindow, size: tuple[int, int],
     shape: tuple[int, int] = (0, 0),
 ) -> Homography | BackwardMap:  # fmt: skip
-    """Geometry that leads from a window's part of a source (height, width) to its target.
+    """Return the geometry from a window's part of a source (height, width) to its target.
 
-    Of a map it has the whole target still. If that target's `shape` is known, pixels of the window
-    have the bits that they have in it.
+    A map still covers the whole target. If that target's `shape` is known, the window's pixels are
+    bit-identical to the whole's.
     """
     (u, v, *_), (x, y, *_) = window.source, window.target
     if isinstance(geometry, BackwardMap):
@@ -100,7 +100,7 @@ def between(
 
 
 def _window(seen: SeenTiles, which: Integers, size: tuple[int, int]) -> PictureWindow:
-    """PictureWindow of some tiles."""
+    """Return the window of some tiles."""
     tiles, bounds = seen.tiles[which.ravel()], seen.bounds[which.ravel()]
     low, high = tiles[:, :2].min(axis=0), tiles[:, 2:].max(axis=0)
     target = Rect(int(low[0]), int(low[1]), int(high[0]), int(high[1]))
@@ -114,7 +114,7 @@ def _window(seen: SeenTiles, which: Integers, size: tuple[int, int]) -> PictureW
 
 
 def _stretch(first: float, last: float, size: int, reach: int) -> tuple[int, int]:
-    """Texels from the first to the last that is seen, of `size`, and those around; one or more."""
+    """Return the range of visible texels and `reach` around it, within `size`; never empty."""
     if first > last:
         return 0, min(size, reach)
     low = math.floor(min(max(first - reach, 0.0), size - 1.0))

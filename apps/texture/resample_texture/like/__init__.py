@@ -1,1 +1,1 @@
-"""Calls in place of OpenCV's, scikit-image's and SciPy's, with their parameters and conventions."""
+"""Drop-in replacements for OpenCV, scikit-image and SciPy, with their conventions."""

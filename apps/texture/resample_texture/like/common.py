@@ -1,4 +1,4 @@
-"""What all drop-ins share: a picture over what lies behind it, and results in given arrays."""
+"""Shared by the drop-ins: draw over a background, fill given output arrays."""
 
 from typing import Any
 
@@ -12,12 +12,12 @@ from resample_texture.texels.encoding import check_picture, decoded, encoded
 from resample_texture.texels.gaps import LEAST, kept, masked
 from resample_texture.types import Method
 
-NEAREST = "nearest"  # an interpolation that mixes no texels: the method of that name does it
+NEAREST = "nearest"  # the interpolation that copies texels, done by the method of that name
 ORDERS = {0: NEAREST, 1: "bilinear", 2: "spline", 3: "spline", 4: "spline", 5: "spline"}
 
 
 def method_for(interpolation: str, method: str | Method | None) -> Method:
-    """Method, by default the hybrid or the one that copies texels, with an interpolation."""
+    """Return a method with an interpolation, by default `hybrid` or `nearest`."""
     if method is None:
         method = NEAREST if interpolation == NEAREST else "hybrid"
     chosen = method_named(method)
@@ -29,16 +29,16 @@ def method_for(interpolation: str, method: str | Method | None) -> Method:
 def draw(
     image: NDArray[Any], drawing: Drawing, behind: NDArray[Any], *, linear_light: bool = False
 ) -> NDArray[Any]:
-    """Picture (h, w) or (h, w, C) over what lies behind it; what is missing stays missing.
+    """Draw a picture (h, w) or (h, w, C) over a background; missing values stay missing.
 
     Parameters
     ----------
     image
         (H, W) or (H, W, C), masked or not.
     behind
-        Values of the same type, that can be broadcast to (h, w, C).
+        Background of the same type that can be broadcast to (h, w, C).
     linear_light
-        Filter the light that levels encode.
+        Filter linear light, not the encoded levels.
     """
     check_shape(drawing.shape)
     check_picture(np.ma.getdata(image))
@@ -54,7 +54,7 @@ def draw(
 def color_behind(
     value: float | tuple[float, ...], image: NDArray[Any], name: str = "borderValue"
 ) -> NDArray[Any]:
-    """One color (1, 1, C), in the type of a picture, for what the source does not show."""
+    """Return a background color (1, 1, C) in the picture's type."""
     values = np.atleast_1d(np.asarray(value, np.float64))
     channels = image.shape[2] if image.ndim == 3 else 1
     if values.ndim > 1 or (values.size != 1 and values.size < channels):
@@ -71,7 +71,7 @@ def color_behind(
 
 
 def into(given: NDArray[Any] | None, result: NDArray[Any]) -> NDArray[Any]:
-    """Result, also put into an array that was given for it and fits."""
+    """Return the result, stored in the given array if that fits."""
     if given is None or given.shape != result.shape or given.dtype != result.dtype:
         return result
     given[...] = result
@@ -79,7 +79,7 @@ def into(given: NDArray[Any] | None, result: NDArray[Any]) -> NDArray[Any]:
 
 
 def _copies(image: NDArray[Any], picks: Picks, behind: NDArray[Any]) -> NDArray[Any]:
-    """Copied texels, value for value, over what lies behind them."""
+    """Copy texels, value for value, over a background."""
     planes = image.reshape(*image.shape[:2], -1)
     form = (*picks.coverage.shape, *image.shape[2:])
     is_there = (picks.coverage >= LEAST)[..., None]

@@ -1,4 +1,4 @@
-"""`scipy.ndimage.affine_transform` and `map_coordinates` of pictures without the aliasing."""
+"""`affine_transform` and `map_coordinates` as in `scipy.ndimage`, without aliasing."""
 
 from typing import Any
 
@@ -39,12 +39,12 @@ def affine_transform(  # noqa: PLR0913, PLR0917 - as scipy.ndimage has it
     *,
     method: str | Method | None = None,
 ) -> NDArray[Any]:
-    """Picture (H, W) whose pixel o shows the place `matrix` @ o + `offset`, rows first.
+    """Warp a picture (H, W): pixel o shows the input at `matrix` @ o + `offset`, rows first.
 
     Parameters
     ----------
     input
-        Of any type that `resample_texture.warp` takes; its values are never encoded.
+        Any type that `resample_texture.warp` takes; values are never encoded.
     matrix
         (2, 2), its diagonal (2,), or (2, 3) or (3, 3) with the offset in the last column.
     offset
@@ -52,21 +52,21 @@ def affine_transform(  # noqa: PLR0913, PLR0917 - as scipy.ndimage has it
     output_shape
         Height and width of the result; by default the input's.
     output
-        Array to put the result into, or its type.
+        Array for the result, or the result's type.
     order
-        0 copies texels, 1 interpolates linearly, 2 to 5 by a cubic spline.
+        0 copies texels, 1 interpolates linearly, 2 to 5 use a cubic spline.
     mode, cval
-        What lies beyond: `constant`, `nearest`, `reflect` (d c b a | a b c d), `mirror`
-        (d c b | a b c d), `grid-wrap`; `grid-constant` and `grid-mirror` are the first and third.
+        Edge mode: `constant`, `nearest`, `reflect` (d c b a | a b c d), `mirror`
+        (d c b | a b c d), `grid-wrap`; `grid-constant` equals `constant`, `grid-mirror` `reflect`.
     prefilter
-        True: the input holds values, not coefficients of a spline.
+        True: the input holds values, not spline coefficients.
     method
         As `resample_texture.warp` takes it.
 
     Raises
     ------
     ValueError
-        The matrix has another form or no inverse, or a choice is unknown.
+        The matrix has another shape or no inverse, or an option is unknown.
     """
     image = _picture(input)
     shape = _shape(output_shape, output, image)
@@ -86,19 +86,19 @@ def map_coordinates(  # noqa: PLR0913 - as scipy.ndimage has it
     *,
     method: str | Method | None = None,
 ) -> NDArray[Any]:
-    """Picture (h, w) whose pixels show the places `coordinates` (2, h, w), rows first.
+    """Warp a picture: pixels show the input at `coordinates` (2, h, w), rows first.
 
     Parameters
     ----------
     input, output, order, mode, cval, prefilter, method
-        As in `affine_transform`.
+        As `affine_transform` takes them.
     coordinates
-        (2, h, w): as pixels are areas, places of neighbours tell how large they are.
+        (2, h, w); pixels are areas, whose size follows from their neighbours' coordinates.
 
     Raises
     ------
     ValueError
-        The coordinates have another form, or a choice is unknown.
+        The coordinates have another shape, or an option is unknown.
     """
     image = _picture(input)
     places = np.asarray(coordinates)
@@ -123,7 +123,7 @@ def _shape(given: Any, output: Any, image: NDArray[Any]) -> tuple[int, int]:
 
 
 def _full(matrix: ArrayLike, offset: float | ArrayLike) -> Doubles:
-    """Matrix (3, 3) from (row, column, 1) of the result to that of the input."""
+    """Return the matrix (3, 3) from (row, column, 1) of the result to that of the input."""
     given, full = np.asarray(matrix, np.float64), np.eye(3)
     if given.shape in ((2, 3), (3, 3)):
         full[: given.shape[0]] = given
@@ -145,7 +145,7 @@ def _drawn(
     output: NDArray[Any] | DTypeLike | None,
     method: str | Method | None,
 ) -> NDArray[Any]:
-    """Picture of the type that is asked for, also put where it is asked to be."""
+    """Draw a picture in the requested type, into the given array if any."""
     order, mode, cval, prefilter = chosen
     if order not in ORDERS:
         raise ValueError(f"order {order!r}; known: 0 to 5")

@@ -1,9 +1,9 @@
-"""`cv2.warpPerspective`, `warpAffine`, `remap` and `resize` without the aliasing.
+"""`warpPerspective`, `warpAffine`, `remap` and `resize` as in `cv2`, without aliasing.
 
-`from resample_texture.like import opencv as cv2` will do: names, order of parameters, flags,
-borders and pixel centers are OpenCV's; OpenCV need not be there. Arrays of all types and layouts
-are taken, masked ones too. What is not a number weighs nothing, and where less than half of a pixel
-has a value it is missing again: not a number, or masked.
+`from resample_texture.like import opencv as cv2` works: names, order of parameters, flags, borders
+and pixel centers are OpenCV's; OpenCV need not be installed. Arrays of all types and layouts are
+accepted, also masked ones. Values that are not numbers have no weight; pixels of which less than
+half has a value are not a number, or masked, in the result.
 """
 
 from typing import Any
@@ -18,7 +18,7 @@ from resample_texture.geometry.matrices import homography
 from resample_texture.like.common import NEAREST, color_behind, draw, into, method_for
 from resample_texture.types import Edge, Method
 
-# Of cv2, which need not be imported for them.
+# Values of cv2's constants, so that it need not be imported.
 WARP_INVERSE_MAP, WARP_FILL_OUTLIERS, WARP_RELATIVE_MAP = 16, 8, 32
 INTER_NEAREST, INTER_LINEAR_EXACT, INTER_NEAREST_EXACT = 0, 5, 6
 INTERPOLATIONS = {
@@ -52,7 +52,7 @@ def warp_like_opencv(  # noqa: PLR0913 - as cv2 has it
     linear_light: bool = False,
     method: str | Method | None = None,
 ) -> NDArray[Any]:
-    """`cv2.warpPerspective` without the aliasing: same parameters, same kind of result.
+    """`cv2.warpPerspective` without aliasing: same parameters, same kind of result.
 
     Parameters
     ----------
@@ -64,23 +64,23 @@ def warp_like_opencv(  # noqa: PLR0913 - as cv2 has it
     dsize
         Width and height of the result.
     dst
-        Shows through under `BORDER_TRANSPARENT`. If it has the result's shape and type, the result
-        is also put into it.
+        Shows through under `BORDER_TRANSPARENT`. The result is also stored there, if shape and
+        type fit.
     flags
-        `cv2.INTER_*`: how texels are interpolated where they grow (LANCZOS4: as a cubic spline).
-        NEAREST copies the texel at each pixel's center and mixes none.
+        `cv2.INTER_*`: interpolation where texels grow (LANCZOS4: a cubic spline). NEAREST copies
+        the texel at each pixel's center.
     borderMode, borderValue
         `BORDER_CONSTANT`, `_REPLICATE`, `_REFLECT`, `_REFLECT_101`, `_WRAP` or `_TRANSPARENT`; one
         value for all channels or one for each.
     linear_light
-        Filter the light that uint8 and uint16 encode; OpenCV filters what it is given.
+        Filter the linear light of uint8 and uint16; OpenCV filters the encoded values.
     method
         As `warp` takes it; by default `hybrid`, or `nearest` for that flag.
 
     Raises
     ------
     ValueError
-        A flag is not one of these, `dst` or `borderValue` does not fit, or as `warp`.
+        A flag is not one of these, `dst` or `borderValue` does not fit, or as `warp` does.
 
     Examples
     --------
@@ -91,7 +91,7 @@ def warp_like_opencv(  # noqa: PLR0913 - as cv2 has it
     >>> small.shape, small[6, [8, 18]].tolist()
     ((12, 20), [200, 50])
     """
-    kind = flags & ~WARP_INVERSE_MAP & ~WARP_FILL_OUTLIERS  # the latter is what we do
+    kind = flags & ~WARP_INVERSE_MAP & ~WARP_FILL_OUTLIERS  # the latter is always done
     if kind not in INTERPOLATIONS:
         raise ValueError(f"flags {flags}: interpolations are cv2.INTER_NEAREST to INTER_LANCZOS4")
     shape = _shape(dsize)
@@ -116,12 +116,12 @@ def warpAffine(  # noqa: N802, PLR0913 - as cv2 has it
     linear_light: bool = False,
     method: str | Method | None = None,
 ) -> NDArray[Any]:
-    """`cv2.warpAffine` without the aliasing; parameters are those of `warpPerspective`.
+    """`cv2.warpAffine` without aliasing; parameters as for `warpPerspective`.
 
     Raises
     ------
     ValueError
-        `M` is not (2, 3), or as `warpPerspective`.
+        `M` is not (2, 3), or as `warpPerspective` does.
     """
     if np.shape(M) != (2, 3):
         raise ValueError(f"an affine matrix is (2, 3), not {np.shape(M)}; see warpPerspective")
@@ -143,21 +143,22 @@ def remap(  # noqa: PLR0913 - as cv2 has it
     linear_light: bool = False,
     method: str | Method | None = None,
 ) -> NDArray[Any]:
-    """`cv2.remap` without the aliasing.
+    """`cv2.remap` without aliasing.
 
     Parameters
     ----------
     src, dst, borderMode, borderValue, linear_light, method
-        As in `warpPerspective`.
+        As `warpPerspective` takes them.
     map1, map2
-        In any of OpenCV's forms, pixel centers at integers; what is not a number sees nothing.
+        In any of OpenCV's forms, pixel centers at integers; pixels with a coordinate that is not a
+        number show nothing.
     interpolation
-        `cv2.INTER_*`, with `cv2.WARP_RELATIVE_MAP` if maps are counted from each pixel.
+        `cv2.INTER_*`, with `cv2.WARP_RELATIVE_MAP` if maps are relative to each pixel.
 
     Raises
     ------
     ValueError
-        As `warpPerspective`, or the maps do not fit each other.
+        As `warpPerspective` does, or the maps do not fit each other.
     """
     kind = interpolation & ~WARP_RELATIVE_MAP
     if kind not in INTERPOLATIONS:
@@ -185,14 +186,14 @@ def resize(  # noqa: PLR0913 - as cv2 has it
     linear_light: bool = False,
     method: str | Method | None = None,
 ) -> NDArray[Any]:
-    """`cv2.resize`, antialiased whatever the interpolation; NEAREST picks OpenCV's texels.
+    """`cv2.resize`, antialiased for every interpolation; NEAREST picks OpenCV's texels.
 
     Parameters
     ----------
     src, dst, linear_light, method
-        As in `warpPerspective`.
+        As `warpPerspective` takes them.
     dsize
-        Width and height of the result; None or zeros: by `fx` and `fy`.
+        Width and height of the result; None or zeros: given by `fx` and `fy`.
     fx, fy
         Scale along x and y, if there is no `dsize`.
     interpolation
@@ -201,7 +202,7 @@ def resize(  # noqa: PLR0913 - as cv2 has it
     Raises
     ------
     ValueError
-        There is neither a size nor a scale, or as `warpPerspective`.
+        There is neither a size nor a scale, or as `warpPerspective` does.
     """
     known = {**INTERPOLATIONS, INTER_LINEAR_EXACT: "bilinear", INTER_NEAREST_EXACT: NEAREST}
     if interpolation not in known:
@@ -217,7 +218,7 @@ def resize(  # noqa: PLR0913 - as cv2 has it
         shape = _shape(dsize)
         fx, fy = shape[1] / width, shape[0] / height
     geometry: Geometry = Homography(np.diag([fx, fy, 1.0]))
-    if interpolation == INTER_NEAREST:  # OpenCV looks at a pixel's corner, not at its center
+    if interpolation == INTER_NEAREST:  # OpenCV samples at a pixel's corner, not at its center
         x = np.floor(np.arange(shape[1]) * (1.0 / fx)) + 0.5
         y = np.floor(np.arange(shape[0]) * (1.0 / fy)) + 0.5
         geometry = BackwardMap(*np.meshgrid(x, y))
@@ -235,7 +236,7 @@ def _shown(
     *,
     linear_light: bool,
 ) -> NDArray[Any]:
-    """Picture over its border's color, or over `dst`; also put there."""
+    """Draw a picture over its border color, or over `dst`, and store it in `dst`."""
     image = src if isinstance(src, np.ma.MaskedArray) else np.asarray(src)
     if border == BORDER_TRANSPARENT and dst is not None:
         behind = _picture_behind(dst, (*drawing.shape, *image.shape[2:]), image.dtype)
@@ -245,7 +246,7 @@ def _shown(
 
 
 def _shape(size: tuple[int, int]) -> tuple[int, int]:
-    """Height and width of a width and height."""
+    """Return height and width of a size (width, height)."""
     width, height = whole_pair(size, "width", "height")
     check_shape((height, width))
     return height, width
@@ -261,7 +262,7 @@ def _edge(border: int) -> str:
 
 
 def _picture_behind(dst: NDArray[Any], full: tuple[int, ...], dtype: np.dtype[Any]) -> NDArray[Any]:
-    """Picture (h, w, C) to show where the source does not."""
+    """Return `dst` as a background (h, w, C), checked."""
     behind = np.asarray(dst)
     if behind.shape != full or behind.dtype != dtype:
         raise ValueError(

@@ -1,4 +1,4 @@
-"""`skimage.transform.warp` of pictures without the aliasing."""
+"""`skimage.transform.warp` without aliasing."""
 
 from typing import Any
 
@@ -34,7 +34,7 @@ def warp(  # noqa: PLR0913, PLR0917 - as scikit-image has it
     *,
     method: str | Method | None = None,
 ) -> NDArray[Any]:
-    """Picture (H, W) or (H, W, C) warped by an inverse map, antialiased where it shrinks.
+    """Warp a picture (H, W) or (H, W, C) by an inverse map, antialiased where it shrinks.
 
     Parameters
     ----------
@@ -43,28 +43,28 @@ def warp(  # noqa: PLR0913, PLR0917 - as scikit-image has it
         (`order` 0) keep their type.
     inverse_map
         From the result to the image, pixel centers at integers: a (3, 3) matrix of (x, y, 1); an
-        object with such a matrix as `params`; a function of (M, 2) places (column, row); or places
-        (2, height, width), rows first.
+        object with such a matrix as `params`; a function of (M, 2) coordinates (column, row); or
+        coordinates (2, height, width), rows first.
     map_args
         Further arguments of the function, by name.
     output_shape
         Height and width of the result; by default the image's.
     order
-        0 copies texels, 1 interpolates linearly, 2 to 5 by a cubic spline; by default 1, and 0 for
-        booleans.
+        0 copies texels, 1 interpolates linearly, 2 to 5 use a cubic spline; by default 1, and 0
+        for booleans.
     mode, cval
-        What lies beyond the image: `constant`, `edge`, `symmetric`, `reflect` or `wrap`.
+        Edge mode: `constant`, `edge`, `symmetric`, `reflect` or `wrap`.
     clip
-        Keep values within the image's range, and `cval`.
+        Clip values to the range of the image and `cval`.
     preserve_range
-        Keep values as they are.
+        Keep integer values instead of scaling them.
     method
         As `resample_texture.warp` takes it.
 
     Raises
     ------
     ValueError
-        The map has another form, or a choice is unknown.
+        The map has another shape, or an option is unknown.
     """
     image = image if isinstance(image, np.ma.MaskedArray) else np.asarray(image)
     if order is None:
@@ -82,7 +82,7 @@ def warp(  # noqa: PLR0913, PLR0917 - as scikit-image has it
 
 
 def _geometry(given: Any, args: dict[str, Any], shape: tuple[int, int]) -> Geometry:
-    """Where pixels come from."""
+    """Return the geometry of an inverse map."""
     params = getattr(given, "params", given)
     if np.ndim(params) == 2 and np.shape(params) == (3, 3):
         return homography(params, convention="opencv", inverse=True)
@@ -92,7 +92,8 @@ def _geometry(given: Any, args: dict[str, Any], shape: tuple[int, int]) -> Geome
             pairs = np.asarray(given(np.stack([x.ravel(), y.ravel()], axis=1), **args))
             if pairs.shape != (x.size, 2):
                 raise ValueError(
-                    f"the inverse map gave {pairs.shape} for {(x.size, 2)} places; give as many"
+                    f"the inverse map returned {pairs.shape} for places of {(x.size, 2)};"
+                    " it must return as many"
                 )
             return pairs[:, 0].reshape(x.shape), pairs[:, 1].reshape(x.shape)
 
@@ -107,7 +108,7 @@ def _geometry(given: Any, args: dict[str, Any], shape: tuple[int, int]) -> Geome
 
 
 def _as_floats(image: NDArray[Any], preserve_range: bool) -> NDArray[Any]:
-    """Picture of floats, of 0 to 1 (−1 to 1) if it was of integers and is not to stay as it is."""
+    """Convert a picture to floats; integers to 0..1 or −1..1 unless `preserve_range`."""
     if image.dtype.kind == "f":
         return image
     floats = image.astype(np.float64)
@@ -117,7 +118,7 @@ def _as_floats(image: NDArray[Any], preserve_range: bool) -> NDArray[Any]:
 
 
 def _clipped(result: NDArray[Any], image: NDArray[Any], cval: float) -> NDArray[Any]:
-    """Values within the image's range, and that of what lies beyond it."""
+    """Clip values to the range of the image and `cval`."""
     known = np.ma.getdata(image)[~np.ma.getmaskarray(image)]
     known = known[np.isfinite(known)]
     if known.size == 0:

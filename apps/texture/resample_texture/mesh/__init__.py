@@ -1,1 +1,1 @@
-"""Textured triangles."""
+"""Textured triangle meshes: files, textures, rendering."""

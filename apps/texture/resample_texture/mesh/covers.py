@@ -1,4 +1,4 @@
-"""How textures are laid on triangles: what lies beyond their edges, and what their alpha does."""
+"""How textures cover triangles: wrap modes and alpha modes."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -11,30 +11,30 @@ from resample_texture.types import Edge
 
 
 class Alpha(StrEnum):
-    """What a texture's alpha does."""
+    """Alpha mode of a texture."""
 
-    OPAQUE = "opaque"  # nothing
-    MASK = "mask"  # a texture is seen wholly where its alpha is at least a cutoff, else not at all
-    BLEND = "blend"  # what is behind shows through
+    OPAQUE = "opaque"  # alpha is ignored
+    MASK = "mask"  # opaque where alpha is at least the cutoff, else invisible
+    BLEND = "blend"  # blended over what is behind
 
 
 @dataclass(frozen=True)
 class Cover:
-    """How a texture is laid on triangles.
+    """How a texture covers triangles.
 
     Parameters
     ----------
     along_u, along_v
-        What lies beyond the texture's edges: wrap, mirror or clamp.
+        Wrap modes beyond the texture's edges: wrap, mirror or clamp.
     alpha
-        What its fourth channel does; a texture without one is opaque.
+        Alpha mode; a texture without a fourth channel is opaque.
     cutoff
-        Least alpha of a mask that is seen.
+        Least visible alpha of a mask.
 
     Raises
     ------
     ValueError
-        An edge or a way of alpha is none of these, or the cutoff is not a number.
+        A wrap mode or alpha mode is unknown, or the cutoff is negative or not a number.
     """
 
     along_u: Edge = Edge.WRAP
@@ -56,9 +56,9 @@ class Cover:
 
 
 def halvings(texture: Floats, cover: Cover) -> Pyramid:
-    """Colors of a texture (H, W, 3 or 4), multiplied by what is seen of it, and their halvings.
+    """Return the pyramid of a texture (H, W, 3 or 4), multiplied by its visibility.
 
-    A mask is cut by its alpha between texels, so its largest level is left as it is.
+    A mask is cut by its alpha between texels, so its largest level is not multiplied.
     """
     color = texture[..., :3]
     if texture.shape[2] == 3:
@@ -70,7 +70,7 @@ def halvings(texture: Floats, cover: Cover) -> Pyramid:
 
 
 def alpha_halvings(texture: Floats, cover: Cover) -> Pyramid:
-    """Alpha of a texture (H, W, 3 or 4) or, in all but the largest level, what a mask shows."""
+    """Return the pyramid of a texture's alpha; of a mask its visibility from level 1 on."""
     if texture.shape[2] == 3:
         return pyramid(np.ones((*texture.shape[:2], 1), np.float32))
     levels = pyramid(_seen(texture, cover))
@@ -80,7 +80,7 @@ def alpha_halvings(texture: Floats, cover: Cover) -> Pyramid:
 
 
 def _seen(texture: Floats, cover: Cover) -> Floats:
-    """How much is seen of the texels of a texture (H, W, 4), as (H, W, 1)."""
+    """Return the visibility 0..1 of the texels of a texture (H, W, 4), as (H, W, 1)."""
     alpha = texture[..., 3:]
     if cover.alpha is Alpha.MASK:
         return (alpha >= cover.cutoff).astype(np.float32)

@@ -1,7 +1,7 @@
-"""Files of textured meshes, read by trimesh.
+"""Read files of textured meshes with trimesh.
 
-trimesh drops what it cannot find without a word: a texture that a material names is looked for
-here, so that a mesh is never gray for want of a file.
+trimesh silently drops what it cannot find. The textures that a material names are looked for here,
+so that a mesh is never gray because a file is missing.
 """
 
 import errno
@@ -29,13 +29,13 @@ BYTES_PER_TEXEL = 16  # of a texture in memory: four floats
 
 
 class _Source(NamedTuple):
-    """A file, and what is known of it before its meshes are read."""
+    """A mesh file, and what is known before its meshes are read."""
 
     path: Path
-    named: list[Path]  # files that it names as its textures
-    given: Floats | None  # texture to use in their place
+    named: list[Path]  # texture files that it names
+    given: Floats | None  # texture to use instead
     gltf: Described | None
-    kept: dict[Any, Floats]  # pictures of materials, which parts may share
+    kept: dict[Any, Floats]  # material textures, which parts may share
 
 
 def load_mesh(path: str | Path, texture: str | Path | Floats | None = None) -> Mesh:
@@ -44,21 +44,21 @@ def load_mesh(path: str | Path, texture: str | Path | Floats | None = None) -> M
     Parameters
     ----------
     path
-        OBJ, GLB, glTF, PLY or whatever else trimesh reads. All objects of a scene are put in their
-        places and become one mesh.
+        OBJ, GLB, glTF, PLY or anything else that trimesh reads. All objects of a scene are
+        transformed and become one mesh.
     texture
-        Picture to use in place of all that the file names: a file, or (H, W, 3) linear light.
+        Texture to use instead of all that the file names: a file, or (H, W, 3) linear light.
 
     Returns
     -------
-    The mesh in the file's own space. Parts without a texture, or without places on it, have their
-    material's color. A glTF material's color multiplies the texture; its alpha mode and the edges
-    of its texture hold. In other formats textures repeat and are opaque.
+    The mesh in the file's own space. Parts without a texture or texture coordinates have their
+    material's color. A glTF material's color multiplies its texture; its alpha mode and wrap modes
+    are kept. In other formats textures repeat and are opaque.
 
     Raises
     ------
     ValueError
-        The file is no mesh, has no triangles, or does not say what color they have.
+        The file is not a mesh, has no triangles, or defines no colors.
     OSError
         The file or a texture it names is missing or damaged.
     """
@@ -83,7 +83,7 @@ def load_mesh(path: str | Path, texture: str | Path | Floats | None = None) -> M
         return _joined([_piece(one, opened) for one in geometries])
     except ValueError as error:
         raise ValueError(f"{source.name}: {error}") from None
-    except (TypeError, LookupError, AttributeError) as error:  # of what trimesh left half done
+    except (TypeError, LookupError, AttributeError) as error:  # of what trimesh read incompletely
         raise unreadable(source.name, error) from None
 
 
@@ -102,11 +102,11 @@ def _scene(source: _Source) -> Any:
 
 
 def _geometries(source: _Source) -> list[Any]:
-    """All of a file's meshes in their places, as trimesh has them."""
+    """Return all meshes of a file, transformed, as trimesh objects."""
     name = source.path.name
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # pillow's, of large pictures: see `_check_texture`
+            warnings.simplefilter("ignore")  # Pillow: large pictures, see `_check_texture`
             scene = _scene(source)
         for one in scene.geometry.values():
             _share_pictures(one)
@@ -115,7 +115,7 @@ def _geometries(source: _Source) -> list[Any]:
             _keep_colors(one, scene.geometry[one.metadata["name"]])
     except Exception as error:  # trimesh and its parsers raise anything at all
         for file in source.named:
-            read_image(file)  # says which one cannot be read
+            read_image(file)  # raises for the one that cannot be read
         raise unreadable(name, error) from None
     if not found:
         raise ValueError(f"{name} holds no triangles; a mesh with texture is needed")
@@ -123,7 +123,7 @@ def _geometries(source: _Source) -> list[Any]:
 
 
 def _share_pictures(geometry: Any) -> None:
-    """Let copies of a mesh have its pictures, of which each would be decoded and held anew."""
+    """Let copies of a mesh share its pictures instead of decoding them again."""
     material: Any = getattr(geometry.visual, "material", None)
     held = [*vars(material).values(), *getattr(material, "_data", {}).values()] if material else []
     for picture in held:
@@ -137,7 +137,7 @@ def _itself(picture: Any, *_: Any) -> Any:
 
 
 def _keep_colors(copied: Any, original: Any) -> None:
-    """Give a copy the colors at vertices that a material has besides; trimesh forgets them."""
+    """Give a copy its vertex colors besides a material; trimesh drops them."""
     held = getattr(original.visual, "vertex_attributes", {})
     if copied.visual.kind == "texture" and "color" in held:
         copied.visual.vertex_attributes["color"] = held["color"]
@@ -150,7 +150,7 @@ def _given_texture(texture: str | Path | Floats) -> Floats:
 
 
 def _three_channels(picture: Floats, name: str) -> Floats:
-    """Red, green and blue of a picture (H, W, C) that is multiplied by its alpha, if any."""
+    """Return straight red, green and blue of a picture (H, W, C), premultiplied if with alpha."""
     count = picture.shape[2]
     if count > 4:
         raise ValueError(f"{name} has {count} channels; a texture has 1 to 4")
@@ -162,13 +162,13 @@ def _three_channels(picture: Floats, name: str) -> Floats:
 
 
 def _uv(geometry: Any) -> Any:
-    """Texture coordinates of one of trimesh's meshes; None if it has none."""
+    """Return the texture coordinates of a trimesh mesh, or None."""
     uv: Any = getattr(geometry.visual, "uv", None)
     return None if uv is None or not len(uv) else uv
 
 
 def _piece(geometry: Any, source: _Source) -> Mesh:
-    """One of trimesh's meshes."""
+    """Convert a trimesh mesh."""
     position, triangle = np.asarray(geometry.vertices), np.asarray(geometry.faces)
     visual = geometry.visual
     uv = _uv(geometry)
@@ -187,7 +187,7 @@ def _piece(geometry: Any, source: _Source) -> Mesh:
 
 
 def _gltf_piece(geometry: Any, uv: Any, source: _Source, gltf: Described) -> Mesh:
-    """A part of a glTF file, under its texture, the colors of its vertices or its material's."""
+    """Convert a part of a glTF file with its texture, vertex colors or material color."""
     position, triangle = np.asarray(geometry.vertices), np.asarray(geometry.faces)
     visual, look = geometry.visual, WHITE
     if visual.kind == "vertex":
@@ -206,18 +206,18 @@ def _gltf_piece(geometry: Any, uv: Any, source: _Source, gltf: Described) -> Mes
 
 
 def _or_zeros(uv: Any, position: NDArray[Any]) -> Any:
-    """Texture coordinates, or any for a texture of one color."""
+    """Return texture coordinates; zeros for a texture of one color."""
     return np.zeros((len(position), 2)) if uv is None else uv
 
 
 def _own_texture(visual: Any, uv: Any, source: _Source) -> Floats:
-    """Picture of a material of an OBJ or a PLY; one texel where it has a color only."""
+    """Return the texture of an OBJ's or PLY's material; one texel if it has only a color."""
     material: Any = getattr(visual, "material", None)
     is_colored = "kd" in (getattr(material, "kwargs", None) or {})
     if uv is None and not is_colored:
         raise ValueError("has no texture coordinates and no colors; export it with them")
     is_bare = not source.named and source.path.suffix.lower() in (".obj", ".ply")
-    if is_bare and not is_colored:  # trimesh makes up a gray one
+    if is_bare and not is_colored:  # trimesh invents a gray material
         raise ValueError("names no texture for its texture coordinates; give one")
     image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
     if image is not None and uv is not None:
@@ -225,16 +225,16 @@ def _own_texture(visual: Any, uv: Any, source: _Source) -> Floats:
     if source.path.suffix.lower() == ".ply" and source.named:
         return _three_channels(read_image(source.named[0]), str(source.named[0]))
     for file in source.named:
-        read_image(file)  # says which one cannot be read
+        read_image(file)  # raises for the one that cannot be read
     return _linear(np.asarray(material.main_color)[None, None])
 
 
 def _material_picture(material: Any, source: _Source, factor: Floats = WHITE.factor[:3]) -> Floats:
-    """Linear red, green, blue and alpha of a material's texture, as many as there are factors."""
+    """Return a material's texture in linear light, with as many channels as factors."""
     image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
     if image is None:
         for file in source.named:
-            read_image(file)  # says which one cannot be read
+            read_image(file)  # raises for the one that cannot be read
         raise OSError(f"a texture of {source.path.name} is missing or damaged")
     key = (id(image), factor.tobytes())
     if key not in source.kept:
@@ -249,7 +249,7 @@ def _material_picture(material: Any, source: _Source, factor: Floats = WHITE.fac
 
 
 def _check_texture(size: tuple[int, int], source: _Source) -> None:
-    """Refuse textures that unpack to far more than their files can honestly hold."""
+    """Refuse textures that unpack to implausibly more than their files' size."""
     files = {source.path, *source.named}
     pixels = [one.shape[0] * one.shape[1] for one in source.kept.values()]
     unpacked = BYTES_PER_TEXEL * (sum(pixels) + math.prod(size))
@@ -257,19 +257,19 @@ def _check_texture(size: tuple[int, int], source: _Source) -> None:
 
 
 def _linear(levels: NDArray[Any]) -> Floats:
-    """Linear light of the first three channels of sRGB values 0..255."""
+    """Convert the first three channels of sRGB values 0..255 to linear light."""
     return from_srgb(np.asarray(levels, np.float32)[..., :3] / np.float32(255))
 
 
 def _levels(numbers: Any) -> Floats:
-    """Numbers 0..1, which files hold as they are or as whole numbers up to 255 or 65535."""
+    """Return numbers 0..1 of floats 0..1 or of integers up to 255 or 65535."""
     array = np.asarray(numbers)
     whole = np.iinfo(array.dtype).max if array.dtype.kind in "iu" else 1
     return array.astype(np.float32) / np.float32(whole)
 
 
 def _joined(pieces: list[Mesh]) -> Mesh:
-    """One mesh of several."""
+    """Join several meshes into one."""
     vertices = np.cumsum([0, *(len(piece.position) for piece in pieces)])
     triangle, texture = [], []
     known: dict[Any, tuple[int, Floats, Cover]] = {}  # textures, each once

@@ -1,6 +1,6 @@
-"""What glTF files say of their materials, which trimesh does not hand on.
+"""Read the properties of glTF materials that trimesh drops.
 
-trimesh keeps a material's name, so every material is given its number as name before trimesh reads.
+trimesh keeps a material's name, so materials are renamed to their numbers before it reads them.
 """
 
 import json
@@ -21,7 +21,7 @@ ALPHAS = {"OPAQUE": Alpha.OPAQUE, "MASK": Alpha.MASK, "BLEND": Alpha.BLEND}
 
 
 class Material(NamedTuple):
-    """What the parts of a mesh that name a material look like."""
+    """Appearance of a glTF material."""
 
     factor: Floats  # (4,) linear red, green, blue and alpha, by which a texture is multiplied
     has_texture: bool
@@ -32,19 +32,19 @@ WHITE = Material(np.ones(4, np.float32), has_texture=False, cover=Cover())
 
 
 class Described(NamedTuple):
-    """A glTF file."""
+    """A glTF file with its materials."""
 
-    content: bytes  # in which materials are named by their numbers
+    content: bytes  # the file, with materials renamed to their numbers
     materials: list[Material]
 
 
 def described(file: Path) -> Described | None:
-    """Materials of a glTF file, and what trimesh is to read in its place; None for other files.
+    """Return a glTF file's materials, and the content for trimesh; None for other files.
 
     Raises
     ------
     ValueError
-        The file is damaged, or says of a material what glTF does not know.
+        The file is damaged, or a material has a property that glTF does not allow.
     """
     kind = file.suffix.lower()
     if kind not in (".glb", ".gltf"):
@@ -68,10 +68,10 @@ def _material(given: dict[str, Any], header: dict[str, Any]) -> Material:
     look = given.get("pbrMetallicRoughness", {})
     factor = np.array(look.get("baseColorFactor", (1, 1, 1, 1)), np.float32)
     if factor.shape != (4,):
-        raise ValueError(f"a baseColorFactor of {factor.size} numbers; it has 4")
+        raise ValueError(f"a baseColorFactor of {factor.size} numbers; it must have 4")
     mode = given.get("alphaMode", "OPAQUE")
     if not isinstance(mode, str) or mode not in ALPHAS:
-        raise ValueError(f"an alphaMode {mode!r:.40}; there are {', '.join(ALPHAS)}")
+        raise ValueError(f"an alphaMode {mode!r:.40}; known: {', '.join(ALPHAS)}")
     texture = look.get("baseColorTexture")
     along_u, along_v = _edges(texture, header)
     cover = Cover(along_u, along_v, ALPHAS[mode], float(given.get("alphaCutoff", 0.5)))
@@ -79,7 +79,7 @@ def _material(given: dict[str, Any], header: dict[str, Any]) -> Material:
 
 
 def _edges(texture: dict[str, Any] | None, header: dict[str, Any]) -> tuple[Edge, Edge]:
-    """What lies beyond a texture's edges along u and v."""
+    """Return a texture's wrap modes along u and v."""
     if texture is None:
         return Edge.WRAP, Edge.WRAP
     number = header["textures"][texture["index"]].get("sampler")
@@ -88,6 +88,6 @@ def _edges(texture: dict[str, Any] | None, header: dict[str, Any]) -> tuple[Edge
     for code in codes:
         if not isinstance(code, int) or code not in EDGES:
             raise ValueError(
-                f"a sampler wraps by {code!r:.40}; there are {', '.join(map(str, EDGES))}"
+                f"a sampler wraps by {code!r:.40}; known: {', '.join(map(str, EDGES))}"
             )
     return EDGES[codes[0]], EDGES[codes[1]]

@@ -1,7 +1,7 @@
-"""Meshes with textures, seen by a camera, by forward resampling.
+"""Render textured meshes by forward resampling.
 
-The texture of every triangle is projected point by point, see `kernels.painting`; no pixel
-looks for its texel, but for the few sub-pixels that no point reached.
+The texture of every triangle is projected point by point, see `kernels.painting`; only the few
+sub-pixels that no point reached look up their texel.
 """
 
 import math
@@ -35,35 +35,35 @@ __all__ = [
     "render_mesh",
 ]
 
-TILE = 128  # sub-pixels; what a tile needs then fits into a core's cache
+TILE = 128  # sub-pixels; a tile's data then fits into a core's cache
 LARGEST = 1 << 15  # px, side of a picture
-WIDEST = 16  # px, radius of a pixel filter
+WIDEST = 16  # px, largest radius of a pixel filter
 
 
 @dataclass(frozen=True)
 class MeshStyle:
-    """How a mesh is drawn.
+    """Options of drawing a mesh.
 
     Parameters
     ----------
     samples
-        Sub-pixels per side of a pixel, 1 to 16: how finely outlines are resolved.
+        Sub-pixels per side of a pixel, 1 to 16: the resolution of outlines.
     quality
-        Points of the texture per sub-pixel and axis, at least; above 0, to 8.
+        Least number of texture points per sub-pixel along each axis, above 0 up to 8.
     interpolation
-        Joins texels. One that passes through them by a filter (`Spline`, `InterpolatingGaussian`)
-        has the whole texture filtered for every picture.
+        Interpolation between texels. One that needs a prefilter (`Spline`,
+        `InterpolatingGaussian`) filters the whole texture for every picture.
     pixel_filter
-        Makes pixels of sub-pixels; its radius is at most 16 px.
+        Filter from sub-pixels to pixels; its radius is at most 16 px.
     cull
-        Leave out triangles that face away.
+        Cull triangles that face away.
     shading
-        Darken what is turned away from the eye (Lambert's law, the light at the eye).
+        Shade by a light at the camera (Lambert's law).
 
     Raises
     ------
     ValueError
-        A number is out of range, a filter is too wide, or too narrow to meet a sub-pixel.
+        A number is out of range, or a filter is too wide, or too narrow to hit a sub-pixel.
     """
 
     samples: int = 4
@@ -86,18 +86,18 @@ class MeshStyle:
             raise ValueError(
                 f"a pixel filter of radius {radius} px; above 0 to {WIDEST} is allowed"
             )
-        prefilter(self.interpolation)  # refuses one that can pass through no texels
+        prefilter(self.interpolation)  # refuses one that cannot interpolate texels
         pixel_profile(self.pixel_filter, self.samples)
 
 
 class MeshStatistics(NamedTuple):
-    """What a rendering did."""
+    """Counts and time of a rendering."""
 
     triangles: int
     points: int  # of textures, projected
-    seen: int  # those of them that reached a sub-pixel which shows their surface
+    seen: int  # points that reached a sub-pixel which shows their surface
     covered: int  # sub-pixels with a surface
-    looked_up: int  # those of them that no point reached
+    looked_up: int  # covered sub-pixels that no point reached
     seconds: float
 
 
@@ -110,17 +110,17 @@ def fitted_camera(
     up: str = "y",
     size: tuple[int, int] = (512, 512),
 ) -> AnyCamera:
-    """Camera on a sphere around a mesh.
+    """Return a camera on a sphere around a mesh.
 
     Parameters
     ----------
     mesh
-        What is looked at.
+        The mesh to look at.
     azimuth, elevation, up
         As `resample.cameras.poses.orbit` takes them.
     zoom
-        At 1 the ball around the mesh just fits the picture; at 2 the camera is at half the
-        distance, and a parallel one shows everything at twice the size.
+        At 1 the mesh's bounding sphere just fits the picture; at 2 the camera is at half the
+        distance, and a parallel projection shows everything at twice the size.
     fov
         Degrees along the picture's shorter side; 0 is parallel projection.
     size
@@ -136,7 +136,7 @@ def fitted_camera(
 
 
 def ball_around(mesh: Mesh) -> Sphere:
-    """Ball around all corners of a mesh's triangles."""
+    """Return a bounding sphere of a mesh's triangles."""
     used = mesh.position[np.unique(mesh.triangle)]
     center = (used.min(axis=0) + used.max(axis=0)) / 2
     radius = float(np.sqrt(((used - center) ** 2).sum(axis=1).max())) or 1.0
@@ -146,23 +146,23 @@ def ball_around(mesh: Mesh) -> Sphere:
 def render_mesh(
     mesh: Mesh, camera: AnyCamera, *, size: tuple[int, int], style: MeshStyle | None = None
 ) -> Frame[MeshStatistics]:
-    """Picture of a mesh.
+    """Render a mesh.
 
     Parameters
     ----------
     mesh
-        Triangles with textures or vertex colors; both sides are seen.
+        Triangles with textures or vertex colors; both sides are visible.
     camera
         Any camera.
     size
         Width and height of the picture, px.
     style
-        Choices; None is the default `MeshStyle()`.
+        Options of drawing; None is `MeshStyle()`.
 
     Returns
     -------
-    Premultiplied linear RGBA with depth (the mean of what the pixel's square shows) and coverage
-    (the share of the pixel filter's mass). A pixel is the mean of its sub-pixels.
+    Premultiplied linear RGBA with depth (mean over what the pixel's square shows) and coverage
+    (share of the pixel filter's mass). A pixel is the weighted mean of its sub-pixels.
 
     Raises
     ------
@@ -194,12 +194,12 @@ def render_mesh(
 
 
 def pixel_profile(pixel_filter: PixelFilter, samples: int) -> Doubles:
-    """Weights of a pixel's sub-pixels, and of those of the pixels around that it reads, in a row.
+    """Return the weights, along a row, of all sub-pixels that a pixel's filter covers.
 
     Raises
     ------
     ValueError
-        The filter lies between sub-pixels, or weighs as much below 0 as above.
+        The filter hits no sub-pixel, or its weights do not have a positive sum.
     """
     margin = max(0, math.ceil(pixel_filter.radius - 0.5))
     place = (np.arange((2 * margin + 1) * samples) + 0.5) / samples - (margin + 0.5)
@@ -214,7 +214,7 @@ def pixel_profile(pixel_filter: PixelFilter, samples: int) -> Doubles:
 
 
 def _grid(taps: int, look: MeshStyle) -> Grid:
-    """Sub-pixels for a filter that reads that many in a row."""
+    """Return the grid of sub-pixels for a filter of that many taps."""
     return Grid(look.samples, (taps // look.samples - 1) // 2, look.quality)
 
 
@@ -228,9 +228,9 @@ def _shape_of(size: tuple[int, int]) -> tuple[int, int]:
 
 
 def _in_camera(vector: Doubles, view: View) -> tuple[Doubles, Doubles, Doubles]:
-    """Components along the camera's axes.
+    """Return the components of vectors along the camera's axes.
 
-    Written out, as a matrix product may round equal vertices differently; a seam could then gape.
+    Written out, as a matrix product may round equal vertices differently and open a seam.
     """
     x, y, z = vector.T
     first, second, third = (row[0] * x + row[1] * y + row[2] * z for row in view.rotation)
@@ -238,7 +238,7 @@ def _in_camera(vector: Doubles, view: View) -> tuple[Doubles, Doubles, Doubles]:
 
 
 def _projected(position: Doubles, view: View) -> tuple[Doubles, Doubles]:
-    """Vertices as (x w, y w, w) in px, (V, 3), and their depths (V,)."""
+    """Project vertices to (x w, y w, w) in px, (V, 3); also return their depths (V,)."""
     x, y, z = (
         component + shift
         for component, shift in zip(_in_camera(position, view), view.translation, strict=True)
@@ -249,7 +249,7 @@ def _projected(position: Doubles, view: View) -> tuple[Doubles, Doubles]:
 
 
 def _lens(view: View, depth: Doubles, look: MeshStyle) -> Lens:
-    """What visibility needs; an eye is not on its near plane, where the picture is infinite."""
+    """Return the near plane, projection and depth tolerance for the visibility test."""
     near = max(view.near, 1e-6 * float(np.abs(depth).max())) if view.perspective else view.near
     tolerance = 1.0 / (float(min(view.focal)) * look.samples)
     return Lens(float(near), bool(view.perspective), look.cull, tolerance)

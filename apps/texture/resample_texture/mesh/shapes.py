@@ -1,4 +1,4 @@
-"""Textured meshes."""
+"""The type of textured meshes, checked."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,39 +13,39 @@ from resample_texture.texels.pyramid import Pyramid
 
 Ints = NDArray[np.int64]
 
-FARTHEST = 1e6  # textures; float32 files cannot tell places within one that lies beyond
+FARTHEST = 1e6  # repeats of a texture; beyond, float32 coordinates are too coarse
 
 _LEFT_OUT: Any = None
 
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """Triangles with textures, or with colors at their vertices.
+    """Triangles with textures or vertex colors.
 
     Parameters
     ----------
     position
         (V, 3) scene units.
     triangle
-        (T, 3) vertices; seen from outside they go around counterclockwise.
+        (T, 3) indices of vertices, counterclockwise seen from outside.
     uv
-        (V, 2) texture coordinates: u to the right, v upward, 0..1 over the texture, which goes on
-        periodically beyond, to ±1e6.
+        (V, 2) texture coordinates: u to the right, v upward, 0..1 across the texture, which repeats
+        beyond, up to ±1e6.
     textures
-        Pictures (H, W, 3) or (H, W, 4), linear light, not multiplied by their alpha.
+        Pictures (H, W, 3) or (H, W, 4), linear light, straight alpha.
     texture
-        (T,) which of them covers a triangle, −1 where vertex colors do; left out, it is the first,
-        or vertex colors where there are no textures.
+        (T,) index of each triangle's texture, −1 for vertex colors. Default: the first texture, or
+        vertex colors if there are no textures.
     color
         (V, 3) linear light.
     covers
-        How each texture is laid on; left out, they repeat and are opaque.
+        Wrap and alpha modes of each texture. Default: textures repeat and are opaque.
 
     Raises
     ------
     ValueError
-        Shapes do not fit, a number is not finite or too large, a triangle names a vertex or texture
-        that is not there, or nothing says what color the triangles have.
+        Shapes do not fit, a number is not finite or too large, a triangle names a missing vertex or
+        texture, or no color is defined for the triangles.
     """
 
     position: Doubles
@@ -89,15 +89,15 @@ class Mesh:
 
     @cached_property
     def pyramids(self) -> tuple[Pyramid, ...]:
-        """Colors of textures with their halvings, made when they are first needed.
+        """Color pyramids of the textures, computed on first use.
 
-        They are multiplied by what is seen of a texture, but for the largest level of a mask.
+        Colors are multiplied by the texture's visibility, except in the largest level of a mask.
         """
         return tuple(halvings(*one) for one in zip(self.textures, self.covers, strict=True))
 
     @cached_property
     def alphas(self) -> tuple[Pyramid, ...]:
-        """Likewise their alphas, or what is seen of masks; nothing if all are opaque."""
+        """Alpha pyramids of the textures, or visibility of masks; empty if all are opaque."""
         if all(texture.shape[2] == 3 for texture in self.textures):
             return ()
         return tuple(alpha_halvings(*one) for one in zip(self.textures, self.covers, strict=True))
@@ -106,7 +106,7 @@ class Mesh:
 def checked_array(
     name: str, given: Any, shape: tuple[int | None, ...], kind: type[np.generic]
 ) -> NDArray[Any]:
-    """Contiguous array of a shape, checked; None in the shape stands for any size."""
+    """Return a checked contiguous array; None in the shape stands for any size."""
     array = np.ascontiguousarray(given, kind)
     fits = len(shape) == array.ndim
     if not fits or any(
@@ -120,7 +120,7 @@ def checked_array(
 
 
 def _picture(given: Any, cover: Cover) -> Floats:
-    """A texture, with an alpha if that does anything."""
+    """Return a checked texture, with alpha unless its mode is opaque."""
     channels = 4 if np.ndim(given) == 3 and np.shape(given)[2] == 4 else 3
     picture: Floats = checked_array("texture", given, (None, None, channels), np.float32)
     if not picture.size:
@@ -131,7 +131,7 @@ def _picture(given: Any, cover: Cover) -> Floats:
 
 
 def _places(given: Any, count: int) -> Doubles:
-    """Texture coordinates (count, 2), checked."""
+    """Return checked texture coordinates (count, 2)."""
     uv = checked_array("uv", given, (count, 2), np.float64)
     farthest = float(np.abs(uv).max(initial=0.0))
     if farthest > FARTHEST:

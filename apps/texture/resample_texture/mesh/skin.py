@@ -1,4 +1,4 @@
-"""What covers a mesh, as kernels read it: textures with their levels, colors and light."""
+"""Pack a mesh's textures, colors and light for the kernels."""
 
 from typing import Any
 
@@ -17,11 +17,11 @@ from resample_texture.texels.pyramid import Pyramid
 from resample_texture.types import Edge
 
 MODES = {Alpha.OPAQUE: OPAQUE, Alpha.MASK: MASK, Alpha.BLEND: BLEND}
-CREASE = 40.0  # degrees; beyond, triangles that meet are lit as separate faces
+CREASE = 40.0  # degrees; beyond this angle, adjacent triangles are shaded flat
 
 
 def skin(mesh: Mesh, interpolation: Interpolation, view: View, *, shading: bool) -> Skin:
-    """All that gives triangles their colors."""
+    """Return everything that gives triangles their colors."""
     light = headlight(mesh, view) if shading else np.zeros((0, 3), np.float32)
     edges = [(cover.along_u, cover.along_v) for cover in mesh.covers]
     texel, level, levels = _packed(_ready(mesh.pyramids, edges, interpolation))
@@ -43,7 +43,7 @@ def skin(mesh: Mesh, interpolation: Interpolation, view: View, *, shading: bool)
 
 
 def corner_places(mesh: Mesh) -> Doubles:
-    """Texture coordinates (T, 3, 2) of all corners, downward from the texture's upper edge."""
+    """Return texture coordinates (T, 3, 2) of all corners, v downward from the top edge."""
     uv = mesh.uv[mesh.triangle]
     uv[..., 1] = 1.0 - uv[..., 1]
     return uv
@@ -65,7 +65,7 @@ def _ready(
 def coefficients(
     pyramid: Pyramid, edges: tuple[Edge, Edge], interpolation: Interpolation
 ) -> Pyramid:
-    """Levels for which an interpolation's kernel passes through the texels; as given if it does."""
+    """Prefilter a pyramid's levels for an interpolation; as given if none is needed."""
     weights, one = prefilter(interpolation), np.ones(1, np.float32)
     if weights.size == 1:
         return pyramid
@@ -79,7 +79,7 @@ def coefficients(
 
 
 def _packed(pyramids: list[Pyramid]) -> tuple[Floats, Ints, Ints]:
-    """All levels of all textures in a row, where they begin and end, and how many there are."""
+    """Concatenate all levels of all textures; return texels, offsets and sizes, counts."""
     count = np.array([len(pyramid.levels) for pyramid in pyramids] or [0])
     level = np.zeros((len(count), int(count.max()), 3), np.int64)
     first = 0
@@ -92,7 +92,7 @@ def _packed(pyramids: list[Pyramid]) -> tuple[Floats, Ints, Ints]:
 
 
 def headlight(mesh: Mesh, view: View) -> Floats:
-    """Cosine between surface and view at the corners of triangles, (T, 3)."""
+    """Return the cosine between normal and view direction at triangle corners, (T, 3)."""
     corner = mesh.position[mesh.triangle]
     face = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     _, same = np.unique(mesh.position, axis=0, return_inverse=True)
@@ -111,7 +111,7 @@ def headlight(mesh: Mesh, view: View) -> Floats:
 
 
 def _unit(vector: NDArray[Any]) -> Doubles:
-    """Vectors of length 1; zero stays zero."""
+    """Normalize vectors; zero stays zero."""
     length = np.linalg.norm(vector, axis=-1, keepdims=True)
     unit: Doubles = np.divide(vector, length, out=np.zeros(vector.shape), where=length > 0)
     return unit

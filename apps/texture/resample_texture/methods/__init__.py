@@ -1,1 +1,1 @@
-"""Our own ways to warp, by name."""
+"""Our own warping methods, by name."""

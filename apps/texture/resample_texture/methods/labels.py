@@ -1,4 +1,4 @@
-"""Ways to warp labels, which must not be mixed: texels are copied (plugins: group `methods`)."""
+"""Methods for labels: texels are copied, never mixed (plugins: group `methods`)."""
 
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -18,16 +18,16 @@ from resample_texture.geometry.shifts import Picks, nearest_texels
 from resample_texture.texels.gaps import missing_in, unmasked
 from resample_texture.types import Edge, Warped
 
-MOST_CODES = 1 << 16  # of labels that are counted from the smallest one without being sorted
+MOST_CODES = 1 << 16  # range of labels that are numbered from the smallest, without sorting
 
 
 class Picking(Protocol):
-    """Role of a method that tells which texel each pixel shows, so that any type is copied."""
+    """Role of a method that picks one texel per pixel; works for any type."""
 
     def picks(
         self, image: NDArray[Any], geometry: Geometry, shape: tuple[int, int], edge: Edge
     ) -> Picks:
-        """Texels of an image (H, W) or (H, W, C) that the pixels of (height, width) show."""
+        """Pick the texel of an image (H, W) or (H, W, C) for each pixel of (height, width)."""
 
 
 @dataclass(frozen=True)
@@ -53,9 +53,9 @@ class NearestTexel:
 
 @dataclass(frozen=True)
 class Majority:
-    """The label that covers the most of each pixel; the smallest of those that do.
+    """The label that covers most of each pixel; of equal ones the smallest.
 
-    A label is a texel's value, or all its channels together. Areas are exact, by polygons; a
+    A label is a texel's value, or all its channels together. Areas are exact, from polygons; a
     backward map is taken to be linear within each pixel. Coverage is the share of a pixel that has
     a label.
     """
@@ -81,7 +81,7 @@ class Majority:
 
 
 def codes_of(image: NDArray[Any]) -> tuple[NDArray[np.int32], int]:
-    """Labels (H, W) counted from 0 in their order, −1 for what is missing; and how many there are.
+    """Number the labels (H, W) from 0 in their order, −1 if missing; also return the count.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def codes_of(image: NDArray[Any]) -> tuple[NDArray[np.int32], int]:
 
 
 def _common(code: NDArray[np.int32], count: int) -> int:
-    """Texel of the label that most texels have, counted row by row; −1 if none has one."""
+    """Return the first texel, row by row, with the most common label; −1 if all are missing."""
     numbers = np.bincount(code[code >= 0], minlength=count)
     if not numbers.any():
         return -1
@@ -119,7 +119,7 @@ def _common(code: NDArray[np.int32], count: int) -> int:
 def _look_of(
     geometry: Geometry, shape: tuple[int, int], source_shape: tuple[int, int]
 ) -> tuple[Doubles, Doubles]:
-    """Matrix from the target to the source, or places of a map; the other is empty."""
+    """Return the matrix from target to source, or the places of a map; the other is empty."""
     if isinstance(geometry, Homography):
         inverse = np.linalg.inv(geometry.oriented(source_shape))
         return np.asarray(inverse, np.float64), np.zeros((6, 0, 0))

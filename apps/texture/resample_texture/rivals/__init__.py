@@ -1,1 +1,1 @@
-"""The ways to warp that people use today, to be compared with."""
+"""Baseline warping methods of other libraries, for comparison."""

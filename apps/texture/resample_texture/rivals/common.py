@@ -1,4 +1,4 @@
-"""What rivals have in common: coverages in their range, and checks of what they are given."""
+"""Shared by the baselines: limit coverages, check parameters."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from resample_texture.types import Warped
 
 
 def finished(image: Floats, coverage: Floats) -> Warped:
-    """Picture with its coverage brought into 0..1, both by the same factor.
+    """Limit the coverage to 0..1, and scale the picture by the same factor.
 
     At a transparent edge, negative lobes of a kernel take the warp of ones out of that range.
     """
@@ -22,18 +22,18 @@ def finished(image: Floats, coverage: Floats) -> Warped:
 
 
 def refuse_forward_map(method: str, geometry: Geometry) -> None:
-    """Refuse a map from the source, which looking up cannot follow."""
+    """Refuse a forward map, which a gathering method cannot use."""
     if isinstance(geometry, ForwardMap):
         raise ValueError(f"{method} takes a matrix or a backward map; for forward maps use hybrid")
 
 
 def check_count(name: str, count: Any, most: int) -> None:
-    """Refuse what is no whole number from 1 to `most`."""
+    """Refuse anything but a whole number from 1 to `most`."""
     if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= most:
         raise ValueError(f"{name} is a whole number from 1 to {most}, not {count}")
 
 
 def check_name(name: str, given: str, known: tuple[str, ...]) -> None:
-    """Refuse a name that is none of the known ones."""
+    """Refuse an unknown name."""
     if given not in known:
         raise ValueError(f"unknown {name} {given!r}; known are {', '.join(known)}")

@@ -1,4 +1,4 @@
-"""The ways that graphics cards read textures: pyramids of box means."""
+"""Texture filtering of graphics cards: mip mapping and anisotropic filtering."""
 
 from dataclasses import dataclass
 
@@ -14,9 +14,9 @@ from resample_texture.types import Edge, Warped
 
 @dataclass(frozen=True)
 class Mipmap:
-    """Trilinear mip mapping: box means as wide as the pixel is long in the source.
+    """Trilinear mip mapping; the level follows from the pixel's longest side in the source.
 
-    Around a transparent source there is nothing, in every level.
+    With the transparent edge mode every level is transparent outside the source.
     """
 
     def __call__(
@@ -28,9 +28,9 @@ class Mipmap:
 
 @dataclass(frozen=True)
 class Anisotropic:
-    """Anisotropic filtering as graphics cards do it, with up to `taps` readings per pixel.
+    """Anisotropic filtering as on graphics cards, with up to `taps` samples per pixel.
 
-    Around a transparent source there is nothing, in every level.
+    With the transparent edge mode every level is transparent outside the source.
     """
 
     taps: int = 16
@@ -48,7 +48,7 @@ class Anisotropic:
 def _through_pyramid(
     source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge, taps: int
 ) -> Warped:
-    """Read box means with up to `taps` taps per pixel."""
+    """Sample a pyramid with up to `taps` taps per pixel."""
     from resample_texture.rivals.kernels.anisotropic import (
         ByMap,
         ByMatrix,

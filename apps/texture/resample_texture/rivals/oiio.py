@@ -1,4 +1,4 @@
-"""OpenImageIO's way to warp."""
+"""Warp with OpenImageIO."""
 
 from dataclasses import dataclass
 
@@ -24,7 +24,7 @@ OIIO_FILTERS = (
 
 @dataclass(frozen=True)
 class Warp:
-    """OpenImageIO's `ImageBufAlgo.warp`; takes minutes where the horizon is in the frame."""
+    """OpenImageIO's `ImageBufAlgo.warp`; takes minutes if the horizon is in the frame."""
 
     filter: str = "lanczos3"
 

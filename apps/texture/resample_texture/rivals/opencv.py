@@ -1,12 +1,12 @@
-"""OpenCV's ways to warp: one reading per pixel, or the mean of many.
+"""Warp with OpenCV: one sample per pixel, or the mean of many.
 
-OpenCV is asked only for what it does right; the rest is brought into that form first:
+OpenCV is used only for what it does right; everything else is brought into that form first:
 
-- A matrix goes to `cv2.warpPerspective` where a whole tile is in front of the eye. Elsewhere, for
-  maps and for wrapped and mirrored sources, coordinates are brought into the source here and
+- A matrix goes to `cv2.warpPerspective` if a whole tile is in front of the camera. Otherwise, and
+  for maps and for wrapped and mirrored sources, coordinates are folded into the source here and
   `cv2.remap` reads there. OpenCV 5's own borders give wrong texels beyond one period (cubic),
-  saturate at 16 bits (lanczos4) and never come to an end (mirror, 10⁹ texels away).
-- Channels go in fours, threes and ones: of two or five, bilinear reads in steps of 1/32 texel.
+  saturate at 16 bits (lanczos4) and never return (mirror, 10⁹ texels away).
+- Channels go in fours, threes and ones: for two or five, bilinear samples at steps of 1/32 texel.
 """
 
 from collections.abc import Iterator
@@ -34,11 +34,11 @@ from resample_texture.rivals.common import (
 from resample_texture.texels.pyramid import shrunk
 from resample_texture.types import Edge, Warped
 
-TILE = 2048  # sub-pixels per side that OpenCV gets at once
-HORIZON_TILE = 512  # the same where the horizon or what is far away is in the frame
-FARTHEST = 1e6  # texels from the source's origin that a matrix may lead OpenCV to
-LARGEST_SOURCE = 32750  # texels per side; OpenCV counts to 32767 in maps, and some lie beyond
-BEYOND = 8.0  # texels outside of the source; no kernel reaches back from there
+TILE = 2048  # sub-pixels per side and call of OpenCV
+HORIZON_TILE = 512  # the same if the horizon or far places are in the frame
+FARTHEST = 1e6  # texels from the source's origin up to which OpenCV gets a matrix
+LARGEST_SOURCE = 32750  # texels per side; OpenCV's maps end at 32767, some places lie outside
+BEYOND = 8.0  # texels outside the source, beyond the reach of all kernels
 HALF_PIXEL = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1.0]])  # from OpenCV's pixel centers
 INTERPOLATIONS = {
     "linear": "INTER_LINEAR",
@@ -89,7 +89,7 @@ class Lanczos4:
 
 @dataclass(frozen=True)
 class InterArea:
-    """OpenCV's INTER_AREA, which means bilinear in a warp, whatever the name promises."""
+    """OpenCV's INTER_AREA, which in a warp is bilinear, despite its name."""
 
     def __call__(
         self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
@@ -100,7 +100,7 @@ class InterArea:
 
 @dataclass(frozen=True)
 class Supersampled:
-    """OpenCV at n × n times the size, then the mean of each n × n: what careful people do.
+    """Supersampling with OpenCV: warp at n × n times the size, then average.
 
     A backward map is taken to be linear within each pixel.
     """
@@ -133,7 +133,7 @@ class _Tile(NamedTuple):
 
 
 class _ByMatrix(NamedTuple):
-    """How to read a tile that is wholly in front of the eye."""
+    """Reader of a tile that is wholly in front of the camera."""
 
     matrix: Doubles  # (3, 3) from the source to the tile's sub-pixels
     shape: tuple[int, int]  # of the tile, sub-pixels
@@ -151,7 +151,7 @@ class _ByMatrix(NamedTuple):
 
 
 class _ByMap(NamedTuple):
-    """How to read a tile at places in the source or close to it."""
+    """Reader of a tile at coordinates in the source or close to it."""
 
     x: Floats  # (h, w) of the sub-pixels, from the center of the first texel
     y: Floats
@@ -170,7 +170,7 @@ class _ByMap(NamedTuple):
 
 @dataclass(frozen=True)
 class _OpenCV:
-    """Read by OpenCV at n × n places per pixel and take their mean."""
+    """Sample with OpenCV at n × n places per pixel, and average."""
 
     interpolation: str  # of `INTERPOLATIONS`
     n: int = 1
@@ -182,7 +182,7 @@ class _OpenCV:
 
         flags = getattr(cv2, INTERPOLATIONS[self.interpolation]), getattr(cv2, BORDERS[edge])
         parts = [(part, np.ascontiguousarray(source[..., part])) for part in _parts(source)]
-        ones = np.ones((*source.shape[:2], 1), np.float32)  # what coverage is read from
+        ones = np.ones((*source.shape[:2], 1), np.float32)  # the source of the coverage
         image = np.empty((*shape, source.shape[2]), np.float32)
         coverage = np.empty((*shape, 1), np.float32)
         for tile, reader in self._readers(source, geometry, shape, edge):
@@ -197,7 +197,7 @@ class _OpenCV:
     def _readers(
         self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
     ) -> Iterator[tuple[_Tile, _ByMatrix | _ByMap]]:
-        """Tiles of a target and how to read each of them."""
+        """Yield the tiles of a target with their readers."""
         size = source.shape[0], source.shape[1]
         if self.interpolation == "lanczos4":
             _check_size(size)
@@ -225,13 +225,13 @@ class _OpenCV:
 
 
 def _mean(drawn: Floats, n: int) -> Floats:
-    """Pixels (h, w, C) from n × n sub-pixels each."""
+    """Average n × n sub-pixels to pixels (h, w, C)."""
     height, width = drawn.shape[:2]
     return drawn if n == 1 else shrunk(drawn, height // n, width // n)
 
 
 def _by_map(x: Doubles, y: Doubles, source_shape: tuple[int, int], edge: Edge) -> _ByMap:
-    """Reader for source coordinates, which are brought close to the source."""
+    """Return a reader for source coordinates, folded into or close to the source."""
     _check_size(source_shape)
     height, width = source_shape
     is_seen = np.isfinite(x) & np.isfinite(y)
@@ -239,7 +239,7 @@ def _by_map(x: Doubles, y: Doubles, source_shape: tuple[int, int], edge: Edge) -
 
 
 def _settled(position: Doubles, is_seen: NDArray[np.bool_], size: int, edge: Edge) -> Floats:
-    """Coordinates in or near 0..size that show what the given ones show, counted OpenCV's way."""
+    """Fold coordinates into or near 0..size, keeping what they show; in OpenCV's convention."""
     settled = np.where(is_seen, position, 0.0)
     if edge is Edge.WRAP:
         settled %= size
@@ -251,7 +251,7 @@ def _settled(position: Doubles, is_seen: NDArray[np.bool_], size: int, edge: Edg
 
 
 def _is_near(matrix: Doubles, shape: tuple[int, int]) -> bool:
-    """Whether all of a picture is in front of the eye and shows places not too far away."""
+    """Whether a whole picture is in front of the camera and shows no far places."""
     height, width = shape
     corner = np.array([[0, width, width, 0], [0, 0, height, height], [1, 1, 1, 1.0]])
     u, v, w = np.linalg.inv(matrix) @ corner
@@ -259,7 +259,7 @@ def _is_near(matrix: Doubles, shape: tuple[int, int]) -> bool:
 
 
 def _subpixels(places: Doubles, n: int) -> tuple[Doubles, Doubles]:
-    """Source coordinates (h n, w n) of n × n sub-pixels per pixel."""
+    """Return source coordinates (h n, w n) of n × n sub-pixels per pixel."""
     offset = (np.arange(n) + 0.5) / n - 0.5
     x, y, across_x, across_y, down_x, down_y = places[:, :, None, :, None]
     shape = places.shape[1] * n, places.shape[2] * n
@@ -271,7 +271,7 @@ def _subpixels(places: Doubles, n: int) -> tuple[Doubles, Doubles]:
 
 
 def _parts(source: Floats) -> list[slice]:
-    """Channels in groups of sizes that OpenCV interpolates precisely: 4, 3 and 1."""
+    """Split channels into groups that OpenCV interpolates precisely: 4, 3 and 1."""
     ends, channels = [0], source.shape[2]
     while ends[-1] < channels:
         rest = channels - ends[-1]

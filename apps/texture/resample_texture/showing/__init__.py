@@ -1,1 +1,1 @@
-"""Measured and shown: scenes, comparisons, figures."""
+"""Test scenes, comparisons and figures."""

@@ -1,4 +1,4 @@
-"""One view of one picture by several methods, measured against what it should look like."""
+"""Compare methods on one view of a picture, measured against the truth."""
 
 import statistics
 import time
@@ -22,14 +22,14 @@ from resample_texture.types import Edge, Method
 Row = dict[str, object]
 Screen = Floats  # (H, W, 3) sRGB-encoded, 0..1, as a screen shows it
 
-RUNS = 5  # that a time is the median of
-PATIENCE = 2.0  # seconds for all of them
-CROP = 64  # px of a detail's side
+RUNS = 5  # per method; their median is the time
+PATIENCE = 2.0  # seconds for all runs of a method
+CROP = 64  # px, side of a detail
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Pictures of one scene and how far they are from the truth."""
+    """Pictures of one scene by several methods, and their errors."""
 
     title: str
     screens: dict[str, Screen]  # the truth first, then the methods
@@ -45,7 +45,7 @@ class Comparison:
         return next(iter(self.screens))
 
     def details(self) -> dict[str, tuple[slice, slice]]:
-        """A small part of every zone but the whole, there where most is to be seen."""
+        """Return the most detailed square of every zone except the whole."""
         truth = self.screens[self.truth]
         masks = {name: mask for name, mask in self.zones.items() if name != "whole"}
         return {name: _busiest(truth, mask) for name, mask in masks.items()}
@@ -53,16 +53,16 @@ class Comparison:
 
 @dataclass(frozen=True)
 class Judge:
-    """How methods are judged.
+    """Settings of a comparison: filter of the truth, edge mode, values.
 
     Parameters
     ----------
     kind
         Pixel filter of the truth: box or gaussian.
     edge
-        What the methods are told lies beyond the picture; no pixel that sees it is measured.
+        Edge mode for the methods; pixels that it affects are not measured.
     linear
-        Values are linear light; otherwise they are what a screen is sent.
+        True: values are linear light; false: sRGB-encoded.
     """
 
     kind: str = "box"
@@ -97,7 +97,7 @@ class Judge:
         return Comparison(title, screens, masks, rows)
 
     def about(self, scene: PictureScene) -> dict[str, str]:
-        """What was compared, for a reader."""
+        """Describe the comparison for the reader."""
         height, width = scene.shape
         rows, columns, channels = scene.source.shape
         kind = {"box": "area", "gaussian": "Gaussian of 0.5 px"}[self.kind]
@@ -119,7 +119,7 @@ class Judge:
 
 
 def timed(method: Method, scene: PictureScene, edge: Edge) -> tuple[Floats, float]:
-    """Picture by a method, and the median of several warm runs in milliseconds."""
+    """Return a method's picture, and the median time of several warm runs in ms."""
 
     def run() -> Floats:
         return method(scene.source, scene.geometry, scene.shape, edge).image
@@ -136,10 +136,10 @@ def timed(method: Method, scene: PictureScene, edge: Edge) -> tuple[Floats, floa
 
 
 def measured(screen: Screen, truth: Screen, mask: Mask) -> dict[str, float]:
-    """PSNR in dB, SSIM and FLIP of the pixels of a zone.
+    """Return PSNR in dB, SSIM and FLIP of a zone's pixels.
 
-    SSIM and FLIP look at neighbourhoods: of a picture that is the truth outside of the zone, all
-    that they find is laid upon the zone's pixels.
+    SSIM and FLIP compare neighbourhoods: they are computed on a picture that equals the truth
+    outside the zone, and their error is divided by the zone's share of the pixels.
     """
     share = float(mask.mean())
     alone = np.where(mask[..., None], screen, truth)
@@ -151,7 +151,7 @@ def measured(screen: Screen, truth: Screen, mask: Mask) -> dict[str, float]:
 
 
 def sheet(comparison: Comparison, path: Path, zoom: int | None = None) -> None:
-    """Write the pictures with their details enlarged, a line for each method, as one PNG."""
+    """Write one PNG of the pictures and enlarged details, a row per method."""
     pictures, captions = {}, {}
     details = comparison.details()
     for name, screen in comparison.screens.items():
@@ -166,7 +166,7 @@ def sheet(comparison: Comparison, path: Path, zoom: int | None = None) -> None:
 
 
 def note(comparison: Comparison, method: str, zone: str) -> str:
-    """What a zone of a picture is worth, in a few words; nothing for the truth."""
+    """Return the caption of a zone: PSNR and time; empty for the truth."""
     for row in comparison.rows:
         if (row["method"], row["zone"]) == (method, zone):
             time_taken = f", {row['ms']:.1f} ms" if zone == "whole" else ""
@@ -175,12 +175,12 @@ def note(comparison: Comparison, method: str, zone: str) -> str:
 
 
 def source_values(picture: Floats, *, linear: bool) -> Floats:
-    """What methods are given of a picture in linear light: light, or its sRGB-encoded values."""
+    """Return the methods' input from linear light: itself, or sRGB-encoded values."""
     return picture if linear else np.ascontiguousarray(to_srgb(picture))
 
 
 def _busiest(screen: Screen, mask: Mask) -> tuple[slice, slice]:
-    """Square that lies in a zone, as far as it can, and whose values vary most."""
+    """Return the square inside a zone, as far as possible, whose values vary most."""
     side = min(CROP, *mask.shape)
     step = max(1, side // 4)
     places = [

@@ -1,4 +1,4 @@
-"""A comparison as one HTML page that needs no network."""
+"""Write a comparison as one self-contained HTML page."""
 
 import base64
 import math
@@ -18,16 +18,16 @@ MEASURES = ("psnr", "ssim", "flip")
 
 
 def write_report(comparison: Comparison, path: Path, *, about: Mapping[str, str]) -> None:
-    """Write a page with the table, a slider between any two pictures, and enlarged details.
+    """Write a page with the table, a slider between two pictures, and enlarged details.
 
     Parameters
     ----------
     comparison
-        What is shown.
+        The comparison to show.
     path
-        Target.
+        Output file.
     about
-        Facts by name, for the reader.
+        Facts for the reader, by name.
 
     Raises
     ------
@@ -40,7 +40,7 @@ def write_report(comparison: Comparison, path: Path, *, about: Mapping[str, str]
 
 
 def page(comparison: Comparison, *, about: Mapping[str, str]) -> str:
-    """The page's HTML; every text in it is escaped."""
+    """Return the page's HTML, with all texts escaped."""
     from jinja2 import Environment, StrictUndefined
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True)
@@ -60,7 +60,7 @@ def page(comparison: Comparison, *, about: Mapping[str, str]) -> str:
 
 
 def data_uri(screen: Screen) -> str:
-    """Picture as PNG inside an address."""
+    """Return a picture as a data URI with a PNG."""
     import cv2
 
     levels = np.floor(screen[..., ::-1] * 255.0 + 0.5).astype(np.uint8)
@@ -69,7 +69,7 @@ def data_uri(screen: Screen) -> str:
 
 
 def _details(comparison: Comparison) -> list[dict[str, Any]]:
-    """Place of each zone's detail, as the page's script and style take it."""
+    """Return the position of each zone's detail for the page's script and style."""
     return [
         {"zone": zone, "top": rows.start, "left": columns.start, "side": rows.stop - rows.start}
         for zone, (rows, columns) in comparison.details().items()
@@ -77,7 +77,7 @@ def _details(comparison: Comparison) -> list[dict[str, Any]]:
 
 
 def _lines(comparison: Comparison) -> list[dict[str, Any]]:
-    """A line of the table for each method: cells with their text, and whether none is better."""
+    """Return one table row per method: cells with their text and whether they are best."""
     cell = {(row["zone"], row["method"]): row for row in comparison.rows}
     lines = []
     for method in comparison.methods:

@@ -1,4 +1,4 @@
-"""Views to compare methods in, what they should look like, and generated pictures."""
+"""Test views for comparing methods, their ray-cast truth, and generated pictures."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -14,24 +14,24 @@ from resample_texture.geometry.mappings import Homography, source_coordinates
 Mask = NDArray[np.bool_]
 
 SMALLEST_SIDE = 1024  # texels; smaller pictures are tiled with their mirror images
-LARGEST_SIDE = 4096  # texels; the truth of more takes minutes
+LARGEST_SIDE = 4096  # texels; the truth of larger pictures takes minutes
 RAYS = 16  # per side of a pixel
-FINER = 2  # times, that the scene of a generated picture is
-BLOCK = 32  # rows of the target at a time
+FINER = 2  # times the resolution of a generated picture, used for its truth
+BLOCK = 32  # target rows per pass
 FRAME = 6  # px around the target that are not measured
-REACH = 3.0  # px that filters may reach into the source around a pixel
+REACH = 3.0  # target px that filters may extend around a pixel
 MARGIN = 2.0  # texels at the source's edges that are not measured
-NEAR = {"floor": 8, "floor-yaw": 8, "floor-close": 16}  # of the picture's width at the near edge
+NEAR = {"floor": 8, "floor-yaw": 8, "floor-close": 16}  # the near edge shows 1 / n of the width
 NAMES = (*NEAR, "zoom", "shrink")
 
 
 class PictureScene(NamedTuple):
-    """A picture and the view it is seen in."""
+    """A picture, the view and the size of the target."""
 
     source: Floats  # (H, W, C)
     geometry: Homography
     shape: tuple[int, int]  # of the target, px
-    fine: Floats | None = None  # (n H, n W, C), of whose texels those of the source are means
+    fine: Floats | None = None  # (n H, n W, C), the source's texels are means of its texels
 
 
 def scene_of(
@@ -40,7 +40,7 @@ def scene_of(
     size: tuple[int, int] | None = None,
     fine: Floats | None = None,
 ) -> PictureScene:
-    """View of a picture by name, or by a matrix.
+    """Return a view of a picture, by name or by matrix.
 
     Parameters
     ----------
@@ -48,20 +48,20 @@ def scene_of(
         (H, W, C). Named scenes tile a small one with its mirror images until a side has
         `SMALLEST_SIDE` texels.
     name
-        `floor`: from 4 × 4 px per texel nearby to 1/2 × 1/16 far away; `floor-yaw`: the same, the
-        picture turned by 30 degrees; `floor-close`: from 8 × 8 px to 1/2 × 1/32; `zoom`: 3 times as
-        large, turned by 15 degrees; `shrink`: at 0.3 of its size, turned by 15 degrees; or a
-        matrix, see `parse_matrix`.
+        `floor`: from 4 × 4 px per texel nearby to 1/2 × 1/16 far away; `floor-yaw`: the same, with
+        the picture rotated by 30 degrees; `floor-close`: from 8 × 8 px to 1/2 × 1/32; `zoom`:
+        enlarged 3 times and rotated by 15 degrees; `shrink`: scaled by 0.3 and rotated by 15
+        degrees; or a matrix, see `parse_matrix`.
     size
-        Height and width of the target; half the picture's for named scenes, the picture's for a
-        matrix.
+        Height and width of the target; by default half the picture's for named scenes, the
+        picture's for a matrix.
     fine
-        The same some times as large, where it is known; the picture is then not tiled.
+        The same picture at a higher resolution, if known; then the picture is not tiled.
 
     Raises
     ------
     ValueError
-        The name is no scene's, or the picture is too large.
+        The scene is unknown, or the picture is too large.
     """
     if max(picture.shape[:2]) > LARGEST_SIDE:
         raise ValueError(
@@ -86,7 +86,7 @@ def check_scene(name: str) -> None:
 
 
 def tiled(picture: Floats) -> Floats:
-    """Picture with its mirror images around it until its longer side has `SMALLEST_SIDE` texels."""
+    """Tile a picture with its mirror images to `SMALLEST_SIDE` texels along a side."""
     while max(picture.shape[:2]) < SMALLEST_SIDE:
         picture = np.concatenate([picture, picture[:, ::-1]], axis=1)
         picture = np.concatenate([picture, picture[::-1]], axis=0)
@@ -96,19 +96,20 @@ def tiled(picture: Floats) -> Floats:
 def truth(
     scene: PictureScene, kind: str = "box", progress: Callable[[float], None] | None = None
 ) -> Floats:
-    """Scene by 16 × 16 rays per pixel, in float64.
+    """Render a scene by 16 × 16 rays per pixel, in float64.
 
-    Rays hit the texels of the fine picture; where they would skip some, those of the source, which
-    are their means. If there is none, the source is joined by a spline whose means are its texels.
+    Rays hit the texels of the fine picture, or those of the source, which are their means, where
+    rays would skip fine texels. Without a fine picture the source is interpolated by a spline whose
+    means over texels are the texels.
 
     Parameters
     ----------
     scene
-        What is seen; beyond the source there is nothing.
+        The scene; beyond the source there is nothing.
     kind
         Pixel filter: `box`, the pixel's area; or `gaussian` of σ 0.5 px, cut at 2 px.
     progress
-        Told the share that is done.
+        Called with the share that is done.
 
     Returns
     -------
@@ -117,7 +118,7 @@ def truth(
     Raises
     ------
     ValueError
-        The filter is none of these.
+        The filter is unknown.
     """
     tap = _taps(kind)
     if scene.fine is None:
@@ -130,7 +131,7 @@ def truth(
 
 
 def _coefficients(source: Floats) -> Floats:
-    """Coefficients of the B-splines of degree 4 whose means over texels are the source's."""
+    """Return coefficients of a spline of degree 4 whose texel means are the source."""
     from scipy.ndimage import spline_filter1d
 
     for axis in (0, 1):  # means of degree 4 are values of degree 5
@@ -145,7 +146,7 @@ def _cast(
     tap: Doubles,
     progress: Callable[[float], None] | None,
 ) -> Floats:
-    """Scene by rays to some texels that stand for its source, `count` for a ray's value."""
+    """Cast rays into texels that stand for the source, `count` texels per ray."""
     from resample.engine.jit import threads
     from resample_texture.showing.kernels.truth import cast_rows
 
@@ -170,17 +171,17 @@ def _cast(
 
 
 def zones(scene: PictureScene) -> dict[str, Mask]:
-    """Pixels (H, W) by how texels come out there; all must look well into the source.
+    """Classify pixels (H, W) by the scale of texels there; all lie well inside the source.
 
     Returns
     -------
-    `whole`, and those of `minified` (texels shrink along both axes), `mixed` and `magnified`
-    (they grow along both) that are not empty.
+    `whole`, and the zones that are not empty: `minified` (texels shrink along both axes),
+    `magnified` (texels grow along both axes) and `mixed`.
 
     Raises
     ------
     ValueError
-        No pixel looks well into the source.
+        No pixel lies well inside the source.
     """
     is_inside = _inside(scene)
     if not is_inside.any():
@@ -196,20 +197,20 @@ def zones(scene: PictureScene) -> dict[str, Mask]:
 
 
 def checker(side: int = 1024, square: int = 8) -> Floats:
-    """Checkerboard (side, side, 1) of black and white, linear light."""
+    """Make a black and white checkerboard (side, side, 1), linear light."""
     line = np.arange(side) // square
     return ((line[:, None] + line) % 2)[..., None].astype(np.float32)
 
 
 def means(fine: Floats, step: int = FINER) -> Floats:
-    """Means (H, W, C) over step × step texels of a fine picture, as a camera would take it."""
+    """Average step × step texels of a fine picture, as a camera would; (H, W, C)."""
     height, width, channels = fine.shape
     split = fine.reshape(height // step, step, width // step, step, channels)
     return np.asarray(split.mean(axis=(1, 3)), np.float32)
 
 
 def bricks(side: int = 1024) -> Floats:
-    """Wall (side, side, 3), linear light: bricks of many reds, mortar, and grain of all sizes."""
+    """Make a brick wall (side, side, 3), linear light, with grain at all scales."""
     rng = np.random.default_rng(2003)
     row, column = np.mgrid[0:side, 0:side] / side
     course = np.floor(row * 16).astype(np.int64)
@@ -226,7 +227,7 @@ def bricks(side: int = 1024) -> Floats:
 
 
 def _grain(side: int, rng: np.random.Generator) -> Doubles:
-    """Noise of many sizes, 0..1, (side, side)."""
+    """Make noise of many scales, 0..1, (side, side)."""
     total = np.zeros((side, side))
     size = 4
     while size <= side:
@@ -247,7 +248,7 @@ def _matrix(name: str) -> Homography:
 
 
 def _view(name: str, shape: tuple[int, int]) -> Doubles:
-    """Matrix of a named scene from a source to a target of half its size."""
+    """Return a named scene's matrix from a source to a target of half its size."""
     height, width = shape
     half = height / 2, width / 2
     if name in NEAR:
@@ -263,7 +264,7 @@ def _view(name: str, shape: tuple[int, int]) -> Doubles:
 def _turned(
     degrees: float, center: tuple[float, float], goal: tuple[float, float], scale: float = 1.0
 ) -> Doubles:
-    """Matrix that turns and scales around a point and brings the point to its goal."""
+    """Return the matrix that rotates and scales about a point and moves it to a goal."""
     angle = np.radians(degrees)
     cosine, sine = scale * np.cos(angle), scale * np.sin(angle)
     (x, y), (goal_x, goal_y) = center, goal
@@ -277,7 +278,7 @@ def _turned(
 
 
 def _taps(kind: str) -> Doubles:
-    """Weights of the rays across a pixel filter, of sum 1."""
+    """Return the weights of the rays across a pixel filter, with sum 1."""
     if kind == "box":
         return np.full(RAYS, 1.0 / RAYS)
     if kind != "gaussian":
@@ -288,7 +289,7 @@ def _taps(kind: str) -> Doubles:
 
 
 def _inside(scene: PictureScene) -> Mask:
-    """Pixels whose filters see nothing but the source."""
+    """Return the pixels whose filters stay within the source."""
     height, width = scene.source.shape[:2]
     mask = np.ones(scene.shape, np.bool_)
     for right in (-REACH, 0.0, REACH):
@@ -303,7 +304,7 @@ def _inside(scene: PictureScene) -> Mask:
 
 
 def _scales(scene: PictureScene) -> tuple[Doubles, Doubles]:
-    """Least and largest scale of texels at every pixel: singular values of ∂(x, y)/∂(u, v)."""
+    """Return least and largest texel scale per pixel: singular values of ∂(x, y)/∂(u, v)."""
     size = scene.source.shape[0], scene.source.shape[1]
     h = scene.geometry.oriented(size)
     u, v = source_coordinates(scene.geometry, scene.shape, size)

@@ -1,1 +1,1 @@
-"""From texels to pictures, and back: cells cut, placed, added and resolved."""
+"""Project texels to pictures, gather them, and the adjoint of both."""

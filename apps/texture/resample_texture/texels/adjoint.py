@@ -1,7 +1,7 @@
-"""The exact adjoint of forward projection: gradients of pixels become gradients of texels.
+"""Exact adjoint of forward projection: from gradients of pixels to gradients of texels.
 
 With A the linear map from texels to the picture of `forward.project`, this is its transpose, so
-that the backward pass of an optimisation sees the weights that the forward pass drew with.
+that the backward pass of an optimization uses exactly the weights of the forward pass.
 """
 
 from collections.abc import Iterator
@@ -29,27 +29,27 @@ from resample_texture.texels.kernels.blocks import Integers
 from resample_texture.texels.plates import texels_at
 from resample_texture.types import Edge
 
-BATCH = 1 << 24  # numbers that patches may hold at a time
+BATCH = 1 << 24  # most numbers in the patches of a batch
 
 
 def adjoint(
     gradient: Floats, geometry: Geometry, source_shape: tuple[int, int], edge: Edge, cells: Cells
 ) -> Floats:
-    """Gradient (H, W, C) of texels, given that (height, width, C) of the picture `project` makes.
+    """Return the gradient (H, W, C) by texels, given the one by the pixels of `project`.
 
     Parameters
     ----------
     gradient
-        Derivatives of any number by each pixel of the image. The coverage is no matter of texels.
+        (height, width, C) derivatives by the image's pixels. Coverage does not depend on texels.
     geometry, edge, cells
-        As for `forward.project`.
+        As `forward.project` takes them.
     source_shape
         Height and width of the source, texels.
 
     Raises
     ------
     ValueError
-        The gradient is no picture with channels, or as `forward.blocks_of`.
+        The gradient is not (height, width, C), or as `forward.blocks_of` does.
     """
     if gradient.ndim != 3 or gradient.size == 0:
         raise ValueError(f"a gradient has the shape (height, width, C), not {gradient.shape}")
@@ -79,7 +79,7 @@ def factors(
     edge: Edge,
     cells: Cells,
 ) -> Floats:
-    """What `project` multiplies the sums of each pixel by, (height, width)."""
+    """Return the factor (height, width) by which `project` multiplies each pixel's sums."""
     sums = Sums(shape, 1, cells)
     sums.add(np.zeros((*source_shape, 1), np.float32), blocks, edge)
     for picture in sums.pictures:
@@ -90,7 +90,7 @@ def factors(
 def _texel_gradients(
     weighted: Floats, blocks: Blocks, source_shape: tuple[int, int], edge: Edge, cells: Cells
 ) -> Doubles:
-    """Gradients (K, H, W, C) of texels, as `give_back` keeps them apart."""
+    """Return gradients (K, H, W, C) by texels, for each kind of prefilter."""
     channels = weighted.shape[2]
     taps = tap_table(cells.interpolation)
     kinds = 1 if prefilter(cells.interpolation).size == 1 else 4
@@ -113,13 +113,13 @@ def _texel_gradients(
 
 
 def _summed_back(totals: Doubles) -> Doubles:
-    """Transposed `forward._totals` of one kind: for each texel, all its sums, below and right."""
+    """Apply the transpose of `forward._totals` for one kind."""
     backward = totals[::-1, ::-1].cumsum(axis=0).cumsum(axis=1)
     return np.asarray(backward[::-1, ::-1][1:, 1:])
 
 
 def _batches(axes: Integers, taps: int, channels: int) -> Iterator[slice]:
-    """Consecutive blocks whose patches fit in memory together."""
+    """Yield consecutive blocks whose patches fit into memory together."""
     start = patch_offsets(axes, taps, channels)
     first = 0
     while first < len(axes):
@@ -130,7 +130,7 @@ def _batches(axes: Integers, taps: int, channels: int) -> Iterator[slice]:
 
 
 def _unprefiltered(texels: Doubles, interpolation: Interpolation, edge: Edge) -> Doubles:
-    """Transposed `forward.texels`: the source's gradient (H, W, C) from those of its parts."""
+    """Apply the transpose of `forward.texels`: return the source's gradient (H, W, C)."""
     if len(texels) == 1:
         return np.asarray(texels[0])
     weights = prefilter(interpolation).astype(np.float64)
@@ -141,7 +141,7 @@ def _unprefiltered(texels: Doubles, interpolation: Interpolation, edge: Edge) ->
 
 
 def _filtered_back(gradient: Doubles, weights: Doubles, axis: int, edge: Edge) -> Doubles:
-    """Transposed `forward.filtered` along one axis of (H, W, C)."""
+    """Apply the transpose of `plates.filtered` along one axis of (H, W, C)."""
     lines = np.moveaxis(gradient, axis, 0)
     size = len(lines)
     spread = np.zeros((size + weights.size - 1, *lines.shape[1:]))
@@ -151,9 +151,9 @@ def _filtered_back(gradient: Doubles, weights: Doubles, axis: int, edge: Edge) -
 
 
 def _folded(gradient: Doubles, margin: int, axis: int, edge: Edge) -> Doubles:
-    """Gradient without a margin on both ends of an axis: what is there goes to the texels it is of.
+    """Remove the margins of an axis, adding their gradients to the texels they copy.
 
-    Beyond an edge those are the texels that stand there.
+    These are the texels that the edge mode puts there.
     """
     if margin == 0:
         return gradient

@@ -1,4 +1,4 @@
-"""Maps that lead backward: every pixel's parts look up the source, then are points like others."""
+"""Warp by backward maps: parts of pixels sample the source, then splat as points."""
 
 import numpy as np
 
@@ -19,18 +19,18 @@ from resample_texture.texels.kernels.blocks import Integers
 from resample_texture.texels.kernels.gathering import Pixels, gather_tiles
 from resample_texture.types import Edge, Warped
 
-TILE = 32  # px along a side of what one thread takes at a time
+TILE = 32  # px per side; a thread takes a tile at a time
 
 
 def collect_from(
     source: Floats, geometry: BackwardMap, shape: tuple[int, int], edge: Edge, cells: Cells
 ) -> Warped:
-    """Picture (height, width) of a source (H, W, C) that a map leads back to.
+    """Warp a source (H, W, C) by a backward map to (height, width).
 
     Raises
     ------
     ValueError
-        The map has another shape than the picture; or sums are wanted of a line of pixels.
+        The map does not fit the picture, or sums are wanted along a single row or column.
     """
     if geometry.x.shape != shape:
         raise ValueError(f"a map of {geometry.x.shape} makes no picture of {shape}")
@@ -40,7 +40,7 @@ def collect_from(
     sums = Sums(shape, source.shape[2], cells)
     ready = texels(source, cells.interpolation, edge, frozenset({3})).both
     reach = int(np.ceil(cells.reach)) + 1
-    around = 0 if cells.taps == 0 else reach  # px around the picture whose points reach into it
+    around = 0 if cells.taps == 0 else reach  # px around the picture whose points extend into it
     map_u, map_v = (extended(a + margin, around + 1) for a in (geometry.x, geometry.y))
     tiles = tiles_of((shape[0] + 2 * around, shape[1] + 2 * around), TILE)
     bounds = tiles + np.array([-reach, -reach, reach, reach])
@@ -58,7 +58,7 @@ def collect_from(
 
 
 def extended(places: Doubles, margin: int) -> Doubles:
-    """Map with more places on each side, continued as it ends."""
+    """Extrapolate a map on each side."""
     for axis, size in enumerate(places.shape):
         sides = [(0, 0), (0, 0)]
         sides[axis] = margin, margin
@@ -70,7 +70,7 @@ def extended(places: Doubles, margin: int) -> Doubles:
 
 
 def tiles_of(shape: tuple[int, int], side: int) -> Integers:
-    """Tiles (T, 4) of a picture: left, top, right and bottom, px."""
+    """Return the tiles (T, 4) of a picture: left, top, right and bottom, px."""
     top, left = (a.ravel() for a in np.mgrid[0 : shape[0] : side, 0 : shape[1] : side])
     tiles = np.empty((top.size, 4), np.int64)
     tiles[:, LEFT], tiles[:, TOP] = left, top

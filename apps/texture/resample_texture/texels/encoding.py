@@ -1,8 +1,8 @@
-"""Pictures as users have them, and texels as methods take them.
+"""Convert pictures of any type to texels, and back.
 
-Texels are float32, linear light or plain values, multiplied by alpha and by whether there is a
-value at all: so what is transparent or missing has no say in its neighbours' color. Only 8 and 16
-bits without a sign are pictures that may be encoded; all other types are values.
+Texels are float32, linear light or plain values, multiplied by alpha and by whether a value exists,
+so that transparent or missing texels do not affect the color of neighbours. Only uint8 and uint16
+may be sRGB-encoded pictures; all other types are plain values.
 """
 
 from enum import StrEnum
@@ -18,35 +18,35 @@ from resample.types import Floats
 from resample_texture.texels.gaps import Booleans, masked, missing_in, unmasked, weighed
 from resample_texture.texels.spans import Span, rounded, span_of
 
-LEVELS = ("uint8", "uint16")  # of light, encoded or not: 0 is black and the largest is white
+LEVELS = ("uint8", "uint16")  # of light, encoded or not: 0 is black, the largest level white
 VALUES = (
     "bool", "int8", "int16", "int32", "int64", "uint32", "uint64", "float16", "float32", "float64",
 )  # fmt: skip
 DTYPES = (*LEVELS, *VALUES)
-STEPS = 65535  # of linear light, in the table that encodes 8 bits
+STEPS = 65535  # of linear light, in the table for encoding 8 bits
 
 
 class Alpha(StrEnum):
-    """What the fourth channel is."""
+    """Meaning of the fourth channel."""
 
-    STRAIGHT = "straight"  # opacity, and the color is not multiplied by it
+    STRAIGHT = "straight"  # opacity; color is not multiplied by it
     PREMULTIPLIED = "premultiplied"
     NONE = "none"  # no opacity
 
 
 class Encoding(NamedTuple):
-    """What to undo when texels become a picture again."""
+    """How to convert texels back to a picture."""
 
     dtype: np.dtype[Any]
-    is_flat: bool  # (H, W)
+    is_flat: bool  # the picture is (H, W)
     is_encoded: bool  # by the sRGB curve
     is_straight: bool  # the fourth channel is opacity that does not multiply the color
-    gaps: int = 0  # last channels of texels, which tell whether there is a value: none, one, or C
-    span: Span | None = None  # what texels count from, where float32 would not resolve the values
-    fill: Any = None  # what a masked array fills gaps with; None: it is none
+    gaps: int = 0  # number of last channels, which mark where values exist: 0, 1 or C
+    span: Span | None = None  # offset and unit, where float32 would not resolve the values
+    fill: Any = None  # fill value of a masked array; None: it is not masked
 
     def as_light(self) -> "Encoding":
-        """Encoding that leaves pictures of levels as they are: light, multiplied by alpha."""
+        """Return the encoding of float pictures: light, premultiplied."""
         return Encoding(np.dtype(np.float32), False, False, False, self.gaps)
 
 
@@ -58,26 +58,27 @@ def decoded(
     is_sum: bool = False,
     gaps: int = 0,
 ) -> tuple[Floats, Encoding]:
-    """Texels (H, W, C) of a picture (H, W) or (H, W, C).
+    """Convert a picture (H, W) or (H, W, C) to texels (H, W, C).
 
     Parameters
     ----------
     image
-        Of a type in `DTYPES`, in any layout. What is masked or not finite is missing.
+        Of a type in `DTYPES`, in any layout. Values masked or not finite are missing.
     linear_light
-        Take the color of `LEVELS` for sRGB-encoded; False takes all values as they are.
+        Take the color of `LEVELS` for sRGB-encoded; False: take all values as given.
     alpha
-        What a fourth channel is, an `Alpha`; straight for `LEVELS`, else premultiplied.
+        Meaning of a fourth channel, an `Alpha`; by default straight for `LEVELS`, else
+        premultiplied.
     is_sum
-        Texels are to be added, so they count from 0.
+        Texels will be added, so use no offset.
     gaps
-        Channels that tell of gaps there are at least: 0, or all, as of a picture that this is a
-        part of.
+        Least number of channels that mark missing values: 0, or all, if this is a part of a picture
+        with missing values.
 
     Raises
     ------
     ValueError
-        The picture has another shape or type, or no pixel; or there is no such alpha.
+        The picture has a wrong shape or type, or no pixel; or `alpha` is unknown.
     """
     image, mask = unmasked(image)
     check_picture(image)
@@ -102,12 +103,12 @@ def decoded(
 
 
 def is_together(planes: NDArray[Any], alpha: str | None) -> bool:
-    """Whether the fourth channel of planes (H, W, C) is an opacity that weighs the others.
+    """Whether the fourth channel of planes (H, W, C) is straight opacity.
 
     Raises
     ------
     ValueError
-        There is no such alpha.
+        `alpha` is unknown.
     """
     if alpha is None:
         alpha = Alpha.STRAIGHT if planes.dtype.name in LEVELS else Alpha.PREMULTIPLIED
@@ -117,7 +118,7 @@ def is_together(planes: NDArray[Any], alpha: str | None) -> bool:
 
 
 def check_picture(image: NDArray[Any]) -> None:
-    """Refuse what is no picture of a known type."""
+    """Refuse arrays that are not pictures of a known type."""
     if image.dtype.name not in DTYPES:
         raise ValueError(f"a picture's type is one of {', '.join(DTYPES)}, not {image.dtype}")
     if image.ndim not in (2, 3) or 0 in image.shape:
@@ -134,18 +135,18 @@ def encoded(
     missing: Booleans | None = None,
     behind: NDArray[Any] | None = None,
 ) -> NDArray[Any]:
-    """Picture of the type and shape that `decoded` was given.
+    """Return a picture of the type and shape that `decoded` was given.
 
     Parameters
     ----------
     picture
-        (H, W, C) without channels that tell of gaps, multiplied by the coverage.
+        (H, W, C) without the channels that mark missing values, multiplied by the coverage.
     coverage
         (H, W) or (H, W, C) share of each pixel that `picture` fills.
     missing
-        (H, W, C) where there is no value, though something covers the pixel.
+        (H, W, C) true where a covered pixel has no value.
     behind
-        (H, W, C) what shows through where the coverage is not 1, of the picture's type; nothing by
+        (H, W, C) background where the coverage is below 1, of the picture's type; nothing by
         default.
     """
     coverage = coverage.reshape(*coverage.shape[:2], -1)
@@ -168,7 +169,7 @@ def encoded(
 
 
 def _of_texels(picture: Floats, encoding: Encoding) -> NDArray[Any]:
-    """Values (H, W, C) that texels stand for, in the picture's own type."""
+    """Convert texels to values (H, W, C) of the picture's own type."""
     with np.errstate(over="ignore"):
         if encoding.is_straight:
             picture = picture.copy()
@@ -182,7 +183,7 @@ def _of_texels(picture: Floats, encoding: Encoding) -> NDArray[Any]:
 
 
 def _over(picture: Floats, coverage: Floats, behind: Floats) -> Floats:
-    """Picture (H, W, C) and what shows through it; even what is not a number, but only there."""
+    """Composite a picture (H, W, C) over a background; its nans show only through gaps."""
     missing = np.broadcast_to(1.0 - coverage, picture.shape)
     through = np.zeros_like(picture)
     np.multiply(missing, behind, out=through, where=missing > 0.0)
@@ -191,14 +192,14 @@ def _over(picture: Floats, coverage: Floats, behind: Floats) -> Floats:
 
 
 def light(planes: NDArray[Any], *, is_encoded: bool, has_alpha: bool = False) -> Floats:
-    """Values of planes (H, W, C) as float32: `LEVELS` as 0..1, all others as they are.
+    """Convert planes (H, W, C) to float32: `LEVELS` to 0..1, others unchanged.
 
     Parameters
     ----------
     is_encoded
         Levels follow the sRGB curve.
     has_alpha
-        The fourth channel does not.
+        The fourth channel is linear.
     """
     from resample.engine.levels import levels_of, look_up
 
@@ -216,14 +217,14 @@ def light(planes: NDArray[Any], *, is_encoded: bool, has_alpha: bool = False) ->
 
 @cache
 def _lights(dtype: str, is_encoded: bool) -> Floats:
-    """What the levels of a type stand for, 0..1."""
+    """Return the light 0..1 of each level of a type."""
     largest = np.iinfo(dtype).max
     plain = (np.arange(largest + 1) / largest).astype(np.float32)
     return np.asarray(from_srgb(plain), np.float32) if is_encoded else plain
 
 
 def _levels(image: Floats, encoding: Encoding) -> NDArray[Any]:
-    """Integers of values 0..1, rounded."""
+    """Convert values 0..1 to rounded integers."""
     largest = np.iinfo(encoding.dtype).max
     if largest == 255:
         return _eight_bit_levels(image, encoding)
@@ -238,7 +239,7 @@ def _levels(image: Floats, encoding: Encoding) -> NDArray[Any]:
 
 
 def _eight_bit_levels(image: Floats, encoding: Encoding) -> NDArray[Any]:
-    """As `_levels`, of 8 bits."""
+    """Convert values 0..1 to 8 bits, by table."""
     from resample.engine.levels import put_levels
 
     image = np.ascontiguousarray(image, np.float32)
@@ -251,6 +252,6 @@ def _eight_bit_levels(image: Floats, encoding: Encoding) -> NDArray[Any]:
 
 @cache
 def _eight_bits(is_encoded: bool) -> NDArray[np.uint8]:
-    """Levels, encoded by sRGB's curve or not, of equal steps of light."""
+    """Return the levels, sRGB-encoded or not, of equal steps of light."""
     light = np.arange(STEPS + 1) / STEPS
     return np.asarray(np.rint((to_srgb(light) if is_encoded else light) * 255), np.uint8)

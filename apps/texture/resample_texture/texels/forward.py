@@ -1,8 +1,9 @@
-"""Forward projection of cells: the way from texels to sums per pixel, and to a picture.
+"""Forward projection: split texels into cells, splat them, normalize the sums.
 
-Each cell of the source (a texel, part of one, or several) is one point: its value, spread by the
+Each cell of the source (a texel, a part of one, or several) is one point: its value, spread by the
 pixel filter, with the area |det J| that it covers as its mass. Masses and kernels of unit mass sum
-to 1 wherever the source is seen, so that the sum of weights is the coverage (THEORY, section 2).
+to 1 wherever the source covers the target, so the sum of weights is the coverage (THEORY, section
+2).
 """
 
 import math
@@ -36,13 +37,13 @@ from resample_texture.texels.kernels.texels import DENSE, EXACT, Extract
 from resample_texture.texels.plates import filtered
 from resample_texture.types import Edge, Warped
 
-FINER = 2.0  # cells per px where one would do for a smooth filter
-JOINED = 0.35  # px; texels are joined to cells no longer than this, at quality 1
+FINER = 2.0  # cells per px where a smooth filter needs one
+JOINED = 0.35  # px; texels are merged into cells up to this length, at quality 1
 FARTHEST = 1 << 22  # texels beyond the source up to which its continuation is drawn
-MOST_TEXELS = 1 << 26  # of a continued source that are drawn one by one
-MOST_APART = 1e5  # px, neighbours of a forward map
-FEW_BEYOND = 0.25  # of a source's texels, read one by one beyond its edges
-NEARLY_FULL = 0.97  # weight of a pixel that counts as filled where edges are not known
+MOST_TEXELS = 1 << 26  # of a continued source drawn one by one
+MOST_APART = 1e5  # px, between neighbours of a forward map
+FEW_BEYOND = 0.25  # of a source's texels, read one by one beyond the edges
+NEARLY_FULL = 0.97  # weight of a pixel that counts as filled where edges are unknown
 EDGES = {
     Edge.TRANSPARENT: TRANSPARENT,
     Edge.CLAMP: CLAMP,
@@ -55,37 +56,37 @@ Bounds = tuple[int, int, int, int]  # left, top, right and bottom, px
 
 @dataclass(frozen=True)
 class Cells:
-    """How texels are cut into cells and what each leaves on the screen."""
+    """How texels are split into cells, and how each cell is spread over pixels."""
 
     pixel_filter: PixelFilter = field(default_factory=Area)
     interpolation: Interpolation = field(default_factory=AreaSpline)
     quality: float = 1.5  # cells per px, at least
-    joined: float = JOINED  # px; 0: texels are not joined
-    cut: bool = True  # whether texels are cut at all
+    joined: float = JOINED  # px; 0: texels are not merged
+    cut: bool = True  # whether texels are split
     is_sum: bool = False
 
     @property
     def reach(self) -> float:
-        """How far a point spreads, px."""
+        """Radius of a point's footprint, px."""
         return 0.5 * max(2, self.taps)
 
     def finer(self) -> "Cells":
-        """Cells that come as near to the truth as pixels that look at the source do."""
+        """Return finer cells, as accurate as gathering pixels."""
         return replace(self, quality=FINER * self.quality)
 
     @property
     def cut_quality(self) -> float:
-        """Cells per px that texels are cut for; 0 if they are not."""
+        """Cells per px for which texels are split; 0 if they are not."""
         return float(self.quality) if self.cut else 0.0
 
     @property
     def longest(self) -> float:
-        """Length that joined texels may have, px."""
+        """Largest length of merged texels, px."""
         return float(self.joined / max(self.quality, 1.0))
 
     @property
     def taps_reach(self) -> int:
-        """Texels beyond a block that its interpolation reads."""
+        """Texels around a block that its interpolation reads."""
         return math.ceil(self.interpolation.radius)
 
     @property
@@ -97,17 +98,17 @@ class Cells:
 
 
 class Blocks(NamedTuple):
-    """Parts of a source and where they show."""
+    """Blocks of a source, and their bounds on the target."""
 
     axes: Integers  # (B, 2, 6)
     bounds: Integers  # (B, 4) px
     matrix: Doubles  # (3, 3) source to target
-    x: Doubles  # (H + 2, W + 2) places of texels' centers; empty under a homography
+    x: Doubles  # (H + 2, W + 2) positions of texel centers; empty under a homography
     y: Doubles
 
     @property
     def places(self) -> Placement:
-        """Where texels go, as kernels take it."""
+        """Positions of texels on the target, as kernels take them."""
         return Placement(self.matrix, self.x, self.y)
 
 
@@ -117,9 +118,9 @@ def texels(
     edge: Edge,
     kinds: frozenset[int] = frozenset(range(4)),
 ) -> Texels:
-    """Source with what interpolation needs: coefficients where its kernel passes no sample.
+    """Return a source with the prefiltered coefficients that its interpolation needs.
 
-    Of the four there are only those `kinds` (see `kind_of`) that are wanted; others are the source.
+    Of the four only the given `kinds` (see `kind_of`) are computed; the others are the source.
     """
     weights = prefilter(interpolation)
     if weights.size == 1:
@@ -134,18 +135,18 @@ def texels(
 
 
 def kinds_of(axes: Integers) -> frozenset[int]:
-    """Which texels blocks read; see `kind_of`."""
+    """Return which texels the blocks read; see `kind_of`."""
     is_cut = axes[:, :, CUT] > 1
     return frozenset(np.unique(is_cut[:, 0] + 2 * is_cut[:, 1]).tolist())
 
 
 def widened(source: Floats, edge: Edge, interpolation: Interpolation) -> tuple[Floats, int]:
-    """Source with some of what continues it, where coefficients cannot be continued so.
+    """Pad a source where coefficients cannot be continued beyond its edges.
 
     Returns
     -------
-    The source, and how many texels it has more on each side. Beyond an edge that repeats the
-    outermost texels, coefficients of a prefiltered interpolation still vary.
+    The source, and its margin on each side. Beyond an edge that repeats the outermost texels,
+    coefficients of a prefiltered interpolation still vary.
     """
     margin = margin_of(edge, interpolation)
     if margin == 0:
@@ -154,26 +155,26 @@ def widened(source: Floats, edge: Edge, interpolation: Interpolation) -> tuple[F
 
 
 def margin_of(edge: Edge, interpolation: Interpolation) -> int:
-    """Texels that a source is widened by on each side, see `widened`."""
+    """Return the margin that `widened` adds on each side."""
     return prefilter(interpolation).size // 2 if edge is Edge.CLAMP else 0
 
 
 def moved(geometry: Homography, margin: int) -> Homography:
-    """Homography of a source that has `margin` texels more on each side."""
+    """Return the homography of a source padded by `margin` texels on each side."""
     back = np.array([[1.0, 0.0, -margin], [0.0, 1.0, -margin], [0.0, 0.0, 1.0]])
     return Homography(geometry.matrix @ back, geometry.is_signed)
 
 
 @remembered
 def tap_table(interpolation: Interpolation) -> Floats:
-    """Taps of an interpolation for cells (K, R), in the order of `phase`."""
+    """Return the taps of an interpolation for cells (K, R), in the order of `phase`."""
     counts = [*range(1, EXACT + 1), DENSE]
     middle = np.concatenate([(np.arange(n) + 0.5) / n - 0.5 for n in counts])
     return taps(interpolation, middle, np.repeat(1.0 / np.array(counts), counts))
 
 
 def oriented(geometry: Homography, source_shape: tuple[int, int]) -> Doubles:
-    """Matrix of a homography: third coordinate positive in front of the eye, at most 1."""
+    """Return a homography's matrix, scaled so that depth is positive in front and at most 1."""
     matrix = geometry.oriented(source_shape)
     height, width = source_shape
     corners = np.array([[u, v, 1.0] for u in (0, width) for v in (0, height)])
@@ -188,22 +189,22 @@ def blocks_of(
     edge: Edge,
     cells: Cells,
 ) -> Blocks:
-    """Parts of a source that a frame (height, width) sees.
+    """Return the blocks of a source that are visible in a frame (height, width).
 
     Raises
     ------
     ValueError
-        The map does not fit the source, or leads backward.
+        The map does not fit the source, or is a backward map.
     """
     if isinstance(geometry, ForwardMap):
         if geometry.x.shape != source_shape:
-            raise ValueError(f"a map of {geometry.x.shape} places no source of {source_shape}")
+            raise ValueError(f"a map of {geometry.x.shape} does not fit a source of {source_shape}")
         _check_apart(geometry)
         axes, bounds = split_map(geometry.x, geometry.y, shape, cells.reach, cells.cut_quality)
         x, y = with_margins(geometry.x, geometry.y)
         return Blocks(axes, bounds, np.eye(3), x, y)
     if isinstance(geometry, BackwardMap):
-        raise ValueError("a backward map cannot be followed forward")
+        raise ValueError("a backward map cannot be projected forward")
     matrix = oriented(geometry, source_shape)
     roots = _roots(matrix, source_shape, shape, edge, cells)
     axes, bounds = split(matrix, roots, shape, cells)
@@ -213,26 +214,26 @@ def blocks_of(
 def split(
     matrix: Doubles, roots: Integers, shape: tuple[int, int], cells: Cells
 ) -> tuple[Integers, Integers]:
-    """Blocks of a plane; parameters and what is returned as of `split_plane`.
+    """Split a plane into blocks; parameters and result as of `split_plane`.
 
     Raises
     ------
     ValueError
-        There is no end to them.
+        There are infinitely many.
     """
     axes, bounds, is_whole = split_plane(
         matrix, roots, shape, cells.reach, cells.cut_quality, cells.longest
     )
     if not is_whole:
         raise ValueError(
-            "the matrix draws texels out without end where they come near the eye's plane; give "
-            "one whose numbers are nearer to each other, or leave what lies there out of the frame"
+            "the matrix stretches texels without limit near the camera's plane; give one whose "
+            "numbers are closer to each other, or keep that part out of the frame"
         )
     return axes, bounds
 
 
 def _check_apart(geometry: ForwardMap) -> None:
-    """Refuse texels that are drawn out so far that it takes for ever to draw them."""
+    """Refuse texels that are stretched too far to be drawn."""
     for places in (geometry.x, geometry.y):
         if np.abs(places).max(initial=0.0, where=np.isfinite(places)) <= MOST_APART / 2:
             continue
@@ -241,13 +242,13 @@ def _check_apart(geometry: ForwardMap) -> None:
         apart = max(step.max(initial=0.0, where=np.isfinite(step)) for step in steps)
         if apart > MOST_APART:
             raise ValueError(
-                f"a forward map leads neighbours {apart:.3g} px apart, at most {MOST_APART:g} are "
-                "drawn; give NaN for texels that go nowhere"
+                f"a forward map moves neighbours {apart:.3g} px apart, at most {MOST_APART:g} are "
+                "allowed; give NaN for texels to drop"
             )
 
 
 def with_margins(x: Doubles, y: Doubles) -> tuple[Doubles, Doubles]:
-    """Map with one more place on each side, continued as it ends; a single row by steps of 1."""
+    """Extrapolate a map by one position on each side; a single row by steps of 1."""
     step_x, step_y = np.zeros((1, 3)), np.zeros((3, 1))
     step_x[0], step_y[:, 0] = [-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0]
     for axis in (0, 1):
@@ -268,7 +269,7 @@ def _roots(
     edge: Edge,
     cells: Cells,
 ) -> Integers:
-    """Rectangles (R, 4) of the plane to draw: the source, and what continues it around."""
+    """Return rectangles (R, 4) of the plane to draw: the source and its continuation."""
     height, width = source_shape
     if edge is Edge.TRANSPARENT:
         return np.array([[0, 0, width, height]])
@@ -289,24 +290,24 @@ def _roots(
 
 
 def check_texels(polygon: Doubles, source_shape: tuple[int, int]) -> None:
-    """Refuse to draw a continued source texel by texel where a frame sees too much of it.
+    """Refuse to draw a continued source texel by texel if too much of it is visible.
 
     Raises
     ------
     ValueError
-        The polygon (N, 2) has an area of more than `MOST_TEXELS`, and than the source.
+        The polygon (N, 2) has a larger area than `MOST_TEXELS` and than the source.
     """
     x, y = polygon.T
     area = 0.5 * abs(float(x @ np.roll(y, 1) - y @ np.roll(x, 1)))
     if area > max(MOST_TEXELS, source_shape[0] * source_shape[1]):
         raise ValueError(
-            f"the frame sees {area:.0e} texels of the continued source, and this method draws them "
+            f"{area:.0e} texels of the continued source are visible, and this method draws them "
             "one by one; leave the edges transparent, keep the horizon out, or use method hybrid"
         )
 
 
 def seen(lines: Doubles, farthest: float) -> Doubles:
-    """Corners (N, 2) of the polygon within lines (L, 3) and a square around the origin."""
+    """Clip a square around the origin by lines (L, 3); return its corners (N, 2)."""
     polygon = farthest * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     for line in lines:
         value = polygon @ line[:2] + line[2]
@@ -322,9 +323,9 @@ def seen(lines: Doubles, farthest: float) -> Doubles:
 
 
 def borders(geometry: Geometry, source_shape: tuple[int, int], edge: Edge) -> tuple[Doubles, float]:
-    """Lines (N, 3) on screen inside which a source fills pixels, and the weight that shows it.
+    """Return the screen lines (N, 3) that bound a source, and the weight of filled pixels.
 
-    The product with (x, y, 1) is positive inside. The weight is infinite where lines tell all.
+    The product with (x, y, 1) is positive inside. The weight is infinite if lines suffice.
     """
     if not isinstance(geometry, Homography):
         return np.array([[0.0, 0.0, -1.0]]), NEARLY_FULL
@@ -337,9 +338,9 @@ def borders(geometry: Geometry, source_shape: tuple[int, int], edge: Edge) -> tu
 
 
 class Sums:
-    """Sums of points per pixel, to which parts of a source are added one by one.
+    """Accumulator of weighted sums per pixel, to which blocks of a source are added.
 
-    The pixels may be a part of a screen that begins at some column and row of it.
+    The pixels may be a part of a screen that begins at column and row `first`.
     """
 
     def __init__(
@@ -355,7 +356,7 @@ class Sums:
     def add(
         self, source: Floats, blocks: Blocks, edge: Edge, totals_help: bool | None = None
     ) -> None:
-        """Add blocks of a source (H, W, C); whether sums save time is asked of them, or said."""
+        """Add blocks of a source (H, W, C); `totals_help`: use a summed-area table."""
         kinds = kinds_of(blocks.axes)
         ready = texels(source, self.cells.interpolation, edge, kinds)
         if totals_help is None:
@@ -366,7 +367,7 @@ class Sums:
     def paint(
         self, ready: Texels, extract: Extract, totals: Doubles, blocks: Blocks, edge: Edge
     ) -> None:
-        """Add blocks of a source, of which there is all that they fetch."""
+        """Add blocks of a source, given all the texels that they read."""
         for channels, picture in zip(self.groups, self.pictures, strict=True):
             for batch in batches(blocks.bounds, channels[1] + 1):
                 texture = Texture(
@@ -379,7 +380,7 @@ class Sums:
                 collect(here, parts.start, parts.sums, picture)
 
     def warped(self, lines: Doubles, full: float) -> Warped:
-        """Picture of all that was added; see `borders`."""
+        """Return the picture of all blocks added; see `borders`."""
         image = np.empty((*self.shape, sum(count for _, count in self.groups)), np.float32)
         coverage = np.empty(self.shape, np.float32)
         radius = 0.5 if self.cells.taps == 0 else self.cells.pixel_filter.radius
@@ -390,7 +391,7 @@ class Sums:
 
 
 def spread_of(cells: Cells) -> Spread:
-    """How cells are spread over pixels, as kernels take it."""
+    """Return how cells are spread over pixels, as kernels take it."""
     return Spread(cells.taps, bool(cells.is_sum), profile_table(cells.pixel_filter, cells.taps))
 
 
@@ -403,20 +404,20 @@ def project(
     *,
     wanted: Bounds | None = None,
 ) -> Warped:
-    """Picture (height, width) of a source (H, W, C) whose cells are projected as points.
+    """Project the cells of a source (H, W, C) as points; return (height, width).
 
-    It is what is `wanted` of it: what lies between left, top, right and bottom, px.
+    With `wanted`, return only the part between left, top, right and bottom, px.
 
     Raises
     ------
     ValueError
-        As `blocks_of`.
+        As `blocks_of` does.
     """
     if isinstance(geometry, Homography):
         source, margin = widened(source, edge, cells.interpolation)
         geometry = moved(geometry, margin) if margin else geometry
     else:
-        edge = Edge.TRANSPARENT  # a map places the source's own texels and no others
+        edge = Edge.TRANSPARENT  # a map places only the source's own texels
     source_shape = source.shape[0], source.shape[1]
     sums = sums_of(wanted or (0, 0, shape[1], shape[0]), source.shape[2], cells)
     blocks = blocks_of(geometry, source_shape, shape, edge, cells)
@@ -426,20 +427,20 @@ def project(
 
 
 def sums_of(sides: Bounds, channels: int, cells: Cells) -> Sums:
-    """Sums of the pixels between left, top, right and bottom."""
+    """Return an accumulator for the pixels between left, top, right and bottom."""
     left, top, right, bottom = sides
     return Sums((max(0, bottom - top), max(0, right - left)), channels, cells, (left, top))
 
 
 def meeting(blocks: Blocks, sides: Bounds) -> Blocks:
-    """Those blocks that may touch a rectangle of the target."""
+    """Return the blocks that may touch a rectangle of the target."""
     left, top, right, bottom = blocks.bounds.T
     kept = (left < sides[2]) & (right > sides[0]) & (top < sides[3]) & (bottom > sides[1])
     return blocks._replace(axes=blocks.axes[kept], bounds=blocks.bounds[kept])
 
 
 def needs_totals(axes: Integers, source_shape: tuple[int, int], edge: Edge) -> bool:
-    """Whether blocks join so many texels beyond the source's edges that sums save time."""
+    """Whether blocks merge so many texels beyond the edges that a summed-area table pays."""
     if edge is Edge.TRANSPARENT:
         return False
     height, width = source_shape
@@ -451,7 +452,7 @@ def needs_totals(axes: Integers, source_shape: tuple[int, int], edge: Edge) -> b
 
 
 def _totals(ready: Texels, *, is_needed: bool) -> Doubles:
-    """Sums (K, H + 1, W + 1, C) of all texels above and to the left, if a block needs them."""
+    """Return summed-area tables (K, H + 1, W + 1, C), if a block needs them."""
     height, width, channels = ready.plain.shape
     if not is_needed:
         return np.zeros((0, height + 1, width + 1, channels))

@@ -1,8 +1,8 @@
-"""Missing values: found in pictures, left without weight, and shown again in what was warped.
+"""Missing values: find them, give them no weight, mark them in the result.
 
-Channels of texels that tell where there is a value are warped like any other; a pixel's mean is
-then that of the values that are there. Where less than half of a pixel's part of the source has a
-value, the value is missing again, so that gaps keep their size.
+Channels that mark where values exist are warped like any other; a pixel's mean is then that of the
+existing values. Where less than half of a pixel's part of the source has a value, the value is
+missing in the result, so that gaps keep their size.
 """
 
 from typing import Any, NamedTuple
@@ -14,19 +14,19 @@ from resample.types import Floats
 from resample_texture.types import Warped
 
 Booleans = NDArray[np.bool_]
-LEAST = 0.5  # of what covers a pixel that must have a value
-ROUNDED = 1e-5  # of the coverage that sums of weights may differ by where no value is missing
+LEAST = 0.5  # share of a pixel's coverage that must have a value
+ROUNDED = 1e-5  # share of the coverage by which sums of weights may differ without missing values
 
 
 class Mask(NamedTuple):
-    """Mask of a masked array."""
+    """Mask and fill value of a masked array."""
 
     is_set: Booleans  # of the array's shape
-    fill: Any  # what the array fills gaps with
+    fill: Any  # fill value of the array
 
 
 class Mended(NamedTuple):
-    """Picture without channels that tell of gaps."""
+    """Picture without the channels that mark missing values."""
 
     image: Floats  # (H, W, C) multiplied by the coverage
     coverage: Floats  # (H, W), or (H, W, C) if channels differ
@@ -34,27 +34,27 @@ class Mended(NamedTuple):
 
 
 def unmasked(image: Any) -> tuple[NDArray[Any], Mask | None]:
-    """Array and its mask, if it is a masked array."""
+    """Return an array, and its mask if it is a masked array."""
     if isinstance(image, np.ma.MaskedArray):
         return np.asarray(image.data), Mask(np.ma.getmaskarray(image), image.fill_value)
     return np.asarray(image), None
 
 
 def masked(values: NDArray[Any], hidden: Booleans, fill: Any) -> NDArray[Any]:
-    """Masked array of values, with what fills it."""
-    with np.errstate(over="ignore"):  # float16 does not hold 1e20, by which NumPy fills it
+    """Return a masked array with a fill value."""
+    with np.errstate(over="ignore"):  # float16 does not hold 1e20, NumPy's fill value
         return np.ma.MaskedArray(values, hidden, fill_value=fill)
 
 
 def missing_in(
     planes: NDArray[Any], mask: Mask | None, *, together: bool = False
 ) -> Booleans | None:
-    """Where values (H, W, C) are masked or not finite; None if they are nowhere.
+    """Find values (H, W, C) that are masked or not finite; None if there are none.
 
     Parameters
     ----------
     together
-        Channels are one thing: where one is missing, all are.
+        Where one channel is missing, all are.
     """
     missing = None if mask is None else mask.is_set.reshape(planes.shape)
     if planes.dtype.kind == "f" and not _all_finite(planes):
@@ -68,9 +68,9 @@ def missing_in(
 
 
 def weighed(texels: Floats, missing: Booleans | None, least: int = 1) -> tuple[Floats, int]:
-    """Texels (H, W, C) followed by channels that tell where they have values, and their number.
+    """Append channels that mark where texels (H, W, C) have values; return their number.
 
-    One channel tells it for all if all have the same gaps, and no more are asked for.
+    One channel marks it for all if all have the same gaps, unless more are requested.
     """
     if missing is None:
         return texels, 0
@@ -82,14 +82,14 @@ def weighed(texels: Floats, missing: Booleans | None, least: int = 1) -> tuple[F
 
 
 def mended(warped: Warped, gaps: int) -> Mended:
-    """Picture whose coverage tells where there are values.
+    """Return a picture whose coverage counts only existing values.
 
-    Its own coverage tells what the source covers, with or without a value.
+    The coverage of `warped` counts the source, with or without values.
 
     Parameters
     ----------
     gaps
-        Last channels, which tell where there are values.
+        Number of last channels, which mark where values exist.
     """
     if gaps == 0:
         return Mended(warped.image, warped.coverage, None)
@@ -102,15 +102,15 @@ def mended(warped: Warped, gaps: int) -> Mended:
 
 
 def added(warped: Warped, there: Floats, gaps: int) -> Mended:
-    """Sums of the values that are there, of which `there` (H, W, C) is the coverage."""
+    """Return the sums of existing values, whose coverage is `there` (H, W, C)."""
     coverage = np.clip(there, 0.0, warped.coverage[..., None]).max(axis=2)
     return Mended(warped.image[..., :-gaps], coverage, None)
 
 
 def kept(warped: Warped, gaps: int) -> Mended:
-    """Picture as the source covers it: where too few values are there, they are missing.
+    """Return a picture with the source's coverage, missing where too few values exist.
 
-    What is missing from less than half of a pixel is left to what shows through.
+    Where the source covers less than half of a pixel, the background shows through instead.
     """
     if gaps == 0:
         return Mended(warped.image, warped.coverage, None)
@@ -122,10 +122,10 @@ def kept(warped: Warped, gaps: int) -> Mended:
 
 
 def _bounded(warped: Warped, gaps: int) -> tuple[Floats, Floats]:
-    """Values, and what is there of them, 0 to the coverage, both by the same factor.
+    """Return values and their weights, limited to 0..coverage by a common factor.
 
-    Negative lobes of a kernel take the latter out of that range beside a gap. Pixels that see no
-    gap are what they are in a picture without any.
+    Beside a gap, negative lobes of a kernel take the weights out of that range. Pixels without gaps
+    keep the values of a picture without any.
     """
     values, there = warped.image[..., :-gaps], warped.image[..., -gaps:]
     coverage = warped.coverage[..., None]
@@ -137,14 +137,14 @@ def _bounded(warped: Warped, gaps: int) -> tuple[Floats, Floats]:
 
 
 def _shared(values: Floats, there: Floats, coverage: Floats) -> Floats:
-    """Means of what is there, multiplied by one coverage of all channels."""
+    """Return means of existing values, multiplied by the coverage that all channels share."""
     share = np.zeros_like(there)
     np.divide(coverage[..., None], there, out=share, where=there > 0.0)
     return values * share
 
 
 def _all_finite(planes: NDArray[Any]) -> bool:
-    """Whether all values are finite; the sum tells at once, unless it overflows."""
+    """Whether all values are finite; first tries the sum, which is fast."""
     wide = np.float64 if planes.dtype.itemsize == 8 else np.float32
     with np.errstate(over="ignore", invalid="ignore"):
         return bool(np.isfinite(planes.sum(dtype=wide)) or np.isfinite(planes).all())

@@ -1,8 +1,8 @@
-"""Warps by pixels that look at the source, where that is less work than projecting its texels.
+"""Gather pixels from the source, where that is cheaper than projecting texels.
 
-The sum over texels of an interpolation's kernel, as a pixel's area sees it, is the same whether
-texels are projected one by one or pixels collect them. Where texels grow, or a pixel covers a few,
-pixels do the least; where a pixel covers many, texels do (`texels.forward`).
+A pixel's area filter sums the interpolation kernels of texels; the sum is the same whether texels
+are projected or pixels gather. Where texels grow, or a pixel covers few of them, gathering is
+cheaper; where a pixel covers many, projecting is (`texels.forward`).
 """
 
 import math
@@ -31,23 +31,23 @@ from resample_texture.texels.partly import (
 from resample_texture.texels.plates import Held, Sides, plates_of
 from resample_texture.types import Edge, Warped
 
-TILE = 32  # px along a side of what one thread takes at a time
-MOST_WORK = 12.0  # boxes per pixel up to which pixels look; beyond, texels are projected
-MOST_AROUND = 1 << 30  # px of a target all of whose tiles are measured for a region of it
-MOST_BEYOND = 256  # texels beyond the source that are drawn as they are; those farther are folded
+TILE = 32  # px per side; a thread takes a tile at a time
+MOST_WORK = 12.0  # boxes per pixel up to which pixels gather; above, texels are projected
+MOST_AROUND = 1 << 30  # px of a target up to which a region measures all of its tiles
+MOST_BEYOND = 256  # texels beyond the source that are stored; coordinates farther out are folded
 NOTHING = np.zeros(0, np.float32)
 
 
 class Tiles(NamedTuple):
-    """The target in tiles, and what they see."""
+    """Tiles of the target, and the extent of the source that each gathers from."""
 
     bounds: Integers  # (T, 4) px
     extent: Extent
-    is_near: NDArray[np.bool_]  # (T,) its pixels look at the source
+    is_near: NDArray[np.bool_]  # (T,) its pixels gather
 
     @property
     def beyond(self) -> tuple[Doubles, Doubles]:
-        """Least and greatest source coordinates (2,) that near tiles see."""
+        """Least and greatest source coordinates (2,) of near tiles."""
         bounds = self.extent.bounds[self.is_near]
         bounds = bounds[bounds[:, 0] <= bounds[:, 2]]
         low = bounds[:, :2].min(axis=0, initial=math.inf)
@@ -55,7 +55,7 @@ class Tiles(NamedTuple):
 
 
 class Gaze(NamedTuple):
-    """Where pixels of a target look in a source, whatever it shows."""
+    """Plan of gathering a target from a source, independent of its texels."""
 
     size: tuple[int, int]  # of the source: height, width
     geometry: Homography | BackwardMap
@@ -64,14 +64,14 @@ class Gaze(NamedTuple):
     cells: Cells
     places: Plane | Map
     tiles: Tiles
-    around: Tiles  # of the target that the picture is a region of, or `tiles`
+    around: Tiles  # of the whole target if the picture is a region of it, or `tiles`
 
 
 def planned(
     size: tuple[int, int], geometry: Homography | BackwardMap, shape: tuple[int, int], edge: Edge,
     cells: Cells,
 ) -> Gaze:  # fmt: skip
-    """Where pixels of a target (height, width) look in sources (height, width).
+    """Plan how a target (height, width) gathers from sources (height, width).
 
     Raises
     ------
@@ -86,25 +86,25 @@ def planned(
         whole_of = _Whole(region.whole, region.shape, whole, edge)
         try:
             around = _measured_once(whole_of, cells)
-        except TypeError:  # a plugin's choices that cannot be told apart
+        except TypeError:  # a plugin's options that cannot be hashed
             around = _measured_once.__wrapped__(whole_of, cells)
     return Gaze(size, geometry, shape, edge, cells, places, tiles, around)
 
 
 def look(plan: Gaze, source: Floats, *, near_only: bool = False) -> Warped:
-    """Picture (height, width) of a source (H, W, C) under the area filter.
+    """Warp a source (H, W, C) to (height, width) under the area filter.
 
-    Tiles that do not look are empty, if it is of those alone that are near.
+    With `near_only`, tiles that do not gather stay empty.
 
     Raises
     ------
     ValueError
-        As of `forward.project`.
+        As `forward.project` does.
     """
     _, geometry, shape, edge, cells, places, tiles, around = plan
     held = _held(source, geometry)
     view = _view((*held.size, source.shape[2]), edge, cells)
-    make = np.zeros if near_only else np.empty  # whoever mends gaps looks at all pixels
+    make = np.zeros if near_only else np.empty  # mending of gaps reads all pixels
     warped = Warped(make((*shape, source.shape[2]), np.float32), make(shape, np.float32))
     if not (near_only or tiles.is_near.all()):
         _project_far(plan, source, warped)
@@ -116,16 +116,16 @@ def look(plan: Gaze, source: Floats, *, near_only: bool = False) -> Warped:
 
 
 class Far(NamedTuple):
-    """Texels that are projected, and what of a picture they fill."""
+    """Projection of texels to far tiles, and the part of the picture that it fills."""
 
-    geometry: Homography  # source to a rectangle that is the same for all parts of a target
-    shape: tuple[int, int]  # of that
+    geometry: Homography  # source to a rectangle, the same for all parts of a target
+    shape: tuple[int, int]  # of that rectangle
     wanted: Bounds  # part of it
     part: tuple[slice, slice]  # of the picture
 
 
 def far_of(plan: Gaze) -> Far:
-    """Rectangle around far tiles, of the whole target that there may be."""
+    """Return the rectangle around far tiles, of the whole target if there is one."""
     geometry, region, around = plan.geometry, None, plan.around
     assert isinstance(geometry, Homography)
     if around is not plan.tiles:
@@ -144,7 +144,7 @@ def far_of(plan: Gaze) -> Far:
 
 
 def _project_far(plan: Gaze, source: Floats, warped: Warped) -> None:
-    """Fill a rectangle around far tiles by texels."""
+    """Project texels to a rectangle around far tiles."""
     far = far_of(plan)
     cells = plan.cells.finer()
     made = project(source, far.geometry, far.shape, plan.edge, cells, wanted=far.wanted)
@@ -155,16 +155,16 @@ def seen_tiles(
     size: tuple[int, int], geometry: Homography | BackwardMap, shape: tuple[int, int], edge: Edge,
     cells: Cells,
 ) -> SeenTiles | None:  # fmt: skip
-    """What tiles of a picture (height, width) see of a source (height, width).
+    """Return the source bounds that tiles of a picture (height, width) gather from.
 
-    None if not all of them look: texels that are projected have no part of their own.
+    None unless all tiles gather: projected texels have no bounds per tile.
     """
     tiles = planned(size, geometry, shape, edge, cells).tiles
     return _seen(tiles, edge, cells) if tiles.is_near.all() else None
 
 
 def _seen(tiles: Tiles, edge: Edge, cells: Cells) -> SeenTiles:
-    """What near tiles see; others see nothing."""
+    """Return the source bounds of near tiles; those of others are empty."""
     reach = prefilter(cells.interpolation).size // 2 + math.ceil(cells.interpolation.radius) + 3
     nothing = np.array([math.inf, math.inf, -math.inf, -math.inf])
     bounds = np.where(tiles.is_near[:, None], tiles.extent.bounds, nothing)
@@ -172,16 +172,16 @@ def _seen(tiles: Tiles, edge: Edge, cells: Cells) -> SeenTiles:
 
 
 class MixedTiles(NamedTuple):
-    """A picture some of whose tiles look, while texels are projected to the others."""
+    """Tiles of a picture of which some gather, while texels are projected to the others."""
 
-    near: SeenTiles  # those that look; the others see nothing
+    near: SeenTiles  # those that gather; bounds of the others are empty
     is_near: NDArray[np.bool_]  # (T,)
     far: Far
     edge: Edge
     cells: Cells
 
     def projected(self, reader: TexelReader) -> Warped:
-        """What texels fill, of a source whose texels come when they are asked for."""
+        """Project the texels of a source that is read on demand to the far tiles."""
         geometry, shape, wanted, _ = self.far
         return project_partly(reader, geometry, shape, self.edge, self.cells, wanted)
 
@@ -190,9 +190,9 @@ def mixed_tiles(
     source_shape: tuple[int, int, int], geometry: Homography, shape: tuple[int, int], edge: Edge,
     cells: Cells,
 ) -> MixedTiles | None:  # fmt: skip
-    """Tiles of a picture (height, width) of a source (height, width, channels), near ones and far.
+    """Split a picture's tiles into near and far ones, for a source that is read in parts.
 
-    None if all of them look, or texels cannot be projected part by part.
+    None if all tiles gather, or texels cannot be projected part by part.
     """
     plan = planned(source_shape[:2], geometry, shape, edge, cells)
     if plan.tiles.is_near.all():
@@ -206,7 +206,7 @@ def mixed_tiles(
 def _places(
     size: tuple[int, int], geometry: Homography | BackwardMap, shape: tuple[int, int]
 ) -> Plane | Map:
-    """Where pixels lie, as kernels take it."""
+    """Return the map from pixels to the source, as kernels take it."""
     if isinstance(geometry, Homography):
         region = geometry.region or Region(geometry, 0, 0, shape)
         matrix = oriented(region.whole, region.size or size)
@@ -218,7 +218,7 @@ def _places(
 
 
 def _measured(places: Plane | Map, view: View, shape: tuple[int, int]) -> Tiles:
-    """Tiles of a target and what they see; corners tell it of a plane."""
+    """Measure the tiles of a target; under a homography corners suffice."""
     bounds = tiles_of(shape, TILE)
     count = len(bounds)
     extent = Extent(np.empty((count, 4)), np.empty(count), np.empty(count))
@@ -230,7 +230,7 @@ def _measured(places: Plane | Map, view: View, shape: tuple[int, int]) -> Tiles:
 
 
 class _Whole(NamedTuple):
-    """A target that regions are drawn of."""
+    """A target of which regions are drawn."""
 
     geometry: Homography
     shape: tuple[int, int]
@@ -238,15 +238,15 @@ class _Whole(NamedTuple):
     edge: Edge
 
 
-@lru_cache(maxsize=2)  # a target is drawn chunk by chunk
+@lru_cache(maxsize=2)  # for targets drawn chunk by chunk
 def _measured_once(whole: _Whole, cells: Cells) -> Tiles:
-    """Tiles of a whole target and what they see."""
+    """Measure the tiles of a whole target, cached."""
     geometry, shape, size, edge = whole
     return _measured(_places(size, geometry, shape), _view((*size, 1), edge, cells), shape)
 
 
 def _around(bounds: Integers) -> list[int]:
-    """Left, top, right and bottom of the rectangle around others."""
+    """Return left, top, right and bottom of the rectangle around others."""
     low, high = bounds[:, :2].min(axis=0), bounds[:, 2:].max(axis=0)
     return [int(side) for side in (*low, *high)]
 
@@ -254,9 +254,9 @@ def _around(bounds: Integers) -> list[int]:
 def _with_plate(
     source: Held, view: View, edge: Edge, interpolation: Interpolation, seen: tuple[Tiles, Tiles]
 ) -> View:
-    """View with the part of the source that near tiles see, or all of it where that is more.
+    """Attach the part of the source that near tiles read, or all of it, to a view.
 
-    Where it is more is settled by all tiles of the target that the picture is a region of.
+    The choice depends on all tiles of the whole target if the picture is a region of it.
     """
     tiles, around = seen
     span = around.extent.span[around.is_near]
@@ -281,13 +281,13 @@ def _with_plate(
 
 
 def _sides(low: Doubles, high: Doubles, reach: int) -> Sides:
-    """Whole texels between two corners, and some around them."""
+    """Return the whole texels between two corners, with some around them."""
     (left, top), (right, bottom) = np.floor(low) - reach, np.ceil(high) + reach
     return Sides((int(left), int(right)), (int(top), int(bottom)))
 
 
 def _held(source: Floats, geometry: Homography | BackwardMap) -> Held:
-    """Source (H, W, C), or the part that it is."""
+    """Return the source (H, W, C), with its place in the whole if it is a part."""
     size = source.shape[0], source.shape[1]
     region = geometry.region if isinstance(geometry, Homography) else None
     if region is None or region.size is None:
@@ -296,7 +296,7 @@ def _held(source: Floats, geometry: Homography | BackwardMap) -> Held:
 
 
 def _view(form: tuple[int, ...], edge: Edge, cells: Cells) -> View:
-    """How pixels take a source (H, W, C), of which there is no plate as yet."""
+    """Return how pixels gather from a source (H, W, C), still without its texels."""
     height, width, channels = form
     plate = Plate(NOTHING, 0.0, 0.0, 0, 0, channels, 0, 0)
     finest = float(1.5 / cells.quality)

@@ -1,7 +1,7 @@
-"""Texels projected part by part, of a source that memory does not hold.
+"""Project texels of a source larger than memory, part by part.
 
-Blocks of texels are added in the order of the whole source's, each from the texels that it reads,
-so sums have the bits that they have when all texels are in memory.
+Blocks of texels are added in the same order as for the whole source, each from the texels that it
+reads, so that sums are bit-identical to those in memory.
 """
 
 from collections.abc import Iterator
@@ -35,8 +35,8 @@ from resample_texture.texels.kernels.texels import Extract
 from resample_texture.texels.plates import texels_at
 from resample_texture.types import Edge, Warped
 
-MOST_VALUES = 1 << 20  # of a source that are in memory at a time
-MOST_OF_BLOCK = 4  # times as many of a block
+MOST_VALUES = 1 << 20  # of a source in memory at a time
+MOST_OF_BLOCK = 4  # times `MOST_VALUES` for a single block
 NO_TOTALS = np.zeros((0, 1, 1, 1))
 ONE = np.ones(1, np.float32)
 
@@ -44,18 +44,18 @@ Integers = NDArray[np.int64]
 
 
 class TexelReader(Protocol):
-    """A source whose texels come when they are asked for."""
+    """A source whose texels are read on demand."""
 
     @property
     def shape(self) -> tuple[int, int, int]:
         """Height, width and channels."""
 
     def texels(self, rows: Integers, columns: Integers) -> Floats:
-        """Texels (R, K, C) of rows (R,) and columns (K,), in any order."""
+        """Read texels (R, K, C) of rows (R,) and columns (K,), in any order."""
 
 
 class Widened(NamedTuple):
-    """A source, its outermost texels repeated around it; see `forward.widened`."""
+    """A source padded with its outermost texels; see `forward.widened`."""
 
     reader: TexelReader
     margin: int
@@ -67,7 +67,7 @@ class Widened(NamedTuple):
         return height + 2 * self.margin, width + 2 * self.margin, channels
 
     def texels(self, rows: Integers, columns: Integers) -> Floats:
-        """Texels (R, K, C), see `TexelReader`."""
+        """Read texels (R, K, C), see `TexelReader`."""
         height, width, _ = self.reader.shape
         rows, columns = rows - self.margin, columns - self.margin
         return self.reader.texels(np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1))
@@ -85,12 +85,12 @@ def can_be_projected_partly(
     source_shape: tuple[int, int, int], geometry: Homography, shape: tuple[int, int], edge: Edge,
     cells: Cells,
 ) -> bool:  # fmt: skip
-    """Whether no block of a source (height, width, channels) reads more than memory should hold.
+    """Whether all blocks of a source (height, width, channels) read few enough texels.
 
     Raises
     ------
     ValueError
-        As of `forward.blocks_of`.
+        As `forward.blocks_of` does.
     """
     margin = margin_of(edge, cells.interpolation)
     height, width = source_shape[0] + 2 * margin, source_shape[1] + 2 * margin
@@ -105,7 +105,7 @@ def can_be_projected_partly(
 
 
 def _is_joinable(block: Integers, size: tuple[int, int]) -> bool:
-    """Whether rows of a block, which lies within a source (height, width), are summed."""
+    """Whether a block lies within a source (height, width) and sums rows first."""
     start, end = block[:, START], block[:, START] + block[:, LENGTH]
     is_inside = bool((start >= 0).all() and end[0] <= size[1] and end[1] <= size[0])
     return is_inside and block[0, CUT] == block[1, CUT] == 1 and block[1, LEVEL] > 0
@@ -119,14 +119,14 @@ def project_partly(
     cells: Cells,
     wanted: Bounds,
 ) -> Warped:
-    """What `forward.project` makes of a source whose texels come when they are asked for.
+    """Project a source whose texels are read on demand, as `forward.project` does.
 
-    `can_be_projected_partly` has to be so.
+    `can_be_projected_partly` must be true.
 
     Raises
     ------
     ValueError
-        As of `forward.blocks_of`.
+        As `forward.blocks_of` does.
     """
     margin = margin_of(edge, cells.interpolation)
     source: TexelReader = Widened(reader, margin) if margin else reader
@@ -141,7 +141,7 @@ def project_partly(
 
 
 def _add(sums: Sums, source: TexelReader, blocks: Blocks, run: Run, edge: Edge) -> None:
-    """Add the blocks of a run."""
+    """Add the blocks of a run to the sums."""
     height, width, channels = source.shape
     kinds, interpolation = kinds_of(blocks.axes), sums.cells.interpolation
     values = (run.across[1] - run.across[0]) * (run.down[1] - run.down[0]) * channels
@@ -157,7 +157,7 @@ def _add(sums: Sums, source: TexelReader, blocks: Blocks, run: Run, edge: Edge) 
 
 
 def _joined_rows(source: TexelReader, run: Run, step: int) -> Floats:
-    """Sums of each `step` rows of a part of a source, which is read strip by strip."""
+    """Sum every `step` rows of a part of a source, read strip by strip."""
     columns, channels = np.arange(*run.across), source.shape[2]
     several = max(1, MOST_VALUES // (columns.size * channels * step)) * step
     joined = []
@@ -173,7 +173,7 @@ def _joined_rows(source: TexelReader, run: Run, step: int) -> Floats:
 def _texels(
     source: TexelReader, run: Run, kinds: frozenset[int], interpolation: Interpolation, edge: Edge
 ) -> Texels:
-    """Part of a source with what interpolation needs, as `forward.texels` makes it of the whole."""
+    """Return a part of a source, prefiltered as `forward.texels` does for the whole."""
     filters = _filters(interpolation)
     needed = {kind if prefilter(interpolation).size > 1 else 0 for kind in kinds}
     made = {n: _coefficients(source, run.across, run.down, filters[n], edge) for n in needed}
@@ -183,7 +183,7 @@ def _texels(
 
 
 def _filters(interpolation: Interpolation) -> tuple[tuple[Floats, Floats], ...]:
-    """Filters along u and along v of what blocks read, by `kind_of`."""
+    """Return the prefilters along u and v for each `kind_of` block."""
     weights = prefilter(interpolation)
     return (ONE, ONE), (weights, ONE), (ONE, weights), (weights, weights)
 
@@ -195,7 +195,7 @@ def _coefficients(
     filters: tuple[Floats, Floats],
     edge: Edge,
 ) -> Floats:
-    """Part of a source (H, W, C) under a separable filter; see `plates.filtered`."""
+    """Apply a separable filter to a part of a source (H, W, C); see `plates.filtered`."""
     along_u, along_v = filters
     left, above = along_u.size // 2, along_v.size // 2
     height, width, channels = source.shape
@@ -213,7 +213,7 @@ def _coefficients(
 def _runs(
     axes: Integers, source_shape: tuple[int, int, int], edge: Edge, reach: int
 ) -> Iterator[Run]:
-    """Blocks, as many consecutive ones as read texels that are near each other."""
+    """Yield runs of consecutive blocks that read few enough texels together."""
     across, down = (_read(axes[:, n], source_shape[1 - n], edge, reach) for n in (0, 1))
     most = MOST_VALUES // source_shape[2]
     first, sides = 0, None
@@ -229,14 +229,14 @@ def _runs(
 
 
 def _around(one: Bounds, other: Bounds) -> Bounds:
-    """First and last columns and rows of both."""
+    """Return the bounds around two bounds."""
     return (
         min(one[0], other[0]), max(one[1], other[1]), min(one[2], other[2]), max(one[3], other[3]),
     )  # fmt: skip
 
 
 def _read(axis: Integers, size: int, edge: Edge, reach: int) -> Integers:
-    """First and last + 1 of the texels (B, 2) that blocks read along an axis of so many."""
+    """Return the first and last + 1 texel (B, 2) that blocks read along an axis."""
     pad = reach * (axis[:, CUT] > 1) << axis[:, LEVEL]
     ends = np.stack([axis[:, START] - pad, axis[:, START] + axis[:, LENGTH] + pad], axis=1)
     for n in np.flatnonzero((ends[:, 0] < 0) | (ends[:, 1] > size)):

@@ -1,4 +1,4 @@
-"""A source as pixels read it: the part they see and what continues it, filtered for them."""
+"""Prepare a source for gathering: crop, continue beyond edges, prefilter."""
 
 from typing import NamedTuple
 
@@ -17,7 +17,7 @@ Range = tuple[int, int]  # first texel and last + 1
 
 
 def texels_at(index: Integers, size: int, edge: Edge) -> Integers:
-    """Texels that stand at indices within and beyond the source's edges, as filters read them."""
+    """Return the texels that filters read at indices within and beyond the source."""
     continued = Edge.MIRROR if edge is Edge.TRANSPARENT else edge
     return shifts.texels_at(index, size, continued)[0]
 
@@ -26,7 +26,7 @@ class Held(NamedTuple):
     """A source, or a part of one."""
 
     texels: Floats  # (H, W, C)
-    size: tuple[int, int]  # of all of it: height, width
+    size: tuple[int, int]  # of the whole source: height, width
     first: tuple[int, int] = (0, 0)  # column and row at which the part begins
 
 
@@ -37,7 +37,7 @@ class Sides(NamedTuple):
     down: Range
 
     def wider(self, margin: int) -> "Sides":
-        """With so many texels more on each side."""
+        """Return the rectangle with a margin on each side."""
         (left, right), (top, bottom) = self
         return Sides((left - margin, right + margin), (top - margin, bottom + margin))
 
@@ -47,7 +47,7 @@ class Sides(NamedTuple):
         return self.down[1] - self.down[0], self.across[1] - self.across[0]
 
     def plate(self, flat: Floats, part: "Sides", channels: int) -> Plate:
-        """Plate of the rectangle, of which a part is there."""
+        """Return a plate of the rectangle, of which only a part is stored."""
         (left, _), (top, _) = self
         columns = part.shape[1]
         before = ((part.down[0] - top) * columns + part.across[0] - left) * channels
@@ -57,10 +57,10 @@ class Sides(NamedTuple):
 def plates_of(
     source: Held, whole: Sides, part: Sides, edge: Edge, interpolation: Interpolation
 ) -> tuple[Plate, Plate]:
-    """Coefficients of a rectangle of the continued plane of a source, and its texels.
+    """Return coefficients and texels of a rectangle of a source's continued plane.
 
-    Of the whole rectangle there is a part. Texels have a margin around them, if not all of them are
-    coefficients.
+    Only a part of the whole rectangle is stored. If coefficients differ from texels, the texels
+    have a margin.
     """
     weights = prefilter(interpolation)
     margin = weights.size // 2
@@ -78,7 +78,7 @@ def plates_of(
 
 
 def filtered(source: Floats, along_u: Floats, along_v: Floats, edge: Edge) -> Floats:
-    """Source (H, W, C) under a separable filter, continued beyond its edges as `edge` says."""
+    """Apply a separable filter to a source (H, W, C), continued beyond its edges by `edge`."""
     height, width, channels = source.shape
     left, above = along_u.size // 2, along_v.size // 2
     sides = Sides((-left, width + left), (-above, height + above))
@@ -90,9 +90,9 @@ def filtered(source: Floats, along_u: Floats, along_v: Floats, edge: Edge) -> Fl
 
 
 def _continued(source: Held, sides: Sides, edge: Edge) -> Floats:
-    """Numbers of a rectangle of the continued plane, row by row, and some to spare.
+    """Return the texels of a rectangle of the continued plane, row by row, with spare zeros.
 
-    What no part is there of is not seen, and as its nearest.
+    Texels outside the stored part are never shown; they copy the nearest one.
     """
     height, width, channels = source.texels.shape
     rows = texels_at(np.arange(*sides.down), source.size[0], edge) - source.first[1]

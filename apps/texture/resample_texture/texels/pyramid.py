@@ -1,4 +1,4 @@
-"""Half a picture, half of that, down to one texel: box means, packed in one array."""
+"""Image pyramid by box means, down to one texel, packed in one array."""
 
 from typing import NamedTuple
 
@@ -7,21 +7,21 @@ from numpy.typing import NDArray
 
 from resample.types import Floats
 
-MOST_CHANNELS = 4  # that OpenCV shrinks at once
+MOST_CHANNELS = 4  # that OpenCV shrinks in one call
 
 
 class Pyramid(NamedTuple):
-    """A picture and its halvings."""
+    """The levels of a picture's pyramid."""
 
     texel: Floats  # (T,) all levels, one after the other, each of them (h, w, C)
     levels: NDArray[np.int64]  # (L, 3) where a level begins in `texel`, its height and its width
 
 
 def pyramid(source: Floats) -> Pyramid:
-    """Levels of a picture (H, W, C).
+    """Return the pyramid of a picture (H, W, C).
 
-    A level has half the rows and columns of the one before, rounded down and at least one. Texels
-    of an odd size are means over more than 2 × 2 texels, those at their rims counted in part.
+    A level has half the rows and columns of the previous one, rounded down and at least one. At odd
+    sizes texels are means over more than 2 × 2 texels, of which the outer ones count in part.
     """
     pictures = [source]
     while max(pictures[-1].shape[:2]) > 1:
@@ -37,7 +37,7 @@ def pyramid(source: Floats) -> Pyramid:
 
 
 def shrunk(picture: Floats, height: int, width: int) -> Floats:
-    """Box means of a picture (H, W, C) at a smaller size (height, width, C)."""
+    """Shrink a picture (H, W, C) to (height, width, C) by box means."""
     import cv2
 
     result = np.empty((height, width, picture.shape[2]), np.float32)

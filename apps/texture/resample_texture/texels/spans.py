@@ -1,8 +1,8 @@
-"""Values that float32 does not resolve, as distances from their smallest, and back.
+"""Offset and scale values that float32 does not resolve, and restore them.
 
-Texels are float32: of 10⁹ + 0.25 they keep nothing but 10⁹. So values of wide types are counted
-from each channel's smallest one if they lie far from 0, and in units of a power of two if they are
-huge or tiny: errors are then some 10⁻⁷ of the range of the values instead of their size.
+Texels are float32, which rounds 10⁹ + 0.25 to 10⁹. So values of wide types are stored as
+differences from each channel's smallest value if they lie far from 0, and in units of a power of
+two if they are huge or tiny: errors are then some 10⁻⁷ of the values' range, not of their size.
 """
 
 import math
@@ -18,25 +18,25 @@ COMFORTABLE = 60  # exponents of two up to which sums and squares of values fit 
 
 
 class Span(NamedTuple):
-    """What the values of each channel are counted from, and in which unit."""
+    """Offset and unit of each channel's values."""
 
     start: NDArray[Any]  # (C,) of the values' type
     unit: Doubles  # (C,) powers of two
 
     def reduced(self, planes: NDArray[Any]) -> Doubles:
-        """Values (H, W, C) counted so; what is not finite may become anything."""
+        """Subtract the offset and divide by the unit, (H, W, C); only finite values count."""
         with np.errstate(over="ignore", invalid="ignore"):
             return np.asarray((planes - self.start) / self.unit, np.float64)
 
     def restored(
         self, image: Floats, coverage: Floats, behind: ArrayLike, dtype: np.dtype[Any]
     ) -> NDArray[Any]:
-        """Values of a type, of an image (H, W, C) that is multiplied by the coverage.
+        """Restore values of a type from an image (H, W, C) multiplied by its coverage.
 
         Parameters
         ----------
         behind
-            What shows through where the coverage, (H, W, 1) or (H, W, C), is not 1.
+            Background where the coverage, (H, W, 1) or (H, W, C), is below 1.
         """
         missing = np.broadcast_to(1.0 - coverage.astype(np.float64), image.shape)
         through = np.zeros(image.shape)
@@ -52,14 +52,14 @@ class Span(NamedTuple):
 def span_of(
     planes: NDArray[Any], missing: NDArray[np.bool_] | None, *, from_zero: bool = False
 ) -> Span | None:
-    """How to count values (H, W, C); None if float32 takes them as they are.
+    """Return offset and unit for values (H, W, C); None if float32 resolves them.
 
     Parameters
     ----------
     missing
-        Values that do not matter.
+        Values to ignore.
     from_zero
-        They are to be added, so they cannot start elsewhere.
+        Use no offset, as the values are to be added.
     """
     if planes.dtype.name not in WIDE:
         return None
@@ -80,7 +80,7 @@ def span_of(
 def rounded(
     distance: Doubles, dtype: np.dtype[Any], start: NDArray[Any] | None = None
 ) -> NDArray[Any]:
-    """Integers or booleans nearest to `start` + `distance` (H, W, C), within their type's range."""
+    """Round `start` + `distance` (H, W, C) to integers or booleans, within their range."""
     whole = np.rint(distance)
     if dtype.kind == "b":
         return np.asarray(whole > 0.0)
@@ -92,12 +92,12 @@ def rounded(
     for c, first in enumerate(start.tolist()):
         low, high = max(limits.min - first, -(2**63)), min(limits.max - first, 2**63 - 1)
         steps = _saturated(whole[..., c], low, high, np.dtype(np.int64))
-        result[..., c] = steps.astype(native) + np.array(first, native)  # whatever wraps unwraps
+        result[..., c] = steps.astype(native) + np.array(first, native)  # overflow wraps back
     return result.astype(dtype, copy=False)
 
 
 def _saturated(whole: Doubles, low: int, high: int, dtype: np.dtype[Any]) -> NDArray[Any]:
-    """Whole numbers as integers of a type, from `low` to `high`, which float64 may not hold."""
+    """Convert whole numbers to integers, limited to `low`..`high` beyond float64's precision."""
     is_low, is_high = whole <= low, whole >= high
     result = np.where(is_low | is_high, 0.0, whole).astype(dtype)
     result[is_low], result[is_high] = low, high
@@ -105,12 +105,12 @@ def _saturated(whole: Doubles, low: int, high: int, dtype: np.dtype[Any]) -> NDA
 
 
 def _start(low: float, high: float) -> float:
-    """Where to count from: the smallest value if 0 is far from the range."""
+    """Return the offset: the smallest value if 0 is far from the range, else 0."""
     is_far = low > high / 2 if low > 0 else high < low / 2
     return low if is_far else 0
 
 
 def _unit(largest: float) -> float:
-    """Power of two in which the largest distance is neither huge nor tiny."""
+    """Return the power of two in which the largest distance is neither huge nor tiny."""
     exponent = math.frexp(largest)[1] - 1 if largest else 0
     return math.ldexp(1.0, exponent) if abs(exponent) > COMFORTABLE else 1.0

@@ -1,4 +1,4 @@
-"""Sources larger than memory: their rows come in strips and go once projected."""
+"""Warp sources larger than memory, whose rows are read in strips."""
 
 from collections.abc import Iterable, Iterator
 
@@ -10,7 +10,7 @@ from resample_texture.geometry.mappings import Homography
 from resample_texture.texels.forward import Blocks, Cells, Sums, borders, oriented, split
 from resample_texture.types import Edge, Warped
 
-STRIP = 256  # rows of a source that are projected at a time
+STRIP = 256  # rows of a source projected at a time
 NOTHING = np.zeros((0, 0))
 
 
@@ -21,17 +21,17 @@ def warp_rows(
     shape: tuple[int, int],
     cells: Cells | None = None,
 ) -> Warped:
-    """Warp a source whose rows come in order, holding only a few hundred of them at a time.
+    """Warp a source whose rows come in order, keeping a few hundred rows at a time.
 
     Parameters
     ----------
     rows
         Strips (h, W, C) of the source from the top, of any heights; float32, linear light,
-        premultiplied, as `resample.files.images.read_rows` gives them.
+        premultiplied, as `resample.files.images.read_rows` yields them.
     source_shape
         Height, width and channels of the whole source.
     geometry
-        Source to target.
+        Homography from source to target.
     shape
         Height and width of the target, px.
     cells
@@ -63,9 +63,9 @@ def warp_rows(
 def _with_context(
     rows: Iterable[Floats], source_shape: tuple[int, int, int], margin: int
 ) -> Iterator[tuple[int, int, int, Floats]]:
-    """Rows to project, `first` to `last`, in a strip that begins at row `start` and reaches on.
+    """Yield rows to project, `first` to `last`, with a strip that begins at row `start`.
 
-    A strip holds `margin` rows more on both sides, where there are any.
+    A strip holds up to `margin` more rows on both sides.
     """
     height = source_shape[0]
     held = np.empty((0, *source_shape[1:]), np.float32)
@@ -75,7 +75,7 @@ def _with_context(
             raise ValueError(f"a strip of {strip.shape} at row {arrived} of {source_shape}")
         held = np.concatenate([held, strip.astype(np.float32, copy=False)])
         arrived += len(strip)
-        # Whole strips: their texels are then joined in the groups in which the whole source's are.
+        # Only whole strips, so that rows are summed in the same groups as for the whole source.
         last = arrived if arrived == height else max(0, arrived - margin) // STRIP * STRIP
         if last > done:
             yield done, last, start, held

@@ -1,4 +1,4 @@
-"""What `resample-texture view` shows: pictures, and meshes with their textures."""
+"""Pictures and textured meshes for `resample-texture view`."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,7 +11,7 @@ __all__ = ["COMMAND", "PLACES", "ModelView", "PictureView", "mesh_picture", "pic
 
 
 def suits(names: Sequence[str]) -> bool:
-    """Whether these are one file with one picture, or with a mesh."""
+    """Whether the names are one file with one picture or one mesh."""
     if len(names) == 1 and Path(names[0]).suffix.lower() in MESHES:
         return Path(names[0]).is_file()
     return pictures.suits(names)

@@ -1,6 +1,6 @@
-"""Meshes in a page: what is shown of one file, and `mesh_picture` makes without a page.
+"""Meshes in the viewer's page, and `mesh_picture` without a page.
 
-A page's state is options of `mesh`.
+The page's state is a set of `mesh` options.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,13 +27,13 @@ if TYPE_CHECKING:
 
 COMMAND = "resample-texture mesh"
 MESHES = (".obj", ".glb", ".gltf")
-SHOWN = (MeshView, MeshDrawing, MeshFormat)  # models of options that a page changes
+SHOWN = (MeshView, MeshDrawing, MeshFormat)  # option models that a page can change
 LEFT_OUT = ("size", "bits")
-PER = 2  # px each way of a whole picture that are one of its preview
+PER = 2  # px of the picture per px of its preview, along each axis
 
 
 class _Wish(NamedTuple):
-    """What options ask for."""
+    """Checked options of a page."""
 
     view: MeshView
     drawing: MeshDrawing
@@ -42,16 +42,16 @@ class _Wish(NamedTuple):
 
 @dataclass
 class ModelPainter:
-    """Pictures of a mesh for one page.
+    """Painter of a mesh for one page.
 
     Parameters
     ----------
     path
-        Of the mesh.
+        File of the mesh.
     """
 
     path: Path
-    _kept: tuple[Path | None, Mesh] | None = field(init=False, default=None)  # with its texture
+    _kept: tuple[Path | None, Mesh] | None = field(init=False, default=None)  # (texture, mesh)
 
     def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> Painting:
         """Picture of these options, see `resample.view.views.Painter`."""
@@ -62,7 +62,7 @@ class ModelPainter:
         return Painting(screen_levels(seen.rgba, background=wish.form.behind()), quick)
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
-        """Depth at a pixel, see `resample.view.views.Painter`."""
+        """Return the depth at a pixel, see `resample.view.views.Painter`."""
         depth = self._seen(_checked(settings), size).depth
         found = float(depth[min(int(y), size[1] - 1), min(int(x), size[0] - 1)])
         return {"depth": f"{found:.5g}"} if np.isfinite(found) else {}
@@ -80,7 +80,7 @@ class ModelPainter:
         write_frame(path, seen, bits=wish.form.bits, background=wish.form.behind())
 
     def mesh(self, texture: Path | None = None) -> Mesh:
-        """The mesh, read once while its texture stays; errors as of `save`."""
+        """Return the mesh, read again only for another texture; raises as `save` does."""
         if self._kept is None or self._kept[0] != texture:
             self._kept = texture, load_mesh(self.path, texture)
         return self._kept[1]
@@ -93,16 +93,16 @@ class ModelPainter:
 
 @dataclass
 class ModelView:
-    """A mesh that is looked at in pages.
+    """A mesh for the viewer's pages.
 
     Parameters
     ----------
     path
-        Of the mesh.
+        File of the mesh.
     begin
-        Options to begin with.
+        Initial options.
     controls
-        Options of the command, of `resample.view.views.controls_of`; none: a page without any.
+        Controls from `resample.view.views.controls_of`; empty: a page without controls.
     """
 
     path: Path
@@ -111,7 +111,7 @@ class ModelView:
 
     @cached_property
     def about(self) -> dict[str, Any]:
-        """What a page has to know, see `resample.view.views.Viewable`."""
+        """Facts for the page, see `resample.view.views.Viewable`."""
         return {
             "title": self.path.name,
             "subtitle": f"{len(self._first.mesh().triangle):,} triangles",
@@ -134,33 +134,33 @@ class ModelView:
         return copy(self._first)
 
     def save(self, settings: Settings, size: Size, suffix: str) -> bytes:
-        """File that the command would write."""
+        """Return the file that the command would write."""
         return file_of(partial(self.painter().save, settings, size), suffix)
 
     @cached_property
     def _first(self) -> ModelPainter:
-        """What has read the file; pages begin with what it knows."""
+        """Painter that has read the file; pages start from copies of it."""
         return ModelPainter(self.path)
 
 
 def mesh_picture(path: str | Path, settings: Mapping[str, Any]) -> "Image":
-    """Picture that `resample-texture mesh` makes of a mesh with these options.
+    """Return the picture that `resample-texture mesh` makes with these options.
 
     Parameters
     ----------
     path
-        Of the mesh.
+        File of the mesh.
     settings
-        Options by name, as settings files have them: `{"camera": "120/20/1.2"}`.
+        Options by name, as in settings files: `{"camera": "120/20/1.2"}`.
 
     Returns
     -------
-    Pillow's image of its levels, with 8 bits per channel.
+    A Pillow image of 8 bits per channel.
 
     Raises
     ------
     ValueError, LookupError, OSError
-        As of the command.
+        As the command does.
     """
     from PIL import Image
 
@@ -170,7 +170,7 @@ def mesh_picture(path: str | Path, settings: Mapping[str, Any]) -> "Image":
 
 
 def _checked(settings: Settings) -> _Wish:
-    """Options, which go together."""
+    """Return the options, checked."""
     wish = _Wish(*chosen(settings, SHOWN))
     wish.view.viewpoint()
     return wish

@@ -1,4 +1,4 @@
-"""Pictures in a page: what `resample-texture view` shows, and `picture` makes without a page."""
+"""Pictures in the viewer's page, and `picture` without a page."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -23,22 +23,22 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 COMMAND = "resample-texture warp"
-SHOWN = (Place, Warping, Written, Besides)  # models of options that a page changes
+SHOWN = (Place, Warping, Written, Besides)  # option models that a page can change
 PLACES = {"matrix", "corners", "map", "flow", "lens"}
 SUFFIXES, TIFF = (".png", ".jpg", ".jpeg", ".exr", ".webp", ".bmp"), (".tif", ".tiff")
-LITTLE = 16  # px of a side, of pictures that have kernels compiled
+LITTLE = 16  # px per side of the pictures that compile the kernels
 KINDS = ("2,0,0,0,2,0", "0.3,0,0,0,0.3,0", "0.3,0.1,0,0,0.5,0,0.01,0.01,1")  # matrices
 LEFT_OUT = ("size", "roi", "bits", "total")
 
 
 @dataclass
 class PicturePainter:
-    """Warps of a picture for one page.
+    """Painter of a picture for one page.
 
     Parameters
     ----------
     path
-        Of the picture.
+        File of the picture.
     """
 
     path: Path
@@ -60,7 +60,7 @@ class PicturePainter:
         return Painting(levels_of(made, "color"), is_preview=True)
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
-        """Texel under a place, see `resample.view.views.Painter`."""
+        """Return the texel at a pixel, see `resample.view.views.Painter`."""
         target, warping = self._target(settings, size)
         ids = self._scene.sample_ids(target.places, size=target.shape[::-1], edge=warping.edge)
         row, column = ids[min(int(y), ids.shape[0] - 1), min(int(x), ids.shape[1] - 1)].tolist()
@@ -74,12 +74,12 @@ class PicturePainter:
         }
 
     def file(self, settings: Settings, size: Size, suffix: str) -> bytes:
-        """File that the command writes.
+        """Return the file that the command writes.
 
         Raises
         ------
         ValueError, LookupError, OSError
-            An option is not allowed, or a file of one cannot be read.
+            An option is invalid, or a file that it names cannot be read.
         """
         return _written(self.path, {**settings, "size": f"{size[0]}x{size[1]}"}, suffix)
 
@@ -91,16 +91,16 @@ class PicturePainter:
 
 @dataclass
 class PictureView:
-    """A picture that is looked at in pages.
+    """A picture for the viewer's pages.
 
     Parameters
     ----------
     path
-        Of the picture.
+        File of the picture.
     begin
-        Options to begin with.
+        Initial options.
     controls
-        Options of the command, of `resample.view.views.controls_of`; none: a page without any.
+        Controls from `resample.view.views.controls_of`; empty: a page without controls.
     """
 
     path: Path
@@ -109,7 +109,7 @@ class PictureView:
 
     @cached_property
     def about(self) -> dict[str, Any]:
-        """What a page has to know, see `resample.view.views.Viewable`."""
+        """Facts for the page, see `resample.view.views.Viewable`."""
         image = PictureScene(self.path).image
         height, width = image.shape[:2]
         begin = settings_of(self.begin)
@@ -123,7 +123,7 @@ class PictureView:
             "controls": [control for control in self.controls if control["key"] not in LEFT_OUT],
             "gestures": "corners",
             "extent": [width, height],
-            "settings": begin if places else {**begin, "corners": ""},  # the page fits them in
+            "settings": begin if places else {**begin, "corners": ""},  # the page fits them
         }
 
     def check(self, settings: Settings | None = None) -> None:
@@ -137,47 +137,47 @@ class PictureView:
         return PicturePainter(self.path)
 
     def warm(self) -> Iterator[None]:
-        """Paint little pictures, grown, shrunk and seen aslant, see `views.Warming`."""
+        """Compile the kernels by small pictures, see `views.Warming`."""
         painter = self.painter()
         for matrix in KINDS:
             painter.paint({"matrix": matrix}, (LITTLE, LITTLE), quick=False, cancel=Cancel())
             yield
 
     def save(self, settings: Settings, size: Size, suffix: str) -> bytes:
-        """File that the command would write."""
+        """Return the file that the command would write."""
         return self.painter().file(settings, size, suffix)
 
 
 def suits(names: Sequence[str]) -> bool:
-    """Whether these are one file with one picture."""
+    """Whether the names are one file with one picture."""
     import cv2
 
     if len(names) != 1 or not Path(names[0]).is_file():
         return False
     suffix = Path(names[0]).suffix.lower()
     if suffix in TIFF:
-        return bool(cv2.imcount(names[0]) == 1)  # several pages may be a volume's
+        return bool(cv2.imcount(names[0]) == 1)  # several pages may be a volume
     return suffix in SUFFIXES
 
 
 def picture(path: str | Path, settings: Mapping[str, Any]) -> "Image":
-    """Picture that `resample-texture warp` makes of a picture with these options.
+    """Return the picture that `resample-texture warp` makes with these options.
 
     Parameters
     ----------
     path
-        Of the picture.
+        File of the picture.
     settings
-        Options by name, as settings files have them: `{"corners": "0,0 90,9 90,90 0,99"}`.
+        Options by name, as in settings files: `{"corners": "0,0 90,9 90,90 0,99"}`.
 
     Returns
     -------
-    Pillow's image of its levels, with 8 bits per channel.
+    A Pillow image of 8 bits per channel.
 
     Raises
     ------
     ValueError, LookupError, OSError
-        As of the command.
+        As the command does.
     """
     from PIL import Image
 
@@ -185,7 +185,7 @@ def picture(path: str | Path, settings: Mapping[str, Any]) -> "Image":
 
 
 def _checked(settings: Settings) -> list[Any]:
-    """Models of options, whose names are known."""
+    """Return the option models, checked."""
     models = chosen(settings, SHOWN)
     place, warping, *_ = models
     place.check()
@@ -194,7 +194,7 @@ def _checked(settings: Settings) -> list[Any]:
 
 
 def _written(path: Path, settings: Settings, suffix: str) -> bytes:
-    """File that the command writes of a picture."""
+    """Return the file that the command writes of a picture."""
     place, warping, written, besides = _checked(settings)
     job = Job(partial(target_of, place), warping, written.look(), region(besides.roi))
     return file_of(lambda target: warp_file(path, target, job), suffix)

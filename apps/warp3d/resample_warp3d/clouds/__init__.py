@@ -1,1 +1,1 @@
-"""Point clouds."""
+"""Point clouds: files, colors, spacing, cameras, rendering."""

@@ -1,4 +1,4 @@
-"""What a point cloud is."""
+"""The type of point clouds, and checks of its parts."""
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from resample.types import Doubles, Floats
 
-FARTHEST = 1e15  # scene units; squares of squares of distances still fit into float32's range
+FARTHEST = 1e15  # scene units; 4th powers of distances still fit into float32
 AXES = ("x", "y", "z")
 NO_COLUMNS: Mapping[str, NDArray[Any]] = MappingProxyType({})
 
 
 class Cloud(NamedTuple):
-    """N points of surfaces; what is not known of any of them has the length 0.
+    """N surface points; parts that are unknown have length 0.
 
     Examples
     --------
@@ -31,12 +31,12 @@ class Cloud(NamedTuple):
     position: Floats | Doubles  # (N, 3) scene units
     normal: Floats  # (N, 3) outward; (0, 0, 0) or not finite where unknown; or (0, 3)
     color: Floats  # (N, 3) linear light; or (0, 3)
-    radius: Floats  # (N,) scene units, of the disc that a point stands for; or (0,)
-    columns: Mapping[str, NDArray[Any]] = NO_COLUMNS  # (N,) each: what else was measured, by name
+    radius: Floats  # (N,) scene units, of the disc that a point represents; or (0,)
+    columns: Mapping[str, NDArray[Any]] = NO_COLUMNS  # (N,) each: further measurements, by name
 
 
 def some_of(cloud: Cloud, which: NDArray[Any]) -> Cloud:
-    """Points of a cloud by a mask or by their indices."""
+    """Select points of a cloud by mask or indices."""
     if which.dtype == np.bool_:
         which = np.flatnonzero(which)
     position, normal, color, radius, columns = cloud
@@ -51,7 +51,7 @@ def some_of(cloud: Cloud, which: NDArray[Any]) -> Cloud:
 
 
 def kept_columns(cloud: Cloud, wanted: Sequence[str] | None) -> Cloud:
-    """Cloud with those columns that are wanted; None: all of them.
+    """Return a cloud with the wanted columns only; None: all.
 
     Raises
     ------
@@ -63,23 +63,23 @@ def kept_columns(cloud: Cloud, wanted: Sequence[str] | None) -> Cloud:
     for name in wanted:
         if name not in (*cloud.columns, *AXES):
             known = ", ".join(columns_of(cloud))
-            raise ValueError(f"there is no column {name!r}; there are {known}")
+            raise ValueError(f"there is no column {name!r}; known: {known}")
     kept = {name: column for name, column in cloud.columns.items() if name in wanted}
     return cloud._replace(columns=kept)
 
 
 def columns_of(cloud: Cloud) -> list[str]:
-    """Names of what a cloud can be colored by."""
+    """Return the names of columns that a cloud can be colored by."""
     return [*AXES, *(name for name in cloud.columns if name not in AXES)]
 
 
 def places(cloud: Cloud) -> Floats | Doubles:
-    """Positions (N, 3) of those points that have one.
+    """Return the positions (N, 3) of points that have one.
 
     Raises
     ------
     ValueError
-        Positions are no array of that shape.
+        Positions do not have that shape.
     """
     position: Floats | Doubles = part_of(cloud, "position")
     known = np.isfinite(position).all(axis=1)
@@ -87,12 +87,12 @@ def places(cloud: Cloud) -> Floats | Doubles:
 
 
 def checked(cloud: Cloud) -> Cloud:
-    """Points that can be drawn, in arrays of the shapes that they must have, without columns.
+    """Return the points that can be drawn, in checked arrays, without columns.
 
     Raises
     ------
     ValueError
-        Lengths do not fit, something is no array, or a coordinate is absurd.
+        Lengths do not fit, a part is not an array, or a coordinate is absurd.
     """
     parts = {name: part_of(cloud, name) for name in ("position", "normal", "color", "radius")}
     known = _are_finite(parts["position"])
@@ -117,16 +117,16 @@ def checked(cloud: Cloud) -> Cloud:
 
 
 def _are_finite(values: NDArray[Any]) -> NDArray[np.bool_]:
-    """Which rows (N,) of values (N, 3) are finite."""
+    """Tell which rows (N,) of values (N, 3) are finite."""
     are = np.isfinite(values)
-    if are.all():  # a look at all at once is much quicker than one at each row
+    if are.all():  # much faster than a check of every row
         return np.ones(len(values), np.bool_)
     of_rows: NDArray[np.bool_] = are.all(axis=1)
     return of_rows
 
 
 def part_of(cloud: Cloud, name: str) -> Any:
-    """A part of a cloud, whose shape fits the positions."""
+    """Return a part of a cloud, checking that its shape fits the positions."""
     count = len(cloud.position) if cloud.position is not None else "N"
     rest = () if name == "radius" else (3,)
     shape = f"({', '.join(map(str, (count, *rest)))}{'' if rest else ','})"

@@ -1,4 +1,4 @@
-"""Colors of clouds by what was measured at their points."""
+"""Color clouds by the columns of their files."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -12,29 +12,29 @@ from resample_warp3d.clouds.cloud import AXES, Cloud, columns_of, part_of
 from resample_warp3d.clouds.fields import COLORS
 from resample_warp3d.clouds.parts import quantile_of, room_beside, rows_of, span_in
 
-UNKNOWN = 0.2  # linear gray of points at which nothing was measured
+UNKNOWN = 0.2  # linear gray of points without a value
 LEVELS = 1024  # colors of a scale
-SCANNED = ("intensity", "classification")  # columns that give points colors if nothing else does
-BRIGHT = 0.98  # share of the points that are darker than white, of intensities
+SCANNED = ("intensity", "classification")  # columns to color points by if they have no colors
+BRIGHT = 0.98  # quantile of the intensities that becomes white
 CLASSES = 20  # colors of classes, of the colormap tab20
 
 Range = tuple[float, float]
 
 
 class Scale(NamedTuple):
-    """Which color means which value."""
+    """Mapping between values and colors."""
 
     name: str  # of the column
     colormap: str
-    span: Range  # values that the first and the last color mean
+    span: Range  # values of the first and the last color
 
     def colors(self) -> Floats:
-        """Linear colors (`LEVELS`, 3) at even values over the span."""
+        """Return linear colors (`LEVELS`, 3) at even values over the span."""
         return mapped(self.colormap, (np.arange(LEVELS) + 0.5) / LEVELS)
 
 
 class Colored(NamedTuple):
-    """A cloud whose colors mean values."""
+    """A cloud colored by values, and its scale."""
 
     cloud: Cloud
     scale: Scale
@@ -48,20 +48,20 @@ def colored(
     Parameters
     ----------
     cloud
-        With columns, as `read_cloud` gives them.
+        Cloud with columns, as `read_cloud` returns it.
     column
-        Name of one, or x, y or z. Points where it is not finite become gray.
+        Name of a column, or x, y or z. Points without a finite value become gray.
     colormap
         One of matplotlib's.
     span
-        Values that the colormap's ends mean; what is beyond has the color of the end. Numbers, or
-        `low,high` in words, of which each may be a share of the points: `2%,98%`. Left out, the
-        least and the greatest value.
+        Values at the ends of the colormap; values beyond get the color of the end. Two numbers, or
+        text `low,high`, each of which may be a quantile: `2%,98%`. Default: the least and the
+        greatest value.
 
     Raises
     ------
     ValueError
-        There is no such column or colormap, or the span is none.
+        The column or colormap is unknown, or the span is invalid.
     """
     value = _column(cloud, column)
     whole = span_in(value)
@@ -84,11 +84,10 @@ def colored(
 
 
 def colored_as_scanned(cloud: Cloud) -> Cloud:
-    """Cloud of a laser scanner, by its levels of red, green and blue, which are no longer columns.
+    """Color a laser scan by its red, green and blue columns, which are removed.
 
-    Levels have 16 bits, or 8 where none is above 255. Where there are none, or all are black,
-    points have the gray of their intensity, of which the 98 % quantile is white, or else a color
-    per class.
+    Levels have 16 bits, or 8 if none is above 255. If there are none, or all are black, points are
+    gray by their intensity, of which the 98 % quantile is white, or else get a color per class.
     """
     rest = {name: column for name, column in cloud.columns.items() if name not in COLORS[0]}
     levels = [cloud.columns[name] for name in COLORS[0] if name in cloud.columns]
@@ -121,7 +120,7 @@ def colored_as_scanned(cloud: Cloud) -> Cloud:
 
 
 def _per_point(cloud: Cloud, color_of: Callable[[slice], Floats]) -> Floats:
-    """Colors (N, 3) of all points, some at a time."""
+    """Compute colors (N, 3) of all points, block by block."""
     color: Floats = room_beside(cloud.position, (len(cloud.position), 3), np.float32)
     for rows in rows_of(color):
         color[rows] = color_of(rows)
@@ -135,17 +134,17 @@ def _column(cloud: Cloud, name: str) -> NDArray[Any]:
             raise ValueError(f"column {name!r} has the shape {values.shape}; it must be ({count},)")
         return values
     if name not in AXES:
-        raise ValueError(f"there is no column {name!r}; there are {', '.join(columns_of(cloud))}")
+        raise ValueError(f"there is no column {name!r}; known: {', '.join(columns_of(cloud))}")
     return np.asarray(part_of(cloud, "position")[:, AXES.index(name)])
 
 
 def span_of(given: str | Range | None, values: NDArray[Any], whole: Range) -> Range:
-    """Span in numbers, of words, of numbers, or of the least and the greatest of some values.
+    """Return a span in numbers, from text, numbers, or None for the whole range.
 
     Raises
     ------
     ValueError
-        The words are none, a number is not finite, or the first is not below the last.
+        The text is invalid, a number is not finite, or the first is not below the last.
     """
     if given is None:
         return whole
@@ -155,17 +154,19 @@ def span_of(given: str | Range | None, values: NDArray[Any], whole: Range) -> Ra
     except ValueError:
         raise ValueError(f"a range of {given!r}; give low,high, such as 0,255 or 2%,98%") from None
     if first == last:
-        raise ValueError(f"a range of {given!r}, which is from {first:g} to {last:g}; give a wider")
+        raise ValueError(
+            f"a range of {given!r}, which is from {first:g} to {last:g}; give a wider one"
+        )
     if not first < last:
         raise ValueError(
             f"a range from {first:g} to {last:g}; give the smaller first, and a colormap with _r "
-            "for the other way round"
+            "for reversed colors"
         )
     return first, last
 
 
 def _end(word: str, values: NDArray[Any]) -> float:
-    """An end of a span."""
+    """Return one end of a span."""
     if word.endswith("%"):
         return quantile_of(values, float(word[:-1]) / 100.0)
     number = float(word)

@@ -1,4 +1,4 @@
-"""Columns of a file, by the names that they have there, as a cloud."""
+"""Make clouds from the named columns of files."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -19,16 +19,16 @@ COLORS = (
     ("r", "g", "b"),
     ("diffuse_red", "diffuse_green", "diffuse_blue"),
 )
-PACKED = ("rgb", "rgba")  # all of a color in the bits of one number
+PACKED = ("rgb", "rgba")  # a color packed into the bits of one number
 
 
 def cloud_of(fields: Fields) -> Cloud:
-    """Cloud of a file's columns.
+    """Make a cloud from a file's columns.
 
     Raises
     ------
     ValueError
-        It has no places, or packs colors in a way that is not known.
+        It has no positions, or packs colors in an unknown way.
     """
     position = _stacked(fields, PLACES)
     if position is None:
@@ -52,7 +52,7 @@ def cloud_of(fields: Fields) -> Cloud:
 
 
 def _stacked(fields: Fields, names: Sequence[tuple[str, ...]]) -> Any:
-    """Columns (N, 3) under the first names that are all there, or None."""
+    """Stack the columns (N, 3) of the first complete group of names, or return None."""
     for group in names:
         if all(name in fields for name in group):
             return np.stack([fields[name] for name in group], axis=1)
@@ -60,7 +60,7 @@ def _stacked(fields: Fields, names: Sequence[tuple[str, ...]]) -> Any:
 
 
 def _colors(fields: Fields) -> Floats:
-    """Linear light (N, 3) of a file's colors, or (0, 3)."""
+    """Return a file's colors in linear light (N, 3), or (0, 3)."""
     levels = _stacked(fields, COLORS)
     for name in PACKED:
         if levels is None and name in fields:
@@ -72,7 +72,7 @@ def _colors(fields: Fields) -> Floats:
 
 
 def _unpacked(packed: NDArray[Any]) -> NDArray[np.uint8]:
-    """Red, green and blue (N, 3) from the bits of one number each."""
+    """Unpack red, green and blue (N, 3) from the bits of numbers."""
     if packed.dtype.itemsize != 4:
         raise ValueError(f"packs colors into {packed.dtype.itemsize} bytes; 4 can be read")
     bits = np.ascontiguousarray(packed).view(np.uint32 if packed.dtype.isnative else ">u4")

@@ -1,4 +1,4 @@
-"""Point clouds and the files they come from: PLY, PCD, LAS, columns of text, arrays of NumPy."""
+"""Read point clouds: PLY, PCD, LAS, text columns, NumPy arrays."""
 
 import errno
 import struct
@@ -20,13 +20,13 @@ from resample_warp3d.clouds.fields import COLORS, NORMALS, PLACES, Fields, cloud
 from resample_warp3d.clouds.las import read_las
 from resample_warp3d.clouds.parts import STEP, Gathering, storage_for
 
-MOST_DIGITS = 30  # of a count
+MOST_DIGITS = 30  # digits of a count
 LONGEST_HEADER = 1000  # lines
-COMMENTS = ("#", "//")  # what lines that are no numbers begin with
+COMMENTS = ("#", "//")  # beginnings of comment lines
 PARTS = {"position": (3,), "normal": (3,), "color": (3,), "radius": ()}  # shapes per point
 COLUMNS = {3: "x y z", 4: "x y z value", 6: "x y z r g b", 9: "x y z r g b nx ny nz"}
 
-GAUSSIANS = (  # columns that points of surfaces do not have; each set tells for itself
+GAUSSIANS = (  # columns of 3D Gaussians; each set is sufficient
     {"f_dc_0", "opacity", "scale_0", "rot_0"},
     {"packed_position", "packed_rotation", "packed_scale"},
 )
@@ -44,35 +44,35 @@ PCD_TYPES = {"I": "i", "U": "u", "F": "f"}
 def read_cloud(path: str | Path, *, level: int = 0, columns: Sequence[str] | None = None) -> Cloud:
     """Read a point cloud.
 
-    One that memory, or what `resample.memory.allowing` lets it take, does not hold is read part by
-    part into arrays in files, of which memory holds some pages: LAS, LAZ and COPC, PLY and PCD in
-    binary. Who uses them need not know.
+    A cloud that does not fit into memory, or into what `resample.memory.allowing` permits, is read
+    part by part into memory-mapped arrays: LAS, LAZ, COPC, and binary PLY and PCD. They are used
+    like any other arrays.
 
     Parameters
     ----------
     path
-        By its suffix: `.ply` and `.pcd`, ASCII and binary of all kinds; text of numbers in columns,
-        `.xyz`, `.txt`, `.asc` or `.csv` (x y z, then r g b, then a normal; or x y z and a value;
-        or what the first line says by as many names) and `.xyzn` (x y z and a normal); `.npz` with
-        the arrays position, and, if known, normal, color (linear light) and radius. Colors of all
-        others are taken for sRGB: whole numbers of their type's range, floats from 0 to 1; in text
-        0 to 255 if any is above 1. What else there is of each point is kept as a column. `.las` and
-        `.laz`, COPC among them, want the extra `las`; where they have no colors, points have those
-        of their intensities, or else of their classes.
+        The suffix decides. `.ply` and `.pcd`: ASCII and all binary kinds. `.xyz`, `.txt`, `.asc` or
+        `.csv`: text of numbers in columns (x y z, then r g b, then a normal; or x y z and a value;
+        or as named by the first line). `.xyzn`: x y z and a normal. `.npz`: the arrays position
+        and, if known, normal, color (linear light) and radius. Colors of all other formats are
+        taken for sRGB: integers of their type's range, floats from 0 to 1; in text 0 to 255 if any
+        is above 1. Further values per point are kept as columns. `.las` and `.laz`, including
+        COPC, need the extra `las`; if they have no colors, points are colored by intensity, or
+        else by class.
     level
-        So many of the finest levels of a COPC file are left out.
+        Number of the finest levels of a COPC file to skip.
     columns
-        Names of columns that are kept, of those that a cloud can be colored by. Left out, all are.
+        Names of columns to keep. Default: all.
 
     Returns
     -------
-    The points whose places are numbers. Triangles of a mesh are left out: its vertices are points.
+    The points whose positions are finite. A mesh's triangles are ignored: its vertices are points.
 
     Raises
     ------
     ValueError
-        The format is unknown, the file is none of its kind, it has no points or not that column,
-        or neither memory nor the disk has room for it.
+        The format is unknown, the file does not have it, it has no points or lacks a column, or
+        neither memory nor disk has room for it.
     OSError
         The file is missing, cut off or damaged.
 
@@ -133,12 +133,12 @@ def _is_column(part: NDArray[Any], count: int) -> bool:
 
 
 def _read_columns(path: Path) -> Cloud:
-    """Cloud of numbers in columns, with commas, semicolons or blanks between them."""
+    """Read a cloud from columns of numbers separated by commas, semicolons or blanks."""
     try:
         check_size(str(path), path.stat().st_size)
         lines = path.read_text("utf-8").translate(str.maketrans(",;", "  ")).splitlines()
     except UnicodeDecodeError:
-        raise ValueError("is no text") from None
+        raise ValueError("is not a text file") from None
     first = next((n for n, line in enumerate(lines) if line.strip()), 0)
     names = _names(lines[first]) if lines else []
     is_comment = bool(lines) and lines[first].lstrip().startswith(COMMENTS)
@@ -156,7 +156,7 @@ def _read_columns(path: Path) -> Cloud:
 
 
 def _names(line: str) -> list[str]:
-    """Names of columns that a line holds; none if it holds a number."""
+    """Return the column names of a line; empty if it holds a number."""
     words = line.strip().lstrip("#/").split()
     if any(_is_number(word) for word in words):
         return []
@@ -173,32 +173,32 @@ def _is_number(word: str) -> bool:
 
 
 def _usual_names(width: int, with_normals: bool) -> list[str]:
-    """Names of the columns of a table that does not say them."""
+    """Return the usual names of columns for a table without names."""
     usual = {6: "x y z nx ny nz"} if with_normals else COLUMNS
     if width not in usual:
         raise ValueError(
-            f"has {width} columns; known are {', '.join(usual.values())}, or what the first line "
-            "says by as many names"
+            f"has {width} columns; known are {', '.join(usual.values())}, or columns named by the "
+            "first line"
         )
     return usual[width].split()
 
 
 def _header(file: BinaryIO, last: str) -> list[list[str]]:
-    """Words of a header's lines up to the one that begins with `last`."""
+    """Read the words of a header's lines up to the one that begins with `last`."""
     lines = []
     for line in islice(file, LONGEST_HEADER):
         words = line.decode("latin-1").split()
         lines.append(words)
         if words and words[0] == last:
             return lines
-    raise ValueError(f"is none of its kind: it has no line {last}")
+    raise ValueError(f"is not of this format: it has no line {last}")
 
 
 def _read_ply(path: Path) -> Cloud:
     with path.open("rb") as file:
         header = _header(file, "end_header")
         if header[0] != ["ply"]:
-            raise ValueError("is no PLY file: it does not begin with ply")
+            raise ValueError("is not a PLY file: it does not begin with ply")
         encoding, lines, count, kind = _ply_vertices(header)
         if encoding == "ascii":
             for _ in islice(file, min(lines, path.stat().st_size)):
@@ -208,7 +208,7 @@ def _read_ply(path: Path) -> Cloud:
 
 
 def _ply_vertices(header: list[list[str]]) -> tuple[str, int, int, np.dtype[Any]]:
-    """Encoding, things before the vertices, their count, and the type of one."""
+    """Return encoding, elements before the vertices, number and type of vertices."""
     encoding, element, before, count = "", "", 0, -1
     fields = []
     for words in header:
@@ -233,31 +233,31 @@ def _ply_vertices(header: list[list[str]]) -> tuple[str, int, int, np.dtype[Any]
 def _refuse_gaussians(names: set[str]) -> None:
     if any(own <= names for own in GAUSSIANS):
         raise ValueError(
-            "holds 3D Gaussians (f_dc_*, opacity, scale_*, rot_*), which only a renderer of them "
+            "holds 3D Gaussians (f_dc_*, opacity, scale_*, rot_*), which only a splat renderer "
             "can draw; give a cloud of points with x y z red green blue"
         )
 
 
 def _within(column: NDArray[Any], kind: np.dtype[Any], name: str) -> NDArray[Any]:
-    """Numbers as a type that holds all of them."""
+    """Convert numbers to a type that must hold all of them."""
     if kind.kind in "iu" and column.size:
         ends = np.iinfo(kind)
         if not (ends.min <= column.min() and column.max() <= ends.max):  # nor NaN
-            raise ValueError(f"holds numbers of {name} that are none of {kind}")
+            raise ValueError(f"holds numbers of {name} that do not fit into {kind}")
     return column.astype(kind)
 
 
 def _length(words: list[str]) -> int:
-    """How many of an element there are, by its line."""
+    """Return the number of elements from a header line."""
     if len(words) != 3 or not words[2].isdecimal() or len(words[2]) > MOST_DIGITS:
-        raise ValueError(f"has a PLY header with {' '.join(words)!r:.60}; a whole number is wanted")
+        raise ValueError(f"has a PLY header with {' '.join(words)!r:.60}; it needs a whole number")
     return int(words[2])
 
 
 def _binary_cloud(path: Path, file: BinaryIO, count: int, kind: np.dtype[Any]) -> Cloud:
-    """Cloud of so many points of a type that follow each other."""
+    """Read a cloud of `count` consecutive binary points."""
     wanted, given = count * kind.itemsize, path.stat().st_size - file.tell()
-    if not 0 <= wanted <= given or count > given:  # points of nothing have no bytes
+    if not 0 <= wanted <= given or count > given:  # points without fields have no bytes
         raise OSError(f"{path} is cut off: {given} of {wanted} bytes are there")
     gathering = Gathering(storage_for(count, path.name))
     for first in range(0, max(count, 1), STEP):
@@ -270,7 +270,7 @@ def _binary_cloud(path: Path, file: BinaryIO, count: int, kind: np.dtype[Any]) -
 
 
 def _text_fields(path: Path, file: BinaryIO, count: int, kind: np.dtype[Any]) -> Fields:
-    """Columns of lines of numbers, in their types."""
+    """Read columns from lines of numbers, in their types."""
     check_size(str(path), path.stat().st_size)
     most = min(max(count, 0), path.stat().st_size)  # a point has a byte or more
     table = _table([line.decode("latin-1") for line in islice(file, most)])
@@ -286,14 +286,14 @@ def _text_fields(path: Path, file: BinaryIO, count: int, kind: np.dtype[Any]) ->
 
 
 def _table(lines: list[str]) -> Doubles:
-    """Numbers of lines with blanks between them, (N, columns)."""
+    """Parse lines of numbers separated by blanks, (N, columns)."""
     if not any(line.strip() for line in lines):
         return np.zeros((0, 3))
     try:
         table: Doubles = np.loadtxt(lines, np.float64, comments=COMMENTS, ndmin=2)
         return table
     except ValueError as error:
-        raise ValueError(f"is no table of numbers: {str(error).partition(';')[0]}") from None
+        raise ValueError(f"is not a table of numbers: {str(error).partition(';')[0]}") from None
 
 
 def _read_pcd(path: Path) -> Cloud:
@@ -313,7 +313,7 @@ def _read_pcd(path: Path) -> Cloud:
 
 
 def _pcd_points(header: dict[str, list[str]]) -> tuple[int, np.dtype[Any]]:
-    """Number of points and the type of one."""
+    """Return the number and the type of points."""
     try:
         names = header["FIELDS"] if "FIELDS" in header else header["COLUMNS"]
         counts = [int(word) for word in header.get("COUNT", ["1"] * len(names))]
@@ -334,7 +334,7 @@ def _pcd_points(header: dict[str, list[str]]) -> tuple[int, np.dtype[Any]]:
 
 
 def _told_apart(names: list[str]) -> list[str]:
-    """Names of fields, each once; padding is often called _ several times."""
+    """Make field names unique; padding is often called _ several times."""
     return [f"{name} {n}" if name in names[:n] else name for n, name in enumerate(names)]
 
 
@@ -343,7 +343,7 @@ def _area(header: dict[str, list[str]]) -> int:
 
 
 def _compressed_fields(path: Path, file: BinaryIO, count: int, kind: np.dtype[Any]) -> Fields:
-    """Columns that stand one after the other, packed by LZF."""
+    """Read columns stored one after the other, compressed by LZF."""
     from resample_warp3d.clouds.kernels.lzf import unpack
 
     sizes = file.read(8)

@@ -1,4 +1,4 @@
-"""Cameras that look at clouds."""
+"""Cameras that frame point clouds."""
 
 import math
 from collections.abc import Sequence
@@ -16,35 +16,35 @@ from resample_warp3d.clouds.cloud import Cloud, places
 from resample_warp3d.clouds.parts import STEP, room_beside, rows_of
 from resample_warp3d.clouds.spacing import Surfels
 
-FIELD = 40.0  # degrees that `framed` sees along the frame's shorter side
-FILLED = 0.95  # of the frame's width or height, by what is visible
-DIRECTIONS = 25  # of all that a film looks along, which its distance is made for
-LEAST = 1e-12  # scene units from the eye to what it looks at
-STRAY = 0.01  # of all points: clumps that stand apart and hold less than this are not framed
-PER_CELL = 8  # points, on average, if they were spread evenly in the box around them
-ROUNDING = 1e-12  # of what is compared, more than sums of three products are off
+FIELD = 40.0  # degrees along the frame's shorter side, by default
+FILLED = 0.95  # share of the frame's width or height that the cloud fills
+DIRECTIONS = 25  # view directions of a film that determine its distance
+LEAST = 1e-12  # scene units, least distance from the camera to the cloud
+STRAY = 0.01  # of all points; separate clumps that hold less are ignored
+PER_CELL = 8  # points per cell, if spread evenly over the bounding box
+ROUNDING = 1e-12  # relative; above the rounding of sums of three products
 LEAST_CELLS, MOST_CELLS = 3, 32  # along the longest side of the box
 
 Flags = NDArray[np.bool_]
 
 
 class Framing(NamedTuple):
-    """What of a cloud a frame should hold: N points, and boxes around M parts that hold some."""
+    """Points of a cloud to frame: N points, and bounding boxes of M parts."""
 
     position: Floats | Doubles  # (N, 3)
-    origin: Doubles  # (3,) which is added to them
+    origin: Doubles  # (3,) added to the positions
     axes: Floats  # (N, 2, 3) half axes of the discs; or (0, 2, 3)
-    kept: Flags  # (N,) which of them
-    part: NDArray[np.int64]  # (M,) which parts of `STEP` points
+    kept: Flags  # (N,) points to frame
+    part: NDArray[np.int64]  # (M,) indices of parts of `STEP` points
     low: Doubles  # (M, 3) least coordinates of parts, without the origin
-    high: Doubles  # (M, 3) greatest
-    reach: float  # scene units, how far the largest disc reaches
-    middle: Doubles  # (3,) what directions begin at, scene units
+    high: Doubles  # (M, 3) (M, 3) greatest
+    reach: float  # scene units, radius of the largest disc
+    middle: Doubles  # (3,) reference point of directions, scene units
 
     def farthest(self, along: Doubles) -> float:
-        """Greatest product of a direction (3,) and a place on a disc.
+        """Return the greatest product of a direction (3,) and a position on a disc.
 
-        Parts are looked at as long as their boxes may hold a greater one.
+        Parts are visited while their boxes may contain a greater one.
         """
         x, y, z = (float(part) for part in along)
         corner = np.maximum(self._placed(self.low) * along, self._placed(self.high) * along)
@@ -61,7 +61,7 @@ class Framing(NamedTuple):
         return np.asarray(position + self.origin - self.middle, np.float64)
 
     def _farthest_of(self, part: int, along: tuple[float, float, float]) -> float:
-        """The same of a part alone."""
+        """Return the same for one part."""
         x, y, z = along
         kept = self.kept[part * STEP : (part + 1) * STEP]
         place = self._placed(self.position[part * STEP : (part + 1) * STEP][kept])
@@ -73,12 +73,12 @@ class Framing(NamedTuple):
         return float(value.max())
 
     def box_middle(self) -> Doubles:
-        """Middle (3,) of the box around the points, scene units."""
+        """Return the center (3,) of the points' bounding box, scene units."""
         low, high = self._placed(self.low.min(axis=0)), self._placed(self.high.max(axis=0))
         return np.asarray(0.5 * (low + high), np.float64)
 
     def farthest_from(self, middle: Doubles) -> float:
-        """Distance of the farthest point from a place, scene units."""
+        """Return the distance of the farthest point from a place, scene units."""
         most, about = 0.0, self._replace(middle=middle)
         for rows in rows_of(self.position):
             place = about._placed(self.position[rows][self.kept[rows]])
@@ -96,30 +96,29 @@ def framed(
     up: str = "z",
     fov: float = FIELD,
 ) -> Camera:
-    """Camera that looks at a cloud.
+    """Return a camera that frames a cloud.
 
-    Clumps of points that stand apart from all others are not waited for, if they hold less than a
-    hundredth of the points together.
+    Separate clumps of points are ignored if they hold less than a hundredth of all points together.
 
     Parameters
     ----------
     cloud
-        What is looked at.
+        The cloud to look at.
     size
         Width and height of the picture, px.
     azimuth, elevation, up
-        Where the camera stands, degrees, and which axis points upward, as
+        Direction of the camera, degrees, and the axis that points upward, as
         `resample.cameras.poses.orbit` takes them.
     distance
-        From the middle of the box around the points, scene units. Left out, the camera stands
-        where what it sees of the points fills the frame and is in its middle.
+        Distance from the center of the points' bounding box, scene units. By default the visible
+        points fill the frame and are centered in it.
     fov
         Degrees along the frame's shorter side.
 
     Raises
     ------
     ValueError
-        The cloud has no points, or a number is none.
+        The cloud has no points, or a number is invalid.
 
     Examples
     --------
@@ -152,7 +151,7 @@ def framed_together(
     up: str = "z",
     fov: float = FIELD,
 ) -> list[Camera]:
-    """Cameras at one distance from the middle of a cloud, from which all of them see all of it.
+    """Return cameras at one distance from a cloud's center that all show the whole cloud.
 
     Parameters
     ----------
@@ -164,7 +163,7 @@ def framed_together(
     Raises
     ------
     ValueError
-        As of `framed`.
+        As `framed` does.
     """
     seen = _visible(cloud)
     middle, camera = seen.box_middle(), _camera(size, fov)
@@ -178,7 +177,7 @@ def framed_together(
 
 
 def ball_around(cloud: Cloud | Surfels) -> Sphere:
-    """Middle of what is visible of a cloud and how far it reaches, scene units.
+    """Return a bounding sphere of a cloud's framed points, scene units.
 
     Raises
     ------
@@ -191,7 +190,7 @@ def ball_around(cloud: Cloud | Surfels) -> Sphere:
 
 
 def _some(angles: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Angles that stand for all: of an orbit, cosines between two change by under a hundredth."""
+    """Select representative angles; on an orbit cosines change by under 1 % between two."""
     each = sorted(set(angles))
     return [each[n] for n in np.linspace(0, len(each) - 1, min(len(each), DIRECTIONS)).astype(int)]
 
@@ -203,15 +202,16 @@ def _camera(size: tuple[int, int], fov: float) -> Camera:
 
 
 def _slopes(camera: Camera, size: tuple[int, int]) -> Doubles:
-    """Tangents (2,) of half the angles, across and down, that points should be seen within."""
+    """Return the tangents (2,) of the half angles, x and y, that points should fill."""
     return 0.5 * FILLED * np.array([size[0] / camera.fx, size[1] / camera.fy], np.float64)
 
 
 def _sides(seen: Framing, axes: Doubles, slope: Doubles) -> Doubles:
-    """Where sides of the frame touch a cloud: right and bottom, left and top; (2, 2).
+    """Return where the frame's sides touch a cloud: right, bottom; left, top; (2, 2).
 
-    `axes` (3, 3) holds the camera's in its rows. A place p is within a side of a frame that the
-    origin sees if ± x − slope z ≤ 0 and, seen by an eye e, if that is at most ± x − slope z of e.
+    `axes` (3, 3) holds the camera's axes in its rows. For a camera at the origin a point p is
+    within a side of the frame if ± x − slope z ≤ 0; for one at e, if that is at most ± x − slope z
+    of e.
     """
     touched = np.zeros((2, 2))
     for k in range(2):
@@ -221,7 +221,7 @@ def _sides(seen: Framing, axes: Doubles, slope: Doubles) -> Doubles:
 
 
 def _eye(seen: Framing, axes: Doubles, slope: Doubles) -> Doubles:
-    """Nearest place (3,) of an eye, along its own axes, that has all points within its sides."""
+    """Return the nearest camera center (3,), in camera axes, that shows all points."""
     right, left = _sides(seen, axes, slope)
     depth = float((-(right + left) / (2.0 * slope)).min())
     depth = min(depth, -seen.farthest(-axes[2]) - LEAST)
@@ -229,7 +229,7 @@ def _eye(seen: Framing, axes: Doubles, slope: Doubles) -> Doubles:
 
 
 def _visible(cloud: Cloud | Surfels) -> Framing:
-    """Points of a cloud without those that stand apart."""
+    """Return the points of a cloud without small separate clumps."""
     position = cloud.position if isinstance(cloud, Surfels) else places(cloud)
     if not len(position):
         raise ValueError("a cloud without points cannot be looked at")
@@ -237,7 +237,7 @@ def _visible(cloud: Cloud | Surfels) -> Framing:
     kept: Flags = room_beside(position, (len(position),), np.bool_)
     kept[:] = True
     left = len(position)
-    stray = int(STRAY * left)  # how many may be left out in all
+    stray = int(STRAY * left)  # how many may be ignored in all
     while stray > 0:
         before = left
         left = _leave_out(position, kept, stray)
@@ -251,7 +251,7 @@ def _visible(cloud: Cloud | Surfels) -> Framing:
 
 
 def _boxes(position: Floats | Doubles, kept: Flags) -> tuple[NDArray[np.int64], Doubles, Doubles]:
-    """Parts of points that hold some that are kept, and their least and greatest coordinates."""
+    """Return the parts that hold kept points, with their least and greatest coordinates."""
     found = []
     for part, rows in enumerate(rows_of(position)):
         some = position[rows][kept[rows]]
@@ -262,7 +262,7 @@ def _boxes(position: Floats | Doubles, kept: Flags) -> tuple[NDArray[np.int64], 
 
 
 def _reach(axes: Floats, kept: Flags) -> float:
-    """How far the largest of some discs reaches at most."""
+    """Return an upper bound of the largest disc's radius."""
     part = axes[kept].reshape(-1, 6).astype(np.float64)
     square = part[:, 0] * part[:, 0]
     for c in range(1, 6):
@@ -271,9 +271,9 @@ def _reach(axes: Floats, kept: Flags) -> float:
 
 
 def _leave_out(position: Floats | Doubles, kept: Flags, most: int) -> int:
-    """Keep no points of the smallest clumps, which hold at most so many; how many are left.
+    """Drop the smallest clumps, `most` points in all; return how many points are left.
 
-    Clumps are points in cells that touch, of a lattice over the box around all that are kept.
+    Clumps are points in adjacent cells of a grid over the kept points' bounding box.
     """
     from scipy import ndimage
 

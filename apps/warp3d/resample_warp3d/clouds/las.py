@@ -1,8 +1,8 @@
-"""LAS, LAZ and COPC: points of laser scanners, read through laspy with lazrs (the extra `las`).
+"""Read LAS, LAZ and COPC laser scans through laspy with lazrs (the extra `las`).
 
-Places are whole numbers times a scale, plus an offset, as the American Society for Photogrammetry
-and Remote Sensing's LAS 1.4 has it; they are worked out in float64. COPC 1.0 is LAZ whose points
-stand in an octree: each of its levels adds points between those of the levels before.
+Positions are integers times a scale plus an offset, as in the American Society for Photogrammetry
+and Remote Sensing's LAS 1.4; they are computed in float64. COPC 1.0 is LAZ whose points are stored
+in an octree: each level adds points between those of the previous levels.
 """
 
 import logging
@@ -29,21 +29,21 @@ ENTRY = np.dtype(
         "formats": ["<i4", "<i4", "<i4", "<i4", "<u8", "<i4", "<i4"],
     }
 )  # of a page of COPC's hierarchy
-HEAD = struct.Struct("<4s90xHII")  # mark, bytes of the header, where points begin, other parts
-PART = 54  # bytes of the least of these
-ITEMS = 34  # where the parts of a point begin, in what LAZ says of itself; their number is before
-LAYERS = {10: 9, 11: 1, 12: 2, 13: 1}  # that parts of a point are packed in, by their kinds
-BYTES = 14  # kind of extra bytes, each of which is a layer
-PAGE = -1  # points of an entry that names another page
-UNPACKED = 100  # bytes that a point takes beside those of its record, while it is unpacked
-LEFT_OUT = {  # what is of use to no picture
+HEAD = struct.Struct("<4s90xHII")  # signature, header bytes, offset of points, records
+PART = 54  # bytes of the smallest record
+ITEMS = 34  # offset of the items in the LAZ record; their number is before
+LAYERS = {10: 9, 11: 1, 12: 2, 13: 1}  # number of layers of an item, by its kind
+BYTES = 14  # kind of extra bytes; each byte is a layer
+PAGE = -1  # number of points of an entry that refers to another page
+UNPACKED = 100  # bytes per point beside its record, while unpacking
+LEFT_OUT = {  # dimensions that no picture uses
     *("X", "Y", "Z", "red", "green", "blue", "withheld", "x_t", "y_t", "z_t"),
     *("wavepacket_index", "wavepacket_offset", "wavepacket_size", "return_point_wave_location"),
 }
 
 
 class _Laser(NamedTuple):
-    """An open file."""
+    """An open LAS or LAZ file."""
 
     path: Path
     file: BinaryIO
@@ -52,12 +52,12 @@ class _Laser(NamedTuple):
 
     @property
     def packing(self) -> bytes:
-        """How a LAZ file is packed.
+        """The compression record of a LAZ file.
 
         Raises
         ------
         OSError
-            It does not say so, or says something that does not fit its points.
+            The record is missing or does not fit the points.
         """
         import lazrs
 
@@ -65,33 +65,35 @@ class _Laser(NamedTuple):
             packing = bytes(self.header.vlrs[self.header.vlrs.index("LasZipVlr")].record_data)
             size = lazrs.LazVlr(packing).item_size()
             if size != self.header.point_format.size:
-                raise ValueError(f"its points have {size} bytes packed and others unpacked")
+                raise ValueError(
+                    f"its points have {size} bytes when unpacked, not as its header says"
+                )
         return packing
 
 
 def read_las(path: Path, level: int = 0, columns: Sequence[str] | None = None) -> Cloud:
-    """Cloud of a LAS, LAZ or COPC file.
+    """Read the cloud of a LAS, LAZ or COPC file.
 
     Parameters
     ----------
     path
-        Of any version and format of points. Points that are marked as withheld are left out.
+        File of any version and point format. Points marked as withheld are dropped.
     level
-        So many of the finest levels of a COPC file are left out.
+        Number of the finest levels of a COPC file to skip.
     columns
-        Names of those that are kept; None: all are.
+        Names of columns to keep; None: all.
 
     Returns
     -------
-    Colors are sRGB in 16 bits, or in 8 where none is above 255. Where there are none, or all are
-    black, points have the gray of their intensity, of which the 98 % quantile is white, or else
-    a color per class.
+    Colors are sRGB in 16 bits, or in 8 if none is above 255. If there are none, or all are black,
+    points are gray by their intensity, of which the 98 % quantile is white, or else get a color per
+    class.
 
     Raises
     ------
     ValueError
-        The extra is not installed, there is no such level or column, or neither memory nor the
-        disk has room for it.
+        The extra is not installed, the level or column does not exist, or neither memory nor disk
+        has room for the cloud.
     OSError
         The file is damaged or cut off.
     """
@@ -104,7 +106,7 @@ def read_las(path: Path, level: int = 0, columns: Sequence[str] | None = None) -
         laser = _Laser(path, file, header, length)
         entries = _entries(laser) if level or _is_copc(laser) else None
         if level and entries is None:
-            raise ValueError("has no levels, which COPC files have; leave out the level")
+            raise ValueError("has no levels, as only COPC files do; leave out the level")
         if not level:
             _check_length(laser)
         return _gathered(laspy, laser, entries, level, columns)
@@ -117,7 +119,7 @@ def _gathered(
     level: int,
     columns: Sequence[str] | None,
 ) -> Cloud:
-    """All points of a file, or those of the coarser levels of its entries."""
+    """Read all points of a file, or those of the coarser levels."""
     if entries is None and not (laser.header.are_points_compressed and laser.header.point_count):
         records, count = _bare_in_parts(laspy, laser), laser.header.point_count
     else:
@@ -139,13 +141,13 @@ def _gathered(
 
 
 def _required(name: str) -> Any:
-    """The package laspy, with what it unpacks by."""
+    """Import laspy and its decompressor."""
     try:
         import laspy
         import lazrs  # noqa: F401
     except ImportError as error:
         raise ValueError(
-            f"{name} is of laspy, and {error.name} is not installed: "
+            f"{name} is read by laspy, and {error.name} is not installed: "
             "pip install 'hybrid-resample[las]'"
         ) from None
     return laspy
@@ -153,7 +155,7 @@ def _required(name: str) -> Any:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """What laspy logs is said by errors."""
+    """Silence laspy's log; its errors are raised."""
     logger = logging.getLogger("laspy")
     before = logger.level
     logger.setLevel(logging.CRITICAL + 1)
@@ -165,7 +167,7 @@ def _quiet() -> Iterator[None]:
 
 @contextmanager
 def _damage(path: Path) -> Iterator[None]:
-    """Make one error of the many kinds that damaged files raise."""
+    """Turn the many errors that damaged files raise into one kind."""
     try:
         yield
     except MemoryError:
@@ -179,7 +181,7 @@ def _damage(path: Path) -> Iterator[None]:
 
 
 def _check_head(file: BinaryIO, length: int) -> None:
-    """Refuse a header whose parts have no room in its file; laspy would take them one by one."""
+    """Refuse a header whose records do not fit into the file; laspy would read them all."""
     head = file.read(HEAD.size)
     file.seek(0)
     if len(head) < HEAD.size:
@@ -188,7 +190,7 @@ def _check_head(file: BinaryIO, length: int) -> None:
     if mark != b"LASF":
         raise ValueError("it does not begin with LASF")
     if not size <= points <= length or parts * PART > points - size:
-        raise ValueError("its header has no room in it")
+        raise ValueError("its header does not fit into it")
 
 
 def _is_copc(laser: _Laser) -> bool:
@@ -196,10 +198,10 @@ def _is_copc(laser: _Laser) -> bool:
 
 
 def _entries(laser: _Laser) -> NDArray[Any]:
-    """Entries (N,) of `ENTRY` of all chunks of a COPC file."""
+    """Return the entries (N,) of all chunks of a COPC file."""
     info = next((each for each in laser.header.vlrs if type(each).__name__ == "CopcInfoVlr"), None)
     if info is None:
-        raise ValueError("has no levels, which COPC files have; leave out the level")
+        raise ValueError("has no levels, as only COPC files do; leave out the level")
     pages = [(int(info.hierarchy_root_offset), int(info.hierarchy_root_size))]
     found, read = [], 0
     with _damage(laser.path):
@@ -207,7 +209,7 @@ def _entries(laser: _Laser) -> NDArray[Any]:
             start, size = pages.pop()
             read += size
             if size < 0 or start + size > laser.length or read > laser.length:
-                raise ValueError("a page of its levels is not there")
+                raise ValueError("a page of its levels is missing")
             laser.file.seek(start)
             page = np.frombuffer(laser.file.read(size // ENTRY.itemsize * ENTRY.itemsize), ENTRY)
             inner = page[page["points"] == PAGE]
@@ -216,21 +218,21 @@ def _entries(laser: _Laser) -> NDArray[Any]:
         chunks = np.concatenate(found)
         is_bad = (chunks["size"] < 0) | (chunks["level"] < 0) | (chunks["offset"] > laser.length)
         if not len(chunks) or is_bad.any() or chunks["size"].sum(dtype=np.int64) > laser.length:
-            raise ValueError("its levels are not there")
+            raise ValueError("its levels are missing")
     return chunks
 
 
 def _coarse(entries: NDArray[Any], level: int) -> NDArray[Any]:
-    """Chunks without those of the finest levels, in the order of the file."""
+    """Drop the chunks of the finest levels; return the rest in the order of the file."""
     deepest = int(entries["level"].max())
     if not 0 <= level <= deepest:
-        raise ValueError(f"has the levels 0 to {deepest}, and no level {level}")
+        raise ValueError(f"has levels 0 to {deepest}, but no level {level}")
     kept = entries[entries["level"] <= deepest - level]
     return kept[np.argsort(kept["offset"], kind="stable")]
 
 
 def _check_length(laser: _Laser) -> None:
-    """Refuse points that cannot be there."""
+    """Refuse a number of points that the file cannot hold."""
     header, size = laser.header, laser.header.point_format.size
     if header.are_points_compressed:
         check_ratio(laser.path.name, laser.length, header.point_count * size)
@@ -240,7 +242,7 @@ def _check_length(laser: _Laser) -> None:
 
 
 def _hint(entries: NDArray[Any] | None, level: int) -> str:
-    """The level of a file that memory holds, for the message that it does not hold all points."""
+    """Return the hint which level of a file fits into memory."""
     left = memory_left()
     if entries is None or left is None:
         return ""
@@ -252,7 +254,7 @@ def _hint(entries: NDArray[Any] | None, level: int) -> str:
 
 
 def _bare_in_parts(laspy: Any, laser: _Laser) -> Iterator[Any]:
-    """Points that are not packed, as laspy has them."""
+    """Yield uncompressed points, as laspy records."""
     with _damage(laser.path):
         laser.file.seek(0)
         reader = laspy.LasReader(laser.file, closefd=False, read_evlrs=False)
@@ -264,7 +266,7 @@ def _bare_in_parts(laspy: Any, laser: _Laser) -> Iterator[Any]:
 
 
 def _chunks(laser: _Laser) -> NDArray[Any]:
-    """Chunks (N,) of `ENTRY` of a LAZ file, by its table."""
+    """Return the chunks (N,) of a LAZ file from its chunk table."""
     import lazrs
 
     file, start, count = laser.file, laser.header.offset_to_point_data, laser.header.point_count
@@ -272,13 +274,13 @@ def _chunks(laser: _Laser) -> NDArray[Any]:
     with _damage(laser.path):
         file.seek(start)
         (table,) = struct.unpack("<q", file.read(8))
-        if table == -1:  # of a writer that could not go back
+        if table == -1:  # written by a writer that could not seek
             file.seek(laser.length - 8)
             (table,) = struct.unpack("<q", file.read(8))
         file.seek(table)
         number = struct.unpack("<2I", file.read(8))[1]
         if number > laser.length // laser.header.point_format.size:  # the first of each is bare
-            raise ValueError("the table of its chunks has no room in it")
+            raise ValueError("its chunk table does not fit into it")
         file.seek(start)
         points, size = np.array(lazrs.read_chunk_table(file, lazrs.LazVlr(packing)), np.int64).T
         chunks = np.zeros(number, ENTRY)
@@ -291,14 +293,14 @@ def _chunks(laser: _Laser) -> NDArray[Any]:
 
 
 def _checked_points(laser: _Laser, chunks: NDArray[Any]) -> int:
-    """How many points some chunks have; refused if their bytes cannot hold them."""
+    """Return the number of points of chunks, refusing more than their bytes can hold."""
     count = int(chunks["points"].sum(dtype=np.int64))
     check_ratio(laser.path.name, laser.length, count * laser.header.point_format.size)
     return count
 
 
 def _chunks_in_parts(laspy: Any, laser: _Laser, chunks: NDArray[Any]) -> Iterator[Any]:
-    """Points of some chunks of a LAZ file, as laspy has them, chunks of `STEP` points at a time."""
+    """Yield points of a LAZ file's chunks as laspy records, about `STEP` at a time."""
     packing = laser.packing
     part = (np.cumsum(chunks["points"], dtype=np.int64) - 1) // STEP
     for some in np.split(chunks, 1 + np.flatnonzero(np.diff(part))):
@@ -306,7 +308,7 @@ def _chunks_in_parts(laspy: Any, laser: _Laser, chunks: NDArray[Any]) -> Iterato
 
 
 def _unpacked(laspy: Any, laser: _Laser, chunks: NDArray[Any], packing: bytes) -> Any:
-    """Points of some chunks of a LAZ file."""
+    """Unpack the points of chunks of a LAZ file."""
     import lazrs
 
     count, size = int(chunks["points"].sum(dtype=np.int64)), laser.header.point_format.size
@@ -325,7 +327,7 @@ def _unpacked(laspy: Any, laser: _Laser, chunks: NDArray[Any], packing: bytes) -
 
 
 def _check_layers(chunk: bytes, length: int, size: int, packing: bytes) -> None:
-    """Refuse a chunk with layers (formats 6 to 10) that are larger than it; lazrs believes them."""
+    """Refuse a chunk with layers (formats 6 to 10) larger than it; lazrs trusts them."""
     if len(chunk) < max(length, size):
         raise ValueError("it is cut off")
     items = np.frombuffer(packing[ITEMS:], "<u2")[: 3 * packing[ITEMS - 2]].reshape(-1, 3)
@@ -336,13 +338,13 @@ def _check_layers(chunk: bytes, length: int, size: int, packing: bytes) -> None:
     if layers:
         sizes = np.frombuffer(chunk[size + 4 : first], "<u4")
         if len(sizes) < layers or first + int(sizes.sum(dtype=np.int64)) > len(chunk):
-            raise ValueError("layers of its points are not there")
+            raise ValueError("layers of its points are missing")
 
 
 def _fields(laser: _Laser, record: Any) -> tuple[Fields, Fields]:
-    """Levels of red, green and blue, if there are, and all other columns of points.
+    """Return red, green and blue if there are, and all other columns of points.
 
-    Those that are marked as withheld are left out.
+    Points marked as withheld are dropped.
     """
     kept = ~np.asarray(record["withheld"], np.bool_)
     names = [name for name in record.point_format.dimension_names if name not in LEFT_OUT]

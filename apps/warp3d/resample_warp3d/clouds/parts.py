@@ -1,7 +1,7 @@
-"""Clouds part by part: in arrays that lie in memory or, where it does not hold them, in files.
+"""Process clouds part by part, in memory or in memory-mapped files.
 
-Who takes such a cloud need not know where its arrays lie, but goes through them in parts of `STEP`
-points, so that copies are small.
+Code that uses such a cloud does not depend on where its arrays are stored, but processes them in
+parts of `STEP` points, so that copies are small.
 """
 
 import logging
@@ -19,22 +19,22 @@ from resample_warp3d.clouds.cloud import Cloud, some_of
 Part = TypeVar("Part")
 
 LOG = logging.getLogger("resample")
-STEP = 1 << 18  # points that are looked at together
-PER_POINT = 180  # bytes that a point takes in memory at most: read, measured and painted
-MOST_SORTED = 1 << 20  # values that are put in order at once
-RANGES = 1024  # that values are counted in
-LEAST_SHARE = 8  # part of `--memory` that a cloud may take, whatever else is in memory
+STEP = 1 << 18  # points per part
+PER_POINT = 180  # most bytes per point in memory: read, prepared and painted
+MOST_SORTED = 1 << 20  # values sorted at once
+RANGES = 1024  # ranges of the histogram of values
+LEAST_SHARE = 8  # a cloud may take 1 / 8 of `--memory`, whatever else is in memory
 
 
 class Storage(NamedTuple):
-    """Where the arrays of a cloud lie."""
+    """Storage of a cloud's arrays: memory or files."""
 
-    points: int  # at most
+    points: int  # largest number of points
     pages: int | None  # bytes of pages in memory, of arrays in files; None: all are in memory
     what: str  # name of the cloud for messages
 
     def array(self, width: tuple[int, ...], kind: DTypeLike) -> NDArray[Any]:
-        """Array (points, ...) of zeros.
+        """Allocate an array (points, ...) of zeros.
 
         Raises
         ------
@@ -48,30 +48,30 @@ class Storage(NamedTuple):
 
 
 def storage_for(count: int, what: str, hint: str = "") -> Storage:
-    """Where a cloud of so many points lies; files, which is said, if memory does not hold it.
+    """Choose storage for a number of points; log it if it is in files.
 
     Parameters
     ----------
     count
-        Points at most.
+        Largest number of points.
     what
         Name of the cloud for messages.
     hint
-        What else could be done where memory does not hold it.
+        What the user can do if memory does not hold it, for the message.
     """
     left = memory_left()
     if left is None or count * PER_POINT <= left:
         return Storage(count, None, what)
     LOG.info(
-        "%s has %s points, which would take %s of memory, and %s may be taken: they are in files "
-        "of %s meanwhile%s",
+        "%s has %s points, which would take %s of memory, and %s may be used: they are kept in "
+        "files in %s meanwhile%s",
         *(what, f"{count:,}", amount(count * PER_POINT), amount(left), folder(), hint),
     )
     return Storage(count, left // 4, what)
 
 
 def memory_left() -> int | None:
-    """Bytes that a cloud may take, beside what is in memory; None where the platform is silent."""
+    """Return the bytes that a cloud may take; None if the platform does not tell."""
     allowed = ALLOWED.get()
     if allowed is None:
         return available_memory()
@@ -79,7 +79,7 @@ def memory_left() -> int | None:
 
 
 class Gathering:
-    """A cloud that comes in parts, all with the same columns."""
+    """Collector of a cloud that arrives in parts with the same columns."""
 
     def __init__(self, storage: Storage) -> None:
         self._storage = storage
@@ -88,7 +88,7 @@ class Gathering:
         self._columns: dict[str, NDArray[Any]] = {}
 
     def add(self, part: Cloud) -> None:
-        """Take the points of a part that have a place.
+        """Add the points of a part that have a finite position.
 
         Raises
         ------
@@ -116,7 +116,7 @@ class Gathering:
         arrays[name][rows] = given
 
     def cloud(self) -> Cloud:
-        """All that was taken.
+        """Return all points added.
 
         Raises
         ------
@@ -131,13 +131,13 @@ class Gathering:
 
 
 def rows_of(values: NDArray[Any]) -> Iterator[slice]:
-    """Rows of an array, so many at a time as are looked at together."""
+    """Yield the rows of an array, `STEP` at a time."""
     for first in range(0, len(values), STEP):
         yield slice(first, min(first + STEP, len(values)))
 
 
 def on_threads(work: Callable[[Part], None], parts: Iterable[Part]) -> None:
-    """Do a piece of work of NumPy for each of some parts, on as many threads as kernels take."""
+    """Run NumPy work for each part, on as many threads as kernels use."""
     from resample.engine.jit import workers
 
     with ThreadPoolExecutor(workers()) as pool:
@@ -145,7 +145,7 @@ def on_threads(work: Callable[[Part], None], parts: Iterable[Part]) -> None:
 
 
 def room_beside(values: NDArray[Any], shape: tuple[int, ...], kind: DTypeLike) -> NDArray[Any]:
-    """Array of zeros for what is made of values, which lies where these do.
+    """Allocate zeros in the same storage as `values`.
 
     Raises
     ------
@@ -158,7 +158,7 @@ def room_beside(values: NDArray[Any], shape: tuple[int, ...], kind: DTypeLike) -
 
 
 def span_in(values: NDArray[Any]) -> tuple[float, float] | None:
-    """Least and greatest of those values (N,) that are finite; None if there are none."""
+    """Return the least and greatest finite value of (N,); None if there are none."""
     low, high = np.inf, -np.inf
     for part in _finite(values):
         low, high = min(low, float(part.min())), max(high, float(part.max()))
@@ -166,9 +166,9 @@ def span_in(values: NDArray[Any]) -> tuple[float, float] | None:
 
 
 def quantile_of(values: NDArray[Any], share: float) -> float:
-    """Quantile of those values (N,) that are finite, of which there is one at least.
+    """Return a quantile of the finite values of (N,); at least one must be finite.
 
-    Between two values it is linear, as of NumPy's `quantile`.
+    It interpolates linearly between values, as NumPy's `quantile` does.
 
     Raises
     ------
@@ -185,9 +185,9 @@ def quantile_of(values: NDArray[Any], share: float) -> float:
 
 
 def _ranked(values: NDArray[Any], rank: int) -> float:
-    """That finite value of all, in order, which has so many before it.
+    """Return the finite value of a rank in sorted order.
 
-    The range that it lies in is made closer, until its values are few.
+    The range that contains it is narrowed until few values are left.
     """
     low, high = span_in(values) or (0.0, 0.0)
     while True:
@@ -196,7 +196,7 @@ def _ranked(values: NDArray[Any], rank: int) -> float:
             break
         share = np.arange(1, RANGES) / RANGES
         edges = np.maximum.accumulate(low * (1.0 - share) + high * share)
-        edges[-1] = high  # so that not all are in one range
+        edges[-1] = high  # so that they do not all fall into one range
         held = np.zeros(RANGES, np.int64)
         for part in _finite(values):
             inside = part[(part >= low) & (part <= high)]
@@ -215,7 +215,7 @@ def _ranked(values: NDArray[Any], rank: int) -> float:
 
 
 def _finite(values: NDArray[Any]) -> Iterator[NDArray[np.float64]]:
-    """Finite values, some at a time."""
+    """Yield the finite values, part by part."""
     for rows in rows_of(values):
         part = np.asarray(values[rows], np.float64)
         part = part[np.isfinite(part)]

@@ -1,4 +1,4 @@
-"""Rendering of point clouds: points where they shrink, splats where they grow.
+"""Render point clouds: points where discs are small, splats where they are large.
 
 cloud = prepare_cloud(read_cloud("scan.ply"))
 frame = render_cloud(cloud, framed(cloud, size=(640, 480), azimuth=30), size=(640, 480))
@@ -41,33 +41,33 @@ if TYPE_CHECKING:
 
 TILE = 16  # px
 MOST_SUBPIXELS = 16
-TOLERANCE = 1.5  # radii; discs that differ by more in depth are of two surfaces
+TOLERANCE = 1.5  # radii; discs that differ by more in depth belong to two surfaces
 GRAY = 0.8  # albedo of clouds without colors
 
 
 class Light(StrEnum):
-    """What shades a cloud."""
+    """Light source that shades a cloud."""
 
-    NONE = "none"  # nothing: colors are shown as they were scanned
-    HEADLIGHT = "headlight"  # a lamp at the eye, by the angle that the surface is seen under
+    NONE = "none"  # no shading: colors as scanned
+    HEADLIGHT = "headlight"  # a light at the camera, Lambert's law
 
 
 @dataclass(frozen=True)
 class CloudStyle:
-    """How a cloud is drawn.
+    """Options of drawing a cloud.
 
     Parameters
     ----------
     point_size
-        Factor of all discs' radii.
+        Scale of all discs' radii.
     light
-        Left out, a headlight for clouds without colors and none for others.
+        Default: a headlight for clouds without colors, else none.
     cull
-        Leave out what is seen from behind. Needs normals that are known to point outward.
+        Cull discs that face away. Needs normals that point outward.
     subpixels
-        Per side of a pixel; their squares are the levels of coverage at edges.
+        Sub-pixels per side of a pixel; their square is the number of coverage levels.
     near
-        Scene units along the view axis; what is nearer is left out.
+        Near plane, scene units along the view axis.
 
     Raises
     ------
@@ -119,29 +119,29 @@ def render_cloud(
     Parameters
     ----------
     cloud
-        Points, or what `prepare_cloud` made of them, which saves time from the second picture on.
+        Points, or the result of `prepare_cloud`, which saves time for further pictures.
     camera
-        In perspective, without distortion. What lies before its near plane is left out.
+        Perspective camera without distortion. Points before its near plane are clipped.
     size
         Width and height, px.
     style
-        How it is drawn.
+        Options of drawing.
     filter
-        Pixel filter: `area`, `gaussian:sigma=0.5`, `tent`, `mitchell`, `lanczos:a=3`... The mean
-        over a pixel's square.
+        Pixel filter: `area`, `gaussian:sigma=0.5`, `tent`, `mitchell`, `lanczos:a=3`... Default:
+        the mean over a pixel's square.
     threads
-        At most this many, for the preparation too.
+        Most threads to use, also for the preparation.
 
     Returns
     -------
-    The picture, the same bits for any number of threads and any order of the points. Points are
-    discs that were smaller than a sub-pixel along both axes; splats are all others.
+    The picture, bit-identical for any number of threads and any order of the points. Its statistics
+    count as points the discs smaller than a sub-pixel along both axes, and as splats all others.
 
     Raises
     ------
     ValueError
-        The size is none, the camera is parallel or has distortion, or backs are to be left out
-        though normals do not tell them.
+        The size is invalid, the camera is parallel or has distortion, or back faces shall be culled
+        and the cloud has no normals.
 
     Examples
     --------
@@ -163,7 +163,7 @@ def render_cloud(
         start = perf_counter()
         surfels = cloud if isinstance(cloud, Surfels) else prepare_cloud(cloud)
         if chosen.cull and len(surfels.position) and not surfels.is_oriented:
-            raise ValueError("backs cannot be left out: the cloud's file gives no normals")
+            raise ValueError("back faces cannot be culled: the cloud's file has no normals")
         prepared = perf_counter() - start
         painted = _drawn(surfels, camera, shape, chosen, filter)
     held = np.zeros(SEEN, np.int64)
@@ -196,7 +196,7 @@ def _drawn(
 
 
 class Painted(NamedTuple):
-    """A cloud on the screen."""
+    """A painted cloud."""
 
     rgba: Floats  # (H, W, 4)
     depth: Floats  # (H, W)
@@ -209,7 +209,7 @@ class Painted(NamedTuple):
 def _painted(
     surfels: Surfels, camera: Camera, shape: tuple[int, int], style: CloudStyle, tile: int
 ) -> Painted:
-    """Cloud painted in tiles of so many px, each pixel the mean of its sub-pixels."""
+    """Paint a cloud in tiles; each pixel is the mean of its sub-pixels."""
     from resample_warp3d.clouds.kernels.discs import see
     from resample_warp3d.clouds.kernels.painting import CloudPicture
 
@@ -237,7 +237,7 @@ def _painted(
 
 
 def _painted_at_once(count: int, see: See, canvas: Canvas) -> tuple[Seen, dict[str, float]]:
-    """Paint so many discs; gives what is seen of each, and seconds per stage."""
+    """Paint all discs; return what is visible of each, and seconds per stage."""
     from resample_warp3d.clouds.kernels.discs import SURFEL
     from resample_warp3d.clouds.kernels.painting import Discs, paint
 
@@ -259,7 +259,7 @@ def _painted_at_once(count: int, see: See, canvas: Canvas) -> tuple[Seen, dict[s
 def _filtered(
     surfels: Surfels, camera: Camera, shape: tuple[int, int], style: CloudStyle, parts: Subpixels
 ) -> Painted:
-    """Cloud painted on parts of pixels, strip by strip, which are filtered last."""
+    """Paint a cloud on sub-pixels, strip by strip, and filter them."""
     from resample.engine.surfaces.resolve import nearest_of_rows, resolve_rows
 
     n = parts.count
@@ -281,14 +281,14 @@ def _filtered(
         nearest_of_rows(fine.first_depth, n, parts.margin, first[rows])
     covered = light[..., 3:] > 0
     rgba = np.where(covered, light, np.float32(0))
-    rgba /= np.maximum(rgba[..., 3:], np.float32(1))  # light goes with the coverage
+    rgba /= np.maximum(rgba[..., 3:], np.float32(1))  # keep light consistent with coverage
     depth = np.full(shape, np.inf, np.float32)
     np.divide(away[..., 0], light[..., 3], out=depth, where=covered[..., 0])
     return Painted(rgba, depth, first, seen, n, seconds)
 
 
 def eye_of(surfels: Surfels, camera: Camera, shape: tuple[int, int], style: CloudStyle) -> "Eye":
-    """Camera as the kernels see it, in the discs' own coordinates."""
+    """Return the camera for the kernels, in the discs' own coordinates."""
     from resample_warp3d.clouds.kernels.discs import Eye
 
     pose = np.asarray(camera.world_to_camera, np.float64)
@@ -313,9 +313,9 @@ def eye_of(surfels: Surfels, camera: Camera, shape: tuple[int, int], style: Clou
 
 def _check_camera(camera: AnyCamera) -> None:
     if not isinstance(camera, Camera):
-        raise ValueError(f"clouds are seen in perspective, not by {type(camera).__name__}")
+        raise ValueError(f"clouds are rendered in perspective, not by {type(camera).__name__}")
     if camera.distortion is not None:
         raise ValueError(
-            "clouds are seen without distortion; give a camera that has none and bend the picture "
-            "by resample-texture warp --lens"
+            "clouds are rendered without distortion; give a camera that has none and distort the "
+            "picture by resample-texture warp --lens"
         )

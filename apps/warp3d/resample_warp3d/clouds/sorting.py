@@ -1,7 +1,7 @@
-"""Points of a cloud put in order along a curve, all at once or, of files, bucket by bucket.
+"""Sort the points of a cloud along a Morton curve, in memory or bucket by bucket.
 
-The order is that of a Morton curve; points on one place of it are in order of all that they are. So
-it does not depend on the one they were given in, nor on where they lie.
+Points with the same curve code are ordered by all their attributes. So the order depends neither on
+the order of the input nor on where it is stored.
 """
 
 from collections.abc import Iterator
@@ -17,11 +17,11 @@ from resample.watching import look, told
 from resample_warp3d.clouds.cloud import Cloud, checked, some_of
 from resample_warp3d.clouds.parts import on_threads, room_beside, rows_of
 
-TOGETHER = 256  # points that are compared at a time
-NEAR = 1 << 15  # points that are put in order at a time: what the processor keeps at hand
-LOWER = np.uint64(63 - 16)  # bits of a place on a curve below those that are counted
-SAMPLED = 1 << 16  # points that say where buckets end
-SORTED = 160  # bytes that a point takes while its bucket is put in order
+TOGETHER = 256  # points compared at a time
+NEAR = 1 << 15  # points sorted at a time, which fit into the processor's cache
+LOWER = np.uint64(63 - 16)  # bits of a code below those counted by the first sort
+SAMPLED = 1 << 16  # points sampled to choose the ends of buckets
+SORTED = 160  # bytes per point while its bucket is sorted
 
 Indices = NDArray[np.int64]
 Codes = NDArray[np.uint64]
@@ -34,30 +34,30 @@ class Curve(NamedTuple):
     extent: float  # of the box's longest side
 
     def codes(self, position: Floats | Doubles) -> Codes:
-        """Places of points (N, 3) along the curve, (N,)."""
+        """Return the codes (N,) of points (N, 3) along the curve."""
         from resample_warp3d.clouds.kernels.curve import codes
 
         code: Codes = np.empty(len(position), np.uint64)
         place = np.ascontiguousarray(position, np.float32)
-        with told(None):  # of larger work
+        with told(None):  # part of larger work
             codes(place, self.low, (2**21 - 1) / self.extent, code)
         return code
 
 
 class Ordered(NamedTuple):
-    """Points in order, relative to the middle of the box around them."""
+    """Sorted points, relative to the center of their bounding box."""
 
     origin: Doubles  # (3,)
     cloud: Cloud
 
 
 def in_order(cloud: Cloud, radius: float | None) -> Ordered:
-    """Points that can be drawn, in order; all of one radius, if that is given.
+    """Sort the points that can be drawn; all get one radius, if given.
 
     Raises
     ------
     ValueError
-        As of `resample_warp3d.clouds.cloud.checked`, or the disk has no room.
+        As `resample_warp3d.clouds.cloud.checked` does, or the disk has no room.
     """
     pages = most_of(np.asarray(cloud.position))
     if pages is not None:
@@ -77,7 +77,7 @@ def in_order(cloud: Cloud, radius: float | None) -> Ordered:
 
 
 def _taken(values: NDArray[Any], order: Indices) -> Any:
-    """Values (N, ...) in an order; (0, ...) as they are."""
+    """Return values (N, ...) in an order; (0, ...) unchanged."""
     if not len(values):
         return values
     taken = np.empty_like(values, order="C")
@@ -90,7 +90,7 @@ def _taken(values: NDArray[Any], order: Indices) -> Any:
 
 
 def _drawn(cloud: Cloud, radius: float | None) -> Cloud:
-    """Points that can be drawn, of one radius, if that is given."""
+    """Return the points that can be drawn, with one radius, if given."""
     points = checked(cloud)
     if radius is None:
         return points
@@ -102,18 +102,18 @@ def _middle(low: Floats | Doubles, high: Floats | Doubles) -> Doubles:
 
 
 def corners(position: Floats | Doubles) -> tuple[Floats | Doubles, Floats | Doubles]:
-    """Least and greatest coordinates (3,) of points, of which there is one at least."""
+    """Return least and greatest coordinates (3,) of at least one point."""
     whole = len(position) // TOGETHER * TOGETHER
     if not whole:
         return position.min(axis=0), position.max(axis=0)
-    rows = position[:whole].reshape(-1, 3 * TOGETHER)  # long ones are compared quickly
+    rows = position[:whole].reshape(-1, 3 * TOGETHER)  # long rows are compared faster
     low, high = rows.min(axis=0).reshape(-1, 3), rows.max(axis=0).reshape(-1, 3)
     rest = position[whole:]
     return np.concatenate([low, rest]).min(axis=0), np.concatenate([high, rest]).max(axis=0)
 
 
 def curve_through(position: Floats | Doubles) -> Curve:
-    """Curve through the box around points (N, 3)."""
+    """Return the curve through the bounding box of points (N, 3)."""
     if not len(position):
         return Curve(np.zeros(3, np.float32), 1.0)
     return _curve_in(*(np.asarray(corner, np.float32) for corner in corners(position)))
@@ -124,9 +124,9 @@ def _curve_in(low: Floats, high: Floats) -> Curve:
 
 
 def canonical(cloud: Cloud, curve: Curve) -> Indices:
-    """Order along a curve; points on one place of it by all that they are."""
+    """Return the order along a curve; points with equal codes by all their attributes."""
     code = curve.codes(cloud.position)
-    order, ordered = _ascending(code)  # in any order where codes are equal, as that is settled here
+    order, ordered = _ascending(code)  # unstable for equal codes, which are ordered below
     same = ordered[1:] == ordered[:-1]
     if same.any():
         shared = np.flatnonzero(np.append(False, same) | np.append(same, False))
@@ -138,15 +138,15 @@ def canonical(cloud: Cloud, curve: Curve) -> Indices:
 
 
 def _ascending(code: Codes) -> tuple[Indices, Codes]:
-    """Order (N,) of places on a curve, and these in order.
+    """Return the order (N,) of codes, and the sorted codes.
 
-    They are grouped by their first bits, and groups are put in order that are near each other.
+    They are grouped by their high bits, then adjacent groups are sorted together.
     """
     if code.size <= NEAR:
         order = np.argsort(code)
         return order, code[order]
     high = (code >> LOWER).astype(np.uint16)
-    order = np.argsort(high, kind="stable")  # counts, and compares nothing
+    order = np.argsort(high, kind="stable")  # a radix sort
     grouped = code[order]
     ends = np.cumsum(np.bincount(high))
     wanted = np.arange(NEAR, code.size + NEAR, NEAR)
@@ -162,30 +162,30 @@ def _ascending(code: Codes) -> tuple[Indices, Codes]:
 
 
 def _rows(cloud: Cloud, rows: slice) -> Cloud:
-    """Some points of a cloud, without columns."""
+    """Return rows of a cloud, without columns."""
     position, normal, color, radius, _ = cloud
     return Cloud(position[rows], normal[rows], color[rows], radius[rows])
 
 
 class _Given(NamedTuple):
-    """A cloud in files, of which some rows at a time are made ready to be put in order."""
+    """A cloud in files that is prepared for sorting part by part."""
 
     cloud: Cloud
     radius: float | None
     origin: Doubles  # (3,)
 
     def part(self, rows: slice) -> Cloud:
-        """Points of some rows that can be drawn, relative to the origin."""
+        """Return the points of some rows that can be drawn, relative to the origin."""
         points = _drawn(_rows(self.cloud, rows), self.radius)
         return points._replace(position=(points.position - self.origin).astype(np.float32))
 
     def parts(self) -> Iterator[Cloud]:
-        """All of them."""
+        """Yield all parts."""
         for rows in rows_of(self.cloud.position):
             yield self.part(rows)
 
     def room(self, count: int) -> Cloud:
-        """Arrays in files for so many points."""
+        """Allocate arrays in files for a number of points."""
 
         def array(is_there: bool, *width: int) -> Floats:
             shape = (count if is_there else 0, *width)
@@ -202,10 +202,10 @@ class _Given(NamedTuple):
 
 
 def _by_buckets(cloud: Cloud, radius: float | None, most: int) -> Ordered:
-    """The same of a cloud in files, of which about so many points are put in order at once.
+    """Sort a cloud in files, about `most` points at a time.
 
-    A sample of the points says where on the curve buckets end; all points are then moved to their
-    buckets, each of which is put in order by itself.
+    A sample of the points determines where buckets end along the curve; all points are then moved
+    to their buckets, which are sorted one by one.
     """
     low, high, count = np.full(3, np.inf), np.full(3, -np.inf), 0
     for rows in rows_of(cloud.position):
@@ -231,7 +231,7 @@ def _by_buckets(cloud: Cloud, radius: float | None, most: int) -> Ordered:
 
 
 def _ends(given: _Given, curve: Curve, buckets: int) -> Codes:
-    """Places along a curve at which so many buckets end, of about as many points each."""
+    """Return the codes at which buckets of about equal size end."""
     every = max(1, len(given.cloud.position) // SAMPLED)
     sample = np.sort(curve.codes(given.part(slice(None, None, every)).position))
     ends: Codes = np.unique(sample[:: max(1, len(sample) // max(1, buckets))][1:])
@@ -239,7 +239,7 @@ def _ends(given: _Given, curve: Curve, buckets: int) -> Codes:
 
 
 def _moved(given: _Given, curve: Curve, ends: Codes, count: int) -> tuple[Cloud, Indices]:
-    """Points moved to buckets that end at some places of a curve, and where these begin."""
+    """Move points to buckets that end at given codes; also return the buckets' starts."""
     bucket = room_beside(given.cloud.position, (count,), np.uint32)
     held, first = np.zeros(len(ends) + 1, np.int64), 0
     for part in given.parts():

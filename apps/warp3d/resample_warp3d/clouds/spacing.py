@@ -1,4 +1,4 @@
-"""Points of a cloud made ready for rendering: in an order of their own, with normals and discs.
+"""Prepare a cloud for rendering: sort points, find normals and discs.
 
 Done once per cloud; the result serves every camera.
 """
@@ -18,22 +18,20 @@ from resample_warp3d.clouds.parts import memory_left, room_beside, rows_of
 from resample_warp3d.clouds.sorting import Ordered, curve_through, in_order
 
 NEIGHBOURS = 13  # with the point itself
-MORE_NEIGHBOURS = 41  # of points around which those leave a gap
-LARGEST = 1.75  # times the upper quartile of the sizes around it a disc may be large
+MORE_NEIGHBOURS = 41  # for points whose 13 neighbours leave a gap
+LARGEST = 1.75  # largest disc, relative to the upper quartile of its neighbours' sizes
 F4 = np.float32
-SORTING, MEASURING = 0.2, 0.95  # shares of the work, of all and of what comes after sorting
-RANKED = 48  # bytes that a point takes while it is put in order by ranks
-CROWDED = 0.1  # share of the blocks that begin on the step that the one before begins on
+SORTING, MEASURING = 0.2, 0.95  # share of all work, share of the rest
+RANKED = 48  # bytes per point while ranks are sorted
+CROWDED = 0.1  # share of the blocks that begin at the same code as the previous block
 
 Indices = NDArray[np.int64]
 
 
 class Surfels(NamedTuple):
-    """N discs of surfaces, in an order that does not depend on the one they were given in."""
+    """N discs of surfaces, in an order independent of the input's."""
 
-    origin: (
-        Doubles  # (3,) scene units; positions are relative to it, so that float32 tells them apart
-    )
+    origin: Doubles  # (3,) scene units; positions are relative to it, so that float32 resolves them
     position: Floats  # (N, 3) scene units
     axes: Floats  # (N, 2, 3) scene units, half axes; first × second is along the normal
     color: Floats  # (N, 3) linear light; or (0, 3)
@@ -53,31 +51,30 @@ def prepare_cloud(
     Parameters
     ----------
     cloud
-        Points; those whose place or color is not finite, or whose radius is not above 0, are left
-        out. Normals that are unknown are
-        fitted to the neighbours.
+        Points; those without a finite position or color, or with a radius not above 0, are dropped.
+        Unknown normals are fitted to the neighbours.
     radius
-        Of all discs, scene units. Left out, it is the cloud's own; where there is none, each disc
-        is the least ellipse about its point that contains the part of the surface which is nearer
-        to it than to its neighbours: discs then meet, and leave no gaps.
+        Radius of all discs, scene units. Default: the cloud's own; if it has none, each disc is the
+        smallest ellipse around its point that contains the part of the surface nearer to it than to
+        its neighbours: discs then touch and leave no gaps.
     largest
-        How many times the upper quartile of its 12 neighbours' sizes a disc may be large; that of a
-        stray point, of whose neighbours at most one is half as lonely, at most once. Infinity lifts
-        both. Of discs whose radius is not known.
+        Largest disc, relative to the upper quartile of the sizes of its 12 neighbours; for a stray
+        point, with at most one neighbour that is half as isolated, at most 1. Infinity removes both
+        limits. Only for discs without a given radius.
     threads
-        At most this many. Discs do not depend on it.
+        Most threads to use; the discs do not depend on it.
     cache
-        Keep what the neighbours say in the user's cache, and take it from there if it is; see
+        Cache normals and discs in the user's cache folder; see
         `resample_warp3d.clouds.storing`.
 
     Returns
     -------
-    Discs in the order of a curve through space.
+    Discs in the order of a space-filling curve.
 
     Raises
     ------
     ValueError
-        Lengths do not fit, or no radius is known and all points are in one place.
+        Lengths do not fit, or no radius is known and all points coincide.
 
     Examples
     --------
@@ -90,7 +87,9 @@ def prepare_cloud(
     0.7
     """
     if not largest > 0:
-        raise ValueError(f"discs of at most {largest:g} times their neighbours'; give above 0")
+        raise ValueError(
+            f"discs of at most {largest:g} times their neighbours'; give a factor above 0"
+        )
     if radius is not None and not (np.isfinite(radius) and radius > 0):
         raise ValueError(f"a radius of {radius}; give a length above 0")
     from resample.engine import jit
@@ -103,7 +102,7 @@ def prepare_cloud(
 
 
 def _discs(ordered: Ordered, largest: float, cache: bool) -> Surfels:
-    """Discs of points that are in order."""
+    """Compute the discs of sorted points."""
     cloud = ordered.cloud
     position = np.asarray(cloud.position, F4)
     count = len(position)
@@ -129,10 +128,10 @@ def _discs(ordered: Ordered, largest: float, cache: bool) -> Surfels:
 
 
 def _measured(position: Floats, normal: Floats, axes: Floats, largest: float | None) -> None:
-    """Fill in normals and discs by the neighbours of each point; None: discs are not needed."""
+    """Fill in normals and discs from each point's neighbours; None: normals only."""
     is_first, count = _first_of_each_place(position)
     if count == 1 and largest is not None:
-        raise ValueError("all points are in one place, so their size is unknown; give a radius")
+        raise ValueError("all points coincide, so their size is unknown; give a radius")
     place = position if count == len(position) else _taken(position, is_first, count)
     is_crowded = _is_crowded(place)
     if place is position and not is_crowded:
@@ -155,7 +154,7 @@ def _measured(position: Floats, normal: Floats, axes: Floats, largest: float | N
 
 
 def _first_of_each_place(position: Floats) -> tuple[NDArray[np.bool_], int]:
-    """Which points (N,) along a curve are not where the one before is, and how many."""
+    """Mark points (N,) that differ from the previous one, and count them."""
     is_first = room_beside(position, (len(position),), np.bool_)
     count = 0
     for rows in rows_of(position):
@@ -169,7 +168,7 @@ def _first_of_each_place(position: Floats) -> tuple[NDArray[np.bool_], int]:
 
 
 def _taken(values: Floats, is_taken: NDArray[np.bool_], count: int) -> Floats:
-    """Those rows (count, ...) of values that are taken."""
+    """Return the rows (count, ...) of values that are marked."""
     taken: Floats = room_beside(values, (count, *values.shape[1:]), F4)
     first = 0
     for rows in rows_of(values):
@@ -180,7 +179,7 @@ def _taken(values: Floats, is_taken: NDArray[np.bool_], count: int) -> Floats:
 
 
 def _permuted(values: Floats, order: Indices) -> Floats:
-    """Rows of values in an order."""
+    """Return rows of values in an order."""
     permuted: Floats = room_beside(values, values.shape, F4)
     for rows in rows_of(values):
         permuted[rows] = values[order[rows]]
@@ -188,7 +187,7 @@ def _permuted(values: Floats, order: Indices) -> Floats:
 
 
 def _measured_places(position: Floats, normal: Floats, axes: Floats, largest: float | None) -> None:
-    """Fill in normals and discs of points that lie along a curve, no two in one place."""
+    """Fill in normals and discs of distinct points sorted along a curve."""
     from resample_warp3d.clouds.kernels.cells import Spaced, limit
     from resample_warp3d.clouds.kernels.measuring import Wanted, measure_all
     from resample_warp3d.clouds.kernels.neighbours import blocks_of
@@ -205,7 +204,7 @@ def _measured_places(position: Floats, normal: Floats, axes: Floats, largest: fl
 
 
 def _sizes(axes: Floats) -> Floats:
-    """Lengths (N,) of the longer half axes."""
+    """Return the lengths (N,) of the longer half axes."""
     size: Floats = room_beside(axes, (len(axes),), F4)
     for rows in rows_of(axes):
         part = axes[rows]
@@ -217,14 +216,14 @@ def _sizes(axes: Floats) -> Floats:
 
 
 def _differ(position: Floats, other: Floats) -> NDArray[np.bool_]:
-    """Which points (N,) are not where others are."""
+    """Mark points (N,) that differ from others."""
     x, y, z = (position[:, axis] != other[:, axis] for axis in range(3))
     differ: NDArray[np.bool_] = x | y | z
     return differ
 
 
 def _is_crowded(position: Floats) -> bool:
-    """Whether many places of a sorted cloud share a step of the curve, as far strays leave few."""
+    """Whether many points of a sorted cloud share a code, because of far stray points."""
     from resample_warp3d.clouds.kernels.neighbours import BLOCK
 
     if len(position) <= BLOCK:
@@ -234,7 +233,7 @@ def _is_crowded(position: Floats) -> bool:
 
 
 def _along_ranks(position: Floats) -> Indices:
-    """Order (N,) along a curve through ranks, of places that strays leave few steps of their own.
+    """Return the order (N,) along a curve through coordinate ranks, for crowded clouds.
 
     Raises
     ------
@@ -245,9 +244,9 @@ def _along_ranks(position: Floats) -> Indices:
         left = memory_left()
         if left is not None and RANKED * len(position) > left:
             raise ValueError(
-                "some points lie so far away that all others are nearly in one place, which takes "
-                f"{amount(RANKED * len(position))} of memory, and {amount(left)} may be taken; "
-                "leave them out, or allow more"
+                "some points are so far away that all others nearly coincide, which takes "
+                f"{amount(RANKED * len(position))} of memory, and {amount(left)} may be used; "
+                "drop those points, or allow more memory"
             )
     ranks = np.empty(position.shape, np.float32)
     for axis in range(3):

@@ -1,9 +1,9 @@
-"""Normals and discs of clouds kept on disk, by what they were measured of.
+"""Disk cache of the normals and discs of clouds.
 
-Neighbours are looked up once per cloud, not once per picture. Files lie in the user's cache, or in
-the folder that HYBRID_RESAMPLE_CACHE names; those that were not used for longest go when all of
-them take more than `MOST_BYTES`. A file that is damaged, or that cannot be written, costs no more
-than the time to measure again.
+Neighbours are searched once per cloud, not once per picture. Files are in the user's cache, or in
+the folder that HYBRID_RESAMPLE_CACHE names; the least recently used are deleted when all together
+exceed `MOST_BYTES`. A file that is damaged or cannot be written only costs the time to measure
+again.
 """
 
 import hashlib
@@ -21,24 +21,24 @@ from resample.reading.arrays import read_npz
 from resample.types import Floats
 
 MOST_BYTES = 1 << 30
-LEAST_POINTS = 20_000  # fewer are measured about as quickly as they are looked up
+LEAST_POINTS = 20_000  # fewer are measured about as fast as loaded
 WIDTH = 9  # numbers per point: a normal and two half axes
 
 
 def folder() -> Path:
-    """Where what was measured is kept."""
+    """Return the cache's folder."""
     return mapped.folder() / "clouds"
 
 
 def measured_once(
     position: Floats, normal: Floats, axes: Floats, largest: float, measure: Callable[[], None]
 ) -> None:
-    """Fill in normals and discs by what is kept of them, or else measure them and keep that.
+    """Fill in normals and discs from the cache, or measure and cache them.
 
     Parameters
     ----------
     position
-        (N, 3) in their order.
+        (N, 3), sorted.
     normal
         (N, 3) 0 where unknown; filled in.
     axes
@@ -62,7 +62,7 @@ def measured_once(
 
 
 def _name(position: Floats, normal: Floats, largest: float) -> str:
-    """Text that is equal for equal clouds alone, measured by the same code."""
+    """Return the cache key of a cloud: a hash of its points and of the code."""
     digest = hashlib.sha256(f"{_code()} {largest!r} {position.shape}".encode())
     for array in (position, normal):
         digest.update(np.ascontiguousarray(array, np.float32).data)
@@ -71,7 +71,7 @@ def _name(position: Floats, normal: Floats, largest: float) -> str:
 
 @cache
 def _code() -> str:
-    """Fingerprint of the sources by which discs are measured."""
+    """Return a hash of the source code that measures discs."""
     from resample.engine.compiled.sources import engine_digest
 
     here = Path(__file__).parent
@@ -81,9 +81,9 @@ def _code() -> str:
 
 
 def _read(path: Path, count: int) -> Floats | None:
-    """What a file holds, if it is there and whole."""
+    """Read a cache file; None if it is missing or damaged."""
     try:
-        found: Floats = read_npz(path, "measured")["measured"]  # which looks at its checksum
+        found: Floats = read_npz(path, "measured")["measured"]  # checks its checksum
     except (OSError, ValueError, LookupError):
         return None
     if found.shape != (count, WIDTH) or found.dtype != np.float32:
@@ -93,7 +93,7 @@ def _read(path: Path, count: int) -> Floats | None:
 
 
 def _write(path: Path, numbers: Floats) -> None:
-    """Keep numbers in a file, and let others go for it."""
+    """Write numbers to a cache file, evicting others."""
     if numbers.nbytes > MOST_BYTES:
         return
     path.parent.mkdir(parents=True, exist_ok=True)

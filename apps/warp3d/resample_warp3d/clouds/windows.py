@@ -1,8 +1,8 @@
-"""Pictures of clouds in files: discs are seen some at a time, and painted tiles by tiles.
+"""Render clouds stored in files: project discs in parts, paint tiles in groups.
 
-A first look counts what each tile will hold. Then so many tiles that follow each other are painted
-as memory holds the discs of; of the discs only those parts are seen again that these tiles show.
-Each tile gets the discs that it would get of a cloud in memory, in their order: the same bits.
+A first pass counts the discs of each tile. Then consecutive tiles are painted in groups whose discs
+fit into memory; only parts that these tiles show are projected again. Each tile gets the same discs
+in the same order as with a cloud in memory: the result is bit-identical.
 """
 
 from collections.abc import Callable, Iterator
@@ -22,13 +22,13 @@ from resample_warp3d.clouds.spacing import Surfels
 if TYPE_CHECKING:
     from resample_warp3d.clouds.kernels.painting import CloudPicture
 
-POINT, SPLAT, SHOWN = 1, 2, 4  # what is known of a disc on the screen
-SEEN = 1 + (POINT | SPLAT | SHOWN)  # how many numbers these make together
+POINT, SPLAT, SHOWN = 1, 2, 4  # state of a disc on the screen
+SEEN = 1 + (POINT | SPLAT | SHOWN)  # number of combinations of these
 STAGES = "project", "sort", "paint"
-MEMBER = 16  # bytes that a disc takes in a tile, beside its record
-SURVEYING = 0.3  # share of the work
+MEMBER = 16  # bytes of a disc in a tile, beside its record
+SURVEYING = 0.3  # share of the first pass in the work
 
-See = Callable[[slice, Records], None]  # project some discs into as many records
+See = Callable[[slice, Records], None]  # projects discs into as many records
 Seen = NDArray[np.uint8]  # (N,) `POINT` or `SPLAT`, if a disc is in the frame, and `SHOWN`
 
 
@@ -42,7 +42,7 @@ class Canvas(NamedTuple):
 
 
 def kinds_of(records: Records) -> Seen:
-    """What discs are on the screen."""
+    """Classify projected discs."""
     kind = np.where(records["weight"] < 1, np.uint8(POINT), np.uint8(SPLAT))
     return np.where(records["left"] <= records["right"], kind, np.uint8(0))
 
@@ -57,16 +57,16 @@ def paint_in_windows(
     surfels
         The discs.
     see
-        Projects rows of them.
+        Function that projects rows of discs.
     canvas
-        Its picture is filled; it is transparent before, with infinite depths.
+        Frame whose picture is filled; it must be transparent, with infinite depths.
     most
-        Bytes that discs on the screen may take in memory; those of one tile may take more, which
-        are in a file then.
+        Bytes that discs on the screen may take in memory; those of a single tile may take more and
+        are then stored in a file.
 
     Returns
     -------
-    What is seen of each disc, and seconds per stage.
+    What is visible of each disc, and seconds per stage.
 
     Raises
     ------
@@ -86,7 +86,7 @@ def paint_in_windows(
 
 
 class _Work(NamedTuple):
-    """What is painted, see `paint_in_windows`."""
+    """Arguments and times of `paint_in_windows`."""
 
     surfels: Surfels
     see: See
@@ -96,10 +96,10 @@ class _Work(NamedTuple):
 
 
 class _Survey(NamedTuple):
-    """What a first look at all discs has found."""
+    """Result of the first pass over all discs."""
 
     seen: Seen
-    start: NDArray[np.int64]  # (T + 1,) how many discs the tiles before hold
+    start: NDArray[np.int64]  # (T + 1,) number of discs in all previous tiles
     touched: NDArray[np.int64]  # (parts, 2) first and last tile that each part of the discs touches
 
 
@@ -129,7 +129,7 @@ def _surveyed(work: _Work) -> _Survey:
 
 
 def _spans(start: NDArray[np.int64], most: int) -> Iterator[tuple[int, int]]:
-    """Tiles, from one to another, whose discs so many bytes hold, or one alone; no empty ones."""
+    """Yield spans of tiles whose discs fit into `most` bytes, or single tiles."""
     from resample_warp3d.clouds.kernels.discs import SURFEL
 
     discs = max(1, most // (SURFEL.itemsize + MEMBER))
@@ -150,7 +150,7 @@ def _paint_span(work: _Work, survey: _Survey, span: tuple[int, int]) -> None:
     records, which = _discs_of(work, survey, span)
     times.append(perf_counter())
     tiles = dealt_to_tiles(records, canvas.screen, canvas.size)
-    start = np.clip(tiles.start, tiles.start[span[0]], tiles.start[span[1]])  # none of other tiles
+    start = np.clip(tiles.start, tiles.start[span[0]], tiles.start[span[1]])  # exclude other tiles
     times.append(perf_counter())
     discs = Discs(records, np.zeros(len(records), np.uint8))
     paint(discs, tiles._replace(start=start), canvas.subpixels, canvas.picture)
@@ -163,7 +163,7 @@ def _paint_span(work: _Work, survey: _Survey, span: tuple[int, int]) -> None:
 def _discs_of(
     work: _Work, survey: _Survey, span: tuple[int, int]
 ) -> tuple[Records, NDArray[np.int64]]:
-    """Discs on the screen that tiles of a span hold, and which they are."""
+    """Return the projected discs in a span's tiles, and their indices."""
     from resample_warp3d.clouds.kernels.discs import SURFEL
     from resample_warp3d.clouds.kernels.windows import find_meeting
 
@@ -186,7 +186,7 @@ def _discs_of(
 
 
 def _room(work: _Work, count: int, kind: np.dtype[Any]) -> NDArray[Any]:
-    """Array of so many numbers or records, in a file if memory may not hold them."""
+    """Allocate an array, in a file if it exceeds the memory limit."""
     if count * kind.itemsize <= work.most:
         return np.empty(count, kind)
     return array_in_file((count,), kind, work.most, "a cloud on the screen")

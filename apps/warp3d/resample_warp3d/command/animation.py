@@ -1,4 +1,4 @@
-"""Cameras that move past a depth image, frame by frame."""
+"""Camera paths near a depth image, frame by frame."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -19,23 +19,23 @@ from resample_warp3d.wide.sights import Sight
 
 PATHS = ("sway", "orbit", "dolly")
 AMOUNTS = {"sway": 0.1, "orbit": 0.1, "dolly": 0.3}
-NEAR = 0.9  # quantile of the nearness that stands for what is near
+NEAR = 0.9  # quantile of the nearness that defines the near distance
 FRAMES = 48
-OWN = ("matrix", "distortion", "model", "sx", "sy", "cx", "cy")  # of cameras, but for their poses
+OWN = ("matrix", "distortion", "model", "sx", "sy", "cx", "cy")  # of cameras, without their poses
 
 Poses = Callable[[int], Doubles]
 
 
 @dataclass(frozen=True)
 class Range:
-    """How far a picture's things are, scene units."""
+    """Near and median distance of a picture, scene units."""
 
     near: float
     middle: float
 
     @classmethod
     def of(cls, nearness: Floats) -> "Range":
-        """Range of the nearness that is known, of which there must be some."""
+        """Return the range of the known nearness; at least one value must be known."""
         known = nearness[nearness > 0].astype(np.float64)
         near, middle = np.quantile(known, [NEAR, 0.5])
         return cls(1.0 / float(near), 1.0 / float(middle))
@@ -43,16 +43,17 @@ class Range:
 
 @dataclass(frozen=True)
 class NearbyPath:
-    """A closed path near a camera, of which each frame sees what is in the middle distance.
+    """A closed path near a camera that keeps looking at the median distance.
 
     Parameters
     ----------
     path
-        `sway`: left and right; `orbit`: in a circle, half as high as wide; `dolly`: ahead and back.
+        `sway`: left and right; `orbit`: in an ellipse, half as high as wide; `dolly`: forward and
+        back.
     frames
-        How many, 1 to `resample.files.animations.MOST_FRAMES`.
+        Number of frames, 1 to `resample.files.animations.MOST_FRAMES`.
     amount
-        How far, as a share of the distance of what is near; None is the path's in `AMOUNTS`.
+        Size, relative to the near distance; None: the path's in `AMOUNTS`.
 
     Raises
     ------
@@ -74,7 +75,7 @@ class NearbyPath:
         check_count(self.frames)
 
     def pose(self, n: int, start: Doubles, distance: Range) -> Doubles:
-        """Pose (4, 4) of a frame, world to camera, of a camera that begins at `start`."""
+        """Return a frame's pose (4, 4), world to camera, of a camera that starts at `start`."""
         amount = AMOUNTS[self.path] if self.amount is None else self.amount
         reach, phase = amount * distance.near, 2.0 * math.pi * n / self.frames
         if self.path == "dolly":
@@ -86,13 +87,13 @@ class NearbyPath:
 
 
 def poses_between(poses: Sequence[Doubles], count: int) -> list[Doubles]:
-    """So many poses evenly along the way through given ones, in straight lines and even turns."""
+    """Interpolate poses evenly: straight lines between positions, slerp between rotations."""
     from scipy.spatial.transform import Rotation, Slerp
 
     check_count(count)
     if len(poses) == 1:
         return [poses[0]] * count
-    back = np.linalg.inv(np.stack(poses))  # eyes move in straight lines, not the world
+    back = np.linalg.inv(np.stack(poses))  # cameras move in straight lines, not the world
     time, wanted = np.arange(len(poses)), np.linspace(0, len(poses) - 1, count)
     turned = Slerp(time, Rotation.from_matrix(back[:, :3, :3]))(wanted).as_matrix()
     place = np.stack([np.interp(wanted, time, back[:, axis, 3]) for axis in range(3)], axis=1)
@@ -108,7 +109,7 @@ def check_path(path: str, frames: int | None, amount: float | None) -> None:
     Raises
     ------
     ValueError, LookupError, OSError
-        As of `poses_of`.
+        As `poses_of` does.
     """
     poses_of(path, frames, amount, np.eye(4), Range(1.0, 1.0))
 
@@ -116,18 +117,18 @@ def check_path(path: str, frames: int | None, amount: float | None) -> None:
 def poses_of(
     path: str, frames: int | None, amount: float | None, start: Doubles, distance: Range
 ) -> list[Doubles]:
-    """Poses of all frames of a path.
+    """Return the poses of all frames of a path.
 
     Parameters
     ----------
     path
         One of `PATHS`, or a file as `resample.cameras.files.read_poses` takes it.
     frames
-        How many; None are `FRAMES`, or the poses of the file themselves.
+        Number of frames; None: `FRAMES`, or the file's number of poses.
     amount
-        As `NearbyPath` takes it; a file has none.
+        As `NearbyPath` takes it; not for a file.
     start, distance
-        Pose that paths begin at, and how far things are from it.
+        Pose at which paths start, and the distances seen from it.
 
     Raises
     ------
@@ -154,18 +155,18 @@ def shots(
     render: Callable[[Sight], Floats],
     job: Mapping[str, object],
 ) -> Shots:
-    """Frames of a path.
+    """Return the frames of a path.
 
     Parameters
     ----------
     poses
-        One for each frame, world to camera.
+        One per frame, world to camera.
     camera
-        What its frames are seen with.
+        Camera of the frames, whose pose is replaced.
     render
-        Makes a frame (H, W, 3) of 0..1, as a screen shows it, of a camera.
+        Function from a camera to a frame (H, W, 3), 0..1, as a screen shows it.
     job
-        What else the frames depend on; see `resample.files.animations.Shots`.
+        Other parameters that the frames depend on; see `resample.files.animations.Shots`.
     """
 
     def frame(n: int) -> Levels:
@@ -178,13 +179,13 @@ def shots(
 
 
 def as_levels(screen: Floats) -> Levels:
-    """Levels of 8 bits of a picture of 0..1."""
+    """Convert a picture 0..1 to 8-bit levels."""
     levels: Levels = np.floor(np.clip(screen, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
     return levels
 
 
 def on_screen(warped: Warped, *, has_alpha: bool, background: Background) -> Floats:
-    """Warped picture (H, W, 3) as a screen shows it, 0..1.
+    """Return a warped picture (H, W, 3) as a screen shows it, 0..1.
 
     Raises
     ------

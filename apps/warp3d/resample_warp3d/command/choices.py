@@ -1,4 +1,4 @@
-"""What the command line lets a user choose about a warp; no numerics in here."""
+"""Options of the command line for warps."""
 
 from dataclasses import is_dataclass, replace
 from pathlib import Path
@@ -28,7 +28,7 @@ UNMIXED = ("mcmillan", "mcmillan-zbuffer", "opencv")  # give each pixel the colo
 
 
 class Depth(Choices):
-    """What the numbers of the depth file mean."""
+    """Meaning of the depth file's numbers."""
 
     heading: ClassVar[str] = "Input"
     about: ClassVar[About] = About.LOOK
@@ -36,40 +36,50 @@ class Depth(Choices):
     depth_kind: Annotated[
         Literal["z", "ray", "inverse", "disparity", "relative", "relative-z"],
         Field(
-            description="Z along the camera's axis, length of the ray, 1 / z, or disparity of a "
-            "calibrated pair, where 0, NaN and inf are unknown; or what networks tell: relative, "
+            description="z along the camera's axis, ray length, inverse (1 / z), or disparity of a "
+            "calibrated pair, where 0, NaN and inf are unknown; or a network's output: relative, "
             "larger is nearer, or relative-z, larger is farther."
         ),
     ] = "z"
     depth_scale: Annotated[
         float | None,
-        Field(description="Numbers per unit: 1000 for mm, 5000 for TUM. Floats need none."),
+        Field(description="File values per unit: 1000 for mm, 5000 for TUM. Not for floats."),
     ] = None
     near: Annotated[
-        float | None, Field(description="Inverse depth: z at the largest number. Relative: 1.")
+        float | None,
+        Field(
+            description="Inverse depth: z at the largest value. Relative depth: least z; default 1."
+        ),
     ] = None
     far: Annotated[
-        float | None, Field(description="Inverse depth: z at 0; may be inf. Relative: 10.")
+        float | None,
+        Field(
+            description="Inverse depth: z at 0; may be inf. Relative depth: largest z; default 10."
+        ),
     ] = None
     baseline: Annotated[
-        float | None, Field(description="Disparity: distance of the two eyes, scene units.")
+        float | None, Field(description="Disparity: distance between the two cameras, scene units.")
     ] = None
     focal: Annotated[
-        float | None, Field(description="Disparity: focal length in px. That of the intrinsics.")
+        float | None,
+        Field(description="Disparity: focal length in px. Default: from the intrinsics."),
     ] = None
     depth_intrinsics: Annotated[
         str | None,
         NUMBERS,
         Hyphen,
         Field(
-            description="fx,fy,cx,cy[,skew] of a depth camera of its own, px of the depth, or a "
-            "file as of --intrinsics; what it saw is brought to the picture's camera."
+            description="fx,fy,cx,cy[,skew] of a separate depth camera, px of the depth, or a "
+            "file as for --intrinsics; its depth is reprojected to the picture's camera."
         ),
     ] = None
     depth_pose: Annotated[
         str | None,
         About.SOURCE,
-        Field(description="And its pose: file or file:frame, as of --pose. The picture's."),
+        Field(
+            description="Pose of the depth camera: file or file:frame, as for --pose. Default: "
+            "the picture's."
+        ),
     ] = None
     doffs: Annotated[
         float,
@@ -78,7 +88,7 @@ class Depth(Choices):
     ] = 0.0
 
     def check(self) -> None:
-        """Refuse what can be seen to be wrong without the files."""
+        """Refuse wrong options before any file is read."""
         if self.depth_kind == "disparity" and self.baseline is None:
             raise ValueError("disparity needs --baseline; without one, see the command stereo")
         of_kinds = {
@@ -100,11 +110,11 @@ class Depth(Choices):
 
     @property
     def scale_of_z(self) -> float | None:
-        """Numbers per unit, if they are z."""
+        """File values per unit, if they are z."""
         return self.depth_scale if self.depth_kind == "z" else None
 
     def range(self) -> tuple[float, float]:
-        """Z that relative depth is taken to lie between."""
+        """Return the range of z that relative depth is mapped to."""
         from resample_warp3d.depth import encodings
 
         near = encodings.NEAR if self.near is None else self.near
@@ -121,7 +131,7 @@ class Depth(Choices):
         return self.depth_kind in RELATIVE
 
     def camera(self, camera: "Camera", shape: Shape, stored: Shape) -> "Camera":
-        """Camera that took the depth: its own, or the picture's at the depth's size.
+        """Return the depth's camera: its own, or the picture's at the depth's size.
 
         Parameters
         ----------
@@ -133,7 +143,7 @@ class Depth(Choices):
         Raises
         ------
         ValueError, LookupError, OSError
-            The numbers are no camera's, or a file cannot be read.
+            The numbers do not make a camera, or a file cannot be read.
         """
         from resample.cameras.files import read_pose
 
@@ -144,7 +154,7 @@ class Depth(Choices):
         return own.sized(*stored).moved(pose)
 
     def encoding(self, camera: "Camera") -> "Encoding":
-        """Meaning of the numbers, for a picture of the camera.
+        """Return the encoding of the numbers, for a picture of the camera.
 
         Raises
         ------
@@ -166,16 +176,16 @@ class Depth(Choices):
 
 
 class PairDepth(Depth):
-    """What the numbers are that tell how far things are from two eyes."""
+    """Meaning of the depth's or disparity's numbers for a stereo pair."""
 
     depth_kind: Annotated[
         Literal["pair", "z", "ray", "inverse", "disparity", "relative", "relative-z"],
-        Field(description="As of render; or pair, px between the pictures of a rectified pair."),
-    ] = "pair"  # type: ignore[assignment]  # and one more
+        Field(description="As in render; or pair, the disparity of a rectified pair in px."),
+    ] = "pair"  # type: ignore[assignment]  # one more kind
 
 
 class Parallax(Choices):
-    """How two eyes see a picture of any depth."""
+    """Geometry and layout of a stereo pair."""
 
     heading: ClassVar[str] = "Stereo"
     about: ClassVar[About] = About.LOOK
@@ -184,29 +194,29 @@ class Parallax(Choices):
         float | None,
         Field(
             gt=0,
-            description="Distance of the eyes, scene units. So that parallax is at most 1.5 % of "
-            "the width.",
+            description="Distance between the eyes, scene units. Default: such that parallax is "
+            "at most 1.5 % of the width.",
         ),
     ] = None
     zero_plane: Annotated[
         float | None,
-        Field(gt=0, description="Distance of what stays in the screen, scene units. The middle."),
+        Field(gt=0, description="Distance of zero parallax, scene units. Default: the median."),
     ] = None
     layout: Annotated[
         Literal["one", "side-by-side", "top-bottom", "anaglyph"],
         Field(
-            description="What is written: the other eye's picture alone, or both: the left one at "
-            "the left, on top, or in red."
+            description="Output: the other eye's picture alone, or both: the left one at the "
+            "left, on top, or in red."
         ),
     ] = "one"
 
     def check(self, meaning: PairDepth, eye: SourceCamera) -> None:
-        """Refuse what says nothing about a rectified pair, and pictures that have none.
+        """Refuse options that do not apply to a rectified pair, and pictures without a pinhole.
 
         Raises
         ------
         ValueError
-            There is such a choice.
+            Such an option is given.
         """
         eye.check_pinhole("stereo")
         if meaning.depth_kind != "pair":
@@ -230,47 +240,49 @@ class Warping(Choices):
     filter: MethodsFilter = None
     noise: Annotated[
         float | None,
-        Field(ge=0, description="Of the depth, relative (0.002 for 0.2 %). It is measured."),
+        Field(
+            ge=0, description="Relative noise of the depth, 0.002 for 0.2 %. Default: estimated."
+        ),
     ] = None
     refine: Annotated[
         Refine,
         Field(
-            description="What is done about depth that does not fit the picture: snap moves edges "
-            "to those of color, sharpen makes soft ones hard, both fill gaps, complete does that "
-            "alone; auto finds out."
+            description="Repair of depth that does not fit the picture: snap moves edges to color "
+            "edges, sharpen hardens soft edges, both fill gaps, complete only fills gaps; auto "
+            "chooses."
         ),
     ] = "auto"
     fill: Annotated[
         bool,
         Switch,
-        Field(description="Make up what no view shows, from the background beside it."),
+        Field(description="Fill holes that no view shows from the background beside them."),
     ] = False
     fill_by: Annotated[
         Literal["picture", "layer"],
         Field(
-            description="What --fill makes it up from: each picture, or a layer behind silhouettes "
-            "that the source gets once, so that films do not flicker."
+            description="Source of --fill: each rendered picture, or a background layer behind "
+            "silhouettes that is made once per source, so that films do not flicker."
         ),
     ] = "picture"
     unmixed: Annotated[
         bool,
         Switch,
-        Field(description="Colors are names or numbers, which are not mixed."),
+        Field(description="Colors are labels: never mix them."),
     ] = False
     threads: Threads = None
 
     @property
     def has_layer(self) -> bool:
-        """Whether sources get a layer behind their silhouettes."""
+        """Whether sources get a background layer behind their silhouettes."""
         return self.fill_by == "layer"
 
     def built(self) -> "Method":
-        """The method.
+        """Return the method.
 
         Raises
         ------
         ValueError, LookupError
-            It is unknown, refuses its parameters, or cannot do what else is asked for.
+            The method is unknown, refuses its parameters, or does not go with other options.
         """
         from resample import registry
 
@@ -285,7 +297,7 @@ class Warping(Choices):
         if not self.unmixed:
             return method
         if self.fill:
-            raise ValueError("what is filled is mixed; leave out one of --unmixed and --fill")
+            raise ValueError("filling mixes colors; leave out one of --unmixed and --fill")
         if self.filter is not None:
             raise ValueError("a filter mixes colors; leave out one of --unmixed and --filter")
         if is_dataclass(method) and hasattr(method, "labels"):
@@ -298,7 +310,7 @@ class Warping(Choices):
 
 
 class Joint(Choices):
-    """How several views become one."""
+    """Options of combining several views."""
 
     heading: ClassVar[str] = "Several sources"
     about: ClassVar[About] = About.LOOK
@@ -306,30 +318,35 @@ class Joint(Choices):
     blend: Annotated[
         Literal["feathered", "confident", "best"],
         Field(
-            description="Of several views: feathered, by sampling and angle, fading out toward a "
-            "view's border; confident, by sampling alone; best, one view for each pixel."
+            description="Of several views: feathered, weighted by sampling and angle, fading "
+            "toward a view's border; confident, weighted by sampling only; best, one view per "
+            "pixel."
         ),
     ] = "feathered"
     match_colors: Annotated[
         Literal["gain", "gain-bias", "none"],
-        Field(description="What makes several views equally bright. Their mean stays."),
+        Field(
+            description="Correction that makes several views equally bright, keeping their mean."
+        ),
     ] = "gain"
     match_depths: Annotated[
         Literal["scale", "none"],
-        Field(description="What makes depths of several views meet. Their mean stays."),
+        Field(
+            description="Correction that aligns the depths of several views, keeping their mean."
+        ),
     ] = "scale"
     votes: Annotated[
         Literal["majority", "none"],
-        Field(description="Leave out what as many views look through as see."),
+        Field(description="Drop samples that as many views contradict as confirm."),
     ] = "majority"
     plain: Annotated[
         bool,
         Switch,
-        Field(description="Take several views as they are: confident, and none of the others."),
+        Field(description="Combine several views without corrections or votes: --blend confident."),
     ] = False
 
     def joining(self, *, unmixed: bool) -> "Joining":
-        """The choices; names are not blended."""
+        """Return the options; labels are not blended."""
         from resample_warp3d.views.together import PLAIN, Joining
 
         chosen = (
@@ -341,7 +358,7 @@ class Joint(Choices):
 
 
 class Showing(Choices):
-    """What of a warped picture is written."""
+    """Which result of a warp is written."""
 
     heading: ClassVar[str] = "Picture"
     about: ClassVar[About] = About.LOOK
@@ -349,9 +366,9 @@ class Showing(Choices):
     show: Annotated[
         Literal["picture", "holes", "depth", "coverage", "magnification", "confidence"],
         Field(
-            description="What of the new picture is written: itself; with its holes in the colors "
-            "of --holes; or, as false colors, its depth, the share of pixels that is covered, px "
-            "per px of the source, or how far it can be trusted."
+            description="Result to write: the picture; the picture with its holes in the colors "
+            "of --holes; or, in false color, depth, covered share of each pixel, magnification "
+            "(px per px of the source), or confidence."
         ),
     ] = "picture"
 
@@ -361,18 +378,20 @@ class Showing(Choices):
         return self.show == "picture"
 
     def check(self, *, unmixed: bool) -> None:
-        """Refuse colors of names."""
+        """Refuse false colors of labels."""
         if unmixed and not self.is_plain:
-            raise ValueError(f"--show {self.show} is in colors; leave out it or --unmixed")
+            raise ValueError(
+                f"--show {self.show} is in false colors; leave out --show or --unmixed"
+            )
 
     def check_still(self) -> None:
-        """Refuse what films do not show."""
+        """Refuse results that are not made for films."""
         if not self.is_plain:
-            raise ValueError(f"--show {self.show} is made of a picture, not of a film")
+            raise ValueError(f"--show {self.show} is for pictures, not for films")
 
 
 class Extras(Choices):
-    """What is written beside the picture."""
+    """Files to write beside the picture."""
 
     heading: ClassVar[str] = "Further outputs"
     about: ClassVar[About] = About.TARGET
@@ -380,8 +399,9 @@ class Extras(Choices):
     holes: Annotated[
         Path | None,
         Field(
-            description="What no view shows and why (.png): magenta hidden behind something, gray "
-            "outside the source, blue without depth, yellow a crack that was filled."
+            description="Also write the holes by their cause (.png): magenta hidden behind "
+            "something, gray outside the source, blue without depth, yellow a crack that was "
+            "filled."
         ),
     ] = None
     coverage: Annotated[
@@ -391,25 +411,26 @@ class Extras(Choices):
     depth_output: Annotated[
         Path | None,
         Field(
-            description="Depth z: .exr and .npy in scene units; .png in 16 bits, of the depth "
-            "scale, or 1000 per unit. Of a film as of animate."
+            description="Also write depth z: .exr and .npy in scene units; .png in 16 bits "
+            "(values per unit: the depth scale, or 1000). For a film as in animate."
         ),
     ] = None
     export: Annotated[
-        Path | None, Field(description="The source as a colored mesh or points (.ply, .glb).")
+        Path | None,
+        Field(description="Also write the source as a colored mesh or points (.ply, .glb)."),
     ] = None
     export_as: Annotated[
-        Literal["mesh", "points"], About.LOOK, Field(description="What is exported.")
+        Literal["mesh", "points"], About.LOOK, Field(description="Geometry to export.")
     ] = "mesh"
     stats: Stats = None
 
     def paths(self) -> list[Path | None]:
-        """All files that are asked for."""
+        """Return all files to write."""
         return [self.holes, self.coverage, self.depth_output, self.export, self.stats]
 
 
 class Travel(Choices):
-    """How the camera of an animation moves."""
+    """Camera path of an animation."""
 
     heading: ClassVar[str] = "Camera"
     about: ClassVar[About] = About.LOOK
@@ -426,7 +447,7 @@ class Travel(Choices):
         float | None,
         Field(
             gt=0,
-            description="How far, as a share of the distance of what is near. 0.1; dolly 0.3.",
+            description="Size of the path, relative to the near distance. Default: 0.1; dolly 0.3.",
         ),
     ] = None
     frames: Annotated[

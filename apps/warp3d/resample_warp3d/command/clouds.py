@@ -1,4 +1,4 @@
-"""Point clouds on the command line: how they look, where from, and films of them."""
+"""Point clouds on the command line: look, camera, pictures and films."""
 
 import math
 from collections.abc import Sequence
@@ -38,12 +38,12 @@ Shape = tuple[int, int]  # height and width, px
 
 PATHS = ("orbit", "sway")
 FRAMES = 96
-SWAY = 20.0  # degrees to either side
-FAR = 100.0  # times its extent a cloud is from the origin when that is said
+SWAY = 20.0  # degrees to each side
+FAR = 100.0  # times its extent from which a cloud's distance to the origin is reported
 
 
 class CloudLook(Choices):
-    """How a cloud is drawn."""
+    """Look of a point cloud."""
 
     heading: ClassVar[str] = "Look"
     about: ClassVar[About] = About.LOOK
@@ -55,66 +55,67 @@ class CloudLook(Choices):
         ),
     ] = None
     colormap: Annotated[
-        str, Field(description="Of --color-by: one of matplotlib's, such as turbo or tab10.")
+        str,
+        Field(description="Colormap for --color-by, one of matplotlib's, such as turbo or tab10."),
     ] = "viridis"
     span: Annotated[
         str | None,
         Parameter(name="--range", allow_leading_hyphen=True),
         Field(
-            description="Values of the colormap's ends: low,high, or shares of the points, such as "
-            "2%,98%. The least and the greatest."
+            description="Values at the ends of the colormap: low,high, or quantiles such as "
+            "2%,98%. Default: least and greatest value."
         ),
     ] = None
     color_bar: Annotated[
-        bool, Switch, Field(description="Add a bar to the right: of colors and values.")
+        bool, Switch, Field(description="Add a bar to the right: the colors and their values.")
     ] = False
     point_size: Annotated[
-        float, Field(description="Factor of what the points' spacing suggests.")
+        float, Field(description="Scale of the points, relative to their spacing.")
     ] = 1.0
     disc_limit: Annotated[
         float | None,
         Field(
-            description="How many times as large as those around it a point may be; inf for no "
-            "limit. 1.75, and 1 for stray points."
+            description="Largest size of a point relative to its neighbours; inf for no limit. "
+            "Default: 1.75, and 1 for stray points."
         ),
     ] = None
     filter: Annotated[
         str | None,
-        Field(description="Pixel filter, such as gaussian:sigma=0.6. The mean over a pixel."),
+        Field(
+            description="Pixel filter, such as gaussian:sigma=0.6. Default: the mean over a pixel."
+        ),
     ] = None
     light: Annotated[
         Literal["none", "eye"] | None,
         Field(
-            description="Where light comes from: eye, for clouds without colors, or none, for "
-            "others."
+            description="Where light comes from: eye, the camera (default for clouds without "
+            "colors), or none."
         ),
     ] = None
-    one_sided: Annotated[bool, Switch, Field(description="Leave out what is seen from behind.")] = (
-        False
-    )
+    one_sided: Annotated[bool, Switch, Field(description="Cull points that face away.")] = False
     level: Annotated[
         int,
         Field(
             ge=0,
-            description="Level of detail; 0 is the finest. So many of the finest levels of a COPC "
-            "file are left out.",
+            description="Level of detail; 0 is the finest. Skip this many of the finest levels of "
+            "a COPC file.",
         ),
     ] = 0
     no_cache: Annotated[
         bool,
         About.RESOURCE,
         Switch,
-        Field(description="Keep nothing of the cloud's neighbours on disk, and take nothing."),
+        Field(description="Do not use the disk cache of the points' neighbours."),
     ] = False
     threads: Threads = None
 
     def check(self, output: Path, height: int) -> None:
-        """Refuse what would be refused later, before any work is done.
+        """Refuse invalid options before any work is done.
 
         Raises
         ------
         ValueError, LookupError
-            Something is unknown, out of range, or does not go together.
+            An option is unknown, out of range, or does not go with another.
         """
         from resample import registry
         from resample.colors import check_colormap
@@ -130,7 +131,7 @@ class CloudLook(Choices):
             check_bar(output, height)
 
     def style(self) -> Any:
-        """The style that `render_cloud` takes."""
+        """Return the style that `render_cloud` takes."""
         from resample_warp3d.clouds.rendering import CloudStyle, Light
 
         lights = {None: None, "none": Light.NONE, "eye": Light.HEADLIGHT}
@@ -138,7 +139,7 @@ class CloudLook(Choices):
 
 
 class CloudStart(Choices):
-    """From where a cloud is seen, around it."""
+    """Camera around a point cloud."""
 
     heading: ClassVar[str] = CAMERA
     about: ClassVar[About] = About.LOOK
@@ -149,37 +150,37 @@ class CloudStart(Choices):
         bool,
         Switch,
         Field(
-            description="Stand equally far from the cloud's middle at all angles, not where it "
-            "fills the picture."
+            description="Keep the same distance to the cloud's center at all angles, instead of "
+            "fitting the cloud to the picture."
         ),
     ] = False
 
 
 class CloudAim(CloudStart):
-    """From where a cloud is seen."""
+    """Camera of a point cloud."""
 
     pose: Annotated[
         str | None,
         About.SOURCE,
-        Field(description="File or file:frame of a pose: in place of the camera, with intrinsics."),
+        Field(description="File or file:frame of a pose; instead of --camera, needs --intrinsics."),
     ] = None
     intrinsics: Annotated[
-        str | None, NUMBERS, Hyphen, Field(description="fx,fy,cx,cy[,skew] in px; for a pose.")
+        str | None, NUMBERS, Hyphen, Field(description="fx,fy,cx,cy[,skew] in px; for --pose.")
     ] = None
 
     def check(self) -> None:
-        """Refuse what is no camera, before any work is done.
+        """Refuse invalid cameras before any work is done.
 
         Raises
         ------
         ValueError, LookupError, OSError
-            As of `start_of` and `calibrated_of`.
+            As `start_of` and `calibrated_of` do.
         """
         start_of(self.camera, self.up)
         calibrated_of(self.pose, self.intrinsics)
 
     def camera_for(self, surfels: "Surfels", shape: Shape) -> Any:
-        """Camera for a picture (height, width) of a cloud; errors as of `check`."""
+        """Return the camera for a picture (height, width) of a cloud; raises as `check` does."""
         from resample.cameras.viewpoints import Orbit
         from resample_warp3d.clouds.framing import ball_around
 
@@ -193,7 +194,7 @@ class CloudAim(CloudStart):
 
 
 class CloudFormat(Choices):
-    """What kind of picture of a cloud is written."""
+    """Size, background and bits of a cloud's picture."""
 
     heading: ClassVar[str] = "Picture"
     about: ClassVar[About] = About.LOOK
@@ -212,12 +213,12 @@ class CloudFormat(Choices):
     ] = 8
 
     def height_and_width(self) -> Shape:
-        """Size, px.
+        """Return the size, px.
 
         Raises
         ------
         ValueError
-            It is none, or the background is no color.
+            The size or the background's color is invalid.
         """
         self.behind()
         return height_and_width(self.size)
@@ -227,13 +228,13 @@ class CloudFormat(Choices):
         return None if self.background is None else linear_color(self.background)
 
     def shown(self, frame: Any, scene: "CloudScene") -> Any:
-        """Frame with the bar of its colors, if that is asked for."""
+        """Return a frame, with the color bar if requested."""
         behind = self.behind()
         bar = scene.bar(frame.rgba.shape[0], behind)
         return frame._replace(rgba=beside(frame.rgba, bar, behind))
 
     def write(self, path: Path, frame: Any, scene: "CloudScene") -> None:
-        """Write a frame with its bar.
+        """Write a frame with its color bar.
 
         Raises
         ------
@@ -246,14 +247,14 @@ class CloudFormat(Choices):
 
 
 class CloudScene(NamedTuple):
-    """A cloud that is ready to be drawn."""
+    """A cloud, ready to be rendered."""
 
     surfels: "Surfels"
     look: CloudLook
-    scale: "Scale | None"  # what its colors mean
+    scale: "Scale | None"  # scale of its colors
 
     def picture(self, camera: "Camera | Calibration", shape: Shape) -> Any:
-        """Frame that a camera sees."""
+        """Render a frame."""
         from resample_warp3d.clouds.rendering import render_cloud
 
         look = self.look
@@ -267,7 +268,7 @@ class CloudScene(NamedTuple):
         )
 
     def bar(self, height: int, background: Any) -> "Floats | None":
-        """Bar of the cloud's colors, if it is asked for."""
+        """Return the color bar, if requested."""
         from resample.measuring.color_bars import plain_bar
 
         if self.scale is None or not self.look.color_bar:
@@ -278,19 +279,19 @@ class CloudScene(NamedTuple):
 
 
 def beside(rgba: "Floats", bar: "Floats | None", background: Any) -> "Floats":
-    """Picture with its bar, if it has one."""
+    """Put a color bar beside a picture, if there is one."""
     from resample.measuring.color_bars import with_color_bar
 
     return rgba if bar is None else with_color_bar(rgba, bar, background)
 
 
 def scene_of(session: "Session", file: Path, look: CloudLook) -> CloudScene:
-    """Cloud of a file, colored and measured.
+    """Read, color and prepare the cloud of a file.
 
     Raises
     ------
     ValueError, OSError
-        It is no cloud, has not what is asked for, or cannot be read.
+        The file is not a cloud, lacks a column, or cannot be read.
     """
     from resample.watching import told
     from resample_warp3d.clouds.coloring import colored
@@ -314,7 +315,7 @@ def scene_of(session: "Session", file: Path, look: CloudLook) -> CloudScene:
 
 
 def mention_origin(name: str, surfels: "Surfels") -> None:
-    """Say where a cloud is that lies far from the origin, as those of maps do."""
+    """Report the origin of a cloud that lies far from 0, such as a georeferenced one."""
     from resample_warp3d.clouds.parts import rows_of
 
     extent = max(
@@ -323,16 +324,16 @@ def mention_origin(name: str, surfels: "Surfels") -> None:
     )
     if abs(surfels.origin).max() > FAR * extent:
         place = ", ".join(f"{part:.10g}" for part in surfels.origin)
-        say(f"{name} lies about {place}; places are exact, and poses are in its coordinates")
+        say(f"{name} is centered near {place}; poses are in the file's own coordinates")
 
 
 def start_of(camera: str, up: str) -> "Viewpoint":
-    """Where a cloud is seen from; angles come with the field of view of clouds.
+    """Read a cloud's viewpoint; angles get the default field of view of clouds.
 
     Raises
     ------
     ValueError, LookupError, OSError
-        It is no camera in perspective, or its file cannot be read.
+        It is not a perspective camera, or its file cannot be read.
     """
     from resample.cameras.files import viewpoint
     from resample_warp3d.clouds.framing import FIELD
@@ -344,12 +345,12 @@ def start_of(camera: str, up: str) -> "Viewpoint":
 
 
 def calibrated_of(pose: str | None, intrinsics: str | None) -> "Calibration | None":
-    """Camera of the words of a pose and of intrinsics, if they are given.
+    """Read the camera of --pose and --intrinsics, if given.
 
     Raises
     ------
     ValueError, LookupError, OSError
-        Only one is, the numbers are no camera's, or a file cannot be read.
+        Only one is given, the numbers do not make a camera, or a file cannot be read.
     """
     from resample.cameras.files import read_pose
     from resample_warp3d.command.cameras.intrinsics import with_intrinsics
@@ -363,7 +364,7 @@ def calibrated_of(pose: str | None, intrinsics: str | None) -> "Calibration | No
 
 
 def camera_of(surfels: "Surfels", shape: Shape, viewpoint: "Viewpoint") -> Any:
-    """Camera that looks at a cloud from where it fills the frame, if only angles are given."""
+    """Return the camera of a viewpoint; angles alone fit the cloud to the frame."""
     from resample.cameras.viewpoints import Orbit
     from resample_warp3d.clouds.framing import framed
 
@@ -381,24 +382,24 @@ def camera_of(surfels: "Surfels", shape: Shape, viewpoint: "Viewpoint") -> Any:
 
 
 def path_of(path: str, frames: int | None, fps: float, start: "Viewpoint") -> "list[Viewpoint]":
-    """Viewpoints of all frames of a film.
+    """Return the viewpoints of all frames of a film.
 
     Parameters
     ----------
     path
         One of `PATHS`, or a file as `resample.cameras.keyframes.keyframes_of` takes it.
     frames
-        How many; None are `FRAMES`, or as many as the keyframes' times ask for, in seconds.
+        Number of frames; None: `FRAMES`, or as many as the keyframes' times (s) need.
     fps
         Frames per second.
     start
-        Where the path starts, unless it has keyframes.
+        Start of the path, unless it has keyframes.
 
     Raises
     ------
     ValueError, OSError
-        The path is unknown, the file's content is none, there are too few or too many frames, or
-        the start is no camera around the cloud.
+        The path is unknown, the file is invalid, there are too few or too many frames, or the start
+        is not a camera around the cloud.
     """
     from resample.cameras.keyframes import keyframes_of, left_out_of
     from resample.cameras.viewpoints import Orbit
@@ -420,8 +421,8 @@ def path_of(path: str, frames: int | None, fps: float, start: "Viewpoint") -> "l
         return keyframes.between(frames)
     if not isinstance(start, Orbit):
         raise ValueError(
-            f"the path {path} goes around the cloud; give its camera as azimuth/elevation/zoom, or "
-            "a file of keyframes or poses as the path"
+            f"the path {path} goes around the cloud; give --camera as azimuth/elevation/zoom, or a "
+            "file of keyframes or poses as --path"
         )
     count = FRAMES if frames is None else frames
     check_count(count)
@@ -436,9 +437,9 @@ def path_of(path: str, frames: int | None, fps: float, start: "Viewpoint") -> "l
 def cameras_of(
     surfels: "Surfels", viewpoints: "Sequence[Viewpoint]", shape: Shape, *, steady: bool = False
 ) -> list[Any]:
-    """Cameras of all frames; those around the cloud stay at one distance from its middle.
+    """Return the cameras of all frames; orbits keep one distance to the cloud's center.
 
-    That of `steady` is the distance of pictures that are, whatever the angles.
+    With `steady` it is the distance of steady pictures, which does not depend on the angles.
     """
     from resample.cameras.viewpoints import Orbit
     from resample_warp3d.clouds.framing import ball_around, framed_together
@@ -465,7 +466,7 @@ def cameras_of(
 
 
 def film_of(scene: CloudScene, cameras: Sequence[Any], shape: Shape, background: Any) -> "Shots":
-    """Frames of a cloud."""
+    """Return the frames of a film of a cloud."""
     import numpy as np
 
     from resample.files.animations import Shots, fingerprint
@@ -501,7 +502,7 @@ def frames_of(
     memory: int | None,
     threads: int,
 ) -> "Frames":
-    """Frames of the cloud of a file, within so many bytes; errors as of `scene_of`."""
+    """Return the function that makes frames of a file's cloud, within `memory` bytes."""
     from resample.command.session import Session
     from resample.memory import allow, allowing
 
@@ -513,7 +514,7 @@ def frames_of(
 
 
 def memory_of_each(workers: int) -> int | None:
-    """Bytes of `--memory` for this process and each of so many others; None: what is free."""
+    """Share `--memory` between this process and workers, in bytes; None: all free memory."""
     from resample.memory import ALLOWED, allow
 
     allowed = ALLOWED.get()
@@ -524,14 +525,14 @@ def memory_of_each(workers: int) -> int | None:
 
 
 def _sized(viewpoint: Any, shape: Shape) -> Any:
-    """Camera that a viewpoint without angles stands for."""
+    """Return the camera of a viewpoint without angles."""
     return viewpoint.sized(*shape) if hasattr(viewpoint, "sized") else viewpoint
 
 
 def _panned(
     camera: "Camera", pan: tuple[float, float], surfels: "Surfels", shape: Shape
 ) -> "Camera":
-    """Camera by which the cloud's middle is moved to the right and up, in shares of the picture."""
+    """Shift the cloud's center right and up, in shares of the picture's shorter side."""
     from resample_warp3d.clouds.framing import ball_around
 
     if pan == (0.0, 0.0):

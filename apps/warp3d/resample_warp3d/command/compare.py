@@ -1,4 +1,4 @@
-"""Methods beside each other and beside the truth, of the command line's files."""
+"""Compare methods on the command line's files, and write figures and the demo."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -34,23 +34,23 @@ DEMO_SIZE, DEMO_FRAMES, DEMO_FPS = 256, 24, 12.0
 def compare_files(
     given: TrueView, reader: Reader, aim: Aim, names: Sequence[str], refine: str = "auto"
 ) -> "Comparison":
-    """Methods compared with a true picture.
+    """Compare methods with a true picture.
 
     Parameters
     ----------
     given
-        Files, all but the mask there.
+        Files; only the mask may be missing.
     reader, aim
-        How they are understood, and from where the true picture was taken.
+        How the files are read, and the camera of the true picture.
     names
         Methods.
     refine
-        How the depth is refined that all of them are given.
+        How the depth that all methods get is refined.
 
     Raises
     ------
     OSError, ValueError, LookupError
-        A file cannot be read, or a choice cannot be worked with.
+        A file cannot be read, or an option is invalid.
     """
     from resample_warp3d.showing.compare import compare_view
 
@@ -66,7 +66,7 @@ def compare_files(
 def figure_of_files(
     files: tuple[str, str], reader: Reader, aim: Aim, names: Sequence[str], refine: str = "auto"
 ) -> "Figure":
-    """The paper's Figure 6 of color and depth files; see `compare_files`."""
+    """Make the paper's Figure 6 from color and depth files; see `compare_files`."""
     from resample_warp3d.showing.figures import figure_of
 
     source, equation, shape = _placed(read_view(reader, *files), reader, aim, refine)
@@ -76,7 +76,7 @@ def figure_of_files(
 def _placed(
     seen: DepthView, reader: Reader, aim: Aim, refine: str = "auto"
 ) -> tuple[Source, Equation, Shape]:
-    """Prepared source, equation that leads to its new view, and the frame of that."""
+    """Return the prepared source, the equation of its new view, and the frame's shape."""
     full = seen.image.nearness.shape[0], seen.image.nearness.shape[1]
     target = aim.camera(seen.pinhole, full, reader.eye.convention)
     source = prepare(seen.image, step=seen.step, refine=seen.refine(refine))
@@ -84,7 +84,7 @@ def _placed(
 
 
 def write_demo(folder: Path) -> None:
-    """Write a figure of the generated scene and an animation in it."""
+    """Write a figure and an animation of the generated scene."""
     from resample_warp3d.showing.figures import generated_figure, write_figures
     from resample_warp3d.showing.scenes import generated
 
@@ -97,6 +97,6 @@ def write_demo(folder: Path) -> None:
     film = film_of(session, taken, scene.shape, choice, (0.0, 0.0, 0.0))
     distance = Range.of(image.nearness)
     poses = poses_of("sway", DEMO_FRAMES, None, scene.source.world_to_camera, distance)
-    with session.stage("film", bar="moving") as progress:
+    with session.stage("film", bar="rendering") as progress:
         made = shots(poses, scene.source, film.frame, film.job)
         write_film(folder / "sway.gif", made, DEMO_FPS, progress=progress)

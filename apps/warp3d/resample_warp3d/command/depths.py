@@ -1,4 +1,4 @@
-"""Depth of every frame of a film, as files that `render` reads with the film again."""
+"""Write the depth of every frame of a film, as files that `render` can read."""
 
 import re
 import shutil
@@ -23,27 +23,27 @@ from resample_warp3d.command.writing import MILLIMETERS, check_depth, write_dept
 from resample_warp3d.wide.sights import Sight
 
 ALONE = Sharing.usual()
-FRAME = "frame-*.png"  # in a folder of which no pattern was given
-KEPT = ".depths"  # folder of what is done, until all is
+FRAME = "frame-*.png"  # in a folder without a pattern
+KEPT = ".depths"  # folder of finished files, until the film is complete
 
 
 @dataclass(frozen=True)
 class DepthFrames:
-    """Files of depth, of which a star in the name stands for the number of the frame.
+    """Depth files of a film; a star in the name stands for the frame's number.
 
-    They are kept in a hidden folder and appear when the film is whole.
+    They are written to a hidden folder and appear when the film is complete.
 
     Parameters
     ----------
     pattern
         Folder, for 16-bit PNGs, or `folder/name-*.png`, `.exr` or `.npy`.
     scale
-        Numbers of a PNG per scene unit; None are `MILLIMETERS`.
+        Values of a PNG per scene unit; None: `MILLIMETERS`.
 
     Raises
     ------
     ValueError, OSError
-        The pattern is neither, or its folder cannot be made.
+        The pattern is neither, or the folder cannot be created.
     """
 
     pattern: Path
@@ -64,12 +64,12 @@ class DepthFrames:
 
     @property
     def folder(self) -> Path:
-        """Where the files appear."""
+        """Folder where the files appear."""
         return self.pattern if self._is_folder else self.pattern.parent
 
     @property
     def name(self) -> str:
-        """Their name, with a star."""
+        """File name, with a star."""
         return FRAME if self._is_folder else self.pattern.name
 
     @property
@@ -78,11 +78,11 @@ class DepthFrames:
 
     @property
     def job(self) -> list[object]:
-        """What the files depend on besides the film, as JSON has it."""
+        """What the files depend on besides the film, as JSON values."""
         return [str(self.folder.resolve() / self.name), self.scale]
 
     def holds(self, n: int) -> bool:
-        """Whether a frame's depth is done."""
+        """Whether a frame's depth is written."""
         return self._file(n).is_file()
 
     def write(self, n: int, depth: Floats) -> None:
@@ -98,10 +98,10 @@ class DepthFrames:
 
     @contextmanager
     def appearing(self, *, resume: bool | None = None) -> Iterator[None]:
-        """Let what is written in the block appear after it.
+        """Publish the files written in the block when it ends.
 
-        Files of earlier films of the same pattern are removed then. After an error what is done is
-        kept, and with `resume` a later block goes on with that; None keeps nothing.
+        Then files of earlier films of the same pattern are removed. After an error the finished
+        files are kept, and a later block with `resume` continues with them; None keeps nothing.
         """
         kept, is_new = self._kept, not self.folder.exists()
         if not resume:
@@ -112,7 +112,7 @@ class DepthFrames:
         except BaseException:
             if resume is None or not self._files(kept):
                 shutil.rmtree(kept, ignore_errors=True)
-                with suppress(OSError):  # it holds other files
+                with suppress(OSError):  # the folder holds other files
                     if is_new:
                         self.folder.rmdir()
             raise
@@ -122,7 +122,7 @@ class DepthFrames:
             file.replace(self.folder / file.name)
         shutil.rmtree(kept)
         if sum(self._lost):
-            say(f"{self.pattern}: {sum(self._lost)} pixels are too far for 16 bits and left out")
+            say(f"{self.pattern}: {sum(self._lost)} pixels are too far for 16 bits and dropped")
 
     @property
     def _kept(self) -> Path:
@@ -140,25 +140,27 @@ class DepthFrames:
 def depths_of(
     pattern: Path | None, output: Path, meaning: Depth, sharing: Sharing = ALONE
 ) -> DepthFrames | None:
-    """Files of the depth of a film that is written to `output`, if they are asked for.
+    """Return the depth files of a film that is written to `output`, if requested.
 
     Raises
     ------
     ValueError, OSError
-        As of `DepthFrames`; or the film's frames are in the same folder, or others make them.
+        As `DepthFrames` does; or the film's frames use the same folder, or there are workers.
     """
     if pattern is None:
         return None
     if sharing.is_asked:
-        raise ValueError("depth of frames is written by one process; leave workers out")
+        raise ValueError("depth of frames can only be written by one process; leave workers out")
     frames = DepthFrames(pattern, meaning.scale_of_z)
     if output.resolve() == frames.folder.resolve():
-        raise ValueError(f"{output} holds the film's frames; give its depth another folder")
+        raise ValueError(
+            f"{output} is the folder of the film's frames; give the depth another folder"
+        )
     return frames
 
 
 class ToFilm(NamedTuple):
-    """What frames of a film are made of, as the command line names it."""
+    """Inputs of a film's frames, by name, for workers."""
 
     reader: Reader
     color: str
@@ -171,7 +173,7 @@ class ToFilm(NamedTuple):
 def frames_of(
     given: ToFilm, poses: Sequence[Doubles], camera: Sight, threads: int
 ) -> Callable[[int], Levels]:
-    """Frames of a path without their depth; errors as of `read_views`."""
+    """Return the function that makes frames without depth; raises as `read_views` does."""
     taken = read_views(given.reader, given.color, given.depth)
     warping = given.warping.model_copy(update={"threads": threads})
     film = film_of(Session(), taken, given.shape, warping, given.background)
@@ -181,14 +183,14 @@ def frames_of(
 def appearing(
     depths: DepthFrames | None, *, resume: bool | None = None
 ) -> AbstractContextManager[None]:
-    """Block after which depth appears, if there is any; see `DepthFrames.appearing`."""
+    """Return `DepthFrames.appearing`, or a context that does nothing."""
     return nullcontext() if depths is None else depths.appearing(resume=resume)
 
 
 def shots_with_depth(
     poses: Sequence[Doubles], camera: Sight, film: Film, depths: DepthFrames | None
 ) -> Shots:
-    """Frames of a path, as of `shots`, of which each leaves its depth, if that is asked for."""
+    """Return the frames of a path, as `shots` does, that also write depth if requested."""
     if depths is None:
         return shots(poses, camera, film.frame, film.job)
 

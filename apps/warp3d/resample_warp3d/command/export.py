@@ -1,4 +1,4 @@
-"""Prepared depth images as meshes and point clouds for other programs, by trimesh."""
+"""Export prepared depth images as meshes and point clouds, with trimesh."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -31,16 +31,16 @@ def check_export(path: Path) -> None:
 
 
 def write_geometry(path: Path, source: Source, camera: Camera, shape: Shape = "mesh") -> None:
-    """Write a prepared depth image as a file of colored triangles or points, in the world's axes.
+    """Write a prepared depth image as colored triangles or points, in world axes.
 
     Parameters
     ----------
     path
-        `.ply`: axes as they are, sRGB values; `.glb`: y and z turned around, so that up is up where
-        the camera's pose is the identity, a mesh with the picture as its texture, points in linear
-        light, as glTF asks for.
+        `.ply`: axes unchanged, sRGB values; `.glb`: y and z flipped, so that up is up if the
+        camera's pose is the identity; a mesh with the picture as its texture, or points in linear
+        light, as glTF requires.
     source
-        What is written; triangles hang together where its links do.
+        The depth image; triangles connect linked samples.
     camera
         Camera that took it.
     shape
@@ -72,14 +72,16 @@ def mesh(source: Source, camera: Camera, *, textured: bool = False) -> "trimesh.
     Raises
     ------
     ValueError
-        No three samples hang together.
+        No three samples are linked.
     """
     import trimesh
 
     triangle = triangles(source)
     if not triangle.size:
-        raise ValueError("no three neighbours lie on one surface; there is no mesh to write")
-    if camera.matrix[0, 0] * camera.matrix[1, 1] < 0:  # the picture is a mirror image
+        raise ValueError(
+            "no three neighbours lie on one surface, so there is no mesh; export points"
+        )
+    if camera.matrix[0, 0] * camera.matrix[1, 1] < 0:  # the picture is mirrored
         triangle = triangle[:, ::-1]
     kept, corner = np.unique(triangle, return_inverse=True)
     color = levels(source)
@@ -95,7 +97,7 @@ def mesh(source: Source, camera: Camera, *, textured: bool = False) -> "trimesh.
 
 
 def cloud(source: Source, camera: Camera) -> "trimesh.PointCloud":
-    """All samples that have a depth, with sRGB colors."""
+    """Return all samples with a depth, in sRGB colors."""
     import trimesh
 
     is_known = source.nearness > 0
@@ -103,7 +105,7 @@ def cloud(source: Source, camera: Camera) -> "trimesh.PointCloud":
 
 
 def positions(source: Source, camera: Camera) -> Doubles:
-    """Where all samples are in the world, (H, W, 3) scene units; not finite without a depth."""
+    """Return all samples' world positions, (H, W, 3) scene units; not finite without depth."""
     place = source.place if source.place.size else pixel_centers(source.nearness.shape)
     ray = directions(camera, place)
     ray = np.concatenate([ray, np.ones((*ray.shape[:2], 1))], axis=2)
@@ -115,10 +117,10 @@ def positions(source: Source, camera: Camera) -> Doubles:
 
 
 def triangles(source: Source) -> Indices:
-    """Triangles (N, 3) of sample numbers, counterclockwise for the camera.
+    """Return triangles (N, 3) of sample indices, counterclockwise for the camera.
 
-    Four samples that are linked all around make two, cut where the nearness changes least; where
-    two links meet in a corner and others are missing, they make one.
+    Four samples that are linked all around make two, split along the diagonal with the smaller
+    change of nearness; where two links meet in a corner and others are missing, they make one.
     """
     height, width = source.nearness.shape
     number = np.arange(height * width).reshape(height, width)
@@ -145,7 +147,7 @@ def triangles(source: Source) -> Indices:
 
 
 def levels(source: Source) -> Levels:
-    """Colors (H, W, 4) as 8-bit sRGB and straight alpha.
+    """Return colors (H, W, 4) as 8-bit sRGB with straight alpha.
 
     Raises
     ------
@@ -169,7 +171,7 @@ def _picked(
 
 
 def _texture(color: Levels, kept: Indices) -> Any:
-    """Picture that meets each kept sample with its own pixel's center."""
+    """Return the texture, with coordinates at each kept sample's pixel center."""
     from PIL import Image
     from trimesh.visual import TextureVisuals
     from trimesh.visual.material import PBRMaterial
@@ -184,7 +186,7 @@ def _texture(color: Levels, kept: Indices) -> Any:
 
 
 def _for_gltf(geometry: Any) -> "trimesh.Scene":
-    """Geometry as viewers of glTF expect it."""
+    """Convert geometry to glTF's axes and colors."""
     import trimesh
 
     geometry.vertices = geometry.vertices @ OPENGL_AXES

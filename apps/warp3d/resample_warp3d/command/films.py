@@ -1,4 +1,4 @@
-"""Films with depth: pictures with a depth map each, all seen from the same other place."""
+"""Render films with depth: each picture has a depth map and gets the same new viewpoint."""
 
 import glob
 from collections.abc import Iterator, Sequence
@@ -33,12 +33,12 @@ class DepthFilm:
     frames
         The pictures.
     depth
-        Film of gray levels, folder of depth files, or pattern of their names.
+        Film of gray levels, folder of depth files, or pattern of names.
 
     Raises
     ------
     ValueError, OSError
-        The depth is none of these, or has another number of pictures.
+        The depth is none of these, or its number of pictures differs.
     """
 
     frames: Frames
@@ -48,7 +48,7 @@ class DepthFilm:
         count, given = len(self.frames.seconds), self._count
         if given == 0:
             raise ValueError(
-                f"{self.depth} is neither a film nor a folder nor a pattern; {self.frames.path} is "
+                f"{self.depth} is neither a film, a folder nor a pattern; {self.frames.path} is "
                 "a film, which needs the depth of every picture"
             )
         if given != count:
@@ -63,7 +63,7 @@ class DepthFilm:
 
     @cached_property
     def _levels(self) -> Frames | None:
-        """Film of gray levels, if depth is one."""
+        """The depth as a film of gray levels, if it is one."""
         return frames_of(Path(self.depth))
 
     @cached_property
@@ -75,13 +75,13 @@ class DepthFilm:
         return sorted(glob.glob(self.depth)) if glob.has_magic(self.depth) else []
 
     def depths(self) -> Iterator[Raw]:
-        """Numbers of the depth of each picture; of a film levels of 8 bits."""
+        """Yield the raw depth of each picture; 8-bit levels if it is a film."""
         if self._levels is None:
             return (read_depth(file) for file in self._files)
         return (_gray_levels(picture) for picture in self._levels.read())
 
     def reader(self, reader: Reader) -> Reader:
-        """Reader for which relative depth has one range in all pictures, so that nothing pumps."""
+        """Return a reader with one range of relative depth for all pictures, to avoid pumping."""
         if not reader.meaning.is_relative:
             return reader
         ends = [RelativeDepth.ends_of(raw) for raw in self.depths()]
@@ -91,22 +91,22 @@ class DepthFilm:
 def film_with_depth(
     color: str, depth: str, extras: Extras, further: Sequence[object], showing: Showing
 ) -> DepthFilm | None:
-    """Film whose pictures have depth; None if a single picture is given.
+    """Return the film with its depth; None if a single picture is given.
 
     Raises
     ------
     ValueError, OSError
-        As of `DepthFilm`; or something is asked for that is made of single pictures alone.
+        As `DepthFilm` does; or an option is given that works for single pictures only.
     """
     frames = frames_of(Path(color))
     if frames is None:
         return None
     for name in ("holes", "coverage", "export", "stats"):
         if getattr(extras, name) is not None:
-            raise ValueError(f"--{name.replace('_', '-')} is made of a picture, not of a film")
+            raise ValueError(f"--{name.replace('_', '-')} is for pictures, not for films")
     showing.check_still()
     if further:
-        raise ValueError("--view belongs to a picture; a film has one view of each moment")
+        raise ValueError("--view is for pictures, not for films")
     return DepthFilm(frames, depth)
 
 
@@ -114,18 +114,18 @@ def render_film(
     film: DepthFilm, output: Path, reader: Reader, aim: Aim, warping: Warping, look: Look,
     depth_output: Path | None = None,
 ) -> None:  # fmt: skip
-    """Write a film as seen from another place, and its depth, if that is asked for.
+    """Write a film from another viewpoint, and its depth if requested.
 
     Raises
     ------
     ValueError, LookupError, OSError
-        A file or a choice cannot be worked with.
+        A file or an option is invalid.
     """
     depths = depths_of(depth_output, output, reader.meaning)
     check_targets(output)
     check_frames(output, film.frames, look)
     session = Session()
-    with session.stage("film", bar="moving") as progress, appearing(depths):
+    with session.stage("film", bar="rendering") as progress, appearing(depths):
         count = len(film.frames.seconds)
 
         def told() -> Iterator[Picture]:
@@ -143,9 +143,9 @@ def render_film(
 def _pictures(
     session: Session, film: DepthFilm, reader: Reader, aim: Aim, warping: Warping, output: Path
 ) -> Iterator[tuple[Picture, Floats]]:
-    """Pictures of a film from the other place, and their depth (H, W).
+    """Yield the pictures of a film from the new viewpoint, and their depth (H, W).
 
-    All depth is treated as that of the first.
+    The refinement chosen for the first picture is used for all.
     """
     names = str(film.frames.path), film.depth
     for n, (picture, raw) in enumerate(zip(film.frames.read(), film.depths(), strict=True)):
@@ -163,6 +163,6 @@ def _pictures(
 
 
 def _gray_levels(picture: Picture) -> Raw:
-    """Levels 0..255 (H, W) of a picture of a film."""
+    """Return the gray levels 0..255 (H, W) of a film's picture."""
     gray = to_srgb(np.clip(picture.data[..., 0], 0.0, 1.0))
     return np.rint(gray * 255.0).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""Depth images as the command line's files and words give them."""
+"""Read depth images from the command line's files and options."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -29,17 +29,17 @@ from resample_warp3d.registering import registered
 from resample_warp3d.types import DepthImage
 from resample_warp3d.wide.sights import Sight, taken_by
 
-BYTES_PER_PIXEL = 144  # of what refining and preparing a source takes beside its colors
-BYTES_PER_VALUE = 23  # of a channel of a source, while it is refined, prepared and warped
+BYTES_PER_PIXEL = 144  # for refining and preparing a source, without its colors
+BYTES_PER_VALUE = 23  # per channel of a source, for refining, preparing and warping
 
 
 class DepthView(NamedTuple):
-    """One input: what a camera saw and how far it was."""
+    """One input: a picture, its depth and its camera."""
 
     picture: Picture
     image: DepthImage
     camera: Camera | Orthographic
-    step: float | None  # smallest difference of nearness that the file tells apart, if known
+    step: float | None  # smallest step of nearness in the file, if known
     is_fitted: bool = False  # the file's depth had another size
 
     @property
@@ -49,38 +49,38 @@ class DepthView(NamedTuple):
 
     @property
     def pinhole(self) -> Camera:
-        """Its camera, of a pinhole or lens.
+        """The view's camera, if it is a pinhole or lens.
 
         Raises
         ------
         ValueError
-            It is another.
+            It is another kind of camera.
         """
         if not isinstance(self.camera, Camera):
-            raise ValueError("this takes pictures of a pinhole or lens")
+            raise ValueError("only pictures of a pinhole or lens are supported here")
         return self.camera
 
     def refine(self, name: str) -> str:
-        """How its depth is to be refined where a user chose `name`: what was enlarged, always."""
+        """Return the refinement for the option `name`; enlarged depth is always refined."""
         return "snap" if name == "auto" and self.is_fitted else name
 
 
 class Taken(NamedTuple):
-    """All inputs, of one picture or several."""
+    """All inputs, from one picture or several."""
 
     views: list[DepthView]  # a panorama's are its faces
-    picture: Picture  # the first one, whole
-    camera: Sight  # that took it
+    picture: Picture  # the first picture, whole
+    camera: Sight  # camera of that picture
     shape: Shape  # its height and width, px
 
     @property
     def is_panorama(self) -> bool:
-        """Whether all views are of one picture."""
+        """Whether all views are faces of one panorama."""
         return isinstance(self.camera, Equirectangular)
 
 
 class ViewNames(NamedTuple):
-    """Files of a further view."""
+    """Files of an additional view."""
 
     color: str
     depth: str
@@ -88,7 +88,7 @@ class ViewNames(NamedTuple):
 
 
 class TrueView(NamedTuple):
-    """Files of a depth image and of what another view of it really shows."""
+    """Files of a depth image and of a true picture of another view."""
 
     color: str | None
     depth: str | None
@@ -96,7 +96,7 @@ class TrueView(NamedTuple):
     mask: Path | None
 
     def check(self, *, is_generated: bool) -> None:
-        """Refuse files without each other, or beside a generated scene."""
+        """Refuse incomplete files, or files together with a generated scene."""
         if is_generated:
             if any(name is not None for name in self):
                 raise ValueError("the generated scene takes no files; leave out --scene or them")
@@ -105,21 +105,21 @@ class TrueView(NamedTuple):
 
 
 class Truth(NamedTuple):
-    """What a view really shows, and which of its pixels count."""
+    """True picture of a view, and the mask of pixels that count."""
 
     color: Floats  # (H, W, C) linear light
     mask: NDArray[np.bool_] | None  # (H, W); None: unknown
 
 
 def read_truth(truth: Path, mask: Path | None) -> Truth:
-    """Picture of a view, over black, and its mask.
+    """Read the true picture of a view, over black, and its mask.
 
     Raises
     ------
     OSError
         A file is missing or damaged.
     ValueError
-        It is neither gray nor RGB.
+        The picture is neither gray nor RGB.
     """
     picture = flattened(read_picture(truth), (0.0, 0.0, 0.0))
     if len(picture.kind.channels) not in (1, 3):
@@ -129,12 +129,12 @@ def read_truth(truth: Path, mask: Path | None) -> Truth:
 
 
 def view_names(text: str) -> ViewNames:
-    """Files of a text COLOR,DEPTH,POSE.
+    """Split a text COLOR,DEPTH,POSE into file names.
 
     Raises
     ------
     ValueError
-        There are more or fewer.
+        There are not three names.
     """
     words = [word.strip() for word in text.split(",")]
     if len(words) != 3 or not all(words):
@@ -143,40 +143,40 @@ def view_names(text: str) -> ViewNames:
 
 
 class Reader(NamedTuple):
-    """How files of depth images are understood."""
+    """Settings for reading depth images."""
 
     eye: SourceCamera
     meaning: Depth
-    labels: bool = False  # colors are names, kept as they are stored
-    ends: tuple[float, float] | None = None  # of relative depth, where that is of a film
+    labels: bool = False  # colors are labels, kept as stored
+    ends: tuple[float, float] | None = None  # range of relative depth, for films
 
     @classmethod
     def checked(cls, eye: SourceCamera, meaning: Depth, *, labels: bool = False) -> "Reader":
-        """Reader of what the command line says; what it takes for granted is said.
+        """Return a checked reader of the command line's options; report assumptions.
 
         Raises
         ------
         ValueError
-            The choices do not go together.
+            The options do not go together.
         """
         meaning.check()
         if meaning.is_relative:
             near, far = meaning.range()
-            what = f"the depth is taken for {near:g} to {far:g} units (--near, --far)"
+            what = f"assumed a depth of {near:g} to {far:g} units (--near, --far)"
             given, eye = eye, eye.guessed()
-            view = "" if eye is given else f", the view for {eye.fov:g} degrees (--fov)"
+            view = "" if eye is given else f" and a field of view of {eye.fov:g} degrees (--fov)"
             say(what + view)
         eye.check()
         if meaning.depth_intrinsics is not None and eye.lens is not None:
             raise ValueError(
-                "--depth-intrinsics brings depth to a picture without a lens; take that out first, "
-                "by resample-texture undistort"
+                "--depth-intrinsics reprojects depth to a picture without a lens; undistort the "
+                "picture first, with resample-texture undistort"
             )
         return cls(eye, meaning, labels)
 
 
 def read_view(reader: Reader, color: str, depth: str, pose: str | None = None) -> DepthView:
-    """Depth image of a calibrated camera; a doubtful scale is said.
+    """Read a depth image of a calibrated camera; report a doubtful scale.
 
     Parameters
     ----------
@@ -184,14 +184,14 @@ def read_view(reader: Reader, color: str, depth: str, pose: str | None = None) -
         Files, as `resample.files.pictures.read_picture` and
         `resample_warp3d.depth.files.read_depth` take them.
     pose
-        In place of the eye's.
+        Used instead of the source camera's pose.
 
     Raises
     ------
     OSError
         A file is missing or damaged.
     ValueError, LookupError
-        The files do not fit each other, hold no depth, or a choice cannot be worked with.
+        The files do not fit each other, hold no depth, or an option is invalid.
     """
     form, _ = form_of(Path(color))
     needed = {"libraries": libraries(), "the source": bytes_of_source(form)}
@@ -205,28 +205,28 @@ def read_view(reader: Reader, color: str, depth: str, pose: str | None = None) -
 def view_of(
     reader: Reader, picture: Picture, raw: Raw, names: tuple[str, str], pose: str | None = None
 ) -> DepthView:
-    """Depth image of a picture and the numbers of its depth.
+    """Make a depth image from a picture and the raw numbers of its depth.
 
     Parameters
     ----------
     picture, raw
         As read from files.
     names
-        Of these files, for messages.
+        Names of these files, for messages.
     pose
-        In place of the eye's.
+        Used instead of the source camera's pose.
 
     Raises
     ------
     OSError, ValueError, LookupError
-        As of `read_view`.
+        As `read_view` does.
     """
     shape = picture.data.shape[0], picture.data.shape[1]
     sight = reader.eye.sight(shape, pose)
     if isinstance(sight, Orthographic):
         return _parallel_view(reader, picture, raw, names, sight)
     if isinstance(sight, Equirectangular):
-        raise ValueError("a panorama is seen by render and animate, as one picture")
+        raise ValueError("panoramas are supported by render and animate only, as a single picture")
     camera, meaning, depth = sight, reader.meaning, names[1]
     depth_camera = meaning.camera(camera, shape, (raw.shape[0], raw.shape[1]))
     encoding = meaning.encoding(depth_camera)
@@ -245,32 +245,32 @@ def view_of(
 def _parallel_view(
     reader: Reader, picture: Picture, raw: Raw, names: tuple[str, str], camera: Orthographic
 ) -> DepthView:
-    """Depth image of a parallel camera."""
+    """Make a depth image of an orthographic camera."""
     encoding = _plain_encoding(reader, ("z", "inverse", "relative", "relative-z"))
     image, moved = taken_by(camera, _depth_image(picture, names, encoding.nearness(raw)))
     if not isinstance(moved, Orthographic):
-        raise TypeError("a parallel camera stays one")
+        raise TypeError("an orthographic camera stays orthographic")
     is_fitted = raw.shape[:2] != picture.data.shape[:2]
     return DepthView(picture, image, moved, None, is_fitted=is_fitted)
 
 
 def _plain_encoding(reader: Reader, kinds: tuple[str, ...]) -> Encoding:
-    """Meaning of depth whose camera is no pinhole."""
+    """Return the encoding of depth whose camera is not a pinhole."""
     meaning = reader.meaning
     if meaning.depth_kind not in kinds or meaning.depth_intrinsics is not None:
-        own = " of a camera of its own" if meaning.depth_intrinsics is not None else ""
+        own = " with a separate camera" if meaning.depth_intrinsics is not None else ""
         raise ValueError(
-            f"depth of the kind {meaning.depth_kind}{own} does not belong to --source-projection"
+            f"depth of the kind {meaning.depth_kind}{own} does not go with --source-projection"
             f" {reader.eye.source_projection}; known: {', '.join(kinds)}"
         )
-    if meaning.depth_kind == "ray":  # is all that there is
+    if meaning.depth_kind == "ray":  # ray length is the only kind there, stored like z
         meaning = meaning.model_copy(update={"depth_kind": "z"})
     encoding = meaning.encoding(Camera.from_fov(60.0, 1, 1))
     return replace(encoding, ends=reader.ends) if isinstance(encoding, RelativeDepth) else encoding
 
 
 def _taken_around(reader: Reader, color: str, depth: str) -> Taken:
-    """Faces of a panorama."""
+    """Read a panorama, split into faces."""
     from resample_warp3d.views.panoramas import faces
 
     picture = read_names(color) if reader.labels else read_picture(color)
@@ -293,19 +293,19 @@ def _taken_around(reader: Reader, color: str, depth: str) -> Taken:
 
 
 def mention_doubt(reader: Reader, view: DepthView, depth: str) -> None:
-    """Say so if the scale of a depth, of that name, is doubtful."""
+    """Warn if the scale of a depth file looks wrong."""
     doubt = check_scale(view.image.nearness)
     if doubt is not None and not reader.meaning.is_relative:
         say(f"{depth}: {doubt}")
 
 
 def read_views(reader: Reader, color: str, depth: str, further: Sequence[ViewNames] = ()) -> Taken:
-    """Depth image and further ones of the same scene; doubtful poses are said.
+    """Read a depth image and further ones of the same scene; warn of doubtful poses.
 
     Raises
     ------
     OSError, ValueError, LookupError
-        As of `read_view`; or there are further views of what is seen alone.
+        As `read_view` does; or further views are given for a source that allows none.
     """
     if further:
         reader.eye.check_pinhole("--view")
@@ -318,17 +318,17 @@ def read_views(reader: Reader, color: str, depth: str, further: Sequence[ViewNam
 
 
 def bytes_of_source(form: tuple[int, ...]) -> int:
-    """Bytes that a source (height, width, channels) takes at its height, with its depth."""
+    """Return the peak bytes of a source (height, width, channels) with its depth."""
     return BYTES_PER_VALUE * prod(form)
 
 
 def read_rectified(color: str, disparity: str, scale: float | None) -> DepthView:
-    """DepthView of a rectified pair whose disparity is its own nearness.
+    """Read one picture of a rectified pair, with disparity in px as nearness.
 
     Raises
     ------
     OSError, ValueError
-        As of `read_view`.
+        As `read_view` does.
     """
     picture = read_picture(color)
     raw, encoding = read_depth(disparity), BareDisparity(scale)
@@ -343,7 +343,7 @@ def read_rectified(color: str, disparity: str, scale: float | None) -> DepthView
 
 
 def read_names(path: str) -> Picture:
-    """Label image with its numbers as they are stored; those of 8 and 16 bits as shares of them."""
+    """Read a label image with its numbers as stored; 8 and 16 bits scaled to 0..1."""
     kind = read_picture(path).kind
     stored = read_channels(path)
     data = np.stack([stored[name] for name in kind.channels], axis=2)
@@ -351,7 +351,7 @@ def read_names(path: str) -> Picture:
 
 
 def check_poses(views: Sequence[DepthView]) -> None:
-    """Say so if poses look inverted: depths of two views would agree better the other way round."""
+    """Warn if poses look inverted: the views' depths would agree better with the inverses."""
     first, *others = views
     for other in others:
         if isinstance(first.camera, Orthographic) or isinstance(other.camera, Orthographic):
@@ -369,7 +369,7 @@ def _check_known(nearness: Floats, depth: str) -> None:
 
 
 def _depth_image(picture: Picture, names: tuple[str, str], nearness: Floats) -> DepthImage:
-    """Picture with its nearness, at its size; pixels whose color is no number have none."""
+    """Combine picture and nearness at the picture's size; drop pixels with invalid colors."""
     color, depth = names
     height, width, channels = picture.data.shape
     require_memory(
@@ -389,7 +389,10 @@ def _depth_image(picture: Picture, names: tuple[str, str], nearness: Floats) -> 
     nearness = image.nearness
     is_bad = ~np.isfinite(picture.data).all(axis=2)
     if is_bad.any():
-        say(f"{color}: {int(is_bad.sum())} pixels are not numbers; they are left out")
+        say(
+            f"{color}: {int(is_bad.sum())} pixels have colors that are not numbers; they are "
+            "dropped"
+        )
         nearness[is_bad] = 0
         picture.data[is_bad] = 0
         if not nearness.any():

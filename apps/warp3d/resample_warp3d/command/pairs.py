@@ -1,4 +1,4 @@
-"""Pictures for two eyes: how far they are apart, what stays in the screen, and both in one."""
+"""Stereo pairs: eye distance, zero parallax, and layouts with both pictures."""
 
 from typing import NamedTuple
 
@@ -10,19 +10,19 @@ from resample.types import Floats
 from resample_warp3d.command.choices import Parallax
 from resample_warp3d.command.inputs import DepthView
 
-COMFORT = 0.015  # parallax before and behind the screen, as a share of the width, by default
-STRAY = 0.01  # of the depth at each end, whose parallax is not asked
+COMFORT = 0.015  # default parallax before and behind the screen, as a share of the width
+STRAY = 0.01  # share of the depth at each end that may exceed this parallax
 
 
 class Eyes(NamedTuple):
-    """What two eyes see of a nearness n: a parallax of `gain` (n − `zero`) px."""
+    """Parallax of two eyes: `gain` (n − `zero`) px at nearness n."""
 
     gain: float
     zero: float
 
     @classmethod
     def of(cls, view: DepthView, choice: Parallax) -> "Eyes":
-        """Eyes for a picture; what was chosen is said."""
+        """Choose eyes for a picture, and report them."""
         nearness, width = view.image.nearness, view.image.nearness.shape[1]
         known = nearness[nearness > 0].astype(np.float64)
         far, middle, near = np.quantile(known, [STRAY, 0.5, 1.0 - STRAY])
@@ -41,12 +41,12 @@ class Eyes(NamedTuple):
 
 
 def together(left: Picture, right: Picture, layout: str) -> Picture:
-    """Pictures of both eyes as one.
+    """Combine the pictures of both eyes.
 
     Raises
     ------
     ValueError
-        An anaglyph is wanted of what is neither gray nor RGB.
+        The layout is an anaglyph and the pictures are neither gray nor RGB.
     """
     first, second = _alike(left, right)
     if layout == "anaglyph":
@@ -56,7 +56,7 @@ def together(left: Picture, right: Picture, layout: str) -> Picture:
 
 
 def _alike(left: Picture, right: Picture) -> tuple[Picture, Picture]:
-    """Pictures with alpha both, if one has it."""
+    """Give both pictures alpha if one has it."""
     if left.kind.has_alpha == right.kind.has_alpha:
         return left, right
     if left.kind.has_alpha:
@@ -71,7 +71,7 @@ def _opaque(picture: Picture) -> Picture:
 
 
 def _anaglyph(left: Picture, right: Picture) -> Picture:
-    """Red of the left picture, green and blue of the right one; seen where both are."""
+    """Combine red of the left picture with green and blue of the right one."""
     names, has_alpha = left.kind.channels, left.kind.has_alpha
     colors = names[:-1] if has_alpha else names
     if colors not in (("R", "G", "B"), ("Y",)):
@@ -88,7 +88,7 @@ def _anaglyph(left: Picture, right: Picture) -> Picture:
 
 
 def _straight(picture: Picture) -> Floats:
-    """Color that no alpha multiplies."""
+    """Return straight color."""
     if not picture.kind.has_alpha:
         return picture.data
     alpha = picture.data[..., -1:]

@@ -1,4 +1,4 @@
-"""Depth images warped for the command line."""
+"""Warp depth images for the command line."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
@@ -31,62 +31,62 @@ from resample_warp3d.wide.sights import Sight
 if TYPE_CHECKING:
     from resample_warp3d.views.together import Joining
 
-CHANNELS = 3  # of most pictures, and of clouds'
+CHANNELS = 3  # of most pictures, and of clouds
 TOLD = {
-    "snap": "edges are moved to those of the picture, gaps filled",
-    "sharpen": "soft edges are made hard where the picture has them, gaps filled",
-    "complete": "small gaps are filled from what is beside them",
+    "snap": "edges moved to those of the picture, gaps filled",
+    "sharpen": "soft edges hardened where the picture has edges, gaps filled",
+    "complete": "small gaps filled from their surroundings",
 }
-FEW = 1e-4  # of the pixels; fewer are not spoken about
+FEW = 1e-4  # share of the pixels below which holes are not reported
 HOLES = {
     Hole.DISOCCLUDED: "hidden in the source",
-    Hole.OUTSIDE: "outside of it",
+    Hole.OUTSIDE: "outside the source",
     Hole.NO_DEPTH: "without depth",
 }
 
 
 class Prepared(NamedTuple):
-    """A source and the camera that took it."""
+    """A prepared source and its camera."""
 
     source: Source
     camera: Camera | Orthographic
     refined: Refined  # how its depth was conditioned
-    layer: Source | None  # behind its silhouettes, if that is asked for and there is any
+    layer: Source | None  # background behind its silhouettes, if requested and not empty
 
 
 class Together(NamedTuple):
-    """Several sources in one picture."""
+    """Several sources combined into one picture."""
 
     warped: Warped
-    found: list[dict[str, Any]] | None  # about each source, for `--stats`; None: there is only one
+    found: list[dict[str, Any]] | None  # each source's corrections; None: one source
 
 
 class Film(NamedTuple):
-    """Frames of a camera that moves."""
+    """Renderer of a film's frames."""
 
     seen: Callable[[Sight], Warped]
     screen: Callable[[Warped], Floats]  # (H, W, 3) of 0..1
     job: Mapping[str, object]
 
     def frame(self, camera: Sight) -> Floats:
-        """What a camera sees, as a screen shows it."""
+        """Return a camera's picture, as a screen shows it."""
         return self.screen(self.seen(camera))
 
 
 def prepared(session: Session, views: Sequence[DepthView], choice: Warping) -> list[Prepared]:
-    """Sources ready to be warped."""
+    """Prepare sources for warping."""
     with session.stage("prepare", bar="preparing"):
         return [_prepared(view, choice) for view in views]
 
 
 def _prepared(view: DepthView, choice: Warping) -> Prepared:
-    """Source of a view; what was done about its depth is said where nobody asked for it."""
+    """Prepare a view; report what `--refine auto` did to its depth."""
     name = view.refine(choice.refine)
-    if choice.refine == "auto" and choice.unmixed:  # which names are alike, no number tells
+    if choice.refine == "auto" and choice.unmixed:  # differences of labels have no meaning
         name = "none"
     refined = refine(view.image, name, noise=choice.noise, step=view.step)
     if choice.refine == "auto" and refined.chosen != "none":
-        say(f"depth: {TOLD[refined.chosen]}; --refine none leaves it as it is")
+        say(f"depth: {TOLD[refined.chosen]}; --refine none keeps it unchanged")
     source = sourced(refined, noise=choice.noise)
     layer = background(source) if choice.has_layer else None
     return Prepared(source, view.camera, refined, layer)
@@ -95,7 +95,7 @@ def _prepared(view: DepthView, choice: Warping) -> Prepared:
 def warped(
     session: Session, source: Prepared, target: Sight, shape: Shape, choice: Warping
 ) -> Warped:
-    """A source as a camera sees it in a frame (height, width)."""
+    """Render a source for a camera in a frame (height, width)."""
     return _rendered(session, source, way_between(source.camera, target, shape), shape, choice)
 
 
@@ -107,7 +107,7 @@ def joined(
     choice: Warping,
     joining: "Joining",
 ) -> Together:
-    """Sources as a camera sees them together in a frame (height, width)."""
+    """Render several sources together for a camera in a frame (height, width)."""
     from resample_warp3d.views.together import Standing, agreed, layers_of, render_together
 
     if len(sources) == 1:
@@ -142,7 +142,7 @@ def joined(
 def shifted(
     session: Session, source: Prepared, equation: Equation, shape: Shape, choice: Warping
 ) -> Warped:
-    """Picture of a rectified pair as the equation of the other eye, or another place, says."""
+    """Render a picture of a rectified pair by the equation of another eye."""
     return _rendered(session, source, equation, shape, choice)
 
 
@@ -163,7 +163,7 @@ def _rendered(
 
 
 def filled(session: Session, seen: Warped, layer: Warped | None, choice: Warping) -> Warped:
-    """Picture with its holes made up, if that is asked for, from a layer first if there is one."""
+    """Fill a picture's holes if requested, first from a layer if there is one."""
     if not choice.fill:
         return seen
     with session.stage("fill"):
@@ -173,7 +173,7 @@ def filled(session: Session, seen: Warped, layer: Warped | None, choice: Warping
 def report(
     session: Session, sources: Sequence[Prepared], seen: Together, choice: Warping
 ) -> dict[str, Any]:
-    """Sizes, what was done about depth, what was found about several views, shares and times."""
+    """Return sizes, depth refinement, corrections of views, shares and times for `--stats`."""
     warped = seen.warped
     covered = warped.magnification > 0
     about = {} if seen.found is None else {"views": seen.found}
@@ -195,7 +195,7 @@ def report(
 
 
 def _findings(refined: Refined) -> dict[str, Any]:
-    """What was found in a depth map, and what was done about it."""
+    """Return the findings about a depth map, and how it was refined."""
     found = refined.findings
     return {
         "chosen": refined.chosen,
@@ -211,7 +211,7 @@ def _findings(refined: Refined) -> dict[str, Any]:
 def film_of(
     session: Session, taken: Taken, shape: Shape, choice: Warping, background: Background
 ) -> Film:
-    """Film of a picture: what its frames (H, W, 3) look like, and what they depend on."""
+    """Return the renderer of a film's frames (H, W, 3), and what they depend on."""
     sources = prepared(session, taken.views, choice)
     joining = joining_of(taken, None)
 
@@ -235,7 +235,7 @@ def film_of(
 
 
 def joining_of(taken: Taken, chosen: "Joining | None") -> "Joining":
-    """How views become one picture: a panorama's faces fade into each other."""
+    """Return how views are combined; a panorama's faces are feathered."""
     from resample_warp3d.views.panoramas import SEAMLESS
     from resample_warp3d.views.together import Joining
 
@@ -246,31 +246,31 @@ def joining_of(taken: Taken, chosen: "Joining | None") -> "Joining":
 
 
 def words_of(camera: Sight) -> list[object]:
-    """What tells cameras apart, as JSON has it."""
+    """Return a camera's parameters as JSON values, to compare cameras."""
     parts = (getattr(camera, each.name) for each in fields(camera))
     return [part.tolist() if isinstance(part, np.ndarray) else part for part in parts]
 
 
 def check_memory(views: Sequence[DepthView], shape: Shape, output: Path, others: int = 0) -> None:
-    """Refuse what memory does not hold, and say (DEBUG) what is needed, before any work is done.
+    """Refuse a warp that does not fit into memory; log what it needs (DEBUG).
 
-    Measured as the highest mark of fresh processes (`python -m benchmarks.memory`).
+    Measured as the peak of fresh processes (`python -m benchmarks.memory`).
 
     Parameters
     ----------
     views
-        Sources, as they are read; none of a cloud.
+        Sources, as read; none for a cloud.
     shape
         Height and width of the target, px.
     output
-        What it is written to.
+        Output file.
     others
-        Processes of this machine that hold as much.
+        Number of further processes on this machine that hold as much.
 
     Raises
     ------
     ValueError
-        It needs more than is allowed, or free.
+        It needs more memory than is allowed or free.
     """
     height, width = shape
     channels = max((view.picture.data.shape[2] for view in views), default=CHANNELS)
@@ -285,11 +285,11 @@ def check_memory(views: Sequence[DepthView], shape: Shape, output: Path, others:
 
 
 def mention_holes(warped: Warped) -> None:
-    """Say what of a picture no source shows."""
+    """Report which share of a picture no source shows."""
     if not warped.coverage.any():
-        say("nothing of the source is in view; check the poses and the depth's scale")
+        say("no part of the source is in view; check the poses and the depth's scale")
         return
     shares = [(hole, float((warped.holes == hole).mean())) for hole in HOLES]
     told = [f"{share:.2%} {HOLES[hole]}" for hole, share in shares if share > FEW]
     if told:
-        say(f"holes: {', '.join(told)}; --holes shows them, --fill makes them up")
+        say(f"holes: {', '.join(told)}; --holes shows them, --fill fills them")

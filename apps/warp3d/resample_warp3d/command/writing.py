@@ -1,4 +1,4 @@
-"""What is known about a warped picture, as files: holes, depth and coverage."""
+"""Write the results of a warp: picture, holes, coverage and depth."""
 
 from pathlib import Path
 
@@ -24,7 +24,7 @@ from resample_warp3d.command.export import check_export
 from resample_warp3d.types import Hole, Warped
 
 DEPTHS = (".exr", ".npy", ".png")
-MILLIMETERS = 1000.0  # per unit of a PNG's depth, where nothing else was said
+MILLIMETERS = 1000.0  # per unit of a PNG's depth, by default
 HOLE_COLORS = {
     Hole.NONE: (0, 0, 0),
     Hole.DISOCCLUDED: (255, 0, 255),
@@ -35,7 +35,7 @@ HOLE_COLORS = {
 
 
 def made_of(warped: Warped, kind: Kind, choice: Warping, show: str = "picture") -> Picture:
-    """Warped picture, label image, or what else is shown of it, as it is written."""
+    """Return the picture to write: the warped one, labels, holes, or false colors."""
     if choice.unmixed:
         return names_picture(warped, kind)
     if show == "picture":
@@ -48,14 +48,14 @@ def made_of(warped: Warped, kind: Kind, choice: Warping, show: str = "picture") 
 
 
 def _colored(light: Floats) -> Picture:
-    """Picture of 8 bits of opaque linear light (H, W, 3)."""
+    """Return an 8-bit picture of opaque linear light (H, W, 3)."""
     return Picture(np.asarray(light, np.float32), Kind(("R", "G", "B"), 8, is_encoded=True))
 
 
 def warped_picture(warped: Warped, kind: Kind, *, filled: bool) -> Picture:
-    """Warped picture whose coverage is its opacity, where it has no channel for that yet.
+    """Return a warped picture with its coverage as opacity, unless it has alpha.
 
-    One that was `filled` has no coverage to show.
+    A `filled` picture has no coverage to show.
     """
     image = np.asarray(warped.image, np.float32)
     if kind.has_alpha or filled:
@@ -66,19 +66,19 @@ def warped_picture(warped: Warped, kind: Kind, *, filled: bool) -> Picture:
 
 
 def names_picture(warped: Warped, kind: Kind) -> Picture:
-    """Warped label image with its numbers as they were stored; 0 where nothing is."""
+    """Return a warped label image with its stored numbers; 0 where nothing is."""
     coverage = warped.coverage[..., None]
     data = np.divide(warped.image, coverage, out=np.zeros_like(warped.image), where=coverage > 0)
     return Picture(data, kind)
 
 
 def check_extras(extras: Extras, eye: SourceCamera | None = None) -> None:
-    """Refuse suffixes that nothing is written as, and what a source is not exported as.
+    """Refuse unknown suffixes, and cameras whose pictures cannot be exported.
 
     Raises
     ------
     ValueError
-        There is one.
+        There is such a suffix or camera.
     """
     if extras.holes is not None:
         check_holes(extras.holes)
@@ -93,16 +93,16 @@ def check_extras(extras: Extras, eye: SourceCamera | None = None) -> None:
 
 
 def write_extras(extras: Extras, warped: Warped, scale: float | None) -> None:
-    """Write holes, coverage and depth where they are asked for.
+    """Write holes, coverage and depth if requested.
 
     Parameters
     ----------
     extras
-        What is asked for.
+        Files to write.
     warped
-        Where it comes from.
+        The warped picture.
     scale
-        Numbers of a PNG's depth per scene unit; None are `MILLIMETERS`.
+        Values of a PNG's depth per scene unit; None means `MILLIMETERS`.
 
     Raises
     ------
@@ -117,7 +117,7 @@ def write_extras(extras: Extras, warped: Warped, scale: float | None) -> None:
         path, scale = extras.depth_output, MILLIMETERS if scale is None else scale
         lost = write_depth(path, warped.depth, scale)
         if lost:
-            say(f"{path}: {lost} pixels are beyond {65535 / scale:g} and left out; take .exr")
+            say(f"{path}: {lost} pixels are farther than {65535 / scale:g} and dropped; use .exr")
 
 
 def check_holes(path: Path) -> None:
@@ -127,14 +127,14 @@ def check_holes(path: Path) -> None:
 
 
 def write_holes(path: Path, holes: NDArray[np.uint8]) -> None:
-    """Write the types of holes as a PNG whose numbers are those of `Hole`, with a palette.
+    """Write the causes of holes as a palette PNG with the numbers of `Hole`.
 
-    What is covered is transparent; the other colors are `HOLE_COLORS`.
+    Covered pixels are transparent; the other colors are `HOLE_COLORS`.
 
     Raises
     ------
     ValueError
-        The suffix is another.
+        The suffix is not .png.
     OSError
         The file cannot be written.
     """
@@ -156,26 +156,26 @@ def check_depth(path: Path) -> None:
 
 
 def write_depth(path: Path, depth: Floats, scale: float = MILLIMETERS) -> int:
-    """Write depth in the form of the suffix.
+    """Write depth in the format of the suffix.
 
     Parameters
     ----------
     path
         `.exr` (channel Z) and `.npy` in scene units, inf where nothing is; `.png` in 16 bits, 0
-        where nothing is. What is too far for 16 bits is left out.
+        where nothing is. Depths too large for 16 bits are dropped.
     depth
         (H, W) scene units.
     scale
-        Numbers of a PNG per scene unit.
+        Values of a PNG per scene unit.
 
     Returns
     -------
-    How many pixels are left out.
+    Number of pixels dropped.
 
     Raises
     ------
     ValueError
-        The suffix is another.
+        The suffix is unknown.
     OSError
         The file cannot be written.
     """

@@ -1,1 +1,1 @@
-"""Depth images: files, what their numbers mean, and which samples are one surface."""
+"""Depth images: files, encodings, equations, and links between samples of a surface."""

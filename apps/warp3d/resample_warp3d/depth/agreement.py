@@ -1,4 +1,4 @@
-"""Whether the poses of two depth images lead where their depths say."""
+"""Check whether the poses of two depth images fit their depths."""
 
 import math
 
@@ -10,11 +10,11 @@ from resample.cameras.poses import camera_to_world
 from resample_warp3d.depth.equation import between, places, warp_places
 from resample_warp3d.types import DepthImage, Equation
 
-COMPARED = 20_000  # points, about
-NOTICED = 2e-3  # relative error of nearness below which poses are as good as depth is
+COMPARED = 20_000  # approximate number of points
+NOTICED = 2e-3  # relative error of nearness below which poses are accepted
 OVERLAP = 0.05  # share of the points that must meet depth for their agreement to count
-CLOSE = 0.05  # relative error of nearness up to which another pose is believed
-BETTER = 0.5  # times the error of the given pose that another's must stay below
+CLOSE = 0.05  # relative error of nearness up to which another pose is suggested
+BETTER = 0.5  # largest error of another pose, relative to the given one
 ADVICE = {
     "inverted": "if they are camera-to-world, invert them",
     "exchanged": "if each belongs to the other picture, exchange them",
@@ -24,14 +24,14 @@ ADVICE = {
 def looks_inverted(
     first: DepthImage, second: DepthImage, first_camera: Camera, second_camera: Camera
 ) -> str | None:
-    """Sentence that says so if other poses fit two depth images clearly better.
+    """Return a warning if other poses fit two depth images clearly better.
 
-    The points of the first are warped into the second with the poses as they are, inverted, and
-    exchanged; that pose fits whose points meet the second's depth.
+    The points of the first are warped into the second with the poses as given, inverted, and
+    exchanged; the best pose is the one whose points meet the second's depth.
 
     Returns
     -------
-    None if nothing speaks against the poses, or the two pictures have too little in common.
+    None if the poses seem right, or the two pictures share too little.
     """
     poses = first_camera.world_to_camera, second_camera.world_to_camera
     turned = [camera_to_world(pose) for pose in poses]
@@ -43,7 +43,7 @@ def looks_inverted(
     errors = {
         name: _error(first, second, equation, second_camera) for name, equation in others.items()
     }
-    # With one pose at the identity both are the same but for rounding.
+    # If one pose is the identity, both are equal up to rounding.
     best = "exchanged" if errors["exchanged"] < 0.9 * errors["inverted"] else "inverted"
     if given <= NOTICED or errors[best] > CLOSE or errors[best] >= BETTER * given:
         return None
@@ -55,9 +55,9 @@ def looks_inverted(
 
 
 def _error(first: DepthImage, second: DepthImage, equation: Equation, camera: Camera) -> float:
-    """Median relative error of nearness where points of the first meet the second's depth.
+    """Return the median relative error of nearness where points meet the second's depth.
 
-    Infinite where too few meet it. `camera` is the second's, whose lens bends the points' places.
+    Infinite if too few do. `camera` is the second's, whose lens distorts the points' positions.
     """
     sparse = max(1, math.isqrt(first.nearness.size // COMPARED))
     chosen = slice(sparse // 2, None, sparse)

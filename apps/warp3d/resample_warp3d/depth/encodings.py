@@ -1,11 +1,11 @@
-"""What the numbers of a depth file mean.
+"""Encodings: what the numbers of a depth file mean.
 
-An encoding turns numbers, as `resample_warp3d.depth.files.read_depth` gives them, into nearness:
+An encoding converts numbers, as `resample_warp3d.depth.files.read_depth` returns them, to nearness:
 
     nearness = PlanarDepth(scale=1000).nearness(read_depth("frame.png"))
 
-No encoding guesses: whole numbers come with a scale. Each says which of its numbers stand for
-nothing known, which becomes the nearness 0.
+No encoding guesses: integers need a scale. Each defines which of its numbers are unknown, which
+become the nearness 0.
 """
 
 import math
@@ -20,22 +20,22 @@ from resample.cameras.models import Camera
 from resample.cameras.pixels import directions, pixel_centers, undistorted_places
 from resample.types import Doubles, Floats
 
-Raw = NDArray[Any]  # (H, W) whole numbers or floats, as a file holds them
+Raw = NDArray[Any]  # (H, W) integers or floats, as stored in a file
 
-FARTHEST, NEAREST = 1000.0, 0.001  # m, of the median; beyond them a scale is doubted
-NEAR, FAR = 1.0, 10.0  # scene units that relative depth is taken for
-STRAY = 1e-3  # of relative depth's numbers, at each end of their range
-OUT_OF_RANGE = 1e-3  # by which normalised values may exceed 1
+FARTHEST, NEAREST = 1000.0, 0.001  # m, of the median; outside, the scale is doubtful
+NEAR, FAR = 1.0, 10.0  # scene units to which relative depth is mapped by default
+STRAY = 1e-3  # share of outliers of relative depth at each end of its range
+OUT_OF_RANGE = 1e-3  # by which normalized values may exceed 1
 
 
 class Encoding(Protocol):
-    """Role of a meaning of a file's numbers."""
+    """Role of an encoding of a file's numbers."""
 
     def nearness(self, raw: Raw) -> Floats:
-        """Nearness (H, W) of a file's numbers; 0 where nothing is known."""
+        """Return the nearness (H, W) of a file's numbers; 0 where unknown."""
 
     def quantum(self, raw: Raw) -> float | None:
-        """Smallest difference of nearness that the numbers tell apart; None if it varies."""
+        """Return the smallest step of nearness in the numbers; None if it varies."""
 
 
 @dataclass(frozen=True)
@@ -45,8 +45,8 @@ class PlanarDepth:
     Parameters
     ----------
     scale
-        Numbers per scene unit: 1000 for millimeters where scenes are in meters, 5000 for TUM and
-        ICL-NUIM. None is 1, for floats alone.
+        Values per scene unit: 1000 for millimeters if scenes are in meters, 5000 for TUM and
+        ICL-NUIM. None means 1, for floats only.
 
     Raises
     ------
@@ -68,14 +68,14 @@ class PlanarDepth:
 
 @dataclass(frozen=True, eq=False)
 class RayLength:
-    """Distance from the eye, along the ray; 0, negative numbers, inf and NaN are unknown.
+    """Distance from the camera, along the ray; 0, negative numbers, inf and NaN are unknown.
 
     Parameters
     ----------
     camera
-        Camera that took the picture, whose lens bends the rays.
+        Camera of the picture, with its lens.
     scale
-        As of `PlanarDepth`.
+        As for `PlanarDepth`.
     """
 
     camera: Camera
@@ -100,13 +100,13 @@ class RayLength:
 class InverseDepth:
     """1 / z; 0, negative numbers, inf and NaN are unknown.
 
-    With `near` and `far`, v = number / scale is 0 at far and 1 at near, as in MPEG's depth maps:
+    With `near` and `far`, v = value / scale is 0 at far and 1 at near, as in MPEG's depth maps:
     1 / z = v (1 / near − 1 / far) + 1 / far. Then 0 is known, unless far is inf.
 
     Parameters
     ----------
     scale
-        Numbers per unit: of 1 / z, or of v (255 for 8 bits). None is 1, for floats alone.
+        Values per unit of 1 / z, or of v (255 for 8 bits). None means 1, for floats only.
     near, far
         z at v = 1 and v = 0, scene units; far may be inf. Both or neither.
 
@@ -151,16 +151,16 @@ class InverseDepth:
 class Disparity:
     """Disparity of a calibrated pair, px; 0, negative numbers, inf and NaN are unknown.
 
-    1 / z = (number / scale + doffs) / (focal × baseline).
+    1 / z = (value / scale + doffs) / (focal × baseline).
 
     Parameters
     ----------
     focal
         Focal length of the rectified pair, px.
     baseline
-        Distance of its eyes, scene units.
+        Distance between its cameras, scene units.
     scale
-        Numbers per px: 16 for OpenCV's matchers, 256 for KITTI. None is 1, for floats alone.
+        Values per px: 16 for OpenCV's matchers, 256 for KITTI. None means 1, for floats only.
     doffs
         Difference of the principal points, px, right minus left (Middlebury).
 
@@ -190,14 +190,14 @@ class Disparity:
 
 @dataclass(frozen=True)
 class BareDisparity:
-    """Disparity of a rectified pair without calibration, px, which is its own nearness.
+    """Disparity of a rectified pair without calibration, px, used as nearness.
 
     0, negative numbers, inf and NaN are unknown.
 
     Parameters
     ----------
     scale
-        As of `Disparity`: 4 for Middlebury 2003, 2 for its half-size pairs of 2006.
+        As for `Disparity`: 4 for Middlebury 2003, 2 for its half-size pairs of 2006.
     """
 
     scale: float | None = None
@@ -214,25 +214,25 @@ class BareDisparity:
 
 @dataclass(frozen=True)
 class RelativeDepth:
-    """Numbers that tell what is nearer, up to an unknown scale and shift, as networks give them.
+    """Relative depth with unknown scale and shift, as networks predict it.
 
-    Their range, but for a thousandth of them at each end, is taken to lead from far to near. NaN
-    and inf are unknown, 0 is not.
+    Their range, without a thousandth of them at each end, is mapped to far .. near. NaN and inf are
+    unknown, 0 is not.
 
     Parameters
     ----------
     near, far
-        z of the nearest and of the farthest, scene units.
+        z of the nearest and of the farthest point, scene units.
     is_distance
-        Larger numbers are farther away, and grow as z does (Marigold); otherwise they are nearer,
-        and grow as 1 / z does (MiDaS, Depth Anything).
+        True: larger numbers are farther, and linear in z (Marigold). False: larger numbers are
+        nearer, and linear in 1 / z (MiDaS, Depth Anything).
     ends
-        Numbers that are taken for the ends of the range, for films; None are the map's own.
+        Ends of the numbers' range, for films; None: the map's own.
 
     Raises
     ------
     ValueError
-        A number is not above 0, or near is not below far; far is inf, and numbers grow as z does.
+        A number is not above 0, near is not below far, or far is inf with `is_distance`.
     """
 
     near: float = NEAR
@@ -250,9 +250,7 @@ class RelativeDepth:
     def nearness(self, raw: Raw) -> Floats:
         is_known = np.isfinite(raw)
         low, high = self._range(raw)
-        share = np.maximum(
-            (raw.astype(np.float64) - low) / (high - low), 0.0
-        )  # where that is known
+        share = np.maximum((raw.astype(np.float64) - low) / (high - low), 0.0)  # where known
         if self.is_distance:
             return _where(is_known, 1.0 / (self.near + share * (self.far - self.near)))
         return _where(is_known, share * (1.0 / self.near - 1.0 / self.far) + 1.0 / self.far)
@@ -268,16 +266,16 @@ class RelativeDepth:
 
     @staticmethod
     def ends_of(raw: Raw) -> tuple[float, float]:
-        """Numbers of a map that are taken for the ends of its range.
+        """Return the ends of a map's range, without outliers.
 
         Raises
         ------
         ValueError
-            All are the same.
+            All numbers are the same.
         """
         known = raw[np.isfinite(raw)].astype(np.float64)
         if not known.size or known.min() == known.max():
-            raise ValueError("relative depth is the same everywhere: it tells nothing")
+            raise ValueError("relative depth is the same everywhere: it has no information")
         low = float(np.quantile(known, STRAY, method="lower"))
         high = float(np.quantile(known, 1.0 - STRAY, method="higher"))
         return (low, high) if low < high else (float(known.min()), float(known.max()))
@@ -294,7 +292,7 @@ ENCODINGS: Mapping[str, type[Encoding]] = {
 
 
 def check_scale(nearness: Floats) -> str | None:
-    """Warning where depth in meters is doubtful: a median over 1 km or under 1 mm; else None."""
+    """Return a warning if the median depth is over 1 km or under 1 mm in meters, else None."""
     known = nearness[nearness > 0]
     if not known.size:
         return None
@@ -313,10 +311,10 @@ def _check_positive(**numbers: float | None) -> None:
 
 
 def _scaled(raw: Raw, scale: float | None) -> Doubles:
-    """Numbers in the encoding's unit."""
+    """Convert numbers to the encoding's unit."""
     if scale is None and raw.dtype.kind != "f":
         raise ValueError(
-            f"depth in whole numbers ({raw.dtype}) needs its scale: how many make 1 unit, such as"
+            f"depth in whole numbers ({raw.dtype}) needs its scale: the value of 1 unit, such as"
             " 1000 for mm, 5000 for TUM, 4 for quarters of a pixel, 255 for 8 bits of 0..1"
         )
     return raw.astype(np.float64) / (1.0 if scale is None else scale)
@@ -332,16 +330,16 @@ def _where_known(raw: Raw, nearness: Doubles) -> Floats:
 
 
 def _where(is_known: NDArray[np.bool_], nearness: Doubles) -> Floats:
-    """Nearness in float32, 0 where it is unknown or beyond that type's range."""
+    """Return nearness in float32, 0 where it is unknown or out of range."""
     with np.errstate(over="ignore", invalid="ignore"):
         single = nearness.astype(np.float32)
     return np.where(is_known & np.isfinite(single) & (single > 0), single, np.float32(0))
 
 
 def _step(raw: Raw, scale: float | None, unit: float) -> float | None:
-    """Nearness between neighbouring levels of whole numbers; None for floats.
+    """Return the step of nearness between integer levels; None for floats.
 
-    Levels may be multiples, as in 8-bit maps that were stretched to 16.
+    Levels may be multiples of a step, as in 8-bit maps stretched to 16 bits.
     """
     if raw.dtype.kind == "f" or scale is None or not (raw > 0).any():
         return None

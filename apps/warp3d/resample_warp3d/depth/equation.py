@@ -1,4 +1,4 @@
-"""McMillan's warping equation of two views, and what it says about points."""
+"""McMillan's warping equation of two views, and warps of points by it."""
 
 import numpy as np
 
@@ -9,12 +9,12 @@ from resample_warp3d.types import DepthImage, Equation
 
 
 def between(source: Camera, target: Camera) -> Equation:
-    """Equation of two cameras; δ is then 1 / z in the source (McMillan 1997; paper, section 3).
+    """Return the equation of two cameras; δ is 1 / z in the source (McMillan 1997).
 
     Raises
     ------
     ValueError
-        One is no `Camera`; a parallel one has no eye to warp from or to.
+        One is not a `Camera`; a parallel camera has no center of projection.
 
     Examples
     --------
@@ -27,7 +27,7 @@ def between(source: Camera, target: Camera) -> Equation:
     """
     for camera in (source, target):
         if not isinstance(camera, Camera):
-            raise ValueError(f"depth images are seen by a Camera, not by {type(camera).__name__}")
+            raise ValueError(f"the warping equation needs a Camera, not a {type(camera).__name__}")
     relative = target.world_to_camera @ np.linalg.inv(source.world_to_camera)
     turned: Doubles = target.matrix @ relative[:3, :3] @ np.linalg.inv(source.matrix)
     shift = np.asarray(target.matrix @ relative[:3, 3], np.float64)
@@ -35,10 +35,11 @@ def between(source: Camera, target: Camera) -> Equation:
 
 
 def of_rectified(fraction: float, gain: float = 1.0, zero: float = 0.0) -> Equation:
-    """Equation of a rectified pair whose disparity is `gain` (δ − `zero`) px.
+    """Return the equation of a rectified pair whose disparity is `gain` (δ − `zero`) px.
 
     `fraction` 1 leads from the left view to the right one, where things are further left, −1 from
-    the right view to the left one, 0.5 to the view between. What has the nearness `zero` stays.
+    the right view to the left one, 0.5 to the view between. Points with the nearness `zero` do not
+    move.
 
     Examples
     --------
@@ -53,13 +54,13 @@ def of_rectified(fraction: float, gain: float = 1.0, zero: float = 0.0) -> Equat
 
 
 def inverse(equation: Equation) -> Equation:
-    """Equation that leads back, from the target and its nearness to the source."""
+    """Return the equation from the target, with its nearness, to the source."""
     back = np.linalg.inv(equation.matrix)
     return Equation(np.asarray(back, np.float64), -back @ equation.epipole)
 
 
 def places(image: DepthImage) -> Doubles:
-    """Where each sample lies in a source without distortion, (H, W, 2) px."""
+    """Return the undistorted position of each sample, (H, W, 2) px."""
     if image.place.size:
         return image.place
     height, width = image.nearness.shape
@@ -67,21 +68,21 @@ def places(image: DepthImage) -> Doubles:
 
 
 def lens_places(camera: Camera, shape: tuple[int, int]) -> Doubles:
-    """Where a camera without its lens sees each sample, (H, W, 2) px; (0, 0, 2) without a lens."""
+    """Return undistorted positions of samples, (H, W, 2) px; (0, 0, 2) without a lens."""
     if camera.distortion is None:
         return np.empty((0, 0, 2))
     return undistorted_places(camera, pixel_centers(shape))
 
 
 def warp_places(equation: Equation, place: Doubles, nearness: Doubles) -> tuple[Doubles, Doubles]:
-    """Where points go, px (..., 2), and their nearness there; not a number behind the eye.
+    """Warp points; return positions, px (..., 2), and nearness; nan behind the camera.
 
     Parameters
     ----------
     place
         (..., 2) px of the source.
     nearness
-        (...) δ of the points; 0 is infinitely far.
+        (...) δ of the points; 0 means infinitely far.
     """
     seen = place @ equation.matrix[:, :2].T + equation.matrix[:, 2]
     seen = seen + np.asarray(nearness)[..., None] * equation.epipole

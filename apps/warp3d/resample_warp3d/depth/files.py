@@ -1,4 +1,4 @@
-"""Depth as files hold it; what its numbers mean is said by `resample_warp3d.depth.encodings`."""
+"""Read the raw numbers of depth files; `resample_warp3d.depth.encodings` interprets them."""
 
 import errno
 import re
@@ -14,35 +14,35 @@ from resample_warp3d.depth.encodings import Raw
 
 PFM_HEADER = re.compile(rb"(P[Ff])\s+(\d+)\s+(\d+)\s+(\S+)\s")
 COLMAP_HEADER = re.compile(rb"(\d{1,9})&(\d{1,9})&(\d{1,9})&")
-BYTES_PER_VALUE = 24  # of depth, and of the copies that are made while it is turned into nearness
+BYTES_PER_VALUE = 24  # of depth and the copies made while converting it to nearness
 
 
 def read_depth(path: str | Path) -> Raw:
-    """Numbers of a depth file, without their meaning.
+    """Read the raw numbers of a depth file.
 
     Parameters
     ----------
     path
-        PNG, TIFF, EXR and what else OpenImageIO reads; PFM; NPY; NPZ; COLMAP's dense .bin.
-        `file:name` picks a channel, or an array of an NPZ; without it a file has one, or a channel
-        Z.
+        PNG, TIFF, EXR and any other format of OpenImageIO; PFM; NPY; NPZ; COLMAP's dense .bin.
+        `file:name` selects a channel, or an array of an NPZ; without it the file must have one, or
+        a channel Z.
 
     Returns
     -------
-    (H, W), row 0 on top. Whole numbers stay whole numbers, so that an encoding can ask for their
-    scale. The scale in a PFM's header tells its byte order alone: Middlebury's are not 1 either.
+    (H, W), row 0 on top. Integers stay integers, so that an encoding can require their scale. The
+    scale in a PFM's header only gives its byte order, as Middlebury's are not 1 either.
 
     Raises
     ------
     OSError
         The file is missing or damaged.
     ValueError
-        It holds something else, or several channels or arrays and none was picked.
+        The file does not hold depth, or several channels or arrays and none was selected.
     """
     file, name = _split(path)
     suffix = file.suffix.lower()
     if name and suffix in (".pfm", ".npy", ".bin"):
-        raise ValueError(f"{file} holds one array, of which no {name!r} can be picked")
+        raise ValueError(f"{file} holds one array, so {name!r} cannot be selected")
     if suffix == ".pfm":
         raw = _read_pfm(file)
     elif suffix == ".bin":
@@ -59,7 +59,7 @@ def read_depth(path: str | Path) -> Raw:
 
 
 def _split(path: str | Path) -> tuple[Path, str]:
-    """File and the name behind a colon; empty if there is none."""
+    """Split off the name behind a colon; empty if there is none."""
     file, _, name = str(path).rpartition(":")
     if Path(path).is_file() or not file:
         file, name = str(path), ""
@@ -69,7 +69,7 @@ def _split(path: str | Path) -> tuple[Path, str]:
 
 
 def _read_pfm(path: Path) -> Raw:
-    """Portable float map; its rows run from the bottom up."""
+    """Read a portable float map, whose rows run from bottom to top."""
     with path.open("rb") as file:
         found = PFM_HEADER.match(file.read(256))
         if found is None:
@@ -93,15 +93,16 @@ def _read_pfm(path: Path) -> Raw:
 
 
 def _read_colmap(path: Path) -> Raw:
-    """Depth map of COLMAP's stereo: `width&height&channels&`, then rows of float32 from the top.
+    """Read a COLMAP depth map: `width&height&channels&`, then rows of float32 from the top.
 
-    Its 0 is unknown; of its normals, which are three such planes, nothing is depth.
+    0 is unknown. COLMAP's normal maps, with three such planes, are refused.
     """
     with path.open("rb") as file:
         found = COLMAP_HEADER.match(file.read(64))
         if found is None:
             raise ValueError(
-                f"{path} is no depth map of COLMAP's: it does not begin with width&height&channels&"
+                f"{path} is not a depth map of COLMAP: it does not begin with "
+                "width&height&channels&"
             )
         width, height, channels = map(int, found.groups())
         if channels != 1:
@@ -121,7 +122,7 @@ def _read_colmap(path: Path) -> Raw:
 
 
 def _read_numpy(path: Path, name: str) -> Raw:
-    """Array of an NPY, or one of an NPZ."""
+    """Read the array of an NPY, or one of an NPZ."""
     if is_npy(path):
         return read_npy(path)
     picked = _pick(path, npz_names(path), name, "arrays")
@@ -129,11 +130,11 @@ def _read_numpy(path: Path, name: str) -> Raw:
 
 
 def _read_channel(path: Path, name: str) -> Raw:
-    """Channel of a picture, in its own type."""
+    """Read a channel of a picture, in its own type."""
     import OpenImageIO
 
     as_stored = OpenImageIO.ImageSpec()
-    as_stored.attribute("oiio:UnassociatedAlpha", 1)  # numbers, which no alpha multiplies
+    as_stored.attribute("oiio:UnassociatedAlpha", 1)  # no multiplication of depth by alpha
     source = opened(path, as_stored)
     if source is None:
         complaint = OpenImageIO.geterror().strip().partition("\n")[0]
@@ -156,7 +157,7 @@ def _read_channel(path: Path, name: str) -> Raw:
 
 
 def _pick(path: Path, names: list[str], name: str, what: str) -> str:
-    """Name that is asked for, or the only one, or that of depth."""
+    """Return the requested name, or the only one, or that of depth."""
     if name in names:
         return name
     depths = [known for known in names if known == "Z" or known.endswith(".Z")]
@@ -167,5 +168,5 @@ def _pick(path: Path, names: list[str], name: str, what: str) -> str:
     if name:
         raise ValueError(f"{path} has no {name!r}; it has the {what} {known}")
     raise ValueError(
-        f"{path} has the {what} {known or 'of an empty file'}; pick one as {path}:NAME"
+        f"{path} has the {what} {known or 'of an empty file'}; select one as {path}:NAME"
     )

@@ -1,14 +1,14 @@
-"""Targets that are the source itself: nothing moves, so nothing may change."""
+"""Detect targets that equal the source, and return the source unchanged."""
 
 import numpy as np
 
 from resample_warp3d.types import Equation, Rendered, Source
 
-STILL = 1e-9  # of the picture's size: what moves less than this stays where it is
+STILL = 1e-9  # relative to the picture's size: smaller moves are ignored
 
 
 def is_identity(source: Source, equation: Equation, shape: tuple[int, int]) -> bool:
-    """Whether every sample stays where it is: the target is the source."""
+    """Whether no sample moves: the target equals the source."""
     if equation.matrix[2, 2] == 0.0:
         return False
     matrix = equation.matrix / equation.matrix[2, 2]
@@ -23,7 +23,7 @@ def is_identity(source: Source, equation: Equation, shape: tuple[int, int]) -> b
 
 
 def unmoved(source: Source) -> Rendered:
-    """Source as it is, bit by bit; what has no depth is not there."""
+    """Return the source unchanged, bit by bit; samples without depth are empty."""
     known = source.nearness > 0
     coverage = known.astype(np.float32)
     image = np.where(known[..., None], source.color, np.float32(0))

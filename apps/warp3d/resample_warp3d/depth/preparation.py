@@ -1,4 +1,4 @@
-"""Depth images made ready for warping: surfaces, their slopes, and how noisy they are.
+"""Prepare depth images for warping: links, slopes, noise, smoothing.
 
 Done once per source; the result serves every target.
 """
@@ -13,9 +13,9 @@ from resample_warp3d.depth.refining.conditioning import refine as conditioned
 from resample_warp3d.depth.refining.measuring import known, linked, noise_of
 from resample_warp3d.types import AS_GIVEN, DepthImage, Links, Source
 
-CLEAN = 1e-4  # of the nearness: noise below this is none
-SMOOTH = 1e-3  # of the nearness: noise above this is smoothed
-LARGEST_REACH = 4  # samples on each side that a slope is fitted to
+CLEAN = 1e-4  # relative nearness: smaller noise is ignored
+SMOOTH = 1e-3  # relative nearness: larger noise is smoothed
+LARGEST_REACH = 4  # most samples on each side to which a slope is fitted
 
 
 def prepare(
@@ -30,19 +30,19 @@ def prepare(
     Parameters
     ----------
     image
-        Color and nearness; values that are no finite number above 0 are unknown, and so are samples
-        whose color is not finite.
+        Color and nearness. Nearness that is not finite or not above 0 is unknown, and so are
+        samples whose color is not finite.
     noise
-        Standard deviation of the nearness relative to it; measured if left out.
+        Relative standard deviation of the nearness. Default: estimated.
     step
-        Smallest difference of nearness that is told apart; measured if left out.
+        Smallest step of nearness. Default: estimated.
     refine
-        How the depth is conditioned, as of `refining.conditioning.refine`: `auto`, `none`...
+        Refinement of the depth, as `refining.conditioning.refine` takes it: `auto`, `none`...
 
     Returns
     -------
-    The source: links between neighbours on one surface, slopes, smoothed nearness, and how sure
-    depth is that was refined.
+    The source: links between neighbours on one surface, slopes, smoothed nearness, and the trust of
+    refined depth.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def prepare(
 
 
 def sourced(refined: Refined, *, noise: float | None) -> Source:
-    """Prepare a depth image that was conditioned; otherwise as `prepare`."""
+    """Prepare a refined depth image, as `prepare` does."""
     image, quantum = refined.image, refined.step
     nearness = known(image)
     links = linked(nearness, quantum, 0.0 if noise is None else noise)
@@ -87,14 +87,14 @@ def sourced(refined: Refined, *, noise: float | None) -> Source:
 
 
 def reach_for(noise: float) -> int:
-    """Samples on each side that slopes are fitted to."""
+    """Return the number of samples on each side to which slopes are fitted."""
     return 1 if noise <= SMOOTH else min(LARGEST_REACH, 2 + int(noise / 1e-3))
 
 
 def fit(nearness: Floats, links: Links, reach: int) -> tuple[Floats, Floats]:
-    """Nearness and slope of planes fitted to the samples around each on its surface.
+    """Fit a plane around each sample on its surface; return nearness and slope.
 
-    With a reach of 1 the nearness stays as it is.
+    With a reach of 1 the nearness is unchanged.
     """
     from resample_warp3d.depth.kernels.linking import fit_rows, slope_rows
 

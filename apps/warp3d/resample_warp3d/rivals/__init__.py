@@ -1,1 +1,1 @@
-"""The ways to warp depth images that people use today, to be compared with."""
+"""Baseline methods of warping depth images, for comparison."""

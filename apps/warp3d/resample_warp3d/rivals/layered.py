@@ -1,4 +1,4 @@
-"""Layered depth images of Shade et al.: what several views see, held in the pixels of one."""
+"""Layered depth images of Shade et al.: samples of several views in the pixels of one."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,19 +27,19 @@ class LayeredDepthImage:
     Parameters
     ----------
     tolerance
-        Share of the nearness within which samples of one pixel are one layer; from 0, less than 1.
+        Relative nearness within which samples of a pixel are one layer; from 0, less than 1.
     sizes
-        How many sizes splats have: 1, 3, 5, … px; 1 to 16. The root of the area that a sample takes
-        decides, so surfaces have gaps where they are magnified by more than `sizes`, or along one
-        axis only.
+        Number of splat sizes: 1, 3, 5, … px; 1 to 16. The size follows from the square root of a
+        sample's area, so surfaces have gaps where they are magnified by more than `sizes`, or along
+        one axis only.
 
     Raises
     ------
     ValueError
-        A choice is out of its range.
+        A number is out of range.
     """
 
-    is_per_pixel: ClassVar[bool] = True  # takes no filter: parts of pixels would stay empty
+    is_per_pixel: ClassVar[bool] = True  # takes no filter: sub-pixels would stay empty
     tolerance: float = TOLERANCE
     sizes: int = SIZES
 
@@ -63,22 +63,22 @@ def build(
 ) -> "LayeredImage":
     """Make a layered depth image.
 
-    Samples go to the centers of their nearest pixels, along the planes of their surfaces. The order
-    of the sources does not matter, but for rounding.
+    Samples move to the centers of their nearest pixels, along the planes of their surfaces. The
+    result does not depend on the order of the sources, except for rounding.
 
     Parameters
     ----------
     sources
-        Depth images, each with the equation that leads into the view of the layered one.
+        Depth images, each with its equation to the layered image's view.
     shape
         (height, width) of that view, px.
     tolerance
-        As of `LayeredDepthImage`.
+        As `LayeredDepthImage` takes it.
 
     Raises
     ------
     ValueError
-        The sources are none or differ in their numbers of channels.
+        There are no sources, or their numbers of channels differ.
     """
     from resample_warp3d.rivals.kernels.layered import LayeredImage, merge
 
@@ -108,18 +108,18 @@ def splat(
 ) -> Rendered:
     """Warp a layered depth image into a frame of (height, width) px.
 
-    Sizes of splats follow from the nearness and slope of the samples.
+    The size of a splat follows from the nearness and slope of its sample.
 
     Parameters
     ----------
     layers
-        As of `build`.
+        Result of `build`.
     equation
-        Leads from the layered depth image's view to the target.
+        Equation from the layered image's view to the target.
     shape
-        Of the target, px.
+        Height and width of the target, px.
     sizes
-        As of `LayeredDepthImage`.
+        As `LayeredDepthImage` takes it.
     """
     from resample_warp3d.rivals.kernels.layered import splat_in_order
 
@@ -137,11 +137,11 @@ def splat(
 
 
 def patches(sizes: int) -> Floats:
-    """Opacities of splats 1, 3, 5, … px wide: Gaussians rounded to 1, 1/2 or 1/4.
+    """Return opacities of splats 1, 3, 5, … px wide: Gaussians rounded to 1, 1/2 or 1/4.
 
     Returns
     -------
-    (sizes, 2 sizes − 1, 2 sizes − 1), each in the upper left corner of its own.
+    (sizes, 2 sizes − 1, 2 sizes − 1), each in the upper left corner of its table.
     """
     tables = np.zeros((sizes, 2 * sizes - 1, 2 * sizes - 1), np.float32)
     for size in range(sizes):
@@ -156,7 +156,7 @@ def patches(sizes: int) -> Floats:
 def _moved(
     source: Source, equation: Equation, shape: tuple[int, int]
 ) -> tuple["np.ndarray[tuple[int], np.dtype[np.int64]]", Floats, Floats]:
-    """Samples that fall into a view: their pixel, nearness with slope, and color."""
+    """Warp the samples into a view; return pixel, nearness with slope, and color."""
     from resample_warp3d.rivals.kernels.layered import move_rows
 
     pixel = np.empty(source.nearness.shape, np.int64)

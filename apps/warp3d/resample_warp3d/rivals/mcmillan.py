@@ -1,4 +1,4 @@
-"""McMillan's image warp: every sample to its nearest pixel, seen by order or by a z-buffer."""
+"""McMillan's image warp: samples to nearest pixels, visibility by order or z-buffer."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
@@ -16,14 +16,15 @@ if TYPE_CHECKING:
 class McMillan:
     """Nearest pixels in the occlusion-compatible order; later samples replace earlier ones.
 
-    The target's eye, seen by the source, cuts it into up to four sheets of rows and columns. They
-    are walked toward the eye where it is in front of the source and away from it where it is
-    behind; then what is nearer to the eye comes later, on each line of sight (McMillan 1997). Two
-    samples that share a pixel may lie on two lines of sight, and then come in either order. In a
-    source with distortion the sheets meet at the eye, but their borders are bent, which is ignored.
+    The target's camera center, projected to the source, divides it into up to four sheets of rows
+    and columns. They are walked toward that point if it is in front of the source, and away from it
+    if it is behind; then samples nearer to the camera come later on each line of sight (McMillan
+    1997). Two samples that share a pixel may lie on two lines of sight, and then come in either
+    order. In a source with distortion the sheets meet at that point, but their borders are curved,
+    which is ignored.
     """
 
-    is_per_pixel: ClassVar[bool] = True  # takes no filter: parts of pixels would stay empty
+    is_per_pixel: ClassVar[bool] = True  # takes no filter: sub-pixels would stay empty
 
     def __call__(self, source: Source, equation: Equation, shape: tuple[int, int]) -> Rendered:
         walks = walks_of(equation, source.nearness.shape, source.place)
@@ -32,9 +33,9 @@ class McMillan:
 
 @dataclass(frozen=True)
 class McMillanZBuffer:
-    """Nearest pixels with a z-buffer; of equally near samples the first in the source stays."""
+    """Nearest pixels with a z-buffer; of equally near samples the first in the source wins."""
 
-    is_per_pixel: ClassVar[bool] = True  # takes no filter: parts of pixels would stay empty
+    is_per_pixel: ClassVar[bool] = True  # takes no filter: sub-pixels would stay empty
 
     def __call__(self, source: Source, equation: Equation, shape: tuple[int, int]) -> Rendered:
         height, width = source.nearness.shape
@@ -43,7 +44,7 @@ class McMillanZBuffer:
 
 
 def blank(source: Source, shape: tuple[int, int]) -> Rendered:
-    """A picture of a source's channels that a kernel will fill."""
+    """Allocate a picture for a kernel to fill."""
     channels = source.color.shape[2]
     return Rendered(
         np.empty((*shape, channels), np.float32),
@@ -55,12 +56,12 @@ def blank(source: Source, shape: tuple[int, int]) -> Rendered:
 
 
 def walks_of(equation: Equation, shape: tuple[int, ...], place: Doubles) -> "Walks":
-    """Rows and columns of a source of (height, width) px in the occlusion-compatible order.
+    """Return a source's rows and columns in the occlusion-compatible order.
 
     Returns
     -------
-    (2, 2, 3) of rows, then of columns, two walks each, one of them may be empty: from, up to, step.
-    Every row of the first walk is combined with every walk along columns, which makes four sheets.
+    (2, 2, 3) two walks of rows, then two of columns, one of which may be empty: from, up to, step.
+    Every walk of rows is combined with every walk of columns, which makes four sheets.
     """
     eye = eye_in_source(equation)
     height, width = shape
@@ -70,26 +71,26 @@ def walks_of(equation: Equation, shape: tuple[int, ...], place: Doubles) -> "Wal
 
 
 def eye_in_source(equation: Equation) -> Doubles:
-    """Where the source sees the target's eye, homogeneous; the third is below 0 behind it."""
+    """Project the target's camera center to the source, homogeneous; third < 0: behind."""
     return -np.linalg.solve(equation.matrix, equation.epipole).astype(np.float64)
 
 
 def _line(place: Doubles, axis: int, across: int, count: int) -> Doubles:
-    """Coordinate of the samples along one row (`axis` 0) or column (1), px."""
+    """Return the coordinates of samples along one row (`axis` 0) or column (1), px."""
     if place.size == 0:
         return (np.arange(count) + 0.5).astype(np.float64)
     return place[across, :, 0] if axis == 0 else place[:, across, 1]
 
 
 def _turn(eye: float, scale: float, line: Doubles) -> int:
-    """How many samples of a line are walked before the eye is passed."""
-    if scale == 0.0:  # the eye is infinitely far to one side
+    """Return how many samples of a line come before the camera center."""
+    if scale == 0.0:  # the camera center is infinitely far to one side
         return len(line) if eye > 0.0 else 0
     return int(np.count_nonzero(line < eye / scale))
 
 
 def _walks(turn: int, count: int, scale: float) -> list[list[int]]:
-    """Forward and backward walk along an axis, toward the turn or, behind the eye, away from it."""
+    """Return the walks along an axis: toward the turn, or away from it if behind."""
     if scale >= 0.0:
         return [[0, turn, 1], [count - 1, turn - 1, -1]]
     return [[turn, count, 1], [turn - 1, -1, -1]]
@@ -102,7 +103,7 @@ def _nearest_pixels(
     walks: "Walks",
     depth_shape: tuple[int, int],
 ) -> Rendered:
-    """Picture of nearest samples; a depth buffer of size 0 leaves visibility to the order."""
+    """Paint nearest samples; with an empty depth buffer the order decides visibility."""
     from resample_warp3d.rivals.kernels.mcmillan import copy_rows, place_samples
 
     owner, rendered = np.full(shape, -1, np.int32), blank(source, shape)

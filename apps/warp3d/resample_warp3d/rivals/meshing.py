@@ -1,4 +1,4 @@
-"""Triangles between neighbouring samples, as graphics cards draw depth images."""
+"""Triangle meshes between adjacent samples, as graphics cards draw depth images."""
 
 import math
 from dataclasses import dataclass
@@ -14,28 +14,28 @@ if TYPE_CHECKING:
     from resample_warp3d.rivals.kernels.meshing import Bands
 
 MOST_SAMPLES = 16
-BAND = 32  # sub-pixels that a band is high
+BAND = 32  # height of a band in sub-pixels
 
 
 @dataclass(frozen=True)
 class Mesh:
     """Two triangles between 2 × 2 samples, with perspective and a z-buffer (Mark et al. 1997).
 
-    Their corners are the samples, so the outer half pixel of the source is missing. Triangles that
-    show their back or have a corner behind the eye are not drawn.
+    Triangles have the samples as corners, so the outer half pixel of the source is missing.
+    Triangles that show their back or have a corner behind the camera are not drawn.
 
     Parameters
     ----------
     cut
-        `links`: a triangle joins linked samples only. A number: one whose depths differ by more
-        than that, relative to the nearest, is not drawn (0.03 is common). `none`: a rubber sheet.
+        `links`: triangles join linked samples only. A number: triangles whose depths differ by
+        more, relative to the nearest, are not drawn (0.03 is common). `none`: a rubber sheet.
     samples
         Sub-pixels per side of a pixel, 1 to 16; the pixel is their mean.
 
     Raises
     ------
     ValueError
-        A choice is unknown or out of its range.
+        An option is unknown or out of range.
     """
 
     cut: str | float = "links"
@@ -62,12 +62,12 @@ class Mesh:
 
 
 def orientation_of(equation: Equation) -> float:
-    """Sign of the areas in the target that show their front; −1 if one of the views is mirrored."""
+    """Return the sign of front-facing areas in the target; −1 if one view is mirrored."""
     return math.copysign(1.0, np.linalg.det(equation.matrix))
 
 
 def bands_of(box: Floats, shape: tuple[int, int], width: int, samples: int) -> "Bands":
-    """Deal items to the bands of the target that they touch.
+    """Sort items into the bands of the target that they touch.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def bands_of(box: Floats, shape: tuple[int, int], width: int, samples: int) -> "
     shape
         Height and width of the target, px.
     width
-        Of the source, by which items are numbered.
+        Width of the source, by which items are numbered.
     samples
         Sub-pixels per side of a pixel.
     """
@@ -92,13 +92,13 @@ def bands_of(box: Floats, shape: tuple[int, int], width: int, samples: int) -> "
 
 
 def check_count(name: str, count: int, most: int) -> None:
-    """Refuse what is no whole number from 1 to `most`."""
+    """Refuse anything but a whole number from 1 to `most`."""
     if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= most:
         raise ValueError(f"{name} is a whole number from 1 to {most}, not {count}")
 
 
 def _step(cut: str | float) -> float:
-    """Largest relative step of depth within a triangle; −1 where links decide or for no number."""
+    """Return the largest relative depth step in a triangle; −1 for links or an invalid cut."""
     if cut == "none":
         return math.inf
     try:

@@ -1,4 +1,4 @@
-"""What OpenCV offers for warping depth images."""
+"""Warp depth images with OpenCV's `cv2.warpFrame`."""
 
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -16,12 +16,12 @@ HALF_PIXEL = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1.0]])  # from OpenCV's 
 class OpenCv:
     """OpenCV 5's `cv2.warpFrame`: nearest pixels, a z-buffer, one thread.
 
-    It counts pixel centers from (0, 0) and rounds down, so the picture lies up to one pixel, on
-    average half a pixel, left of and above where it should be; that is left as it is. It takes one
-    3 × 3 matrix for both views, without skew and with fy > 0, which would exclude many cameras; but
-    it applies any 3 × 4 matrix where a rigid motion is expected, and so the whole warping equation
-    is given to it there. Colors could have 8 bits; instead the numbers of the samples travel in its
-    four channels of 8 bits, and colors are looked up, of any number of channels and without loss.
+    It counts pixel centers from (0, 0) and rounds down, so the picture is shifted to the left and
+    up by up to one pixel, on average half a pixel; that is not corrected. It takes one 3 × 3 matrix
+    for both views, without skew and with fy > 0, which would exclude many cameras; but it applies
+    any 3 × 4 matrix as the rigid motion, so the whole warping equation is passed there. Its
+    pictures have 8 bits, so the samples' indices are passed in its four 8-bit channels, and colors
+    are looked up, with any number of channels and without loss.
 
     Raises
     ------
@@ -31,7 +31,7 @@ class OpenCv:
         The source has distortion.
     """
 
-    is_per_pixel: ClassVar[bool] = True  # takes no filter: parts of pixels would stay empty
+    is_per_pixel: ClassVar[bool] = True  # takes no filter: sub-pixels would stay empty
 
     def __call__(self, source: Source, equation: Equation, shape: tuple[int, int]) -> Rendered:
         from resample_warp3d.rivals.kernels.mcmillan import copy_rows
@@ -41,7 +41,7 @@ class OpenCv:
                 "opencv takes sources without distortion; undistort it, or use mcmillan-zbuffer"
             )
         height, width = source.nearness.shape
-        size = max(height, shape[0]), max(width, shape[1])  # it makes a picture of the same size
+        size = max(height, shape[0]), max(width, shape[1])  # its output has the size of its input
         depth = np.zeros(size)
         is_known = np.zeros(size, np.uint8)
         is_known[:height, :width] = source.nearness > 0
@@ -56,7 +56,7 @@ class OpenCv:
 
 
 def _warp_frame(depth: Doubles, number: Any, is_known: Any, equation: Equation) -> tuple[Any, Any]:
-    """Numbers of the samples that are seen, and where any is."""
+    """Return the indices of the visible samples, and where there are any."""
     import cv2
 
     if not hasattr(cv2, "warpFrame"):
@@ -64,7 +64,7 @@ def _warp_frame(depth: Doubles, number: Any, is_known: Any, equation: Equation) 
             f"OpenCV {cv2.__version__} has no cv2.warpFrame; install opencv-python-headless 5 or "
             "newer, or use mcmillan-zbuffer, which does the same"
         )
-    camera = np.array([[1, 0, 1], [0, 1, 1], [0, 0, 1.0]])  # any that it takes; this one is exact
+    camera = np.array([[1, 0, 1], [0, 1, 1], [0, 0, 1.0]])  # any valid one; this one is exact
     back = np.array([[1, 0, -1], [0, 1, -1], [0, 0, 1.0]])
     matrix = np.linalg.inv(HALF_PIXEL) @ equation.matrix @ HALF_PIXEL
     epipole = np.linalg.inv(HALF_PIXEL) @ equation.epipole

@@ -1,4 +1,4 @@
-"""Samples put in between until no pixel is missed, as in Popescu's WarpEngine."""
+"""Subsampling until no pixel is missed, as in Popescu's WarpEngine."""
 
 from dataclasses import dataclass
 
@@ -15,21 +15,21 @@ MOST = 64  # subsamples per side of a quad
 class Subsample:
     """Subsamples between linked samples, written to nearest sub-pixels (Popescu et al. 2000).
 
-    Between 2 × 2 samples that are linked all around, color and homogeneous place are interpolated
-    on a grid dense enough to reach every sub-pixel. Where a link is missing, samples are written
-    alone. A z-buffer decides; a pixel is the mean of its sub-pixels.
+    Between 2 × 2 samples that are linked all around, color and homogeneous position are
+    interpolated on a grid dense enough to reach every sub-pixel. Where a link is missing, samples
+    are written alone. Visibility is by z-buffer; a pixel is the mean of its sub-pixels.
 
     Parameters
     ----------
     samples
         Sub-pixels per side of a pixel, 1 to 16.
     most
-        Subsamples per side of a quad at most, 1 to 64; beyond it there are holes.
+        Most subsamples per side of a quad, 1 to 64; larger quads have holes.
 
     Raises
     ------
     ValueError
-        A choice is out of its range.
+        A number is out of range.
     """
 
     samples: int = 2

@@ -1,1 +1,1 @@
-"""Depth images as sheets of cells, painted in two layers."""
+"""Depth images as sheets of cells: holes, filling, layers behind silhouettes."""

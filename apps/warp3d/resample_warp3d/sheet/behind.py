@@ -1,9 +1,9 @@
-"""What silhouettes hide, made up once per source: a second depth image behind the first.
+"""Background layer behind silhouettes: a second depth image, made once per source.
 
-Every frame of a film shows the same layer, so what is made up moves with the scene instead of
-changing from frame to frame. Its depth goes on from the far side of a silhouette, in the direction
-that the far surface has there; its color spreads from the far side alone, whose samples have been
-rid of the near side's light.
+Every frame of a film shows the same layer, so the made-up content moves with the scene instead of
+changing from frame to frame. Its depth extrapolates the far side of a silhouette along its slope;
+its color spreads from the far side only, after the near side's light has been removed from its
+samples.
 """
 
 from typing import NamedTuple
@@ -17,41 +17,41 @@ from resample_warp3d.sheet.filling import inpainted
 from resample_warp3d.sheet.sheets import alone
 from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, DepthImage, Hole, Source, Warped
 
-REACH = 0.12  # of the longer side: how far behind a silhouette the layer goes
+REACH = 0.12  # of the longer side: how far the layer extends behind a silhouette
 APART = 1.03  # ratio of nearness from which one surface hides another
-RING = 3  # samples of the far side itself that the layer begins with
-STEEP = 0.5  # of the nearness: what it may change from a silhouette to the layer's end
-MARGIN = 10  # samples around what is made up that are looked at
-CLASSES = 6  # of far sides, by nearness: beside a near one a farther one is looked for, too
+RING = 3  # samples of the far side included in the layer
+STEEP = 0.5  # of the nearness: largest change from a silhouette to the layer's end
+MARGIN = 10  # samples around the made-up ones used for their colors
+CLASSES = 6  # of far sides by nearness, so that near ones do not hide farther ones
 
 Mask = NDArray[np.bool_]
 NEIGHBOURS = ((RIGHT, 0, 1), (DOWN, 1, 0), (LEFT, 0, -1), (UP, -1, 0))
 
 
 class Beyond(NamedTuple):
-    """Some far sides, gone on beyond their silhouettes."""
+    """Far sides of a class, extrapolated behind their silhouettes."""
 
     distance: Floats  # (H, W) to the nearest sample at a silhouette
     nearness: Floats  # (H, W) of its surface
-    hidden: Mask  # (H, W) that surface lies behind the sample, not too far from its silhouette
-    same: Mask  # (H, W) the sample is of that surface
+    hidden: Mask  # (H, W) the surface lies behind the sample, close enough to its silhouette
+    same: Mask  # (H, W) the sample belongs to that surface
     start: NDArray[np.int64]  # (H, W) number of the nearest sample at a silhouette
 
 
 def background(source: Source, reach: float = REACH) -> Source | None:
-    """Layer behind the silhouettes of a source.
+    """Return the background layer behind the silhouettes of a source.
 
     Parameters
     ----------
     source
         A prepared depth image.
     reach
-        How far the layer goes behind a silhouette, as a share of the picture's longer side.
+        Extent of the layer behind a silhouette, as a share of the picture's longer side.
 
     Returns
     -------
-    A source of the same size, with depth where something is hidden and a few samples around; None
-    if nothing hides anything.
+    A source of the same size, with depth where something is hidden and for a few samples around;
+    None if nothing is hidden.
 
     Raises
     ------
@@ -91,10 +91,10 @@ def background(source: Source, reach: float = REACH) -> Source | None:
 
 
 def behind(warped: Warped, layer: Warped) -> Warped:
-    """Picture with the layer behind it where something was in the way.
+    """Composite a picture over the layer where the source is occluded.
 
-    What is outside the source or without depth stays empty, as a layer knows nothing of it. Why the
-    pixels are what they are stays on record.
+    Pixels outside the source or without depth stay empty, as the layer has nothing there. The
+    causes of holes are kept.
 
     Examples
     --------
@@ -119,7 +119,7 @@ def behind(warped: Warped, layer: Warped) -> Warped:
 
 
 def far_sides(source: Source) -> Mask:
-    """Samples (H, W) that have something nearer, of another surface, beside them."""
+    """Return the samples (H, W) beside a nearer surface."""
     nearness, links = source.nearness, source.links
     padded = np.pad(nearness, 1)
     height, width = nearness.shape
@@ -131,7 +131,7 @@ def far_sides(source: Source) -> Mask:
 
 
 def _classes(source: Source, far: Mask, most: float) -> list[Beyond]:
-    """Far sides by their nearness, each class for itself."""
+    """Split far sides into classes by nearness."""
     limits = np.quantile(source.nearness[far], np.linspace(0, 1, CLASSES + 1)[1:-1])
     member = np.searchsorted(limits, source.nearness, side="right")
     chosen = [far & (member == n) for n in range(CLASSES)]
@@ -139,14 +139,14 @@ def _classes(source: Source, far: Mask, most: float) -> list[Beyond]:
 
 
 def _one_class(source: Source, far: Mask, most: float) -> Beyond:
-    """The nearest of some far sides, wherever it lies."""
+    """Extrapolate the far sides of one class."""
     import cv2
 
     width = far.shape[1]
     distance, label = cv2.distanceTransformWithLabels(
         (~far).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
     )
-    place = np.zeros(int(label.max()) + 1, np.int64)  # of the far side that has a label
+    place = np.zeros(int(label.max()) + 1, np.int64)  # of the far side with a label
     place[label[far]] = np.flatnonzero(far)
     start = place[label]
     row, column = np.indices(far.shape)
@@ -163,10 +163,10 @@ def _one_class(source: Source, far: Mask, most: float) -> Beyond:
 
 
 def _spread(color: Floats, beyond: Beyond, chosen: Mask) -> Floats:
-    """Colors (H, W, C) of far sides spread to the samples chosen.
+    """Spread the colors (H, W, C) of far sides to the chosen samples.
 
-    What is of other surfaces gives no color: it is as unknown, and has the color of the nearest
-    sample at a silhouette where it is farther away than all that is chosen.
+    Samples of other surfaces give no color: they count as unknown, or, where they are farther away
+    than all chosen samples, get the color of the nearest sample at a silhouette.
     """
     reach = float(beyond.distance[chosen].max()) + 1.0
     row, column = (np.flatnonzero(chosen.any(axis=axis)) for axis in (1, 0))

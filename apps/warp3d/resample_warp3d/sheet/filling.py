@@ -1,8 +1,8 @@
-"""Holes filled with what probably lies there: the background goes on behind what stood before it.
+"""Fill holes by inpainting from the background.
 
-Not measured but made up, so nothing of it happens unless asked for. `cv2.inpaint` (Telea 2004)
-spreads colors inward from a hole's rim; here the rim's near side is hidden from it, and put back
-afterwards, so that what the source's foreground covered is filled from the far side alone.
+The filling is made up, not measured, so it is only done on request. `cv2.inpaint` (Telea 2004)
+spreads colors inward from a hole's border. Here the border's near side is masked during that, so
+that what the source's foreground covered is filled from the far side only.
 """
 
 from typing import NamedTuple
@@ -13,35 +13,35 @@ from numpy.typing import NDArray
 from resample.types import Floats
 from resample_warp3d.types import Hole, Warped
 
-SOLID = 0.95  # coverage from which a pixel's own color will do
-RADIUS = 3  # px that `cv2.inpaint` looks around itself
-LARGE = 2.0**24  # what the largest value becomes for `cv2.inpaint`
-APART = 1.05  # ratio of nearness from which a hole's rim has a near and a far side
+SOLID = 0.95  # coverage from which a pixel keeps its own color
+RADIUS = 3  # px, radius of `cv2.inpaint`
+LARGE = 2.0**24  # largest value passed to `cv2.inpaint`
+APART = 1.05  # ratio of nearness from which a hole's border has a near and a far side
 
 Mask = NDArray[np.bool_]
 
 
 class Rim(NamedTuple):
-    """What lies around the holes."""
+    """Masks for filling holes."""
 
-    unknown: Mask  # (H, W) to be filled, wholly or behind what covers them in part
-    hidden: Mask  # (H, W) known, but on a hole's near side
+    unknown: Mask  # (H, W) to be filled, fully or behind a partial cover
+    hidden: Mask  # (H, W) known, but on the near side of a hole
 
 
 def fill(warped: Warped) -> Warped:
-    """Picture and depth without holes.
+    """Fill the holes of a picture and its depth.
 
     Parameters
     ----------
     warped
-        What is disoccluded is filled from the far side of its surroundings, what is outside the
-        source or has no depth there from all sides. Pixels that are covered in part get the filling
-        behind what covers them.
+        The warped picture. Disoccluded pixels are filled from the far side of their surroundings,
+        pixels outside the source or without depth from all sides. Partly covered pixels get the
+        filling behind their cover.
 
     Returns
     -------
-    The same with coverage 1; the holes' types, magnification and confidence stay as they are. With
-    nothing known at all, what was given.
+    The same with coverage 1; the causes of holes, magnification and confidence are unchanged. If
+    nothing at all is known, the input.
     """
     nearness = np.zeros_like(warped.depth)
     np.divide(1.0, warped.depth, out=nearness, where=(warped.depth > 0) & (warped.coverage > 0))
@@ -68,12 +68,12 @@ def fill(warped: Warped) -> Warped:
 
 
 def rim_of(coverage: Floats, nearness: Floats, holes: NDArray[np.uint8]) -> Rim:
-    """What is unknown, and what of the known must not flow into it.
+    """Return the unknown pixels, and the known ones that must not flow into them.
 
-    A known pixel is hidden if it is nearer than the middle between the nearest and the farthest
-    surface that the closest unknown pixel sees up, down, left and right of itself, and if it lies
-    no farther from there than the far side lies from any pixel of the same hole, so that what
-    spreads from behind the hidden comes too late.
+    A known pixel is hidden if it is nearer than the midpoint between the nearest and the farthest
+    surface that the closest unknown pixel sees up, down, left and right, and if its distance to
+    that pixel is at most the largest distance of the hole's pixels to the far side, so that colors
+    from beyond the hidden pixels arrive too late.
     """
     unknown = coverage < SOLID
     nowhere = Rim(unknown, np.zeros_like(unknown))
@@ -86,7 +86,7 @@ def rim_of(coverage: Floats, nearness: Floats, holes: NDArray[np.uint8]) -> Rim:
     distance, label = cv2.distanceTransformWithLabels(
         (~unknown).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
     )
-    place = np.zeros(int(label.max()) + 1, np.int64)  # of the unknown pixel that has a label
+    place = np.zeros(int(label.max()) + 1, np.int64)  # of the unknown pixel with a label
     place[label[unknown]] = np.flatnonzero(unknown)
     closest = place[label]
     is_near = ~unknown & (nearness > limit.flat[closest])
@@ -98,7 +98,7 @@ def rim_of(coverage: Floats, nearness: Floats, holes: NDArray[np.uint8]) -> Rim:
 
 
 def _reach(is_far: Mask, is_hole: Mask) -> Floats:
-    """Distance in px from the far side to the pixel of each hole that is farthest from it."""
+    """Return the largest distance, px, of each hole's pixels from the far side."""
     import cv2
 
     away = cv2.distanceTransform((~is_far).astype(np.uint8), cv2.DIST_L2, 5)
@@ -109,7 +109,7 @@ def _reach(is_far: Mask, is_hole: Mask) -> Floats:
 
 
 def _middle(nearness: Floats, unknown: Mask) -> Floats:
-    """Nearness between the near and the far side of each unknown pixel; inf where it has one."""
+    """Return the nearness between near and far side of unknown pixels; inf if only one."""
     views = [
         _met(nearness, unknown),
         _met(nearness[:, ::-1], unknown[:, ::-1])[:, ::-1],
@@ -126,7 +126,7 @@ def _middle(nearness: Floats, unknown: Mask) -> Floats:
 
 
 def _met(nearness: Floats, unknown: Mask) -> Floats:
-    """Nearness of the first known pixel to the left; 0 where there is none."""
+    """Return the nearness of the first known pixel to the left; 0 if there is none."""
     column = np.where(unknown, -1, np.arange(nearness.shape[1]))
     last = np.maximum.accumulate(column, axis=1)
     found = np.take_along_axis(nearness, np.maximum(last, 0), axis=1)
@@ -134,9 +134,9 @@ def _met(nearness: Floats, unknown: Mask) -> Floats:
 
 
 def inpainted(values: Floats, where: Mask) -> Floats:
-    """Values (H, W, C) with the marked ones made up from the others; any range.
+    """Inpaint the marked values of (H, W, C) from the others; for any range.
 
-    OpenCV adds up to √2 to every value it makes up, in whatever unit: nothing where they are large.
+    OpenCV adds up to √2 to every inpainted value, so values are scaled up to make that negligible.
     """
     import cv2
 

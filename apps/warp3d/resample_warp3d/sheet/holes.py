@@ -1,4 +1,4 @@
-"""What is missing in a warped picture: narrow gaps closed, and the rest explained."""
+"""Close narrow gaps of a warped picture, and classify its holes."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,11 +9,11 @@ from resample_warp3d.types import Equation, Hole, Rendered, Source
 
 
 def bridged(rendered: Rendered) -> Rendered:
-    """Picture with gaps of up to two pixels closed from their sides, the farther one first.
+    """Close gaps of up to two pixels from their sides, the farther one first.
 
-    Between samples that a view pulls apart gaps open which no surface ends at; and where a sample
-    covers many pixels, the end of its surface is known to a part of that only. What is given is
-    written over.
+    Gaps at which no surface ends open between samples that a view pulls apart; and where a sample
+    covers many pixels, the end of its surface is only known to a part of a sample. The input is
+    overwritten.
     """
     from resample_warp3d.sheet.kernels.bridging import GROWN, bridge_rows, reach_of_rows
 
@@ -29,10 +29,10 @@ def bridged(rendered: Rendered) -> Rendered:
 
 
 def explained(rendered: Rendered, source: Source, equation: Equation) -> NDArray[np.uint8]:
-    """Why each pixel is what it is, (H, W) values of `Hole`.
+    """Classify each pixel, (H, W) values of `Hole`.
 
-    A hole is taken to be as far as what lies beside it in its row, on the farther side; an empty
-    row as far as the farthest of the next row that is not.
+    A hole is assumed to be as far as the farther of its neighbours in its row; an empty row as far
+    as the farthest point of the nearest row that is not empty.
     """
     from resample_warp3d.sheet.kernels.bridging import explain_holes
 
@@ -47,9 +47,9 @@ def explained(rendered: Rendered, source: Source, equation: Equation) -> NDArray
 
 
 def trusted(rendered: Rendered, source: Source, equation: Equation) -> Floats:
-    """How sure the depth is that pixels (H, W) are made of: 1 where it is as it was given.
+    """Return the trust of the pixels' depth (H, W): 1 where it was not refined.
 
-    Depth that was refined is as sure as the share of votes for it; half as sure, made up.
+    Refined depth has the share of votes for it; filled depth half of that.
     """
     from resample_warp3d.sheet.kernels.trusting import look_up
 
@@ -63,7 +63,7 @@ def trusted(rendered: Rendered, source: Source, equation: Equation) -> Floats:
 
 
 def farthest_of_rows(rendered: Rendered) -> Floats:
-    """Nearness (H,) of the farthest thing in each row, or in the next row that has any; 0: none."""
+    """Return the nearness (H,) of each row's farthest point, or the nearest row's; 0: none."""
     nearness = np.where(rendered.coverage > 0, rendered.nearness, np.inf).min(axis=1)
     full = np.flatnonzero(np.isfinite(nearness))
     if not full.size:

@@ -1,4 +1,4 @@
-"""A depth image as a sheet of cells: what the hybrid method warps. Made once per source."""
+"""Make the sheet of cells that the hybrid method warps, once per source."""
 
 import numpy as np
 
@@ -10,13 +10,13 @@ PRECISION = 1e-6  # relative error of a float's nearness
 
 
 class Sheets:
-    """Sheets of the last few sources, each made when it is first asked for."""
+    """Cache of the sheets of the last few sources."""
 
     def __init__(self) -> None:
         self._made: dict[tuple[int, bool], tuple[Source, Sheet]] = {}
 
     def __call__(self, source: Source, *, is_label: bool = False) -> Sheet:
-        """Sheet of a source; see `sheet_of`."""
+        """Return the sheet of a source; see `sheet_of`."""
         key = id(source), is_label
         if key not in self._made:
             while len(self._made) >= KEPT:
@@ -26,14 +26,14 @@ class Sheets:
 
 
 def sheet_of(source: Source, *, is_label: bool = False) -> Sheet:
-    """Sheet of a prepared source.
+    """Make the sheet of a prepared source.
 
     Parameters
     ----------
     source
         A prepared depth image.
     is_label
-        Colors are names: only the depth tells where silhouettes run, and nothing is unmixed.
+        Colors are labels: silhouettes follow from depth only, and colors are not unmixed.
     """
     from resample_warp3d.sheet.kernels import corners
     from resample_warp3d.sheet.kernels.limbs import Silhouettes, mark_ends
@@ -61,9 +61,9 @@ def sheet_of(source: Source, *, is_label: bool = False) -> Sheet:
 
 
 def alone(source: Source, *, is_label: bool = False) -> tuple[Floats, Floats]:
-    """Colors (H, W, C) of surfaces without each other's light, and silhouettes (H, W, 2).
+    """Return unmixed colors (H, W, C) of surfaces, and silhouettes (H, W, 2).
 
-    Silhouettes are as `outlines.find_silhouettes` gives them; names have no light to part.
+    Silhouettes are those of `outlines.find_silhouettes`; labels are not unmixed.
     """
     from resample_warp3d.depth.kernels import outlines
 
@@ -80,12 +80,12 @@ def alone(source: Source, *, is_label: bool = False) -> tuple[Floats, Floats]:
 
 
 def error_of(source: Source) -> Doubles:
-    """Error (2,) of a source's nearness: relative, and absolute."""
+    """Return the error (2,) of a source's nearness: relative, and absolute."""
     return np.array([max(source.noise, PRECISION), 0.3 * source.step])
 
 
 def grouped(color: Floats) -> Floats:
-    """Channels in groups of three, (G, 3, H + 4, W + 4); zeros fill the last group and a margin."""
+    """Group channels by three, (G, 3, H + 4, W + 4), padded with zeros."""
     height, width, channels = color.shape
     shape = -(-channels // 3), 3, height + 2 * MARGIN, width + 2 * MARGIN
     groups = np.zeros(shape, np.float32)
@@ -96,7 +96,7 @@ def grouped(color: Floats) -> Floats:
 
 
 def corner_places(place: Doubles) -> Doubles:
-    """Places of the lattice's corners, bilinear between the samples' and beyond them."""
+    """Interpolate the positions of the lattice's corners from those of the samples."""
     if not place.size:
         return place
     ahead = np.pad(place, ((1, 1), (1, 1), (0, 0)), mode="reflect", reflect_type="odd")
@@ -104,7 +104,7 @@ def corner_places(place: Doubles) -> Doubles:
 
 
 def bend(corner: Floats, place: Doubles) -> None:
-    """Move corners (N, 4, 3) from the lattice to where a camera without distortion sees them."""
+    """Move corners (N, 4, 3) from the lattice to their undistorted positions."""
     height, width = place.shape[0] - 1, place.shape[1] - 1
     column = np.clip(np.floor(corner[..., 0]).astype(np.int64), 0, width - 1)
     row = np.clip(np.floor(corner[..., 1]).astype(np.int64), 0, height - 1)

@@ -1,1 +1,1 @@
-"""Measured and shown: scenes, pairs, comparisons, figures."""
+"""Test scenes, real pairs, comparisons and figures."""

@@ -1,4 +1,4 @@
-"""Views of a depth image by several methods, measured against what they really show."""
+"""Compare methods on views of a depth image, measured against true views."""
 
 import statistics
 import time
@@ -24,36 +24,37 @@ from resample_warp3d.types import Equation, Method, Rendered, Source
 
 Row = dict[str, object]
 
-RUNS = 5  # that a time is the median of
-PATIENCE = 2.0  # seconds for all of them
-CROP = 48  # px of a detail's side
-WHOLE = 0.999  # share of a pixel's rays that the source has to see
-SEVERE = 0.2  # larger errors count as this where the place of a detail is chosen
+RUNS = 5  # per method; their median is the time
+PATIENCE = 2.0  # seconds for all runs of a method
+CROP = 48  # px, side of a detail
+WHOLE = 0.999  # share of a pixel's rays that the source must see
+SEVERE = 0.2  # larger errors count as this in the choice of details
 TRUTH = "truth"
 
 
 class Case(NamedTuple):
-    """A depth image, a view to warp it to, and what that shows."""
+    """A depth image, a view to warp it to, and the true view."""
 
     name: str
     source: Source
     equation: Equation
     target: Target
-    is_light: bool = True  # the source's values; otherwise they are sRGB-encoded
+    is_light: bool = True  # the source's values are linear light, else sRGB-encoded
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Pictures of views and how far they are from the truth.
+    """Pictures of views by several methods, and their errors.
 
     Parameters
     ----------
     rows
-        One for each view and method: `view`, `method`, the measures of `scoring.score` and `ms`.
+        One row for each view and method: `view`, `method`, the measures of `scoring.score` and
+        `ms`.
     pictures
         Pictures as a screen shows them, by view and method; the truth comes first.
     details
-        The part of each view that is worth enlarging.
+        The part of each view to enlarge.
     """
 
     rows: list[Row]
@@ -73,7 +74,7 @@ def compare_scene(
     size
         Height and width of all frames, px.
     views
-        Some of `scenes.STANDS`.
+        Names from `scenes.STANDS`.
 
     Raises
     ------
@@ -107,11 +108,11 @@ def compare_view(
     source
         Prepared depth image, linear light.
     equation
-        Leads to the true view.
+        Equation to the true view.
     truth
         (H, W, C) gray or RGB, linear light; with opacity it is shown over black.
-    mask
-        (H, W) pixels that both views see. None takes those where a sample of the source arrives;
+    (H, W) pixels that both views see. None: the pixels where a sample of the source arrives;
+    then surfaces hidden only in the true view are taken for visible.
         what hides the scene from the other side only is then taken for visible.
     names
         Methods, with parameters after a colon.
@@ -130,18 +131,18 @@ def compare_view(
             f"{shape[1]} × {shape[0]} px"
         )
     if not mask.any():
-        raise ValueError("the source sees nothing of the true view; check poses and intrinsics")
+        raise ValueError("no part of the true view is in the source; check poses and intrinsics")
     target = Target(shown(truth), mask, edges_in_view(source, equation, shape))
     return _compare([Case("view", source, equation, target)], _built(names))
 
 
 def compare_cases(cases: Sequence[Case], names: Sequence[str]) -> Comparison:
-    """Compare methods in views whose truth is known; errors as of `compare_view`."""
+    """Compare methods in views with known truth; raises as `compare_view` does."""
     return _compare(cases, _built(names))
 
 
 def scene_case(scene: ObjectScene, view: str, source: Source) -> Case:
-    """View of a generated scene, of which those pixels count that the source sees whole."""
+    """Return a view of a generated scene; pixels that the source sees fully count."""
     camera, shape = scene.views[view], scene.shape
     truth, _ = scene.render(camera, shape)
     fraction, nearest, farthest = scene.visible(camera, shape, scene.source, shape)
@@ -155,20 +156,20 @@ def check_views(views: Sequence[str]) -> None:
         if view not in STANDS:
             raise LookupError(f"unknown view {view!r}; known: {', '.join(STANDS)}")
     if not views:
-        raise ValueError(f"give views to compare in, of {', '.join(STANDS)}")
+        raise ValueError(f"give views to compare, from {', '.join(STANDS)}")
 
 
 def sheet(comparison: Comparison, path: Path, zoom: int | None = None) -> None:
-    """Write all pictures and below them enlarged details, two lines for each view, as one PNG.
+    """Write one PNG of all pictures and enlarged details, two rows per view.
 
     Parameters
     ----------
     comparison
-        What is shown; the truth stands first, holes are black.
+        The comparison to show; the truth comes first, holes are black.
     path
-        Target, `.png`.
+        Output file, `.png`.
     zoom
-        Edge of a pixel's square; None enlarges small pictures.
+        Enlargement of pixels; None enlarges small pictures.
     """
     check_sheet(path)
     cells: dict[str, Screen] = {}
@@ -188,7 +189,7 @@ def sheet(comparison: Comparison, path: Path, zoom: int | None = None) -> None:
 
 
 def note(comparison: Comparison, view: str, method: str) -> str:
-    """What a picture is worth, in a few words; nothing for the truth."""
+    """Return the caption of a picture: PSNR, holes and time; empty for the truth."""
     for row in comparison.rows:
         if (row["view"], row["method"]) == (view, method):
             return f"{row['psnr']:.2f} dB, {row['hole %']:.2f} % holes, {row['ms']:.0f} ms"
@@ -196,7 +197,7 @@ def note(comparison: Comparison, view: str, method: str) -> str:
 
 
 def screen_of(case: Case, rendered: Rendered) -> tuple[Screen, Mask]:
-    """Picture as a screen shows it, without coverage, and which pixels are no holes."""
+    """Return the picture as a screen shows it, and the pixels that are not holes."""
     color, covered = delivered(rendered.image, rendered.coverage)
     if case.is_light:
         return shown(color), covered
@@ -204,7 +205,7 @@ def screen_of(case: Case, rendered: Rendered) -> tuple[Screen, Mask]:
 
 
 def timed(method: Method, case: Case) -> tuple[Rendered, float]:
-    """Picture by a method, and the median of several warm runs in milliseconds."""
+    """Return a method's picture, and the median time of several warm runs in ms."""
     shape = (case.target.truth.shape[0], case.target.truth.shape[1])
     rendered = method(case.source, case.equation, shape)
     duration: list[float] = []
@@ -217,7 +218,7 @@ def timed(method: Method, case: Case) -> tuple[Rendered, float]:
 
 
 def busiest(errors: Sequence[Floats], target: Target, side: int = CROP) -> tuple[slice, slice]:
-    """Square of pixels that count where methods err most, at edges in depth if there are any.
+    """Return the square where methods err most, at depth edges if there are any.
 
     Parameters
     ----------
@@ -226,7 +227,7 @@ def busiest(errors: Sequence[Floats], target: Target, side: int = CROP) -> tuple
     target
         Pixels that count.
     side
-        Of the square, px; smaller in small pictures.
+        Side of the square, px; smaller in small pictures.
     """
     zone = target.mask & target.edge
     if not zone.any():
@@ -239,7 +240,7 @@ def busiest(errors: Sequence[Floats], target: Target, side: int = CROP) -> tuple
 
 
 def _sums(values: NDArray[Any], side: int) -> Doubles:
-    """Sums over all squares of a side, by their upper left corners."""
+    """Return sums over all squares of a side, indexed by their upper left corners."""
     total = np.zeros((values.shape[0] + 1, values.shape[1] + 1))
     total[1:, 1:] = values.cumsum(axis=0, dtype=np.float64).cumsum(axis=1)
     below, above = total[side:], total[:-side]
@@ -273,7 +274,7 @@ def _compare(cases: Sequence[Case], methods: Mapping[str, Method]) -> Comparison
 
 
 def _errors(screens: Mapping[str, Screen]) -> list[Floats]:
-    """Differences to the truth, (H, W) for each method."""
+    """Return the differences to the truth, (H, W) for each method."""
     truth = screens[TRUTH]
     return [
         np.abs(screen - truth).mean(axis=2, dtype=np.float32)

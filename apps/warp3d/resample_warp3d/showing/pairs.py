@@ -1,7 +1,7 @@
-"""Real depth images with a second picture that shows what another view of them looks like.
+"""Load real depth images with a true picture of another view.
 
-A folder of data holds a folder for each set, in which `calib.json` says what its files mean:
-rectified pairs with one or two disparity maps, or frames with depth and poses.
+A data folder contains a folder for each set, in which `calib.json` describes the files: rectified
+pairs with one or two disparity maps, or frames with depth and poses.
 """
 
 import itertools
@@ -23,12 +23,12 @@ from resample_warp3d.depth.files import read_depth
 from resample_warp3d.showing.scoring import NEAR_EDGE, Mask, Screen, Target, widened
 from resample_warp3d.types import DepthImage, Equation, Source
 
-SAME_PX = 1.0  # px that two disparity maps may differ for one point
-SAME_DEPTH = 0.05  # by which depths of two frames may differ for one point; poses are not exact
-FAR_OFF = 1e6  # px: what goes there is in no frame
-CUT = 0.03  # of the nearness: neighbours that differ by more lie on an edge
+SAME_PX = 1.0  # px, tolerance between two disparity maps
+SAME_DEPTH = 0.05  # relative tolerance between depths of two frames, as poses are not exact
+FAR_OFF = 1e6  # px: positions farther out are dropped
+CUT = 0.03  # of the nearness: larger steps between neighbours are edges
 
-# Frames whose poses and depths agree, by the names of their files; others are taken in turn.
+# Frames whose poses and depths agree, by file name; other sets use consecutive frames.
 FRAMES: Mapping[str, Sequence[tuple[int, int]]] = {
     "iclnuim_livingroom": ((4, 1), (5, 1), (4, 5), (5, 4)),
     "open3d_rgbd": ((0, 2), (0, 4)),
@@ -36,70 +36,70 @@ FRAMES: Mapping[str, Sequence[tuple[int, int]]] = {
 
 
 class Pair(NamedTuple):
-    """A depth image, and a picture of a view that it is to be warped to.
+    """A depth image, and the true picture of a view to warp it to.
 
-    Colors are sRGB-encoded values, as the files have them: they are warped and compared as such.
+    Colors are sRGB-encoded, as in the files; they are warped and compared as such.
     """
 
     name: str
     image: DepthImage
     equation: Equation  # from the depth image to the picture
     truth: Screen  # (H, W, 3)
-    mask: Mask  # (H, W) pixels of the picture that the depth image sees, too
+    mask: Mask  # (H, W) pixels of the picture that the depth image also shows
 
     def target(self) -> Target:
-        """What scores need, with the edges of the depth image as the picture shows them."""
+        """Return the target for scores, with the depth image's edges in the picture's view."""
         shape = (self.truth.shape[0], self.truth.shape[1])
         return Target(self.truth, self.mask, edges_in_view(self.image, self.equation, shape))
 
 
 class PairView(NamedTuple):
-    """A picture with the nearness of its pixels; none for a view without depth."""
+    """A picture and the nearness of its pixels, if it has depth."""
 
     color: Floats  # (H, W, 3) sRGB-encoded
     nearness: Floats  # (H, W), or (0, 0)
 
 
 def load_pairs(folder: str | Path) -> list[Pair]:
-    """All pairs of a folder of data, ordered by name.
+    """Load all pairs of a data folder, ordered by name.
 
     Parameters
     ----------
     folder
-        Folder whose folders have a `calib.json`; or one of them.
+        Folder whose subfolders have a `calib.json`; or one of these.
 
     Raises
     ------
     OSError
         A file is missing or damaged.
     ValueError
-        There is no `calib.json`, or one says neither of pairs nor of frames.
+        There is no `calib.json`, or one describes neither pairs nor frames.
     """
     found = sorted([*Path(folder).glob("calib.json"), *Path(folder).glob("*/calib.json")])
     if not found:
-        raise ValueError(f"{folder} has no folder with a calib.json")
+        raise ValueError(f"{folder} has no subfolder with a calib.json")
     return [pair for path in found for pair in _pairs_of(path)]
 
 
 def seen_nearness(
     image: DepthImage | Source, equation: Equation, shape: tuple[int, int]
 ) -> Doubles:
-    """Nearness that a depth image leads to expect in another view.
+    """Return the nearness in another view that a depth image predicts.
 
     Parameters
     ----------
     image
-        Depth image; every sample is spread over the 2 × 2 pixels around where it goes, or only
-        those whose centers it meets.
+        Depth image; each sample is spread over the 2 × 2 pixels around its position, or fewer if it
+        hits pixel centers.
     equation
-        Leads to the view.
+        Equation to the view.
     shape
-        Its height and width, px.
+        Height and width of the view, px.
 
     Returns
     -------
-    (H, W) of the nearest sample; 0 where none arrives: hidden or outside, or more than about 2
-    pixels between neighbours.
+    (H, W) of the nearest sample; 0 where none arrives: hidden, outside, or where neighbours are
+    more than about 2 pixels apart.
     """
     place, nearness = _warped(image, equation)
     found = np.zeros(shape)
@@ -112,14 +112,14 @@ def seen_nearness(
 
 
 def edges_in_view(image: DepthImage | Source, equation: Equation, shape: tuple[int, int]) -> Mask:
-    """Pixels of another view within 2 px of the near side of an edge that the depth image has."""
+    """Return the pixels of a view within 2 px of the near side of a depth edge."""
     nearness = np.where(_is_rim(image.nearness), image.nearness, np.float32(0))
     rims = DepthImage(image.color, np.asarray(nearness, np.float32), image.place)
     return widened(seen_nearness(rims, equation, shape) > 0, NEAR_EDGE)
 
 
 def _is_rim(nearness: Floats) -> Mask:
-    """Samples that are clearly nearer than one of their four neighbours."""
+    """Return the samples that are clearly nearer than one of their four neighbours."""
     around = np.pad(nearness, 1, mode="edge")
     farther = np.minimum(
         np.minimum(around[:-2, 1:-1], around[2:, 1:-1]),
@@ -129,7 +129,7 @@ def _is_rim(nearness: Floats) -> Mask:
 
 
 def _warped(image: DepthImage | Source, equation: Equation) -> tuple[Doubles, Doubles]:
-    """Where samples that have depth go, px (N, 2), and their nearness there (N,)."""
+    """Warp the samples with depth; return px (N, 2) and nearness (N,)."""
     where = places(DepthImage(image.color, image.nearness, image.place)).reshape(-1, 2)
     nearness = image.nearness.reshape(-1).astype(np.float64)
     known = nearness > 0
@@ -139,7 +139,7 @@ def _warped(image: DepthImage | Source, equation: Equation) -> tuple[Doubles, Do
 
 
 def _pairs_of(path: Path) -> Iterator[Pair]:
-    """Pairs that a `calib.json` describes."""
+    """Yield the pairs that a `calib.json` describes."""
     facts = json.loads(path.read_text(encoding="utf-8"))
     if "disp_left" in facts:
         return _stereo_pairs(path.parent, facts)
@@ -149,7 +149,7 @@ def _pairs_of(path: Path) -> Iterator[Pair]:
 
 
 def _stereo_pairs(folder: Path, facts: Mapping[str, Any]) -> Iterator[Pair]:
-    """Left to right, and right to left where the right view has a map, too."""
+    """Yield left to right, and right to left if the right view has a map."""
     left, right = (_stereo_frame(folder, facts, side) for side in ("left", "right"))
     for name, source, target, fraction in (
         ("left to right", left, right, 1.0),
@@ -161,7 +161,7 @@ def _stereo_pairs(folder: Path, facts: Mapping[str, Any]) -> Iterator[Pair]:
 
 
 def _stereo_frame(folder: Path, facts: Mapping[str, Any], side: str) -> PairView:
-    """One view of a rectified pair; its nearness is the disparity in px."""
+    """Read one view of a rectified pair; its nearness is the disparity in px."""
     color = _encoded(folder / facts[side])
     stored = facts.get(f"disp_{side}")
     if stored is None:
@@ -171,7 +171,7 @@ def _stereo_frame(folder: Path, facts: Mapping[str, Any], side: str) -> PairView
 
 
 def _frame_pairs(folder: Path, facts: Mapping[str, Any]) -> Iterator[Pair]:
-    """Frames of a moving camera."""
+    """Yield pairs of frames of a moving camera."""
     colors, depths = (
         sorted(file for file in (folder / str(facts[kind]).partition("/")[0]).iterdir())
         for kind in ("color", "depth")
@@ -198,7 +198,7 @@ def _frame_pairs(folder: Path, facts: Mapping[str, Any]) -> Iterator[Pair]:
 
 
 def _pair(name: str, source: PairView, target: PairView, equation: Equation, same: Any) -> Pair:
-    """Pair whose mask holds the pixels that the source sees."""
+    """Make a pair whose mask holds the pixels that the source sees."""
     image = DepthImage(source.color, source.nearness, np.empty((0, 0, 2)))
     height, width = target.color.shape[:2]
     if target.nearness.size:
@@ -209,7 +209,7 @@ def _pair(name: str, source: PairView, target: PairView, equation: Equation, sam
 
 
 def _cross_checked(image: DepthImage, target: PairView, equation: Equation, same: Any) -> Mask:
-    """Pixels of the target whose points the source sees at the same nearness."""
+    """Return the target's pixels whose points the source sees at the same nearness."""
     back = inverse(equation)
     start = places(DepthImage(target.color, target.nearness, np.empty((0, 0, 2))))
     place, expected = warp_places(back, start, target.nearness.astype(np.float64))
@@ -230,5 +230,5 @@ def _same_depth(a: Doubles, b: Doubles) -> Mask:
 
 
 def _encoded(path: Path) -> Floats:
-    """Picture (H, W, 3) as it is stored, 0..1."""
+    """Read a picture (H, W, 3) as stored, 0..1."""
     return np.ascontiguousarray(to_srgb(read_image(path))[..., :3], np.float32)

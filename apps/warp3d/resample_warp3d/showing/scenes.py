@@ -1,7 +1,7 @@
-"""A generated scene with exact depth, seen from several places; needs no file.
+"""A generated scene with exact depth and several viewpoints; needs no file.
 
-It stands in for real depth images where methods are compared: what a view should look like, and
-which of its pixels another view sees, are known for any camera.
+It replaces real depth images in comparisons of methods: the true picture of any view, and the
+pixels of it that another view sees, are known.
 """
 
 import math
@@ -19,16 +19,16 @@ from resample_warp3d.types import DepthImage
 if TYPE_CHECKING:
     from resample_warp3d.showing.kernels.tracing import Objects, RayCamera
 
-RAYS = 8  # per side of a pixel, of colors
-SIGHT_RAYS = 4  # per side of a pixel, of what is visible
+RAYS = 8  # per side of a pixel, for colors
+SIGHT_RAYS = 4  # per side of a pixel, for visibility
 FOV = 60.0  # degrees
-SMALLEST, LARGEST = 8, 4096  # px of a side
-NEAR = 1e-4  # z: what is nearer cannot be projected
+SMALLEST, LARGEST = 8, 4096  # px per side
+NEAR = 1e-4  # z: nearer points cannot be projected
 Point = tuple[float, float, float]
 
 
 class Stand(NamedTuple):
-    """Where a camera stands and looks; the source stands at the origin and looks along z."""
+    """Viewpoint of a camera; the source is at the origin and looks along z."""
 
     eye: Point
     yaw: float = 0.0  # rad, to the right
@@ -38,15 +38,15 @@ class Stand(NamedTuple):
 
 STANDS: Mapping[str, Stand] = {
     "side": Stand((-0.34, -0.07, 0.09), -0.042, 0.012),  # about 1 : 1, uncovers backgrounds
-    "back4": Stand((-0.3, -0.12, -12.5), -0.012),  # things shrink to a quarter and less
-    "in3": Stand((0.06, 0.12, 2.95)),  # things grow threefold and more
-    "oblique": Stand((3.0, -0.3, 1.1), -0.6),  # grows one way, shrinks the other
+    "back4": Stand((-0.3, -0.12, -12.5), -0.012),  # objects shrink to a quarter and less
+    "in3": Stand((0.06, 0.12, 2.95)),  # objects grow threefold and more
+    "oblique": Stand((3.0, -0.3, 1.1), -0.6),  # objects grow along one axis, shrink along the other
     "roll": Stand((0.05, 0.02, 0.2), 0.02, -0.02, 0.45),  # turned about its axis
 }
 
 
 class Material(NamedTuple):
-    """What a surface looks like."""
+    """Pattern and colors of a surface."""
 
     pattern: str
     scale: float  # cells per scene unit
@@ -63,7 +63,7 @@ class Ball(NamedTuple):
 
 
 class Panel(NamedTuple):
-    """Rectangle, seen from both sides."""
+    """Rectangle, visible from both sides."""
 
     corner: Point
     right: Point  # first side
@@ -83,16 +83,16 @@ class ObjectScene:
     def render(
         self, camera: Camera, shape: tuple[int, int], rays: int = RAYS
     ) -> tuple[Floats, Doubles]:
-        """Picture as a camera with square pixels measures it, and exact depth.
+        """Render the picture of a camera with square pixels, and exact depth.
 
         Parameters
         ----------
         camera
-            Without distortion.
+            Camera without distortion.
         shape
             Height and width, px.
         rays
-            Along each side of a pixel; their mean is the pixel's color.
+            Rays per side of a pixel; their mean is the pixel's color.
 
         Returns
         -------
@@ -112,20 +112,20 @@ class ObjectScene:
         other_shape: tuple[int, int],
         rays: int = SIGHT_RAYS,
     ) -> tuple[Floats, Doubles, Doubles]:
-        """Share of each pixel that another camera sees in its frame, and the depths in the pixel.
+        """Return the share of each pixel visible from another camera, and the pixel's depths.
 
         Parameters
         ----------
         camera, shape
-            Whose pixels are looked at, and its height and width in px.
+            Camera whose pixels are tested, and its height and width, px.
         other, other_shape
-            The other camera, and its height and width in px.
+            The other camera, and its height and width, px.
         rays
-            Along each side of a pixel.
+            Rays per side of a pixel.
 
         Returns
         -------
-        Fraction (H, W) 0..1; nearest and farthest z (H, W), inf where a ray meets nothing.
+        Fraction (H, W) 0..1; nearest and farthest z (H, W), inf where a ray hits nothing.
         """
         from resample_warp3d.showing.kernels.tracing import Sight, look_rows
 
@@ -138,13 +138,13 @@ class ObjectScene:
         return sight.fraction, sight.nearest, sight.farthest
 
     def depth_image(self, rays: int = RAYS) -> DepthImage:
-        """What the source sees; its nearness is 1 / z."""
+        """Render the source's depth image; its nearness is 1 / z."""
         color, depth = self.render(self.source, self.shape, rays)
         return DepthImage(color, (1.0 / depth).astype(np.float32), np.empty((0, 0, 2)))
 
 
 def generated(size: int = 512) -> ObjectScene:
-    """Room with a photograph-like wall, tiles, a page, balls, cards and a railing of thin bars.
+    """Make a room with a photo-like wall, tiles, a page, balls, cards and thin bars.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def generated(size: int = 512) -> ObjectScene:
 
 
 def pose_of(stand: Stand) -> Doubles:
-    """World-to-camera pose (4, 4)."""
+    """Return the world-to-camera pose (4, 4) of a viewpoint."""
     rotation = np.eye(3)
     for angle, first, second in ((stand.yaw, 0, 2), (stand.pitch, 1, 2), (stand.roll, 1, 0)):
         turn = np.eye(3)
@@ -183,7 +183,7 @@ def pose_of(stand: Stand) -> Doubles:
 
 
 def _things() -> list[Ball | Panel]:
-    """Everything in the room, in meters."""
+    """Return all objects in the room, in meters."""
     leaves = Material("photo", 2.6, "#182214", "#e6dfa8")
     sky = Material("photo", 1.5, "#24395c", "#eef0e4")
     plaster = Material("cloth", 2.2, "#6b4a3a", "#e0c8a6")
@@ -207,7 +207,7 @@ def _page() -> Material:
 
 
 def _cards() -> list[Panel]:
-    """Cards behind one another, each a small step farther away."""
+    """Return cards behind one another, each a small step farther away."""
     colors = ("#c8502d", "#dba03a", "#4f8a5b", "#3a6ea5")
     cards = []
     for n, color in enumerate(colors):
@@ -218,7 +218,7 @@ def _cards() -> list[Panel]:
 
 
 def _railing() -> list[Panel]:
-    """Posts of 1.5 cm to 5 cm, two handrails, and a slanted bar of 2 cm."""
+    """Return posts of 1.5 cm to 5 cm, two handrails, and a slanted bar of 2 cm."""
     wood = Material("stripes", 16.0, "#5a3216", "#d8a468")
     posts = [
         Panel((-0.62 + 0.27 * n, 0.0, 3.5), (0.015 + 0.007 * n, 0.0, 0.0), (0.0, 1.7, 0.0), wood)
@@ -233,7 +233,7 @@ def _railing() -> list[Panel]:
 
 
 def _objects(things: Sequence[Ball | Panel]) -> "Objects":
-    """Arrays of the objects, for rays."""
+    """Pack the objects into arrays for ray tracing."""
     from resample_warp3d.showing.kernels import tracing
 
     is_sphere = [isinstance(thing, Ball) for thing in things]
@@ -262,17 +262,17 @@ def _objects(things: Sequence[Ball | Panel]) -> "Objects":
 
 
 def _light(color: str) -> Doubles:
-    """Linear light (3,) of #rrggbb."""
+    """Return the linear light (3,) of #rrggbb."""
     levels = np.array([int(color[n : n + 2], 16) for n in (1, 3, 5)])
     return np.asarray(from_srgb(levels / 255.0), np.float64)
 
 
 def _eye(objects: "Objects", camera: Camera, shape: tuple[int, int]) -> "RayCamera":
-    """What rays need of a camera."""
+    """Return a camera's data for ray tracing."""
     from resample_warp3d.showing.kernels.tracing import RayCamera
 
     if camera.distortion is not None:
-        raise ValueError("generated scenes are seen by cameras without distortion")
+        raise ValueError("generated scenes need cameras without distortion")
     pose = camera.world_to_camera
     turn = np.ascontiguousarray(pose[:3, :3].T)
     matrix = np.ascontiguousarray(camera.matrix @ pose[:3])
@@ -286,7 +286,7 @@ def _eye(objects: "Objects", camera: Camera, shape: tuple[int, int]) -> "RayCame
 
 
 def _bounds(objects: "Objects", matrix: Doubles) -> Doubles:
-    """Rectangles of the frame (N, 4), px, that objects do not leave."""
+    """Return the bounding rectangles (N, 4), px, of objects in the frame."""
     bounds = np.empty((objects.pattern.size, 4))
     for n, is_sphere in enumerate(objects.is_sphere):
         corner = _box(objects, n) if is_sphere else _corners(objects, n)
@@ -305,20 +305,20 @@ def _bounds(objects: "Objects", matrix: Doubles) -> Doubles:
 
 
 def _corners(objects: "Objects", n: int) -> Doubles:
-    """Corners of a rectangle, one after the other, (4, 3)."""
+    """Return the corners of a rectangle in order, (4, 3)."""
     right = objects.right[n] * objects.extent[n, 0]
     down = objects.down[n] * objects.extent[n, 1]
     return np.asarray(objects.place[n] + np.array([0 * right, right, right + down, down]))
 
 
 def _box(objects: "Objects", n: int) -> Doubles:
-    """Corners of the box around a sphere, (8, 3)."""
+    """Return the corners of a sphere's bounding box, (8, 3)."""
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     return np.asarray(objects.place[n] + signs * objects.extent[n, 0])
 
 
 def _before_eye(point: Doubles) -> Doubles:
-    """Corners of the part of a polygon that is before the eye; homogeneous px (N, 3)."""
+    """Clip a polygon to the part in front of the camera; homogeneous px (N, 3)."""
     found = [corner for corner in point if corner[2] >= NEAR]
     for here, there in zip(point, np.roll(point, -1, axis=0), strict=True):
         if (here[2] < NEAR) != (there[2] < NEAR):

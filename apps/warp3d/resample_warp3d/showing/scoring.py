@@ -1,7 +1,7 @@
-"""How well a warped depth image agrees with what the view really shows.
+"""Quality measures of a warped depth image against the true view.
 
 All pictures here are (H, W, 3) as a screen shows them: sRGB-encoded, 0..1. Only pixels of a mask
-count, those that the source sees; holes among them count as black.
+count, usually those that the source sees; holes among them count as black.
 """
 
 import math
@@ -17,44 +17,44 @@ from resample.types import Doubles, Floats
 Mask = NDArray[np.bool_]  # (H, W)
 Screen = NDArray[np.floating]  # (H, W, 3) sRGB-encoded, 0..1
 
-STEP = 0.03  # of the depth: more within a pixel, or to its neighbour, is an edge
+STEP = 0.03  # of the depth: larger steps within a pixel, or to its neighbour, are edges
 NEAR_EDGE = 2  # px
 TELEA_RADIUS = 3.0  # px
-HIGHEST = 100.0  # dB that a component without error counts in IV-PSNR
+HIGHEST = 100.0  # dB of a component without error in IV-PSNR
 
-# Y, Cb, Cr of encoded R, G, B (ITU-R BT.709), and what they count in IV-PSNR.
+# Y, Cb, Cr of encoded R, G, B (ITU-R BT.709), and their weights in IV-PSNR.
 TO_YCBCR = np.array(
     [[0.2126, 0.7152, 0.0722], [-0.1146, -0.3854, 0.5], [0.5, -0.4542, -0.0458]], np.float32
 )
 COMPONENT_WEIGHT = np.array([4.0, 1.0, 1.0]) / 6.0
-BLOCK = 2  # px that a match may be away
-UNNOTICEABLE = 0.01  # offset of a whole component that is not seen
+BLOCK = 2  # px, largest shift of a match
+UNNOTICEABLE = 0.01  # invisible offset of a whole component
 
 
 class Target(NamedTuple):
-    """What a view shows, and where that can be asked for."""
+    """True picture of a view, and the pixels that count."""
 
     truth: Screen  # (H, W, 3)
-    mask: Mask  # (H, W) pixels that count: the source sees them whole
-    edge: Mask  # (H, W) those near a step in depth
+    mask: Mask  # (H, W) pixels that count: the source sees them fully
+    edge: Mask  # (H, W) pixels near a step in depth
 
 
 def score(screen: Screen, covered: Mask, target: Target) -> dict[str, float | None]:
-    """All measures of one picture.
+    """Return all measures of one picture.
 
     Parameters
     ----------
     screen
-        (H, W, 3) the warped picture; what it holds in holes does not matter.
+        (H, W, 3) the warped picture; values in holes are ignored.
     covered
-        (H, W) pixels that are no holes.
+        (H, W) pixels that are not holes.
     target
-        What it is compared with.
+        The true view to compare with.
 
     Returns
     -------
-    `psnr` and `edge psnr` in dB, `ssim`, `iv-psnr` in dB and `hole %`; `edge psnr` is None where
-    no pixel that counts is near an edge.
+    `psnr` and `edge psnr` in dB, `ssim`, `iv-psnr` in dB and `hole %`; `edge psnr` is None if no
+    pixel that counts is near an edge.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def score(screen: Screen, covered: Mask, target: Target) -> dict[str, float | No
 
 
 def delivered(image: Floats, coverage: Floats) -> tuple[Floats, Mask]:
-    """Colors without the coverage they are multiplied by, and which pixels are no holes.
+    """Divide colors by their coverage; also return the pixels that are not holes.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def delivered(image: Floats, coverage: Floats) -> tuple[Floats, Mask]:
 
     Returns
     -------
-    Colors (H, W, C), 0 in holes, and (H, W) whether there is any coverage.
+    Colors (H, W, C), 0 in holes, and (H, W) true where there is coverage.
     """
     covered = coverage > 0
     share = np.where(covered, coverage, np.float32(1))[..., None]
@@ -92,31 +92,31 @@ def delivered(image: Floats, coverage: Floats) -> tuple[Floats, Mask]:
 
 
 def hole_percent(covered: Mask, mask: Mask) -> float:
-    """Share of the mask's pixels that are holes, per cent."""
+    """Return the share of the mask's pixels that are holes, percent."""
     return 100.0 * float((mask & ~covered).sum() / mask.sum())
 
 
 def masked_ssim(a: Screen, b: Screen, mask: Mask) -> float:
-    """SSIM of the pixels of a mask; beyond it the pictures count as equal."""
+    """Return the SSIM of a mask's pixels; outside, the pictures count as equal."""
     alone = np.where(mask[..., None], a, b)
     return 1.0 - (1.0 - ssim(alone, b)) / float(mask.mean())
 
 
 def iv_psnr(a: Screen, b: Screen, mask: Mask | None = None) -> float:
-    """PSNR that forgives shifts of 2 px and an even offset of color, dB; inf for equal pictures.
+    """Return the PSNR, dB, ignoring shifts of 2 px and a uniform color offset; inf if equal.
 
     Dziembowski, Mieloch, Stankowski and Grzelka, IV-PSNR: The Objective Quality Metric for
-    Immersive Video Applications, 2022. Every pixel of one picture is compared with that of 5 × 5 of
-    the other that is most like it, after taking out the difference of the means, up to 1 % for each
-    component; Y, Cb and Cr count 4 : 1 : 1 in the search and in the result, which is the lower one
-    of both directions. Here of YCbCr at full resolution instead of 4 : 2 : 0.
+    Immersive Video Applications, 2022. Every pixel of one picture is compared with the most similar
+    of 5 × 5 pixels of the other, after removing the difference of the means, up to 1 % per
+    component. Y, Cb and Cr weigh 4 : 1 : 1 in the search and in the result, which is the lower of
+    both directions. Here YCbCr has full resolution instead of 4 : 2 : 0.
 
     Parameters
     ----------
     a, b
         (H, W, 3).
     mask
-        (H, W) pixels that count; matches may be any. None takes all.
+        (H, W) pixels that count; matches may be anywhere. None: all.
     """
     if mask is None:
         mask = np.ones(a.shape[:2], np.bool_)
@@ -129,12 +129,12 @@ def iv_psnr(a: Screen, b: Screen, mask: Mask | None = None) -> float:
 
 
 def _components(picture: Screen) -> Floats:
-    """Luma and both chromas, (H, W, 3)."""
+    """Return luma and both chromas, (H, W, 3)."""
     return np.asarray(np.asarray(picture, np.float32) @ TO_YCBCR.T, np.float32)
 
 
 def _one_way(image: Floats, other: Floats, mask: Mask) -> float:
-    """Quality of a picture whose pixels are compared with the most similar nearby ones, dB."""
+    """Return the quality, dB, with each pixel compared to the most similar nearby one."""
     weight = COMPONENT_WEIGHT.astype(np.float32)
     least = np.full(image.shape[:2], np.inf, np.float32)
     best = np.zeros_like(image)
@@ -149,7 +149,7 @@ def _one_way(image: Floats, other: Floats, mask: Mask) -> float:
 
 
 def _shifted(picture: Floats, reach: int) -> Iterator[Floats]:
-    """Picture moved by up to `reach` px; beyond its borders the nearest pixels."""
+    """Yield a picture shifted by up to `reach` px, with edge pixels repeated."""
     height, width = picture.shape[:2]
     around = np.pad(picture, ((reach, reach), (reach, reach), (0, 0)), mode="edge")
     for row in range(2 * reach + 1):
@@ -158,14 +158,14 @@ def _shifted(picture: Floats, reach: int) -> Iterator[Floats]:
 
 
 def flicker(errors: Sequence[Floats], masks: Sequence[Mask]) -> float:
-    """RMS of how errors change from frame to frame, in levels of 255.
+    """Return the RMS change of errors from frame to frame, in levels of 255.
 
     Parameters
     ----------
     errors
-        (H, W, 3) differences to the truth, of frames in turn.
+        (H, W, 3) differences to the truth, of consecutive frames.
     masks
-        (H, W) pixels that count; both frames have to have them.
+        (H, W) pixels that count; they must count in both frames.
     """
     squares, count = 0.0, 0
     for n in range(len(errors) - 1):
@@ -173,12 +173,12 @@ def flicker(errors: Sequence[Floats], masks: Sequence[Mask]) -> float:
         squares += float(np.square(change, dtype=np.float64).sum())
         count += change.size
     if not count:
-        raise ValueError("no pixel counts in two frames in turn, so nothing can flicker")
+        raise ValueError("no pixel counts in two consecutive frames, so flicker cannot be measured")
     return 255.0 * math.sqrt(squares / count)
 
 
 def filled_alike(screen: Screen, covered: Mask) -> Floats:
-    """Picture whose holes OpenCV fills (Telea, radius 3 px), whatever method left them."""
+    """Fill a picture's holes by OpenCV (Telea, radius 3 px), equally for all methods."""
     import cv2
 
     levels = np.floor(np.clip(screen, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
@@ -188,12 +188,12 @@ def filled_alike(screen: Screen, covered: Mask) -> Floats:
 
 
 def near_steps(nearest: Doubles, farthest: Doubles) -> Mask:
-    """Pixels within 2 px of one whose depths differ by more than 3 %."""
+    """Return the pixels within 2 px of one whose depths differ by more than 3 %."""
     return widened(farthest > nearest * (1.0 + STEP), NEAR_EDGE)
 
 
 def widened(mask: Mask, reach: int) -> Mask:
-    """Mask and what is up to `reach` px away from it, in rows, columns and diagonals."""
+    """Dilate a mask by `reach` px in rows, columns and diagonals."""
     import cv2
 
     square = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)

@@ -1,4 +1,4 @@
-"""What `resample-warp3d view` shows: depth images, of two files, and clouds, of one."""
+"""Depth images and point clouds for `resample-warp3d view`."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,7 +12,7 @@ DEPTHS = (".png", ".tif", ".tiff", ".exr", ".pfm", ".npy", ".npz")
 
 
 def suits(names: Sequence[str]) -> bool:
-    """Whether these are a picture and its depth, or a cloud."""
+    """Whether the names are a picture and its depth, or a cloud."""
     if not all(Path(name.partition(":")[0]).is_file() for name in names):
         return False
     if len(names) == 1:

@@ -1,6 +1,6 @@
-"""Clouds in a page: what is shown of one file, and `cloud_picture` makes without a page.
+"""Point clouds in the viewer's page, and `cloud_picture` without a page.
 
-A page's state is options of `cloud`.
+The page's state is a set of `cloud` options.
 """
 
 from collections.abc import Mapping, Sequence
@@ -40,14 +40,14 @@ if TYPE_CHECKING:
 
 COMMAND, FILM = "resample-warp3d cloud", "resample-warp3d animate-cloud"
 RATE = 24.0  # frames per second, of the command
-SHOWN = (CloudLook, CloudAim, CloudFormat)  # options that a page changes
+SHOWN = (CloudLook, CloudAim, CloudFormat)  # options that a page can change
 LEFT_OUT = ("size", "bits", "color-bar")
-OF_FILMS = [  # options of pictures that films have, too
+OF_FILMS = [  # options that pictures and films share
     *(option_of(CloudLook, field) for field in CloudLook.model_fields),
     *("steady", "size", "background"),
 ]
-PER = 2  # px each way of a whole picture that are one of its preview
-FEW = 200_000  # points of previews
+PER = 2  # px of the picture per px of its preview, along each axis
+FEW = 200_000  # most points of previews
 PREPARED = (
     "color_by",
     "colormap",
@@ -55,11 +55,11 @@ PREPARED = (
     "disc_limit",
     "level",
     "no_cache",
-)  # what a scene is made for
+)  # options that a prepared scene depends on
 
 
 class _CloudWish(NamedTuple):
-    """What options ask for."""
+    """Checked options of a page."""
 
     look: CloudLook
     aim: CloudAim
@@ -68,12 +68,12 @@ class _CloudWish(NamedTuple):
 
 @dataclass
 class CloudPainter:
-    """Pictures of a cloud for one page.
+    """Painter of a cloud for one page.
 
     Parameters
     ----------
     path
-        Of the cloud.
+        File of the cloud.
     """
 
     path: Path
@@ -90,7 +90,7 @@ class CloudPainter:
         return Painting(screen_levels(frame.rgba, background=wish.form.behind()), quick)
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
-        """Place that is seen at a pixel, see `resample.view.views.Painter`."""
+        """Return the position seen at a pixel, see `resample.view.views.Painter`."""
         _, scene, camera = self._placed(settings, size)
         frame = scene.picture(camera, size[::-1])
         column, row = min(int(x), size[0] - 1), min(int(y), size[1] - 1)
@@ -112,7 +112,7 @@ class CloudPainter:
         wish.form.write(path, scene.picture(camera, size[::-1]), scene)
 
     def keyframes(self, cameras: Sequence[str], settings: Settings) -> str:
-        """File of cameras around the cloud, see `resample.view.views.Filming`."""
+        """Return a keyframe file of cameras around the cloud, see `resample.view.views.Filming`."""
         return keyframes_as_toml(cameras, {"fov": FIELD, **settings})
 
     def film(
@@ -132,13 +132,13 @@ class CloudPainter:
         write_film(path, film_of(scene, cameras, shape, behind), RATE, progress=progress)
 
     def surfels(self, settings: Settings) -> Surfels:
-        """The cloud, measured; errors as of `save`."""
+        """Return the prepared cloud; raises as `save` does."""
         return self._scene(_checked(settings).look)[0].surfels
 
     def _placed(
         self, settings: Settings, size: Size, *, quick: bool = False
     ) -> tuple[_CloudWish, CloudScene, Camera]:
-        """What is asked for, the cloud, or fewer of its points, and the camera."""
+        """Return the options, the cloud or its preview, and the camera."""
         wish = _checked({**settings, "size": f"{size[0]}x{size[1]}"})
         whole, few = self._scene(wish.look)
         camera = wish.aim.camera_for(whole.surfels, size[::-1])
@@ -146,7 +146,7 @@ class CloudPainter:
         return wish, scene._replace(look=wish.look), camera
 
     def _scene(self, look: CloudLook) -> tuple[CloudScene, CloudScene]:
-        """Cloud that is colored and measured once while other things change, and its preview."""
+        """Return the prepared cloud and its preview, cached until their options change."""
         key = tuple(getattr(look, name) for name in PREPARED)
         if self._kept is None or self._kept[0] != key:
             scene = scene_of(Session(), self.path, look)
@@ -156,16 +156,16 @@ class CloudPainter:
 
 @dataclass
 class CloudView:
-    """A cloud that is looked at in pages.
+    """A point cloud for the viewer's pages.
 
     Parameters
     ----------
     path
-        Of the cloud.
+        File of the cloud.
     begin
-        Options to begin with.
+        Initial options.
     controls
-        Options of the command, of `resample.view.views.controls_of`; none: a page without any.
+        Controls from `resample.view.views.controls_of`; empty: a page without controls.
     """
 
     path: Path
@@ -174,7 +174,7 @@ class CloudView:
 
     @cached_property
     def about(self) -> dict[str, Any]:
-        """What a page has to know, see `resample.view.views.Viewable`."""
+        """Facts for the page, see `resample.view.views.Viewable`."""
         begin = {"camera": "30/20/1", "steady": True, **settings_of(self.begin)}
         return {
             "title": self.path.name,
@@ -189,7 +189,7 @@ class CloudView:
         }
 
     def check(self, settings: Settings | None = None) -> None:
-        """Read the cloud and measure it, see `resample.view.views.Viewable`."""
+        """Read and prepare the cloud, see `resample.view.views.Viewable`."""
         _ = self.about
         if settings is not None:
             _checked(settings)
@@ -199,33 +199,33 @@ class CloudView:
         return copy(self._first)
 
     def save(self, settings: Settings, size: Size, suffix: str) -> bytes:
-        """File that the command would write."""
+        """Return the file that the command would write."""
         return file_of(partial(self.painter().save, settings, size), suffix)
 
     @cached_property
     def _first(self) -> CloudPainter:
-        """What has read the files; pages begin with what it knows."""
+        """Painter that has read the file; pages start from copies of it."""
         return CloudPainter(self.path)
 
 
 def cloud_picture(path: str | Path, settings: Mapping[str, Any]) -> "Image":
-    """Picture that `resample-warp3d cloud` makes of a cloud with these options.
+    """Return the picture that `resample-warp3d cloud` makes with these options.
 
     Parameters
     ----------
     path
-        Of the cloud.
+        File of the cloud.
     settings
-        Options by name, as settings files have them: `{"camera": "40/20/1.5", "up": "y"}`.
+        Options by name, as in settings files: `{"camera": "40/20/1.5", "up": "y"}`.
 
     Returns
     -------
-    Pillow's image of its levels, with 8 bits per channel.
+    A Pillow image of 8 bits per channel.
 
     Raises
     ------
     ValueError, LookupError, OSError
-        As of the command.
+        As the command does.
     """
     from PIL import Image
 
@@ -235,7 +235,7 @@ def cloud_picture(path: str | Path, settings: Mapping[str, Any]) -> "Image":
 
 
 def _checked(settings: Settings) -> _CloudWish:
-    """Options, which go together."""
+    """Return the options, checked."""
     wish = _CloudWish(*chosen(settings, SHOWN))
     wish.aim.check()
     wish.look.check(Path("picture.png"), wish.form.height_and_width()[0])
@@ -243,7 +243,7 @@ def _checked(settings: Settings) -> _CloudWish:
 
 
 def _fewer(surfels: Surfels) -> Surfels:
-    """Some of the points, which stand for all of them."""
+    """Thin out the points, enlarging those that stay."""
     per = -(-len(surfels.position) // FEW)
     if per < 2:
         return surfels
@@ -255,7 +255,7 @@ def _fewer(surfels: Surfels) -> Surfels:
 
 
 def _place(camera: Camera, x: float, y: float, depth: float) -> Any:
-    """Place (3,) in the scene at a depth behind a place of the picture."""
+    """Return the scene position (3,) at a depth behind a point of the picture."""
     ray = np.linalg.solve(camera.matrix, [x, y, 1.0])
     pose = camera.world_to_camera
     return pose[:3, :3].T @ (depth * ray / ray[2] - pose[:3, 3])

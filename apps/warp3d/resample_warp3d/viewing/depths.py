@@ -1,6 +1,6 @@
-"""Depth images in a page: what is shown of two files, and `picture` makes without a page.
+"""Depth images in the viewer's page, and `picture` without a page.
 
-A page's state is options of `render`.
+The page's state is a set of `render` options.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -34,9 +34,9 @@ if TYPE_CHECKING:
 COMMAND = "resample-warp3d render"
 SHOWN = (SourceCamera, Depth, Aim, Joint, Warping, Written, Showing)  # options that a page changes
 LEFT_OUT = ("size", "bits", "export-as")
-LITTLE = 16  # px of a side, of pictures that have kernels compiled
+LITTLE = 16  # px per side of the pictures that compile the kernels
 KINDS: Sequence[Settings] = ({"fill": True}, {"method": "mesh"}, {"method": "mcmillan"})
-PER = 2  # px each way of a whole picture that are one of its preview
+PER = 2  # px of the picture per px of its preview, along each axis
 HOLES = {
     Hole.NONE: "none",
     Hole.DISOCCLUDED: "hidden in the source",
@@ -47,7 +47,7 @@ HOLES = {
 
 
 class _DepthWish(NamedTuple):
-    """What options ask for."""
+    """Checked options of a page."""
 
     eye: SourceCamera
     meaning: Depth
@@ -59,35 +59,35 @@ class _DepthWish(NamedTuple):
 
     @property
     def look(self) -> Look:
-        """How the picture is written."""
+        """Format of the picture to write."""
         if self.warping.unmixed:
             return Look(self.written.bits, is_light=False)
         return self.written.look()
 
 
 class _Ready(NamedTuple):
-    """Sources, read and prepared."""
+    """Sources read and prepared."""
 
     taken: Taken
     sources: list[Prepared]
 
 
 class _Sighted(NamedTuple):
-    """What a camera sees."""
+    """A rendered view and its options."""
 
     wish: _DepthWish
     kind: Kind
     warped: Warped
 
     def picture(self) -> Picture:
-        """What of it is written."""
+        """Return the picture to write."""
         wish = self.wish
         return made_of(self.warped, self.kind, wish.warping, wish.showing.show)
 
 
 @dataclass
 class DepthPainter:
-    """Views of a depth image for one page.
+    """Painter of a depth image for one page.
 
     Parameters
     ----------
@@ -100,8 +100,8 @@ class DepthPainter:
     color: str
     depth: str
     further: Sequence[str] = ()
-    _ready: tuple[Any, _Ready] | None = field(init=False, default=None)  # with what it is made of
-    _last: _Sighted | None = field(init=False, default=None)  # what is picked from
+    _ready: tuple[Any, _Ready] | None = field(init=False, default=None)  # (options, sources)
+    _last: _Sighted | None = field(init=False, default=None)  # the view to pick from
 
     def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> Painting:
         """Picture of these options, see `resample.view.views.Painter`."""
@@ -115,7 +115,7 @@ class DepthPainter:
         return Painting(shown(page.data), quick)
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
-        """Depth and what else is known of a pixel, see `resample.view.views.Painter`."""
+        """Return depth, magnification and more of a pixel, see `resample.view.views.Painter`."""
         seen = self._last
         if seen is None or seen.warped.coverage.shape != size[::-1]:
             seen = self._seen(settings, size)
@@ -143,7 +143,7 @@ class DepthPainter:
         write_picture(path, seen.picture(), seen.wish.look)
 
     def keyframes(self, cameras: Sequence[str], settings: Settings) -> str:
-        """File of poses, see `resample.view.views.Filming`."""
+        """Return a file of poses, see `resample.view.views.Filming`."""
         return poses_as_text(cameras, self.taken(settings), settings)
 
     def film(
@@ -151,11 +151,11 @@ class DepthPainter:
     ) -> None:
         """Write a film through poses as `animate` does, see `resample.view.views.Filming`."""
         if self.further:
-            raise ValueError("films are made of one view; open the page without the others")
+            raise ValueError("films are made from one view; open the page without --view")
         write_depth_film((self.color, self.depth), settings, size, keyframes, path, progress)
 
     def taken(self, settings: Settings) -> Taken:
-        """The files, read and prepared; errors as of `save`."""
+        """Return the files, read and prepared; raises as `save` does."""
         return self._sources(_checked(settings)).taken
 
     def _seen(self, settings: Settings, size: Size) -> _Sighted:
@@ -167,7 +167,7 @@ class DepthPainter:
         return _Sighted(wish, taken.picture.kind, together.warped)
 
     def _sources(self, wish: _DepthWish) -> _Ready:
-        """Sources, read and prepared once while only the camera moves."""
+        """Return the sources, cached while only the camera moves."""
         eye, meaning, warping = wish.eye, wish.meaning, wish.warping
         key = eye, meaning, warping.noise, warping.refine, warping.unmixed, warping.has_layer
         if self._ready is None or self._ready[0] != key:
@@ -180,18 +180,18 @@ class DepthPainter:
 
 @dataclass
 class DepthView:
-    """A depth image that is looked at in pages.
+    """A depth image for the viewer's pages.
 
     Parameters
     ----------
     color, depth
         Files, as the command takes them.
     begin
-        Options to begin with.
+        Initial options.
     further
         Further views, COLOR,DEPTH,POSE.
     controls
-        Options of the command, of `resample.view.views.controls_of`; none: a page without any.
+        Controls from `resample.view.views.controls_of`; empty: a page without controls.
     """
 
     color: str
@@ -202,7 +202,7 @@ class DepthView:
 
     @cached_property
     def about(self) -> dict[str, Any]:
-        """What a page has to know, see `resample.view.views.Viewable`."""
+        """Facts for the page, see `resample.view.views.Viewable`."""
         begin = {"move": "0,0,0", **settings_of(self.begin)}
         taken = self._first.taken(begin)
         height, width = taken.shape
@@ -223,7 +223,7 @@ class DepthView:
         }
 
     def check(self, settings: Settings | None = None) -> None:
-        """Read the files and prepare them, see `resample.view.views.Viewable`."""
+        """Read and prepare the files, see `resample.view.views.Viewable`."""
         _ = self.about
         if settings is not None:
             _checked(settings)
@@ -233,7 +233,7 @@ class DepthView:
         return copy(self._first)
 
     def warm(self) -> Iterator[None]:
-        """Paint little pictures by other methods, see `resample.view.views.Warming`."""
+        """Compile the kernels by small pictures, see `resample.view.views.Warming`."""
         painter = self.painter()
         for kind in KINDS:
             settings = {**self.about["settings"], **kind}
@@ -241,33 +241,33 @@ class DepthView:
             yield
 
     def save(self, settings: Settings, size: Size, suffix: str) -> bytes:
-        """File that the command would write."""
+        """Return the file that the command would write."""
         return file_of(partial(self.painter().save, settings, size), suffix)
 
     @cached_property
     def _first(self) -> DepthPainter:
-        """What has read the files; pages begin with what it knows."""
+        """Painter that has read the files; pages start from copies of it."""
         return DepthPainter(self.color, self.depth, self.further)
 
 
 def picture(color: str | Path, depth: str | Path, settings: Mapping[str, Any]) -> "Image":
-    """Picture that `resample-warp3d render` makes of a depth image with these options.
+    """Return the picture that `resample-warp3d render` makes with these options.
 
     Parameters
     ----------
     color, depth
         Files, as the command takes them.
     settings
-        Options by name, as settings files have them: `{"fov": 60, "move": "0.1,0,0"}`.
+        Options by name, as in settings files: `{"fov": 60, "move": "0.1,0,0"}`.
 
     Returns
     -------
-    Pillow's image of its levels, with 8 bits per channel.
+    A Pillow image of 8 bits per channel.
 
     Raises
     ------
     ValueError, LookupError, OSError
-        As of the command.
+        As the command does.
     """
     from PIL import Image
 
@@ -280,7 +280,7 @@ def picture(color: str | Path, depth: str | Path, settings: Mapping[str, Any]) -
 
 
 def _checked(settings: Settings) -> _DepthWish:
-    """Options, which go together."""
+    """Return the options, checked."""
     wish = _DepthWish(*chosen(settings, SHOWN))
     wish.aim.check()
     wish.showing.check(unmixed=wish.warping.unmixed)

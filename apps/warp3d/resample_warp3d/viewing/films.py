@@ -1,4 +1,4 @@
-"""Films of depth images through the cameras of a page, as `animate` makes them."""
+"""Films of depth images through a page's cameras, as `animate` makes them."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,7 +23,7 @@ from resample_warp3d.command.rendering import film_of
 
 RATE = 24.0  # frames per second, of the command
 EACH = round(STEP * RATE)  # frames from one keyframe to the next
-MODELS = (SourceCamera, Depth, TargetCamera, Warping)  # of options that the command has, too
+MODELS = (SourceCamera, Depth, TargetCamera, Warping)  # option models that the command shares
 FILE = "poses.txt"
 STEERED = ["move", "turn", "pose"]
 OPTIONS = [
@@ -40,12 +40,12 @@ FILM = {
 
 
 def poses_as_text(cameras: Sequence[str], taken: Taken, settings: Settings) -> str:
-    """Poses, world to camera, of cameras that a page spells as `move;turn`.
+    """Return poses, world to camera, of cameras that a page writes as `move;turn`.
 
     Raises
     ------
     ValueError, OSError
-        One is none, or the file of the pose that they start from cannot be read.
+        A camera is invalid, or the file of the initial pose cannot be read.
     """
     pose = settings.get("pose")
     start = taken.camera.world_to_camera if pose is None else read_pose(str(pose))
@@ -67,20 +67,20 @@ def write_depth_film(
     inputs
         Color and depth, as the command takes them.
     settings
-        Options by name; those that place the camera make no difference.
+        Options by name; those of the camera's pose are ignored.
     size
         Width and height, px.
     poses
         Content of a file of poses.
     path
-        Of the film.
+        File of the film.
     progress
         Called with the share that is done.
 
     Raises
     ------
     ValueError, LookupError, OSError
-        The command has no such option, or something cannot be read or written.
+        The command has no such option, or a file cannot be read or written.
     """
     given = {key: value for key, value in settings.items() if key not in STEERED}
     if unknown := [key for key in given if key not in OPTIONS]:
@@ -101,12 +101,12 @@ def write_depth_film(
 
 
 def _step(camera: str) -> Doubles:
-    """Pose of a camera that is spelled as `move;turn`, in the axes that it starts from."""
+    """Return the pose of a camera written as `move;turn`, relative to the initial one."""
     move, _, turn = camera.partition(";")
     return Aim(move=move, turn=turn or "0,0,0").step()
 
 
 def _lines(pose: Doubles) -> str:
-    """Four lines of a pose, exact."""
+    """Write a pose as four lines, exactly."""
     rows = [" ".join(repr(float(number)) for number in row) for row in np.asarray(pose)]
     return "\n".join(rows) + "\n"

@@ -1,1 +1,1 @@
-"""Several sources of one picture: depths and colors matched, outliers voted out, blended."""
+"""Combine several sources: match depths and colors, drop outliers, blend."""

@@ -1,4 +1,4 @@
-"""Depths of several sources made to agree: a scale of each, by points that two of them see."""
+"""Align the depths of several sources by a scale each, from points seen by two."""
 
 import math
 from collections.abc import Sequence
@@ -13,12 +13,12 @@ from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, DepthImage, Equation, S
 from resample_warp3d.views.robust import solved
 
 DEPTHS = ("scale", "none")
-COMPARED = 40_000  # points of a source, about
+COMPARED = 40_000  # approximate number of points per source
 ROUNDS = 3
-CLOSE = 0.08  # of the nearness: points farther from a surface than this are another's
+CLOSE = 0.08  # relative nearness within which a point belongs to a surface
 FEWEST = 200  # points that two sources must share to be compared
-STEP = 1e-3  # of the nearness, of differences in place of derivatives
-UNNOTICED = 2e-4  # a smaller correction is none
+STEP = 1e-3  # relative step of the nearness for finite differences
+UNNOTICED = 2e-4  # smaller corrections are ignored
 ALL = RIGHT | DOWN | LEFT | UP
 
 
@@ -26,11 +26,11 @@ class Met(NamedTuple):
     """Points of one source that meet another's surface."""
 
     error: Doubles  # (N,) logarithm of the other's nearness over that of the point
-    change: Doubles  # (N,) of it with the logarithm of the first one's scale
+    change: Doubles  # (N,) derivative of the error by the logarithm of the first one's scale
 
 
 def check_depths(depths: str) -> None:
-    """Refuse a way to match depths that there is not."""
+    """Refuse an unknown way to match depths."""
     if depths not in DEPTHS:
         raise ValueError(f"unknown way to match depths {depths!r}; known: {', '.join(DEPTHS)}")
 
@@ -38,27 +38,27 @@ def check_depths(depths: str) -> None:
 def match_depths(
     sources: Sequence[Source], equations: Sequence[Sequence[Equation]], depths: str = "scale"
 ) -> Doubles:
-    """Factors (V,) of the sources' nearness with which their surfaces meet.
+    """Return factors (V,) of the sources' nearness that make their surfaces agree.
 
     Parameters
     ----------
     sources
-        Of one scene; their order makes no difference but to that of the result. Those with a lens
-        are compared with others only, not others with them.
+        Sources of one scene; their order only changes the order of the result. Sources with a lens
+        are projected into others, but others not into them.
     equations
-        From each source to each.
+        Equations from each source to each source.
     depths
         `scale` or `none`.
 
     Returns
     -------
-    The product is 1, as no source is known to be right. 1 for all if they agree within 0.02 %, and
-    for a source that has nothing in common with the others.
+    Factors with product 1, as no source is known to be right. All are 1 if the sources agree within
+    0.02 %; a source that shares nothing with the others gets 1.
 
     Raises
     ------
     ValueError
-        The way is unknown.
+        The way to match is unknown.
     """
     check_depths(depths)
     count = len(sources)
@@ -89,7 +89,7 @@ def match_depths(
 
 
 def scaled(source: Source, scale: float) -> Source:
-    """Source whose nearness is multiplied."""
+    """Return a source with its nearness multiplied."""
     if scale == 1.0:
         return source
     factor = np.float32(scale)
@@ -99,7 +99,7 @@ def scaled(source: Source, scale: float) -> Source:
 
 
 def _points(source: Source) -> tuple[Doubles, Doubles]:
-    """Places (N, 2) and nearness (N,) of some samples inside surfaces."""
+    """Return positions (N, 2) and nearness (N,) of some samples inside surfaces."""
     sparse = max(1, math.isqrt(source.nearness.size // COMPARED))
     chosen = slice(sparse // 2, None, sparse)
     image = DepthImage(source.color, source.nearness, source.place)
@@ -109,7 +109,7 @@ def _points(source: Source) -> tuple[Doubles, Doubles]:
 
 
 def _met(place: Doubles, nearness: Doubles, equation: Equation, other: Source, scale: float) -> Met:
-    """Points that meet a surface of the other, whose nearness has a scale."""
+    """Return the points that meet a surface of the other source, given its scale."""
     error = _errors(place, nearness, equation, other)
     moved = _errors(place, nearness * math.exp(STEP), equation, other)
     known = np.isfinite(error) & np.isfinite(moved)
@@ -118,7 +118,7 @@ def _met(place: Doubles, nearness: Doubles, equation: Equation, other: Source, s
 
 
 def _errors(place: Doubles, nearness: Doubles, equation: Equation, other: Source) -> Doubles:
-    """Logarithms (N,) of the other's nearness over the points'; not a number off its surfaces."""
+    """Return log ratios (N,) of the other's nearness to the points'; nan off its surfaces."""
     seen, expected = warp_places(equation, place, nearness)
     found = inside_surface(other, seen)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -126,7 +126,7 @@ def _errors(place: Doubles, nearness: Doubles, equation: Equation, other: Source
 
 
 def inside_surface(source: Source, place: Doubles) -> Doubles:
-    """Nearness (N,) of a source at places (N, 2), bilinear; not a number off its surfaces."""
+    """Interpolate a source's nearness (N,) at places (N, 2); nan off its surfaces."""
     height, width = source.nearness.shape
     at = np.where(np.isfinite(place), place, -1.0) - 0.5
     column, row = (np.floor(at[:, axis]).astype(np.int64) for axis in (0, 1))

@@ -1,4 +1,4 @@
-"""What each view counts in each pixel: by its sampling, its angle, and how far its border is."""
+"""Blending weights of views: by sampling, angle and distance to the border."""
 
 import math
 from collections.abc import Sequence
@@ -13,19 +13,19 @@ from resample_warp3d.types import Warped
 from resample_warp3d.wide.sights import Sight, looked
 
 BLENDS = ("feathered", "confident", "best")
-SHARP = 2.0  # power of the confidence that views are weighed with
-LEAST = 1e-12  # weight of a view that has no confidence
-WHOLE = 0.95  # coverage from which a pixel is no border
-FEATHER = 2.0  # px from a view's border to where it counts in full
-AT_BORDER = 1e-3  # what a view counts beside its border
+SHARP = 2.0  # power of the confidence in the weights
+LEAST = 1e-12  # weight of a view without confidence
+WHOLE = 0.95  # coverage from which a pixel is not border
+FEATHER = 2.0  # px from a view's border to its full weight
+AT_BORDER = 1e-3  # weight of a view beside its border
 AHEAD = np.array([0.0, 0.0, 1.0])
-OBLIQUE = math.radians(4.0)  # angle at which a view counts half
+OBLIQUE = math.radians(4.0)  # angle at which a view's weight is halved
 
 Mask = NDArray[np.bool_]
 
 
 def check_blend(blend: str) -> None:
-    """Refuse a blend that there is not."""
+    """Refuse an unknown blend."""
     if blend not in BLENDS:
         raise ValueError(f"unknown blend {blend!r}; known: {', '.join(BLENDS)}")
 
@@ -33,16 +33,16 @@ def check_blend(blend: str) -> None:
 def weights(
     views: Sequence[Warped], shown: NDArray[np.bool_], shares: Sequence[Floats], blend: str
 ) -> list[Floats]:
-    """Weight (H, W) of each view; 0 where it does not show the surface.
+    """Return the weight (H, W) of each view; 0 where it does not show the surface.
 
     Parameters
     ----------
     views
-        Of one target.
+        Views of one target.
     shown
-        (V, H, W) where each shows the surface that is asked for.
+        (V, H, W) where each view shows the surface in question.
     shares
-        (H, W) factors of each view, such as `angle_share` gives; or none.
+        (H, W) factors of each view, such as from `angle_share`; or empty.
     blend
         One of `BLENDS`.
     """
@@ -62,7 +62,7 @@ def weights(
 
 
 def feather(shown: Mask) -> Floats:
-    """From 0 at the border of what is shown to 1 inside; the picture's own frame is no border."""
+    """Return a ramp from 0 at a mask's border to 1 inside; the frame is not a border."""
     if shown.all():
         return np.ones(shown.shape, np.float32)
     import cv2
@@ -75,9 +75,9 @@ def feather(shown: Mask) -> Floats:
 
 
 def angle_share(view: Warped, source: Camera, target: Sight) -> Floats:
-    """What a view counts by the angle between its ray and the target's at each surface, 0..1.
+    """Return a view's weight 0..1 by the angle between its rays and the target's.
 
-    An error of a source's depth moves its colors in proportion to that angle.
+    An error of a source's depth displaces its colors in proportion to that angle.
     """
     relative = target.world_to_camera @ np.linalg.inv(source.world_to_camera)
     eye = relative[:3, 3]

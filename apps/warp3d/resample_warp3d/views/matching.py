@@ -1,4 +1,4 @@
-"""Brightness of several views made equal: gain and bias of each, by what two of them show alike."""
+"""Match colors of several views by gain and bias, from surfaces that two show."""
 
 from collections.abc import Iterator, Sequence
 from itertools import combinations
@@ -13,47 +13,48 @@ from resample_warp3d.views.blending import WHOLE
 from resample_warp3d.views.robust import solved
 
 COLORS = ("gain", "gain-bias", "none")
-SAME = 0.02  # of the nearness: views whose surfaces are closer together than this see one
-BLOCK = 8  # px: means over so large squares hardly depend on how well views meet
-FULL = 0.75  # of a block's pixels must be seen by both views
+SAME = 0.02  # relative nearness within which views show the same surface
+BLOCK = 8  # px per side; means over such blocks hardly depend on misalignment
+FULL = 0.75  # share of a block's pixels that both views must show
 FEWEST = 12  # blocks that two views must share to be compared
 DARK, BRIGHT = 0.02, 0.98  # of the largest value: below is noise, above is clipped
-UNNOTICED = 1e-3  # a smaller gain or bias is none
-MOST = 2.0  # gain; more is no exposure
+UNNOTICED = 1e-3  # smaller gains or biases are ignored
+MOST = 2.0  # largest gain
 
 
 class Match(NamedTuple):
-    """What colors are multiplied by and what is added then, for each view and channel."""
+    """Gain and bias for each view and channel."""
 
     gain: Doubles  # (V, C)
     bias: Doubles  # (V, C)
 
 
 def check_colors(colors: str) -> None:
-    """Refuse a way to match colors that there is not."""
+    """Refuse an unknown way to match colors."""
     if colors not in COLORS:
         raise ValueError(f"unknown way to match colors {colors!r}; known: {', '.join(COLORS)}")
 
 
 def match_colors(views: Sequence[Warped], colors: str = "gain") -> Match:
-    """Gain and bias of each view that make them alike where they show the same surface.
+    """Return gains and biases that make views alike where they show the same surface.
 
     Parameters
     ----------
     views
-        Of one target; their order makes no difference but to that of the result.
+        Views of one target; their order only changes the order of the result.
     colors
         `gain`, `gain-bias` or `none`.
 
     Returns
     -------
     The gains' product over the views is 1 and the biases' sum 0, as no view is known to be right.
-    1 and 0 for a view that has nothing in common with the others, and for differences below 0.1 %.
+    They are 1 and 0 for a view that shares nothing with the others, and for differences below 0.1
+    %.
 
     Raises
     ------
     ValueError
-        The way is unknown.
+        The way to match is unknown.
     """
     check_colors(colors)
     count, channels = len(views), views[0].image.shape[2]
@@ -69,7 +70,7 @@ def match_colors(views: Sequence[Warped], colors: str = "gain") -> Match:
 
 
 def balanced(views: Sequence[Warped], match: Match) -> list[Warped]:
-    """Views with their colors matched; where nothing is they stay empty."""
+    """Apply gains and biases to views; uncovered pixels stay empty."""
     made = []
     for view, gain, bias in zip(views, match.gain, match.bias, strict=True):
         if (gain == 1).all() and (bias == 0).all():
@@ -81,7 +82,7 @@ def balanced(views: Sequence[Warped], match: Match) -> list[Warped]:
 
 
 class Pair(NamedTuple):
-    """PointBlocks that two views show alike."""
+    """Blocks of pixels that two views share."""
 
     first: int
     second: int
@@ -110,7 +111,7 @@ def _means(view: Warped, where: NDArray[np.bool_]) -> Doubles:
 
 
 def _blocks(values: NDArray[np.generic]) -> Doubles:
-    """Means of (H, W, C) over squares, (N, C)."""
+    """Average (H, W, C) over blocks, (N, C)."""
     height, width, channels = values.shape
     size = min(BLOCK, height, width)
     cut = values[: height // size * size, : width // size * size].astype(np.float64)

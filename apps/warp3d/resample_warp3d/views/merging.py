@@ -1,4 +1,4 @@
-"""Several warped views in one: the nearest surface, from the views that sampled it best."""
+"""Merge warped views: the nearest surface, from the views that sampled it best."""
 
 import hashlib
 from collections.abc import Sequence
@@ -11,32 +11,32 @@ from resample.types import Floats
 from resample_warp3d.types import Hole, Warped
 from resample_warp3d.views.blending import check_blend, weights
 
-SAME = 0.02  # of the nearness: views whose surfaces are closer together than this see one
-SOLID = 0.5  # coverage from which on a view's surface hides others
+SAME = 0.02  # relative nearness within which views show the same surface
+SOLID = 0.5  # least coverage of a view's surface that hides others
 
 
 def merge(
     views: Sequence[Warped], blend: str = "feathered", shares: Sequence[Floats] = ()
 ) -> Warped:
-    """Views of one target, each warped from another source, as one.
+    """Merge views of one target, each warped from another source.
 
     Parameters
     ----------
     views
-        Of one shape; their order makes no difference to a single bit.
+        Of one shape; the result does not depend on their order, bit by bit.
     blend
-        `feathered`: by confidence, fading out toward the border of what a view shows, so that no
-        seam is left there; `confident`: by confidence alone; `best`: the one view that counts most,
-        for colors that are names.
+        `feathered`: weighted by confidence, fading out toward the border of what a view shows, to
+        avoid seams; `confident`: weighted by confidence only; `best`: the view with the largest
+        weight only, for labels.
     shares
-        (H, W) further factors of the views' weights; none if left out.
+        (H, W) further factors of the views' weights. Default: none.
 
     Returns
     -------
-    Per pixel the mean of the views that show its nearest surface, by their confidence: a source
-    that saw the surface from nearby, and not at a grazing angle, has more samples there. Where it
-    covers a pixel in part, the surface behind it shows. A hole is a hole in all views; of its
-    reasons the one nearest to a remedy is kept.
+    Per pixel the mean, weighted by confidence, of the views that show its nearest surface: a source
+    that saw the surface from nearby, and not at a grazing angle, has more samples there. Where that
+    surface covers a pixel in part, the surface behind it shows. A hole is a hole in all views; of
+    its causes the one that is easiest to fix is kept.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def merge(
 
 
 class Surface(NamedTuple):
-    """What several views show of one surface, (H, W[, C]); all 0 where there is none."""
+    """One surface as shown by several views, (H, W[, C]); all 0 where there is none."""
 
     image: Floats
     coverage: Floats
@@ -90,7 +90,7 @@ class Surface(NamedTuple):
 def _surface(
     views: Sequence[Warped], nearness: Floats, shares: Sequence[Floats], blend: str
 ) -> tuple[Surface, NDArray[np.bool_]]:
-    """Nearest surface of several views (V, H, W), and where each of them shows it."""
+    """Return the nearest surface of several views (V, H, W), and where each shows it."""
     solid = np.stack([view.coverage >= SOLID for view in views])
     front = np.where(solid, nearness, 0).max(axis=0)
     is_front = (nearness >= front * (1.0 - SAME)) & (nearness > 0)
@@ -116,7 +116,7 @@ def _nearness(view: Warped) -> Floats:
 
 
 def order_of_bits(things: Sequence[Sequence[NDArray[Any]]]) -> list[int]:
-    """Order of things by the bits of their arrays: the same whatever order they come in."""
+    """Return a canonical order of items, by a hash of their arrays."""
 
     def digest(n: int) -> bytes:
         parts = (np.ascontiguousarray(part).data for part in things[n])
@@ -126,7 +126,7 @@ def order_of_bits(things: Sequence[Sequence[NDArray[Any]]]) -> list[int]:
 
 
 def _holes(views: Sequence[Warped], coverage: Floats) -> NDArray[np.uint8]:
-    """Reasons of the holes that all views have; cracks where no view has anything better."""
+    """Return the causes of holes that all views have; cracks where no view is better."""
     reason = np.full(coverage.shape, Hole.NONE, np.uint8)
     for hole in (Hole.OUTSIDE, Hole.NO_DEPTH, Hole.DISOCCLUDED):
         found = np.any([view.holes == hole for view in views], axis=0)

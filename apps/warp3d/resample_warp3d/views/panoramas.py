@@ -1,10 +1,10 @@
-"""Equirectangular pictures with the lengths of their rays, as sources that can be seen together.
+"""Split equirectangular depth images into sources that can be rendered together.
 
     seen = render_together(panorama(color, length), target, (480, 640), joining=SEAMLESS)
 
-The warping equation knows views of less than half of everything, so a panorama is cut, without any
+The warping equation handles views of less than 180 degrees, so a panorama is split, without
 resampling, into six blocks of its own pixels: four around, and one about each pole. Each is a depth
-image of a camera that looks at its middle and sees its pixels where they lie.
+image of a camera that looks at its center, with positions for its pixels.
 """
 
 import math
@@ -23,9 +23,9 @@ from resample_warp3d.views.together import Agreed, Joining, Standing, agreed
 from resample_warp3d.warping import as_light
 
 SIDES = 4
-SHARED = 4  # px that neighbouring blocks have in common, on either side of where they meet
+SHARED = 4  # px that adjacent blocks overlap, on each side of their seam
 SMALLEST = 16  # px of height
-SEAMLESS = Joining("feathered", "none", "none", "none")  # faces fade where they end
+SEAMLESS = Joining("feathered", "none", "none", "none")  # feather faces at their borders
 
 
 Indices = NDArray[np.int64]
@@ -46,19 +46,19 @@ def panorama(
     noise: float | None = None,
     refine: str = "auto",
 ) -> Agreed:
-    """Sources of a panorama, for `resample_warp3d.render_together` with `SEAMLESS`.
+    """Prepare a panorama for `resample_warp3d.render_together` with `SEAMLESS`.
 
     Parameters
     ----------
     color, length, world_to_camera
         As `faces` takes them; color also in 8 or 16 bits, as `resample_warp3d.warp` takes it.
     noise, refine
-        As of `resample_warp3d.warp`, for each face.
+        As `resample_warp3d.warp` takes them, for each face.
 
     Raises
     ------
     ValueError
-        As of `faces`; or a choice cannot be worked with.
+        As `faces` does, or an option is invalid.
 
     Examples
     --------
@@ -78,17 +78,18 @@ def panorama(
 
 
 def faces(color: Floats, length: ArrayLike, world_to_camera: ArrayLike | None = None) -> list[Face]:
-    """Depth images of a panorama: ahead, right, behind, left, above, below.
+    """Split a panorama into depth images: front, right, back, left, top, bottom.
 
     Parameters
     ----------
     color
-        (H, 2 H, C) linear light. The middle of the picture is ahead (+z), its left and right edges
-        meet behind, and its top row is above (−y).
+        (H, 2 H, C) linear light. The center of the picture is forward (+z), its left and right
+        edges meet behind, and its top row is above (−y).
     length
-        (H, 2 H) distance from the eye, along the ray; 0, negative numbers, inf and NaN are unknown.
+        (H, 2 H) distance from the camera, along the ray; 0, negative numbers, inf and NaN are
+        unknown.
     world_to_camera
-        (4, 4) pose of the panorama; the identity if left out.
+        (4, 4) pose of the panorama; default: the identity.
 
     Raises
     ------
@@ -119,19 +120,19 @@ def faces(color: Floats, length: ArrayLike, world_to_camera: ArrayLike | None = 
 
 
 def _blocks(height: int, width: int) -> Iterator[tuple[Indices, Indices, Doubles]]:
-    """Rows and columns of all faces, which may go on beyond the edges, and where they look."""
+    """Yield rows and columns of all faces, possibly beyond the edges, and rotations."""
     quarter = height // 4
     around = np.arange(quarter - SHARED, height - quarter + SHARED)
     for side in range(SIDES):
         first, last = (width // 2 + round((side + end) * width / SIDES) for end in (-0.5, 0.5))
         columns = np.arange(first - SHARED, last + SHARED)
         yield around, columns, turn(2.0 * math.pi * side / SIDES, 0.0)
-    whole = np.arange(-1, width + 1)  # its ends meet
+    whole = np.arange(-1, width + 1)  # its ends overlap
     pole = np.arange(quarter + SHARED)
     yield pole, whole, turn(0.0, 0.5 * math.pi)
     yield height - 1 - pole[::-1], whole, turn(0.0, -0.5 * math.pi)
 
 
 def _centers(rows: Indices, columns: Indices) -> Doubles:
-    """Centers of pixels, (rows, columns, 2) px."""
+    """Return the centers of pixels, (rows, columns, 2) px."""
     return np.stack(np.broadcast_arrays(columns + 0.5, rows[:, None] + 0.5), axis=2)

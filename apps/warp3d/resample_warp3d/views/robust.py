@@ -1,27 +1,25 @@
-"""Small systems of equations of which some are wrong."""
+"""Robust solution of small overdetermined systems of equations."""
 
 import numpy as np
 
 from resample.types import Doubles
 
 ROUNDS = 20
-TIGHT = (
-    1e-3  # of the unknowns' unit: errors below count by their squares, larger ones by their size
-)
-HOLD = 1e-6  # of an equation: what holds unknowns that nothing tells
+TIGHT = 1e-3  # in the unknowns' unit: smaller errors count squared, larger ones linearly
+HOLD = 1e-6  # weight that holds unknowns without equations at `start`
 
 
 def solved(rows: Doubles, right: Doubles, sums: Doubles, start: Doubles) -> Doubles:
-    """Unknowns of the least sum of absolute errors of `rows @ x = right`.
+    """Minimize the sum of absolute errors of `rows @ x = right`.
 
     Parameters
     ----------
     rows, right
         (N, M) and (N,).
     sums
-        (K, M) of unknowns which keep their value at `start`.
+        (K, M) sums of unknowns that keep their value at `start`.
     start
-        (M,) what unknowns keep that no equation tells of.
+        (M,) values of unknowns without equations.
     """
     count, held = start.size, len(sums)
     found = start.copy()

@@ -1,4 +1,4 @@
-"""Several sources as one picture: matched, voted on and blended."""
+"""Render several sources as one picture: match, vote, blend."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,20 +22,19 @@ from resample_warp3d.wide.sights import Sight
 
 @dataclass(frozen=True)
 class Joining:
-    """How several views become one picture.
+    """Options of combining several views.
 
     Parameters
     ----------
     blend
-        Of the views that show a pixel's surface: `feathered`, `confident` or `best`; see
-        `resample_warp3d.views.merging.merge`. Feathered ones count by their angle to the target
-        as well.
+        How views that show a pixel's surface are blended: `feathered`, `confident` or `best`; see
+        `resample_warp3d.views.merging.merge`. `feathered` also weights by the angle to the target.
     colors
-        Matched by `gain`, `gain-bias` or `none`.
+        How colors are matched: `gain`, `gain-bias` or `none`.
     depths
-        Matched by `scale` or `none`.
+        How depths are matched: `scale` or `none`.
     votes
-        `majority` leaves out what as many sources look through as see; `none` believes all.
+        `majority` drops samples that as many sources contradict as confirm; `none` keeps all.
 
     Raises
     ------
@@ -64,11 +63,11 @@ class Joining:
         check_votes(self.votes)
 
 
-PLAIN = Joining("confident", "none", "none", "none")  # each view as it is
+PLAIN = Joining("confident", "none", "none", "none")  # without corrections or votes
 
 
 class Standing(NamedTuple):
-    """A prepared source, and the camera that took it.
+    """A prepared source and its camera.
 
     Examples
     --------
@@ -87,22 +86,22 @@ class Standing(NamedTuple):
 
 
 class Agreed(NamedTuple):
-    """Sources whose depths agree, in an order of their own."""
+    """Sources with matched depths, in canonical order."""
 
     standing: list[Standing]
-    order: list[int]  # of the sources as they were given
-    scale: Doubles  # (V,) of their nearness, as they were given
+    order: list[int]  # indices into the sources as given
+    scale: Doubles  # (V,) factors of the nearness, in the given order
 
 
 class Joined(NamedTuple):
-    """One picture of several views, and what was done to their colors."""
+    """Picture of several views, with the corrections of their colors."""
 
     warped: Warped
-    match: Match  # of the sources as they were given
+    match: Match  # in the given order of the sources
 
 
 def agreed(given: Sequence[Standing], joining: Joining) -> Agreed:
-    """Sources made ready to be seen together; one result serves every target.
+    """Match the depths of several sources; the result serves every target.
 
     Examples
     --------
@@ -130,7 +129,7 @@ def agreed(given: Sequence[Standing], joining: Joining) -> Agreed:
 
 
 def layers_of(sources: Agreed, layers: Sequence[Source | None]) -> Agreed:
-    """Layers behind the sources that have one, as they were given, to be seen with their match."""
+    """Return the layers behind sources, with the sources' match; layers in the given order."""
     standing, order = [], []
     for each, n in zip(sources.standing, sources.order, strict=True):
         layer = layers[n]
@@ -151,24 +150,24 @@ def render_together(  # noqa: PLR0913 - what a user may say about a warp
     threads: int | None = None,
     match: Match | None = None,
 ) -> Joined:
-    """Several sources as a camera sees them together.
+    """Render several sources together for one camera.
 
     Parameters
     ----------
     sources
-        Of `agreed`.
+        Result of `agreed`.
     target, shape
-        Camera of any kind, as of `resample_warp3d.warp`, and height and width in px.
+        Camera of any kind, as `resample_warp3d.warp` takes it, and height and width, px.
     method, filter, threads
-        As of `resample_warp3d.warp`.
+        As `resample_warp3d.warp` takes them.
     joining
-        Choices; None are the defaults.
+        Options; None: the defaults.
     match
-        Of another frame, for films, whose brightness must not change; None looks for one.
+        Color match of another frame, so that the brightness of films is stable; None: find one.
 
     Returns
     -------
-    The picture, which neither the sources' order nor the threads change by a bit.
+    The picture, bit-identical for any order of the sources and any number of threads.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Outliers voted out: what a view shows before everything else, and other sources look through."""
+"""Vote out outliers: samples in front that other sources see through."""
 
 from collections.abc import Sequence
 
@@ -12,12 +12,12 @@ from resample_warp3d.types import Source, Warped
 from resample_warp3d.wide.passages import Passage, Way
 
 VOTES = ("majority", "none")
-SAME = 0.02  # of the nearness: what differs by less is one surface
-REACH = 1  # samples around a place that are looked at
+SAME = 0.02  # relative nearness within which surfaces are the same
+REACH = 1  # samples compared around a place
 
 
 def check_votes(votes: str) -> None:
-    """Refuse a way to vote that there is not."""
+    """Refuse an unknown way to vote."""
     if votes not in VOTES:
         raise ValueError(f"unknown votes {votes!r}; known: {', '.join(VOTES)}")
 
@@ -25,12 +25,12 @@ def check_votes(votes: str) -> None:
 def outvoted(
     views: Sequence[Warped], sources: Sequence[Source], equations: Sequence[Way]
 ) -> list[Warped]:
-    """Views without what as many sources look through as see.
+    """Drop samples that as many sources contradict as confirm.
 
-    A pixel's point is taken back to every other source. One that has the point's depth there, up to
-    2 %, speaks for it, as does the view itself; one that only has farther samples around it looks
-    through it; one that has something nearer cannot tell. Only points before what another view
-    shows at the pixel are asked about, so that no hole comes of it.
+    A pixel's point is projected back to every other source. A source with the point's depth there,
+    within 2 %, confirms it, as does the view itself; a source with only farther samples around it
+    contradicts it; a source with something nearer abstains. Only points in front of what another
+    view shows at the pixel are tested, so that no holes result.
     """
     shown = [
         np.where(view.coverage > 0, 1.0 / view.depth, 0.0).astype(np.float64) for view in views
@@ -53,14 +53,14 @@ def outvoted(
 
 
 def led_back(way: Way, place: Doubles, nearness: Doubles) -> tuple[Doubles, Doubles]:
-    """Where a target's places (N, 2) px are in the source, and their nearness there."""
+    """Map a target's places (N, 2) px to the source, with their nearness there."""
     if isinstance(way, Passage):
         return way.back(place, nearness)
     return warp_places(inverse(way), place, nearness)
 
 
 def vote(source: Source, place: Doubles, nearness: Doubles) -> NDArray[np.int64]:
-    """1 where a source sees points, −1 where it looks through them, 0 where it cannot tell."""
+    """Return 1 where a source confirms points, −1 where it contradicts, 0 if unknown."""
     height, width = source.nearness.shape
     at = np.floor(np.where(np.isfinite(place), place, -9.0)).astype(np.int64)
     column, row = at[:, 0], at[:, 1]
@@ -77,7 +77,7 @@ def vote(source: Source, place: Doubles, nearness: Doubles) -> NDArray[np.int64]
 
 
 def _without(view: Warped, out: NDArray[np.bool_]) -> Warped:
-    """View that shows nothing at some pixels."""
+    """Clear some pixels of a view."""
     empty = np.float32(0)
     return view._replace(
         image=np.where(out[..., None], empty, view.image),

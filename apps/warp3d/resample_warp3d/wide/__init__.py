@@ -1,1 +1,1 @@
-"""Sources and targets that McMillan's equation does not know: lenses, panoramas, parallel rays."""
+"""Targets beyond McMillan's equation: lenses, panoramas, parallel rays."""

@@ -1,4 +1,4 @@
-"""Ways from sources to targets of any kind, in place of the warping equation."""
+"""Maps between sources and targets of any camera model, instead of the equation."""
 
 import math
 from dataclasses import dataclass, field, replace
@@ -17,11 +17,11 @@ from resample_warp3d.wide.sights import Shape, Sight, is_bent, looked, seen, wit
 if TYPE_CHECKING:
     from resample_warp3d.sheet.kernels.screen import Screen
 
-ROWS = 64  # of a sheet's corners that are projected at a time
-FARTHEST = 1e6  # px: what is farther out than this is not on any screen
-STEP = 1e-4  # px, and share of a nearness, that differences are taken over
-STEEPEST = 1e3  # px on a screen per px of a source, where a surface ends
-FARTHEST_END = 64.0  # px that an end may move on a screen
+ROWS = 64  # of a sheet's corners projected at a time
+FARTHEST = 1e6  # px: positions farther out are dropped
+STEP = 1e-4  # px, and share of a nearness, step of finite differences
+STEEPEST = 1e3  # px on the screen per px of the source, where a surface ends
+FARTHEST_END = 64.0  # px that an end may move on the screen
 NO_CELL = -2  # in a sheet's index
 
 Mask = NDArray[np.bool_]
@@ -33,24 +33,23 @@ def _whole() -> Doubles:
 
 @dataclass(frozen=True, eq=False)
 class Passage:
-    """Way from a source's samples to a target's pixels, and back.
+    """Map from a source's samples to a target's pixels, and back.
 
     Parameters
     ----------
     source
-        Camera whose lens has been undone by the samples' places, or a parallel one.
+        Camera whose lens is undone by the samples' positions, or a parallel one.
     target
         Any camera; its lens is applied.
     shape
         Height and width of the target's whole picture, px.
     frame
-        (3, 3) scales and shifts that lead from px of that picture to those of the frame that is
-        painted.
+        (3, 3) scales and shifts from px of that picture to those of the frame to paint.
 
     Raises
     ------
     ValueError
-        The source is no camera of depth images.
+        The source is not a camera for depth images.
     """
 
     source: Camera | Orthographic
@@ -62,24 +61,24 @@ class Passage:
         if not isinstance(self.source, Camera | Orthographic):
             raise ValueError(
                 "depth images are taken by a Camera or an Orthographic one, not by"
-                f" {type(self.source).__name__}; a panorama is cut into faces"
+                f" {type(self.source).__name__}; split a panorama into faces"
             )
         if not isinstance(self.target, Camera | Orthographic | Equirectangular):
-            raise ValueError(f"depth images are not seen by {type(self.target).__name__}")
+            raise ValueError(f"depth images cannot be rendered by {type(self.target).__name__}")
 
     def in_frame(self, matrix: Doubles) -> "Passage":
-        """Way into a frame (3, 3) of this one's frame."""
+        """Return the map to a frame (3, 3) within this one's frame."""
         return replace(self, frame=matrix @ self.frame)
 
     def ahead(self, place: Doubles, nearness: Doubles) -> tuple[Doubles, Doubles]:
-        """Where samples go, px of the frame (..., 2), and their nearness; not a number: nowhere."""
+        """Map samples to px of the frame (..., 2), with nearness; nan if not visible."""
         source = without_lens(self.source) if isinstance(self.source, Camera) else self.source
         point, weight = looked(source, self.shape, place, nearness)
         there, near = seen(self.target, self.shape, *_moved(self._step(), point, weight))
         return there * np.diag(self.frame)[:2] + self.frame[:2, 2], near
 
     def back(self, place: Doubles, nearness: Doubles) -> tuple[Doubles, Doubles]:
-        """Where places of the frame are in the source without its lens, and their nearness."""
+        """Map places of the frame to the undistorted source, with nearness."""
         source = without_lens(self.source) if isinstance(self.source, Camera) else self.source
         whole = (place - self.frame[:2, 2]) / np.diag(self.frame)[:2]
         point, weight = looked(self.target, self.shape, whole, nearness)
@@ -87,7 +86,7 @@ class Passage:
         return seen(source, self.shape, *_moved(step, point, weight))
 
     def laid(self, sheet: Sheet) -> "Screen":
-        """Sheet on the target's screen, without cells that a panorama's edge or pole cuts."""
+        """Project a sheet to the target, without cells cut by a panorama's seam or pole."""
         from resample_warp3d.sheet.kernels import screen
 
         height, width = sheet.torn.shape
@@ -97,7 +96,7 @@ class Passage:
             vertices[:, rows] = self._corners(*_lattice(sheet, rows))
         torn = self._corners(sheet.corner[..., :2], sheet.corner[..., 2])
         torn = np.ascontiguousarray(np.moveaxis(torn, 0, -1))
-        if not isinstance(self.target, Equirectangular):  # whose edge differences would meet
+        if not isinstance(self.target, Equirectangular):  # whose seam would disturb differences
             self._project_ends(sheet, torn)
         own = sheet.torn
         if isinstance(self.target, Equirectangular):
@@ -110,7 +109,7 @@ class Passage:
 
     @property
     def orientation(self) -> float:
-        """Volume that has the sign of what the way does to the order of corners."""
+        """Volume whose sign tells whether the map mirrors the order of corners."""
         volume = float(np.linalg.det(self.frame))
         for camera in (self.source, self.target):
             if isinstance(camera, Camera):
@@ -118,14 +117,14 @@ class Passage:
         return volume
 
     def _step(self) -> Doubles:
-        """Pose (4, 4) of the target in the source's axes."""
+        """Return the pose (4, 4) of the target in the source's axes."""
         back = np.linalg.inv(self.source.world_to_camera)
         return np.asarray(self.target.world_to_camera @ back, np.float64)
 
     def _project_ends(self, sheet: Sheet, torn: Floats) -> None:
-        """Corners where surfaces turn away go to where the target sees them end.
+        """Move corners where surfaces turn away to the surfaces' outline in the target.
 
-        As `limbs.project_ends`, with differences in place of derivatives.
+        As `limbs.project_ends`, with finite differences instead of derivatives.
         """
         from resample_warp3d.sheet.kernels.limbs import INSET, INSET_BEYOND, INSET_PX
 
@@ -150,14 +149,14 @@ class Passage:
         rise = np.clip(rise, least, np.sqrt(length))
         back = (rise**2 / length)[:, None] * out
         ends = self._corners(place - back, near + rise)
-        # Differences beside what a camera cannot see say nothing.
+        # Differences beside invisible positions are not valid.
         is_even = np.hypot(*ahead.T) + np.hypot(*along.T) < STEEPEST
         is_even &= np.hypot(*(ends[:2].T - here).T) < FARTHEST_END
         is_seen = is_even & (torn[row, corner, 2] > 0) & (ends[2] > 0)
         torn[row[is_seen], corner[is_seen]] = ends.T[is_seen]
 
     def _corners(self, place: Doubles | Floats, nearness: Floats) -> Floats:
-        """Corners on the screen, (3, ...): x, y and nearness, which is −1 where there is none."""
+        """Project corners, (3, ...): x, y and nearness, −1 if not visible."""
         known = nearness > 0
         there, near = self.ahead(np.asarray(place, np.float64), np.asarray(nearness, np.float64))
         is_seen = known & (near > 0) & (np.abs(there) < FARTHEST).all(axis=-1)
@@ -167,7 +166,7 @@ class Passage:
 
 
 def _cross(a: Doubles, b: Doubles) -> Doubles:
-    """Cross products (N,) of vectors (N, 2)."""
+    """Return the cross products (N,) of vectors (N, 2)."""
     return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
 
 
@@ -175,12 +174,12 @@ Way = Equation | Passage
 
 
 def way_between(source: Sight, target: Sight, shape: Shape) -> Way:
-    """Way from a source to a target of (height, width) px: an equation where one says it.
+    """Return the map from a source to a target (height, width): an equation if possible.
 
     Raises
     ------
     ValueError
-        The source is no camera of depth images.
+        The source is not a camera for depth images.
 
     Examples
     --------
@@ -195,11 +194,11 @@ def way_between(source: Sight, target: Sight, shape: Shape) -> Way:
     """
     if isinstance(source, Camera) and isinstance(target, Camera) and not is_bent(target):
         return between(source, target)
-    return Passage(source, target, shape)  # type: ignore[arg-type]  # it refuses others
+    return Passage(source, target, shape)  # type: ignore[arg-type]  # it refuses other types
 
 
 def poles_rows(passage: Passage, sheet: Sheet) -> tuple[int, int]:
-    """How many px the cells over a panorama's upper and lower pole reach away from it, at most."""
+    """Return how far, px, the cells over a panorama's upper and lower pole extend."""
     found = [0.0, 0.0]
     screen = passage.laid(sheet)
     half = passage.shape[0] / 2.0
@@ -225,9 +224,9 @@ def poles_rows(passage: Passage, sheet: Sheet) -> tuple[int, int]:
 
 
 def on_lattice(place: Doubles, at: Doubles) -> Doubles:
-    """Places of a bent source's lattice (N, 2) of what a camera without lens sees at `at` (N, 2).
+    """Map undistorted positions `at` (N, 2) to a distorted source's lattice (N, 2).
 
-    As kernels that explain holes find them, in as many steps.
+    The same iteration as in the kernels that classify holes.
     """
     height, width = place.shape[:2]
     found = np.clip(at, -1e6, 1e6)
@@ -242,12 +241,12 @@ def on_lattice(place: Doubles, at: Doubles) -> Doubles:
 
 
 def _moved(step: Doubles, point: Doubles, weight: Doubles) -> tuple[Doubles, Doubles]:
-    """Homogeneous points in another camera's axes."""
+    """Transform homogeneous points to another camera's axes."""
     return point @ step[:3, :3].T + weight[..., None] * step[:3, 3], weight
 
 
 def _lattice(sheet: Sheet, rows: slice) -> tuple[Doubles, Floats]:
-    """Places and nearness of some rows of a sheet's corners."""
+    """Return positions and nearness of some rows of a sheet's corners."""
     nearness = sheet.vertex[rows]
     if sheet.place.size:
         return sheet.place[rows], nearness
@@ -256,11 +255,11 @@ def _lattice(sheet: Sheet, rows: slice) -> tuple[Doubles, Floats]:
 
 
 def _around(vertex: Floats) -> list[Floats]:
-    """Numbers of the four corners of all cells."""
+    """Return the values at the four corners of all cells."""
     return [vertex[:-1, :-1], vertex[:-1, 1:], vertex[1:, :-1], vertex[1:, 1:]]
 
 
 def _wide(corner: list[Floats], most: float) -> Mask:
-    """Cells whose corners are farther apart than that."""
+    """Return the cells whose corners are farther apart than `most`."""
     low, high = np.minimum.reduce(corner), np.maximum.reduce(corner)
     return np.asarray(high - low > most)

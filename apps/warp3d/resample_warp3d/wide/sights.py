@@ -1,7 +1,7 @@
-"""What cameras of all kinds see: points as pixels and nearness, and pixels as points.
+"""Projection of points to pixels, and back, for cameras of all models.
 
-Points are homogeneous: (..., 3) in a camera's axes and a weight (...), so that the point is at
-their quotient and a weight of 0 is infinitely far.
+Points are homogeneous: (..., 3) in a camera's axes and a weight (...); the point is their quotient,
+and a weight of 0 is infinitely far.
 """
 
 from typing import TypeAlias
@@ -18,18 +18,18 @@ from resample_warp3d.types import DepthImage
 Sight: TypeAlias = Camera | Orthographic | Equirectangular
 Shape = tuple[int, int]  # height and width, px
 
-NEAREST = 1e-6  # share of a point's distance: what is less far ahead is beside the eye
+NEAREST = 1e-6  # share of a point's distance: points less far ahead are beside the camera
 
 
 def is_bent(target: Sight) -> bool:
-    """Whether a target shows straight lines as something else, or has no eye."""
+    """Whether a target bends straight lines or has no center of projection."""
     return not isinstance(target, Camera) or target.distortion is not None
 
 
 def seen(camera: Sight, shape: Shape, point: Doubles, weight: Doubles) -> tuple[Doubles, Doubles]:
-    """Where homogeneous points are seen, px (..., 2), and their nearness; not a number: nowhere.
+    """Project homogeneous points to px (..., 2), with nearness; nan if not visible.
 
-    The nearness is 1 / z, of a panorama 1 / the length of the ray.
+    The nearness is 1 / z, for a panorama 1 / ray length.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         if isinstance(camera, Equirectangular):
@@ -47,7 +47,7 @@ def seen(camera: Sight, shape: Shape, point: Doubles, weight: Doubles) -> tuple[
 def looked(
     camera: Sight, shape: Shape, place: Doubles, nearness: Doubles
 ) -> tuple[Doubles, Doubles]:
-    """Homogeneous points that are seen at places (..., 2) px with a nearness (...).
+    """Unproject places (..., 2) px with a nearness (...) to homogeneous points.
 
     Not a number where no light comes through the lens.
     """
@@ -63,27 +63,27 @@ def looked(
 
 
 def without_lens(camera: Camera) -> Camera:
-    """The same camera with nothing before its sensor."""
+    """Return the same camera without its lens."""
     return Camera(camera.matrix, camera.world_to_camera, near=camera.near)
 
 
 def taken_by(camera: Sight, image: DepthImage) -> tuple[DepthImage, Camera | Orthographic]:
-    """Depth image with its samples where a camera without its lens sees them, and that camera.
+    """Undistort the positions of a depth image's samples; also return the camera.
 
-    Of a parallel camera, whose nearness is 1 / z, too, the eye is moved along its axis to one
-    width of the picture before what is nearest, where nearness tells depths well apart.
+    A parallel camera, whose nearness is also 1 / z, is moved along its axis to one picture width
+    before the nearest point, where nearness resolves depths well.
 
     Raises
     ------
     ValueError
-        It is no camera of depth images.
+        It is not a camera for depth images.
     """
     shape = image.color.shape[0], image.color.shape[1]
     if isinstance(camera, Camera):
         return image._replace(place=lens_places(camera, shape)), camera
     if not isinstance(camera, Orthographic):
         raise ValueError(
-            "depth images are taken by a Camera or an Orthographic one; a panorama's sources are"
+            "depth images are taken by a Camera or an Orthographic one; sources of a panorama are"
             " made by resample_warp3d.panorama"
         )
     known = image.nearness > 0
@@ -99,6 +99,6 @@ def taken_by(camera: Sight, image: DepthImage) -> tuple[DepthImage, Camera | Ort
 
 
 def _through_lens(camera: Camera, flat: Doubles) -> Doubles:
-    """Places, px, of points of the plane at distance 1."""
+    """Project points of the plane at distance 1 to px."""
     place = flat @ camera.matrix[:2, :2].T + camera.matrix[:2, 2]
     return place if camera.distortion is None else distorted_places(camera, place)

@@ -1,1 +1,1 @@
-"""Cameras of sources and targets as the command line names them."""
+"""Options of the source's and the target's camera."""

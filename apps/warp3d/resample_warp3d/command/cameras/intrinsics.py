@@ -1,4 +1,4 @@
-"""Intrinsics as words or files."""
+"""Read intrinsics from numbers or files."""
 
 from typing import TYPE_CHECKING
 
@@ -12,12 +12,12 @@ FILES = "a file of Open3D (.json), ROS (.yaml) or OpenCV (.yml, .xml)"
 
 
 def intrinsic_numbers(name: str, text: str) -> list[float]:
-    """The numbers fx, fy, cx, cy and skew of a text.
+    """Read the numbers fx, fy, cx, cy and skew from a text.
 
     Raises
     ------
     ValueError
-        There are others than four or five.
+        There are not four or five numbers.
     """
     numbers = numbers_in(name, text)
     if len(numbers) not in (4, 5):
@@ -26,17 +26,17 @@ def intrinsic_numbers(name: str, text: str) -> list[float]:
 
 
 def check_intrinsics(name: str, text: str) -> None:
-    """Refuse what is neither numbers as `intrinsic_numbers` takes them nor a file of a camera."""
+    """Refuse anything but numbers for `intrinsic_numbers` or a camera file."""
     with_intrinsics(name, text, "corner")
 
 
 def with_intrinsics(name: str, text: str, convention: str) -> "Calibration":
-    """Camera of intrinsics, of numbers or of a file, which counts as its program does.
+    """Read intrinsics from numbers, or from a file in its own program's convention.
 
     Raises
     ------
     ValueError, OSError
-        It is neither, or the file cannot be read.
+        The text is neither, or the file cannot be read.
     """
     from resample.cameras.calibrations.lens_files import Calibration, is_file, read_intrinsics
     from resample.cameras.models import Camera

@@ -1,4 +1,4 @@
-"""The camera that took a picture."""
+"""Options of the camera that took the source picture."""
 
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from resample.cameras.trajectories import Shot
     from resample_warp3d.wide.sights import Sight
 
-FOV = 60.0  # degrees along the shorter side that are taken where nothing is known
+FOV = 60.0  # degrees along the shorter side, assumed if unknown
 
 
 class SourceCamera(Choices):
-    """The camera that took the picture."""
+    """The camera of the source picture."""
 
     heading: ClassVar[str] = "Source camera"
     about: ClassVar[About] = About.LOOK
@@ -45,34 +45,32 @@ class SourceCamera(Choices):
         str | None,
         NUMBERS,
         Hyphen,
-        Field(
-            description=f"{CALIBRATED}, in place of intrinsics; k=k1,k2,p1,p2[,k3...] beside them."
-        ),
+        Field(description=f"{CALIBRATED}, instead of intrinsics; k=k1,k2,p1,p2[,k3...] with them."),
     ] = None
     convention: Annotated[Convention, Field(description=f"{COUNTED} cx and cy.")] = "corner"
     source_pose: Annotated[
         str | None,
         About.SOURCE,
         Field(
-            description="Pose of the picture's camera: file or file:frame, as of --pose; may "
-            "bring the intrinsics. The identity."
+            description="Pose of the picture's camera: file or file:frame, as for --pose; may "
+            "contain intrinsics. Default: the identity."
         ),
     ] = None
 
     source_projection: Annotated[
         Literal["pinhole", "equirectangular", "orthographic"],
         Field(
-            description="What the picture shows: a pinhole's or lens's view, all directions (twice "
-            "as wide as high, its depth along the rays), or parallel rays."
+            description="Projection of the picture: pinhole (also with a lens), equirectangular "
+            "(all directions, twice as wide as high, depth along the rays), or orthographic."
         ),
     ] = "pinhole"
     pixel_size: Annotated[
         float | None,
-        Field(gt=0, description="Of parallel rays: how far apart pixels are, scene units."),
+        Field(gt=0, description="Orthographic: distance between pixels, scene units."),
     ] = None
 
     def check(self) -> None:
-        """Refuse what can be seen to be wrong without the files."""
+        """Refuse wrong options before any file is read."""
         if self.source_projection != "pinhole":
             self._check_wide()
             return
@@ -81,11 +79,11 @@ class SourceCamera(Choices):
         self._check_pinhole()
 
     def check_pinhole(self, command: str) -> None:
-        """Refuse other sources, which a command does not take."""
+        """Refuse other projections for a command."""
         if self.source_projection != "pinhole":
             raise ValueError(
-                f"{command} takes pictures of a pinhole or lens; for --source-projection"
-                f" {self.source_projection} take render or animate"
+                f"{command} needs pictures of a pinhole or lens; for --source-projection"
+                f" {self.source_projection} use render or animate"
             )
 
     def _check_wide(self) -> None:
@@ -93,7 +91,7 @@ class SourceCamera(Choices):
         for name, way in given.items():
             if way is not None:
                 raise ValueError(
-                    f"--{name} belongs to a pinhole; leave it out of --source-projection"
+                    f"--{name} is for a pinhole; leave it out with --source-projection"
                     f" {self.source_projection}"
                 )
         if (self.source_projection == "orthographic") != (self.pixel_size is not None):
@@ -114,7 +112,7 @@ class SourceCamera(Choices):
             check_intrinsics("intrinsics", self.intrinsics)
         elif not given and self.source_pose is None:
             raise ValueError(
-                "give --intrinsics fx,fy,cx,cy or a --lens or, where they are unknown, --fov 60"
+                "give --intrinsics fx,fy,cx,cy or a --lens, or --fov 60 if they are unknown"
             )
         if whole_lens is not None:
             read_lens(whole_lens)
@@ -123,17 +121,17 @@ class SourceCamera(Choices):
 
     @property
     def _coefficients(self) -> list[float]:
-        """Those of a lens without its intrinsics; none of other lenses."""
+        """Coefficients of a lens given without intrinsics; empty for other lenses."""
         name, _, numbers = (self.lens or "").partition("=")
         return numbers_in("lens", numbers) if name == "k" else []
 
     def guessed(self) -> "SourceCamera":
-        """Camera that is somehow, if nothing is known about it."""
+        """Return these options with a default field of view if nothing is known."""
         ways = (self.intrinsics, self.fov, self.lens, self.source_pose)
         return self.model_copy(update={"fov": FOV}) if all(w is None for w in ways) else self
 
     def sight(self, shape: Shape, pose: str | None = None) -> "Sight":
-        """Camera of a picture (height, width), which may show all directions or parallel rays.
+        """Return the camera of a picture (height, width), of any projection.
 
         Parameters and errors are those of `camera`.
         """
@@ -153,19 +151,19 @@ class SourceCamera(Choices):
         return Orthographic(scale, scale, width / 2, height / 2, place)
 
     def camera(self, shape: Shape, pose: str | None = None) -> "Camera":
-        """Pinhole or lens of a picture (height, width).
+        """Return the pinhole or lens camera of a picture (height, width).
 
         Parameters
         ----------
         shape
-            Of the picture, px.
+            Size of the picture, px.
         pose
-            In place of `source_pose`, for a further view.
+            Used instead of `source_pose`, for a further view.
 
         Raises
         ------
         ValueError, LookupError, OSError
-            The numbers are no camera's, or a file cannot be read.
+            The numbers do not make a camera, or a file cannot be read.
         """
         from resample.cameras.calibrations.lens_files import read_calibration
         from resample.cameras.files import read_pose, read_shot
@@ -175,7 +173,7 @@ class SourceCamera(Choices):
         whole_lens = None if self._coefficients else self.lens
         is_known = any(way is not None for way in (self.intrinsics, self.fov, whole_lens))
         shot = None
-        if name is not None:  # of a camera that is said here, the file's may be of any kind
+        if name is not None:  # with a camera given here, the file's may be of any kind
             shot = Shot("", read_pose(name)) if is_known else read_shot(name)
         if self._coefficients:
             return self._without_lens(shape, name, shot).with_lens(self._coefficients)
@@ -185,7 +183,7 @@ class SourceCamera(Choices):
         return self._without_lens(shape, name, shot)
 
     def _without_lens(self, shape: Shape, name: str | None, shot: "Shot | None") -> "Camera":
-        """Camera of intrinsics, a field of view or what a file has of it."""
+        """Return the camera of intrinsics, a field of view, or the pose file."""
         from resample.cameras.models import Camera
 
         place = None if shot is None else shot.pose

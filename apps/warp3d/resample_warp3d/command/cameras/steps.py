@@ -9,12 +9,12 @@ from resample.types import Doubles
 
 
 def stepped(move: Sequence[float], turn: Sequence[float] = (0.0, 0.0, 0.0)) -> Doubles:
-    """Pose (4, 4) of a camera that moved and then turned, in the axes that it had before.
+    """Return the pose (4, 4) of a camera after a move and a turn, in its previous axes.
 
     Parameters
     ----------
     move
-        To the right, down and ahead, scene units.
+        To the right, down and forward, scene units.
     turn
         To the right, up and clockwise, degrees; in this order, each about the camera's new axes.
     """
@@ -27,7 +27,7 @@ def stepped(move: Sequence[float], turn: Sequence[float] = (0.0, 0.0, 0.0)) -> D
 
 
 def _about(axis: int, angle: float) -> Doubles:
-    """Rotation (3, 3) about a camera's axis; 0 is x."""
+    """Return the rotation (3, 3) about a camera's axis; 0 is x."""
     cosine, sine = math.cos(angle), math.sin(angle)
     first, second = (axis + 1) % 3, (axis + 2) % 3
     turned = np.eye(3)

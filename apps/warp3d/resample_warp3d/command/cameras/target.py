@@ -1,4 +1,4 @@
-"""The camera of a new picture: from where and with what it is seen."""
+"""Options of the camera of the new picture."""
 
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class TargetCamera(Choices):
-    """With what the new picture is seen."""
+    """Projection, intrinsics and size of the new picture."""
 
     heading: ClassVar[str] = "Camera"
     about: ClassVar[About] = About.LOOK
@@ -27,38 +27,44 @@ class TargetCamera(Choices):
         NUMBERS,
         Hyphen,
         Field(
-            description="fx,fy,cx,cy[,skew] of the new picture, or a file as of --intrinsics. The "
-            "source's, fitted to size."
+            description="fx,fy,cx,cy[,skew] of the new picture, or a file as for --intrinsics. "
+            "Default: the source's, fitted to the size."
         ),
     ] = None
     target_fov: Annotated[
         float | None,
-        Field(description="Degrees along the new picture's shorter side; in place of intrinsics."),
+        Field(
+            description="Field of view along the new picture's shorter side, degrees; instead of "
+            "intrinsics."
+        ),
     ] = None
     target_lens: Annotated[
         str | None,
         NUMBERS,
         Hyphen,
-        Field(description="Of the new picture, in place of intrinsics, as of --lens. None."),
+        Field(
+            description="Lens of the new picture, as for --lens, instead of intrinsics. Default: "
+            "none."
+        ),
     ] = None
     target_projection: Annotated[
         Literal["pinhole", "equirectangular", "orthographic"] | None,
         Field(
-            description="What the new picture shows, as of --source-projection. The source's, or a "
-            "pinhole's view where intrinsics are said."
+            description="Projection of the new picture, as for --source-projection. Default: the "
+            "source's, or pinhole if intrinsics are given."
         ),
     ] = None
     target_pixel_size: Annotated[
         float | None,
-        Field(gt=0, description="Of parallel rays: how far apart they are, scene units."),
+        Field(gt=0, description="Orthographic: distance between pixels, scene units."),
     ] = None
     size: Annotated[
         str | None,
-        Field(description=f"{SIZE} The source's."),
+        Field(description=f"{SIZE} Default: the source's."),
     ] = None
 
     def check_target(self) -> None:
-        """Refuse what can be seen to be wrong without the files."""
+        """Refuse wrong options before any file is read."""
         pinhole = {
             "target-intrinsics": self.target_intrinsics,
             "target-fov": self.target_fov,
@@ -69,7 +75,7 @@ class TargetCamera(Choices):
             raise ValueError(f"give one of --{' and --'.join(given)}, not both")
         if given and self.target_projection not in (None, "pinhole"):
             raise ValueError(
-                f"--{given[0]} belongs to a pinhole; leave it out of --target-projection"
+                f"--{given[0]} is for a pinhole; leave it out with --target-projection"
                 f" {self.target_projection}"
             )
         if (self.target_projection == "orthographic") != (self.target_pixel_size is not None):
@@ -85,16 +91,16 @@ class TargetCamera(Choices):
             read_lens(self.target_lens)
 
     def shape(self, source: Shape) -> Shape:
-        """Height and width of the new picture."""
+        """Return height and width of the new picture."""
         return source if self.size is None else height_and_width(self.size)
 
     def sight(self, source: "Sight", source_shape: Shape, convention: str) -> "Sight":
-        """Camera of the new picture, where the source's is.
+        """Return the camera of the new picture, at the source's pose.
 
         Raises
         ------
         ValueError, LookupError, OSError
-            The numbers are no camera's, or a file cannot be read.
+            The numbers do not make a camera, or a file cannot be read.
         """
         from resample.cameras.models import Camera, Orthographic
         from resample.cameras.panoramic import Equirectangular, check_panorama
@@ -114,14 +120,14 @@ class TargetCamera(Choices):
         if isinstance(source, Camera):
             return Camera(source.resized(source_shape, shape).matrix, pose)
         if wanted == "pinhole" or isinstance(source, Equirectangular):
-            raise ValueError("a pinhole's view needs --target-fov or --target-intrinsics")
+            raise ValueError("a pinhole view needs --target-fov or --target-intrinsics")
         right, down = shape[1] / source_shape[1], shape[0] / source_shape[0]
         return Orthographic(
             source.sx * right, source.sy * down, source.cx * right, source.cy * down, pose
         )
 
     def _pinhole(self, shape: Shape, convention: str) -> "Camera | None":
-        """Pinhole or lens that is said."""
+        """Return the pinhole or lens given by options, if any."""
         from resample.cameras.calibrations.lens_files import read_calibration
         from resample.cameras.models import Camera
 
@@ -135,14 +141,14 @@ class TargetCamera(Choices):
         aimed = given.sized(*shape)
         if aimed.distortion is not None:
             raise ValueError(
-                f"{self.target_intrinsics} has a lens; give it as --target-lens, or its"
+                f"{self.target_intrinsics} has a lens; give it as --target-lens, or give"
                 " --target-intrinsics as fx,fy,cx,cy"
             )
         return aimed
 
 
 class Aim(TargetCamera):
-    """From where and how the new picture is seen."""
+    """Pose and camera of the new picture."""
 
     pose: Annotated[
         str | None,
@@ -156,26 +162,24 @@ class Aim(TargetCamera):
     move: Annotated[
         str | None,
         Hyphen,
-        Field(description="Without a pose file: x,y,z to go right, down and ahead, scene units."),
+        Field(description="Move the camera by x,y,z: right, down and forward, scene units."),
     ] = None
     turn: Annotated[
         str | None,
         Hyphen,
-        Field(description="And yaw,pitch,roll to turn right, up and clockwise, degrees."),
+        Field(description="Then turn it by yaw,pitch,roll: right, up and clockwise, degrees."),
     ] = None
 
     def check(self) -> None:
-        """Refuse what can be seen to be wrong without the files."""
+        """Refuse wrong options before any file is read."""
         if not self.model_fields_set:
-            raise ValueError(
-                "say from where to look: --pose FILE, or --move x,y,z and --turn y,p,r"
-            )
+            raise ValueError("give a viewpoint: --pose FILE, or --move x,y,z and --turn y,p,r")
         self.step()
         self.shape((1, 2))
         self.check_target()
 
     def step(self) -> "Doubles":
-        """Pose of the moved and turned camera in the axes of the one that it starts from."""
+        """Return the pose of the moved and turned camera, relative to the initial one."""
         from resample_warp3d.command.cameras.steps import stepped
 
         move = [0.0, 0.0, 0.0] if self.move is None else numbers_in("move", self.move, 3)
@@ -190,16 +194,16 @@ class Aim(TargetCamera):
         return seen.moved(self.step() @ pose)
 
     def camera(self, source: "Camera", source_shape: Shape, convention: str) -> "Camera":
-        """Pinhole of the new picture, where nothing else is drawn.
+        """Return the pinhole camera of the new picture, for methods that draw no other.
 
         Raises
         ------
         ValueError, LookupError, OSError
-            As of `sight`; or the new picture shows something else.
+            As `sight` does; or the new camera is not a pinhole.
         """
         from resample.cameras.models import Camera
 
         seen = self.sight(source, source_shape, convention)
         if not isinstance(seen, Camera) or seen.distortion is not None:
-            raise ValueError("methods are compared in a pinhole's view; give --target-intrinsics")
+            raise ValueError("methods are compared in a pinhole view; give --target-intrinsics")
         return seen

@@ -1,1 +1,1 @@
-"""Depth images conditioned: what is wrong with a depth map, and what color knows better."""
+"""Refine depth maps: find their defects, and repair them by the picture's colors."""

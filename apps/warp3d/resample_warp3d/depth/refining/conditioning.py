@@ -1,7 +1,7 @@
-"""Depth maps made to fit their pictures: edges moved to those of color, gaps and blocks filled.
+"""Fit depth maps to their pictures: move edges to color edges, fill gaps and blocks.
 
-Samples near edges ask those around them, by color, which surface they belong to (`voting`). What
-lies between two surfaces has no say, and so has nothing that is unknown.
+Samples near edges are assigned to surfaces by votes of samples around them, weighted by color
+(`voting`). Samples between two surfaces, and unknown ones, do not vote.
 """
 
 from functools import cache
@@ -21,31 +21,31 @@ if TYPE_CHECKING:
 Kinds = NDArray[np.uint8]
 
 REFINES = ("auto", "none", "snap", "sharpen", "complete")
-REACH = 8  # px that voters may be away
+REACH = 8  # px, largest distance of voters
 DENSE = 4  # px up to which all samples vote; beyond, every other one
-FAR, NEAR = 4.0, 2.0  # px, deviations of the weights for a surface, and for its nearness
-ACROSS = 0.5  # per px²: how much less votes from beside the axes count for the nearness
-ALIKE = 0.22  # of the colors' own deviation: colors that differ by it count 1 / √e
-UNSURE = 0.05  # what samples beside edges count
-MOST_ROUNDS = 3  # of asking, for what is unknown: 8 px each
-MADE_UP = 0.5  # confidence of what all votes were for, where nothing was known
-AGREED = 0.95  # share of the votes that has to be for one surface where nothing was known
-PROPORTION = 0.02  # by which the proportion of sides may differ between depth and color
-SOFTEST = 0.5  # px, deviation of a blur that takes nothing from thin things
-BLURRED = 1.15  # times the deviation found, as the ends of soft edges are not seen
-LEAST = 0.4  # share of a sample that must be a thin thing's own
-TOLD = 0.1  # what samples of thin things count once their own value is known
-NOISY = 12.0  # times the noise: a jump that is an edge
+FAR, NEAR = 4.0, 2.0  # px, standard deviations of the weights for a surface, and for its nearness
+ACROSS = 0.5  # per px²: falloff of votes away from the axes, for the nearness
+ALIKE = 0.22  # of the colors' standard deviation: such a difference weighs 1 / √e
+UNSURE = 0.05  # weight of samples beside edges
+MOST_ROUNDS = 3  # of voting for unknown samples: 8 px each
+MADE_UP = 0.5  # confidence of a unanimous vote for an unknown sample
+AGREED = 0.95  # share of the votes for one surface that an unknown sample needs
+PROPORTION = 0.02  # by which the aspect ratios of depth and color may differ
+SOFTEST = 0.5  # px, standard deviation of a blur that does not affect thin objects
+BLURRED = 1.15  # times the deviation found, as the ends of soft edges are missed
+LEAST = 0.4  # least share of a sample that a thin object covers
+TOLD = 0.1  # weight of samples of thin objects once their value is restored
+NOISY = 12.0  # times the noise: larger jumps are edges
 
 
 class Recipe(NamedTuple):
-    """How edges are found and surfaces go on beyond them."""
+    """Parameters of finding edges and extrapolating surfaces."""
 
-    run: int  # as of `ramps.Edges`
+    run: int  # as in `ramps.Edges`
     share: float
     least: float
-    around: int  # samples beside an edge that may be another surface's
-    length: int  # as of `slopes.Bends`
+    around: int  # samples beside an edge that may belong to another surface
+    length: int  # as in `slopes.Bends`
     steepest: float
     bent: float
 
@@ -57,32 +57,32 @@ RECIPES = {
 
 
 class Refined(NamedTuple):
-    """A depth image that was conditioned."""
+    """A refined depth image."""
 
     image: DepthImage
-    confidence: Floats  # (H, W) 0..1; 1 where nothing was changed, 0 where nothing is known
-    findings: Findings  # where `none` was asked for, all but `unknown` says nothing
-    chosen: str  # one of `REFINES`, but auto
-    step: float  # smallest difference of nearness that was told apart before
+    confidence: Floats  # (H, W) 0..1; 1 where unchanged, 0 where unknown
+    findings: Findings  # with `none`, only `unknown` is valid
+    chosen: str  # one of `REFINES`, except auto
+    step: float  # quantization step of nearness before refinement
 
 
 def refine(
     image: DepthImage, name: str = "auto", *, noise: float | None = None, step: float | None = None
 ) -> Refined:
-    """Condition a depth image.
+    """Refine a depth image.
 
     Parameters
     ----------
     image
-        Color and nearness, which may have a size of its own if it shows the same frame.
+        Color and nearness; nearness may have another size if it shows the same frame.
     name
-        `auto` looks for what is wrong and leaves a map as it is whose edges are where colors
-        change. `snap` moves hard edges to those of color, `sharpen` makes soft ones hard, and both
-        fill what is unknown up to 24 px from what is known, where colors go on. `complete` does
-        that alone, `none` nothing. `auto` fills maps of sensors only, whose noise,
-        steps or many gaps show: where one was computed, nothing may be meant.
+        `auto` looks for defects, and keeps a map whose edges are where colors change. `snap` moves
+        hard edges to color edges, `sharpen` hardens soft edges; both also fill gaps up to 24 px
+        from known samples, where colors continue. `complete` only fills gaps, `none` does nothing.
+        `auto` fills only maps of sensors, recognized by noise, quantization or many gaps: in
+        computed maps gaps may be intended.
     noise, step
-        As of `preparation.prepare`.
+        As `preparation.prepare` takes them.
 
     Raises
     ------
@@ -129,9 +129,9 @@ def refine(
 
 
 class Task(NamedTuple):
-    """What a map is refined by."""
+    """Inputs of a refinement."""
 
-    color: Floats  # (H, W, C) in units by which alike colors differ
+    color: Floats  # (H, W, C) in units of the difference between similar colors
     findings: Findings
     noise: float
     step: float
@@ -139,7 +139,7 @@ class Task(NamedTuple):
 
 
 class Ballot(NamedTuple):
-    """Who votes, and who asks."""
+    """Voters: nearness, weight, slope and kind of samples."""
 
     nearness: Floats  # (H, W)
     trust: Floats  # (H, W)
@@ -148,7 +148,7 @@ class Ballot(NamedTuple):
 
 
 def _hardened(task: Task, nearness: Floats) -> tuple[Floats, Floats]:
-    """Nearness with its edges where those of color are, and the share of votes for it."""
+    """Move edges of nearness to those of color; also return the share of votes."""
     ballot = _ballot(task, nearness)
     band = np.where(nearness > 0, ballot.kind, np.uint8(0))
     refined, agreed = _counted(task, ballot, band, nearness)
@@ -159,7 +159,7 @@ def _hardened(task: Task, nearness: Floats) -> tuple[Floats, Floats]:
 
 
 def _filled(task: Task, nearness: Floats, agreed: Floats) -> tuple[Floats, Floats]:
-    """Nearness with what is unknown filled, round by round from what is known."""
+    """Fill unknown nearness from known samples, round by round."""
     for _ in range(MOST_ROUNDS):
         unknown = (nearness <= 0).astype(np.uint8)
         if not unknown.any():
@@ -172,7 +172,7 @@ def _filled(task: Task, nearness: Floats, agreed: Floats) -> tuple[Floats, Float
 
 
 def _ballot(task: Task, nearness: Floats) -> Ballot:
-    """Votes as a map gives them: its surfaces go on, and what lies between them is not heard."""
+    """Make the voters of a map; samples between surfaces have no weight."""
     import cv2
 
     from resample_warp3d.depth.refining.kernels.ramps import BESIDE, BETWEEN, Edges, classify
@@ -193,7 +193,7 @@ def _ballot(task: Task, nearness: Floats) -> Ballot:
 
 
 def _counted(task: Task, ballot: Ballot, band: Kinds, nearness: Floats) -> tuple[Floats, Floats]:
-    """Nearness as the votes for the samples of a band have it, and the share of those for it."""
+    """Count the votes for a band of samples; return nearness and share of votes."""
     from resample_warp3d.depth.refining.kernels.voting import Voters, vote_rows
 
     refined, agreed = nearness.copy(), (nearness > 0).astype(np.float32)
@@ -203,12 +203,12 @@ def _counted(task: Task, ballot: Ballot, band: Kinds, nearness: Floats) -> tuple
 
 
 def _with_thin_things(task: Task, ballot: Ballot, refined: Floats) -> Ballot:
-    """Votes in which thin things have what softness took from them."""
+    """Restore the nearness of thin objects that blur has reduced, for the votes."""
     from resample_warp3d.depth.refining.kernels.softness import Blur, restore
 
     blurred = depth_of if task.findings.is_depth else np.array
     given, hard = blurred(ballot.nearness), blurred(refined)
-    # What is as it was must be so in these units, too.
+    # Unchanged samples must also be unchanged in these units.
     hard = np.where(refined == ballot.nearness, given, hard).astype(np.float32)
     whole = np.empty_like(given)
     restore(given, hard, ballot.kind, Blur(BLURRED * task.findings.sigma, LEAST), whole)
@@ -221,7 +221,7 @@ def _with_thin_things(task: Task, ballot: Ballot, refined: Floats) -> Ballot:
 
 @cache
 def window() -> "Window":
-    """Who is asked: all samples nearby and on the axes, every other one farther away."""
+    """Return the window of voters: all near samples and axes, every other one farther out."""
     from resample_warp3d.depth.refining.kernels.voting import Window
 
     down, across = np.mgrid[-REACH : REACH + 1, -REACH : REACH + 1].reshape(2, -1)
@@ -235,7 +235,7 @@ def window() -> "Window":
 
 
 def _scaled(color: Floats) -> Floats:
-    """Colors in units by which they may differ and still be alike."""
+    """Scale colors to units of the difference between similar colors."""
     deviation = float(
         np.sqrt(color.reshape(-1, color.shape[2]).var(axis=0, dtype=np.float64).sum() / 3.0)
     )
@@ -243,12 +243,12 @@ def _scaled(color: Floats) -> Floats:
 
 
 def fitted(image: DepthImage) -> DepthImage:
-    """Depth image whose depth has the size of its color.
+    """Enlarge a depth image's depth to the size of its color.
 
     Raises
     ------
     ValueError
-        They do not show the same frame: their sides differ in proportion.
+        They do not show the same frame: their aspect ratios differ.
     """
     height, width = image.nearness.shape
     shape = image.color.shape[0], image.color.shape[1]
@@ -258,7 +258,7 @@ def fitted(image: DepthImage) -> DepthImage:
     if abs(rows / columns - 1.0) > PROPORTION:
         raise ValueError(
             f"color of {shape[1]} × {shape[0]} px does not fit depth of {width} × {height} px; "
-            "give maps of the same frame, whose sides have one proportion"
+            "give maps of the same frame, with the same aspect ratio"
         )
     is_known = np.isfinite(image.nearness) & (image.nearness > 0)
     nearness = enlarged(np.where(is_known, image.nearness, 0), shape, (rows, columns))
@@ -266,13 +266,13 @@ def fitted(image: DepthImage) -> DepthImage:
 
 
 def _without_blocks(nearness: Floats, side: int) -> Floats:
-    """Map of blocks of one value, interpolated between their middles."""
+    """Interpolate a map of constant blocks between the blocks' centers."""
     small = nearness[side // 2 :: side, side // 2 :: side]
     return enlarged(small, (nearness.shape[0], nearness.shape[1]), (1.0 / side, 1.0 / side))
 
 
 def enlarged(nearness: Floats, shape: tuple[int, int], scale: tuple[float, float]) -> Floats:
-    """Map brought to another size, surface by surface.
+    """Enlarge a map, surface by surface.
 
     Parameters
     ----------
@@ -281,7 +281,7 @@ def enlarged(nearness: Floats, shape: tuple[int, int], scale: tuple[float, float
     shape
         Height and width of the result.
     scale
-        Rows and columns of the map for one of the result.
+        Rows and columns of the map per row and column of the result.
     """
     from resample_warp3d.depth.refining.kernels.enlarging import enlarge_rows
 

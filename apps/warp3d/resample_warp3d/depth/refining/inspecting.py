@@ -1,7 +1,7 @@
-"""What is wrong with a depth map: soft or displaced edges, blocks, things unknown.
+"""Find defects of a depth map: soft or displaced edges, blocks, gaps.
 
-Nothing of it is known beforehand: soft edges go over several samples, displaced ones run beside
-those of the picture, and a map that was enlarged changes at every so many samples only.
+All of it is measured: soft edges span several samples, displaced ones run beside those of the
+picture, and enlarged maps change only every few samples.
 """
 
 import math
@@ -15,39 +15,39 @@ from resample.types import Doubles, Floats
 if TYPE_CHECKING:
     from resample_warp3d.depth.refining.kernels.ramps import Edges
 
-CLEAR = 0.1  # of the nearness: jumps that are looked at
-RUN = 6  # samples on each side of an edge that a soft one may go on for
-LITTLE = 0.05  # of the steepest step of an edge
-SOFT = 0.15  # of an edge's jump: its second largest step, from which on it is soft
-MANY_SOFT = 0.4  # of all edges, from which on a map is soft
-FAINT = 0.6  # px, deviation of a blur below which edges are as good as hard
-DISPLACED = 0.8  # of the largest change of color near edges: what is less at them is displaced
-HOLEY = 1e-3  # share of samples without depth, from which on they are filled
-RENDERED = 3e-4  # of the nearness: noise and steps up to which depth was computed, not measured
-MANY_GAPS = 50  # of a map; a sky seen through things has fewer
-FEW = 100  # edges; fewer tell nothing
-CONTRAST = 1.5  # by which colors have to change more near edges than farther away
+CLEAR = 0.1  # relative nearness: least jump examined
+RUN = 6  # samples that a soft edge may extend to each side
+LITTLE = 0.05  # of an edge's steepest step
+SOFT = 0.15  # of an edge's jump: second largest step from which an edge is soft
+MANY_SOFT = 0.4  # share of soft edges from which a map is soft
+FAINT = 0.6  # px, standard deviation of a blur below which edges count as hard
+DISPLACED = 0.8  # of the largest color change near edges: with less at them, edges are displaced
+HOLEY = 1e-3  # share of samples without depth from which they are filled
+RENDERED = 3e-4  # relative nearness: noise and steps up to which depth counts as computed
+MANY_GAPS = 50  # of a map; a sky visible through objects makes fewer
+FEW = 100  # edges; fewer are not evaluated
+CONTRAST = 1.5  # least ratio of color change near edges to that farther away
 LARGEST_BLOCK = 16  # samples
-FEWEST_BLOCKS = 8  # between which there are steps, and at least half of all
-AT_ONE = 0.98  # share of all steps at one place of the blocks
-FEW_STEPS = 0.01  # of all samples: a map with fewer steps is of flat things
+FEWEST_BLOCKS = 8  # least number of blocks with steps between them, and at least half of all
+AT_ONE = 0.98  # share of all steps at the blocks' borders
+FEW_STEPS = 0.01  # of all samples: a map with fewer steps shows flat objects
 MOST_EDGES = 1 << 16
 
 
 class Findings(NamedTuple):
-    """What is wrong with a depth map."""
+    """Defects of a depth map."""
 
-    soft: float  # share of its edges that go over several samples
-    sigma: float  # px, standard deviation of the blur that makes edges as soft as they are
-    is_depth: bool  # depth was blurred, and not nearness
-    aligned: float  # change of color at its edges, of the largest beside them; 1: none to be seen
-    block: int  # samples of a block that has one value; 1: none
-    unknown: float  # share of its samples
-    is_measured: bool  # noisy, in steps or full of gaps: what is unknown was lost, not empty
+    soft: float  # share of its edges that span several samples
+    sigma: float  # px, standard deviation of the blur of its edges
+    is_depth: bool  # depth was blurred, not nearness
+    aligned: float  # color change at edges, of the largest beside them; 1: not measurable
+    block: int  # samples per side of constant blocks; 1: none
+    unknown: float  # share of its samples without depth
+    is_measured: bool  # noisy, quantized or full of gaps: unknown samples were lost, not empty
 
     @property
     def remedy(self) -> str:
-        """How to refine it: `snap`, `sharpen`, `complete` or `none`."""
+        """Refinement to apply: `snap`, `sharpen`, `complete` or `none`."""
         if self.block > 1:
             return "snap"
         if self.soft > MANY_SOFT and self.sigma > FAINT:
@@ -61,7 +61,7 @@ NOTHING = Findings(0.0, 0.0, False, 1.0, 1, 0.0, False)
 
 
 def inspect(color: Floats, nearness: Floats, noise: float, step: float) -> Findings:
-    """Look for what is wrong with a depth map.
+    """Find the defects of a depth map.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def inspect(color: Floats, nearness: Floats, noise: float, step: float) -> Findi
     noise
         Standard deviation of the nearness, relative to it.
     step
-        Smallest difference of nearness that is told apart.
+        Quantization step of nearness.
     """
     from resample_warp3d.depth.refining.kernels.ramps import Edges
 
@@ -87,7 +87,7 @@ def inspect(color: Floats, nearness: Floats, noise: float, step: float) -> Findi
 
 
 def _is_torn(nearness: Floats) -> bool:
-    """Whether a map has many gaps, each for itself."""
+    """Whether a map has many separate gaps."""
     is_gap = nearness <= 0
     if np.count_nonzero(is_gap) < MANY_GAPS:
         return False
@@ -98,7 +98,7 @@ def _is_torn(nearness: Floats) -> bool:
 
 
 def edges_of(nearness: Floats, edges: "Edges") -> NDArray[np.uint8]:
-    """Steps of edges (H, W, 2), as `ramps.mark_edges` marks them."""
+    """Return the steps of edges (H, W, 2), as `ramps.mark_edges` marks them."""
     from resample_warp3d.depth.refining.kernels.ramps import mark_edges
 
     mark = np.zeros((*nearness.shape, 2), np.uint8)
@@ -107,9 +107,9 @@ def edges_of(nearness: Floats, edges: "Edges") -> NDArray[np.uint8]:
 
 
 def _softness(nearness: Floats, mark: NDArray[np.uint8]) -> tuple[float, float, bool]:
-    """Share of soft edges, the deviation of the blur, and whether depth was blurred.
+    """Return the share of soft edges, the blur's deviation, and whether depth was blurred.
 
-    A blur is even, so the steps of its edges are not skewed in what was blurred.
+    A blur is symmetric, so the steps of edges are not skewed in the quantity that was blurred.
     """
     from resample_warp3d.depth.refining.kernels.softness import measure_edges
 
@@ -127,16 +127,16 @@ def _softness(nearness: Floats, mark: NDArray[np.uint8]) -> tuple[float, float, 
 
 
 def depth_of(nearness: Floats) -> Floats:
-    """1 / nearness, 0 where unknown; of depth it gives nearness."""
+    """Return 1 / nearness, 0 where unknown; converts depth to nearness, too."""
     found = np.zeros_like(nearness)
     np.divide(np.float32(1), nearness, out=found, where=nearness > 0)
     return found
 
 
 def _aligned(color: Floats, mark: NDArray[np.uint8]) -> float:
-    """How much colors change at edges, of the most that they change within a few px of them.
+    """Return the color change at edges, relative to the largest within a few px.
 
-    1 where that cannot be told: few edges, or colors that change everywhere alike.
+    It is 1 if not measurable: few edges, or colors that change equally everywhere.
     """
     from resample_warp3d.depth.refining.kernels.profiles import REACH, profile_edges
 
@@ -150,13 +150,13 @@ def _aligned(color: Floats, mark: NDArray[np.uint8]) -> float:
 
 
 def block_of(nearness: Floats) -> int:
-    """Side of the blocks of one value that a map consists of, samples; 1 for no blocks."""
+    """Return the side of the constant blocks of a map, samples; 1 for none."""
     sizes = [_period(nearness), _period(np.ascontiguousarray(nearness.T))]
     return sizes[0] if sizes[0] == sizes[1] else 1
 
 
 def _period(nearness: Floats) -> int:
-    """Largest period at one place of which all steps along rows are; 1 for none."""
+    """Return the largest period of the steps along rows; 1 for none."""
     is_step = np.diff(nearness, axis=1) != 0
     places = is_step.sum(axis=0)
     if places.sum() < FEW_STEPS * is_step.size:

@@ -1,4 +1,4 @@
-"""What a depth map's numbers are like: known or not, in steps, noisy, of one surface."""
+"""Measure depth maps: valid samples, quantization, noise, links between samples."""
 
 import math
 
@@ -8,15 +8,15 @@ from resample.types import Doubles, Floats
 from resample_warp3d.types import DepthImage, Links
 
 USUAL = 0.5587  # mean of the lower 80 % of |x|, x normal with deviation 1
-FLAT = 2e-3  # of the nearness: a jump of less is no edge
-FEWEST, MOST = 8, 4096  # values of a coarse map; fewer are a scene of few flat things
-MANY = 1 << 16  # samples; of more, a quarter is looked at
-LEVEL = 0.2  # share of neighbours, along both axes, that have one value in a coarse map
-COARSEST = 0.02  # of the largest nearness: a larger step is between things
+FLAT = 2e-3  # relative nearness: smaller jumps are not edges
+FEWEST, MOST = 8, 4096  # distinct values of a coarse map; fewer are a scene of few flat objects
+MANY = 1 << 16  # samples; of larger maps a quarter is examined
+LEVEL = 0.2  # share of neighbours, along both axes, with equal values in a coarse map
+COARSEST = 0.02  # of the largest nearness: larger steps are between objects
 
 
 def known(image: DepthImage) -> Floats:
-    """Nearness in float32, 0 where it, its place or its color is unknown."""
+    """Return the nearness in float32, 0 where it, its position or its color is unknown."""
     nearness = np.ascontiguousarray(image.nearness, np.float32)
     if image.color.ndim != 3 or nearness.shape != image.color.shape[:2]:
         height, width = nearness.shape[:2]
@@ -36,7 +36,7 @@ def known(image: DepthImage) -> Floats:
 
 
 def quantum_of(nearness: Floats) -> float:
-    """Smallest step between values of nearness where they are few, as of 8-bit maps; else 0."""
+    """Return the quantization step of nearness if values are few, as in 8-bit maps; else 0."""
     some = nearness if nearness.size < MANY else nearness[::2, ::2]
     values = np.unique(some[some > 0])
     if not FEWEST <= values.size <= MOST:
@@ -51,7 +51,7 @@ def quantum_of(nearness: Floats) -> float:
 
 
 def linked(nearness: Floats, quantum: float, noise: float) -> Links:
-    """Links between neighbours on one surface."""
+    """Return the links between neighbours on one surface."""
     from resample_warp3d.depth.kernels.linking import join_rows, link_rows
 
     links = np.zeros(nearness.shape, np.uint8)
@@ -62,10 +62,10 @@ def linked(nearness: Floats, quantum: float, noise: float) -> Links:
 
 
 def noise_of(nearness: Floats, links: Links) -> float:
-    """Standard deviation of the nearness about its surfaces, relative to it.
+    """Return the relative standard deviation of the nearness about its surfaces.
 
-    From the mean of all but the largest fifth of absolute second differences, of which noise has √6
-    times its own deviation. A median would not see that a surface goes in steps.
+    From the mean of all but the largest fifth of absolute second differences, whose deviation is √6
+    times that of the noise. A median would miss surfaces that are quantized.
     """
     from resample_warp3d.depth.kernels.linking import curvatures
 
