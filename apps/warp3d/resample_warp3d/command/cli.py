@@ -250,9 +250,9 @@ def animate(
     depth
         As in render.
     depth_output
-        Also write depth z: a folder for a 16-bit .png per frame (values per unit: the depth scale, or 1000),
-        or a name with * for the frame's number, such as depth/*.exr or .npy in scene units.
-        Render reads it with the film.
+        Also write depth z: a folder for a 16-bit .png per frame (values per unit: the depth scale,
+        or 1000), or a name with * for the frame's number, such as depth/*.exr or .npy in scene
+        units. Render reads it with the film.
     """
     import numpy as np
 
