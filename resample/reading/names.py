@@ -15,7 +15,7 @@ from pathlib import Path
 
 
 def plain(path: str | Path) -> str:
-    """Name of a file for any library: its own, or a temporary link if it is not valid text.
+    r"""Name of a file for any library: its own, or a temporary link if it is not valid text.
 
     Parameters
     ----------

@@ -301,7 +301,7 @@ BAD = {
     "five.txt": ("1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n1 0 0 0\n", "not recognised"),
     "scaled.txt": ("2 0 0 0\n0 2 0 0\n0 0 2 0\n0 0 0 1\n", "pose 0: the pose's rotation"),
     "quaternion.txt": ("0 0 0 0 0 0 2\n", "line 1: the quaternion"),
-    "cut.log": ("0 0 1\n1 0 0 0\n0 1 0 0\n", "no trajectory"),
+    "cut.log": ("0 0 1\n1 0 0 0\n0 1 0 0\n", "not a trajectory"),
     "empty.log": ("", "holds no poses"),
     "broken.json": ('{"frames": [', "broken.json: Expecting value"),
     "list.json": ("[1, 2]", "no list of frames"),
