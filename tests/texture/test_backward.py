@@ -323,7 +323,7 @@ def test_edges_of_the_source_are_found_to_an_eighth_of_a_pixel():
 
 @pytest.mark.parametrize("edge", Edge)
 def test_a_map_is_as_large_as_the_picture(edge):
-    with pytest.raises(ValueError, match=r"a map of \(1, 3\) makes no picture of \(2, 3\)"):
+    with pytest.raises(ValueError, match=r"a map of \(1, 3\) does not fit a target of \(2, 3\)"):
         collect_from(noise(), grid([1, 2, 3], [1]), (2, 3), edge, Cells())
 
 

@@ -90,7 +90,7 @@ def test_gaps_options_and_a_place_for_the_result_are_those_of_warp(pictures):
 def test_what_does_not_fit_a_plan_is_refused(pictures):
     with pytest.raises(ValueError, match="for pictures of"):
         Plan(MATRIX, SHAPE, SIZE)(pictures[0][:-1])
-    with pytest.raises(ValueError, match="makes no picture"):
+    with pytest.raises(ValueError, match="does not fit a target"):
         Plan(PLACES, (9, 9), SIZE)
     with pytest.raises(LookupError, match="unknown method"):
         Plan(MATRIX, SHAPE, SIZE, "none")

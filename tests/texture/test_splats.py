@@ -345,5 +345,5 @@ def test_a_backward_map_is_refused():
 
 
 def test_a_map_of_another_source_is_refused():
-    with pytest.raises(ValueError, match="does not fit a source"):
+    with pytest.raises(ValueError, match="places no source"):
         splat(noise(4, 5), ForwardMap(np.ones((4, 4)), np.ones((4, 4))), (4, 4), Edge.CLAMP, PAPER)

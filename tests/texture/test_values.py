@@ -326,7 +326,7 @@ def test_a_function_leads_from_target_to_source(convention):
 @pytest.mark.parametrize(
     ("function", "message"),
     [
-        (lambda x, y: (x, y, x), "gave 3 arrays; it gives x and y"),
+        (lambda x, y: (x, y, x), "returned 3 arrays; it must return x and y"),
         (lambda x, y: (x * 1j, y), "the function must hold real numbers"),
     ],
 )

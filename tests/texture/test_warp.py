@@ -622,7 +622,9 @@ def test_what_is_said_about_a_matrix_does_not_go_with_a_geometry(said):
 @pytest.mark.parametrize("roi", [None, (0, 0, 2, 2)])
 def test_a_backward_map_is_as_large_as_the_target(roi):
     geometry = backward_map(PERSPECTIVE, (18, 21))
-    with pytest.raises(ValueError, match=r"a map of \(18, 21\) makes no picture of \(18, 22\)"):
+    with pytest.raises(
+        ValueError, match=r"a map of \(18, 21\) does not fit a target of \(18, 22\)"
+    ):
         warp(picture(), geometry, FRAME, roi=roi)
 
 

@@ -337,7 +337,7 @@ def test_colors_that_are_no_numbers_are_holes(capsys):
     picture = moved(*STAY, *FAST, color="gap.exr")
     assert picture[3, 4, 3] == 0
     assert np.isfinite(picture).all()
-    assert "1 pixels are not numbers" in capsys.readouterr().err
+    assert "1 pixels have colors that are not numbers" in capsys.readouterr().err
 
 
 def test_pictures_of_one_pixel_are_rendered():

@@ -156,7 +156,7 @@ def test_equal_values_have_the_color_in_the_middle():
 @pytest.mark.parametrize(
     ("column", "choice", "message"),
     [
-        ("time", {}, "no column 'time'; there are x, y, z, intensity, class"),
+        ("time", {}, "no column 'time'; known: x, y, z, intensity, class"),
         ("z", {"colormap": "virids"}, "unknown colormap 'virids'.* viridis"),
         ("z", {"span": "1"}, "a range of '1'; give low,high"),
         ("z", {"span": "1,2,3"}, "give low,high"),

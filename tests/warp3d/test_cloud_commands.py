@@ -141,7 +141,7 @@ def test_a_film_is_gone_on_with(capsys):
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        (["--color-by", "time"], "no column 'time'; there are x, y, z, class"),
+        (["--color-by", "time"], "no column 'time'; known: x, y, z, class"),
         (["--color-by", "z", "--colormap", "virids"], "unknown colormap 'virids'"),
         (["--color-by", "z", "--range", "1"], "a range of '1'; give low,high"),
         (["--range", "1,2"], "--color-bar and --range belong to --color-by"),

@@ -193,7 +193,7 @@ def test_arrays_come_as_they_are(tmp_path):
         ("a.xyz", b"1 2 three\n", "table of numbers"),
         ("a.xyz", b"", "no points"),
         ("a.xyz", b"nan nan nan\n", "no points"),
-        ("a.xyz", b"\xff\xfe\x00", "no text"),
+        ("a.xyz", b"\xff\xfe\x00", "not a text file"),
     ],
 )
 def test_what_is_no_cloud_is_refused_in_one_line(tmp_path, name, content, message):

@@ -275,7 +275,7 @@ def test_files_are_read_into_files_where_memory_does_not_hold_them(kind, tmp_pat
         assert (one.dtype, one.tobytes()) == (two.dtype, two.tobytes())
     assert list(found.columns) == ["intensity"]
     assert found.columns["intensity"].tobytes() == expected.columns["intensity"].tobytes()
-    with pytest.raises(ValueError, match=r"no column 'time'; there are x, y, z, .*intensity"):
+    with pytest.raises(ValueError, match=r"no column 'time'; known: x, y, z, .*intensity"):
         read_cloud(path, columns=["time"])
 
 
@@ -322,7 +322,7 @@ def test_frames_that_are_made_elsewhere_keep_to_their_share_of_memory(scan, monk
         assert memory_of_each(0) == share  # from now on
     with caplog.at_level("INFO", "resample"):
         elsewhere = frames_of(scan, scene.look, cameras, (24, 32), (0.0, 0.0, 0.0), share, 1)
-    assert "and 1.00 GiB may be used: they are kept in files" in caplog.text
+    assert "and 1.00 GiB may be used: they are in files" in caplog.text
     for n in range(2):
         assert np.array_equal(elsewhere(n), film.frame(n))
 

@@ -91,12 +91,12 @@ def test_a_doubtful_scale_is_said_once(capsys):
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        (["film.gif", "depth/0.png", "-o", "out.gif"], "is neither a film nor a folder"),
+        (["film.gif", "depth/0.png", "-o", "out.gif"], "is neither a film, a folder nor a pattern"),
         (["film.gif", "depth/[01].png", "-o", "out.gif"], "film.gif has 3 pictures, depth/[01]"),
         (["film.gif", "depth", "-o", "out.jpg"], "the 3 pictures of film.gif are written as"),
         (
             ["film.gif", "depth", "-o", "out.gif", "--holes", "h.png"],
-            "--holes is made of",
+            "--holes is for pictures",
         ),
         (["film.gif", "depth", "-o", "out.gif", "--view", "a,b,c"], "--view is for pictures"),
     ],

@@ -128,7 +128,7 @@ def test_a_film_of_a_panorama_has_frames():
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        ([*AROUND, "--fov", "60"], "--fov belongs to a pinhole"),
+        ([*AROUND, "--fov", "60"], "--fov is for a pinhole"),
         ([*AROUND, "--pixel-size", "1"], "belong together"),
         (["--source-projection", "orthographic"], "belong together"),
         (["--fov", "60", "--pixel-size", "1"], "--pixel-size belongs to"),

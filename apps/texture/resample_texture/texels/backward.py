@@ -33,7 +33,7 @@ def collect_from(
         The map does not fit the picture, or sums are wanted along a single row or column.
     """
     if geometry.x.shape != shape:
-        raise ValueError(f"a map of {geometry.x.shape} makes no picture of {shape}")
+        raise ValueError(f"a map of {geometry.x.shape} does not fit a target of {shape}")
     if cells.is_sum and min(shape) == 1:
         raise ValueError(f"a map of {shape} tells no areas, which sums need; give 2 × 2 px or more")
     source, margin = widened(source, edge, cells.interpolation)

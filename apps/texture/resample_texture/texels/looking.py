@@ -213,7 +213,7 @@ def _places(
         inverse = np.ascontiguousarray(np.linalg.inv(matrix))
         return Plane(inverse, region.left, region.top)
     if geometry.x.shape != shape:
-        raise ValueError(f"a map of {geometry.x.shape} makes no picture of {shape}")
+        raise ValueError(f"a map of {geometry.x.shape} does not fit a target of {shape}")
     return Map(extended(geometry.x, 1), extended(geometry.y, 1))
 
 

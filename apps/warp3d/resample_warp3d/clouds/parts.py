@@ -63,8 +63,8 @@ def storage_for(count: int, what: str, hint: str = "") -> Storage:
     if left is None or count * PER_POINT <= left:
         return Storage(count, None, what)
     LOG.info(
-        "%s has %s points, which would take %s of memory, and %s may be used: they are kept in "
-        "files in %s meanwhile%s",
+        "%s has %s points, which would take %s of memory, and %s may be used: they are in files "
+        "of %s meanwhile%s",
         *(what, f"{count:,}", amount(count * PER_POINT), amount(left), folder(), hint),
     )
     return Storage(count, left // 4, what)

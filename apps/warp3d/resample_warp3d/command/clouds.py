@@ -324,7 +324,9 @@ def mention_origin(name: str, surfels: "Surfels") -> None:
     )
     if abs(surfels.origin).max() > FAR * extent:
         place = ", ".join(f"{part:.10g}" for part in surfels.origin)
-        say(f"{name} is centered near {place}; poses are in the file's own coordinates")
+        say(
+            f"{name} is centered near {place}; positions are exact, poses in the file's coordinates"
+        )
 
 
 def start_of(camera: str, up: str) -> "Viewpoint":

@@ -78,9 +78,7 @@ def mesh(source: Source, camera: Camera, *, textured: bool = False) -> "trimesh.
 
     triangle = triangles(source)
     if not triangle.size:
-        raise ValueError(
-            "no three neighbours lie on one surface, so there is no mesh; export points"
-        )
+        raise ValueError("no three neighbours lie on one surface, so there is no mesh to write")
     if camera.matrix[0, 0] * camera.matrix[1, 1] < 0:  # the picture is mirrored
         triangle = triangle[:, ::-1]
     kept, corner = np.unique(triangle, return_inverse=True)

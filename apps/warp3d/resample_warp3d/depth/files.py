@@ -168,5 +168,5 @@ def _pick(path: Path, names: list[str], name: str, what: str) -> str:
     if name:
         raise ValueError(f"{path} has no {name!r}; it has the {what} {known}")
     raise ValueError(
-        f"{path} has the {what} {known or 'of an empty file'}; select one as {path}:NAME"
+        f"{path} has the {what} {known or 'of an empty file'}; pick one as {path}:NAME"
     )
