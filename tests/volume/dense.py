@@ -28,11 +28,12 @@ def in_bricks(volume, side):
 
 
 def whole_of(media, fit="volume", eye=EYE):
-    """Picture of volumes in memory."""
-    subject = Subject.of_several(media, None, fit)
+    """Picture of voxels of volumes in memory."""
+    painter = Resampler()
+    subject = Subject.of_several(media, painter, fit)
     camera = subject.camera(eye, *SIZE)
     by = {"height": SIZE[0], "width": SIZE[1], "clip": subject.clip}
-    return Resampler()(subject.seen_by(camera), camera, **by)
+    return painter(subject.seen_by(camera), camera, **by)
 
 
 def assert_same(found, wanted):

@@ -142,7 +142,7 @@ def test_all_times_are_looked_at_once_and_then_what_is_seen_of_each():
 @pytest.mark.sweep(kept_by="test_a_film_of_a_store_is_that_of_a_file")
 def test_times_that_do_not_fit_in_memory_are_painted_window_by_window(capsys):
     beats("uint8", shape=LONG)
-    words = [*LARGE, "--transfer"]
+    words = [*LARGE, "--method", "hybrid", "--transfer"]
     dense, few = "0/white/0.02,240/red/0.5", ["--memory", "2500kB"]
     assert ended("animate", "a.npy", *words, dense, "-o", "a") == 0
     assert ended("animate", "a.zarr", *words, dense, *few, "-o", "b") == 0

@@ -40,6 +40,7 @@ zarr = pytest.importorskip("zarr")
 SPACING, ORIGIN = (0.5, 1.0, 2.25), (5.0, -6.0, 7.0)  # x, y, z
 TURNED = np.array(((0.8, -0.6, 0), (0.6, 0.8, 0), (0, 0, 1)))
 SPACE = [{"name": axis, "type": "space", "unit": "micrometer"} for axis in "zyx"]
+VOXELS = ["--method", "hybrid"]  # windows are of them
 BEFORE = [{"name": "t", "type": "time"}, {"name": "c", "type": "channel"}]
 
 
@@ -586,7 +587,8 @@ def test_a_dense_store_is_painted_window_by_window_with_the_same_bits(capsys):
     smoke = np.random.default_rng(5).integers(0, 200, (320, 60, 64)).astype(np.uint8)
     np.save("a.npy", smoke)
     assert ended(app, "convert", "a.npy", "b.zarr", "--chunk", "16") == 0
-    common = ["--size", "96", "--transfer", "150..190", "--camera", "30/10/1.3", "--fit", "volume"]
+    common = ["--size", "96", "--transfer", "150..190", "--camera", "30/10/1.3", *VOXELS]
+    common += ["--fit", "volume"]
     assert ended(app, "render", "a.npy", *common, "-o", "a.exr") == 0
     few = ["--memory", "20MB"]
     assert ended(app, "render", "b.zarr", *common, *few, "-o", "b.exr", "--stats", "b.json") == 0
@@ -630,6 +632,7 @@ def test_films_of_dense_stores_are_painted_window_by_window_too(capsys):
     np.save("a.npy", np.random.default_rng(5).integers(0, 200, (60, 60, 320)).astype(np.uint8))
     assert ended(app, "convert", "a.npy", "b.zarr", "--chunk", "16") == 0
     common = ["--size", "48", "--transfer", "150..190", "--crop", ":,20:,:", "--frames", "2"]
+    common += VOXELS
     few = ["--memory", "20MB"]
     assert ended(app, "animate", "a.npy", *common, "-o", "a") == 0
     assert ended(app, "animate", "b.zarr", *common, *few, "-o", "b") == 0
@@ -653,7 +656,7 @@ def test_films_of_dense_stores_are_painted_window_by_window_too(capsys):
 def test_commands_that_share_their_work_write_the_same_pixels():
     np.save("a.npy", np.random.default_rng(5).integers(0, 200, (60, 60, 320)).astype(np.uint8))
     assert ended(app, "convert", "a.npy", "b.zarr", "--chunk", "16") == 0
-    common = ["--size", "48", "--transfer", "150..190", "--fit", "volume"]
+    common = ["--size", "48", "--transfer", "150..190", "--fit", "volume", *VOXELS]
     assert ended(app, "render", "a.npy", *common, "-o", "a.exr") == 0
     assert ended(app, "animate", "a.npy", *common, "--frames", "4", "-o", "a") == 0
     for workers in "123":
