@@ -218,6 +218,29 @@ def test_frames_of_times_are_shared_out(name, words, is_kept, monkeypatch):
     assert frames("a") == frames("b")
 
 
+@pytest.mark.parametrize("name", ["vessel-tree:size=8", "a.npy"])
+@pytest.mark.usefixtures("pickled")
+def test_rays_that_become_voxels_beside_another_volume_are_shared_out(name):
+    beats("uint8")
+    few = ["--path", "still", "--size", "16", "--frames", "4", "--order", "rays"]
+    words = [name, *few, "--also", ANOTHER]
+    assert ended("animate", *words, "-o", "a") == 0
+    assert ended("animate", *words, "-o", "b", "--workers", "2") == 0
+    found, wanted = (
+        [path.read_bytes() for path in sorted(Path(folder).glob("*.png"))] for folder in "ba"
+    )
+    assert len(found) == 4
+    assert found == wanted
+
+
+def test_times_that_memory_does_not_hold_as_fields_are_said_to_be_voxels(capsys):
+    beats("uint8")
+    words = ["a.zarr", *FILM, "--transfer", "150..160", "-o", "a"]
+    assert ended("animate", *words, "--memory", "11kB") == 0
+    told = "memory does not hold the volume as a field: voxels are painted (classify pre)"
+    assert capsys.readouterr().err.count(told) == 1
+
+
 @pytest.mark.parametrize(
     "is_kept",
     [

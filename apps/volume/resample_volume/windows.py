@@ -1,6 +1,7 @@
 """Pictures of volumes in bricks, window by window: by this process, or by several."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,7 +17,13 @@ from resample.types import Doubles, Frame, Indices, Samples, Statistics
 from resample.watching import Executor, Progress
 from resample_volume.data.bricks import Bricks
 from resample_volume.data.glances.shelves import SHARE
-from resample_volume.media.appearance import OF_VOXELS, Appearance, Medium, of_voxels
+from resample_volume.media.appearance import (
+    OF_VOXELS,
+    Appearance,
+    Classification,
+    Medium,
+    of_voxels,
+)
 from resample_volume.media.mixing import Mixed, added
 from resample_volume.outofcore.ball import ball_of
 from resample_volume.outofcore.dense import Dense, check_windows, dense_of
@@ -266,7 +273,8 @@ def unseen_together(
         They cannot be painted window by window.
     """
     check_windows(media)
-    look, painter = media[0][1], of_voxels(resampler or OF_VOXELS)
+    look = replace(media[0][1], classification=Classification.PRE)
+    painter = of_voxels(resampler or OF_VOXELS)
     if len(media) == 1:
         whole, middle = centered(media[0][0])
         clip, steps = planes(whole, look.crop, look.cuts), lattice_of(whole)

@@ -16,6 +16,7 @@ from resample.command.workers import Hire
 from resample.console.messages import progress_bar, say
 from resample.files.animations import Frames, Levels, Shots, fingerprint, made_by
 from resample.memory import available_memory, bytes_of
+from resample.profiles.orders import Summing
 from resample.resampler import Resampler
 from resample.watching import Crew, Executor, told
 from resample_volume.command.animation import (
@@ -45,7 +46,7 @@ from resample_volume.command.media import (
     with_met,
 )
 from resample_volume.command.needs import is_in_bricks
-from resample_volume.command.rendering import say_missed, scene_of, spent_here
+from resample_volume.command.rendering import say_lost_field, say_missed, scene_of, spent_here
 from resample_volume.data.bricks import Bricks, Values
 from resample_volume.looks.surveys import NO_LEVELS, Survey
 from resample_volume.media.appearance import Appearance, Medium, transfer_of
@@ -163,6 +164,7 @@ def _film_of_times(
         series = Series.of(times, ready)
     look = look_over_time(series, script.look, paint.resampler)
     scenes = _scenes(script, series, look, paint.resampler)
+    say_lost_field(scenes.at(0), paint.resampler)
     course = filmed(scenes.subject, len(series))
     known = KnownOfTimes(series.known._replace(levels=NO_LEVELS), look, course.sphere)
     given = script.beside.annotations(paint.background)
@@ -352,12 +354,21 @@ def _decided(script: Script, film: ReadyFilm) -> Script:
     if look.classify != "auto":
         return script
     if not film.is_of_field:
-        return script._replace(look=look.of_voxels())
+        order = None if _is_by_rays(script) else resampling.order
+        return script._replace(
+            look=look.of_voxels(), resampling=resampling.model_copy(update={"order": order})
+        )
     order = resampling.order or "rays:quality=usual"
     return script._replace(
         look=look.model_copy(update={"classify": "post"}),
         resampling=resampling.model_copy(update={"order": order}),
     )
+
+
+def _is_by_rays(script: Script) -> bool:
+    """Whether the renderer that a script names gathers along rays."""
+    resampler = script.look.renderer(script.resampling, script.source.scale)
+    return resampler.order.summing is Summing.RAYS
 
 
 def _with_share(script: Script, film: ReadyFilm, crew: Crew) -> Script:

@@ -21,6 +21,7 @@ from resample.fingerprints import fingerprint
 from resample.lazy import installed_version
 from resample.memory import available_memory
 from resample.painting.choices import SUMS, Projection
+from resample.profiles.orders import Summing
 from resample.resampler import Resampler
 from resample.types import Doubles, Field, Frame, LatticeField, Samples
 from resample.watching import told
@@ -30,9 +31,11 @@ from resample_volume.data.bricks import Bricks, Values
 from resample_volume.looks.surveys import survey
 from resample_volume.media.appearance import (
     Appearance,
+    Classification,
     Medium,
     check_several,
     check_together,
+    decided,
     fits_as_field,
 )
 from resample_volume.outofcore.dense import is_in_store, share_lattice
@@ -74,18 +77,43 @@ def scene_of(
     if len(media) > 1:
         check_several(media, resampler)
     check_together(resampler, media[0][1].classification, media[0][1].extras)
+    say_lost_field(media, resampler)
     in_bricks = len(media) == 1 and needs.is_in_bricks(media[0][0])
     bar = "reading bricks that are seen" if in_bricks else "classifying"
     with session.stage("classify", bar=bar) as progress, told(progress if in_bricks else None):
         subject = Subject.of_several(media, resampler, fit)
     needs.require_room(media, size, subject, fit)
-    if in_bricks and subject.painter(resampler) != resampler and not fits_as_field(media[0][0]):
-        say("memory does not hold the volume as a field: voxels are painted (classify pre)")
     if missed := slab_missed(media, subject):
         say(missed)
     elif subject.is_empty:
         say("nothing to see: all voxels are transparent, missing or cut away")
     return subject
+
+
+def say_lost_field(
+    media: Sequence[Medium], resampler: Resampler, *, in_windows: bool = False
+) -> None:
+    """Say why voxels of one volume are painted, if rays through its field were asked for.
+
+    Parameters
+    ----------
+    media
+        Volumes with their looks.
+    resampler
+        Renderer that was asked for.
+    in_windows
+        Whether workers paint windows of it, whatever memory holds.
+    """
+    (volume, look), *others = media
+    is_by_rays = resampler.order.summing is Summing.RAYS
+    if others or not is_by_rays or look.classification is not Classification.AUTO:
+        return
+    _, painter = decided(media, resampler)
+    if painter.order.summing is Summing.RAYS:
+        if in_windows:
+            say("workers paint voxels (classify pre), not rays through the field")
+    elif needs.is_in_bricks(volume) and not fits_as_field(volume):
+        say("memory does not hold the volume as a field: voxels are painted (classify pre)")
 
 
 def say_missed(media: Sequence[Medium], subject: Subject, camera: AnyCamera | None = None) -> None:
@@ -209,6 +237,7 @@ def to_paint(
                 "workers paint volumes that share a lattice, and others are resampled by one "
                 "process; leave workers out"
             )
+        say_lost_field(media, resampler, in_windows=True)
         return _in_windows(session, media, resampler, whole_fit(fit), viewpoint, size, doing)
     try:
         subject = scene_of(session, media, resampler, ball_fit(fit), size)
