@@ -116,9 +116,11 @@ def rendered(job: Job) -> dict[str, Any]:
     from resample_volume.command.inputs import prepared
     from resample_volume.data.bricks import Bricks
     from resample_volume.files.source import generate
+    from resample_volume.media.appearance import Appearance, Classification
     from resample_volume.rendering import render
 
-    render(generate("checker-box:size=16"), LOOK, size=(32, 32))  # compiles or loads kernels
+    look = Appearance(LOOK, classification=Classification.PRE)
+    render(generate("checker-box:size=16"), look, size=(32, 32))  # compiles or loads kernels
     base, start, busy = _peak(), time.perf_counter(), _busy()
     source = Source(memory=f"{job.memory / 1000:.3f}kB")
     volume = prepared(source, str(job.path), streamed=job.how != "memory")
