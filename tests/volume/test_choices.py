@@ -88,7 +88,7 @@ def test_fields_are_gathered_along_rays_unless_an_order_is_chosen():
 @pytest.mark.parametrize(
     ("look", "resampling", "complaint"),
     [
-        ({"label": ("1:hidden",)}, {}, "give the labels' volume too"),
+        ({"label": ("1:hidden",)}, {}, "give the volume of labels, too"),
         ({"classify": "post"}, {"order": "every-sample"}, "needs the order rays or image-sheets"),
         ({"classify": "post", "labels": "a.npy"}, {"order": "image-sheets"}, "labels color voxels"),
         ({"depth_cue": 0.5}, {"projection": "average"}, "depth-cue dims light"),

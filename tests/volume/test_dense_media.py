@@ -194,7 +194,9 @@ def test_volumes_of_other_lattices_are_resampled_in_a_file(
     assert windows > 1
     assert not list(tmp_path.iterdir())
     _, found = dense_of(dense, Resampler(), 1 << 20, Looking())
-    with pytest.raises(ValueError, match="painted by the process that did so; leave other"):
+    with pytest.raises(
+        ValueError, match="can only be painted by the process that resampled it; leave workers"
+    ):
         pickle.dumps(found.members[1].volume.values)
 
 

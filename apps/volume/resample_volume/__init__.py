@@ -9,8 +9,8 @@ try:
     from resample.lazy import attributes, listing
 except ModuleNotFoundError as error:
     raise ImportError(
-        "the imported `resample` belongs to another project, the distribution `resample`; pip "
-        "uninstall resample, then pip install --force-reinstall --no-deps hybrid-resample"
+        "`resample` is here another project's package, the distribution `resample`; "
+        "pip uninstall resample, then pip install --force-reinstall --no-deps hybrid-resample"
     ) from error
 
 if TYPE_CHECKING:

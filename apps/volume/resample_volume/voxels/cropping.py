@@ -21,7 +21,7 @@ STEEPER = 1e-3  # of the steepest gradient: above the threshold for homogeneous 
 
 PER_VOXEL = {"position", "color", "extinction", "value", "gradient", "reached"}
 CROP_FORM = "give ranges of voxels along x, y and z, such as 64:192,:,10:"
-CLIP_FORM = "give a normal, and how far from the middle along it, such as 1/0/-1 or 1/0/-1/20"
+CLIP_FORM = "give a normal, perhaps with an offset from the center, such as 1/0/-1 or 1/0/-1/20"
 
 
 def planes(
