@@ -75,7 +75,7 @@ class Source(Choices):
         int | None,
         Field(
             ge=0,
-            description="Level of detail of a multiscale OME-Zarr; 0 is the finest. See info.",
+            description="Level of detail; 0 is the finest. Of a multiscale OME-Zarr, see info.",
         ),
     ] = None
     units: Annotated[
@@ -181,13 +181,13 @@ class Look(Choices):
         Field(description="Orbit around what is visible, or around the whole volume."),
     ] = "visible"
     shading: Annotated[
-        bool, Lit, Field(description="Shade surfaces, with the light given by --light.")
+        bool, Lit, Field(description="Light surfaces: by the light that --light gives.")
     ] = True
     light: Annotated[
         str,
         Hyphen,
         Lit,
-        Field(description="Direction to the light: eye, or a scene direction such as 1/-1/2."),
+        Field(description="Where light comes from: eye, or a scene direction such as 1/-1/2."),
     ] = "eye"
     ambient: Annotated[
         float, Lit, Field(ge=0, allow_inf_nan=False, description="Ambient light.")
@@ -500,7 +500,7 @@ class BesidePicture(Beside):
     color_bar: Annotated[
         bool,
         Switch,
-        Field(description="Add a color bar on the right, with opacities and values."),
+        Field(description="Add a bar to the right: colors, opacities and values."),
     ] = False
     zoom_in: Annotated[
         bool,
