@@ -124,8 +124,8 @@ def test_a_window_spreads_fractions():
         ("40/0", "gray", "its width must be above 0, as in 40/400"),
         ("40/-3", "gray", "its width must be above 0"),
         ("nan/3", "gray", "its width must be above 0"),
-        ("40/400", "engine", "the window spreads fractions, but engine is in data units"),
-        ("40/400", "skin", "skin is in Hounsfield units, which the window would spread"),
+        ("40/400", "engine", "the window applies to looks of fractions, but engine is in"),
+        ("40/400", "skin", "skin is in Hounsfield units, which a window would rescale"),
     ],
 )
 def test_a_window_that_makes_no_sense_is_refused(window, transfer, complaint):

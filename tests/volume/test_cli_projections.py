@@ -270,7 +270,7 @@ def test_a_color_bar_is_for_pictures_of_the_screen(capsys):
         (["--difference"], "differences are shown in a picture; give its name by --output"),
         (["--peer", "vtk", "--crop", "0:8,:,:"], "VTK does not get crop; leave out either"),
         (["--peer", "vtk", "--clip", "1/0/0"], "VTK does not get clip"),
-        (["--peer", "vtk", "--projection", "maximum"], "not told of the projection maximum"),
+        (["--peer", "vtk", "--projection", "maximum"], "VTK does not get the projection maximum"),
         (["--peer", "vtk", "--depth-cue", 0.5], "VTK does not get depth-cue"),
     ],
 )

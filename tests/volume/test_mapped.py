@@ -111,7 +111,9 @@ def test_values_that_are_missing_are_filled_in_the_file(projection, kind, rng):
 
 def test_what_is_beside_the_file_has_to_fit(rng):
     volume = blobs(np.uint8, rng)
-    with pytest.raises(ValueError, match=r"blobs is needed as a whole for this: .* MiB of memory"):
+    with pytest.raises(
+        ValueError, match=r"blobs is needed as a whole for this, with at least .* MiB of memory"
+    ):
         as_array(in_bricks(volume, 100_000))
 
 

@@ -167,7 +167,7 @@ class Names:
 
     def _why_no_tissue(self, name: str) -> str:
         if self.window is not None or self.volume is None or self.known is None:
-            return f"{name} is in Hounsfield units, which no window fits; leave one out"
+            return f"{name} is in Hounsfield units, which a window would rescale; leave one out"
         return (
             f"{name} is a look for Hounsfield units, but {self.volume.name} holds "
             f"{self.known.low:g} to {self.known.high:g} and does not look like it; give its "
