@@ -281,7 +281,7 @@ def _surveyed(volume: Volume) -> Survey:
     values: Values = volume.values
     if not isinstance(values, Bricks):
         return survey(volume)
-    with progress_bar("looking at bricks", prod(values.count)) as progress, told(progress):
+    with progress_bar("scanning bricks", prod(values.count)) as progress, told(progress):
         return survey(volume)
 
 

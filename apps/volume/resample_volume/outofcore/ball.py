@@ -57,7 +57,8 @@ def ball_of(seen: ToSee, outline: Outline, voxel: float, looking: Looking) -> Sp
     ----------
     seen
         Volumes to scan.
-    outline Where their voxels are visible.
+    outline
+        Where their voxels are visible.
     voxel
         Longest step of the lattice, scene units.
     looking

@@ -52,7 +52,8 @@ def known_of(volume: Volume, depends: Any, find: Callable[[], R], *, lasts: bool
         Its values keep the result.
     depends
         What else it depends on; if that cannot be identified, it is not cached.
-    find Computes it.
+    find
+        Computes it.
     lasts
         Keep it on disk for later commands, too: numbers, arrays, and tuples of such.
     """

@@ -281,7 +281,8 @@ def mixed_by_bricks(
         Of all of them.
     members
         The volumes.
-    cut Removes voxels of a volume.
+    cut
+        Removes voxels of a volume.
     finish
         The job, called with flat indices (N,) into the lattice and their voxels.
     """

@@ -2,8 +2,8 @@
 
 How settings are matched:
 
-Camera VTK's camera has the same pose (its y points up, so "up" is our −y). The view angle is
-vertical,
+Camera
+    VTK's camera has the same pose (its y points up, so "up" is our −y). The view angle is vertical,
     2 atan(H / 2f); a principal point off the middle is VTK's window center, (W − 2 cx) / W and
     (2 cy − H) / H. A parallel camera has the parallel scale H / 2s. Both cast rays through the
     centers of pixels. VTK only has square pixels.
@@ -115,7 +115,8 @@ class VtkRenderer:
         Colors and opacities.
     height, width
         Of the pictures, px.
-    look Options.
+    look
+        Options.
 
     Raises
     ------

@@ -68,7 +68,8 @@ def annotate(
         From `render`; not changed.
     camera
         As passed to `render`.
-    volume The rendered volume.
+    volume
+        The rendered volume.
     shown
         Which annotations to draw; hidden lines are removed.
     appearance

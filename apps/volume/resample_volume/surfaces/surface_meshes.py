@@ -33,7 +33,8 @@ def surface_mesh(surface: IsoSurface, volume: Volume, field: Gathered) -> SceneM
         Value and look.
     volume
         Volume; there is no surface beside missing values.
-    field The volume's field.
+    field
+        The volume's field.
 
     Raises
     ------

@@ -60,7 +60,8 @@ def shown_by(
 
     Parameters
     ----------
-    volume The volume.
+    volume
+        The volume.
     transfer
         Gives their opacity.
     planes
@@ -193,7 +194,8 @@ def filling(
     ----------
     orbit
         Its zoom multiplies the one that fills the picture.
-    sphere Center of the orbit.
+    sphere
+        Center of the orbit.
     shown
         Visible voxels; outliers as of `sphere_around` do not count.
     size

@@ -214,8 +214,10 @@ def with_reached(
 
     Parameters
     ----------
-    field The volume's field.
-    volume The volume.
+    field
+        The volume's field.
+    volume
+        The volume.
     resampler
         Renderer; by its projection what is visible, or what is beyond a surface, occludes light.
     clip

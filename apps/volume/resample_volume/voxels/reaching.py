@@ -205,7 +205,8 @@ def field_reached(volume: Volume, extinctions: Extinctions, clip: Doubles, light
 
     Parameters
     ----------
-    volume The volume.
+    volume
+        The volume.
     extinctions
         Yields optical depths per scene unit of some slices at a time, in order.
     clip

@@ -27,8 +27,10 @@ def tint_of(volume: Volume, looks: Looks, labels: Labels | None) -> Tint:
     ----------
     volume
         With colors (Z, Y, X, 3 or 4).
-    looks Looks of its values.
-    labels Labels of its voxels.
+    looks
+        Looks of its values.
+    labels
+        Labels of its voxels.
 
     Raises
     ------

@@ -215,7 +215,8 @@ def gradients_at(volume: Volume, voxel: Indices, gradient: str) -> Floats:
 
     Parameters
     ----------
-    volume The volume.
+    volume
+        The volume.
     voxel
         (N,) indices into the flat volume, z slowest, in the order of it or of the painter's bricks.
     gradient

@@ -78,7 +78,8 @@ def write_store(
         A new folder. It appears once it is complete.
     recording
         Its values are an array, `Chunked` or `Single`.
-    form Layout of chunks.
+    form
+        Layout of chunks.
     progress
         Called with the fraction of bricks written, 0 to 1.
 
