@@ -109,7 +109,7 @@ def test_a_bar_counts_parts_where_they_are_known(monkeypatch):
     terminal = io.StringIO()
     terminal.isatty = lambda: True
     monkeypatch.setattr("sys.stderr", terminal)
-    with progress_bar("looking at bricks", 64) as progress:
+    with progress_bar("scanning bricks", 64) as progress:
         progress(0.25)
     assert "16/64" in terminal.getvalue()
 

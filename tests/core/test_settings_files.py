@@ -190,7 +190,7 @@ def test_the_schema_tells_types_limits_defaults_and_what_options_are(capsys):
     assert ended("schema", "resample-volume", "render") == 0
     option = json.loads(capsys.readouterr().out)["properties"]
     specular = {"type": "number", "minimum": 0, "default": 0.2}
-    described = {"description": "Strength of the white highlights.", "about": "look"}
+    described = {"description": "Strength of specular highlights.", "about": "look"}
     assert option["specular"] == specular | described
     assert option["scheduler"]["about"] == "target"
     assert option["bits"]["enum"] == [8, 16, 32]

@@ -110,7 +110,7 @@ def test_vtk_is_a_rival_where_it_is_installed(
             expected = screen_levels(light, background=(0, 0, 0))
             np.testing.assert_array_equal(levels(data), expected)
         page.say("draw", settings | {"crop": ":9,:,:"}, moving=False, rival="VTK")
-        assert "VTK is not told of crop" in page.told("other")["text"]
+        assert "VTK does not get crop" in page.told("other")["text"]
         assert page.answer()[0]["kind"] == "frame"
         page.say("draw", settings, moving=False, rival="another")
         assert "can compare with VTK" in page.told("other")["text"]

@@ -269,7 +269,7 @@ def test_vtk_paints_beside_where_it_is_installed(tab: Any) -> None:
     after(tab, lambda: tab.locator(".canvas").press("ArrowLeft"))
     assert float(tab.inner_text("#difference .caption").split()[-2]) != decibels
     after(tab, lambda: tab.click("#clip"))
-    assert "VTK is not told of clip" in tab.inner_text("#other .caption")
+    assert "VTK does not get clip" in tab.inner_text("#other .caption")
     tab.click("#clip")
     after(tab, lambda: tab.select_option("#rivals", ""))
     assert tab.locator("#other").count() == 0

@@ -235,7 +235,7 @@ def test_what_is_no_store_is_said(server):
 def test_addresses_of_other_files_are_refused(server):
     from resample_volume.files.readers import Nrrd
 
-    with pytest.raises(ValueError, match="only stores of zarr are read"):
+    with pytest.raises(ValueError, match="only zarr stores are read"):
         open_volume(f"{server.url}a.nrrd", Nrrd())
 
 

@@ -88,7 +88,7 @@ def test_fields_are_gathered_along_rays_unless_an_order_is_chosen():
 @pytest.mark.parametrize(
     ("look", "resampling", "complaint"),
     [
-        ({"label": ("1:hidden",)}, {}, "give the labels' volume too"),
+        ({"label": ("1:hidden",)}, {}, "give the volume of labels, too"),
         ({"classify": "post"}, {"order": "every-sample"}, "needs the order rays or image-sheets"),
         ({"classify": "post", "labels": "a.npy"}, {"order": "image-sheets"}, "labels color voxels"),
         ({"depth_cue": 0.5}, {"projection": "average"}, "depth-cue dims light"),
@@ -124,8 +124,8 @@ def test_a_window_spreads_fractions():
         ("40/0", "gray", "its width must be above 0, as in 40/400"),
         ("40/-3", "gray", "its width must be above 0"),
         ("nan/3", "gray", "its width must be above 0"),
-        ("40/400", "engine", "the window spreads fractions, but engine is in data units"),
-        ("40/400", "skin", "skin is in Hounsfield units, which the window would spread"),
+        ("40/400", "engine", "the window applies to looks of fractions, but engine is in"),
+        ("40/400", "skin", "skin is in Hounsfield units, which a window would rescale"),
     ],
 )
 def test_a_window_that_makes_no_sense_is_refused(window, transfer, complaint):

@@ -559,7 +559,7 @@ def test_info_tells_shape_spacing_range_and_histogram(capsys):
     assert facts["shape"] == "(16, 16, 16)"
     assert facts["spacing"] == "[1.0, 1.0, 2.5]"
     assert facts["range"] == "(64, 192)"
-    bars = lines[lines.index("values from   voxels; bars are logarithms") + 1 :]
+    bars = lines[lines.index("values from   voxels; logarithmic bars") + 1 :]
     assert [line.split()[0] for line in bars] == ["64", "128"]
     assert sum(int(line.split()[2]) for line in bars) == 16**3
 

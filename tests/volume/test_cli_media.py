@@ -54,11 +54,11 @@ def test_also_shows_another_volume_where_its_file_says():
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        (("--also", "b.nrrd", "--classify", "post"), "post reconstructs the field of one"),
+        (("--also", "b.nrrd", "--classify", "post"), "post interpolates the field of one"),
         (("--also", "b.nrrd", "--projection", "maximum"), "the values of one"),
         (("--also", "gone.nrrd:transfer=gray"), "gone.nrrd: there is no such file"),
-        (("--also", "b.nrrd:window=0/5,window=1/2"), "what is said of it"),
-        (("--also", "b.nrrd:window=,transfer=gray"), "what is said of it"),
+        (("--also", "b.nrrd:window=0/5,window=1/2"), "its settings"),
+        (("--also", "b.nrrd:window=,transfer=gray"), "its settings"),
         (("--also", ":transfer=gray"), "names no file"),
         (("--also", "b.nrrd:time=one"), "time, channel and level are whole numbers"),
         (("--channels", "red,green"), "a has 1 channels, channels gives 2 looks"),
@@ -160,7 +160,7 @@ def test_channels_in_chunks_are_painted_window_by_window(capsys):
     few = ["--memory", "52MB", "--threads", "1"]
     capsys.readouterr()
     assert ended("render", "a.zarr", *channels, *few, "-o", "b.exr") == 0
-    assert "not all that is seen fits in memory: painted" in capsys.readouterr().err
+    assert "the visible voxels do not fit in memory: painted" in capsys.readouterr().err
     assert np.array_equal(read_image("a.exr"), read_image("b.exr"))
 
 

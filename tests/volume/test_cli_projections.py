@@ -181,7 +181,7 @@ def test_missing_and_even_values_are_drawn_without_a_word(name, words, rng, caps
 def test_what_is_wholly_cut_away_is_an_empty_picture_and_a_line(capsys):
     cut = ("--clip", "1/0/0/100")
     for words, said in (
-        ((), "the picture is empty: no ray meets what is shown"),
+        ((), "the picture is empty: no ray meets anything visible"),
         (("--classify", "pre"), "nothing to see: all voxels are transparent, missing or cut away"),
     ):
         assert not shown(*cut, *words).any()
@@ -224,7 +224,7 @@ def test_a_normal_may_be_of_any_length(capsys):
         (["--method", "ewa", "--footprint", "exact"], "ewa goes with the footprint affine"),
         (["--order", "image-sheets:thickness=0"], "thickness must be above 0"),
         (["--order", "sheets"], "known orders: axis-sheets, every-sample, image-sheets"),
-        (["--label", "1:hidden"], "give the labels' volume too"),
+        (["--label", "1:hidden"], "give the volume of labels, too"),
         (["--depth-cue", "2"], "depth_cue: Input should be less than or equal to 1"),
         (["--color-bar"], "a color bar is at least 64 px high, not 32"),
     ],
@@ -268,10 +268,10 @@ def test_a_color_bar_is_for_pictures_of_the_screen(capsys):
     ("words", "complaint"),
     [
         (["--difference"], "differences are shown in a picture; give its name by --output"),
-        (["--peer", "vtk", "--crop", "0:8,:,:"], "VTK is not told of crop; leave out either"),
-        (["--peer", "vtk", "--clip", "1/0/0"], "VTK is not told of clip"),
-        (["--peer", "vtk", "--projection", "maximum"], "not told of the projection maximum"),
-        (["--peer", "vtk", "--depth-cue", 0.5], "VTK is not told of depth-cue"),
+        (["--peer", "vtk", "--crop", "0:8,:,:"], "VTK does not get crop; leave out either"),
+        (["--peer", "vtk", "--clip", "1/0/0"], "VTK does not get clip"),
+        (["--peer", "vtk", "--projection", "maximum"], "VTK does not get the projection maximum"),
+        (["--peer", "vtk", "--depth-cue", 0.5], "VTK does not get depth-cue"),
     ],
 )
 def test_compare_refuses_what_cannot_be_compared(words, complaint, capsys):

@@ -194,7 +194,9 @@ def test_volumes_of_other_lattices_are_resampled_in_a_file(
     assert windows > 1
     assert not list(tmp_path.iterdir())
     _, found = dense_of(dense, Resampler(), 1 << 20, Looking())
-    with pytest.raises(ValueError, match="painted by the process that did so; leave other"):
+    with pytest.raises(
+        ValueError, match="can only be painted by the process that resampled it; leave workers"
+    ):
         pickle.dumps(found.members[1].volume.values)
 
 
@@ -205,7 +207,9 @@ def test_volumes_in_memory_and_labels_of_resampled_ones_are_refused(rng):
     turned = in_bricks(other(rng), (8, 8, 8))
     labels = Labels(np.zeros(turned.values.shape, np.uint8), {})
     media = [(first, look), (turned, Appearance("60..190", labels=labels))]
-    with pytest.raises(ValueError, match="labels are of the voxels of other, which a finer volume"):
+    with pytest.raises(
+        ValueError, match="labels belong to the voxels of other, which is resampled"
+    ):
         unseen_together(media, "visible")
 
 

@@ -123,7 +123,9 @@ def test_grids_of_cells_in_memory_are_resampled_and_nothing_warns() -> None:
     made.Update()
     grid = made.GetOutput()
     assert isinstance(grid, vtkStructuredGrid)
-    for n in range(0, grid.GetNumberOfPoints(), 6):  # a slanting side, and nothing beside it
+    for n in range(
+        0, grid.GetNumberOfPoints(), 6
+    ):  # a slanting side, and without another appearance
         x, y, z = grid.GetPoint(n)
         grid.GetPoints().SetPoint(n, x - 0.3 * (z - 11), y, z)
     volume = as_volume(grid, "slanting")

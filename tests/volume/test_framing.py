@@ -131,7 +131,7 @@ def test_the_ball_is_around_the_volume_where_nothing_is_seen():
 def test_a_volume_beyond_all_measure_is_refused():
     voxels, volume = voxels_of(np.eye(3, dtype=np.float32)[None].repeat(3, 0))
     huge = voxels._replace(position=voxels.position * np.float32(1e16))
-    with pytest.raises(ValueError, match=r"1e.15 is the most, so give another spacing"):
+    with pytest.raises(ValueError, match=r"1e.15 is the limit, so give another spacing"):
         sphere_around(huge, volume)
 
 
@@ -309,4 +309,4 @@ def test_the_camera_that_fills_the_picture_is_said(tmp_path, monkeypatch, capsys
     refused = commands.refused(
         cli.app, capsys, *words, "-o", "d.exr", "--zoom-in", "--camera", "c.toml"
     )
-    assert "leave it out where the camera stands at a place" in refused
+    assert "leave it out for a camera at a fixed position" in refused

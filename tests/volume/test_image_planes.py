@@ -287,9 +287,9 @@ def test_words_of_planes(text, plane):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("w=40", "give a voxel's number"),
-        ("z=", "give a voxel's number"),
-        ("", "give a voxel's number"),
+        ("w=40", "give a voxel's index"),
+        ("z=", "give a voxel's index"),
+        ("", "give a voxel's index"),
         ("1/0", "plane '1/0'; give a normal"),
         ("0/0/0", "must not be 0/0/0"),
         ("z=4:size=3", "unknown size"),
@@ -301,7 +301,7 @@ def test_words_of_planes(text, plane):
         ("z=4:colors=nocolor", "matplotlib colormap"),
         ("z=100", "which has 100 voxels along z; give 0 to 99"),
         ("x=101%", "0% to 100%"),
-        ("1/0/0/900", "is beside checker-box"),
+        ("1/0/0/900", "misses checker-box"),
     ],
 )
 def test_what_is_no_plane_is_one_line(text, said, tmp_path, monkeypatch, capsys):

@@ -176,7 +176,7 @@ def test_images_of_simple_itk_keep_their_place() -> None:
         (np.full((2, 2, 2), "a"), TypeError, "its values must be real numbers"),
         (PLAIN[0], ValueError, r"an array \(Z, Y, X\) with voxels in it, not \(7, 8\)"),
         (np.zeros((2, 0, 3)), ValueError, r"not \(2, 0, 3\)"),
-        ([[1, 2], [3]], ValueError, "lists of different lengths are no volume"),
+        ([[1, 2], [3]], ValueError, "lists of different lengths are not a volume"),
         (labeled(("t", "y", "x"), {}), ValueError, "has the dimensions z, y and x"),
         (labeled(("z", "y", "x"), {"x": list("abcdefgh")}), ValueError, "must be finite numbers"),
         ("no-such.nrrd", OSError, "there is no such file"),

@@ -107,7 +107,7 @@ def test_the_same_command_goes_on_where_a_killed_one_was(painted, capsys):
     painted.clear()
     capsys.readouterr()
     assert ended(*RENDER) == 0
-    assert "2 windows are there already, of a command that was killed" in capsys.readouterr().err
+    assert "2 windows are reused from a command that was killed" in capsys.readouterr().err
     assert len(painted) == len(every) - WRITTEN > 0
     assert not left.exists()
     assert not list(Path().glob(".a.tmp-*"))

@@ -111,7 +111,9 @@ def test_values_that_are_missing_are_filled_in_the_file(projection, kind, rng):
 
 def test_what_is_beside_the_file_has_to_fit(rng):
     volume = blobs(np.uint8, rng)
-    with pytest.raises(ValueError, match=r"blobs is needed as a whole for this: .* MiB of memory"):
+    with pytest.raises(
+        ValueError, match=r"blobs is needed as a whole for this, with at least .* MiB of memory"
+    ):
         as_array(in_bricks(volume, 100_000))
 
 
@@ -137,11 +139,11 @@ def test_a_store_is_projected_within_little_memory(tmp_path, monkeypatch, capsys
     capsys.readouterr()
     assert ended(app, "render", "a.ome.zarr", *common, *few, "-o", "b.exr") == 0
     told = capsys.readouterr().err
-    assert "a is needed as a whole, which 0.43 MiB of memory do not hold: it and a field" in told
+    assert "a is needed as a whole and does not fit in 0.43 MiB of memory: it and its field" in told
     assert ended(app, "animate", "a.ome.zarr", *common, *few, "--frames", "2", "-o", "b") == 0
     assert np.array_equal(read_image("a.exr"), read_image("b.exr"))
     assert np.array_equal(read_image("a/frame-0001.png"), read_image("b/frame-0001.png"))
     assert list((tmp_path / "cache").glob("tmp*")) == []
     all_seen = [*common[:4], "--transfer", "0/white/0.1,255/white/0.1"]
     assert ended(app, "render", "a.ome.zarr", *all_seen, *few, "-o", "c.exr") == 2
-    assert "or more, a camera is to stand" in capsys.readouterr().err
+    assert "or more visible voxels of a" in capsys.readouterr().err

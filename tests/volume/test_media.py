@@ -304,20 +304,20 @@ def test_what_several_volumes_cannot_be_is_refused(monkeypatch):
     fine = (TREE._replace(spacing=TREE.spacing / 2), plain)
     striped = (TREE, replace(plain, labels=labels))
     for media, paint, complaint in (
-        ([(TREE, plain), (TREE, post)], None, "post reconstructs the field of one"),
+        ([(TREE, plain), (TREE, post)], None, "post interpolates the field of one"),
         (
             several,
             Resampler(order=Rays(), projection=Projection.MAXIMUM),
             "shows the values of one",
         ),
-        ([fine, striped], None, "which a finer volume has resampled"),
+        ([fine, striped], None, "which is resampled onto a finer volume"),
         ([], None, "give at least one"),
     ):
         with pytest.raises(ValueError, match=complaint):
             Subject.of_several(media, paint)
     with pytest.raises(ValueError, match=r"a list of pairs \(volume, appearance\)"):
         render([TREE, TREE])
-    with pytest.raises(ValueError, match="nothing beside it"):
+    with pytest.raises(ValueError, match="without another appearance"):
         render(several, "gray")
     monkeypatch.setattr(memory.memory, "physical_memory", lambda: 1 << 18)
     with pytest.raises(

@@ -201,5 +201,5 @@ def test_faint_things_can_be_picked_and_cuts_are_kept() -> None:
 
 def test_means_have_no_one_voxel() -> None:
     mean = Resampler(order=Rays(), projection=Projection.AVERAGE)
-    with pytest.raises(ValueError, match="shows no one voxel; take composite, maximum"):
+    with pytest.raises(ValueError, match="shows no single voxel; take composite, maximum"):
         Scene(cloud()).sample_ids(size=(4, 4), resampler=mean)

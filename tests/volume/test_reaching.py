@@ -194,7 +194,7 @@ def test_nothing_to_see_is_a_picture_of_nothing() -> None:
 
 
 def test_a_lamp_at_the_eye_casts_no_shadows() -> None:
-    with pytest.raises(ValueError, match=r"casts no shadows that it sees; give it a direction"):
+    with pytest.raises(ValueError, match=r"casts no visible shadows; give it a direction"):
         Light(shadows=True)
 
 

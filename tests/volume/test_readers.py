@@ -581,7 +581,7 @@ def test_vectors_that_are_no_colors_are_no_scalars(name, values, tmp_path):
     path = write(tmp_path / name, vectors, isVector=True)
     refused(ITK[name](), path, "'vector of uint8', 2 numbers each")
     shifts = np.stack([values] * 3, -1).astype(np.float32) - 9e4
-    refused(ITK[name](), write(path, shifts, isVector=True), "below 0, which are no colors")
+    refused(ITK[name](), write(path, shifts, isVector=True), "below 0, which are not colors")
 
 
 def test_slices_of_gray_and_opacity_are_no_scalars(values, tmp_path):

@@ -224,7 +224,7 @@ def test_arrays_of_colors_are_volumes(colors, tmp_path):
         np.testing.assert_allclose(voxels.color, from_srgb(colors[z, y, x] / 255), atol=1e-6)
     floats = np.full((4, 4, 4, 3), 0.25, np.float32)
     assert as_volume(floats).values == pytest.approx(0.25)
-    with pytest.raises(ValueError, match=r"below 0, which are no colors; .*--channel 0"):
+    with pytest.raises(ValueError, match=r"below 0, which are not colors; .*--channel 0"):
         as_volume(floats - 1)
 
 

@@ -133,7 +133,7 @@ def test_the_command_writes_a_deep_picture_of_its_flat_one(tmp_path):
         (["-o", "a.png", "--deep", "4"], "a.png: deep pictures are written as .exr"),
         (["-o", "a.exr", "--deep", "0"], "greater than or equal to 1"),
         (["-o", "a.exr", "--deep", "4", "--projection", "maximum"], "what is composited"),
-        (["-o", "a.exr", "--deep", "4", "--box"], "deep pictures hold slabs alone"),
+        (["-o", "a.exr", "--deep", "4", "--box"], "deep pictures hold only slabs"),
         (["-o", "a.gif"], "pictures are written as .png, .exr, .jpg"),
         (["-o", "a.jpg", "--bits", "16"], ".jpg has 8 bits per channel, not 16"),
         (["-o", "a.jpg", "--background", "none"], "JPEG has no transparency"),

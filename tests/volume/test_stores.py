@@ -593,7 +593,7 @@ def test_a_dense_store_is_painted_window_by_window_with_the_same_bits(capsys):
     few = ["--memory", "20MB"]
     assert ended(app, "render", "b.zarr", *common, *few, "-o", "b.exr", "--stats", "b.json") == 0
     told = capsys.readouterr().err
-    found = re.search(r"not all that is seen fits in memory: painted in (\d+) windows", told)
+    found = re.search(r"the visible voxels do not fit in memory: painted in (\d+) windows", told)
     assert found
     assert int(found[1]) > 1
     assert np.array_equal(read_image("a.exr"), read_image("b.exr"))
@@ -611,7 +611,7 @@ def test_a_dense_store_is_painted_window_by_window_with_the_same_bits(capsys):
     assert ended(app, "render", "a.npy", *surfaces, "labels.npy", "-o", "a.exr") == 0
     more = ["--memory", "70MB"]
     assert ended(app, "render", "b.zarr", *surfaces, "labels.zarr", *more, "-o", "b.exr") == 0
-    assert capsys.readouterr().err.count("not all that is seen fits in memory") == 2
+    assert capsys.readouterr().err.count("the visible voxels do not fit in memory") == 2
     assert np.array_equal(read_image("a.exr"), read_image("b.exr"))
     for choices, complaint in (
         ([*common, "--deep", "4"], "slabs of depth cannot be painted window by window; leave"),
@@ -693,7 +693,7 @@ def test_memory_that_does_not_do_is_refused_in_a_line(values, capsys):
     assert ended(app, "render", "a.zarr", *common) == 2
     error = capsys.readouterr().err
     assert error.startswith(f"resample: {before}resample: error: a window of ")
-    assert "fit in the memory that is allowed; give more memory, take a coarser level" in error
+    assert "fit in the allowed memory; give more memory, take a coarser level" in error
     assert not Path("a.png").exists()
     error = refused(app, capsys, "render", "a.npy", *common)
     needed = f"{libraries() / (1 << 30):.2f}"

@@ -146,7 +146,7 @@ def test_what_needs_all_voxels_or_too_much_memory_is_refused(rng):
     look = Appearance("60..190", classification=Classification.POST)
     with pytest.raises(ValueError, match="classification post needs rays through a field"):
         render_in_windows(volume, look, EYE, SIZE, Spent(1 << 30))
-    with pytest.raises(ValueError, match="fit in the memory that is allowed"):
+    with pytest.raises(ValueError, match="fit in the allowed memory"):
         render_in_windows(volume, of_voxels("60..190"), EYE, SIZE, Spent(1000))
 
 
@@ -227,7 +227,7 @@ def test_any_partition_gives_the_same_bits(shape, side, memory, workers, gradien
         try:
             found, _ = render_in_windows(in_bricks(volume, side), look, EYE, SIZE, spent)
         except ValueError as error:
-            assert "fit in the memory that is allowed" in str(error)  # noqa: PT017  also right
+            assert "fit in the allowed memory" in str(error)  # noqa: PT017  also right
             return
     whole = whole_of(volume, look)
     for name in LAYERS:

@@ -220,7 +220,10 @@ def test_a_page_shows_x_rays():
 @pytest.mark.parametrize(
     ("units", "why"),
     [
-        ("", "neither its file nor its values say that these are some; give its units, hu or"),
+        (
+            "",
+            "neither its file nor its values show that they are Hounsfield units; give its units",
+        ),
         ("none", "its units are none; give its units, hu or hu.1024, or take the projection addit"),
     ],
 )
@@ -238,14 +241,14 @@ def test_attenuation_is_above_0(mu):
 
 def test_x_rays_are_of_their_projection():
     look, maximum = Appearance(xray=XRay()), replace(RAYS, projection=Projection.MAXIMUM)
-    with pytest.raises(ValueError, match="needs the projection xray, not maximum"):
+    with pytest.raises(ValueError, match="need the projection xray, not maximum"):
         render(ball(), look, resampler=maximum)
     with pytest.raises(ValueError, match="needs the projection xray, not composite"):
         Look(mu_water=0.03).renderer(Projecting().resampling())
 
 
 def test_what_is_composited_has_no_negative():
-    with pytest.raises(ValueError, match="invert exchanges black and white of values"):
+    with pytest.raises(ValueError, match="invert swaps black and white of values"):
         render(ball(), Appearance(invert=True))
 
 
@@ -310,7 +313,7 @@ def test_sums_below_0_are_said(capsys):
     words = ("--units", "hu", "--projection", "additive", *SMALL)
     assert ended("render", "water.npy", "-o", "out.png", *words) == 0
     said = capsys.readouterr().err
-    assert "all sums are below 0; Hounsfield units are seen by the projection xray" in said
+    assert "all sums are below 0; for Hounsfield units take the projection xray" in said
 
 
 def test_air_alone_is_said(capsys):

@@ -6,7 +6,7 @@ from resample.command.stopping import start
 
 
 def main() -> NoReturn:
-    """Run the command line, which signals can stop at any moment."""
+    """Run the command line; signals stop it cleanly at any moment."""
     start("resample_volume.cli")
 
 

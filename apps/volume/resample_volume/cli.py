@@ -51,10 +51,10 @@ LOOK, RESAMPLING, PICTURE = Look.usual(), Resampling.usual(), PictureFormat.usua
 SOURCE, PROJECTING, ADDED = Source.usual(), Projecting.usual(), Added.usual()
 BESIDE, BESIDE_PICTURE = Beside.usual(), BesidePicture.usual()
 SERVING, SHARING = Serving.usual(), Sharing.usual()
-# In a small picture voxels shrink, and primitives differ.
+# In a small picture voxels are small, and primitives differ.
 FAR_LOOK = LOOK.model_copy(update={"camera": "30/20/0.8"})
 MOST_RAYS = 32
-BAR = 40  # characters of the longest bar
+BAR = 40  # characters of the longest histogram bar
 UNLISTED = ("histogram", "thresholds", "findings", "levels")  # which are shown in another way
 DEMO_FOLDER, FIGURES = Path("demo"), Path("figures")
 DEMO = {  # camera and side of the picture, px
@@ -155,7 +155,7 @@ def compare(
     size: flags.Size = "96",
     source: Annotated[Source, flags.Flat] = SOURCE,
 ) -> None:
-    """Render a volume by several methods, footprints, orders and peers, and measure them.
+    """Render a volume by several methods, footprints, orders and peers, and measure their errors.
 
     Example: resample-volume compare checker-box --methods points,splats,hybrid -o compare.png
 
@@ -173,15 +173,15 @@ def compare(
         image-sheets:thickness=0.5, rays. Default: as in render, but image-sheets for fields and
         their projections.
     peer
-        Also VTK's ray caster, at 1 and 4 x 4 rays per pixel; with the extra peers.
+        Also VTK's ray caster, at 1 and 4 x 4 rays per pixel; needs the extra peers.
     reference
-        Made of exact splats in the first order, or of rays through the field (slow).
+        Reference: exact splats in the first order, or rays through the field (slow).
     output
         Written to: all pictures side by side (.png).
     difference
-        Show the errors, too, enlarged.
+        Show the errors, too, magnified.
     rays
-        Of the reference per side of a pixel, 1 to 32.
+        Rays of the reference per side of a pixel, 1 to 32.
     """
     from resample.command.session import Session, require_picture
     from resample.files.writing import check_targets, rows_as_json
@@ -303,7 +303,7 @@ def view(
     beside: Annotated[Beside, flags.Flat] = BESIDE,
     page: Annotated[Serving, flags.Flat] = SERVING,
 ) -> None:
-    """Show a volume in the browser: turn it, change its look, take the command of what you see.
+    """Show a volume in the browser: rotate it, change its look, copy the command of the view.
 
     Example: resample-volume view engine.nhdr
 
@@ -332,7 +332,7 @@ def info(
     as_json: Annotated[bool, About.LOOK, Parameter(name="--json", negative="")] = False,
     source: Annotated[Source, flags.Flat] = SOURCE,
 ) -> None:
-    """Print a volume's size, spacing, values, histogram and the thresholds that this suggests.
+    """Print a volume's size, spacing, values, histogram and thresholds found in the histogram.
 
     Example: resample-volume info engine.nhdr
 
@@ -341,7 +341,7 @@ def info(
     volume
         As in render.
     bins
-        Of the histogram.
+        Number of bins of the histogram.
     as_json
         Print JSON instead of a table.
     """
@@ -396,15 +396,15 @@ def convert(
     Parameters
     ----------
     volume
-        As in render; all its times and channels, or those that are chosen.
+        As in render; by default with all times and channels.
     output
-        Written to: a folder engine.ome.zarr, which appears when it is whole.
+        Written to: a folder engine.ome.zarr, which appears once it is complete.
     chunk
         Voxels along each side of a chunk.
     shard
-        Voxels along each side of a file, which then holds several chunks. A file for each.
+        Voxels along each side of a file that holds several chunks. Default: a file per chunk.
     compression
-        Of chunks.
+        Compression of chunks.
     levels
         Write coarser levels, too.
     """
@@ -428,14 +428,14 @@ def convert(
 
 @app.command
 def fetch(name: str | None = None, /, *, folder: flags.Target = None) -> None:
-    """Download a public volume, check it and print where it is; without a name, list them.
+    """Download a public volume, verify it and print its path; without a name, list all.
 
     Example: resample-volume render $(resample-volume fetch engine) -o engine.png
 
     Parameters
     ----------
     name
-        Of the open-scivis collection.
+        Name in the open-scivis collection.
     folder
         Folder to keep it in. Default: the user's cache.
     """
@@ -457,7 +457,7 @@ def figures(
     figure: Annotated[tuple[str, ...], About.LOOK, Parameter(negative="", show_default=False)] = (),
     data: flags.Source = None,
 ) -> None:
-    """Remake the paper's Figures 1 to 4 and 7 to 9, as pictures with their numbers.
+    """Reproduce the paper's Figures 1 to 4 and 7 to 9, as pictures and tables.
 
     Example: resample-volume figures -o figures --figure 7
 
@@ -466,9 +466,9 @@ def figures(
     output
         Written to: folder for .png, .csv and .json files; created if missing.
     figure
-        1-2, 3-4, 7, 8 or 9. All of them.
+        1-2, 3-4, 7, 8 or 9. Default: all.
     data
-        Folder of the paper's volumes (engine.nhdr, ...). What fetch has stored.
+        Folder of the paper's volumes (engine.nhdr, ...). Default: where fetch stores them.
     """
     from resample_volume.showing.figures import make
 
@@ -515,7 +515,7 @@ def _words(text: str) -> list[str]:
 
 
 def _listed(facts: dict[str, Any]) -> str:
-    """Facts as lines, the histogram as bars."""
+    """Format facts as lines, the histogram as bars."""
     shown = {key: value for key, value in facts.items() if key not in UNLISTED}
     lines = [f"{key.replace('_', ' '):<12} {value}" for key, value in shown.items()]
     for classes, values in facts["thresholds"].items():
@@ -526,14 +526,14 @@ def _listed(facts: dict[str, Any]) -> str:
 
 
 def _bars(facts: dict[str, Any]) -> list[str]:
-    """Histogram as bars whose lengths are logarithms, so that what is rare is seen, too."""
+    """Format a histogram as bars on a logarithmic scale, so that rare values show."""
     from resample_volume.looks.scales import edges_of
 
     counts, (two, three) = facts["histogram"], facts["thresholds"].values()
     low, high = facts["robust_range"] or (0.0, 0.0)
     edges = edges_of((low, high), len(counts), facts["scale"])
     longest = math.log1p(max(*counts, 1))
-    lines = ["values from   voxels; bars are logarithms"]
+    lines = ["values from   voxels; logarithmic bars"]
     for n, count in enumerate(counts):
         bar = "#" * math.ceil(BAR * math.log1p(count) / longest) if count else ""
         marks = [mark for mark, limits in (("2", two), ("3", three)) if _within(limits, edges, n)]
@@ -543,5 +543,5 @@ def _bars(facts: dict[str, Any]) -> list[str]:
 
 
 def _within(limits: list[float], edges: list[float], n: int) -> bool:
-    """Whether one of some values lies in a bin."""
+    """Return whether one of some values lies in a bin."""
     return any(edges[n] < limit <= edges[n + 1] for limit in limits)

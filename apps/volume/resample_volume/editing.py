@@ -1,4 +1,4 @@
-"""Looks as few points of value, color and opacity, which a page lets its user move."""
+"""Transfer functions as a few control points, which a page lets its user move."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from resample_volume.looks.materials import spread
 from resample_volume.looks.transfer import DataRange, Transfer, TransferFunction
 
 MOST = 14  # points
-STEPS = 512  # of the range, at which a look is tried
+STEPS = 512  # samples of the range at which a transfer function is evaluated
 CLOSE = 0.01  # of the full scale of colors and opacities
 HIDDEN = 0.1  # weight of colors that are transparent
 STEEP = 1e30  # any slope is less
@@ -19,14 +19,15 @@ Doubles = NDArray[np.float64]
 
 
 def points_of(transfer: Transfer, data_range: DataRange) -> list[tuple[float, str, float]]:
-    """Points that look like a transfer function on full surfaces; see `spelled`.
+    """Approximate a transfer function by control points; see `spelled`.
 
     Parameters
     ----------
     transfer
-        Any. Of one that has few points these are given, otherwise those of lines close to it.
+        Any. If it has few control points these are returned, otherwise those of a polyline close to
+        it.
     data_range
-        Least and greatest value that matter.
+        Least and greatest value of interest.
 
     Returns
     -------
@@ -45,12 +46,12 @@ def points_of(transfer: Transfer, data_range: DataRange) -> list[tuple[float, st
 
 
 def spelled(points: list[tuple[float, str, float]]) -> str:
-    """Points as the option `transfer` takes them."""
+    """Format control points for the option `transfer`."""
     return ",".join(f"{value:.6g}/{color}/{opacity:.4g}" for value, color, opacity in points)
 
 
 def _bends(curve: Doubles) -> list[int]:
-    """Rows between which lines come close to a curve of (S, 4) colors and opacities."""
+    """Return the vertices of a polyline close to a curve of (S, 4) colors and opacities."""
     place, kept = np.arange(len(curve)), [0, len(curve) - 1]
     weight = np.maximum(HIDDEN, curve[:, 3:])
     while len(kept) < MOST:

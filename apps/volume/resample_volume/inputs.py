@@ -1,4 +1,4 @@
-"""Volumes as callers have them: arrays of any kind, files, and images of other libraries."""
+"""Convert arrays, files and images of other libraries to volumes."""
 
 from os import PathLike
 from typing import Any
@@ -26,7 +26,7 @@ WIDE = np.iinfo(np.int32)
 
 
 def as_volume(given: Any, name: str = "array", *, part: Part = "", scale: str = LINEAR) -> Volume:
-    """Volume of what a caller has.
+    """Convert an array, a path or another library's image to a volume.
 
     Parameters
     ----------
@@ -35,29 +35,28 @@ def as_volume(given: Any, name: str = "array", *, part: Part = "", scale: str = 
         an array (Z, Y, X), or (Z, Y, X, 3 or 4) of colors, of any real type and layout, masked,
         mapped from a file, of dask or as nested lists, with spacing 1 around no origin in
         particular; an `xarray.DataArray`, whose coordinates along z, y and x give spacing and
-        origin; an image of SimpleITK's or nibabel's; a data set of VTK's or PyVista's, of which
-        grids of cells are resampled onto a lattice as their files are; or a covering or arbitrary
-        grid of yt's. A pair `(grid, "density")` is the same as a grid with `part`.
+        origin; an image of SimpleITK's or nibabel's; a data set of VTK's or PyVista's (unstructured
+        grids are resampled onto a lattice, as from files); or a covering or arbitrary grid of yt's.
+        A pair `(grid, "density")` is the same as a grid with `part`.
     name
         For titles and messages.
     part
-        Which array, field or variable of what has several: a data set of VTK's, a grid of yt's, a
-        `Dataset` of xarray's.
+        Name of the array, field or variable, where there are several: in a data set of VTK's, a
+        grid of yt's, a `Dataset` of xarray's.
     scale
-        `log` or `symlog:linear=0.01`: the field becomes that of its logarithms, and is
-        reconstructed, classified and lit as such. Looks by name or as a text still speak of the
-        values as they were.
+        `log` or `symlog:linear=0.01`: the field is replaced by its logarithms, which are
+        interpolated, classified and shaded. Looks given as text still refer to the original values.
 
     Returns
     -------
-    Values that are taken as they are, are not copied. What is masked is not a number.
+    The volume. Values are not copied unless they are converted. Masked values become NaN.
 
     Raises
     ------
     TypeError
-        It is none of these, or its values are no real numbers.
+        It is none of these, or its values are not real numbers.
     ValueError
-        It is of another shape, or has no voxels; or no value that has a logarithm.
+        It has another shape, no voxels, or no value that has a logarithm.
     OSError
         The file cannot be read.
 
@@ -93,19 +92,19 @@ def _as_it_is(given: Any, name: str, part: Part) -> Volume:
 
 
 def _is_part(given: Any) -> bool:
-    """Whether it names a part, in one word or several."""
+    """Return whether this names a part, in one word or several."""
     return isinstance(given, str) or (
         isinstance(given, tuple) and bool(given) and all(isinstance(word, str) for word in given)
     )
 
 
 def _checked(given: Volume) -> Volume:
-    """Volume with values of a known type at a place that kernels can work with.
+    """Check a volume's values and geometry, and return it with a supported type.
 
     Raises
     ------
     TypeError, ValueError
-        It has none.
+        Its values or geometry are not supported.
     """
     if any(isinstance(part, np.ma.MaskedArray) for part in given[1:4]):
         spacing, origin, direction = (alike(part, np.float64) for part in given[1:4])
@@ -123,12 +122,13 @@ def _checked(given: Volume) -> Volume:
 
 
 def check_place(given: Volume) -> None:
-    """Refuse a spacing, an origin or a direction that is none, or absurd.
+    """Reject an invalid or absurd spacing, origin or direction.
 
     Raises
     ------
     ValueError
-        It is not finite or above 0, singular, or far too small, large or uneven.
+        A number is not finite or not above 0, the direction is singular, or the lattice is far too
+        small, large or uneven.
     """
     spacing, origin, direction = (np.asarray(part) for part in given[1:4])
     shapes = (spacing.shape, origin.shape, direction.shape)
@@ -145,13 +145,13 @@ def check_place(given: Volume) -> None:
 
 
 def _array(given: Any) -> NDArray[Any]:
-    """Values of an array or of nested lists, of a type that a volume has."""
+    """Convert an array or nested lists to values of a supported type."""
     if not (isinstance(given, list | tuple) or hasattr(given, "__array__")):
         raise TypeError(f"a volume of {type(given).__name__}; give {TAKEN}")
     try:
         values = np.asanyarray(given)
     except ValueError:
-        raise ValueError("lists of different lengths are no volume; give " + TAKEN) from None
+        raise ValueError("lists of different lengths are not a volume; give " + TAKEN) from None
     if values.dtype.kind not in "biuf":
         raise TypeError(f"a volume of {values.dtype}; its values must be real numbers")
     if type(values) is np.ndarray and values.dtype.isnative and values.dtype.name in KEPT:
@@ -163,7 +163,7 @@ def _array(given: Any) -> NDArray[Any]:
 
 
 def _of_known_type(values: NDArray[Any]) -> NDArray[Any]:
-    """Values in the type nearest to theirs that volumes have."""
+    """Convert values to the nearest supported type."""
     kind, size = values.dtype.kind, values.dtype.itemsize
     if kind == "b":
         return values.view(np.uint8) if values.flags.c_contiguous else values.astype(np.uint8)
@@ -184,7 +184,7 @@ def _placed(
     origin: Doubles | None = None,
     direction: Doubles | None = None,
 ) -> Volume:
-    """Array (Z, Y, X) or of colors as a volume."""
+    """Make a volume of an array (Z, Y, X), or of colors."""
     colored = values.ndim == 4 and is_color(values.shape, values.dtype)
     if (values.ndim != 3 and not colored) or 0 in values.shape:
         raise ValueError(

@@ -1,4 +1,4 @@
-"""Volumes in a notebook's cell."""
+"""Interactive volumes in a notebook."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 
 
 def view(volume: Any, /, **settings: Any) -> "Viewer":
-    """A volume in a notebook's cell: turn it, change its look, take the Python of what you see.
+    """Show a volume in a notebook: rotate it, change its look, copy the view as Python.
 
     Parameters
     ----------
     volume
-        What `as_volume` takes. What is no file or name is written to a temporary one, which lives
-        as long as the widget.
+        What `as_volume` takes. Anything but a file or a name is written to a temporary file, which
+        lives as long as the widget.
     settings
         Options of `resample-volume render` to begin with: `transfer="bone"`, `opacity_unit=2`.
 

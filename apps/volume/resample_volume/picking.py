@@ -1,4 +1,4 @@
-"""Which voxel a pixel shows: what a pointer on a picture is on."""
+"""Pick the voxel that a pixel shows."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
@@ -22,7 +22,7 @@ from resample_volume.voxels.visible import Voxels, lattice_of
 if TYPE_CHECKING:
     from resample_volume.voxels.kernels.picking import Looked, Rays, Splatted
 
-HALF = 0.5  # of the light from behind, that is gone behind the voxel that is seen
+HALF = 0.5  # accumulated opacity at which a voxel counts as the visible one
 
 Indices = NDArray[np.int64]
 Behind = Callable[..., tuple[Indices, Doubles]]  # `voxels_at` of pixels and perhaps a level
@@ -35,7 +35,7 @@ Wanted = {
 
 
 class Picked(NamedTuple):
-    """A voxel that is seen."""
+    """A picked voxel."""
 
     voxel: tuple[int, int, int]  # index into the values: z, y, x
     value: float  # data units
@@ -50,41 +50,41 @@ def voxels_at(
     pixels: Doubles,
     level: float = HALF,
 ) -> tuple[Indices, Doubles]:
-    """Voxels behind places of a picture.
+    """Return the voxels behind points of a picture.
 
     Parameters
     ----------
     subject
-        The volume as it appears.
+        The classified volume.
     volume
-        It, wherever it is.
+        The volume, at any place.
     camera
         As from `Subject.camera`.
     resampler
-        Whose projection and kernel the picture has.
+        Renderer of the picture, for its projection and kernel.
     pixels
         (N, 2) right and down, px; centers of pixels are at halves.
     level
-        Share of the light from behind.
+        Accumulated opacity, 0 to 1.
 
     Returns
     -------
-    Flat indices (N,) of the voxels with which more than that share is gone on the way from the
-    eye, voxel after voxel by their depth, or the one around which a field's ray has lost it, meets
-    the surface, a plane of values that takes more than that share, or has its extreme; -1 where
-    there is none. And the share (N,) that comes through.
+    Flat indices (N,) of the voxels with which the opacity accumulated from the eye exceeds the
+    level; for a field, of the voxel around the point where its ray reaches the level, the surface,
+    a plane of values more opaque than that, or its extreme; -1 where there is none. And the
+    transmittance (N,) of all.
 
     Raises
     ------
     ValueError
-        The projection shows no one voxel, or several volumes do.
+        The projection shows no single voxel, or there are several volumes.
     """
     from resample_volume.voxels.kernels.picking import find_among_voxels, find_in_field
 
     voxels, projection = subject.voxels, resampler.projection
     if projection not in Wanted or not isinstance(voxels, Voxels | Gathered):
         raise ValueError(
-            f"the projection {projection} of {volume.name} shows no one voxel; take composite, "
+            f"the projection {projection} of {volume.name} shows no single voxel; take composite, "
             "maximum, minimum or first-hit, the last three along rays"
         )
     scene = subject.placed(volume)
@@ -109,7 +109,7 @@ def voxels_at(
 def _on_planes(
     subject: Subject, volume: Volume, view: View, pixels: Doubles, level: float
 ) -> tuple[Doubles, Indices]:
-    """Depths (N,) at which rays meet planes of values, inf if they do not, and voxels there."""
+    """Return depths (N,) at which rays meet planes of values, or inf, and the voxels there."""
     depth, voxel = np.full(len(pixels), np.inf), np.full(len(pixels), -1, np.int64)
     eye, way = _lines(view, pixels)
     eye, to_lattice = eye + subject.middle, np.linalg.inv(lattice_of(volume)).T
@@ -133,7 +133,7 @@ def _on_planes(
 
 
 def picked(volume: Volume, voxel: int) -> Picked:
-    """What is known of a voxel, by its flat index."""
+    """Return position and value of a voxel, by its flat index."""
     place = np.unravel_index(voxel, volume.values.shape)
     index = np.array(place[::-1], np.float64)
     return Picked(
@@ -144,7 +144,7 @@ def picked(volume: Volume, voxel: int) -> Picked:
 
 
 def _rays(view: View, scene: Volume, pixels: Doubles, clip: Doubles, reach: float) -> "Rays":
-    """Rays of pixels, as far as they are near a volume, by voxels, and planes keep them."""
+    """Return the rays of pixels, clipped to a volume's box and to planes."""
     from resample_volume.voxels.kernels.picking import Rays
 
     eye, direction = _lines(view, pixels)
@@ -164,7 +164,7 @@ def _rays(view: View, scene: Volume, pixels: Doubles, clip: Doubles, reach: floa
 
 
 def _lines(view: View, pixels: Doubles) -> tuple[Doubles, Doubles]:
-    """Places (N, 3) of rays at depth 0, and what they go on by per depth; scene axes."""
+    """Return points (N, 3) of rays at depth 0, and their steps per depth; scene axes."""
     on_plane = np.column_stack([(pixels - view.principal) / view.focal, np.zeros(len(pixels))])
     ahead = np.array([0.0, 0.0, 1.0])
     start = np.zeros_like(on_plane) if view.perspective else on_plane
@@ -173,7 +173,7 @@ def _lines(view: View, pixels: Doubles) -> tuple[Doubles, Doubles]:
 
 
 def _cut(first: Doubles, last: Doubles, at: Doubles, per: Doubles) -> None:
-    """Shorten rays to where a number, which grows with their depth by so much, is positive."""
+    """Clip rays to depths where a linear function is positive."""
     with np.errstate(divide="ignore", invalid="ignore"):
         where = -at / per
     np.maximum(first, where, out=first, where=per > 0)

@@ -1,4 +1,4 @@
-"""Quick pictures of a volume: fewer voxels, fewer pixels, the same view and thickness."""
+"""Quick previews of a volume: fewer voxels and pixels, the same view and opacity."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ from resample_volume.types import Volume
 from resample_volume.voxels.cropping import planes
 from resample_volume.voxels.framing import centered
 
-PER = 2  # pixels each way of a picture that are one of its preview
+PER = 2  # pixels per side that a preview merges
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +25,7 @@ class Shrunk:
     """A camera for a picture of fewer pixels."""
 
     camera: AnyCamera
-    per: int  # px each way that become one
+    per: int  # px per side that become one
 
     def view(self) -> View:
         view = self.camera.view()
@@ -33,16 +33,16 @@ class Shrunk:
 
 
 def enlarged(frame: Frame, per: int, height: int, width: int) -> Frame:
-    """Picture with more pixels: light is interpolated, depths and values are not.
+    """Upsample a picture: light is interpolated, depths and values are not.
 
     Parameters
     ----------
     frame
-        Of at least the size, divided and rounded up.
+        At least as large as the result divided by `per`, rounded up.
     per
-        Pixels each way that one becomes.
+        Pixels per side that one becomes.
     height, width
-        Of the result, px; what is beyond is cut off.
+        Of the result, px; anything beyond is cropped.
     """
     smooth = partial(previews.enlarged, per=per, shape=(height, width), smooth=True)
     alike = partial(previews.enlarged, per=per, shape=(height, width), smooth=False)
@@ -56,14 +56,14 @@ def enlarged(frame: Frame, per: int, height: int, width: int) -> Frame:
 
 
 def merged(volume: Volume, per: int) -> Volume:
-    """Volume of means over so many voxels each way; what is missing takes no part in them.
+    """Downsample a volume by means over blocks of voxels, without missing values.
 
     Parameters
     ----------
     volume
-        Of values or of colors.
+        Volume of values or of colors.
     per
-        Voxels along each axis that become one; the last take what is left.
+        Voxels along each axis that become one; the last blocks may be smaller.
     """
     shift = volume.direction * volume.spacing @ np.full(3, (per - 1) / 2)
     colors = None if volume.colors is None else _means(volume.colors, per)
@@ -76,7 +76,7 @@ def merged(volume: Volume, per: int) -> Volume:
 
 
 def merged_labels(labels: Labels, per: int) -> Labels:
-    """Labels of merged voxels, each that of the first of those that became one."""
+    """Return labels of merged voxels, each that of the block's first voxel."""
     given: Any = labels.values
     values = given.whole() if isinstance(given, Bricks) else given
     return replace(labels, values=values[::per, ::per, ::per])
@@ -85,7 +85,7 @@ def merged_labels(labels: Labels, per: int) -> Labels:
 def kept_cuts(
     volume: Volume, coarse: Volume, crop: str | None, clip: Sequence[str]
 ) -> tuple[str, ...]:
-    """Planes that cut merged voxels where crop and clip cut a volume, as `clip` takes them."""
+    """Return clip planes that cut merged voxels where crop and clip cut the volume."""
     middle = centered(coarse)[1]
     return tuple(
         "/".join(map(repr, [*normal, -far - float(np.dot(normal, middle))]))
@@ -94,7 +94,7 @@ def kept_cuts(
 
 
 def _means(values: NDArray[Any], per: int) -> NDArray[Any]:
-    """Means of so many along the first three axes, of the same type."""
+    """Return the means of blocks along the first three axes, in the same type."""
     total: NDArray[Any] = np.asarray(values, np.float32)
     known: NDArray[Any] = np.isfinite(total).astype(np.float32)
     total = np.where(known > 0, total, 0)

@@ -1,4 +1,4 @@
-"""From a volume to a picture: classify, shade, resample."""
+"""Render a volume: classify, shade, resample."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -83,20 +83,20 @@ NOTHING = np.zeros((0, 3), np.float32)
 NO_VOXELS = Voxels(NOTHING, NOTHING, NOTHING[:, 0], NOTHING, np.eye(3))
 
 Visible = Voxels | FieldVoxels | Gathered | Mixed
-Fit = Literal["visible", "volume"]  # what cameras are placed around
+Fit = Literal["visible", "volume"]  # what cameras orbit
 
 
 class Placement(NamedTuple):
-    """Several volumes as they lie in a scene, around its origin."""
+    """Several volumes in a scene, moved around its origin."""
 
     media: list[Medium]
     lattice: Lattice  # of all of them
-    middle: Doubles  # (3,) where the scene's origin was, scene units
+    middle: Doubles  # (3,) former place of the origin, scene units
     clip: Doubles  # (M, 4) planes
 
 
 def placement(media: Sequence[Medium]) -> Placement:
-    """Where several volumes lie; they are cropped and clipped by the look of the first."""
+    """Place several volumes in a scene; crop and clip are those of the first look."""
     whole = common_lattice([volume for volume, _ in media])
     middle = whole.middle
     whole = whole._replace(origin=whole.origin - middle)
@@ -107,7 +107,7 @@ def placement(media: Sequence[Medium]) -> Placement:
 
 
 def _onto(volume: Volume, lattice: Lattice, parts: Sequence[Voxels]) -> Volume:
-    """Volume on a lattice, if memory holds it beside voxels of others; errors as of `onto`."""
+    """Resample a volume onto a lattice, if it fits in memory; errors as of `onto`."""
     values: Values = volume.values
     if isinstance(values, Bricks) and values.memory and first_in(volume, lattice) is None:
         size = bytes_onto(volume, lattice) + _bytes_of(parts)
@@ -120,12 +120,12 @@ def _onto(volume: Volume, lattice: Lattice, parts: Sequence[Voxels]) -> Volume:
 
 
 def _bytes_of(parts: Sequence[Voxels]) -> int:
-    """Of voxels until they are painted."""
+    """Return the bytes of voxels until they are painted."""
     return BYTES_PER_VOXEL * sum(len(part.position) for part in parts)
 
 
 def _beside(parts: Sequence[Voxels], volume: Volume) -> Volume:
-    """Volume in chunks that may take what voxels of others leave it, twice its own for mixing."""
+    """Limit a chunked volume to the memory others leave; its voxels count twice for mixing."""
     values: Values = volume.values
     if not isinstance(values, Bricks) or values.memory is None:
         return volume
@@ -135,11 +135,11 @@ def _beside(parts: Sequence[Voxels], volume: Volume) -> Volume:
 
 
 def kept_look(volume: Volume, look: Appearance) -> Appearance:
-    """Look that a volume keeps when it is resampled."""
+    """Return the look that a volume keeps when it is resampled."""
     if look.labels is not None:
         raise ValueError(
-            f"labels are of the voxels of {volume.name}, which a finer volume has resampled; show "
-            "it alone"
+            f"labels belong to the voxels of {volume.name}, which is resampled onto a finer "
+            "volume's lattice; show it alone"
         )
     transfer = transfer_of(volume, look)
     unit = unit_of(transfer, volume)
@@ -147,7 +147,7 @@ def kept_look(volume: Volume, look: Appearance) -> Appearance:
 
 
 def visible_voxels(volume: Volume, appearance: Appearance) -> Voxels:
-    """Voxels that the transfer function lets be seen, with gradients where they are needed."""
+    """Return the voxels that the transfer function shows, with gradients if needed."""
     transfer = transfer_of(volume, appearance)
     needed = transfer.needs_gradient or appearance.gradient_opacity is not None
     return classify(
@@ -162,13 +162,13 @@ def visible_voxels(volume: Volume, appearance: Appearance) -> Voxels:
 def field_of(
     volume: Volume, appearance: Appearance, resampler: Resampler
 ) -> FieldVoxels | Gathered:
-    """What a projection of the field needs: voxels, or the field on its lattice for rays.
+    """Return the field for a projection: as voxels, or on its lattice for rays.
 
     Raises
     ------
     ValueError
-        The transfer function is of gradients, where values alone are shown; or see
-        `field_voxels` and `gathered`.
+        The transfer function needs gradients, where only values are shown; or see `field_voxels`
+        and `gathered`.
     """
     projection, order = resampler.projection, resampler.order
     if volume.colors is not None and not (
@@ -200,7 +200,7 @@ def field_of(
 def _measured(
     volume: Volume, appearance: Appearance, projection: Projection
 ) -> tuple[Volume, Appearance, Tone]:
-    """Volume and look of the field that rays measure, and what becomes of their frames."""
+    """Return volume and look of the field that rays measure, and the tone of frames."""
     xray = appearance.xray
     if projection is Projection.XRAY:
         xray = settled(xray or XRay(), volume)
@@ -215,7 +215,7 @@ def _reached(
     clip: Doubles,
     light: Light,
 ) -> Voxels | FieldVoxels | Gathered:
-    """What is seen, with the light that gets there past all else."""
+    """Return the visible voxels with the light that reaches them, shadowed by all others."""
     if resampler.projection in MEASURING:
         raise ValueError(
             "shadows and occlusion dim light, so they need the projection composite or first-hit, "
@@ -233,7 +233,7 @@ def _reached(
 def _pictures(
     volume: Volume, values: Any, appearance: Appearance, voxels: Visible
 ) -> list[SceneMesh]:
-    """Planes and surfaces of a look as meshes, in the volume's own scene; its values are known."""
+    """Return planes and isosurfaces of a look as meshes in the volume's scene."""
     if not isinstance(voxels, Gathered):
         return []
     planes = [settled_plane(plane, volume) for plane in appearance.planes]
@@ -245,7 +245,7 @@ def _pictures(
 def lit_samples(
     voxels: Voxels, light: Light | None, camera: AnyCamera, steepest: Floats | None = None
 ) -> Samples:
-    """Samples that carry the light which voxels send to a camera; `steepest` as of `shade`."""
+    """Return samples with the light that voxels send to a camera; `steepest` as of `shade`."""
     view = camera.view()
     if view.perspective:
         return shade(voxels, light, eye=_eye(view), steepest=steepest)
@@ -254,12 +254,12 @@ def lit_samples(
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """A volume that was classified once, to be seen by any camera."""
+    """A volume classified once, to be rendered from any camera."""
 
     voxels: Visible  # around the scene's origin
     appearance: Appearance
-    sphere: Sphere  # around all that is seen
-    middle: Doubles  # (3,) where the volume's middle was, scene units
+    sphere: Sphere  # bounding sphere of everything visible
+    middle: Doubles  # (3,) former place of the volume's center, scene units
     clip: Doubles  # (M, 4) planes, for the resampler
     mesh: Triangles = NO_TRIANGLES  # around the scene's origin
     tone: Tone = AS_IT_IS  # of its frames
@@ -273,7 +273,7 @@ class Subject:
         *,
         around: Volume | None = None,
     ) -> "Subject":
-        """Volume as it appears, as far as a renderer needs it.
+        """Classify a volume, as far as a renderer needs it.
 
         Parameters
         ----------
@@ -282,10 +282,9 @@ class Subject:
         appearance
             Its look.
         resampler
-            Renderer; None is `resampler_for` the look.
+            Renderer; None: `resampler_for` the look.
         around
-            Cameras are placed around the whole of it, as it lies in the scene; None: around what
-            is seen.
+            Volume that cameras orbit as a whole; None: they orbit what is visible.
 
         Raises
         ------
@@ -330,17 +329,17 @@ class Subject:
     def of_several(
         cls, media: Sequence[Medium], resampler: Resampler | None = None, fit: Fit = "visible"
     ) -> "Subject":
-        """Several volumes in one scene; extinctions add up where they overlap.
+        """Classify several volumes of one scene; extinctions add up where they overlap.
 
-        Each is where its origin, spacing and direction say. Light, crop (of its voxels), clip and
-        depth cue are those of the first; transfer function, gradient and labels each one's own.
-        Cameras are placed around what is visible, or around all of the volumes.
+        Each is placed by its origin, spacing and direction. Light, crop (of its voxels), clip and
+        depth cue are those of the first; each has its own transfer function, gradient and labels.
+        Cameras orbit what is visible, or all of the volumes.
 
         Raises
         ------
         ValueError
-            As of `of`; or fields are to be shown, of which there is one at a time; or labels are
-            of a volume that has to be resampled.
+            As of `of`; or fields were asked for, of which only one can be shown; or a volume with
+            labels would have to be resampled.
         """
         if len(media) == 1:
             return cls.of(*media[0], resampler, around=media[0][0] if fit == "volume" else None)
@@ -365,25 +364,25 @@ class Subject:
         return cls(every, appearance, ball, place.middle, clip)
 
     def placed(self, volume: Volume) -> Volume:
-        """One of the volumes, where it lies around the scene's origin."""
+        """Return one of the volumes, moved around the scene's origin."""
         return volume._replace(origin=volume.origin - self.middle)
 
     def camera(self, viewpoint: Viewpoint, height: int, width: int) -> AnyCamera:
-        """Camera for a picture of that size in px, which sees the volume around the origin."""
+        """Return the camera for a picture of this size in px, with the scene around the origin."""
         camera = camera_from(viewpoint, self.sphere, height, width)
         return camera if isinstance(viewpoint, Orbit) else Shifted(camera, self.middle)
 
     @property
     def is_of_field(self) -> bool:
-        """Whether rays go through it."""
+        """Whether it is a field for rays."""
         return isinstance(self.voxels, Gathered)
 
     def painter(self, resampler: Resampler) -> Resampler:
-        """Renderer that goes with what was made ready for one; see `decided`."""
+        """Return the renderer that this subject was prepared for; see `decided`."""
         return resampler if self.is_of_field else of_voxels(resampler)
 
     def cuts(self, camera: AnyCamera) -> Doubles:
-        """Planes (M, 4) for the resampler: of the scene, and of a slab across the view."""
+        """Return planes (M, 4) for the resampler: of the scene, and of a slab across the view."""
         across = self._across(camera)
         return np.concatenate([self.clip, across]) if len(across) else self.clip
 
@@ -394,7 +393,7 @@ class Subject:
         return section.planes(camera.view().rotation[2])
 
     def misses(self, volume: Volume, forward: Doubles) -> bool:
-        """Whether a slab across a direction (3,) holds nothing of a volume, wherever this is."""
+        """Return whether a slab across a direction (3,) misses a volume."""
         section = self.appearance.section
         if section is None:
             return False
@@ -403,22 +402,22 @@ class Subject:
         return bool((away <= 0).all(axis=0).any())
 
     def developed(self, frame: Frame) -> Frame:
-        """Frame of a renderer as it is shown: X-rays get their gray levels, negatives theirs."""
+        """Tone map a frame: X-rays get their gray levels, negatives are inverted."""
         return self.tone.developed(frame)
 
     @property
     def is_empty(self) -> bool:
-        """Whether there is nothing to see."""
+        """Whether nothing is visible."""
         return not self.seen and not len(self.mesh.face)
 
     @property
     def seen(self) -> int:
-        """Number of voxels that can be seen."""
+        """Number of visible voxels."""
         voxels = self.voxels
         return voxels.seen if isinstance(voxels, Gathered) else len(voxels.position)
 
     def facts(self) -> dict[str, Any]:
-        """What pictures depend on besides camera and renderer, as JSON holds it."""
+        """Return what pictures depend on besides camera and renderer, as JSON values."""
         from resample.files.animations import fingerprint
 
         parts = [*self.voxels, self.clip, *self.mesh]
@@ -434,7 +433,7 @@ class Subject:
         }
 
     def seen_by(self, camera: AnyCamera) -> Samples | Field | LatticeField:
-        """What a renderer takes: samples or a field with the light that a camera sees."""
+        """Return the input of a renderer: samples, or a field, shaded for a camera."""
         cue, light = self.appearance.cue, self.appearance.light
         near, far = cue_range(camera, self.sphere)
         if isinstance(self.voxels, Voxels):
@@ -463,35 +462,35 @@ def render(
     resampler: Resampler | None = None,
     progress: Progress | None = None,
 ) -> Frame:
-    """Picture of a volume.
+    """Render a volume.
 
     Parameters
     ----------
     volume
         What `as_volume` takes: a volume, an array (Z, Y, X), a path, an image of other libraries;
-        NaN is transparent. Or several, a list of pairs of one and its appearance: see
+        NaN is transparent. Or several, as a list of pairs (volume, appearance): see
         `Subject.of_several`.
     appearance
-        What voxels look like; a name stands for a transfer function. Of several, each has its own.
+        Look of the voxels, or the name of a transfer function. None for a list of pairs.
     camera
-        Any camera; a `Spot` with an eye and a target; or where one is to be placed around the
-        volume: an `Orbit`, (azimuth, elevation) with or without a zoom and a pan, a name such as
-        `front`, `top` or `corner`; None is `Orbit()`.
+        Any camera; a `Spot` with an eye and a target; or a viewpoint around the volume: an `Orbit`,
+        (azimuth, elevation) with or without a zoom and a pan, a name such as `front`, `top` or
+        `corner`; None: `Orbit()`.
     size
         Width and height, px.
     resampler
-        Renderer; None goes along rays, or paints voxels where these cannot be (`decided`).
+        Renderer; None: casts rays, or paints voxels where rays cannot be used (`decided`).
     progress
-        Called with the share of the work done, 0 to 1.
+        Called with the fraction of the work done, 0 to 1.
 
     Returns
     -------
-    Premultiplied linear RGBA with depth and coverage; wholly transparent if no voxel is seen.
+    Premultiplied linear RGBA with depth and coverage; fully transparent if no voxel is visible.
 
     Raises
     ------
     ValueError
-        The array is no volume, or a choice is not allowed.
+        The array is not a volume, or a choice is not allowed.
 
     Examples
     --------
@@ -517,18 +516,19 @@ def render(
 
 
 def _pairs(volume: Any, appearance: Appearance | str) -> Sequence[tuple[Any, Appearance | str]]:
-    """Volumes with their looks, also where it is one."""
+    """Return volumes with their looks, also for a single one."""
     if not _are_several(volume):
         return [(volume, appearance)]
     if appearance != "auto" or not all(_is_pair(one) for one in volume):
         raise ValueError(
-            "several volumes are a list of pairs (volume, appearance), and nothing beside it"
+            "give several volumes as a list of pairs (volume, appearance), without another "
+            "appearance"
         )
     return list(volume)
 
 
 def _are_several(volume: Any) -> bool:
-    """Whether this is a list of volumes, rather than one as nested lists."""
+    """Return whether this is a list of volumes, rather than one as nested lists."""
     if not isinstance(volume, list | tuple) or isinstance(volume, Volume):
         return False
     return any(isinstance(one, Volume) or _is_pair(one) for one in volume)
@@ -540,14 +540,14 @@ def _is_pair(one: Any) -> bool:
 
 
 def _medium(volume: Any, appearance: Appearance | str) -> Medium:
-    """Volume without its padding, and its look."""
+    """Return the volume without its padding, and its look."""
     scene = as_volume(volume)
     look = appearance if isinstance(appearance, Appearance) else Appearance(appearance)
     return without_padding(scene, survey(scene)), look
 
 
 def _eye(view: View) -> Doubles:
-    """Place (3,) of a perspective camera, scene units."""
+    """Return the position (3,) of a perspective camera, scene units."""
     return -view.rotation.T @ view.translation
 
 
@@ -559,7 +559,7 @@ def painted_with_bar(
     threads: int | None = None,
     clip: Doubles | None = None,
 ) -> Frame:
-    """Picture (height, width) of what a camera sees, with a bar on a terminal if it takes long."""
+    """Paint a picture (height, width), with a progress bar on a terminal if it takes long."""
     with progress_bar("painting") as progress:
         return resampler(
             seen,

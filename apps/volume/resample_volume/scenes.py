@@ -1,4 +1,4 @@
-"""A volume that is opened once and seen often: what does not depend on the view is kept."""
+"""Open a volume once, render it many times: what does not depend on the view is cached."""
 
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -26,20 +26,20 @@ from resample_volume.rendering import Fit, Subject, kept_look
 from resample_volume.surfaces.image_planes import settled as settled_plane
 from resample_volume.types import Volume
 
-KEPT = 4  # looks whose samples are kept
-MERGED = 2  # voxels each way that are one in a preview
-LARGE = 256**3  # voxels from which on twice as many are
-FINEST = 1  # sub-pixels per side of a preview along rays
+KEPT = 4  # looks whose samples are cached
+MERGED = 2  # voxels per side that a preview merges
+LARGE = 256**3  # voxels from which twice as many per side are merged
+FINEST = 1  # sub-pixels per side of a ray cast preview
 
 Quality = Literal["final", "preview"]
 
 
 @dataclass(eq=False)
 class Scene:
-    """A volume for many pictures: other looks, other cameras, quick previews.
+    """A volume for many pictures: changing looks, changing cameras, quick previews.
 
-    Pictures of one look need no other preparation than the light of their camera; a view does not
-    move when a look or a cut shows more or less of the volume.
+    Pictures of one look only need to be shaded for their camera; the view stays when a look or a
+    cut shows more or less of the volume.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ class Scene:
         self._quick: dict[Resampler, Resampler] = {}  # renderers of previews
         self._found: Kept = {}
 
-    def render(  # noqa: PLR0913 - what a user may say about a picture
+    def render(  # noqa: PLR0913 - all options of a picture
         self,
         look: Appearance | str = "auto",
         camera: Spelled = None,
@@ -82,28 +82,27 @@ class Scene:
         cancel: Cancel | None = None,
         progress: Progress | None = None,
     ) -> Frame:
-        """Picture of the volume.
+        """Render the volume.
 
         Parameters
         ----------
         look
-            What voxels look like; a name stands for a transfer function.
+            Look of the voxels, or the name of a transfer function.
         camera
             As of `render`.
         size
             Width and height, px.
         resampler
-            Renderer; None is the one that suits the look.
+            Renderer; None: the one that suits the look.
         quality
             `preview` merges 2 × 2 × 2 voxels (4 × 4 × 4 of large volumes) and 2 × 2 pixels, and
-            keeps the opacity of lengths. Its statistics say `is_preview`.
+            keeps opacity per length. Its statistics have `is_preview` set.
         fit
-            What a camera that is placed around something looks at: the whole volume, or what the
-            look shows of it.
+            What an orbiting camera looks at: the whole volume, or its visible part.
         cancel
-            Stops it from another thread.
+            Cancels the picture from another thread.
         progress
-            Called with the share of the work done, 0 to 1.
+            Called with the fraction of the work done, 0 to 1.
 
         Raises
         ------
@@ -147,7 +146,7 @@ class Scene:
         quality: Quality = "final",
         fit: Fit = "volume",
     ) -> tuple[AnyCamera, Volume]:
-        """Camera of a picture, and the volume as it stands before it.
+        """Return the camera of a picture, and the volume as placed before it.
 
         Parameters
         ----------
@@ -167,7 +166,7 @@ class Scene:
         resampler: Resampler | None = None,
         fit: Fit = "volume",
     ) -> NDArray[np.int32]:
-        """Voxels that carry the opacity of pixels past one half.
+        """Return the voxels at which the opacity of pixels passes one half.
 
         Parameters
         ----------
@@ -176,15 +175,15 @@ class Scene:
 
         Returns
         -------
-        (H, W, 3) indices into the values, z, y and x, of the voxel behind each pixel's center with
-        which more than half of the light from behind is gone: voxels take their parts by their
-        depth, one after the other. Of a field along rays it is the voxel around the place where
-        this happens, and where the surface, the maximum or the minimum is. -1: there is none.
+        (H, W, 3) indices into the values, z, y and x. Behind each pixel's center, voxels are
+        composited front to back; it is the voxel with which the accumulated opacity exceeds one
+        half. For a ray cast field it is the voxel around the point where that happens, or where the
+        surface, the maximum or the minimum is. -1: there is none.
 
         Raises
         ------
         ValueError
-            The projection shows no one voxel, or a choice is not allowed.
+            The projection shows no single voxel, or a choice is not allowed.
         """
         height, width = shape_of(size)
         row, column = np.indices((height, width)) + 0.5
@@ -205,15 +204,15 @@ class Scene:
         resampler: Resampler | None = None,
         fit: Fit = "volume",
     ) -> Picked | None:
-        """Voxel that is seen at a place of the picture; None where there is nothing.
+        """Return the voxel visible at a point of the picture; None if there is none.
 
         Parameters
         ----------
         x, y
             Right and down, px; centers of pixels are at halves.
         look, camera, size, resampler, fit
-            As of `render`. Where less than half of the light from behind is gone, it is the voxel
-            with which half of that is gone.
+            As of `render`. Where the total opacity is below one half, it is the voxel with which
+            half of it is reached.
 
         Raises
         ------
@@ -234,7 +233,7 @@ class Scene:
         resampler: Resampler | None,
         fit: Fit,
     ) -> Behind:
-        """Voxels behind places of a picture; see `voxels_at`."""
+        """Return the voxels behind points of a picture; see `voxels_at`."""
         subject, eye, paint = self._seen(look, camera, size, resampler, fit)
         return partial(voxels_at, subject, self.volume, eye, paint)
 
@@ -248,7 +247,7 @@ class Scene:
         *,
         is_preview: bool = False,
     ) -> tuple[Subject, AnyCamera, Resampler]:
-        """Subject, camera and renderer of a picture."""
+        """Return subject, camera and renderer of a picture."""
         appearance = look if isinstance(look, Appearance) else Appearance(look)
         paint = resampler or resampler_for(appearance)
         if is_preview:
@@ -261,7 +260,7 @@ class Scene:
     def _subject(
         self, look: Appearance, paint: Resampler, fit: Fit, *, is_preview: bool
     ) -> Subject:
-        """Volume as it appears, which is kept."""
+        """Return the classified volume, which is cached."""
         parts = (paint.order, paint.projection, paint.iso, paint.reconstruction)
         key = (look, *parts, fit, is_preview)
         found = self._subjects.pop(key, None)
@@ -277,7 +276,7 @@ class Scene:
         return found
 
     def _previewed(self, look: Appearance, paint: Resampler) -> tuple[Volume, Appearance]:
-        """Volume with fewer voxels, and the look that these keep."""
+        """Return the volume with fewer voxels, and the look adapted to it."""
         per = MERGED if self.volume.values.size < LARGE else 2 * MERGED
         if self._coarse is None:
             self._coarse = merged(self.volume, per)
@@ -292,7 +291,7 @@ class Scene:
         return self._coarse, kept
 
     def _quickly(self, look: Appearance, paint: Resampler) -> tuple[Appearance, Resampler]:
-        """Look and renderer of previews: voxels, where it is not said; it keeps its tables."""
+        """Return look and renderer of previews: voxels by default; the renderer is reused."""
         is_auto = look.classification is Classification.AUTO
         is_auto = is_auto and not look.met
         if is_auto and paint.projection is Projection.COMPOSITE:

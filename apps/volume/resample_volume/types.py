@@ -1,4 +1,4 @@
-"""The volume application's data: arrays with shapes and units, no behaviour."""
+"""Data types of the volume application: arrays with shapes and units."""
 
 from typing import Any, NamedTuple
 
@@ -29,14 +29,14 @@ class Volume(NamedTuple):
     name: str  # for titles and messages
     units: str = ""  # of the values: hu, hu+1024 (as stored), none of these; empty: not told
     colors: NDArray[Any] | None = None  # (Z, Y, X, 3 or 4) of voxels, see `recordings.in_color`
-    note: str = ""  # what was made of a file's values, for who looks at them
+    note: str = ""  # how a file's values were changed, for messages
     space: str = ""  # lps: a patient's, in mm, whose left, back and head x, y and z point to
-    thickness: float = 0.0  # scene units that opacities hold for; 0: cube root of a voxel's volume
-    scale: str = ""  # that values are on, see `looks.scales`; empty: they are what was measured
+    thickness: float = 0.0  # scene units that opacities refer to; 0: cube root of a voxel's volume
+    scale: str = ""  # scale of the values, see `looks.scales`; empty: linear, as measured
 
 
 class Recording(NamedTuple):
-    """All that a file holds: volumes of one lattice, of several times or channels."""
+    """All content of a file: volumes of one lattice, for several times or channels."""
 
     values: NDArray[Any]  # (T, C, Z, Y, X), each volume as `Volume` has it
     spacing: Doubles  # (3,) x, y, z; as of `Volume`, and so on

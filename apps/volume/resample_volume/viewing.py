@@ -1,4 +1,4 @@
-"""Volumes in a page: what `resample-volume view` shows, and `picture` makes without a page."""
+"""Interactive page of a volume: `resample-volume view`, and `picture` without a page."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -47,19 +47,19 @@ if TYPE_CHECKING:
     from resample.cameras.models import AnyCamera
     from resample_volume.showing.beside import VtkBeside
 
-VTK = "VTK"  # what can paint the same
+VTK = "VTK"  # other renderers of the same
 COMMAND, FILM = "resample-volume render", "resample-volume animate"
-FILMED, RATE = ".mp4", 24.0  # what the command writes, frames per second
+FILMED, RATE = ".mp4", 24.0  # as the command writes, frames per second
 NAMED = {"order": "orders", "filter": "filters", "kernel": "reconstructions"}  # plugins of options
 SHOWN = (Look, Resampling, Beside, PictureFormat)  # models of options that a page changes
 LEFT_OUT = (
     *("reader", "shape", "dtype", "endian", "spacing", "level", "units", "time"),
     *("channel", "channels", "scale", "size", "bits", "color-bar", "deep", "zoom-in"),
 )
-STILL, STEERED = Look(), ("camera", "fov", "up", "fit")  # what moves a camera alone
+STILL, STEERED = Look(), ("camera", "fov", "up", "fit")  # options that only move the camera
 BINS = 256
-LITTLE = 16  # voxels and px of a side, of pictures that have kernels compiled
-KINDS: Sequence[Settings] = (  # that have kernels of their own
+LITTLE = 16  # voxels and px per side of pictures that warm up kernels
+KINDS: Sequence[Settings] = (  # with kernels of their own
     {"classify": "pre"},  # also of previews
     {"projection": "maximum"},
     {"projection": "average"},
@@ -69,7 +69,7 @@ LOOKS = 2  # that are compared
 
 
 class _Wish(NamedTuple):
-    """What options ask for."""
+    """A request, parsed from options."""
 
     look: Look
     appearance: Appearance
@@ -93,15 +93,15 @@ class VolumePainter:
     _resamplers: dict[Resampler, Resampler] = field(default_factory=dict)  # which keep tables
 
     _found: Kept = field(default_factory=dict)
-    _looks: dict[Any, Appearance] = field(default_factory=dict)  # what was asked for last
-    _picks: tuple[Picked, ...] = ()  # the last ones, of which the next is measured
+    _looks: dict[Any, Appearance] = field(default_factory=dict)  # the last request
+    _picks: tuple[Picked, ...] = ()  # the last picks, from which the next is measured
     _vtk: "VtkBeside | None" = None
 
     def __post_init__(self) -> None:
         self._scene = Scene(self.volume)
 
     def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> Painting:
-        """Picture of these options, see `resample.view.views.Painter`."""
+        """Render with these options, see `resample.view.views.Painter`."""
         wish = self._wish(settings)
         quality: Quality = "preview" if quick else "final"
         frame = self._frame(wish, size, ".png", quality, cancel)
@@ -109,7 +109,7 @@ class VolumePainter:
         return Painting(levels, quick, {"view": self._view(wish, size, quality)})
 
     def _view(self, wish: _Wish, size: Size, quality: Quality) -> dict[str, Any]:
-        """How places around the volume's middle, scene units, come to a picture's pixels."""
+        """Return the projection from points around the volume's center, scene units, to pixels."""
         camera, volume = self._standing(wish, size, quality)
         view, middle = camera.view(), centered(volume)[1]
         return {
@@ -122,7 +122,7 @@ class VolumePainter:
         }
 
     def check(self, settings: Settings) -> None:
-        """Refuse options that are not allowed; errors as of `frame`."""
+        """Reject options that are not allowed; errors as of `frame`."""
         self._wish(settings).look.viewpoint()
 
     def save(self, settings: Settings, size: Size, path: Path) -> None:
@@ -132,7 +132,7 @@ class VolumePainter:
         write_frame(path, frame, 8, wish.picture.behind(path.suffix))
 
     def frame(self, settings: Settings, size: Size) -> Frame:
-        """Picture as the command writes it to a PNG, but for what is behind it.
+        """Render as the command does for a PNG, but without background.
 
         Raises
         ------
@@ -149,7 +149,7 @@ class VolumePainter:
         quality: Quality = "final",
         cancel: Cancel | None = None,
     ) -> Frame:
-        """Picture that goes to a file of a suffix."""
+        """Render the picture for a file of this suffix."""
         view = wish.look.viewpoint()
         choices: dict[str, Any] = {"resampler": wish.resampler, "fit": wish.look.fit}
         frame = self._scene.render(
@@ -162,7 +162,7 @@ class VolumePainter:
         return annotated(frame, camera, volume, marks)
 
     def beside(self, rival: str, settings: Settings, size: Size) -> Painting:
-        """Picture of VTK, see `resample.view.views.Comparing`."""
+        """Render with VTK, see `resample.view.views.Comparing`."""
         from resample_volume.showing.beside import VtkBeside
 
         if rival != VTK:
@@ -174,7 +174,7 @@ class VolumePainter:
         return Painting(screen_levels(light, background=wish.picture.behind(".png")), False)
 
     def keyframes(self, cameras: Sequence[str], settings: Settings) -> str:
-        """File of cameras around the volume, see `resample.view.views.Filming`."""
+        """Return a file of cameras around the volume, see `resample.view.views.Filming`."""
         return keyframes_as_toml(cameras, settings)
 
     def film(
@@ -197,7 +197,7 @@ class VolumePainter:
     def _standing(
         self, wish: _Wish, size: Size, quality: Quality = "final"
     ) -> "tuple[AnyCamera, Volume]":
-        """Camera, and the volume before it."""
+        """Return the camera and the volume placed before it."""
         return self._scene.standing(
             *(wish.appearance, wish.look.viewpoint()),
             size=size,
@@ -207,10 +207,10 @@ class VolumePainter:
         )
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
-        """Voxel that is seen at a place, see `resample.view.views.Painter`.
+        """Return the voxel visible at a point, see `resample.view.views.Painter`.
 
-        How far it is from the last one, and the angle there to the one before, are told, too;
-        beside the volume that begins anew.
+        Also tells the distance from the last pick and the angle at that to the one before; a pick
+        beside the volume resets this.
         """
         wish = self._wish(settings)
         found = self._scene.pick(
@@ -250,7 +250,7 @@ class VolumePainter:
         return _Wish(look, appearance, resampler, beside, picture)
 
     def _appearance(self, look: Look, resampler: Resampler, beside: Beside) -> Appearance:
-        """Look of the voxels, found once while only the camera moves."""
+        """Return the look of the voxels, cached while only the camera moves."""
         still = {name: getattr(STILL, name) for name in STEERED}
         key = look.model_copy(update=still), resampler, beside.mesh, beside.plane, beside.surface
         appearance = self._looks.get(key)
@@ -265,7 +265,7 @@ class VolumePainter:
 
 @dataclass
 class VolumeView:
-    """A volume that is looked at in pages.
+    """A volume that pages show.
 
     Parameters
     ----------
@@ -291,7 +291,7 @@ class VolumeView:
 
     @cached_property
     def about(self) -> dict[str, Any]:
-        """What a page has to know, see `resample.view.views.View`."""
+        """Return the facts that a page needs, see `resample.view.views.View`."""
         known = survey(self.volume)
         size = self.volume.values.shape[::-1]
         return {
@@ -322,11 +322,11 @@ class VolumeView:
         self.painter().check(self.about["settings"] if settings is None else settings)
 
     def painter(self) -> VolumePainter:
-        """What paints for a page that has been opened."""
+        """Return the painter of a new page."""
         return VolumePainter(self.volume)
 
     def warm(self) -> Iterator[None]:
-        """Paint a little volume of this one's type in all ways, see `views.Warming`."""
+        """Paint a small volume of this type in all ways, see `views.Warming`."""
         values = np.resize(np.arange(LITTLE), (LITTLE,) * 3).astype(self.volume.values.dtype)
         painter = VolumePainter(self.volume._replace(values=values))
         for kind in KINDS:
@@ -334,12 +334,12 @@ class VolumeView:
             yield
 
     def save(self, settings: Settings, size: Size, suffix: str) -> bytes:
-        """File that the command would write."""
+        """Return the file that the command would write."""
         return file_of(partial(self.painter().save, settings, size), suffix)
 
 
 def _measured(picks: Sequence[Picked], volume: Volume) -> dict[str, str]:
-    """What the last two or three voxels that were picked tell of lengths and angles."""
+    """Return the length and angle between the last two or three picked voxels."""
     if len(picks) < 2:
         return {}
     length = measure(*picks[-2:], volume=volume)
@@ -350,14 +350,14 @@ def _measured(picks: Sequence[Picked], volume: Volume) -> dict[str, str]:
 
 
 def _absence() -> str:
-    """Why VTK cannot be compared with; nothing where it can."""
+    """Return why VTK is not available for comparison; empty if it is."""
     if find_spec("vtkmodules") is not None:
         return ""
     return "VTK is not installed: pip install 'hybrid-resample[peers]'"
 
 
 def suits(names: Sequence[str]) -> bool:
-    """Whether these are one volume: a file, a folder or a generated one."""
+    """Return whether these name one volume: a file, a folder or a generated one."""
     if len(names) != 1:
         return False
     (name,) = names
@@ -373,7 +373,7 @@ def suits(names: Sequence[str]) -> bool:
 
 
 def picture(volume: str, settings: Mapping[str, Any]) -> Frame:
-    """Picture that `resample-volume render` makes of a volume with these options.
+    """Render a volume with the options of `resample-volume render`.
 
     Parameters
     ----------
@@ -401,7 +401,7 @@ def picture(volume: str, settings: Mapping[str, Any]) -> Frame:
 
 
 def _histogram(volume: Volume, span: tuple[float, float]) -> dict[str, Any]:
-    """How often values of the robust range occur."""
+    """Return the histogram of values in the robust range."""
     low, high = span
     values = np.asarray(volume.values)
     count, _ = np.histogram(values[np.isfinite(values)], BINS, (low, max(high, low + 1e-30)))

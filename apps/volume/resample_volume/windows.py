@@ -1,4 +1,4 @@
-"""Pictures of volumes in bricks, window by window: by this process, or by several."""
+"""Paint volumes in bricks window by window, in this process or in several."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -41,7 +41,7 @@ from resample_volume.voxels.visible import Voxels, lattice_of
 
 
 class Spent(NamedTuple):
-    """What painting in windows may take, and who does it.
+    """Memory budget and executor for painting in windows.
 
     Examples
     --------
@@ -52,18 +52,18 @@ class Spent(NamedTuple):
 
     memory: int  # bytes that the voxels and bricks of a window may take, in each process
     threads: int | None = None  # of each process; None: all
-    folder: Path | None = None  # windows are written there by whoever paints them
+    folder: Path | None = None  # folder that windows are written to
     executor: Executor | None = None  # of threads or processes; None: this one
 
 
 class Sighting(NamedTuple):
-    """How a picture sees its volumes."""
+    """Camera, light and clipping that windows of a picture share."""
 
     look: Appearance  # of the first, whose light is that of all
     camera: AnyCamera
     clip: Doubles  # (M, 4) planes
     cue: tuple[float, float]  # depths between which light fades, scene units
-    reaching: Reaching | None = None  # where not all light gets to all voxels
+    reaching: Reaching | None = None  # if voxels are shadowed
 
 
 def render_in_windows(
@@ -75,37 +75,37 @@ def render_in_windows(
     resampler: Resampler | None = None,
     progress: Progress | None = None,
 ) -> tuple[Frame, int]:
-    """Picture of a volume in bricks, of which one window's voxels are in memory at a time.
+    """Render a volume in bricks, with one window's voxels in memory at a time.
 
     Parameters
     ----------
     volume
-        Whose values are `Bricks`, without padding.
+        Its values are `Bricks`, without padding.
     appearance
-        Its look, without what depends on all voxels that are seen.
+        Its look, without options that need all visible voxels together.
     viewpoint
-        Orbits are around the whole volume, whatever of it is seen.
+        Orbits go around the whole volume, not around its visible part.
     size
         Height and width of the picture, px.
     spent
-        How much memory a process may take, and who paints windows.
+        Memory limit of each process, and who paints windows.
     resampler
-        Paints splats of voxels; None is the default one.
+        Paints splats of voxels; None: the default one.
     progress
-        Called with the share of the work that is done, 0 to 1.
+        Called with the fraction of the work done, 0 to 1.
 
     Returns
     -------
     frame
-        With the bits of a volume in memory, whoever painted it; of its statistics the samples alone
-        are known.
+        Bit-identical to the frame of a volume in memory; its statistics hold only the number of
+        samples.
     windows
-        How many there were.
+        Number of windows.
 
     Raises
     ------
     ValueError
-        A choice needs all visible voxels together, or those of a single tile do not fit.
+        A choice needs all visible voxels together, or those of a single tile do not fit in memory.
     OSError
         Windows cannot be written or read.
     """
@@ -125,7 +125,7 @@ def paint_in_windows(
     resampler: Resampler | None = None,
     progress: Progress | None = None,
 ) -> tuple[Frame, int]:
-    """As `render_in_windows`, by a camera of the volume's `unseen` subject."""
+    """Do as `render_in_windows`, with a camera of the volume's `unseen` subject."""
     media = [(volume, appearance)]
     return paint_unseen(media, unseen_together(media), camera, size, spent, resampler, progress)
 
@@ -139,7 +139,7 @@ def paint_unseen(
     resampler: Resampler | None = None,
     progress: Progress | None = None,
 ) -> tuple[Frame, int]:
-    """As `render_in_windows`, of one volume or of several that are seen together.
+    """Do as `render_in_windows`, for one volume or several in one scene.
 
     Parameters
     ----------
@@ -197,7 +197,7 @@ def _reaching(
     spent: Spent,
     looking: Looking,
 ) -> Reaching | None:
-    """Light that gets to voxels past others, if that is not all; found once."""
+    """Return the light that reaches voxels, if any are shadowed; cached."""
     light = look.light
     if light is None or not light.is_blocked:
         return None
@@ -211,7 +211,7 @@ def _reaching(
 
 
 def _outline(seen: ToSee, dense: Dense, looking: Looking) -> Outline:
-    """Where voxels are seen; found once, and pictures do with it, too."""
+    """Return where voxels are visible; cached, and reused for pictures."""
     found = known_of(seen.volume, ("outline", dense.kind), lambda: outlined(seen, looking))
     if found.total:
         keep_looked_at(seen.volume, dense.kind, found.looked)
@@ -219,7 +219,7 @@ def _outline(seen: ToSee, dense: Dense, looking: Looking) -> Outline:
 
 
 def _lit(shown: Sighting, place: Indices, voxels: Voxels | Mixed, steeps: Steeps) -> Samples:
-    """Voxels with their light, of which all together have these gradients."""
+    """Return shaded voxels, given the steepest gradient of all."""
     look, camera, clip, (near, far), reaching = shown
     lit, parts = [], voxels.parts
     if reaching is not None:
@@ -240,11 +240,11 @@ def _lit(shown: Sighting, place: Indices, voxels: Voxels | Mixed, steeps: Steeps
 
 
 def _unheard(share: float) -> None:
-    """Progress that nobody wants to know."""
+    """Ignore progress."""
 
 
 def unseen(volume: Volume, appearance: Appearance) -> Subject:
-    """As `unseen_together`, of a single volume."""
+    """Do as `unseen_together`, for a single volume."""
     return unseen_together([(volume, appearance)])
 
 
@@ -255,17 +255,16 @@ def unseen_together(
     spent: Spent | None = None,
     progress: Progress | None = None,
 ) -> Subject:
-    """Volumes in bricks of which nothing is in memory: where they are, and cameras around them.
+    """Return the subject of volumes in bricks without voxels: it places cameras only.
 
     Parameters
     ----------
     media
         Volumes, each with its look.
     fit
-        Cameras are placed around all of the volumes, or around what is visible, for which all
-        voxels are looked at.
+        Cameras orbit all of the volumes, or what is visible, which needs a scan of all voxels.
     resampler, spent, progress
-        As of `render_in_windows`: who looks at them, and how much memory that may take.
+        As of `render_in_windows`, for that scan.
 
     Raises
     ------
@@ -300,17 +299,17 @@ def unseen_together(
 
 
 def _noted(media: Sequence[Medium]) -> int:
-    """Bytes of what is known of all values of volumes."""
+    """Return the bytes of the statistics of volumes."""
     return sum(bricks.noted for bricks in _bricks_of(media))
 
 
 def _shelve(media: Sequence[Medium], spent: Spent) -> None:
-    """Let volumes keep bricks that are read first, in a share of what a process may take."""
+    """Let volumes pin the bricks read first, in a share of a process's memory budget."""
     for bricks in _bricks_of(media):
         bricks.shelve(spent.memory // SHARE // len(media))
 
 
 def _bricks_of(media: Sequence[Medium]) -> list[Bricks]:
-    """Values of those volumes that are in bricks."""
+    """Return the values of those volumes that are in bricks."""
     values: list[Any] = [volume.values for volume, _ in media]
     return [bricks for bricks in values if isinstance(bricks, Bricks)]

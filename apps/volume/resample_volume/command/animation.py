@@ -1,6 +1,6 @@
-"""A camera that moves around a volume, or away from it, frame by frame.
+"""Camera paths around a volume, or away from it, frame by frame.
 
-The paper's movies (section 5), as the words that `resample-volume` makes them of; `fetch aneurism`
+The paper's movies (section 5) as commands of `resample-volume`; `fetch aneurism`
 downloads the second volume::
 
     CheckerBox          animate checker-box --path orbit -o CheckerBox.mp4
@@ -40,27 +40,27 @@ from resample_volume.types import Volume
 
 PATHS = ("orbit", "zoom", "threshold", "still")
 FRAMES = 96
-FARTHER = 16.0  # times as far at the end of `zoom` as at its start
+FARTHER = 16.0  # distance at the end of `zoom` over that at its start
 SPLATS, POINTS = 2.0, 0.03  # px between neighbouring voxels at the ends of `threshold`
 
 
 @dataclass(frozen=True)
 class Flight:
-    """A path that starts at a camera around the volume and looks at the middle all the time.
+    """A path that starts at an orbit of the volume and keeps looking at its center.
 
     Parameters
     ----------
     path
-        `orbit`: once around at the start's elevation; the frame after the last is the first.
-        `zoom`: away, until everything is a sixteenth as large.
-        `threshold`: away, at zooms of its own: from voxels 2 px apart, which all are splats, to
-        voxels 0.03 px apart, which all are points, under the paper's threshold as under ours.
-        Both go away by the same factor from frame to frame.
-        `still`: none; for what changes itself.
+        `orbit`: once around at the start's elevation; the film loops without a seam.
+        `zoom`: away, until everything appears at 1/16 of its size.
+        `threshold`: away, at its own zooms: from voxels 2 px apart, all of which are splats, to
+        voxels 0.03 px apart, all of which are points, by the paper's threshold and by ours. Both go
+        away by the same factor from frame to frame. `still`: no motion; for volumes that change
+        over time.
     frames
-        How many, 1 to `resample.files.animations.MOST_FRAMES`.
+        Number of frames, 1 to `resample.files.animations.MOST_FRAMES`.
     start
-        AnyCamera of the first frame, but for the zoom of `threshold`.
+        Camera of the first frame, except for the zoom of `threshold`.
 
     Raises
     ------
@@ -81,17 +81,17 @@ class Flight:
         check_count(self.frames)
 
     def viewpoints(self, spacing: float) -> list[Viewpoint]:
-        """Viewpoint of each frame.
+        """Return the viewpoint of each frame.
 
         Parameters
         ----------
         spacing
-            Between neighbouring voxels in the middle of the volume at zoom 1, px.
+            Distance of neighbouring voxels at the center of the volume at zoom 1, px.
 
         Raises
         ------
         ValueError
-            Voxels are so small or large that a zoom would be beyond what `Orbit` allows.
+            The voxels are so small or large that a zoom would exceed what `Orbit` allows.
         """
         start = self.start
         if self.path == "orbit":
@@ -113,29 +113,29 @@ class Tour(NamedTuple):
     frames: int
 
     def viewpoints(self, _spacing: float) -> list[Viewpoint]:
-        """Viewpoint of each frame, however large voxels are."""
+        """Return the viewpoint of each frame, for voxels of any size."""
         return self.keyframes.between(self.frames)
 
 
 def flight_of(path: str, frames: int | None, fps: float, start: Viewpoint) -> Flight | Tour:
-    """Path of a name or a file; nothing of the volume need be known yet.
+    """Return the path given by a name or a file; it does not depend on the volume.
 
     Parameters
     ----------
     path
         One of `PATHS`, or a file as `resample.cameras.keyframes.keyframes_of` takes it.
     frames
-        How many; None are `FRAMES`, or as many as the keyframes' times ask for, in seconds.
+        Number of frames; None: `FRAMES`, or as the keyframes' times in seconds require.
     fps
         Frames per second.
     start
-        Where the path starts, unless it has keyframes.
+        Start of the path, unless it has keyframes.
 
     Raises
     ------
     ValueError
-        The path is unknown, the file's content is none, there are too few or too many frames, or
-        the start is no camera around the volume.
+        The path is unknown, the file holds no path, there are too few or too many frames, or the
+        start is not an orbit of the volume.
     OSError
         The file cannot be read.
     """
@@ -151,7 +151,7 @@ def flight_of(path: str, frames: int | None, fps: float, start: Viewpoint) -> Fl
 
 
 def _tour(path: Path, frames: int | None, fps: float, fov: float) -> Tour:
-    """Path through the keyframes of a file, all of whose frames can be seen."""
+    """Return the path through a file's keyframes, all of whose frames can be rendered."""
     keyframes = keyframes_of(path, fov)
     complaint = left_out_of(path)
     if complaint is not None:
@@ -167,25 +167,25 @@ def _tour(path: Path, frames: int | None, fps: float, fov: float) -> Tour:
 
 
 def over_time(flight: Flight | Tour, frames: int | None, times: int) -> Flight | Tour:
-    """Flight that takes as many frames as there are times, where no number is given."""
+    """Return the flight with one frame per time, unless a number of frames was given."""
     if frames is not None or isinstance(flight, Tour):
         return flight
     return replace(flight, frames=times)
 
 
 class Course:
-    """What is seen at each time, all times framed alike.
+    """The subject at each time, all times framed alike.
 
     Parameters
     ----------
     times
-        How many.
+        Number of times.
     subject
-        What is seen at one of them.
+        Prepares one time.
     progress
-        Told the share of the times that were looked at.
+        Called with the fraction of times scanned, 0 to 1.
     sphere
-        Around all that is seen, where that is known.
+        Bounding sphere of everything visible, if known.
     """
 
     def __init__(
@@ -201,7 +201,7 @@ class Course:
         self.sphere = around(self._looked_at(progress)) if sphere is None else sphere
 
     def __getitem__(self, time: int) -> Subject:
-        """What is seen at a time; the one that was asked for last is kept."""
+        """Return the subject of a time; the last one is cached."""
         if self._last is None or self._last[0] != time:
             self._last = None  # two of them need not fit in memory
             self._last = time, replace(self._subject(time), sphere=self.sphere)
@@ -217,14 +217,14 @@ class Course:
 
 
 def cameras_of(subject: Subject, flight: Flight | Tour, size: tuple[int, int]) -> list[AnyCamera]:
-    """Cameras of all frames (height, width) of a flight, which all look around one sphere."""
+    """Return the cameras of a flight's frames (height, width), all around one sphere."""
     viewpoints = flight.viewpoints(_spacing(subject, flight, size))
     return [subject.camera(viewpoint, *size) for viewpoint in viewpoints]
 
 
 @dataclass(frozen=True)
 class Paint:
-    """How frames are made, and what is behind the volume."""
+    """How frames are painted, and their background."""
 
     resampler: Resampler = BY_DEFAULT
     size: tuple[int, int] = (400, 400)  # height and width, px
@@ -234,14 +234,14 @@ class Paint:
 
 
 class Drawing(NamedTuple):
-    """What is drawn into frames."""
+    """Annotations drawn into frames."""
 
     volume: Volume  # around the scene's origin
     given: Annotations
 
 
 def drawing(volume: Volume, subject: Subject, given: Annotations) -> Drawing | None:
-    """What is drawn into frames of a volume, if anything."""
+    """Return the annotations of a volume's frames, if any."""
     return Drawing(subject.placed(volume), given) if given.is_any else None
 
 
@@ -251,19 +251,19 @@ def shots(
     paint: Paint,
     about: Mapping[str, Any] | None = None,
 ) -> Shots:
-    """Frames of a volume.
+    """Return the frames of a volume.
 
     Parameters
     ----------
     subject
-        What is seen.
+        Prepared volume.
     cameras
-        One for each frame; see `cameras_of`.
+        One per frame; see `cameras_of`.
     paint
         How.
     about
-        Names of the above for the message that frames are of another animation, as JSON holds
-        them: the volume's, the path's.
+        Names of volume and path as JSON values, for the message that existing frames belong to
+        another animation.
     """
     job = _job(subject, {}, cameras, paint, about)
     return Shots(len(cameras), lambda n: frame(subject, cameras[n], paint), job)
@@ -276,7 +276,7 @@ def shots_over_time(
     made: Frames,
     about: Mapping[str, Any] | None = None,
 ) -> Shots:
-    """Frames of a volume that changes, which are made by their number; see `shots`."""
+    """Return the frames of a volume that changes over time; see `shots`."""
     job = _job(course[0], {"times": course.marks}, cameras, paint, about)
     return Shots(len(cameras), made, job)
 
@@ -288,7 +288,7 @@ def _job(
     paint: Paint,
     about: Mapping[str, Any] | None,
 ) -> dict[str, Any]:
-    """What frames depend on."""
+    """Return everything that frames depend on."""
     return {
         **(about or {}),
         "size": list(paint.size),
@@ -303,7 +303,7 @@ def _job(
 
 
 def frame(subject: Subject, camera: AnyCamera, paint: Paint) -> Levels:
-    """Frame (H, W, 3) as a screen takes it."""
+    """Paint one frame (H, W, 3), sRGB-encoded."""
     height, width = paint.size
     painted = subject.painter(paint.resampler)(
         subject.seen_by(camera),
@@ -317,7 +317,7 @@ def frame(subject: Subject, camera: AnyCamera, paint: Paint) -> Levels:
 
 
 def finished(painted: Frame, camera: AnyCamera, paint: Paint) -> Levels:
-    """Frame (H, W, 3) as a screen takes it, with what is drawn into it."""
+    """Return the frame (H, W, 3), sRGB-encoded, with its annotations."""
     if paint.drawing is not None:
         painted = annotated(painted, camera, *paint.drawing)
     levels: Levels = np.floor(shown(painted.rgba, paint.background) * 255.0 + 0.5).astype(np.uint8)
@@ -325,7 +325,7 @@ def finished(painted: Frame, camera: AnyCamera, paint: Paint) -> Levels:
 
 
 def _spacing(subject: Subject, flight: Flight | Tour, size: tuple[int, int]) -> float:
-    """Between neighbouring voxels in the middle at zoom 1, px."""
+    """Distance of neighbouring voxels at the center at zoom 1, px."""
     start = flight.start if isinstance(flight, Flight) else Orbit()
     view = replace(start, zoom=1.0).around(subject.sphere, *size).view()
     depth = (view.rotation @ subject.sphere.center + view.translation)[2]
@@ -334,12 +334,12 @@ def _spacing(subject: Subject, flight: Flight | Tour, size: tuple[int, int]) -> 
 
 
 def _numbers(camera: AnyCamera) -> Doubles:
-    """Everything that tells a camera from others."""
+    """Return all numbers that identify a camera."""
     return np.concatenate([np.ravel(part) for part in camera.view()])
 
 
 def around(subjects: Iterable[Subject]) -> Sphere:
-    """Ball around all that is seen of some subjects, where anything is."""
+    """Return the bounding sphere of everything visible in some subjects, if anything is."""
     spheres: list[Sphere] = []
     empty: list[Sphere] = []
     for subject in subjects:

@@ -1,4 +1,4 @@
-"""What the command line lets a user choose about a volume and its look; no numerics in here."""
+"""Options of the command line for a volume and its look."""
 
 import math
 from dataclasses import replace
@@ -36,26 +36,32 @@ Lit = under(LIGHT)
 
 
 class Source(Choices):
-    """What is read, where the file alone does not say it."""
+    """How the input is read, where the file alone does not tell."""
 
     heading: ClassVar[str] = "Input"
     about: ClassVar[About] = About.LOOK
 
     reader: Annotated[
-        str | None, Field(description="Reader by name, such as raw:offset=512. By suffix.")
+        str | None,
+        Field(description="Name of the reader, such as raw:offset=512. Default: by suffix."),
     ] = None
     shape: Annotated[
-        str | None, Field(description="Voxels of a raw file along x, y, z, and times: 256x256x128.")
+        str | None,
+        Field(
+            description="Size of a raw file's grid along x, y, z, and number of times: 256x256x128."
+        ),
     ] = None
     dtype: Annotated[
-        str | None, Field(description="Type of a raw file: uint8, int16, or >i2 for big-endian...")
+        str | None, Field(description="Data type of a raw file: uint8, int16, >i2 (big-endian) ...")
     ] = None
     endian: Annotated[
         Literal["little", "big"] | None,
-        Field(description="Order of a raw file's bytes. Little."),
+        Field(description="Byte order of a raw file. Default: little."),
     ] = None
     spacing: Annotated[
-        str | None, Hyphen, Field(description="Distances between voxels: 1x1x1.4. From the file.")
+        str | None,
+        Hyphen,
+        Field(description="Distances between voxels: 1x1x1.4. Default: as the file says."),
     ] = None
     memory: Annotated[
         str | None,
@@ -69,40 +75,41 @@ class Source(Choices):
         int | None,
         Field(
             ge=0,
-            description="Level of detail; 0 is the finest. Of an OME-Zarr that has several sizes, "
-            "see info.",
+            description="Level of detail; 0 is the finest. Of a multiscale OME-Zarr, see info.",
         ),
     ] = None
     units: Annotated[
         Literal["hu", "hu+1024", "none"] | None,
         Field(
-            description="What values are: Hounsfield units, these as stored with 1024 added, or "
-            "none of them. As the file says, or as the values look."
+            description="Units of the values: Hounsfield units, these plus 1024, or others. "
+            "Default: as the file says, or guessed from the values."
         ),
     ] = None
 
     scale: Annotated[
         str,
         Field(
-            description="Show values, or their logarithms: linear, log, or symlog:linear=0.01, "
-            "which is linear up to there at either side of 0. Looks and windows are in the "
+            description="Scale on which values are shown: linear, log, or symlog:linear=0.01, "
+            "which is linear from -0.01 to 0.01. Transfer functions and windows stay in the "
             "values' own units."
         ),
     ] = "linear"
     time: Annotated[
         int | None,
         Hyphen,
-        Field(description="One of the times that a file holds, from 0 on; -1 is the last."),
+        Field(description="Index of the time, from 0; -1 is the last."),
     ] = None
     channel: Annotated[
         int | None,
         Hyphen,
-        Field(description="One of the channels that a file holds, from 0 on; else its colors."),
+        Field(
+            description="Index of the channel, from 0. Default: the file's colors, if it has them."
+        ),
     ] = None
 
 
 class Added(Choices):
-    """What is shown in the same scene."""
+    """Further volumes in the scene."""
 
     heading: ClassVar[str] = "Further volumes"
     about: ClassVar[About] = About.LOOK
@@ -112,23 +119,24 @@ class Added(Choices):
         About.SOURCE,
         Several,
         Field(
-            description="Another volume in the same scene, where its file says it is: pet.nrrd, "
-            "or pet.nrrd:window=5/10,transfer=hot:opacity=0.3; of time, channel, level, units, "
-            "spacing, window and, last, transfer. Where volumes overlap, extinctions add up."
+            description="Another volume in the scene, placed by its file: pet.nrrd, or "
+            "pet.nrrd:window=5/10,transfer=hot:opacity=0.3. Settings: time, channel, level, "
+            "units, spacing, window and, last, transfer. Where volumes overlap, extinctions add "
+            "up."
         ),
     ] = ()
     channels: Annotated[
         str | None,
         TRANSFER,
         Field(
-            description="What each channel of the file looks like: red,#00ff80,none or "
-            "gray,300..900,auto:opacity=0.2; a color, what transfer takes, or none."
+            description="Look of each channel of the file: a color, a transfer function or none "
+            "(hidden), such as red,#00ff80,none or gray,300..900,auto:opacity=0.2."
         ),
     ] = None
 
 
 class Look(Choices):
-    """What voxels look like and from where."""
+    """Appearance of voxels, and the viewpoint."""
 
     heading: ClassVar[str] = "Look"
     about: ClassVar[About] = About.LOOK
@@ -138,22 +146,22 @@ class Look(Choices):
         TRANSFER,
         Hyphen,
         Field(
-            description="Transfer function: auto, which looks at the values; "
-            f"{', '.join(PRESETS)}; for CT {', '.join(TISSUES)}; a matplotlib colormap; a range of "
-            "values such as 300..900; points of value, color and opacity such as "
-            "40/red/0,90/white/0.5; or a .json or .toml file of points over values, or of "
-            "regions over values and gradients. After a name :opacity=0.2,low=0.3 thins it, "
-            "color=tomato colors it, gradient=0.1/0.5 keeps its surfaces. Several materials: "
-            "skin:opacity=0.1+bone."
+            description="Transfer function: auto, which adapts to the values; "
+            f"{', '.join(PRESETS)}; for CT {', '.join(TISSUES)}; a matplotlib colormap; a range "
+            "of values such as 300..900; control points value/color/opacity such as "
+            "40/red/0,90/white/0.5; or a .json or .toml file of control points over values, or "
+            "of regions over values and gradients. After a name, :opacity=0.2,low=0.3 makes it "
+            "thinner, color=tomato colors it, gradient=0.1/0.5 keeps only its surfaces. Several "
+            "materials: skin:opacity=0.1+bone."
         ),
     ] = "auto"
     window: Annotated[
         str | None,
         Hyphen,
         Field(
-            description="Center and width of the values that auto, gray, bone, vessels, surfaces "
-            "and colormaps are spread over, or the ends of these: 40/400, -160..240; of an X-ray, "
-            "its line integrals. The range without padding and strays."
+            description="Window of values that auto, gray, bone, vessels, surfaces and colormaps "
+            "span, as center/width or low..high: 40/400, -160..240; for X-rays, of line "
+            "integrals. Default: the range without padding and outliers."
         ),
     ] = None
     opacity_unit: Annotated[
@@ -161,7 +169,7 @@ class Look(Choices):
         Field(
             gt=0,
             allow_inf_nan=False,
-            description="Length in scene units over which opacities hold. A voxel's size.",
+            description="Length in scene units to which opacities refer. Default: a voxel's size.",
         ),
     ] = None
     camera: Viewed = "30/20/1"
@@ -170,11 +178,11 @@ class Look(Choices):
     fit: Annotated[
         Literal["visible", "volume"],
         under(CAMERA),
-        Field(description="Angles are around what is visible, or the volume whatever is."),
+        Field(description="Orbit around what is visible, or around the whole volume."),
     ] = "visible"
-    shading: Annotated[bool, Lit, Field(description="Light surfaces: from where light says.")] = (
-        True
-    )
+    shading: Annotated[
+        bool, Lit, Field(description="Light surfaces: by the light that --light gives.")
+    ] = True
     light: Annotated[
         str,
         Hyphen,
@@ -182,34 +190,37 @@ class Look(Choices):
         Field(description="Where light comes from: eye, or a scene direction such as 1/-1/2."),
     ] = "eye"
     ambient: Annotated[
-        float, Lit, Field(ge=0, allow_inf_nan=False, description="Light that is everywhere.")
+        float, Lit, Field(ge=0, allow_inf_nan=False, description="Ambient light.")
     ] = 0.3
     diffuse: Annotated[
-        float, Lit, Field(ge=0, allow_inf_nan=False, description="Light by its angle to surfaces.")
+        float, Lit, Field(ge=0, allow_inf_nan=False, description="Diffuse light.")
     ] = 0.7
     specular: Annotated[
         float,
         Lit,
-        Field(ge=0, allow_inf_nan=False, description="Strength of the white highlights."),
+        Field(ge=0, allow_inf_nan=False, description="Strength of specular highlights."),
     ] = 0.2
     shininess: Annotated[
         float,
         Lit,
-        Field(gt=0, allow_inf_nan=False, description="The greater, the smaller highlights."),
+        Field(
+            gt=0,
+            allow_inf_nan=False,
+            description="Specular exponent: the greater, the smaller the highlights.",
+        ),
     ] = 32.0
-    shadows: Annotated[
-        bool, Lit, Field(description="What lies toward the light takes of it; light must be given.")
-    ] = False
+    shadows: Annotated[bool, Lit, Field(description="Cast shadows; needs --light.")] = False
     ambient_occlusion: Annotated[
-        bool, Lit, Field(description="Ambient light is less where much is near.")
+        bool, Lit, Field(description="Dim ambient light where the surroundings are dense.")
     ] = False
     gradient: Annotated[
-        Literal["central", "sobel"], Field(description="How surfaces' normals are found.")
+        Literal["central", "sobel"],
+        Field(description="How gradients, and so normals, are computed."),
     ] = "central"
     gradient_opacity: Annotated[
         str | None,
         Field(
-            description="Fade even regions: opacity rises between these fractions of the "
+            description="Fade homogeneous regions: opacity rises between these fractions of the "
             "steepest gradient, such as 0.1/0.5."
         ),
     ] = None
@@ -217,38 +228,40 @@ class Look(Choices):
     classify: Annotated[
         Literal["auto", "pre", "post"],
         Field(
-            description="Pre: voxels get colors, which are reconstructed. Post: the values are "
-            "reconstructed and get colors then, which is sharper. Auto: post along rays; pre if a "
-            "method is given, for several volumes and for what memory does not hold as a field."
+            description="Pre: classify voxels, then interpolate colors. Post: interpolate "
+            "values, then classify, which is sharper. Auto: post along rays; pre if a method is "
+            "given, for several volumes, and for volumes that do not fit in memory as a field."
         ),
     ] = "auto"
     labels: Annotated[
         str | None,
         About.SOURCE,
-        Field(description="Volume of whole numbers, a label for each voxel."),
+        Field(description="Volume of integers: the label of each voxel."),
     ] = None
     label: Annotated[
         tuple[str, ...],
         Several,
-        Field(description="What a label looks like: 1:color=tomato,opacity=0.5 or 2:hidden."),
+        Field(description="Look of a label: 1:color=tomato,opacity=0.5 or 2:hidden."),
     ] = ()
     crop: Annotated[
-        str | None, Hyphen, Field(description="Ranges of voxels along x, y, z: 64:192,:,10:")
+        str | None,
+        Hyphen,
+        Field(description="Crop to ranges of voxels along x, y, z: 64:192,:,10:"),
     ] = None
     clip: Annotated[
         tuple[str, ...],
         Several,
         Field(
-            description="Cut through the middle, keep what the normal points to: 1/0/-1, or "
-            "1/0/-1/20 moved by 20 scene units."
+            description="Clip by a plane through the center, keep the side the normal points to: "
+            "1/0/-1, or 1/0/-1/20 shifted by 20 scene units."
         ),
     ] = ()
     slab: Annotated[
         str | None,
         Hyphen,
         Field(
-            description="Show a slab alone: 20/10, its center behind the volume's middle and its "
-            "thickness, scene units along the view; or 20/10/0/0/1, along a scene direction."
+            description="Show only a slab: offset/thickness such as 20/10, in scene units along "
+            "the view, offset from the volume's center; or 20/10/0/0/1, along a scene direction."
         ),
     ] = None
     mu_water: Annotated[
@@ -256,37 +269,38 @@ class Look(Choices):
         Field(
             gt=0,
             allow_inf_nan=False,
-            description="Attenuation of water in an X-ray, per scene unit (mm). 0.02, near 70 keV.",
+            description="Attenuation of water in an X-ray, per scene unit (mm). Default: 0.02, "
+            "near 70 keV.",
         ),
     ] = None
     invert: Annotated[
         bool,
         Switch,
-        Field(description="Exchange black and white of projections of values: bones are black."),
+        Field(description="Invert projections of values, so that bones are black."),
     ] = False
     depth_cue: Annotated[
         float | None,
-        Field(ge=0, le=1, description="Share of the light that is lost at the far end."),
+        Field(ge=0, le=1, description="Fraction of the light lost at the far end."),
     ] = None
 
     def of_voxels(self) -> "Look":
-        """The same look of voxels, unless it was said that it is the field's."""
+        """Return this look with classification pre, unless post was chosen."""
         return self if self.classify == "post" else self.model_copy(update={"classify": "pre"})
 
     def renderer(self, resampling: Resampling, scale: str = "") -> "Resampler":
-        """Renderer that goes with this look, of values on a scale.
+        """Return the renderer for this look, of values on a scale.
 
         Raises
         ------
         ValueError, LookupError
-            A choice is unknown or not allowed, or two do not go together.
+            A choice is unknown or not allowed, or two exclude each other.
         """
         from resample_volume.looks.scales import scale_named
         from resample_volume.media.appearance import Classification, check_together
         from resample_volume.surfaces.sections import Section
 
         if self.label and self.labels is None:
-            raise ValueError("label says what a label looks like; give the labels' volume too")
+            raise ValueError("label sets the look of a label; give the volume of labels, too")
         if (by := scale_named(scale)) is not None and resampling.iso is not None:
             place = by.place(resampling.iso, "iso")
             resampling = resampling.model_copy(update={"iso": place})
@@ -308,7 +322,7 @@ class Look(Choices):
         return resampler
 
     def appearance(self, volume: "Volume", resampler: "Resampler | None" = None) -> "Appearance":
-        """Look of the voxels under a renderer; None is one that composites them.
+        """Return the look of the voxels for a renderer; None: one that composites.
 
         Raises
         ------
@@ -327,7 +341,7 @@ class Look(Choices):
             xray, window = XRay(self.mu_water or MU_WATER, window), None
         transfer = named_transfer(self.transfer, volume, projection, window)
         framing = None
-        if self.transfer == "auto" and projection in MEASURING:  # the camera is that of the others
+        if self.transfer == "auto" and projection in MEASURING:  # shares the camera of the others
             framing = named_transfer(self.transfer, volume, Projection.COMPOSITE, window)
         if self.opacity_unit is not None:
             transfer = replace(transfer, opacity_unit=self.opacity_unit)
@@ -336,7 +350,7 @@ class Look(Choices):
             x, y, z = _numbers("light", self.light, 3)
             toward = (x, y, z)
         if not self.shading and (self.shadows or self.ambient_occlusion):
-            raise ValueError("shadows and ambient-occlusion need shading; leave out no-shading")
+            raise ValueError("shadows and ambient-occlusion need shading; leave no-shading out")
         light = Light(
             toward,
             self.ambient,
@@ -367,7 +381,7 @@ class Look(Choices):
         )
 
     def _window(self, scale: str) -> tuple[float, float] | None:
-        """Least and greatest value of the window, on a scale."""
+        """Return the least and greatest value of the window, on a scale."""
         from resample_volume.looks.scales import scale_named
 
         if self.window is None:
@@ -384,14 +398,14 @@ class Look(Choices):
         return by.place(low, "the window's end"), by.place(high, "the window's end")
 
     def viewpoint(self) -> "Viewpoint":
-        """Where the volume is seen from, as `resample.cameras.files.viewpoint` reads it."""
+        """Return the viewpoint, read by `resample.cameras.files.viewpoint`."""
         from resample.cameras.files import viewpoint
 
         return viewpoint(self.camera, self.fov, self.up)
 
 
 class Beside(Choices):
-    """What else is seen in the volume's scene."""
+    """Annotations, meshes and planes in the volume's scene."""
 
     heading: ClassVar[str] = "Annotations and objects"
     about: ClassVar[About] = About.LOOK
@@ -402,51 +416,56 @@ class Beside(Choices):
     box: Annotated[
         bool,
         Switch,
-        Field(description="Draw the edges of the volume's box, hidden by what is in front."),
+        Field(
+            description="Draw the edges of the volume's bounding box, with hidden lines removed."
+        ),
     ] = False
     cube: Annotated[
         bool,
         Switch,
         Field(
-            description="Draw a cube that shows where axes point: R L A P S I of a patient, else "
-            "+X -X and so on."
+            description="Draw an orientation cube: R L A P S I for patients, otherwise +X -X and "
+            "so on."
         ),
     ] = False
     scale_bar: Annotated[
         bool,
         Switch,
-        Field(description="Draw a round length; in perspective it holds at the volume's middle."),
+        Field(
+            description="Draw a scale bar of a round length; in perspective it holds at the "
+            "volume's center."
+        ),
     ] = False
     mesh: Annotated[
         tuple[str, ...],
         About.SOURCE,
         Several,
         Field(
-            description="Mesh in the volume's scene: stent.ply:color=tomato,opacity=1 (.ply, .obj, "
-            ".stl, .glb). It needs the order rays, in composite or first-hit. Clip does not cut "
-            "it, and the fit visible has it in the picture."
+            description="Mesh in the scene: stent.ply:color=tomato,opacity=1 (.ply, .obj, .stl, "
+            ".glb). Needs the order rays and composite or first-hit. Not clipped by --clip; "
+            "--fit visible includes it."
         ),
     ] = ()
     plane: Annotated[
         tuple[str, ...],
         Several,
         Field(
-            description="Plane that shows values as they are: z=40 (voxels), x=50%, or 1/0/-1/20 "
-            "as clip; after a colon window=40/400 (or -160..240), colors=gray (or a matplotlib "
-            "colormap), opacity=1. It needs what a mesh needs, and clip does not cut it."
+            description="Plane that shows unshaded values: z=40 (voxels), x=50%, or 1/0/-1/20 as "
+            "for --clip; after a colon window=40/400 (or -160..240), colors=gray (or a "
+            "matplotlib colormap), opacity=1. Needs what a mesh needs; not clipped by --clip."
         ),
     ] = ()
     surface: Annotated[
         tuple[str, ...],
         Several,
         Field(
-            description="Surface of a value beside the volume: 300:color=ivory,opacity=0.5. It "
-            "needs what a mesh needs, and the extra vtk; clip does not cut it."
+            description="Isosurface in the scene: 300:color=ivory,opacity=0.5. Needs what a mesh "
+            "needs, and the extra vtk; not clipped by --clip."
         ),
     ] = ()
 
     def annotations(self, background: Color | None = None) -> "Annotations":
-        """What is drawn, before a linear color."""
+        """Return the annotations, over a background of this linear color."""
         from resample.measuring.color_bars import DARK, ink_on
         from resample_volume.space.annotations import Annotations
 
@@ -454,7 +473,7 @@ class Beside(Choices):
         return Annotations(self.axes, self.box, self.cube, self.scale_bar, is_dark)
 
     def met(self, look: Look, resampler: "Resampler") -> "Met":
-        """Meshes and planes that are read, where a renderer shows them.
+        """Read meshes and planes for a renderer that shows them.
 
         Raises
         ------
@@ -476,19 +495,19 @@ class Beside(Choices):
 
 
 class BesidePicture(Beside):
-    """The same, and what belongs to a single picture."""
+    """The same, plus options of a single picture."""
 
     color_bar: Annotated[
         bool,
         Switch,
-        Field(description="Add a bar to the right: of colors, opacities and values."),
+        Field(description="Add a bar to the right: colors, opacities and values."),
     ] = False
     zoom_in: Annotated[
         bool,
         Switch,
         Field(
-            description="Zoom and pan so that what is visible from there fills the picture, and "
-            "say the camera. The zoom of camera multiplies that."
+            description="Zoom and pan so that everything visible fills the picture, and print "
+            "that camera. The zoom of --camera multiplies it."
         ),
     ] = False
     deep: Annotated[
@@ -496,22 +515,22 @@ class BesidePicture(Beside):
         Field(
             ge=1,
             le=1024,
-            description="Write so many slabs of depth instead of one layer, to a deep .exr.",
+            description="Write a deep .exr with this many slabs of depth instead of one layer.",
         ),
     ] = None
 
     def fit(self, look: Look) -> "Fitted":
-        """What the camera is placed by."""
+        """Return what the camera is fitted to."""
         return "picture" if self.zoom_in else look.fit
 
     def check(self, output: "Path", resampler: "Resampler", height: int) -> None:
-        """Refuse a bar or a deep picture that cannot be, before any work is done.
+        """Reject an impossible color bar or deep picture before any work is done.
 
         Raises
         ------
         ValueError
-            There is no room for a bar; or the suffix or the projection is none of deep pictures,
-            or something is drawn into one.
+            There is no room for a color bar; or the suffix or projection allows no deep picture, or
+            annotations were asked for in one.
         """
         if self.color_bar:
             from resample.measuring.color_bars import check_bar
@@ -526,12 +545,12 @@ class BesidePicture(Beside):
         check_slabs(self.deep, resampler)
         if self.color_bar or self.annotations().is_any:
             raise ValueError(
-                "deep pictures hold slabs alone; leave out axes, box, cube, scale-bar and color-bar"
+                "deep pictures hold only slabs; leave out axes, box, cube, scale-bar and color-bar"
             )
 
 
 class Projecting(Choices):
-    """What a pixel shows."""
+    """The projection: what a pixel shows."""
 
     heading: ClassVar[str] = "Projection"
     about: ClassVar[About] = About.LOOK
@@ -540,7 +559,7 @@ class Projecting(Choices):
     iso: Iso = None
 
     def resampling(self) -> Resampling:
-        """Renderer's choices, else the default ones.
+        """Return the options of the renderer, with defaults filled in.
 
         Raises
         ------
@@ -548,11 +567,11 @@ class Projecting(Choices):
             An X-ray is asked for.
         """
         if self.projection == "xray":
-            raise ValueError("sums are compared as they are; take the projection additive")
+            raise ValueError("compare measures plain sums; take the projection additive")
         return Resampling(projection=self.projection, iso=self.iso)
 
     def painting(self, look: Look) -> Resampling:
-        """The same, of what paints samples, also of fields."""
+        """The same for painters of samples, also of fields."""
         is_of_field = look.classify == "post" or self.projection != "composite"
         thickness = 1 if self.projection == "maximum" else 0.5
         order = f"image-sheets:thickness={thickness}" if is_of_field else None

@@ -1,4 +1,4 @@
-"""Cameras of single pictures that what is visible fills."""
+"""Cameras fitted so that everything visible fills the picture."""
 
 from typing import Literal
 
@@ -11,25 +11,27 @@ from resample_volume.rendering import Fit, Subject
 from resample_volume.voxels.framing import Placed, filling, shown_by
 from resample_volume.voxels.visible import Voxels
 
-Fitted = Fit | Literal["picture"]  # the last is visible, zoomed and panned to fill the picture
+Fitted = (
+    Fit | Literal["picture"]
+)  # `picture`: as `visible`, then zoomed and panned to fill the picture
 
 
 def ball_fit(fit: Fitted) -> Fit:
-    """What cameras go around."""
+    """Return what cameras orbit."""
     return "visible" if fit == "picture" else fit
 
 
 def whole_fit(fit: Fitted) -> Fit:
-    """The same, where not all that is visible is in memory at once.
+    """The same, where not everything visible is in memory at once.
 
     Raises
     ------
     ValueError
-        It is to fill the picture.
+        The camera is to fill the picture.
     """
     if fit == "picture":
         raise ValueError(
-            "zoom-in looks at all that is visible at once, which is too much here; leave it out"
+            "zoom-in needs all visible voxels in memory, which are too many here; leave it out"
         )
     return fit
 
@@ -42,19 +44,19 @@ def filled(
     resampler: Resampler,
     size: tuple[int, int],
 ) -> Viewpoint:
-    """Camera whose picture is filled by what is visible, if that is the fit; it is said.
+    """Fit the camera to everything visible, if asked for, and print it.
 
     Raises
     ------
     ValueError
-        The camera stands at a place.
+        The camera has a fixed position.
     """
     if fit != "picture":
         return viewpoint
     if not isinstance(viewpoint, Orbit):
         raise ValueError(
-            "zoom-in moves a camera around the volume, such as 30/20/1; leave it out where "
-            "the camera stands at a place"
+            "zoom-in needs a camera that orbits the volume, such as 30/20/1; leave it out for a "
+            "camera at a fixed position"
         )
     volume, look = medium
     shown: Placed

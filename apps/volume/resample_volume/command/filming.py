@@ -1,4 +1,4 @@
-"""Films by their words, so that any process can make frames of them."""
+"""Films described by their options, so that any process can render their frames."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -58,11 +58,14 @@ from resample_volume.voxels.visible import finite_range
 from resample_volume.windows import paint_unseen, unseen_together
 
 Size = tuple[int, int]  # height and width, px
-ROWS, SLOPES = 64, 1.25  # slopes that tell looks of gradients apart, up to so many times the last
+ROWS, SLOPES = (
+    64,
+    1.25,
+)  # slopes by which looks over gradients differ, up to this multiple of the last
 
 
 class Script(NamedTuple):
-    """What a film shows, as the command line names it."""
+    """The content of a film, as options of the command line."""
 
     volume: str
     source: Source
@@ -74,15 +77,15 @@ class Script(NamedTuple):
 
 
 class ReadScene(NamedTuple):
-    """What a script names, read."""
+    """The volumes of a script, read."""
 
     shown: list[Medium]
-    subject: Subject  # without voxels where not all of them fit in memory
+    subject: Subject  # without voxels if they do not all fit in memory
     is_whole: bool
 
 
 class KnownOfTimes(NamedTuple):
-    """What has been found in all times of a volume together."""
+    """Statistics over all times of a volume."""
 
     survey: Survey  # without its levels
     look: Appearance  # without labels, meshes and planes
@@ -90,14 +93,14 @@ class KnownOfTimes(NamedTuple):
 
 
 class ReadyFilm(NamedTuple):
-    """A film that is ready to be made."""
+    """A film, ready to be rendered."""
 
     shots: Shots
     cameras: Sequence[AnyCamera]
     paint: Paint
-    is_in_bricks: bool  # whether the volume's values stay in their file
-    is_of_field: bool  # whether rays go through it
-    known: KnownOfTimes | None = None  # if the volume changes
+    is_in_bricks: bool  # whether values stay in their file
+    is_of_field: bool  # whether it is ray cast
+    known: KnownOfTimes | None = None  # if the volume changes over time
 
 
 def film_of(
@@ -108,22 +111,22 @@ def film_of(
     about: Mapping[str, Any],
     hire: Hire | None = None,
 ) -> ReadyFilm:
-    """A film, of which the scene is read and looked at.
+    """Read and prepare the scene of a film.
 
     Parameters
     ----------
     script
-        What it shows.
+        Its content.
     recording
-        Its volume, if that is read; several times make it a film of them.
+        Its volume, if already read; with several times, the film shows them.
     flight
-        Where the camera goes.
+        Camera path.
     paint
-        How frames are made.
+        How frames are painted.
     about
-        Names of the above, see `animation.shots`.
+        Names of volume and path, see `animation.shots`.
     hire
-        Starts workers to look at a store, if that was not done before.
+        Starts workers to scan a store, unless its statistics are cached.
 
     Raises
     ------
@@ -138,7 +141,7 @@ def film_of(
     given = script.beside.annotations(paint.background)
     scene = scene_for(script, paint.size, recording, hire)
     if not scene.is_whole:
-        say("not all that is seen fits in memory: frames are painted window by window")
+        say("the visible voxels do not fit in memory: frames are painted window by window")
         say_missed(scene.shown, scene.subject)
     paint = replace(paint, drawing=drawing(scene.shown[0][0], scene.subject, given))
     cameras = cameras_of(scene.subject, flight, paint.size)
@@ -156,11 +159,11 @@ def _film_of_times(
     about: Mapping[str, Any],
     hire: Hire | None,
 ) -> ReadyFilm:
-    """A film of a volume that changes; see `film_of`."""
+    """A film of a volume that changes over time; see `film_of`."""
     times, ready = _read(script, times, hire)
     every: Any = whole(times).values if is_chunked(times) else None
     count = 0 if every is None else prod(every.count)
-    with progress_bar("looking at bricks", count) as progress, told(progress):
+    with progress_bar("scanning bricks", count) as progress, told(progress):
         series = Series.of(times, ready)
     look = look_over_time(series, script.look, paint.resampler)
     scenes = _scenes(script, series, look, paint.resampler)
@@ -173,7 +176,7 @@ def _film_of_times(
     for camera in (None, cameras[0]):
         say_missed(scenes.at(0), course[0], camera)
     if scenes.dense:
-        say("not all that is seen fits in memory: frames are painted window by window")
+        say("the visible voxels do not fit in memory: frames are painted window by window")
         about = {**about, "values": _mark(series.all(), scenes.look)}
     frames = _frames_over(course, scenes, cameras, paint)
     made = shots_over_time(course, cameras, paint, frames, about)
@@ -181,9 +184,9 @@ def _film_of_times(
 
 
 def _read(script: Script, times: Recording, hire: Hire | None) -> tuple[Recording, Ready]:
-    """Times as they are looked at, one after the other or as a whole; and how, in the former case.
+    """Return the times, streamed or as one array; and for streamed times, how they are read.
 
-    Fields want arrays, and so do several volumes.
+    Fields need arrays, and so do several volumes.
     """
     resampler = script.look.renderer(script.resampling, script.source.scale)
     is_alone = not script.added.also and script.added.channels is None
@@ -199,25 +202,25 @@ def _read(script: Script, times: Recording, hire: Hire | None) -> tuple[Recordin
 
 @dataclass
 class Scenes:
-    """What a script shows at each time, of which the last one is kept."""
+    """The scene of a script at each time; the last one is cached."""
 
     series: Series
     look: Appearance  # of all times
-    further: list[Medium]  # volumes that stay as they are
+    further: list[Medium]  # volumes that do not change
     resampler: Resampler
     fit: Fit
-    dense: set[int] = field(default_factory=set)  # times of which not all that is seen fits
+    dense: set[int] = field(default_factory=set)  # times whose visible voxels do not fit
     last: tuple[int, list[Medium]] | None = None
 
     def at(self, time: int) -> list[Medium]:
-        """Volumes of a time with their looks."""
+        """Return the volumes of a time with their looks."""
         if self.last is None or self.last[0] != time:
             self.last = None  # two of them need not fit in memory
             self.last = time, [(self.series[time], self.look), *self.further]
         return self.last[1]
 
     def subject(self, time: int) -> Subject:
-        """What is seen at a time; without voxels where these do not fit."""
+        """Return the subject of a time; without voxels if these do not fit."""
         shown = self.at(time)
         try:
             return Subject.of_several(shown, self.resampler, self.fit)
@@ -227,7 +230,7 @@ class Scenes:
 
 
 def _scenes(script: Script, series: Series, look: Appearance, resampler: Resampler) -> Scenes:
-    """What a script shows at each time, by a look of all of them."""
+    """Return the scenes of a script, all under one look."""
     met = script.beside.met(script.look, resampler).within(series.known.span)
     own = met.beside(labelled(look, series, script.look))
     further = beside(others(script.added.also, script.source), script.look, resampler)
@@ -237,7 +240,7 @@ def _scenes(script: Script, series: Series, look: Appearance, resampler: Resampl
 def _frames_over(
     course: Course, scenes: Scenes, cameras: Sequence[AnyCamera], paint: Paint
 ) -> Frames:
-    """What makes frames of a volume that changes, by their number; times are spread over them."""
+    """Return a painter of frame numbers over which a changing volume's times are spread."""
     total = len(cameras)
 
     def frame(n: int) -> Levels:
@@ -252,7 +255,7 @@ def _frames_over(
 def scene_for(
     script: Script, size: Size, recording: Recording | None = None, hire: Hire | None = None
 ) -> ReadScene:
-    """What a script shows in frames (height, width); errors as of `film_of`."""
+    """Return the scene of a script for frames (height, width); errors as of `film_of`."""
     look, resampler = script.look, script.look.renderer(script.resampling, script.source.scale)
     met = script.beside.met(look, resampler)
     words = (script.source, script.volume, look, script.added, resampler)
@@ -268,7 +271,7 @@ def scene_for(
 
 
 def _frames(script: Script, cameras: Sequence[AnyCamera], paint: Paint, threads: int) -> Frames:
-    """Frames of a script."""
+    """Return the frames of a script."""
     scene, paint = scene_for(script, paint.size), replace(paint, threads=threads)
     return lambda n: frame_of(scene, cameras[n], paint)
 
@@ -276,11 +279,11 @@ def _frames(script: Script, cameras: Sequence[AnyCamera], paint: Paint, threads:
 def _frames_of_times(
     script: Script, cameras: Sequence[AnyCamera], paint: Paint, known: KnownOfTimes, threads: int
 ) -> Frames:
-    """Frames of a script of a volume that changes, of which one process has found what is known."""
+    """Return the frames of a changing volume, by statistics that another process found."""
     found = read_over_time(script.source, script.volume)
     times = None if found is None else times_of(script.source, found)
     if times is None:
-        raise OSError(f"{script.volume} has changed while it was filmed; try again")
+        raise OSError(f"{script.volume} changed while it was filmed; try again")
     times, ready = _read(script, times, None)
     series, paint = Series.again(times, known.survey, ready), replace(paint, threads=threads)
     scenes = _scenes(script, series, known.look, paint.resampler)
@@ -289,7 +292,7 @@ def _frames_of_times(
 
 
 def frame_of(scene: ReadScene, camera: AnyCamera, paint: Paint) -> Levels:
-    """Frame (H, W, 3) of a scene, as a screen takes it."""
+    """Paint a frame (H, W, 3) of a scene, sRGB-encoded."""
     if scene.is_whole:
         from resample_volume.command.animation import frame
 
@@ -302,7 +305,7 @@ def frame_of(scene: ReadScene, camera: AnyCamera, paint: Paint) -> Levels:
 def _shots(
     scene: ReadScene, cameras: Sequence[AnyCamera], paint: Paint, about: Mapping[str, Any]
 ) -> Shots:
-    """Frames of a scene, made here."""
+    """Return the frames of a scene, rendered in this process."""
     if scene.is_whole:
         return shots(scene.subject, cameras, paint, about)
     marks = " and ".join(_mark(*medium) for medium in scene.shown)
@@ -311,7 +314,7 @@ def _shots(
 
 
 def _mark(volume: Volume, look: Appearance) -> str:
-    """Text that tells a volume in bricks and its look from others."""
+    """Return a key of a volume in bricks and its look."""
     values: Values = volume.values
     if not isinstance(values, Bricks):
         raise TypeError("volumes in memory have voxels")
@@ -328,7 +331,7 @@ def _mark(volume: Volume, look: Appearance) -> str:
 
 
 def _mark_of(values: Values) -> str:
-    """Text that tells values from others."""
+    """Return a key of values."""
     if not isinstance(values, Bricks):
         return fingerprint(values)
     known = values.glance
@@ -336,9 +339,9 @@ def _mark_of(values: Values) -> str:
 
 
 def shared_by(crew: Crew | None, script: Script, film: ReadyFilm) -> tuple[Shots, Executor | None]:
-    """Frames of a film as processes make them, if there is a crew of them; and who asks them.
+    """Return a film's frames, rendered by worker processes if any, and the pool.
 
-    Each reads the scene for itself. Those of one machine share what the memory may be.
+    Each worker reads the scene itself. Workers on one machine share its memory limit.
     """
     if crew is None:
         return film.shots, None
@@ -349,7 +352,7 @@ def shared_by(crew: Crew | None, script: Script, film: ReadyFilm) -> tuple[Shots
 
 
 def _decided(script: Script, film: ReadyFilm) -> Script:
-    """Script whose `auto` is said, as who has less memory may decide otherwise."""
+    """Resolve `auto`, which a worker with less memory might resolve otherwise."""
     look, resampling = script.look, script.resampling
     if look.classify != "auto":
         return script
@@ -372,7 +375,7 @@ def _is_by_rays(script: Script) -> bool:
 
 
 def _with_share(script: Script, film: ReadyFilm, crew: Crew) -> Script:
-    """Script by which a process takes its share of the memory of this machine."""
+    """Return the script with one process's share of this machine's memory."""
     if script.source.memory is not None:
         whole: int | None = bytes_of(script.source.memory)
     else:

@@ -1,4 +1,4 @@
-"""Volumes as the command line's files and words give them."""
+"""Open volumes named on the command line."""
 
 from dataclasses import replace
 from functools import partial
@@ -40,18 +40,18 @@ from resample_volume.types import Recording, Volume
 def opened(
     source: Source, name: str, *, streamed: bool = False, hire: Hire | None = None
 ) -> Volume:
-    """Volume of that name, a file, a folder or what is generated.
+    """Open a volume: a file, a folder or a generated one.
 
     Parameters
     ----------
     source
         How it is read.
     name
-        What it is.
+        Name of the volume.
     streamed
-        Values stay in their file, as bricks, where it has chunks.
+        Leave values in their file, as bricks, if it has chunks.
     hire
-        Starts workers to look at these, if that was not done before.
+        Starts workers to scan these, unless their statistics are cached.
 
     Raises
     ------
@@ -64,14 +64,14 @@ def opened(
 def opened_of_several(
     source: Source, name: str, *, streamed: bool = False, hire: Hire | None = None
 ) -> tuple[Volume, tuple[int, int]]:
-    """Volume of that name, and how many times and channels there are.
+    """Open a volume, and return the number of times and channels with it.
 
-    Of several times the first is shown, which is said, unless another is chosen.
+    Of several times the first is taken, with a message, unless another is chosen.
 
     Parameters
     ----------
     source, name, streamed, hire
-        As of `opened`, whose errors are those of this, too.
+        As of `opened`; errors as well.
     """
     place, reader = _named(source, name)
     allowed = allowed_memory(source)
@@ -91,7 +91,7 @@ def opened_of_several(
 def _read(
     place: Path | str, reader: Reader | None, source: Source
 ) -> tuple[Volume, Recording | None]:
-    """Volume that is read as a whole, and all that it is one of; None: it is the only one."""
+    """Read a volume as a whole, and its recording; None if it is the only one."""
     if source.time is None and source.channel is None:
         try:
             return open_volume(place, reader), None
@@ -102,7 +102,7 @@ def _read(
 
 
 def _chosen(recording: Recording, source: Source) -> Volume:
-    """Volume of a recording that is meant, at its first time where none is chosen."""
+    """Return the chosen volume of a recording, by default of the first time."""
     times, parts = recording.values.shape[:2]
     if source.time is not None or times == 1 or (source.channel is not None and parts == 1):
         return volume_at(recording, source.time, source.channel)
@@ -112,7 +112,7 @@ def _chosen(recording: Recording, source: Source) -> Volume:
 
 
 def _as_array(volume: Volume) -> Volume:
-    """Volume whose values are an array; of one in a file the memory is a limit from here on."""
+    """Read a volume's values into an array; from a file, within the memory limit."""
     bricks: Values = volume.values
     if not isinstance(bricks, Bricks):
         return volume
@@ -124,14 +124,14 @@ def _as_array(volume: Volume) -> Volume:
 
 
 def allowed_memory(source: Source) -> int | None:
-    """Bytes that a volume in chunks may take, where a user says it."""
+    """Return the memory limit of a chunked volume in bytes, if given."""
     return None if source.memory is None else bytes_of(source.memory)
 
 
 def with_memory(volume: Volume, allowed: int | None, hire: Hire | None = None) -> Volume:
-    """Volume in chunks that may take so many bytes, or half of what is free.
+    """Return a chunked volume with a memory limit in bytes, or half of the free memory.
 
-    Who can be hired looks at a large one, if that was not done before.
+    Workers scan a large one, unless its statistics are cached.
     """
     values: Values = volume.values
     if isinstance(values, Bricks):
@@ -146,7 +146,7 @@ def with_memory(volume: Volume, allowed: int | None, hire: Hire | None = None) -
 
 
 def _helpers(hire: Hire, bricks: Bricks) -> Helpers | None:
-    """Workers, to look at a volume in chunks; None if nobody asks for them."""
+    """Start workers to scan a chunked volume; None if no workers were asked for."""
     crew = hire()
     if crew is None:
         return None
@@ -155,7 +155,7 @@ def _helpers(hire: Hire, bricks: Bricks) -> Helpers | None:
 
 
 def announced(volume: Volume) -> Volume:
-    """Volume, of which is said how it is read, if that is brick by brick."""
+    """Print how a volume is read if that is brick by brick, and return it."""
     values: Values = volume.values
     if isinstance(values, Bricks):
         size = " x ".join(map(str, values.shape[::-1]))
@@ -165,14 +165,14 @@ def announced(volume: Volume) -> Volume:
 
 
 def levels(source: Source, name: str) -> list[dict[str, Any]]:
-    """Sizes that a file has several of; none where it has but one, see `Streamer.levels`."""
+    """Return the levels of a multiscale file, otherwise none; see `Streamer.levels`."""
     return levels_of(*_named(source, name))
 
 
 def over_time(source: Source, name: str) -> Recording | None:
-    """All times and channels of that name; None of a single volume in chunks.
+    """Open all times and channels of a name; None for a single chunked volume.
 
-    Those of a store stay in their file, unless channels are colors, which are read as a whole.
+    In a store they stay in their file, unless channels are colors, which are read as a whole.
     """
     found = open_streamed(*_named(source, name))
     if found is None or (found.is_color and source.channel is None):
@@ -183,7 +183,7 @@ def over_time(source: Source, name: str) -> Recording | None:
 
 
 def read_as_whole(recording: Recording, source: Source) -> Recording:
-    """Times of a store as an array: in memory or, where that does not hold them, in a file.
+    """Read a store's times into an array: in memory or, if they do not fit, in a mapped file.
 
     Raises
     ------
@@ -196,7 +196,7 @@ def read_as_whole(recording: Recording, source: Source) -> Recording:
 
 
 def held(source: Source, name: str) -> Recording:
-    """All times and channels of that name; errors as of `opened`."""
+    """Read all times and channels of a name; errors as of `opened`."""
     allowed = allowed_memory(source)
     if allowed is not None:
         allow(allowed)
@@ -204,14 +204,14 @@ def held(source: Source, name: str) -> Recording:
 
 
 def channels_in_chunks(source: Source, name: str) -> Recording | None:
-    """All times and channels of that name, which stay in their file; None: it has no chunks."""
+    """Open all times and channels of a chunked file, unread; None if it has no chunks."""
     found = open_streamed(*_named(source, name))
     return None if found is None else found._replace(**_changes(source))
 
 
 def stored(source: Source, name: str) -> Recording:
-    """What `source` chooses of that name, whose values stay in their file where it has chunks."""
-    require_linear(source, "what is converted keeps its values")
+    """Open what `source` chooses of a name; values of chunked files stay in their file."""
+    require_linear(source, "convert keeps values as they are")
     if source.time is not None or source.channel is not None:
         volume = opened(source, name, streamed=True)
         if volume.colors is None:
@@ -222,7 +222,7 @@ def stored(source: Source, name: str) -> Recording:
 
 
 def _named(source: Source, name: str) -> tuple[Path | str, Reader | None]:
-    """File or generated volume of that name, and what reads it."""
+    """Return the file or generated volume of a name, and its reader."""
     if not name:
         raise ValueError("the volume has no name; give a file, a folder or checker-box")
     reader = None if source.reader is None else registry.build("readers", source.reader)
@@ -240,7 +240,7 @@ def _named(source: Source, name: str) -> tuple[Path | str, Reader | None]:
 
 
 def _changes(source: Source) -> dict[str, Any]:
-    """What is said of a volume in place of what its file says."""
+    """Return the properties of a volume that override its file's."""
     changes: dict[str, Any] = {}
     if source.spacing is not None:
         changes["spacing"] = np.array(three_numbers("spacing", source.spacing))
@@ -253,7 +253,7 @@ def _changes(source: Source) -> dict[str, Any]:
 def prepared(
     source: Source, name: str, *, streamed: bool = False, hire: Hire | None = None
 ) -> Volume:
-    """Volume of that name without its padding; what was found in it is said.
+    """Open a volume, remove its padding and print its statistics.
 
     Parameters
     ----------
@@ -269,7 +269,7 @@ def prepared(
 
 
 def said(volume: Volume) -> Volume:
-    """Volume without its padding; what was found in it is said."""
+    """Remove a volume's padding and print its statistics."""
     known = _surveyed(volume)
     for line in [volume.note] * bool(volume.note) + findings(known):
         say(line)
@@ -277,22 +277,22 @@ def said(volume: Volume) -> Volume:
 
 
 def _surveyed(volume: Volume) -> Survey:
-    """What is known of a volume's values, with a bar while its bricks are read."""
+    """Return statistics of a volume's values, with a progress bar while bricks are read."""
     values: Values = volume.values
     if not isinstance(values, Bricks):
         return survey(volume)
-    with progress_bar("looking at bricks", prod(values.count)) as progress, told(progress):
+    with progress_bar("scanning bricks", prod(values.count)) as progress, told(progress):
         return survey(volume)
 
 
 def require_linear(source: Source, why: str) -> None:
-    """Refuse a scale where values are taken as they are."""
+    """Reject a scale where values must be unscaled."""
     if source.scale != LINEAR:
         raise ValueError(f"{why}; leave the scale {source.scale} out")
 
 
 def require_values(volume: Volume, what: str) -> None:
-    """Refuse colors where values are shown."""
+    """Reject a volume of colors where values are needed."""
     if volume.colors is not None:
         raise ValueError(
             f"{what} is of values, but {volume.name} has colors; "
@@ -301,7 +301,7 @@ def require_values(volume: Volume, what: str) -> None:
 
 
 def _told(reader: Reader, told: dict[str, str]) -> Reader:
-    """Reader of raw files that is told what their names do not say."""
+    """Return the reader of raw files, with shape and type from the options."""
     if not isinstance(reader, Raw):
         names = " and ".join(told)
         raise ValueError(f"{names} are for raw files: take the reader raw, or leave them out")

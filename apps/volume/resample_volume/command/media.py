@@ -1,4 +1,4 @@
-"""Scenes of several volumes as the command line names them."""
+"""Scenes of several volumes, as named on the command line."""
 
 import re
 from collections.abc import Callable
@@ -41,7 +41,7 @@ HIDDEN = "none"
 
 
 class Other(NamedTuple):
-    """A volume that is shown, too."""
+    """A further volume of the scene."""
 
     name: str
     source: Source
@@ -49,9 +49,9 @@ class Other(NamedTuple):
 
 
 def others(texts: tuple[str, ...], source: Source | None = None) -> list[Other]:
-    """Volumes of texts such as `pet.nrrd:window=5/10,transfer=hot:opacity=0.3`.
+    """Parse further volumes such as `pet.nrrd:window=5/10,transfer=hot:opacity=0.3`.
 
-    Those in chunks may take the memory that `source` says.
+    Chunked volumes get the memory limit of `source`.
 
     Raises
     ------
@@ -64,7 +64,7 @@ def others(texts: tuple[str, ...], source: Source | None = None) -> list[Other]:
 
 
 def can_stream(look: Look, resampler: Resampler) -> bool:
-    """Whether a picture needs no more of a volume than its visible voxels."""
+    """Return whether a picture needs only the visible voxels of a volume."""
     return resampler.projection is Projection.COMPOSITE and look.classify != "post"
 
 
@@ -78,9 +78,9 @@ def media(
     recording: Recording | None = None,
     hire: Hire | None = None,
 ) -> list[Medium]:
-    """Volumes of a scene with their looks; what is read already is not read again.
+    """Read the volumes of a scene with their looks, each file once.
 
-    Workers are hired to look at a store of which nothing is known yet.
+    Workers scan a store without cached statistics.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def media(
 
 
 def beside(further: list[Other], look: Look, resampler: Resampler) -> list[Medium]:
-    """Volumes that are shown, too, with their looks."""
+    """Read the further volumes with their looks."""
     found = []
     for other in further:
         volume = prepared(other.source, other.name, streamed=can_stream(look, resampler))
@@ -111,13 +111,13 @@ def beside(further: list[Other], look: Look, resampler: Resampler) -> list[Mediu
 
 
 def with_met(shown: list[Medium], met: Met) -> list[Medium]:
-    """Volumes with meshes and planes in the scene of the first."""
+    """Add meshes and planes to the look of the first volume."""
     (volume, look), *others = shown
     return [(volume, met.beside(look)), *others]
 
 
 def times_of(source: Source, recording: Recording) -> Recording | None:
-    """Times of what was read, of the chosen channel; None if there is but one."""
+    """Return the times of a recording's chosen channel; None if there is only one."""
     values: Any = recording.values
     if source.channel is not None:
         if 1 in values.shape[:2]:
@@ -128,22 +128,24 @@ def times_of(source: Source, recording: Recording) -> Recording | None:
         recording = recording._replace(values=one, is_color=False)
     ordered = with_times_first(recording)
     if ordered.values.shape[0] > 1:
-        require_linear(source, "times are shown as they are, or one of them on a scale (--time)")
+        require_linear(
+            source, "a scale needs a single time (--time); without one all times are shown"
+        )
     if ordered.values.shape[1] > 1 and not ordered.is_color:
         volume_at(ordered, 0, None)  # says that one has to be chosen
     return ordered if ordered.values.shape[0] > 1 else None
 
 
 def filmed(subject: Callable[[int], Subject], times: int) -> "Course":
-    """What is seen at so many times, each of which is looked at."""
+    """Return the subject at each time, after a scan of all times."""
     from resample_volume.command.animation import Course
 
-    with progress_bar("looking at all times") as progress:
+    with progress_bar("scanning all times") as progress:
         return Course(times, subject, progress)
 
 
 def look_over_time(series: Series, look: Look, resampler: Resampler) -> Appearance:
-    """Look of all times of a series, without labels; what was found in their values is said."""
+    """Return one look for all times of a series, without labels; print the statistics."""
     for line in findings(series.known):
         say(line)
     bare = look.model_copy(update={"labels": None, "label": ()})
@@ -152,7 +154,7 @@ def look_over_time(series: Series, look: Look, resampler: Resampler) -> Appearan
 
 
 def labelled(own: Appearance, series: Series, look: Look) -> Appearance:
-    """Look of all times with the labels of another one, if it has some."""
+    """Return the look of all times with the labels of another look, if it has some."""
     if look.labels is None:
         return own
     return replace(own, labels=read_labels(look.labels, look.label, series[0]))
@@ -161,9 +163,11 @@ def labelled(own: Appearance, series: Series, look: Look) -> Appearance:
 def _channels(
     source: Source, name: str, look: Look, text: str, resampler: Resampler
 ) -> list[Medium]:
-    """Channels of a file, each with its look."""
+    """Return the channels of a file, each with its look."""
     if source.channel is not None:
-        raise ValueError("channels are several looks and channel is one of them; give one of both")
+        raise ValueError(
+            "channels sets the looks of all channels and channel shows one; give one of both"
+        )
     if look.transfer != "auto":
         raise ValueError("channels give each channel its look; leave transfer out")
     streamed = channels_in_chunks(source, name) if can_stream(look, resampler) else None
@@ -193,7 +197,7 @@ def _channels(
 
 
 def _alone(look: Look, transfer: str, window: str | None) -> Look:
-    """Look of a volume that is not the first: without labels, with its own colors."""
+    """Return the look of a further volume: without labels, with its own colors."""
     own = {"transfer": transfer, "window": window, "labels": None, "label": ()}
     return look.model_copy(update=own)
 
@@ -219,8 +223,9 @@ def _other(text: str) -> Other:
         value, _, left = (left, "", "") if key == "transfer" else left.partition(",")
         if key not in KEYS or not value or key in given:
             raise ValueError(
-                f"also {text!r}; give a file, and after a colon what is said of it, with commas "
-                f"between, the transfer last: pet.nrrd:window=5/10,transfer=hot ({', '.join(KEYS)})"
+                f"also {text!r}; give a file, and after a colon its settings, separated by "
+                "commas, the transfer last: pet.nrrd:window=5/10,transfer=hot "
+                f"({', '.join(KEYS)})"
             )
         given[key] = value
     if not name:

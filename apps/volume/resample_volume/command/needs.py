@@ -1,9 +1,9 @@
-"""What a picture of volumes holds in memory at its height.
+"""Peak memory of a picture of volumes.
 
-Measured as the highest mark of fresh processes (`python -m benchmarks.memory`). How many voxels can
-be seen is known when they have been counted, so what is needed is said twice: of the values and the
-picture before they are looked at, and of all before anything is lit and painted. Volumes in chunks
-(`Bricks`), and what is in a file meanwhile, count their own.
+Measured as the peak of fresh processes (`python -m benchmarks.memory`). The number of visible
+voxels is known only once they are counted, so memory is checked twice: for values and picture
+before the scan, and for everything before shading and painting. Chunked volumes (`Bricks`) and
+mapped files keep their own account.
 """
 
 from collections.abc import Sequence
@@ -18,10 +18,10 @@ from resample_volume.rendering import Fit, Subject
 from resample_volume.types import Volume
 from resample_volume.voxels.gathered import Gathered
 
-BYTES_PER_PIXEL = 80  # of a picture and the copies that are made when it is written
-LOOKED_AT = 4  # bytes per voxel of what is made of values while they are looked at
-LOOKED_AT_FLOATS = 18  # the same of values that are no whole numbers
-SEEN, SEEN_OF_FIELD = 58, 22  # bytes of a voxel that can be seen; of a field that rays gather
+BYTES_PER_PIXEL = 80  # of a picture and its copies for writing
+LOOKED_AT = 4  # bytes of temporaries per voxel during the scan
+LOOKED_AT_FLOATS = 18  # the same for values of floating point
+SEEN, SEEN_OF_FIELD = 58, 22  # bytes per visible voxel; per voxel of a ray cast field
 REMEDY = "take a smaller or downsampled volume, or show less of it"
 
 
@@ -31,7 +31,7 @@ def require_room(
     subject: Subject | None = None,
     fit: Fit = "visible",
 ) -> None:
-    """Refuse what memory does not hold, and say (DEBUG) what is needed.
+    """Reject a picture that does not fit in memory, and log (DEBUG) what it needs.
 
     Parameters
     ----------
@@ -40,14 +40,14 @@ def require_room(
     size
         Height and width of the picture, px.
     subject
-        What can be seen of them, once that is known.
+        Their visible voxels, once known.
     fit
-        What cameras are placed around.
+        What cameras orbit.
 
     Raises
     ------
     ValueError
-        It needs more than is allowed, or free.
+        It needs more memory than is allowed or free.
     """
     volumes = [volume for volume, _ in media]
     if any(is_in_bricks(volume) or is_in_file(volume.values) for volume in volumes):
@@ -63,14 +63,14 @@ def require_room(
 
 
 def _bytes_of_seen(voxels: object, fit: Fit) -> int:
-    """Of a voxel; of a field they are looked at only for where a camera is, and for slopes."""
+    """Bytes per visible voxel; a field needs these only to place a camera and for slopes."""
     if not isinstance(voxels, Gathered):
         return SEEN
     return SEEN_OF_FIELD if fit == "visible" or len(voxels.looks.table) > 1 else 0
 
 
 def is_in_bricks(volume: Volume) -> bool:
-    """Whether a volume's values stay in their file."""
+    """Return whether a volume's values stay in their file."""
     values: Values = volume.values
     return isinstance(values, Bricks)
 

@@ -1,4 +1,4 @@
-"""A volume made ready once and painted as often as is asked for."""
+"""Prepare volumes once, render many views."""
 
 import os
 from collections.abc import Callable, Iterator, Sequence
@@ -44,7 +44,7 @@ from resample_volume.types import Volume
 from resample_volume.voxels.streaming import TooManyVoxelsError
 from resample_volume.windows import Spent, paint_unseen, unseen_together
 
-MARK = "picture"  # file in a folder of windows, whose text says what they are of
+MARK = "picture"  # file in a folder of windows that identifies their picture
 BYTES_PER_PIXEL = needs.BYTES_PER_PIXEL
 
 
@@ -55,7 +55,7 @@ def subject_of(
     resampler: Resampler,
     fit: Fit = "visible",
 ) -> Subject:
-    """Volume made ready for a renderer."""
+    """Prepare a volume for a renderer."""
     return scene_of(session, [(volume, appearance)], resampler, fit)
 
 
@@ -66,12 +66,12 @@ def scene_of(
     fit: Fit = "visible",
     size: tuple[int, int] = (0, 0),
 ) -> Subject:
-    """Volumes of a scene made ready for a renderer of pictures (height, width).
+    """Prepare the volumes of a scene for pictures (height, width).
 
     Raises
     ------
     ValueError
-        They do not go together, or do not fit in memory.
+        They cannot be combined, or do not fit in memory.
     """
     needs.require_room(media, size)
     if len(media) > 1:
@@ -79,7 +79,7 @@ def scene_of(
     check_together(resampler, media[0][1].classification, media[0][1].extras)
     say_lost_field(media, resampler)
     in_bricks = len(media) == 1 and needs.is_in_bricks(media[0][0])
-    bar = "reading bricks that are seen" if in_bricks else "classifying"
+    bar = "reading visible bricks" if in_bricks else "classifying"
     with session.stage("classify", bar=bar) as progress, told(progress if in_bricks else None):
         subject = Subject.of_several(media, resampler, fit)
     needs.require_room(media, size, subject, fit)
@@ -117,7 +117,7 @@ def say_lost_field(
 
 
 def say_missed(media: Sequence[Medium], subject: Subject, camera: AnyCamera | None = None) -> None:
-    """Say that a slab holds nothing, if it does; parameters as of `slab_missed`."""
+    """Warn if a slab is empty; parameters as of `slab_missed`."""
     if missed := slab_missed(media, subject, camera):
         say(missed)
 
@@ -125,16 +125,16 @@ def say_missed(media: Sequence[Medium], subject: Subject, camera: AnyCamera | No
 def slab_missed(
     media: Sequence[Medium], subject: Subject, camera: AnyCamera | None = None
 ) -> str | None:
-    """Words about a slab that holds nothing; None: it holds something, or stands otherwise.
+    """Return the message about an empty slab; None if it is not empty, or of the other kind.
 
     Parameters
     ----------
     media
         Volumes with their looks.
     subject
-        Of them.
+        The prepared volumes.
     camera
-        Of slabs across the view; None: of those across a scene direction.
+        For slabs across the view; None: check those across a scene direction.
     """
     section = media[0][1].section
     if section is None or (section.normal is None) != (camera is not None):
@@ -147,7 +147,7 @@ def slab_missed(
 
 
 class Painting(NamedTuple):
-    """What is painted, from where, and how."""
+    """A prepared scene, its camera and its painter."""
 
     subject: Subject
     camera: AnyCamera
@@ -155,7 +155,7 @@ class Painting(NamedTuple):
 
 
 def picture_of(scene: Painting, media: Sequence[Medium], projection: Projection) -> Frame:
-    """Picture of volumes; where it shows nothing, that is said once."""
+    """Paint volumes; warn once if the picture is empty."""
     subject, camera, paint = scene
     frame = paint(camera)
     words = slab_missed(media, subject, camera)
@@ -167,10 +167,10 @@ def picture_of(scene: Painting, media: Sequence[Medium], projection: Projection)
 
 
 def _emptiness(frame: Frame, volume: Volume, projection: Projection) -> str | None:
-    """Words about a picture that shows nothing; None: it shows something."""
+    """Return the message about an empty picture; None if it is not empty."""
     if projection not in SUMS:
         is_empty = not (frame.coverage > 0).any()
-        return "the picture is empty: no ray meets what is shown" if is_empty else None
+        return "the picture is empty: no ray meets anything visible" if is_empty else None
     if frame.value is None or (frame.value > 0).any():
         return None
     is_below = projection is Projection.ADDITIVE and (frame.value < 0).any()
@@ -179,23 +179,23 @@ def _emptiness(frame: Frame, volume: Volume, projection: Projection) -> str | No
         why = "all sums are below 0" if is_below else "all sums are 0"
     hint = ""
     if is_below and survey(volume).units.added is not None:
-        hint = "; Hounsfield units are seen by the projection xray"
-    return f"there is no light in the picture: {why}{hint}"
+        hint = "; for Hounsfield units take the projection xray"
+    return f"the picture is black: {why}{hint}"
 
 
 class Doing(NamedTuple):
-    """Who paints a picture."""
+    """Threads, processes and memory that paint a picture."""
 
     threads: int | None
     sharing: Sharing
     hire: Hire
-    output: Path  # beside which several processes may keep windows
+    output: Path  # several processes may keep windows beside it
     left: list[Path]  # folders with windows of commands that were killed
 
 
 @contextmanager
 def doing_by(threads: int | None, sharing: Sharing, output: Path) -> Iterator[Doing]:
-    """Who paints a picture, until the end of the block.
+    """Provide threads, processes and memory for a picture, until the end of the block.
 
     Raises
     ------
@@ -219,10 +219,10 @@ def to_paint(
     size: tuple[int, int],
     doing: Doing,
 ) -> Painting:
-    """Volumes ready to be painted; window by window those in bricks, if these are too dense.
+    """Prepare volumes to be painted; volumes in bricks window by window, if too dense.
 
-    So it is where workers are asked for, too. The fit `picture` is `visible`, from a camera that
-    is zoomed and panned to fill the picture, which is said.
+    With workers it is always by windows. The fit `picture` is `visible` with the camera zoomed and
+    panned to fill the picture; that camera is printed.
 
     Raises
     ------
@@ -256,7 +256,7 @@ def to_paint(
 
 
 def _check_bricks(volume: Volume, look: Appearance) -> None:
-    """Refuse to share out a picture that is not painted by windows."""
+    """Reject workers for a picture that is not painted by windows."""
     values: Values = volume.values
     if not isinstance(values, Bricks):
         raise ValueError(
@@ -279,9 +279,9 @@ def _in_windows(
     size: tuple[int, int],
     doing: Doing,
 ) -> Painting:
-    """Volumes in bricks, of which one window's voxels are in memory at a time."""
+    """Prepare volumes in bricks, to hold one window's voxels in memory at a time."""
     spent = spent_here(media, doing.threads)
-    with session.stage("classify", bar="looking at voxels") as progress:
+    with session.stage("classify", bar="scanning voxels") as progress:
         subject = unseen_together(media, fit, resampler, spent, progress)
     say_missed(media, subject)
     camera = subject.camera(viewpoint, *size)
@@ -295,7 +295,7 @@ def _in_windows(
         ):
             frame, count = paint_unseen(media, subject, eye, size, spent, resampler, progress)
         if spent.executor is None:
-            say(f"not all that is seen fits in memory: painted in {count} windows")
+            say(f"the visible voxels do not fit in memory: painted in {count} windows")
         else:
             say(f"painted in {count} windows by {doing.sharing.who}")
         return frame
@@ -304,13 +304,13 @@ def _in_windows(
 
 
 def spent_here(media: Sequence[Medium], threads: int | None) -> Spent:
-    """What windows of volumes in bricks may take where this process paints them."""
+    """Return the budget of windows that this process paints."""
     bricks: Any = media[0][0].values
     return Spent(getattr(bricks, "memory", None) or available_memory() or 0, threads)
 
 
 def _mark(media: Sequence[Medium], shown: tuple[Any, ...]) -> str | None:
-    """Text that pictures of equal pixels share; None where values may change unseen."""
+    """Return a key shared by pictures of equal pixels; None if values may change unnoticed."""
     known: list[Any] = [installed_version(), shown]
     for volume, look in media:
         labels = [] if look.labels is None else [look.labels.values]
@@ -325,9 +325,9 @@ def _mark(media: Sequence[Medium], shown: tuple[Any, ...]) -> str | None:
 
 @contextmanager
 def shared(doing: Doing, media: Sequence[Medium], shown: tuple[Any, ...]) -> Iterator[Spent]:
-    """What windows of volumes in bricks may take, and who paints them, while they do.
+    """Provide the budget and the executor of windows, until the end of the block.
 
-    Windows of what is shown by the same means, of a command that was killed, are taken.
+    Windows that a killed command left of the same picture are reused.
     """
     here = spent_here(media, doing.threads)
     allowed, crew = here.memory, doing.hire()
@@ -341,7 +341,7 @@ def shared(doing: Doing, media: Sequence[Medium], shown: tuple[Any, ...]) -> Ite
         if same:
             same[0].rename(folder)
             count = len(list(folder.glob(NAME.format(*"****"))))
-            say(f"{count} windows are there already, of a command that was killed")
+            say(f"{count} windows are reused from a command that was killed")
         else:
             folder.mkdir()
             (folder / MARK).write_text(mark or "", encoding="utf-8")
@@ -356,7 +356,7 @@ def _mark_in(folder: Path) -> str | None:
 
 
 def lit(session: Session, subject: Subject, camera: AnyCamera) -> Samples | Field | LatticeField:
-    """What a camera sees of a subject."""
+    """Return the shaded samples, or the field, for a camera."""
     with session.stage("shade", bar="shading"):
         return subject.seen_by(camera)
 
@@ -370,7 +370,7 @@ def painted(
     threads: int | None = None,
     clip: Doubles | None = None,
 ) -> Frame:
-    """Picture (height, width) of samples, with a bar while it takes long."""
+    """Paint a picture (height, width) of samples, with a progress bar if it takes long."""
     frame = painted_with_bar(resampler, samples, camera, size, threads, clip)
     for name, seconds in frame.statistics.seconds.items():
         session.seconds[name] = seconds
@@ -378,7 +378,7 @@ def painted(
 
 
 def report(session: Session, frame: Frame, subject: Subject) -> dict[str, Any]:
-    """Counts and times, for `--stats`."""
+    """Return counts and times, for `--stats`."""
     counts = frame.statistics
     return {
         "classify": str(subject.appearance.classification),

@@ -1,4 +1,4 @@
-"""Values that stay in their file: read brick by brick, and looked at once."""
+"""Values that stay in their file: read brick by brick, with cached statistics."""
 
 import logging
 from collections import deque
@@ -33,79 +33,81 @@ LOG = logging.getLogger("resample")
 
 
 def with_neighbours(is_chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Which bricks (Z, Y, X) are chosen, or touch those that are."""
-    found = np.pad(is_chosen, 1)  # so that nothing comes in again on the other side
+    """Dilate a selection of bricks (Z, Y, X) by one brick."""
+    found = np.pad(is_chosen, 1)  # so that nothing wraps around
     for axis, by in product(range(3), (-1, 1)):
         found |= np.roll(found, by, axis)
     return found[1:-1, 1:-1, 1:-1]
 
 
 def held_together(is_needed: NDArray[np.bool_]) -> int:
-    """How many bricks are in memory at once, as slopes ask for those beside: of two layers."""
+    """Return the number of bricks held at once, as slopes need adjacent ones: two layers."""
     layers = is_needed.sum(axis=(1, 2))
     return int((layers[1:] + layers[:-1]).max(initial=layers.max(initial=0)))
 
 
 class Asked(NamedTuple):
-    """Blocks whose voxels are asked for."""
+    """Blocks whose voxels are requested."""
 
     side: int  # voxels along each axis
     is_asked: NDArray[np.bool_]  # (Z, Y, X) of blocks
 
     def has_any(self, box: Box) -> bool:
-        """Whether some voxel of a box is asked for."""
+        """Return whether any voxel of a box is requested."""
         z, y, x = (slice(p.start // self.side, (p.stop - 1) // self.side + 1) for p in box)
         return bool(self.is_asked[z, y, x].any())
 
     def holds(self, at: Sequence[NDArray[np.int64]]) -> NDArray[np.bool_]:
-        """Which voxels (N,) are asked for, by their indices along z, y and x."""
+        """Return which voxels (N,) are requested, by indices along z, y and x."""
         z, y, x = (n // self.side for n in at)
         return self.is_asked[z, y, x]
 
 
 class Keeper(Protocol):
-    """Keeps what is known of values for others who ask for the same."""
+    """Stores statistics of values for later commands."""
 
     @property
     def store(self) -> object:
-        """Where values are."""
+        """Path of the values."""
         ...
 
     def load(self, bricks: "Bricks") -> Glance | None:
-        """What is kept; None if nothing is that still holds."""
+        """Return the stored statistics; None if there are none that are valid."""
         ...
 
     def state(self) -> str | None:
-        """State of the file, by which a change is noticed; None where it might not be."""
+        """Return the state of the file, which shows changes; None if changes may go unnoticed."""
         ...
 
     def keep(self, bricks: "Bricks", found: Glance, state: str | None) -> None:
-        """Keep what was found of a file in a state."""
+        """Store the statistics of a file in a state."""
         ...
 
 
 @dataclass(eq=False)
 class Bricks:
-    """Values (Z, Y, X) of a volume in a file, in place of an array of NumPy's.
+    """Values (Z, Y, X) of a volume in a file, instead of a NumPy array.
 
-    What is asked of all values is found in one pass and kept.
+    Statistics of all values are found in one pass and cached.
     """
 
-    read: Callable[[Box], NDArray[Any]]  # values of a box, from the file
+    read: Callable[[Box], NDArray[Any]]  # reads the values of a box from the file
     shape: Step
     dtype: np.dtype[Any]
-    side: Step  # voxels of a brick, but for the last along each axis
-    replaced: tuple[NDArray[Any], Any] | None = None  # values that stand for none: by what
+    side: Step  # voxels of a brick; the last along each axis may be smaller
+    replaced: tuple[NDArray[Any], Any] | None = (
+        None  # replacements of values that stand for missing ones
+    )
     found: dict[Any, Any] = field(default_factory=dict)  # see `resample_volume.data.keeping`
-    memory: int | None = None  # bytes that what is made of them may take; None: the machine's
-    reads: int = 0  # bricks that were read
-    most_held: int = 0  # bytes of bricks that were in memory together, at most
-    asked: Asked | None = None  # blocks whose voxels are asked for; None: all
-    keeper: "Keeper | None" = None  # of what is known of all values
-    recent: Recent | None = None  # that need not be read again
-    shelf: Shelf | None = None  # of those that were read first, as they are in the file
-    helpers: Callable[[], Helpers | None] | None = None  # who look at all values, too
-    period: int | None = None  # voxels along z after which bricks begin anew; None: never
+    memory: int | None = None  # memory limit for all that is made of them; None: the machine's
+    reads: int = 0  # counts bricks read
+    most_held: int = 0  # peak bytes of bricks in memory together
+    asked: Asked | None = None  # blocks whose voxels are requested; None: all
+    keeper: "Keeper | None" = None  # of the statistics
+    recent: Recent | None = None  # cache of bricks
+    shelf: Shelf | None = None  # pinned bricks, as stored in the file
+    helpers: Callable[[], Helpers | None] | None = None  # workers of the first pass
+    period: int | None = None  # period along z, voxels, at which bricks restart; None: none
     _lock: Lock = field(default_factory=Lock)
 
     @property
@@ -124,7 +126,7 @@ class Bricks:
         return z * (deep // each), y, x
 
     def box(self, index: Step) -> Box:
-        """Voxels of a brick."""
+        """Return the box of voxels of a brick."""
         each = self.period or self.shape[0]
         period, n = divmod(index[0], -(-each // self.side[0]))
         sizes, first = (each, *self.shape[1:]), period * each
@@ -135,7 +137,7 @@ class Bricks:
         return slice(first + z.start, first + z.stop), y, x
 
     def one_of(self, values: "Bricks", number: int) -> "Bricks":
-        """Values of one period, that are read by themselves, with what is known of them here."""
+        """Return the values of one period alone, with their known statistics."""
         layers = values.count[0]
         own = slice(number * layers, (number + 1) * layers)
         values.__dict__["ends"] = tuple(end[own] for end in self.ends)
@@ -143,7 +145,7 @@ class Bricks:
 
     @property
     def limits(self) -> Box:
-        """Voxels that there are."""
+        """Least and greatest index along each axis."""
         z, y, x = (slice(0, size) for size in self.shape)
         return z, y, x
 
@@ -152,7 +154,7 @@ class Bricks:
         return [(z, y, x) for z, y, x in product(*map(range, self.count))]
 
     def brick(self, index: Step) -> NDArray[Any]:
-        """Values of a brick; one that is known to have a single value is not read."""
+        """Return the values of a brick; one known to be constant is not read."""
         if is_known_by_its_ends(self.dtype) and "ends" in self.__dict__:
             least, greatest = (end[index] for end in self.ends)
             if least == greatest:
@@ -167,7 +169,7 @@ class Bricks:
         return values
 
     def _read(self, index: Step) -> NDArray[Any]:
-        """Values of a brick, from the shelf or the file."""
+        """Read the values of a brick, from the cache or the file."""
         values = None if self.shelf is None else self.shelf.found(index)
         if values is None:
             values = self.read(self.box(index))
@@ -184,17 +186,17 @@ class Bricks:
         return np.where(is_none, np.asarray(by, self.dtype), values)
 
     def within(self, asked: Asked | None, recent: Recent | None = None) -> "Bricks":
-        """The same, of which voxels of some blocks are asked for; it counts its own reads."""
+        """Return a copy restricted to some blocks; it counts its own reads."""
         part = replace(self.anew(), asked=asked, recent=recent)
         part.__dict__["ends"] = self.ends  # of the whole
         return part
 
     def anew(self) -> "Bricks":
-        """The same, which counts its own reads."""
+        """Return a copy that counts its own reads."""
         return replace(self, reads=0, most_held=0, _lock=Lock())
 
     def __getstate__(self) -> dict[str, Any]:
-        """What another process needs, of what was found the ends of bricks alone."""
+        """Return what another process needs; of the statistics only the ends of bricks."""
         known = {"ends": self.ends} if {"ends", "glance"} & self.__dict__.keys() else {}
         left = {name: part for name, part in self.__dict__.items() if name != "glance"}
         return left | known | {"found": {}, "recent": None, "helpers": None, "_lock": None}
@@ -203,7 +205,7 @@ class Bricks:
         self.__dict__.update(state, _lock=Lock())
 
     def shelve(self, most: int) -> None:
-        """Keep bricks that are read first, as many as so many bytes hold."""
+        """Pin the bricks read first, up to a limit in bytes."""
         if self.shelf is None:
             self.shelf = Shelf(most)
         else:
@@ -211,26 +213,26 @@ class Bricks:
 
     @property
     def shelved(self) -> int:
-        """Bytes that bricks take which were read first, at most."""
+        """Limit of the pinned bricks in bytes."""
         return 0 if self.shelf is None else self.shelf.most
 
     @property
     def noted(self) -> int:
-        """Bytes of what is known of all values, if it was found or recalled here."""
+        """Bytes of the statistics, if found or loaded here."""
         glance = self.__dict__.get("glance", ())
         return sum(np.asarray(part).nbytes for part in glance if part is not None)
 
     def hold(self, count: int) -> None:
-        """Note that so many bricks are in memory."""
+        """Record the number of bricks in memory."""
         self.most_held = max(self.most_held, count * self.bytes_each)
 
     @property
     def bytes_each(self) -> int:
-        """Of a brick."""
+        """Bytes of a brick."""
         return prod(map(min, self.side, self.shape)) * self.dtype.itemsize
 
     def each(self, job: Callable[[Step], R], indices: Sequence[Step]) -> Iterator[R]:
-        """What a job gives for bricks, in their order; several are worked on at a time."""
+        """Run a job on bricks, several at a time; yield results in the order of the bricks."""
         threads = threads_at_work()
         pool, waiting = ThreadPoolExecutor(threads), deque[Future[R]]()
         try:
@@ -244,7 +246,7 @@ class Bricks:
             pool.shutdown(cancel_futures=True)
 
     def whole(self) -> NDArray[Any]:
-        """All values in memory."""
+        """Read all values into memory."""
         values = np.empty(self.shape, self.dtype)
         self.put_into(values)
         return values
@@ -259,17 +261,17 @@ class Bricks:
             look(n + 1, prod(self.count))
 
     def without(self, padding: Sequence[float], by: Any) -> "Bricks":
-        """The same without values that stand for none, nor infinite ones."""
+        """Return a copy in which values for missing ones, and infinite ones, are replaced."""
         return replace(self.anew(), replaced=(np.array(padding), by), found={})
 
     @cached_property
     def ends(self) -> tuple[Doubles, Doubles]:
-        """Least and greatest finite value of each brick, as `Glance` has them."""
+        """Return the least and greatest finite value of each brick, as in `Glance`."""
         return self.glance.least, self.glance.greatest
 
     @cached_property
     def glance(self) -> Glance:
-        """What is known of all values; the first time, each brick is read."""
+        """Return statistics of all values; the first call reads each brick."""
         keeper = self.keeper
         kept = None if keeper is None else keeper.load(self)
         if keeper is None or kept is not None:
@@ -280,14 +282,14 @@ class Bricks:
         return found
 
     def is_kept(self) -> bool:
-        """Whether all values need not be looked at, as what is known of them is kept."""
+        """Whether the statistics are cached, so that no scan is needed."""
         kept = None if self.keeper is None else self.keeper.load(self)
         if kept is not None:
             self.__dict__["glance"] = kept
         return kept is not None
 
     def state(self) -> tuple[Any, ...] | None:
-        """What tells whether values in a store are the same; None where nothing does."""
+        """Return what identifies the values of a store; None if nothing does."""
         state = None if self.keeper is None else self.keeper.state()
         if self.keeper is None or state is None:
             return None
@@ -302,15 +304,15 @@ Values = NDArray[Any] | Bricks
 
 
 def as_array(volume: Volume) -> Volume:
-    """Volume whose values are an array, also where they are bricks.
+    """Return the volume with its values as an array, also if they are bricks.
 
-    Where memory may not hold them and a field of them, they are in a file of which it holds pages
-    (`resample.memory.mapped`): as many as what else a field needs leaves, a quarter at least.
+    If they and a field of them may not fit in memory, they are in a mapped file
+    (`resample.memory.mapped`). Its pages get the memory that a field leaves, at least a quarter.
 
     Raises
     ------
     ValueError
-        Neither memory nor a disk holds them, or they cannot be read.
+        They fit neither in memory nor on the disk, or cannot be read.
     """
     bricks: Values = volume.values
     if not isinstance(bricks, Bricks):
@@ -324,14 +326,15 @@ def as_array(volume: Volume) -> Volume:
     pages = bricks.memory - beside
     if pages < bricks.memory // 4:
         raise ValueError(
-            f"{volume.name} is needed as a whole for this: {amount(beside * 4 // 3)} of memory at "
-            f"least, and a file for the rest; {amount(bricks.memory)} are allowed: give more "
-            "memory or a coarser level, or render it by classify pre and composite"
+            f"{volume.name} is needed as a whole for this, with at least "
+            f"{amount(beside * 4 // 3)} of memory and a file for the rest; "
+            f"{amount(bricks.memory)} are allowed: give more memory or a coarser level, or "
+            "render it by classify pre and composite"
         )
     values = array_in_file(bricks.shape, bricks.dtype, pages, volume.name)
     LOG.info(
-        "%s is needed as a whole, which %s of memory do not hold: it and a field of it are in a "
-        "file of %s meanwhile",
+        "%s is needed as a whole and does not fit in %s of memory: it and its field are in a "
+        "temporary file of %s",
         *(volume.name, amount(bricks.memory), folder()),
     )
     bricks.put_into(values)
@@ -339,7 +342,7 @@ def as_array(volume: Volume) -> Volume:
 
 
 def parts(values: Values) -> Iterator[NDArray[Any]]:
-    """Values of a volume, a part at a time, in no particular order."""
+    """Yield the values of a volume in parts, in no particular order."""
     if isinstance(values, Bricks):
         yield from values.each(values.brick, values.all())
     else:
@@ -347,7 +350,7 @@ def parts(values: Values) -> Iterator[NDArray[Any]]:
 
 
 def sampled(values: Values) -> NDArray[Any]:
-    """Some of the values of a volume, evenly spread; see `step_of`."""
+    """Return a regular sample of a volume's values; see `step_of`."""
     if isinstance(values, Bricks):
         return values.glance.some
     step = step_of(values.size)

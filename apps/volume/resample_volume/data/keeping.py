@@ -1,4 +1,4 @@
-"""What is found of a volume's values is found once, where a scene keeps it, or the values do."""
+"""Memoize results about a volume's values, in a scene or on the values."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -9,16 +9,16 @@ from typing import Any, ParamSpec, TypeVar
 P = ParamSpec("P")
 R = TypeVar("R")
 
-Kept = dict[tuple[Any, ...], Any]  # by what was asked for, and of which values
+Kept = dict[tuple[Any, ...], Any]  # by function, arguments and values
 
 _kept: ContextVar[Kept | None] = ContextVar("kept", default=None)
 
 
 @contextmanager
 def keeping(kept: Kept) -> Iterator[None]:
-    """Let what is found here be kept, and what was found before be used.
+    """Enable memoization within a block.
 
-    Values must neither change nor go away as long as something of them is kept.
+    Values must neither change nor be freed while results about them are kept.
     """
     token = _kept.set(kept)
     try:
@@ -28,13 +28,13 @@ def keeping(kept: Kept) -> Iterator[None]:
 
 
 def found_once(of: Callable[[Any], Any]) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Decorate what depends on values and numbers alone.
+    """Memoize a function that only depends on values and numbers.
 
     Parameters
     ----------
     of
-        Gives the array of values of the first argument; all others are numbers and names. What
-        has an attribute `found` keeps what is found there.
+        Returns the array of values of the first argument; all others are numbers and names. An
+        object with an attribute `found` keeps results there.
     """
 
     def decorated(find: Callable[P, R]) -> Callable[P, R]:

@@ -1,4 +1,4 @@
-"""Does a volume fit into this machine's memory? Asked before anything large is allocated."""
+"""Check that a volume fits in memory, before anything large is allocated."""
 
 from resample import memory
 
@@ -6,5 +6,5 @@ REMEDY = "take a smaller or downsampled volume"
 
 
 def require_memory(count: int, what: str) -> None:
-    """Refuse a volume of `count` bytes that cannot fit, see `resample.memory.require_memory`."""
+    """Reject a volume of `count` bytes that cannot fit, see `resample.memory.require_memory`."""
     memory.require_memory(count, what, REMEDY)

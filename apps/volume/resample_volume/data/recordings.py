@@ -1,4 +1,4 @@
-"""What of a file that holds more than one volume is shown: one time, one channel, or colors."""
+"""Choose one volume of a recording: a time, a channel, or colors."""
 
 from typing import Any
 
@@ -10,16 +10,16 @@ from resample.types import Floats
 from resample_volume.data.parts import slabs
 from resample_volume.types import Recording, Volume
 
-COLORED = ("uint8", "uint16", "float32", "float64")  # types that colors may have
+COLORED = ("uint8", "uint16", "float32", "float64")  # types of colors
 PARTS = (3, 4)  # numbers of a color: red, green, blue and perhaps opacity
 
 
 class SeveralTimesError(ValueError):
-    """There are several times, and none is chosen."""
+    """There are several times and none was chosen."""
 
 
 def how(what: str, count: int) -> str:
-    """How one of so many is chosen.
+    """Return the hint how to choose one of several.
 
     >>> how("time", 3)
     'choose one by time, 0 to 2 (--time 0; in Python open_volume(..., time=0))'
@@ -29,25 +29,25 @@ def how(what: str, count: int) -> str:
 
 
 def alone(recording: Recording) -> Volume:
-    """Volume that a recording is the only one of; see `volume_at`."""
+    """Return the only volume of a recording; see `volume_at`."""
     return volume_at(recording, None, None)
 
 
 def volume_at(recording: Recording, time: int | None, channel: int | None) -> Volume:
-    """One volume of a recording.
+    """Return one volume of a recording.
 
     Parameters
     ----------
     recording
-        Where it has times alone, or channels alone, either word chooses among them.
+        If it has only times or only channels, either argument chooses among them.
     time, channel
-        Which, from 0 on, or from the end where negative; None where there is but one, or where
-        channels are the parts of a color.
+        Index from 0, negative from the end; None if there is only one, or if channels are the
+        components of a color.
 
     Raises
     ------
     ValueError
-        There are several and none is chosen, or there is none of that number.
+        There are several and none was chosen, or the index is out of range.
     """
     chosen = recording
     times, parts = chosen.values.shape[:2]
@@ -63,7 +63,7 @@ def volume_at(recording: Recording, time: int | None, channel: int | None) -> Vo
 
 
 def with_times_first(recording: Recording) -> Recording:
-    """Recording whose times are what there are several of, if channels are no colors."""
+    """Return the recording with its several channels as times, unless these are colors."""
     times, parts = recording.values.shape[:2]
     if times == 1 < parts and not recording.is_color:
         return recording._replace(values=recording.values.swapaxes(0, 1))
@@ -71,31 +71,31 @@ def with_times_first(recording: Recording) -> Recording:
 
 
 def is_color(shape: tuple[int, ...], dtype: np.dtype[Any]) -> bool:
-    """Whether numbers of voxels, the last axis, may be the parts of colors."""
+    """Return whether the last axis may be the components of colors."""
     return shape[-1] in PARTS and dtype.newbyteorder("=").name in COLORED
 
 
 def in_color(values: NDArray[Any], volume: Volume) -> Volume:
-    """Volume of colors: its values are their opacity, or else how bright they are.
+    """Make a volume of colors: its values are their opacity, or otherwise their brightness.
 
-    How bright is the greatest of red, green and blue, so that opacities do not depend on hues.
+    Brightness is the greatest of red, green and blue, so that opacities do not depend on hue.
 
     Parameters
     ----------
     values
-        (Z, Y, X, 3 or 4) red, green, blue and perhaps opacity, which colors are not multiplied by:
-        integers as displayed (sRGB), floats in linear light. A color with NaN is not there.
+        (Z, Y, X, 3 or 4) red, green, blue and perhaps opacity, not premultiplied: integers in sRGB,
+        floats in linear light. A color with NaN is missing.
     volume
         Its place and name.
 
     Raises
     ------
     ValueError
-        A part is less than 0.
+        A component is less than 0.
     """
     if values.dtype.kind == "f" and any(bool((slab < 0).any()) for slab in slabs(values)):
         raise ValueError(
-            f"{volume.name} has numbers below 0, which are no colors; "
+            f"{volume.name} has numbers below 0, which are not colors; "
             + how("channel", values.shape[-1])
         )
     shown = values[..., 3] if values.shape[-1] == 4 else _brightness(values)
@@ -103,7 +103,7 @@ def in_color(values: NDArray[Any], volume: Volume) -> Volume:
 
 
 def linear_colors(colors: NDArray[Any]) -> Floats:
-    """Colors (N, 3) in linear light, of the first parts of colors as `in_color` takes them."""
+    """Convert colors as of `in_color` to linear light (N, 3), without opacity."""
     if colors.dtype.kind == "f":
         return np.nan_to_num(np.asarray(colors[..., :3], np.float32))
     every = _linear(colors.dtype)
@@ -111,13 +111,13 @@ def linear_colors(colors: NDArray[Any]) -> Floats:
 
 
 def _linear(dtype: np.dtype[Any]) -> Floats:
-    """Linear light of all values that are displayed."""
+    """Return the table from sRGB integers to linear light."""
     most = np.iinfo(dtype).max
     return np.asarray(from_srgb(np.arange(most + 1) / most), np.float32)
 
 
 def _brightness(values: NDArray[Any]) -> NDArray[Any]:
-    """Greatest part (Z, Y, X) of colors: the same for all hues, and a gray's own value."""
+    """Return the greatest component (Z, Y, X) of colors: independent of hue."""
     found = np.empty(values.shape[:3], values.dtype)
     start = 0
     for slab in slabs(values):
@@ -139,7 +139,7 @@ def _volume(recording: Recording, values: NDArray[Any], name: str) -> Volume:
 
 
 def _number(recording: Recording, axis: int, given: int | None) -> int:
-    """Which of the times (axis 0) or of the channels (axis 1) is meant."""
+    """Return the index among times (axis 0) or channels (axis 1)."""
     what, count = ("time", "channel")[axis], int(recording.values.shape[axis])
     listed = f"{recording.name} has {count} {what}s"
     if given is None and count > 1:
@@ -151,7 +151,7 @@ def _number(recording: Recording, axis: int, given: int | None) -> int:
 
 
 def _named(recording: Recording, time: int | None, channel: int | None) -> str:
-    """What is added to a name."""
+    """Return the suffix of a volume's name."""
     times, parts = recording.values.shape[:2]
     words = [] if time is None or times * parts == 1 else [f"time {time}"]
     words += [] if channel is None or times * parts == 1 else [f"channel {channel}"]

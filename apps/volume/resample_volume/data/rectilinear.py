@@ -1,4 +1,4 @@
-"""Values on grids whose planes are not evenly spaced, brought onto an even lattice."""
+"""Resample rectilinear grids with uneven planes onto a regular lattice."""
 
 from typing import Any, NamedTuple
 
@@ -9,28 +9,28 @@ from resample.types import Doubles
 from resample_volume.data.memory import require_memory
 from resample_volume.types import Volume
 
-EVEN = 1e-3  # of a step: differences up to this are rounding
-MOST_PER_PLANE = 8  # even planes for each uneven one, on the average along an axis
-MOST = 1 << 28  # samples; more are not made of fewer
+EVEN = 1e-3  # of a step: smaller differences are rounding
+MOST_PER_PLANE = 8  # even planes per uneven one, on average along an axis
+MOST = 1 << 28  # samples, upper limit of the result unless the grid has more
 BYTES_PER_SAMPLE = 12
 
 
 class Even(NamedTuple):
-    """An even axis in place of an uneven one."""
+    """An even axis that replaces an uneven one."""
 
     place: Doubles  # (N,) coordinates, evenly spaced
     step: float
-    is_capped: bool  # whether the least distance of given planes was too fine for the whole
+    is_capped: bool  # whether steps are coarser than the least distance of the given planes
 
 
 def rectilinear(
     values: NDArray[Any], x: ArrayLike, y: ArrayLike, z: ArrayLike, name: str = "grid"
 ) -> Volume:
-    """Volume of values at the places of a rectilinear grid.
+    """Make a volume of values on a rectilinear grid.
 
-    Along axes that are not even, values are interpolated at the least distance that two planes of
-    the grid have, by Akima's modified cubics: through the given values, without ringing at edges.
-    Where that would make more than 8 planes of each, the distance is larger. Even axes stay.
+    Along uneven axes, values are interpolated at the least distance of two planes, by Akima's
+    modified cubics: through the given values, without ringing at edges. If that gave more than 8
+    planes for each, the distance is larger. Even axes are unchanged.
 
     Parameters
     ----------
@@ -43,12 +43,12 @@ def rectilinear(
 
     Returns
     -------
-    Its `note` says what was done.
+    The volume; its `note` says what was done.
 
     Raises
     ------
     ValueError
-        Coordinates do not fit, turn back or are not finite; or too much memory is needed.
+        Coordinates do not fit, are not monotonic or not finite; or too much memory is needed.
 
     Examples
     --------
@@ -76,14 +76,14 @@ def rectilinear(
 
 
 def evened(place: Doubles, coarser: float = 1.0) -> Even:
-    """Even axis between the ends of an ascending one.
+    """Return an even axis between the ends of an ascending one.
 
     Parameters
     ----------
     place
         (N,) coordinates.
     coarser
-        How many times as large as the least distance steps are to be, where it is uneven.
+        Ratio of the steps to the least distance, if it is uneven.
     """
     gaps = np.diff(place)
     extent = place[-1] - place[0]
@@ -98,14 +98,14 @@ def evened(place: Doubles, coarser: float = 1.0) -> Even:
 
 
 def along(values: NDArray[Any], place: Doubles, even: Even, axis: int) -> NDArray[Any]:
-    """Values interpolated along one axis; see `rectilinear`."""
+    """Interpolate values along one axis; see `rectilinear`."""
     if even.place is place:
         return values
     from scipy.interpolate import Akima1DInterpolator
 
     given = np.asarray(values, np.float32)
     found = np.empty((*given.shape[:axis], even.place.size, *given.shape[axis + 1 :]), np.float32)
-    other = 0 if axis else 1  # gone through in parts, since SciPy reckons with float64
+    other = 0 if axis else 1  # in parts, since SciPy computes in float64
     known = bool(np.isfinite(given).all())
     for n in range(given.shape[other]):
         at = (slice(None),) * other + (slice(n, n + 1),)
@@ -118,7 +118,7 @@ def along(values: NDArray[Any], place: Doubles, even: Even, axis: int) -> NDArra
 
 
 def _linear(values: NDArray[Any], place: Doubles, places: Doubles, axis: int) -> NDArray[Any]:
-    """Values interpolated along an axis; at a given place the missing beside it do not matter."""
+    """Interpolate linearly along an axis; at given planes, missing neighbours do not matter."""
     low = np.clip(np.searchsorted(place, places, "right") - 1, 0, place.size - 2)
     share = (places - place[low]) / (place[low + 1] - place[low])
     share = share.reshape([-1 if n == axis else 1 for n in range(values.ndim)])
@@ -128,7 +128,7 @@ def _linear(values: NDArray[Any], place: Doubles, places: Doubles, axis: int) ->
 
 
 def _on(values: NDArray[Any], axes: list[Doubles], even: list[Even], name: str) -> Volume:
-    """Volume on even axes, given those of the values; x, y, z each."""
+    """Return the volume on even axes, from the values' own; x, y, z each."""
     sizes = [axis.place.size for axis in even]
     listed = " x ".join(map(str, sizes))
     changed = [n for n in range(3) if even[n].place is not axes[n]]

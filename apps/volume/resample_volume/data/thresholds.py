@@ -1,7 +1,7 @@
-"""Distributions of values, and what splits one into classes: Otsu's thresholds.
+"""Distributions of values, Otsu's thresholds, and peaks.
 
-Otsu, A Threshold Selection Method from Gray-Level Histograms, 1979: classes whose means differ the
-most, which is the same as classes that are the most even in themselves.
+Otsu, A Threshold Selection Method from Gray-Level Histograms, 1979: maximize the variance between
+classes, which minimizes the variance within them.
 """
 
 from itertools import combinations
@@ -12,31 +12,31 @@ from numpy.typing import NDArray
 
 from resample.types import Doubles
 
-BINS = 128  # that thresholds are looked for among
-SMOOTHED, SURE = 2, 5.0  # times, and standard deviations of a count, before a peak is one
+BINS = 128  # bins for the search of thresholds
+SMOOTHED, SURE = 2, 5.0  # ratio, and standard deviations of a count, that make a peak
 
 Counts = NDArray[np.int64]
 
 
 class Levels(NamedTuple):
-    """A distribution, of a sample of the voxels where values are many."""
+    """A distribution of values, of a sample of voxels for types of many values."""
 
     value: Doubles  # (K,) ascending
     number: Counts  # (K,) of voxels that have them, > 0
 
     def between(self, first: int, last: int) -> "Levels":
-        """Those from one index to another, both included; from the end where it is negative."""
+        """Return the levels from one index to another, both included; negative from the end."""
         part = slice(first, last + 1 or None)
         return Levels(self.value[part], self.number[part])
 
     def share(self, low: float, high: float) -> float:
-        """Share of the voxels whose values are in a range, both ends included."""
+        """Return the share of voxels in a range, both ends included."""
         inside = (self.value >= low) & (self.value <= high)
         return float(self.number[inside].sum() / max(self.number.sum(), 1))
 
 
 def otsu(levels: Levels, classes: int = 2) -> list[float]:
-    """Thresholds between classes, ascending; what is above one belongs to the class after it.
+    """Return ascending thresholds between classes; values above one are of the next class.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def otsu(levels: Levels, classes: int = 2) -> list[float]:
 
     Returns
     -------
-    One less than there are classes; none where values are fewer than classes.
+    One less than classes; none if there are fewer values than classes.
     """
     value, count = levels
     if value.size < classes:
@@ -64,7 +64,7 @@ def otsu(levels: Levels, classes: int = 2) -> list[float]:
     first = np.concatenate([[0.0], np.cumsum(weight * (center - center[0]))])
 
     def spread(start: Counts, end: Counts) -> Doubles:
-        """Weight times squared mean of classes of bins."""
+        """Return weight times squared mean of classes of bins."""
         mass = zero[end] - zero[start]
         part = (first[end] - first[start]) ** 2
         return np.where(mass > 0, part / np.maximum(mass, 1.0), 0.0)
@@ -84,28 +84,28 @@ class Peak(NamedTuple):
     after: float  # of the valley
 
     def share(self, levels: Levels) -> float:
-        """Share of the voxels between the valleys."""
+        """Share of voxels between the valleys."""
         return levels.share(self.before, self.after)
 
 
 def peak_between(levels: Levels, low: float, high: float, dip: float, each: int = 1) -> Peak | None:
-    """Peak between what is most frequent up to a value and another value; None: there is none.
+    """Find a peak between the most frequent value of a range and another value; or None.
 
-    Edges of denser things are blurred into all values below theirs, which makes no peak.
+    Blurred edges of denser objects spread over all lower values, and make no peak.
 
     Parameters
     ----------
     levels
         Values.
     low
-        What is most frequent up to there, the surroundings, lies before the peak.
+        The most frequent value up to this one, the surroundings, lies before the peak.
     high
-        The valley behind it is no farther.
+        Upper limit of the valley behind the peak.
     dip
-        Share of the peak's height that the valley before it has at most; half that of the one
+        Greatest height of the valley before the peak, as a fraction of the peak's; half of that
         behind.
     each
-        Voxels that one of the sample stands for.
+        Voxels per voxel of the sample.
     """
     edges = np.linspace(levels.value[0], levels.value[-1], BINS + 1)
     count, _ = np.histogram(levels.value, edges, weights=levels.number)

@@ -1,1 +1,1 @@
-"""Volumes that other libraries hold: data sets of VTK's, images, labeled arrays, grids of yt's."""
+"""Convert volumes of other libraries: VTK, PyVista, SimpleITK, nibabel, xarray, yt."""

@@ -1,4 +1,4 @@
-"""Data sets of VTK's and PyVista's: lattices as they are, grids of cells resampled onto one."""
+"""Convert data sets of VTK and PyVista; unstructured grids are resampled."""
 
 from typing import Any
 
@@ -16,7 +16,7 @@ from resample_volume.types import Volume
 
 
 def of_dataset(given: Any, part: Any, name: str) -> Volume:
-    """Volume of a data set; errors are those of readers of such files.
+    """Convert a data set; errors are those of readers of such files.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def _of_planes(grid: Any, wanted: Wanted, name: str) -> Volume:
 
 
 def _values(grid: Any, wanted: Wanted, name: str) -> tuple[NDArray[Any], bool]:
-    """Values (Z, Y, X) or (Z, Y, X, C) of an array, and whether they are of cells."""
+    """Return values (Z, Y, X) or (Z, Y, X, C) of an array, and whether they are of cells."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
     arrays = arrays_of(grid)
@@ -68,5 +68,5 @@ def _values(grid: Any, wanted: Wanted, name: str) -> tuple[NDArray[Any], bool]:
     points = points_along(grid)
     shape = cells_between(points) if chosen.is_of_cells else points
     check_shape(shape, name)
-    values = vtk_to_numpy(arrays[names.index(chosen)][1])  # keeps VTK's memory alive
+    values = vtk_to_numpy(arrays[names.index(chosen)][1])  # holds a reference to VTK's memory
     return values.reshape(*shape[::-1], *values.shape[1:]), chosen.is_of_cells

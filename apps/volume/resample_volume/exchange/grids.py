@@ -1,4 +1,4 @@
-"""Grids of yt's of one resolution: covering and arbitrary grids, by the attributes they share."""
+"""Convert uniform grids of yt: covering and arbitrary grids."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from resample_volume.types import Volume
 
 
 def of_grid(given: Any, part: Any, name: str) -> Volume:
-    """Volume of a field, whose values are at the centers of cells.
+    """Convert a field, whose values are at the centers of cells.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Images of SimpleITK and nibabel."""
+"""Convert images of SimpleITK and nibabel."""
 
 from typing import Any
 
@@ -13,7 +13,7 @@ TO_LPS = np.diag([-1.0, -1.0, 1.0])  # from RAS, and back
 
 
 def of_simple_itk(image: Any, part: Any, name: str) -> Volume:
-    """Image of SimpleITK's, with its place; parameters as of `datasets.of_dataset`."""
+    """Convert an image of SimpleITK's with its geometry; parameters as of `datasets.of_dataset`."""
     import SimpleITK
 
     check_whole(part, "an image of SimpleITK's")
@@ -29,9 +29,9 @@ def of_simple_itk(image: Any, part: Any, name: str) -> Volume:
 
 
 def of_nibabel(image: Any, part: Any, name: str) -> Volume:
-    """Image of nibabel's, of a volume or of colors, in LPS as all volumes of patients are.
+    """Convert an image of nibabel's, of values or colors, to LPS.
 
-    Values are scaled as its header says, and are the file's own where that says nothing.
+    Values are scaled if its header says so, and otherwise as stored.
     """
     check_whole(part, "an image of nibabel's")
     if not (hasattr(image, "dataobj") and hasattr(image, "affine")):
@@ -52,14 +52,14 @@ def of_nibabel(image: Any, part: Any, name: str) -> Volume:
 
 
 def _units(header: Any) -> str:
-    """Units of values, which NIfTI keeps in the name of what is intended."""
+    """Return the units of values, which NIfTI stores in the intent's name."""
     if not hasattr(header, "get_intent"):
         return ""
     return "hu" if is_hounsfield(str(header.get_intent()[2])) else ""
 
 
 def _colors(values: NDArray[Any]) -> NDArray[Any]:
-    """Values whose parts, where they have names (R, G, B), are a last axis."""
+    """Move components named R, G, B to a last axis."""
     if values.dtype.names is None:
         return values
     return np.stack([values[each] for each in values.dtype.names], axis=-1)

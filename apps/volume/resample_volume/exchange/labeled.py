@@ -1,4 +1,4 @@
-"""Labeled arrays, as xarray has them."""
+"""Convert labeled arrays of xarray."""
 
 from typing import Any
 
@@ -13,7 +13,7 @@ AXES = ("z", "y", "x")
 
 
 def of_labeled(given: Any, part: Any, name: str) -> Volume:
-    """Array of xarray's, or a variable of several, with its coordinates.
+    """Convert an array of xarray's, or a variable of a data set, with its coordinates.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def of_labeled(given: Any, part: Any, name: str) -> Volume:
 
 
 def _variable(given: Any, part: Any) -> Any:
-    """Variable of that name of a data set, or the only one."""
+    """Return a data set's variable by name, or the only one."""
     names = [str(each) for each in given.data_vars]
     if part not in names and (part or len(names) != 1):
         listed = ", ".join(names) or "there is none"
@@ -59,7 +59,7 @@ def _variable(given: Any, part: Any) -> Any:
 
 
 def _planes(given: Any, dim: str, count: int) -> Doubles:
-    """Places of planes along a dimension; whole numbers where it has no coordinates."""
+    """Return coordinates along a dimension; indices if it has none."""
     if dim not in given.coords:
         return np.arange(count, dtype=np.float64)
     along = np.asarray(given.coords[dim].values)

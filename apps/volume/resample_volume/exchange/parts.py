@@ -1,4 +1,4 @@
-"""Parts of objects: arrays, fields, variables, of which some have several and some have none."""
+"""Parts of objects: arrays, fields or variables chosen by name."""
 
 from collections.abc import Callable
 from typing import Any
@@ -10,12 +10,12 @@ Taker = Callable[[Any, Part, str], Volume]  # of an object, a part of it and a n
 
 
 def check_whole(part: Part, what: str) -> None:
-    """Refuse a part of what has none.
+    """Reject a part of an object without parts.
 
     Raises
     ------
     ValueError
-        It is given.
+        A part was given.
     """
     if part:
         raise ValueError(f"{what} is one volume, without a part {part!r:.60}; leave part out")

@@ -1,4 +1,4 @@
-"""What libraries' objects are, told by their types, so that no library is imported for others'."""
+"""Find the converter of an object by its type's module, without importing its library."""
 
 from typing import Any
 
@@ -10,9 +10,9 @@ from resample_volume.exchange.parts import Taker
 
 
 def taker_of(given: Any) -> Taker | None:
-    """What makes a volume of an object, with values (Z, Y, X) or (Z, Y, X, C) of any type.
+    """Return the converter of an object, with values (Z, Y, X) or (Z, Y, X, C) of any type.
 
-    None of an object that is no library's.
+    None for objects of no known library.
     """
     every = type(given).__mro__
     homes = {kind.__module__.partition(".")[0] for kind in every}

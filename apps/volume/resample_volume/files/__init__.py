@@ -1,1 +1,1 @@
-"""Volumes in and out."""
+"""Read and write volumes."""

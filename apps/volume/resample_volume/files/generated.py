@@ -1,4 +1,4 @@
-"""Volumes that need no file: for demonstrations, tests and the paper's Checker Box."""
+"""Generated volumes for demonstrations and tests, such as the paper's Checker Box."""
 
 import math
 from collections.abc import Callable
@@ -15,7 +15,7 @@ DARK, BRIGHT = 64, 192  # of the Checker Box; neither is transparent
 
 
 class Capsule(NamedTuple):
-    """A stretch of vessel: a ball that moves along a segment and shrinks."""
+    """A piece of vessel: a ball swept along a segment with decreasing radius."""
 
     start: Doubles  # (3,) x, y, z in 0..1, like all lengths here
     end: Doubles
@@ -24,7 +24,7 @@ class Capsule(NamedTuple):
 
 
 def checker_box(size: int = 100, block: int = 10) -> Volume:
-    """Blocks of two values in turn, as in the paper: all of its `size`³ voxels are seen.
+    """Make alternating blocks of two values, as in the paper: all `size`³ voxels are visible.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def checker_box(size: int = 100, block: int = 10) -> Volume:
 
 
 def marschner_lobb(size: int = 41, fm: float = 6.0, alpha: float = 0.25) -> Volume:
-    """Signal of Marschner and Lobb (1994), on which interpolation shows all its faults.
+    """Make the test signal of Marschner and Lobb (1994), which reveals interpolation errors.
 
     Parameters
     ----------
@@ -75,14 +75,14 @@ def marschner_lobb(size: int = 41, fm: float = 6.0, alpha: float = 0.25) -> Volu
 
 
 def vessel_tree(size: int = 128, seed: int = 7) -> Volume:
-    """Vessels that branch and taper, with an aneurysm: mostly empty, mostly thin.
+    """Make branching, tapering vessels with an aneurysm: mostly empty, mostly thin.
 
     Parameters
     ----------
     size
         Voxels along each side.
     seed
-        Each gives another tree.
+        Seed of the random tree.
 
     Returns
     -------
@@ -108,7 +108,7 @@ GENERATED: dict[str, Callable[..., Volume]] = {
 
 
 def _branch(rng: np.random.Generator, start: Doubles, heading: Doubles, radius: float) -> Any:
-    """Capsules of a vessel and of all that come out of it."""
+    """Yield the capsules of a vessel and of all its branches."""
     for _ in range(int(rng.integers(3, 6))):
         toward_middle = 0.5 - start
         wander = rng.normal(0, 0.28, 3) + toward_middle * (np.abs(toward_middle).max() > 0.38)
@@ -118,14 +118,14 @@ def _branch(rng: np.random.Generator, start: Doubles, heading: Doubles, radius: 
         start, radius = end, 0.97 * radius
     if radius < 0.005:
         return
-    share = rng.uniform(0.35, 0.5)  # Murray's law: radius³ is shared out
+    share = rng.uniform(0.35, 0.5)  # Murray's law: radius³ is divided
     aside = _unit(np.cross(heading, rng.normal(size=3)))
     for part, side in ((share, 1.2), (1 - share, -0.6)):
         yield from _branch(rng, start, _unit(heading + side * aside), radius * part ** (1 / 3))
 
 
 def _bulge(capsules: list[Capsule]) -> Capsule:
-    """Aneurysm: a ball at the side of a vessel, near the first fork."""
+    """Return the aneurysm: a ball at the side of a vessel, near the first fork."""
     trunk = capsules[4]
     aside = _unit(np.cross(trunk.end - trunk.start, [0.0, 1.0, 0.0]))
     center = trunk.end + 1.9 * trunk.narrow * aside
@@ -133,7 +133,7 @@ def _bulge(capsules: list[Capsule]) -> Capsule:
 
 
 def _rasterise(depth: Floats, capsule: Capsule) -> None:
-    """Raise `depth` (Z, Y, X), voxels below the surface, where a capsule is deeper."""
+    """Rasterise a capsule by maximum into `depth` (Z, Y, X), voxels below the surface."""
     size = len(depth)
     start, end = capsule.start * (size - 1), capsule.end * (size - 1)
     wide, narrow = capsule.wide * size, capsule.narrow * size

@@ -16,7 +16,7 @@ AXES = ("x", "y", "z")
 
 @dataclass(frozen=True)
 class Vtr:
-    """VTK rectilinear grid; values at points, or at cells, which lie between planes."""
+    """VTK rectilinear grid; values at points, or at the cells between planes."""
 
     array: str = ""  # name of the array; empty: the active one, or the only one of scalars
     part: str = ""  # magnitude: lengths of the array's vectors
@@ -33,7 +33,7 @@ class Vtr:
 
 @dataclass(frozen=True)
 class Npz:
-    """NumPy arrays `x`, `y`, `z`, coordinates of planes, and one (Z, Y, X) of values."""
+    """NumPy arrays `x`, `y`, `z`, the coordinates of planes, and values (Z, Y, X)."""
 
     array: str = ""  # name of the values; empty: the only one besides x, y, z
 

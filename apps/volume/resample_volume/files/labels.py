@@ -1,4 +1,4 @@
-"""Labels of voxels from files."""
+"""Read labels of voxels."""
 
 from collections.abc import Sequence
 
@@ -10,22 +10,22 @@ from resample_volume.types import Volume
 
 
 def read_labels(path: str, rules: Sequence[str], volume: Volume) -> Labels:
-    """Labels of a volume's voxels from a file.
+    """Read the labels of a volume's voxels from a file.
 
     Parameters
     ----------
     path
-        What `open_volume` takes; of a store the labels stay there, if the volume's values do.
+        What `open_volume` takes; labels in a store stay there if the volume's values do.
     rules
         Each such as `1:color=tomato,opacity=0.5` or `2:hidden`, one for a label.
     volume
-        Whose voxels; of the same shape.
+        The volume; of the same shape.
 
     Raises
     ------
     ValueError
-        The file holds no whole numbers, or is of another shape than the volume; a rule cannot be
-        read, or no voxel has its label.
+        The file does not hold integers, or differs in shape from the volume; a rule cannot be read,
+        or no voxel has its label.
     OSError
         The file cannot be read.
     """
@@ -43,6 +43,6 @@ def read_labels(path: str, rules: Sequence[str], volume: Volume) -> Labels:
 
 
 def _volume_of(path: str, streamed: bool) -> Volume:
-    """Volume of labels, whose values stay in their file if they can and are to."""
+    """Open the volume of labels, streamed if possible and wanted."""
     held = open_streamed(path) if streamed else None
     return open_volume(path) if held is None else volume_at(held, None, None)

@@ -1,8 +1,8 @@
 """Readers of volume files, one class per format.
 
 Positions are in the file's own physical space, which for medical formats is LPS, millimeters. The
-matrix of the axes is kept as it is, rotated or mirrored; what a format cannot say is 1 (spacing) or
-0 (origin). Heavy libraries are imported by the reader that needs them, when it reads.
+direction matrix is preserved, rotated or mirrored; if a format lacks them, spacing is 1 and origin
+is 0. Heavy libraries are imported by the reader that needs them, when it reads.
 """
 
 import math
@@ -46,10 +46,10 @@ BYTE_ORDERS = {"<": "little", ">": "big", "=": sys.byteorder}  # by NumPy's sign
 
 
 class Reader(Protocol):
-    """What a reader of volumes has; one that is installed is found by its suffixes.
+    """Protocol of readers of volumes; installed ones are found by their suffixes.
 
-    A folder is read by the reader whose suffix its files have. Whatever cannot be read ends in a
-    `ValueError` or `OSError` of one line.
+    A folder is read by the reader for its files' suffix. Unreadable files raise a `ValueError` or
+    `OSError` of one line.
     """
 
     suffixes: ClassVar[tuple[str, ...]]  # in lower case, with their dot; the longest match wins
@@ -60,26 +60,26 @@ class Reader(Protocol):
 
 @runtime_checkable
 class Recorder(Protocol):
-    """What a reader has, too, whose format may hold more than one volume."""
+    """Protocol of readers whose format may hold more than one volume."""
 
     def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
-        """Read all times and channels; what `check` refuses before the values are read."""
+        """Read all times and channels; `check` may reject the header before values are read."""
 
 
 @runtime_checkable
 class Streamer(Protocol):
-    """What a reader has, too, whose files can be read brick by brick."""
+    """Protocol of readers whose files can be read brick by brick."""
 
     def streamed(self, path: Path, check: Check = check_nothing) -> Recording:
-        """All times and channels; one of them, once chosen, has `data.bricks.Bricks`."""
+        """Open all times and channels; a chosen one has `data.bricks.Bricks`."""
 
     def levels(self, path: Path) -> list[dict[str, Any]]:
-        """Sizes that the file has, the finest first: `path`, `shape` and `spacing` of each."""
+        """Return the file's levels, the finest first: `path`, `shape` and `spacing` of each."""
 
 
 @dataclass(frozen=True)
 class Nrrd:
-    """NRRD, with the data in the same file or beside it; bare voxels are mapped, not read."""
+    """NRRD, with the data in the same file or beside it; raw voxels are memory mapped."""
 
     suffixes: ClassVar[tuple[str, ...]] = (".nrrd", ".nhdr")
 
@@ -92,7 +92,7 @@ class Nrrd:
 
 @dataclass(frozen=True)
 class MetaImage:
-    """MetaImage, with the data in the same file or beside it; bare voxels are mapped, not read."""
+    """MetaImage, with the data in the same file or beside it; raw voxels are memory mapped."""
 
     suffixes: ClassVar[tuple[str, ...]] = (".mha", ".mhd")
 
@@ -107,7 +107,7 @@ class MetaImage:
 class Nifti:
     """NIfTI-1 or -2 in a single file; slope and intercept are applied, which gives floats.
 
-    Its coordinates are RAS; they come out as LPS, like those of the other formats.
+    Its coordinates are RAS; they are converted to LPS, like those of other formats.
     """
 
     space: ClassVar[str] = "lps"
@@ -122,7 +122,7 @@ class Nifti:
 
 @dataclass(frozen=True)
 class Vti:
-    """VTK image data, at points or cells. Several numbers at each are channels, or a color."""
+    """VTK image data, at points or cells. Components are channels, or a color."""
 
     array: str = ""  # name of the array; empty: the active one, or the only one of scalars
     part: str = ""  # magnitude: lengths of the array's vectors
@@ -144,8 +144,8 @@ class Vti:
 class Vtk:
     """VTK's legacy files, as text or binary: image data, rectilinear grids, grids of cells.
 
-    Values are at points or cells; several numbers at each are channels, or a color. Grids of cells
-    are resampled onto a lattice, with the extra vtk.
+    Values are at points or cells; components are channels, or a color. Unstructured grids are
+    resampled onto a lattice, with the extra vtk.
     """
 
     array: str = ""  # name of the array; empty: the first of SCALARS, or the only one of scalars
@@ -170,7 +170,7 @@ class Vtk:
 
 @dataclass(frozen=True)
 class Mrc:
-    """MRC and CCP4 maps, in Å; volumes of a stack are times. Bare voxels are mapped, not read."""
+    """MRC and CCP4 maps, in Å; volumes of a stack are times. Raw voxels are memory mapped."""
 
     suffixes: ClassVar[tuple[str, ...]] = SUFFIXES
 
@@ -196,9 +196,9 @@ class Cube:
 
 @dataclass(frozen=True)
 class TiffStack:
-    """A folder of gray pictures in the order of their numbers, or one file of many pages."""
+    """A folder of gray pictures, sorted by number, or one multi-page file."""
 
-    spacing: Numbers = "1x1x1"  # pictures do not know it
+    spacing: Numbers = "1x1x1"  # pictures have none
 
     suffixes: ClassVar[tuple[str, ...]] = (".tif", ".tiff", ".png")
 
@@ -238,7 +238,7 @@ class TiffStack:
 
 @dataclass(frozen=True)
 class Dicom:
-    """A folder with a DICOM series, sorted by position, or one file of many frames."""
+    """A folder with a DICOM series, sorted by position, or one multi-frame file."""
 
     series: str = ""  # instance UID; needed where the folder holds several
 
@@ -255,9 +255,9 @@ class Dicom:
 
 @dataclass(frozen=True)
 class Raw:
-    """Bare voxels, x fastest; a plain file is mapped, not read.
+    """Raw voxels, x fastest; uncompressed files are memory mapped.
 
-    Without `shape` and `dtype` they are taken from a name like `engine_256x256x128_uint8.raw`.
+    Without `shape` and `dtype`, these are taken from a name like `engine_256x256x128_uint8.raw`.
     """
 
     shape: Numbers = ""  # voxels along x, y, z, and times: (256, 256, 128) or "256x256x128x10"
@@ -315,13 +315,13 @@ class Raw:
 
 @dataclass(frozen=True)
 class Npy:
-    """NumPy's own format; mapped, not read.
+    """NumPy's own format; memory mapped.
 
     Values are (Z, Y, X), or (T, Z, Y, X) of several times or channels, or (T, C, Z, Y, X) of both;
     where the last of four axes has 3 or 4 numbers of a color's type, they are colors.
     """
 
-    spacing: Numbers = "1x1x1"  # the file does not know it
+    spacing: Numbers = "1x1x1"  # the file has none
 
     suffixes: ClassVar[tuple[str, ...]] = (".npy",)
 

@@ -1,4 +1,4 @@
-"""From what a user names to a volume: a file of any known format, a folder, a generated one."""
+"""Open volumes by name: files of any known format, folders, generated volumes."""
 
 from collections.abc import Iterable
 from functools import partial
@@ -32,7 +32,7 @@ def open_volume(
     time: int | None = None,
     channel: int | None = None,
 ) -> Volume:
-    """Open what there is under a name.
+    """Open a volume by name.
 
     Parameters
     ----------
@@ -41,20 +41,20 @@ def open_volume(
         generated volume with its parameters: `vessel-tree`, `checker-box:size=64,block=8`,
         `sample:vessel-tree`.
     reader
-        Reads the file or folder; None finds one among all that are installed.
+        Reader of the file or folder; None: found among all installed.
     time, channel
-        Which of several, from 0 on, or from the end where negative.
+        Index among several, from 0; negative from the end.
 
     Returns
     -------
-    Its values may be a read-only view of the file.
+    The volume; its values may be a read-only view of the file.
 
     Raises
     ------
     OSError
-        There is no such file, it must not be read, or a server does not answer.
+        There is no such file, it is not readable, or a server does not answer.
     ValueError
-        No reader knows it, or what it holds is no volume, or several of which none is chosen.
+        No reader knows it, or it holds no volume, or several of which none was chosen.
 
     Examples
     --------
@@ -82,12 +82,12 @@ def open_volume(
 
 
 def open_recording(name: str | Path, reader: Reader | None = None) -> Recording:
-    """Open all times and channels that there are under a name.
+    """Open all times and channels by name.
 
     Parameters
     ----------
     name, reader
-        As in `open_volume`, whose errors are those of this, too.
+        As in `open_volume`; errors as well.
     """
     if is_address(name):
         return _distant(reader).recorded(Address(str(name)))
@@ -107,12 +107,12 @@ def open_recording(name: str | Path, reader: Reader | None = None) -> Recording:
 
 
 def open_streamed(name: str | Path, reader: Reader | None = None) -> Recording | None:
-    """The same, whose values stay in their file; None where they have to be read as a whole.
+    """Open a recording whose values stay in their file; None if it must be read as a whole.
 
     Parameters
     ----------
     name, reader
-        As in `open_volume`, whose errors are those of this, too.
+        As in `open_volume`; errors as well.
     """
     if is_address(name):
         return _distant(reader).streamed(Address(str(name)))
@@ -126,12 +126,12 @@ def open_streamed(name: str | Path, reader: Reader | None = None) -> Recording |
 
 
 def levels_of(name: str | Path, reader: Reader | None = None) -> list[dict[str, Any]]:
-    """Sizes that there are under a name, see `Streamer.levels`; none of a file that has but one.
+    """Return the levels of a multiscale file, see `Streamer.levels`; empty for a single one.
 
     Parameters
     ----------
     name, reader
-        As in `open_volume`, whose errors are those of this, too.
+        As in `open_volume`; errors as well.
     """
     if is_address(name):
         return _distant(reader).levels(Address(str(name)))
@@ -143,31 +143,31 @@ def levels_of(name: str | Path, reader: Reader | None = None) -> list[dict[str, 
 
 
 def _distant(reader: Reader | None) -> "Zarr":
-    """Reader of what lies elsewhere.
+    """Return the reader of an address.
 
     Raises
     ------
     ValueError
-        It is none of zarr.
+        It is not of a zarr store.
     """
     from resample_volume.files.stores.reader import Zarr
 
     if reader is None:
         return Zarr()
     if not isinstance(reader, Zarr):
-        raise ValueError("of addresses only stores of zarr are read; download other files")
+        raise ValueError("only zarr stores are read from addresses; download other files")
     return reader
 
 
 def _not_empty(path: Path) -> Path:
-    """Path of what is no empty file; an empty one has no format to be told."""
+    """Return the path of a non-empty file; an empty one has no format."""
     if path.is_file() and path.stat().st_size == 0 and _suffix(path.name, _readers()[0]):
         raise ValueError(f"{path} is empty")
     return path
 
 
 def find_reader(path: str | Path) -> Reader:
-    """Reader for a file's suffix, the longest that fits, or for what a folder or address holds.
+    """Find the reader for a file's longest known suffix, or for a folder or an address.
 
     Raises
     ------
@@ -197,12 +197,12 @@ def find_reader(path: str | Path) -> Reader:
 
 
 def generate(spec: str) -> Volume:
-    """Volume of a generator's name and parameters, `checker-box:size=64`.
+    """Generate a volume by name and parameters, `checker-box:size=64`.
 
     Raises
     ------
     ValueError
-        A parameter is unknown, or no number of its kind.
+        A parameter is unknown, or not a number of its kind.
     """
     name, _, text = spec.partition(":")
     if name not in GENERATED:
@@ -220,14 +220,14 @@ def generate(spec: str) -> Volume:
 
 
 def describe(volume: Volume, bins: int = 32) -> dict[str, Any]:
-    """Facts about a volume, in plain Python values.
+    """Describe a volume, in plain Python values.
 
     Parameters
     ----------
     volume
-        May be mapped from a file, or stay there as bricks: it is gone through in parts.
+        May be mapped from a file, or stay there as bricks: it is processed in parts.
     bins
-        Of the histogram, of equal width over the robust range.
+        Number of bins of the histogram, of equal width over the robust range.
 
     Returns
     -------
@@ -271,7 +271,7 @@ def describe(volume: Volume, bins: int = 32) -> dict[str, Any]:
 
 
 def _unprefixed(name: str | Path) -> str | Path:
-    """Name of a generated volume, or file, in place of built-in data's; any other as it is."""
+    """Resolve names of built-in data to a generated volume or file; others are unchanged."""
     text = str(name)
     if not text.startswith(PREFIX):
         return name
@@ -287,13 +287,13 @@ def _histogram(values: Values, bins: int, limits: tuple[float, float]) -> list[i
 
 
 def _readers() -> tuple[dict[str, list[str]], list[str]]:
-    """Names of the readers for each suffix; what is wrong with those that cannot be imported."""
+    """Return readers' names by suffix, and hints about those that cannot be imported."""
     found: dict[str, list[str]] = {}
     broken = []
     for name in registry.names("readers"):
         try:
             suffixes = registry.load("readers", name).suffixes
-        except LookupError as error:  # matters only to who needs that one
+        except LookupError as error:  # only matters if that one is needed
             broken.append(str(error))
             continue
         for suffix in suffixes:
@@ -302,13 +302,13 @@ def _readers() -> tuple[dict[str, list[str]], list[str]]:
 
 
 def _suffix(name: str, known: Iterable[str]) -> str:
-    """Longest known suffix of a file name, or nothing."""
+    """Return the longest known suffix of a file name, or nothing."""
     fitting = (suffix for suffix in known if name.lower().endswith(suffix))
     return max(fitting, key=len, default="")
 
 
 def _folder_suffix(folder: Path, readers: dict[str, list[str]]) -> str:
-    """Suffix of a folder's files; DICOM is recognised without one."""
+    """Return the suffix of a folder's files; DICOM is recognised without one."""
     files = [file for file in folder.iterdir() if file.is_file() and file.name[0] != "."]
     found = {".dcm" if is_dicom(file) else _suffix(file.name, readers) for file in files} - {""}
     if len({tuple(readers[suffix]) for suffix in found}) > 1:

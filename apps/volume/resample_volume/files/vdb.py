@@ -1,7 +1,7 @@
-"""Grids of OpenVDB's files (`.vdb`), as dense volumes over the box of their active voxels.
+"""Read OpenVDB grids (`.vdb`) as dense volumes over the box of active voxels.
 
-They are read by `tinyvdb`, which is an extra. It knows grids of floats, and no tiles: parts of a
-grid that have one value and no voxels. A file that has some is refused, not shown with holes.
+They are read by `tinyvdb`, which is an extra. It supports grids of floats without tiles (regions of
+one value without voxels). A file with tiles is rejected, not shown with holes.
 """
 
 from dataclasses import dataclass
@@ -25,17 +25,17 @@ from resample_volume.files.parsing.headers import (
 )
 from resample_volume.types import Volume
 
-FLOATS = "Tree_float"  # begins names of types that are read
-USUAL = "density"  # name of the grid that is meant where there are several
+FLOATS = "Tree_float"  # prefix of supported types
+USUAL = "density"  # default grid if there are several
 LEVEL_SET = "level set"
 DENSE = "write it as .npy or .nrrd from OpenVDB's Python (grid.copyToArray) or from Houdini"
 
 
 @dataclass(frozen=True)
 class Vdb:
-    """A grid of floats of an OpenVDB file, dense over the box of its active voxels.
+    """A float grid of an OpenVDB file, dense over the box of its active voxels.
 
-    Other voxels have its background; of a level set they have no value.
+    Inactive voxels have the background; those of a level set are missing.
     """
 
     part: str = ""  # name of the grid; empty: the only one of floats, or density
@@ -63,7 +63,7 @@ class Vdb:
 
 
 def _chosen(file: Any, part: str, name: str) -> Any:
-    """Grid of that name."""
+    """Return the grid of a name."""
     grids = [file.grid(n) for n in range(file.grid_count)]
     floats = [grid for grid in grids if grid.type_name.startswith(FLOATS)]
     found = [grid for grid in floats if grid.name == (part or USUAL)]
@@ -79,7 +79,7 @@ def _chosen(file: Any, part: str, name: str) -> Any:
 
 
 def _volume(grid: Any, path: Path, name: str) -> Volume:
-    """Dense volume of a grid."""
+    """Make a dense volume of a grid."""
     told = grid.metadata
     sparse = grid.to_sparse()
     place = np.frombuffer(sparse["coords"], np.int32).reshape(-1, 3).astype(np.int64)
@@ -110,9 +110,9 @@ def _volume(grid: Any, path: Path, name: str) -> Volume:
 
 
 def _header(transform: Any, low: Any, shape: tuple[int, ...], name: str) -> Header:
-    """Place of voxels by a grid's map from whole numbers to the world."""
+    """Return the header by a grid's transform from indices to world space."""
     kind = transform["type"]
-    if kind == "affine":  # of rows
+    if kind == "affine":  # row vectors
         matrix = np.array(transform["matrix"], np.float64)
         steps, start = matrix[:3, :3].T, matrix[3, :3]
     elif kind in ("uniform_scale", "uniform_scale_translate", "scale", "scale_translate"):
@@ -122,6 +122,6 @@ def _header(transform: Any, low: Any, shape: tuple[int, ...], name: str) -> Head
         steps, start = np.eye(3), np.array(transform["translation"], np.float64)
     else:
         raise ValueError(f"{name} has a map {kind!r:.40} of space, which is not known; {DENSE}")
-    with np.errstate(all="ignore"):  # numbers that make no sense are refused, not warned of
+    with np.errstate(all="ignore"):  # absurd numbers are rejected, without warnings
         origin = steps @ low + start
     return header(shape, np.float32, name, origin=origin, direction=steps)

@@ -13,7 +13,7 @@ SUFFIXES = (".nrrd", ".mha", ".nii", ".nii.gz", ".npy")
 
 
 def write_volume(path: Path, volume: Volume) -> None:
-    """Write a volume with its spacing, origin and direction (.npy: the values alone).
+    """Write a volume with its spacing, origin and direction (.npy: values only).
 
     Raises
     ------
@@ -38,7 +38,7 @@ def write_volume(path: Path, volume: Volume) -> None:
 
 
 def check_suffix(path: Path) -> str:
-    """Suffix of a volume's file; refuses one that `write_volume` would refuse, before any work."""
+    """Return a file's suffix; reject one that `write_volume` cannot write, before any work."""
     suffix = next((known for known in SUFFIXES if path.name.lower().endswith(known)), "")
     if not suffix:
         raise ValueError(f"{path}: volumes are written as {', '.join(SUFFIXES)}")

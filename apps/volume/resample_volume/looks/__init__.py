@@ -1,1 +1,1 @@
-"""Which color and opacity values get."""
+"""Transfer functions: presets, files, labels, and statistics behind them."""

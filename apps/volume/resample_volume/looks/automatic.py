@@ -1,4 +1,4 @@
-"""Looks that are made from the data: for volumes of which nothing is known, and for means."""
+"""Transfer functions derived from the data."""
 
 from typing import Any
 
@@ -18,36 +18,36 @@ from resample_volume.types import Volume
 WHITE, SAND, CLAY = (1.0, 1.0, 1.0), (0.95, 0.85, 0.6), (0.7, 0.5, 0.35)
 RAMP: list[tuple[float, Color, float]] = [(0.0, CLAY, 0.0), (0.2, SAND, 0.5), (1.0, WHITE, 0.8)]
 
-# What is thin and soft is seen through, before what is dense.
+# Thin soft material is a veil in front of dense material.
 SOFT, VEIL = (0.45, 0.62, 0.4), 0.15
-DIP = 0.9  # of a soft material's peak, that the valley before it has at most
-MOST_SOFT = 3.0  # times as many voxels as dense ones: more are what these are embedded in
-MOST_AROUND = 0.01  # of the rim, that may be soft: more are the surroundings
+DIP = 0.9  # greatest valley before a soft material's peak, of the peak's height
+MOST_SOFT = 3.0  # ratio to dense voxels: a larger one is an embedding medium
+MOST_AROUND = 0.01  # share of the border that may be soft: more is the surroundings
 
-# HU where flesh begins and where lungs end; and what lungs are: a peak with clear valleys, a large
-# part, seldom at the rim.
+# HU where flesh begins and where lungs end; lungs are a peak with clear valleys, a large share of
+# voxels, rarely at the border.
 FLESH, FOAM = -300.0, -450.0
 CLEAR, LEAST_LUNG, MOST_LUNG_AROUND = 0.5, 0.03, 0.1
 
-SURROUNDING = 0.97  # of a volume's rim: where so much is dense, the surroundings are
-BRIGHT = 99.5  # percentile of the means along lines that is white
-LEAST_WITHIN = 0.01  # of all voxels, that then must not be
+SURROUNDING = 0.97  # share of a volume's border from which the surroundings count as dense
+BRIGHT = 99.5  # percentile of the means along lines for white
+LEAST_WITHIN = 0.01  # share of all voxels above which they are not
 
-# Values as gray levels, which is how they are read where they are not classified. Nothing is made
-# of the least value: in a picture on black that is no difference, and most voxels may have it.
+# Gray levels, for projections of values. The least value is transparent: on black that makes no
+# difference, and most voxels may have it.
 LEVELS = from_points(
     [(0.0, (0.0,) * 3, 0.0), (0.001, (0.001,) * 3, 1.0), (1.0, (1.0,) * 3, 1.0)], normalized=True
 )
 
 
 def ramp(start: float = 0.0) -> TransferFunction:
-    """Solid from soon after a fraction of the range on, transparent below it."""
+    """Return a ramp: transparent below a fraction of the range, opaque soon above it."""
     places = [(start + place * (1 - start), color, opacity) for place, color, opacity in RAMP]
     return from_points([*places[:-1], (1.0, WHITE, 0.8)], normalized=True)
 
 
 def tomographic(volume: Volume, known: Survey) -> TransferFunction:
-    """Transfer function for Hounsfield units: `ct`, which shows lungs where these have a peak."""
+    """Return `ct` for Hounsfield units, with lungs if these have a peak."""
     added = known.units.added or 0.0
     low, high = (end + added for end in LUNG)
     lungs = peak_between(known.levels, low, FLESH + added, CLEAR, _each(volume))
@@ -61,11 +61,11 @@ def tomographic(volume: Volume, known: Survey) -> TransferFunction:
 
 
 def automatic(volume: Volume, known: Survey) -> TransferFunction:
-    """Transfer function for data of which nothing is known.
+    """Return a transfer function for unknown data.
 
-    What is below Otsu's threshold (1979), the value that splits the histogram into the two most
-    even classes, is transparent; from there on opacity rises quickly to a half per voxel. Where
-    all around the volume is above it, it is the other way round. Padding and strays are left out.
+    Values below Otsu's threshold (1979), which splits the histogram into the two most homogeneous
+    classes, are transparent; above it opacity rises quickly to a half per voxel. If the volume's
+    border lies above it, this is reversed. Padding and outliers are left out.
     """
     import cv2
 
@@ -73,7 +73,7 @@ def automatic(volume: Volume, known: Survey) -> TransferFunction:
     if not low < high or not known.levels.value.size:
         return from_points([(0.0, SAND, 0.5)])
     some = _codes(sampled(volume.values), known)
-    if not some.size:  # what is there lies between the samples
+    if not some.size:  # the rest lies between the samples
         some = _codes(known.levels.value, known)
     threshold, _ = cv2.threshold(some, 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
     around = _codes(rim(volume.values), known)
@@ -85,7 +85,7 @@ def automatic(volume: Volume, known: Survey) -> TransferFunction:
 
 
 def _soft(known: Survey, each: int, around: NDArray[np.uint8], threshold: float) -> Peak | None:
-    """Material below a threshold that has a peak of its own and surrounds nothing; or None."""
+    """Find a material below a threshold with its own peak that is not the surroundings."""
     low, high = known.span
     soft = peak_between(known.levels, threshold, threshold, DIP, each)
     if soft is None or soft.share(known.levels) > MOST_SOFT * known.levels.share(threshold, high):
@@ -96,12 +96,12 @@ def _soft(known: Survey, each: int, around: NDArray[np.uint8], threshold: float)
 
 
 def _each(volume: Volume) -> int:
-    """Voxels that one of those stands for whose values are known."""
+    """Return the voxels per voxel of the sample with known values."""
     return 1 if are_few(volume.values.dtype) else step_of(volume.values.size) ** 3
 
 
 def _with_soft(soft: Peak, known: Survey, threshold: float) -> TransferFunction:
-    """Dense things as in `ramp`, and a soft one as a veil."""
+    """Return dense material as in `ramp`, with the soft one as a veil."""
     low, high = known.span
     before, peak, after = ((value - low) / (high - low) for value in soft)
     dense = ramp((threshold + 1) / 256)
@@ -117,7 +117,7 @@ def _points(transfer: TransferFunction) -> list[tuple[float, Color, float]]:
 
 
 def _codes(values: NDArray[Any], known: Survey) -> NDArray[np.uint8]:
-    """Values of the robust range as 0 to 255."""
+    """Quantize values of the robust range to 0 to 255."""
     low, high = known.span
     some = np.asarray(values, np.float64)
     some = some[(some >= low) & (some <= high)]
@@ -125,7 +125,7 @@ def _codes(values: NDArray[Any], known: Survey) -> NDArray[np.uint8]:
 
 
 def _reversed(transfer: TransferFunction) -> TransferFunction:
-    """Transfer function of fractions that shows what is low instead of what is high."""
+    """Reverse a transfer function of fractions, so that it shows low values."""
     color, opacity = transfer.color[::-1], transfer.opacity[::-1]
     return TransferFunction(1 - transfer.value[::-1], color, opacity, normalized=True)
 
@@ -133,10 +133,10 @@ def _reversed(transfer: TransferFunction) -> TransferFunction:
 def levels(
     volume: Volume, known: Survey, projection: Projection, window: tuple[float, float] | None
 ) -> Transfer:
-    """Values as gray levels, for a projection that measures them.
+    """Return gray levels for a projection of values.
 
-    Means along rays reach over less than the data, since most of a ray is in what surrounds
-    things; they get the range of the means along the volume's own axes.
+    Means along rays span less than the data, since rays mostly pass the surroundings; their range
+    is that of the means along the volume's axes.
 
     Parameters
     ----------
@@ -145,9 +145,9 @@ def levels(
     known
         Of them.
     projection
-        Which measures.
+        One of values.
     window
-        Values of black and of white, if these are chosen.
+        Values of black and white, if chosen.
     """
     if window is not None:
         return spread(LEVELS, window)
@@ -157,9 +157,9 @@ def levels(
 
 
 def range_of_means(volume: Volume, known: Survey) -> tuple[float, float]:
-    """Values between which means lie: of all lines through a volume along one of its axes.
+    """Return the range of the means along all lines parallel to a volume's axes.
 
-    The brightest lines are not asked for: they follow a wall, and most views do not.
+    The brightest lines do not count: they run along a wall, unlike most rays.
     """
     total = [np.zeros(size) for size in _sides(volume.values)]
     count = [np.zeros(size) for size in _sides(volume.values)]

@@ -1,4 +1,4 @@
-"""Files of transfer functions, JSON or TOML, and clear words on what is wrong with one."""
+"""Read and write files of transfer functions, JSON or TOML."""
 
 import json
 import math
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def save_transfer(path: str | Path, transfer: TransferFunction | RegionTransfer) -> None:
-    """Write a file from which `load_transfer` makes the same function, by suffix JSON or TOML.
+    """Write a transfer function for `load_transfer`, by suffix JSON or TOML.
 
     Raises
     ------
@@ -42,7 +42,7 @@ def save_transfer(path: str | Path, transfer: TransferFunction | RegionTransfer)
 
 
 def _rows(transfer: TransferFunction | RegionTransfer) -> tuple[str, list[dict[str, object]]]:
-    """The list that a file holds, and its name."""
+    """Return the list of a file, and its key."""
     if isinstance(transfer, RegionTransfer):
         return "regions", [asdict(region) for region in transfer.regions]
     columns = (transfer.value.tolist(), transfer.color.tolist(), transfer.opacity.tolist())
@@ -53,7 +53,7 @@ def _rows(transfer: TransferFunction | RegionTransfer) -> tuple[str, list[dict[s
 
 
 def _json(document: object) -> str:
-    """JSON, which has no infinity: a range without an end has null there."""
+    """Format JSON, which has no infinity: an open end is null."""
     return json.dumps(_endless(document), allow_nan=False)
 
 
@@ -66,14 +66,14 @@ def _endless(item: object) -> object:
 
 
 def _toml(head: dict[str, object], name: str, rows: list[dict[str, object]]) -> str:
-    """TOML, one point or region a line."""
+    """Format TOML, one point or region per line."""
     lines = [f"{key} = {_word(item)}" for key, item in head.items()]
     inner = [", ".join(f"{key} = {_word(item)}" for key, item in row.items()) for row in rows]
     return "\n".join([*lines, f"{name} = [", *(f"    {{ {row} }}," for row in inner), "]"])
 
 
 def _word(item: object) -> str:
-    """Numbers, truth values and lists are written in TOML as in JSON, but for infinity."""
+    """Format a TOML value: as JSON, except for infinity."""
     return json.dumps(item).replace("Infinity", "inf")
 
 
@@ -84,7 +84,7 @@ def _share(number: float) -> float:
 
 
 def displayed_color(given: object) -> Color:
-    """Color as displayed, 0..1, from what a file may write: a code, a name or three numbers.
+    """Parse a color to sRGB, 0..1, from a code, a name or three numbers.
 
     Raises
     ------
@@ -110,7 +110,7 @@ class _Point(BaseModel):
 
 
 def _ends(given: object) -> tuple[float, float]:
-    """Range as a file may write it; JSON has null for infinity."""
+    """Parse a range; null is infinity in JSON."""
     if isinstance(given, list) and len(given) == 2:
         low, high = (
             end if bound is None else bound
@@ -118,11 +118,11 @@ def _ends(given: object) -> tuple[float, float]:
         )
         if _is_number(low) and _is_number(high):
             return float(low), float(high)
-    raise ValueError("must be two numbers, [least, greatest], of which inf is one")
+    raise ValueError("must be two numbers, [least, greatest]; inf is allowed")
 
 
 def _pair(given: object) -> tuple[float, float]:
-    """Softness as a file may write it."""
+    """Parse a softness."""
     if isinstance(given, list) and len(given) == 2 and all(map(_is_number, given)):
         return float(given[0]), float(given[1])
     raise ValueError("must be two numbers, [along values, along gradients]")
@@ -145,7 +145,7 @@ class _Region(BaseModel):
 
 
 class _Head(BaseModel):
-    """What all files may say."""
+    """Keys of all files."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
@@ -174,12 +174,12 @@ class _Regions(_Head):
 
 
 def read_transfer(path: Path) -> Transfer:
-    """Transfer function of a file, of `points` over values or `regions` over values and gradients.
+    """Read a transfer function of `points` over values or `regions` over values and gradients.
 
     Raises
     ------
     ValueError
-        What the file holds is no transfer function; says where and what would be.
+        The file holds no transfer function; the message says where, and what is expected.
     OSError
         The file cannot be read.
     """
@@ -206,7 +206,7 @@ def _parsed(path: Path) -> Any:
 
 
 def _complaint(detail: "ErrorDetails") -> str:
-    """One of pydantic's findings: `points.2.opacity: must be between 0 and 1 (got 1.7)`."""
+    """Format one error of pydantic's: `points.2.opacity: must be between 0 and 1 (got 1.7)`."""
     place = ".".join(map(str, detail["loc"]))
     known = ", ".join(_known(detail["loc"]))
     got = f" (got {detail['input']!r:.40})"
@@ -222,7 +222,7 @@ def _complaint(detail: "ErrorDetails") -> str:
 
 
 def _known(place: Sequence[int | str]) -> list[str]:
-    """Keys that are known at a place in a file."""
+    """Return the keys allowed at a place in a file."""
     if len(place) < 2:
         return [*_Points.model_fields, *(set(_Regions.model_fields) - set(_Points.model_fields))]
     return list((_Region if place[0] == "regions" else _Point).model_fields)

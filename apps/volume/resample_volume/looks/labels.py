@@ -1,4 +1,4 @@
-"""Labels of voxels, and what is changed for some of them."""
+"""Labels of voxels, and rules for their looks."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -16,15 +16,15 @@ from resample_volume.looks.surveys import counted
 from resample_volume.looks.transfer import Color, DataRange, Transfer
 from resample_volume.types import Volume
 
-LISTED = 16  # labels that an error message names
-MOST_RULES = 254  # whose number is one of 8 bits, see `Labels.numbers`
+LISTED = 16  # labels listed in an error message
+MOST_RULES = 254  # rules with distinct 8-bit numbers, see `Labels.numbers`
 
-FORM = "give label:color=tomato,opacity=0.5, one of both, or label:hidden"
+FORM = "give label:color=tomato,opacity=0.5, either of them, or label:hidden"
 
 
 @dataclass(frozen=True)
 class Rule:
-    """What voxels of a label look like.
+    """Look of the voxels of a label.
 
     Raises
     ------
@@ -33,14 +33,14 @@ class Rule:
     """
 
     color: Color | None = None  # sRGB as displayed, 0..1; None: as the transfer function says
-    opacity: float = 1.0  # what opacities are multiplied by, 0 or more; 1 is the most they can be
+    opacity: float = 1.0  # factor of opacities, 0 or more; results are clipped to 1
 
     def __post_init__(self) -> None:
         if not 0 <= self.opacity < np.inf:
             raise ValueError(f"opacity must be 0 or more (got {self.opacity:g})")
 
     def applied(self, color: Floats, opacity: Floats) -> tuple[Floats, Floats]:
-        """Colors (N, 3) in linear light and opacities (N,) of voxels of the label."""
+        """Return colors (N, 3) in linear light and opacities (N,) of voxels of the label."""
         if self.color is not None:
             color = np.broadcast_to(from_srgb(np.array(self.color)), color.shape)
         return np.asarray(color, np.float32), np.minimum(opacity * self.opacity, 1)
@@ -48,12 +48,12 @@ class Rule:
 
 @dataclass(frozen=True, eq=False)
 class Labels:
-    """A label for each voxel, and rules for some labels; others look as if there were none.
+    """A label for each voxel, and rules for some labels; others are unchanged.
 
     Raises
     ------
     ValueError
-        The labels are no whole numbers.
+        The labels are not integers.
     """
 
     values: Values  # (Z, Y, X) integers; or bricks of them
@@ -74,7 +74,7 @@ class Labels:
             )
 
     def numbers(self, part: slice) -> Flags:
-        """Of some slices (Z, Y, X) of voxels: 1, or from 2 on their rules by turns."""
+        """Number voxels of some slices (Z, Y, X): 1 without rule, otherwise from 2, cyclically."""
         given: Any = self.values
         values = given.whole()[part] if isinstance(given, Bricks) else given[part]
         found = np.ones(values.shape, np.uint8)
@@ -85,7 +85,7 @@ class Labels:
     def applied(
         self, voxel: NDArray[np.int64], color: Floats, opacity: Floats
     ) -> tuple[Floats, Floats]:
-        """Colors and opacities of voxels by the rules.
+        """Apply the rules to colors and opacities of voxels.
 
         Parameters
         ----------
@@ -108,7 +108,7 @@ class Labels:
 
 @dataclass(frozen=True, eq=False)
 class Ruled:
-    """A transfer function as a rule changes it; see `Labels.applied`."""
+    """A transfer function changed by a rule; see `Labels.applied`."""
 
     transfer: Transfer
     rule: Rule
@@ -146,12 +146,12 @@ class Ruled:
 
 
 def parse_rules(rules: Sequence[str]) -> dict[int, Rule]:
-    """Rules by label, from texts such as `1:color=tomato,opacity=0.5` and `2:hidden`.
+    """Parse rules such as `1:color=tomato,opacity=0.5` and `2:hidden`, by label.
 
     Raises
     ------
     ValueError
-        A text is no rule, or two are for one label.
+        A text is not a rule, or two are for one label.
     """
     found: dict[int, Rule] = {}
     for text in rules:
@@ -198,7 +198,7 @@ def _number(text: str) -> float:
 
 
 def check_known(labels: Labels) -> None:
-    """Refuse rules for labels that no voxel has."""
+    """Reject rules for labels that no voxel has."""
     if not labels.rules:
         return
     present = _present(labels.values)
@@ -210,7 +210,7 @@ def check_known(labels: Labels) -> None:
 
 
 def _labels_at(values: Values, voxel: NDArray[np.int64]) -> NDArray[Any]:
-    """Labels (N,) of voxels by their flat indices; each brick that has some is read once."""
+    """Return labels (N,) of voxels by flat index; each brick with any is read once."""
     at = np.unravel_index(voxel, values.shape)
     if not isinstance(values, Bricks):
         return np.asarray(values[at])
@@ -228,12 +228,12 @@ def _labels_at(values: Values, voxel: NDArray[np.int64]) -> NDArray[Any]:
 
 
 def _present(values: Values) -> set[int]:
-    """Labels that some voxel has."""
+    """Return the labels that occur."""
     present: set[int] = set()
     if isinstance(values, Bricks):
         if are_few(values.dtype):
             return {int(value) for value in counted(values).value}
-        _ = values.ends  # bricks of one label need not be read after that
+        _ = values.ends  # constant bricks need not be read after that
         for part in values.each(lambda index: np.unique(values.brick(index)), values.all()):
             present.update(part.tolist())
         return present

@@ -1,4 +1,4 @@
-"""Transfer functions made of others: several materials, or one spread over another range."""
+"""Composed transfer functions: several materials, or one rescaled to another range."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from resample.types import Floats
 from resample_volume.looks.transfer import DataRange, Transfer, TransferFunction
 
-TINY = 1e-30  # opacity that makes no color
+TINY = 1e-30  # opacity too small to affect color
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Materials:
     Raises
     ------
     ValueError
-        There is none, or opacities hold for different lengths.
+        There is none, or opacities refer to different lengths.
     """
 
     parts: tuple[Transfer, ...]
@@ -77,7 +77,7 @@ class Materials:
 
 @dataclass(frozen=True)
 class Windowed:
-    """A transfer function of fractions, spread over a range that is not that of the data."""
+    """A transfer function of fractions, rescaled to a given range of values."""
 
     transfer: Transfer
     span: DataRange
@@ -120,14 +120,14 @@ class Windowed:
 
 
 def spread(transfer: Transfer, span: DataRange) -> Transfer:
-    """Transfer function in data units whose fractions lie between two values.
+    """Rescale a transfer function of fractions to a range in data units.
 
     Parameters
     ----------
     transfer
-        Any; one in data units stays what it is.
+        Any; one in data units is unchanged.
     span
-        Values, ascending, of 0 and 1.
+        Values of the fractions 0 and 1, ascending.
     """
     if not transfer.normalized:
         return transfer

@@ -1,6 +1,6 @@
-"""Names of looks, for help texts and messages; no numerics in here."""
+"""Names of transfer functions, for help texts and messages."""
 
-# For data of any kind, or of the volume that they are called after.
+# For data of any kind, or for the volume that they are named after.
 PRESETS = (
     "bone",
     "vessels",

@@ -1,4 +1,4 @@
-"""Transfer functions by name: presets, tissues, matplotlib's colormaps, files, materials."""
+"""Transfer functions by name: presets, tissues, colormaps, files, materials."""
 
 import re
 from collections.abc import Callable
@@ -23,7 +23,7 @@ BLACK, WHITE, RED = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (0.85, 0.12, 0.08)
 BLUE, SAND = (0.15, 0.25, 0.55), (0.95, 0.85, 0.6)
 GLASS, AMBER = (0.55, 0.65, 0.75), (1.0, 0.6, 0.2)
 
-# What `auto` means for volumes that are made to be looked at in one way.
+# `auto` for generated volumes with a look of their own.
 GENERATED_VOLUMES = {
     "checker-box": "checker",
     "vessel-tree": "vessels",
@@ -65,7 +65,7 @@ PRESETS: dict[str, Callable[[], Transfer]] = {
     ),
     "checker": partial(from_points, [(64, BLUE, 1.0), (128, BLUE, 1.0), (128, SAND, 1.0)]),
     "gray": partial(from_points, [(0.0, BLACK, 0.0), (1.0, WHITE, 1.0)], normalized=True),
-    # Boundaries of what is thin, middling and dense, in data of any kind.
+    # Boundaries of thin, medium and dense material, in data of any kind.
     "surfaces": partial(
         RegionTransfer,
         (
@@ -104,14 +104,14 @@ Window = tuple[float, float]  # least and greatest value
 
 @dataclass(frozen=True)
 class Names:
-    """What names of transfer functions stand for, with a volume or without."""
+    """Resolver of names of transfer functions, with or without a volume."""
 
     volume: Volume | None = None
-    known: Survey | None = None  # of the volume's values
-    window: Window | None = None  # which functions of fractions are spread over
+    known: Survey | None = None  # statistics of the volume's values
+    window: Window | None = None  # range for functions of fractions
 
     def transfer(self, name: str) -> Transfer:
-        """Transfer function of one material or of several, joined by +."""
+        """Return the transfer function of one material or of several, joined by +."""
         words = [name] if is_file(name) else JOINT.split(name)
         parts = tuple(self._part(word.strip()) for word in words)
         if len(parts) == 1 and not isinstance(parts[0], Faded):
@@ -126,12 +126,12 @@ class Names:
         return found if base == "auto" and not found.normalized else self._placed(found, name)
 
     def _placed(self, transfer: Transfer, name: str) -> Transfer:
-        """Transfer function whose fractions are of the window, or of the robust range."""
+        """Rescale fractions to the window, or to the robust range."""
         if self.window is not None:
             if not transfer.normalized:
                 raise ValueError(
-                    f"the window spreads fractions, but {name} is in data units already; leave "
-                    "one of them out, or take gray, auto or a colormap"
+                    f"the window applies to looks of fractions, but {name} is in data units "
+                    "already; leave one of them out, or take gray, auto or a colormap"
                 )
             return spread(transfer, self.window)
         if self.volume is not None and self.volume.scale:
@@ -141,7 +141,7 @@ class Names:
         return spread(transfer, self.known.span)
 
     def _base(self, name: str) -> Transfer:
-        """Transfer function before its parameters."""
+        """Return the transfer function before its parameters are applied."""
         if name == "auto" and self.volume is not None and self.known is not None:
             return self._automatic(self.volume, self.known)
         if (written := _written(name)) is not None:
@@ -167,19 +167,19 @@ class Names:
 
     def _why_no_tissue(self, name: str) -> str:
         if self.window is not None or self.volume is None or self.known is None:
-            return f"{name} is in Hounsfield units, which the window would spread; leave one out"
+            return f"{name} is in Hounsfield units, which a window would rescale; leave one out"
         return (
             f"{name} is a look for Hounsfield units, but {self.volume.name} holds "
-            f"{self.known.low:g} to {self.known.high:g} and does not look it; give its units, hu "
-            "or hu+1024, or take auto or a range of values such as 300..900"
+            f"{self.known.low:g} to {self.known.high:g} and does not look like it; give its "
+            "units, hu or hu+1024, or take auto or a range of values such as 300..900"
         )
 
 
 def transfer_for(name: str, volume: Volume, window: Window | None = None) -> Transfer:
-    """Transfer function by name or from a file, or `auto`, which looks at the volume.
+    """Return a transfer function by name or from a file, or `auto`, which adapts to the volume.
 
-    Fractions are of the robust range, without padding and strays. Tissues are shown where values
-    are in Hounsfield units, or look it; there, `auto` is `ct`.
+    Fractions are of the robust range, without padding and outliers. Tissues need values in
+    Hounsfield units, as stated or guessed; for these, `auto` is `ct`.
 
     Parameters
     ----------
@@ -188,12 +188,12 @@ def transfer_for(name: str, volume: Volume, window: Window | None = None) -> Tra
     volume
         Whose values are shown.
     window
-        Least and greatest value that functions of fractions are spread over instead.
+        Range for functions of fractions instead, least and greatest value.
 
     Raises
     ------
     ValueError, OSError
-        As in `load_transfer`; or a window or a tissue does not go with the data or the function.
+        As in `load_transfer`; or a window or a tissue does not fit the data or the function.
     """
     is_plain = name == "auto" and window is None
     if is_plain and volume.colors is not None and volume.colors.shape[-1] == 4:
@@ -205,13 +205,13 @@ def transfer_for(name: str, volume: Volume, window: Window | None = None) -> Tra
 
 
 def own_opacity(dtype: "np.dtype[Any]") -> TransferFunction:
-    """Transfer function of values that are opacities, of voxels."""
+    """Return the transfer function of values that are opacities."""
     most = float(np.iinfo(dtype).max) if dtype.kind in "iu" else 1.0
     return from_points([(0.0, WHITE, 0.0), (most, WHITE, 1.0)])
 
 
 def load_transfer(name: str | Path) -> Transfer:
-    """Transfer function by name or from a file.
+    """Return a transfer function by name or from a file.
 
     Parameters
     ----------
@@ -222,13 +222,13 @@ def load_transfer(name: str | Path) -> Transfer:
         the data and with an opacity that rises from 0 to 1; or a file ending in .json or .toml.
         After all but a file `:opacity=0.2,low=0.3` multiplies all opacities (0..1) and makes
         transparent what is below a value (for functions of fractions 0..1 of the data's range);
-        `color=tomato` takes one color, and `gradient=0.1/0.5` fades even regions, as in
+        `color=tomato` takes one color, and `gradient=0.1/0.5` fades homogeneous regions, as in
         `classify`. Several materials are joined by +: `skin:opacity=0.1+bone`.
 
     Raises
     ------
     ValueError
-        The name or a parameter is unknown, or the file's content is not what it should be.
+        The name or a parameter is unknown, or the file's content is invalid.
     OSError
         The file cannot be read.
 
@@ -244,7 +244,7 @@ def load_transfer(name: str | Path) -> Transfer:
 
 
 def is_file(name: str) -> bool:
-    """Whether a name is one of a file, which may hold a + itself."""
+    """Return whether a name is of a file, which may contain a + itself."""
     if Path(name).suffix.lower() not in SUFFIXES:
         return False
     return "+" not in name or Path(name).exists()
@@ -257,14 +257,14 @@ def _read(name: str) -> Transfer:
 
 
 def _written(name: str) -> TransferFunction | None:
-    """Function that is a range of values or points, if it is one."""
+    """Parse a range of values or points, if the text is one."""
     if ends := RANGE.fullmatch(name):
         return _of_range(name, *ends.groups())
     return _of_points(name) if POINTS.fullmatch(name) else None
 
 
 def _of_range(name: str, least: str | None, greatest: str | None) -> TransferFunction:
-    """What shows a range of values alone; soft within it, where it ends."""
+    """Return a function that shows only a range of values, with soft ends inside it."""
     low = None if least is None else float(least)
     high = None if greatest is None else float(greatest)
     if low is None and high is None:
@@ -279,7 +279,7 @@ def _of_range(name: str, least: str | None, greatest: str | None) -> TransferFun
 
 
 def _of_points(name: str) -> TransferFunction:
-    """Function of points as a command line has them."""
+    """Parse control points of the command line."""
     from resample_volume.looks.files import displayed_color
 
     points = []
@@ -305,12 +305,12 @@ def _colormap(name: str) -> TransferFunction:
 
 
 def colormap(name: str) -> TransferFunction:
-    """Colors of matplotlib by name, over the range of the data.
+    """Return a colormap of matplotlib by name, over the range of the data.
 
     Raises
     ------
     ValueError
-        There are none of that name.
+        There is no such colormap.
     """
     import matplotlib
 
@@ -325,7 +325,7 @@ def colormap(name: str) -> TransferFunction:
 
 
 def _adjusted(transfer: Transfer, name: str, text: str) -> Transfer:
-    """Transfer function with the changes of `opacity=0.2,low=0.3`."""
+    """Apply parameters such as `opacity=0.2,low=0.3`."""
     changes: dict[str, str] = {}
     try:
         for part in filter(None, text.split(",")):
@@ -371,7 +371,7 @@ def _colored(transfer: Transfer, given: str) -> Transfer:
         return replace(transfer, regions=regions)
     if isinstance(transfer, TransferFunction):
         return replace(transfer, color=np.tile(color, (transfer.value.size, 1)))
-    raise ValueError("color does not go with this one")
+    raise ValueError("color does not apply to this one")
 
 
 def _faded(transfer: Transfer, given: str) -> Transfer:
@@ -381,7 +381,7 @@ def _faded(transfer: Transfer, given: str) -> Transfer:
     return Faded(transfer, (ends[0], ends[1]))
 
 
-# In the order in which they are applied, whatever the order they are given in.
+# In the order of application, regardless of the order given.
 ADJUSTMENTS: dict[str, Callable[[Transfer, str], Transfer]] = {
     "opacity": _thinned,
     "low": _cut,

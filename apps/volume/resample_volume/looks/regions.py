@@ -1,8 +1,8 @@
-"""Transfer functions of two variables: a value and how steeply values change there.
+"""Transfer functions of two variables: value and gradient length.
 
 Kniss, Kindlmann and Hansen, Multidimensional Transfer Functions for Interactive Volume Rendering,
-2002. A boundary between two materials is an arch over their values that is highest, in gradient,
-in the middle; so a region of high gradients shows a surface whose values also occur elsewhere.
+2002. A boundary between two materials is an arch over their values, whose gradient is highest in
+the middle; so a region of high gradients shows a surface whose values also occur elsewhere.
 """
 
 import math
@@ -16,8 +16,8 @@ from resample.colors import from_srgb
 from resample.types import Doubles, Floats
 from resample_volume.looks.transfer import Color, DataRange, Transfer
 
-BEYOND = 1 + 1e-6  # a border belongs to its region
-CHUNK = 1 << 20  # values looked at together
+BEYOND = 1 + 1e-6  # borders are inclusive
+CHUNK = 1 << 20  # values processed together
 TINY = float(np.finfo(np.float64).tiny)
 
 Range = tuple[float, float]
@@ -27,10 +27,10 @@ Range = tuple[float, float]
 class Region:
     """A rectangle over values and gradients with a color and an opacity.
 
-    Borders belong to it. Where it is soft, opacity rises from 0 at the border to its full height
-    that far within. A range that ends where the data cannot go on (a gradient of 0, infinity, or
-    0 and 1 of a normalized range) is open there: that border is not soft, and what is beyond
-    counts as inside.
+    Borders are inclusive. With softness, opacity rises from 0 at the border to its full height at
+    that distance inside. A range is open where it ends at a limit of the data (a gradient of 0,
+    infinity, or 0 and 1 of a normalized range): that border is not soft, and values beyond it count
+    as inside.
     """
 
     value: Range  # data units, or 0..1 of the data's range
@@ -42,15 +42,15 @@ class Region:
 
 @dataclass(frozen=True)
 class RegionTransfer:
-    """Color and opacity by regions over values and the lengths of gradients.
+    """Color and opacity by regions over values and gradient lengths.
 
     Where several overlap, light passes through all of them: their transparencies multiply. Color
     is their mean in linear light, weighted by their opacities. Their order does not matter.
 
-    Gradients are measured in data units per scene unit, so that a file says the same of a scan
-    whatever its voxels' size. What is `normalized` needs no knowledge of the data: values are
-    positions between the least and the greatest, gradients fractions of the 99th percentile of
-    their lengths over all voxels that regions could show by their value, as in `gradient_opacity`.
+    Gradients are in data units per scene unit, so that a file applies to scans of any voxel size.
+    If `normalized`, it applies to any data: values are positions between the least and the
+    greatest, gradients fractions of the 99th percentile of their lengths over all voxels that
+    regions could show by their value, as in `gradient_opacity`.
 
     Raises
     ------
@@ -76,7 +76,7 @@ class RegionTransfer:
         return True
 
     def opacities(self, values: ArrayLike, data_range: DataRange) -> Floats:
-        """Opacity of values, (N,), if the gradient is within all regions: never less than it is."""
+        """Return an upper bound of opacities (N,), for gradients within all regions."""
         place = self._places(np.asarray(values), data_range)
         transparency = np.ones(place.shape)
         for region in self.regions:
@@ -115,7 +115,7 @@ class RegionTransfer:
         return replace(self, regions=tuple(kept) or (nothing,))
 
     def _places(self, values: NDArray[Any], data_range: DataRange) -> Doubles:
-        """Values in the units of the regions."""
+        """Convert values to the units of the regions."""
         place = values.astype(np.float64)
         if not self.normalized:
             return place
@@ -125,7 +125,7 @@ class RegionTransfer:
         return np.clip((place - low) / (high - low), 0, 1)
 
     def _mixed(self, place: Doubles, slope: Doubles) -> tuple[Doubles, Doubles]:
-        """Color and opacity where all regions are added up."""
+        """Combine color and opacity of all regions."""
         transparency, weight = np.ones(place.shape), np.zeros(place.shape)
         color = np.zeros((*place.shape, 3))
         for region in self.regions:
@@ -148,7 +148,7 @@ class RegionTransfer:
 
 @dataclass(frozen=True)
 class Faded:
-    """A transfer function that fades even regions, so that surfaces stay.
+    """A transfer function that fades homogeneous regions, so that surfaces remain.
 
     Opacity is multiplied by a ramp that rises from 0 to 1 between two lengths of the gradient, as
     fractions of their 99th percentile.
@@ -156,7 +156,7 @@ class Faded:
     Raises
     ------
     ValueError
-        The ramp descends, or is not of numbers from 0 on.
+        The ramp descends, or a number is below 0.
     """
 
     transfer: Transfer
@@ -203,7 +203,7 @@ class Faded:
 
 
 def _share(place: Doubles, span: Range, soft: float, limits: Range) -> Doubles:
-    """How far places (N,) are within a range, 0..1; not at all where they are NaN."""
+    """Return the weights (N,) of values in a soft range, 0..1; 0 for NaN."""
     low, high = span
     rise = np.ones(place.shape)
     if low > limits[0]:
@@ -215,13 +215,13 @@ def _share(place: Doubles, span: Range, soft: float, limits: Range) -> Doubles:
 
 
 def _ends(region: Region) -> tuple[float, float]:
-    """Gradients beyond which a region looks the same, some infinite."""
+    """Return the gradients beyond which a region does not change, possibly infinite."""
     low, high = region.gradient
     return low + region.softness[1], high
 
 
 def _above(region: Region, low: float) -> Region:
-    """What of a region is at or above a value; its border moves there, as soft as it can be."""
+    """Clip a region to values at or above one; limit its softness."""
     if region.value[0] >= low:
         return region
     high = region.value[1]

@@ -1,4 +1,4 @@
-"""Values on a logarithmic scale: fields over decades, as they are looked at."""
+"""Logarithmic scales of values, for fields that span decades."""
 
 import math
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ from resample_volume.types import Volume
 
 LINEAR, LOG, SYMLOG = "linear", "log", "symlog"
 FORMS = "linear, log, or symlog:linear=0.01, which is linear from -0.01 to 0.01"
-NEAR = 1 / (1 - 1 / 10)  # decades that the linear part of symlog has at either side of 0
+NEAR = 1 / (1 - 1 / 10)  # decades of the linear part of symlog on each side of 0
 MANTISSAS: tuple[tuple[float, ...], ...] = ((1, 2, 5), (1,))
 
 
@@ -39,7 +39,7 @@ class Scale:
     linear: float | None = None  # values up to this one, either side of 0, are linear; None: log
 
     def scaled(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Values on this scale; NaN for those that have no logarithm."""
+        """Convert values to this scale; NaN for those without logarithm."""
         given = np.asarray(values, np.float64)
         with np.errstate(divide="ignore", invalid="ignore"):
             if self.linear is None:
@@ -49,7 +49,7 @@ class Scale:
             return np.where(away <= 1, given / self.linear * NEAR, far)
 
     def value(self, scaled: NDArray[Any]) -> NDArray[Any]:
-        """Values whose places on this scale these are."""
+        """Convert from this scale to values."""
         given = np.asarray(scaled, np.float64)
         if self.linear is None:
             return np.asarray(10.0**given)
@@ -58,7 +58,7 @@ class Scale:
         return np.where(away <= NEAR, given / NEAR, far) * self.linear
 
     def place(self, value: float, what: str) -> float:
-        """Place of one value, which must have one.
+        """Convert one value, which must have a logarithm.
 
         Raises
         ------
@@ -74,7 +74,7 @@ class Scale:
         return place
 
     def ticks(self, span: tuple[float, float], most: float) -> dict[float, str]:
-        """Decades between two places on this scale, and what is written beside them."""
+        """Return decades between two positions on this scale, and their labels."""
         from resample.measuring.color_bars import ticks_of
 
         low, high = self.value(np.array(span)).tolist()
@@ -93,7 +93,7 @@ class Scale:
         return {place: f"{found[place]:g}".replace("-", "−") for place in kept}
 
     def _decades(self, low: float, high: float, mantissas: tuple[float, ...]) -> dict[float, float]:
-        """Places of round values between two, and these."""
+        """Return positions of round values in a range, and the values."""
         least = low if self.linear is None else self.linear
         largest = max(abs(low), abs(high))
         powers = range(math.floor(math.log10(least)), math.floor(math.log10(largest)) + 1)
@@ -104,7 +104,7 @@ class Scale:
 
 
 def scale_named(text: str) -> Scale | None:
-    """Scale of a text; None: values are as they are.
+    """Parse a scale; None: linear.
 
     Raises
     ------
@@ -127,15 +127,15 @@ def scale_named(text: str) -> Scale | None:
 
 
 def scaled(volume: Volume, scale: str) -> Volume:
-    """Volume whose field is that of logarithms; it is reconstructed, classified and lit as such.
+    """Convert a volume to logarithms, which are interpolated, classified and shaded.
 
-    Padding of the values becomes NaN, and so does what has no logarithm. `note` says so. Looks by
-    name or as a text speak of the values as they were; fractions are of the scaled range.
+    Padding and values without logarithm become NaN; `note` says so. Looks given as text refer to
+    the original values; fractions are of the scaled range.
 
     Parameters
     ----------
     volume
-        Of values; one in chunks is read.
+        Volume of values; a chunked one is read.
     scale
         `log`, `symlog:linear=0.01`, or `linear`, which changes nothing.
 
@@ -170,12 +170,12 @@ def scaled(volume: Volume, scale: str) -> Volume:
 
 
 def on_scale(transfer: Transfer, scale: str) -> Transfer:
-    """Look in data units as one of the same values on a scale.
+    """Convert a look in data units to a scale.
 
     Raises
     ------
     ValueError
-        A value has no logarithm, or the look is of the steepness of values.
+        A value has no logarithm, or the look depends on gradients.
     """
     by = scale_named(scale)
     if by is None or transfer.normalized:
@@ -202,13 +202,13 @@ def _function_on(transfer: TransferFunction, by: Scale) -> TransferFunction:
 
 
 def value_at(place: Any, scale: str) -> Doubles:
-    """Values as they were, of places on a volume's scale."""
+    """Convert positions on a volume's scale to the original values."""
     by = scale_named(scale)
     return np.asarray(place if by is None else by.value(place), np.float64)
 
 
 def edges_of(span: tuple[float, float], count: int, scale: str) -> list[float]:
-    """Ends of so many bins of values, which are even on a scale."""
+    """Return the edges of bins of equal width on a scale."""
     by, (low, high) = scale_named(scale), span
     if by is not None:
         low, high = by.scaled(np.array(span)).tolist()

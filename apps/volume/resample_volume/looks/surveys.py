@@ -1,4 +1,4 @@
-"""What a volume's values are, found by looking at all of them: range, padding, strays, units."""
+"""Statistics of a volume's values: range, padding, outliers, units."""
 
 from math import prod
 from typing import Any, NamedTuple
@@ -17,25 +17,25 @@ from resample_volume.looks.hounsfield import Units, looks_like_ct, units_of
 from resample_volume.looks.tissues import METAL
 from resample_volume.types import Volume
 
-STRAY_SHARE = 2e-5  # of all voxels: so few, and far from all others, are strays
-STRAY_GAP = 0.5  # of the range of the others, by which strays are away from it
-PADDING_GAP = 1.0  # of the range of the others, by which padding is away from it
+STRAY_SHARE = 2e-5  # greatest share of voxels that are outliers, if far from all others
+STRAY_GAP = 0.5  # distance of outliers, of the range of the others
+PADDING_GAP = 1.0  # distance of padding, of the range of the others
 CT_PADDING_GAP = 0.2  # the same where the others look like computed tomography
 NO_LEVELS = Levels(np.zeros(0), np.zeros(0, np.int64))
-FEW = 16  # values: among fewer, none is padding but all are labels
-PADDINGS = 4  # different values of padding that are looked for
+FEW = 16  # distinct values: fewer are labels without padding
+PADDINGS = 4  # distinct values of padding, at most
 
 
 class Survey(NamedTuple):
-    """What is known of a volume's values."""
+    """Statistics of a volume's values."""
 
-    least: float  # finite, padding and strays included
+    least: float  # finite, with padding and outliers
     greatest: float
-    low: float  # finite, without padding and strays: the robust range
+    low: float  # finite, without padding and outliers: the robust range
     high: float
-    padding: tuple[float, ...]  # values that stand for no value
+    padding: tuple[float, ...]  # values that mark missing ones
     padded: int  # voxels of these
-    stray: int  # voxels outside of the robust range that are no padding
+    stray: int  # voxels outside the robust range other than padding
     infinite: int  # voxels
     units: Units
     levels: Levels  # of the robust range
@@ -52,7 +52,7 @@ class Survey(NamedTuple):
 
     @property
     def metal(self) -> int:
-        """Voxels that are too dense for any tissue, as far as that is known."""
+        """Number of voxels denser than any tissue, if known."""
         if self.units.added is None:
             return 0
         inside = self.levels.value > METAL + self.units.added
@@ -66,13 +66,12 @@ class Survey(NamedTuple):
 
 @found_once(lambda volume: volume.values)
 def survey(volume: Volume) -> Survey:
-    """Look at all values of a volume.
+    """Compute the statistics of a volume's values.
 
-    Padding is a value that lies far beyond all others and that many voxels have: scanners and
-    programs write it where nothing was measured. It is below 0 or on the volume's rim: 0 below all
-    others is the surroundings of what was cut out, and what is far above within may be metal.
-    Bytes have none. Strays are a few voxels far beyond all others. Without any finite value, the
-    range is 0 to 1.
+    Padding is a frequent value far outside the range of all others: scanners and programs write it
+    where nothing was measured. It is below 0 or on the volume's border: 0 below all others is the
+    surroundings of a segmented object, and high values inside may be metal. Bytes have no padding.
+    Outliers are a few voxels far from all others. Without any finite value, the range is 0 to 1.
     """
     levels, infinite = _levels(volume.values)
     if not levels.value.size:
@@ -99,7 +98,7 @@ def survey(volume: Volume) -> Survey:
 
 
 def findings(known: Survey) -> list[str]:
-    """What a user should know of a volume's values before it is shown, a line for each."""
+    """Return messages about a volume's values for the user, one line each."""
     lines = []
     if known.padding:
         values = " and ".join(f"{value:g}" for value in known.padding)
@@ -120,9 +119,9 @@ def findings(known: Survey) -> list[str]:
 
 
 def without_padding(volume: Volume, known: Survey) -> Volume:
-    """Volume in which padding is no value, and neither is what is infinite.
+    """Replace padding and infinite values by missing ones.
 
-    Integers have no sign for that: padding becomes the least of the other values.
+    Integers have no NaN: there padding becomes the least of the other values.
     """
     if not known.padding and not known.infinite:
         return volume
@@ -141,7 +140,7 @@ def without_padding(volume: Volume, known: Survey) -> Volume:
 
 
 def rim(values: Values) -> NDArray[Any]:
-    """All values on the six sides of a volume (Z, Y, X)."""
+    """Return all values on the six sides of a volume (Z, Y, X)."""
     if isinstance(values, Bricks):
         return values.glance.rim
     sides = [values.take(end, axis).ravel() for axis in range(3) for end in (0, -1)]
@@ -149,36 +148,36 @@ def rim(values: Values) -> NDArray[Any]:
 
 
 def ends(value: Doubles, count: Counts, most: int, gap: float) -> tuple[int, int]:
-    """First and last place that is no stray.
+    """Return the first and last value that is not an outlier.
 
     Parameters
     ----------
     value
-        (K,) places, ascending.
+        (K,) values, ascending.
     count
-        (K,) how many lie at each.
+        (K,) voxels of each.
     most
-        Strays at either end.
+        Greatest number of outliers at each end.
     gap
-        Share of the range of all others, by which strays are away from it.
+        Least distance of outliers, as a fraction of the range of all others.
 
     Returns
     -------
-    Indices; of all places where the others lie at one.
+    Indices; all values if the others are equal.
     """
     total = np.cumsum(count)
     middle = value[np.searchsorted(total, total[-1] / 2)]
     last = _last(value, total[-1] - total, most, gap, middle)
-    backward = total[-1] - total + count  # how many lie at a place and beyond
+    backward = total[-1] - total + count  # number at or beyond a value
     first = _last(-value[::-1], (total[-1] - backward)[::-1], most, gap, -middle)
     return value.size - 1 - first, last
 
 
 def _last(value: Doubles, above: Counts, most: int, gap: float, middle: float) -> int:
-    """Last place that is no stray, where `above` (K,) says how many lie above each."""
+    """Return the last value that is not an outlier; `above` (K,) counts those above each."""
     start = int(np.searchsorted(-above, -most))
     place = np.arange(start, value.size - 1)
-    # From the first percent on, which no stray at the other end moves.
+    # From the first percent on, which outliers at the other end do not move.
     few = above[0] * 0.99
     foot = min(value[int(np.searchsorted(-above, -few))], middle)
     reach = value[place] - foot
@@ -187,14 +186,14 @@ def _last(value: Doubles, above: Counts, most: int, gap: float, middle: float) -
 
 
 def _most_strays(size: int) -> int:
-    """How many voxels may be strays, of all."""
+    """Return how many voxels may be outliers."""
     return max(min(8, size // 500), int(STRAY_SHARE * size))
 
 
 def _without_padding(
     levels: Levels, rim: NDArray[Any], most: int, paddings: int
 ) -> tuple[Levels, tuple[float, ...]]:
-    """Values without those that stand for none, and these; see `survey`."""
+    """Split levels into values and padding; see `survey`."""
     padding: list[float] = []
     for _ in range(paddings):
         ends_ = []
@@ -211,12 +210,12 @@ def _without_padding(
 
 
 def _without(levels: Levels, end: int) -> Levels:
-    """Values but the first or the last."""
+    """Return the levels without the first or the last."""
     return levels.between(1, -1) if end == 0 else levels.between(0, -2)
 
 
 def _is_padding(levels: Levels, end: int, most: int) -> bool:
-    """Whether the first or last value is far away from the others, and frequent."""
+    """Return whether the first or last value is far from the others, and frequent."""
     if levels.value.size <= FEW + 1 or levels.number[end] <= most:
         return False
     rest = levels.between(1, -2)  # there may be padding at the other end, too
@@ -230,7 +229,7 @@ def _is_padding(levels: Levels, end: int, most: int) -> bool:
 
 
 def _levels(values: Values) -> tuple[Levels, int]:
-    """Distribution of finite values, exact at its ends, and how many are infinite."""
+    """Return the distribution of finite values, exact at its ends, and the number of infinite."""
     if are_few(values.dtype):
         return counted(values), 0
     step = step_of(values.size)
@@ -252,7 +251,7 @@ def _levels(values: Values) -> tuple[Levels, int]:
 
 @found_once(lambda values: values)
 def counted(values: Values) -> Levels:
-    """How often each of few possible values occurs, see `bricks.are_few`."""
+    """Count each of few possible values, see `bricks.are_few`."""
     bits, size = values.dtype.itemsize * 8, 1 << (values.dtype.itemsize * 8)
     total = np.zeros(size, np.int64)
     if isinstance(values, Bricks) and values.glance.codes is not None:

@@ -1,4 +1,4 @@
-"""Looks for computed tomography by the field's names, in Hounsfield units.
+"""Transfer functions for computed tomography, in Hounsfield units.
 
 Air is at -1000, lung at -900 to -500, fat at -100, muscle and organs at 20 to 80, vessels with a
 contrast agent at 150 to 450, spongy bone at 150 to 400 and compact bone from 500 on; metal is
@@ -7,7 +7,7 @@ above 2500.
 
 from resample_volume.looks.transfer import Point, TransferFunction, from_points
 
-METAL = 2500.0  # HU; from there on it is no tissue
+METAL = 2500.0  # HU; denser than any tissue
 
 FLESH, MUSCLE, FAT = (0.85, 0.6, 0.48), (0.72, 0.25, 0.2), (0.92, 0.8, 0.5)
 BLOOD, RUST = (0.8, 0.12, 0.1), (0.85, 0.6, 0.4)
@@ -17,7 +17,7 @@ SKY, ROSE = (0.55, 0.7, 0.85), (0.9, 0.55, 0.5)
 BONE: list[Point] = [(350.0, RUST, 0.35), (600.0, IVORY, 0.7), (1500.0, WHITE, 0.95)]
 
 POINTS: dict[str, list[Point]] = {
-    # Bone in translucent flesh: what is shown of a scan where nothing is asked for.
+    # Bone in translucent flesh: the default for CT.
     "ct": [
         (-350.0, FLESH, 0.0),
         (-150.0, FLESH, 0.02),
@@ -60,14 +60,14 @@ THINNER = 0.4  # of the flesh before lungs
 
 
 def with_lungs(before: float, peak: float, after: float, added: float) -> TransferFunction:
-    """The look `ct`, with flesh that is thinner and lungs seen within.
+    """Return the look `ct` with thinner flesh and visible lungs.
 
     Parameters
     ----------
     before, peak, after
         Data values where lungs begin, are most frequent, and end.
     added
-        What data hold above Hounsfield units.
+        Offset of the data from Hounsfield units.
     """
     lungs = [(before, SKY, 0.0), (peak, SKY, LUNG_VEIL), (after, SKY, 0.0)]
     flesh, bone = POINTS["ct"][: -len(BONE)], POINTS["ct"][-len(BONE) :]
@@ -77,13 +77,13 @@ def with_lungs(before: float, peak: float, after: float, added: float) -> Transf
 
 
 def tissue(name: str, added: float = 0.0) -> TransferFunction:
-    """Look by one of the names of `POINTS`.
+    """Return a look of `POINTS` by name.
 
     Parameters
     ----------
     name
         Of the look.
     added
-        What data hold above Hounsfield units.
+        Offset of the data from Hounsfield units.
     """
     return from_points([(value + added, color, opacity) for value, color, opacity in POINTS[name]])

@@ -1,4 +1,4 @@
-"""Which color and opacity a data value gets: what transfer functions do, and those of values."""
+"""Transfer functions: their protocol, and functions of values by control points."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -19,13 +19,13 @@ Point = tuple[float, Color, float]  # value, color, opacity
 
 
 class Transfer(Protocol):
-    """Role of a transfer function. It is a dataclass, so `dataclasses.replace` changes it."""
+    """Protocol of a transfer function. It is a dataclass, so `dataclasses.replace` works."""
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
     @property
     def opacity_unit(self) -> float | None:
-        """Scene units of thickness that opacities hold for; None: cube root of a voxel's volume."""
+        """Thickness that opacities refer to, scene units; None: cube root of a voxel's volume."""
 
     @property
     def normalized(self) -> bool:
@@ -33,15 +33,15 @@ class Transfer(Protocol):
 
     @property
     def needs_gradient(self) -> bool:
-        """Whether the slopes of the data make a difference."""
+        """Whether looks depend on gradients."""
 
     def opacities(self, values: ArrayLike, data_range: DataRange) -> Floats:
-        """Opacity (N,) that values have at most, whatever their slope; 0 for NaN."""
+        """Return the greatest opacity (N,) of values at any slope; 0 for NaN."""
 
     def looks(
         self, values: NDArray[Any], slopes: Floats | None, data_range: DataRange, steep: float
     ) -> tuple[Floats, Floats]:
-        """Color (N, 3) in linear light and opacity (N,) of values and lengths of gradients.
+        """Return color (N, 3) in linear light and opacity (N,) by value and gradient length.
 
         Parameters
         ----------
@@ -52,26 +52,26 @@ class Transfer(Protocol):
         data_range
             Least and greatest finite value of the data.
         steep
-            Data units per scene unit, slope of a full surface: what fractions are fractions of.
+            Slope of a full surface, data units per scene unit; unit of fractions.
         """
 
     def steepest(self, steep: float) -> float:
-        """Slope from which on looks do not change, if `steep` is that of a full surface."""
+        """Return the slope above which looks do not change; `steep` is that of a full surface."""
 
     def thinned(self, share: float) -> Self:
-        """All opacities multiplied."""
+        """Return the function with all opacities multiplied."""
 
     def cut(self, low: float) -> Self:
-        """Transparent below a value, in the units of the function's own values."""
+        """Return the function made transparent below a value, in its own units."""
 
 
 @dataclass(frozen=True, eq=False)
 class TransferFunction:
     """Color and opacity, linear between K control points.
 
-    Two points at one value make a step; the later holds at and above that value. Below the first
-    and above the last point their colors and opacities go on. Colors are interpolated as they are
-    displayed and turned into linear light afterwards, so that a ramp looks even.
+    Two points at one value make a step; the later one applies at and above that value. Outside, the
+    first and the last point apply. Colors are interpolated in sRGB and converted to linear light
+    afterwards, so that a ramp looks even.
 
     Raises
     ------
@@ -109,15 +109,15 @@ class TransferFunction:
         return hash(self._identity())
 
     def __call__(self, values: ArrayLike, data_range: DataRange) -> tuple[Floats, Floats]:
-        """Color and opacity of data values.
+        """Return color and opacity of data values.
 
         Parameters
         ----------
         values
             (N,) numbers. NaN is transparent and black.
         data_range
-            Least and greatest finite value of the data; only normalized functions look at it.
-            Where both are equal, the last point holds.
+            Least and greatest finite value of the data; only used by normalized functions. If both
+            are equal, the last point applies.
 
         Returns
         -------
@@ -126,7 +126,7 @@ class TransferFunction:
         return self.colors(values, data_range), self.opacities(values, data_range)
 
     def colors(self, values: ArrayLike, data_range: DataRange) -> Floats:
-        """Color of data values in linear light, (N, 3)."""
+        """Return colors of data values in linear light, (N, 3)."""
         place = self._places(data_range)
         given = np.asarray(values)
         channel = [np.interp(given, place, self.color[:, c]) for c in range(3)]
@@ -136,9 +136,9 @@ class TransferFunction:
         return np.asarray(from_srgb(displayed), np.float32)
 
     def opacities(self, values: ArrayLike, data_range: DataRange) -> Floats:
-        """Opacity of data values, (N,)."""
+        """Return opacities of data values, (N,)."""
         opacity = np.interp(np.asarray(values), self._places(data_range), self.opacity)
-        if self.value.size == 1:  # NumPy then gives its value to NaN as well
+        if self.value.size == 1:  # NumPy would also give its value to NaN
             opacity = np.where(np.isnan(values), np.nan, opacity)
         return np.asarray(np.nan_to_num(opacity, nan=0.0), np.float32)
 
@@ -172,7 +172,7 @@ class TransferFunction:
         )
 
     def _places(self, data_range: DataRange) -> Doubles:
-        """Control points in data units, ascending in spite of rounding."""
+        """Return control points in data units, ascending despite rounding."""
         if not self.normalized:
             return self.value
         low, high = data_range
@@ -200,20 +200,20 @@ def tabulated(
     unit: float,
     shape: tuple[int, int] = (64, 4096),
 ) -> Looks:
-    """Tabulate what values and slopes look like.
+    """Tabulate looks by value and slope.
 
     Parameters
     ----------
     transfer
         Any; one that needs no gradient gets a single row.
     data_range
-        Least and greatest finite value of the data; columns are spread evenly from one to the
-        other. What is narrower than a column is lost.
+        Least and greatest finite value of the data; columns are evenly spaced between them.
+        Features narrower than a column are lost.
     steep
-        Data units per scene unit, slope of a full surface. Rows are spread evenly from 0 to where
-        looks do not change any more.
+        Slope of a full surface, data units per scene unit. Rows are evenly spaced from 0 to the
+        slope above which looks do not change.
     unit
-        Scene units of thickness that opacities hold for.
+        Thickness that opacities refer to, scene units.
     shape
         Rows and columns (G, K).
     """
@@ -233,7 +233,7 @@ def tabulated(
 
 
 def _above(low: float, high: float) -> float:
-    """End of a range that begins at `low`, at least so far behind it that float32 tells them apart.
+    """Return the end of a range that begins at `low`, distinct from it in float32.
 
     >>> _above(3.0, 3.0), _above(1e30, 1e30) > 1e30
     (4.0, True)
@@ -247,7 +247,7 @@ def evaluated(
     values: NDArray[Any],
     data_range: DataRange,
 ) -> Floats:
-    """Evaluate a function of values (N,), by a table of all values where these are few."""
+    """Evaluate a function of values (N,), by a table for types of few values."""
     every = _every_value(values.dtype)
     if every is None:
         return function(values, data_range)
@@ -257,7 +257,7 @@ def evaluated(
 def places_seen(
     transfer: Transfer, values: NDArray[Any], data_range: DataRange
 ) -> NDArray[np.int64]:
-    """Where values (N,) have some opacity, whatever the slope; indices that ascend."""
+    """Return ascending indices of values (N,) with non-zero opacity at some slope."""
     every = _every_value(values.dtype)
     if every is None:
         return np.flatnonzero(transfer.opacities(values, data_range) > 0)
@@ -272,7 +272,7 @@ def places_seen(
 
 
 def _every_value(dtype: np.dtype[Any]) -> NDArray[Any] | None:
-    """All values of a type in the order of their bits, where these are few; else None."""
+    """Return all values of a type in the order of their bits, if few; otherwise None."""
     if dtype.kind not in "iu" or dtype.itemsize > 2:
         return None
     return np.arange(1 << (8 * dtype.itemsize)).astype(f"u{dtype.itemsize}").view(dtype)
@@ -283,12 +283,12 @@ def _bits(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def extinction(opacity: NDArray[Any], unit: float) -> Floats:
-    """Optical depth per scene unit.
+    """Return the optical depth per scene unit.
 
     Parameters
     ----------
     opacity
-        (N,) 0..1 of a layer of the thickness `unit`; at most `MOST_OPAQUE` is used.
+        (N,) 0..1 of a layer of the thickness `unit`; clipped to `MOST_OPAQUE`.
     unit
         Scene units.
 
@@ -301,14 +301,16 @@ def extinction(opacity: NDArray[Any], unit: float) -> Floats:
     with np.errstate(over="ignore"):
         depth = np.asarray(-np.log1p(-share) / unit, np.float32)
     if not np.isfinite(depth).all():
-        raise ValueError(f"opacities over a length of {unit:g} scene units are beyond any number")
+        raise ValueError(
+            f"opacities over a length of {unit:g} scene units give infinite optical depths"
+        )
     return depth
 
 
 def from_points(
     points: Sequence[Point], *, opacity_unit: float | None = None, normalized: bool = False
 ) -> TransferFunction:
-    """Transfer function of a list of control points: value, color, opacity."""
+    """Make a transfer function of control points: value, color, opacity."""
     value, color, opacity = (np.array(part) for part in zip(*points, strict=True))
     return TransferFunction(value, color, opacity, opacity_unit, normalized)
 

@@ -1,1 +1,1 @@
-"""Several volumes, colors, channels and times, put together."""
+"""Scenes of several volumes, colors, channels and times."""

@@ -1,4 +1,4 @@
-"""What a volume looks like, and who paints it."""
+"""Appearance of a volume, and the renderer that suits it."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
@@ -28,25 +28,25 @@ from resample_volume.voxels.visible import finite_range
 if TYPE_CHECKING:
     from resample_volume.looks.labels import Labels
 
-# Each keeps tables of its own.
+# Each keeps its own tables.
 OF_VOXELS, ALONG_RAYS = Resampler(), Resampler(order=Rays())
 BY_DEFAULT = Resampler(order=Rays(quality="usual"))
 GRADIENT = "central"  # if none is asked for
-MET = ("mesh", "plane", "surface")  # what rays meet besides the volume
+MET = ("mesh", "plane", "surface")  # objects that rays meet besides the volume
 X_RAYS = Resampler(order=Rays(), projection=Projection.XRAY)
 
 
 class Classification(StrEnum):
-    """When values get their color and opacity."""
+    """When values are classified: before or after interpolation."""
 
-    AUTO = "auto"  # post where rays can go through the field, else pre; see `decided`
-    PRE = "pre"  # voxels get them, and colors are reconstructed
-    POST = "post"  # the field is reconstructed, and gets them after that
+    AUTO = "auto"  # post where rays can be cast through the field, else pre; see `decided`
+    PRE = "pre"  # voxels are classified, and colors are interpolated
+    POST = "post"  # values are interpolated, then classified
 
 
 @dataclass(frozen=True)
 class Appearance:
-    """What of a volume is seen, and what it looks like.
+    """What is visible of a volume, and its look.
 
     Examples
     --------
@@ -67,13 +67,13 @@ class Appearance:
     cue: DepthCue | None = None
     crop: str | None = None  # ranges of voxels along x, y and z, see `cropping.planes`
     clip: tuple[str, ...] = ()  # planes through the middle, see `cropping.planes`
-    framing: Transfer | str | None = None  # what it shows is in the picture; None: `transfer`
-    meshes: tuple[SceneMesh, ...] = ()  # that stand in the volume's scene; cuts leave them whole
-    planes: tuple[ImagePlane, ...] = ()  # that show values as they are; cuts leave them whole
-    surfaces: tuple[IsoSurface, ...] = ()  # of one value; cuts leave them whole
+    framing: Transfer | str | None = None  # the camera frames what this shows; None: `transfer`
+    meshes: tuple[SceneMesh, ...] = ()  # in the volume's scene; not clipped
+    planes: tuple[ImagePlane, ...] = ()  # show unshaded values; not clipped
+    surfaces: tuple[IsoSurface, ...] = ()  # isosurfaces; not clipped
     slab: str | None = None  # outside of which nothing is shown, see `Section.of`
-    xray: XRay | None = None  # of the projection xray, which it chooses; None: the usual one
-    invert: bool = False  # black and white are exchanged, for projections of values
+    xray: XRay | None = None  # for the projection xray, which it selects; None: the default
+    invert: bool = False  # swap black and white, for projections of values
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "classification", Classification(self.classification))
@@ -91,12 +91,12 @@ class Appearance:
 
     @property
     def cuts(self) -> tuple[str, ...]:
-        """Planes of clip and of a slab across a scene direction, see `cropping.planes`."""
+        """Clip planes, and those of a slab across a scene direction, see `cropping.planes`."""
         return self.clip if self.section is None else (*self.clip, *self.section.clips)
 
     @property
     def extras(self) -> list[str]:
-        """Names of what was chosen and is not for all projections."""
+        """Names of chosen options that not all projections allow."""
         chosen = {
             "labels": self.labels,
             "gradient-opacity": self.gradient_opacity,
@@ -111,12 +111,12 @@ class Appearance:
 
     @property
     def met(self) -> list[str]:
-        """Names of what rays meet besides the volume."""
+        """Names of the objects that rays meet besides the volume."""
         return [name for name in self.extras if name in MET]
 
     @property
     def needed_gradient(self) -> str | None:
-        """How gradients are found; None where light does not need them."""
+        """How gradients are computed; None if shading does not need them."""
         return None if self.light is None else self.gradient
 
 
@@ -124,39 +124,39 @@ Medium = tuple[Volume, Appearance]  # one of several in a scene, and its look
 
 
 class Met(NamedTuple):
-    """What rays meet besides the volume."""
+    """Objects that rays meet besides the volume."""
 
     meshes: tuple[SceneMesh, ...]
     planes: tuple[ImagePlane, ...]
     surfaces: tuple[IsoSurface, ...]
 
     def within(self, span: tuple[float, float]) -> "Met":
-        """The same, planes without a window with one of this least and greatest value."""
+        """Return a copy in which planes without a window get one of these values."""
         return self._replace(planes=tuple(plane.within(span) for plane in self.planes))
 
     def beside(self, look: Appearance) -> Appearance:
-        """The same look, with these."""
+        """Return the look with these objects."""
         return replace(look, **self._asdict()) if any(self) else look
 
 
 def transfer_of(
     volume: Volume, appearance: Appearance, projection: Projection = Projection.COMPOSITE
 ) -> Transfer:
-    """Transfer function, also where it was given by name."""
+    """Return the transfer function, also if given by name."""
     return named_or_own(appearance.transfer, volume, projection)
 
 
 def named_or_own(
     given: Transfer | str, volume: Volume, projection: Projection = Projection.COMPOSITE
 ) -> Transfer:
-    """Transfer function, which may be given by its name."""
+    """Return the transfer function, which may be given by name."""
     return named_transfer(given, volume, projection) if isinstance(given, str) else given
 
 
 def named_transfer(
     name: str, volume: Volume, projection: Projection, window: Window | None = None
 ) -> Transfer:
-    """Transfer function by name; `auto` shows values as opaque gray, where they are projected."""
+    """Return a transfer function by name; `auto` is opaque gray for projections of values."""
     if name == "auto" and projection in MEASURING:
         return levels(volume, survey(volume), projection, window)
     return transfer_for(name, volume, window)
@@ -165,22 +165,22 @@ def named_transfer(
 def check_together(
     resampler: Resampler, classification: Classification, extras: Collection[str] = ()
 ) -> None:
-    """Refuse choices that do not go together, and say which do.
+    """Reject options that exclude each other, and say which are allowed.
 
     Parameters
     ----------
     resampler
         Renderer.
     classification
-        When values get their colors.
+        When values are classified.
     extras
-        Names of what else was chosen, see `Appearance.extras`.
+        Names of other chosen options, see `Appearance.extras`.
 
     Raises
     ------
     ValueError
-        The order composites colors, where the field is wanted; or the field has no labels, lights
-        or gradients to show.
+        The order composites colors but a field was asked for; or the field has no labels, light or
+        gradients to show.
     """
     projection = resampler.projection
     is_composite = projection is Projection.COMPOSITE
@@ -214,7 +214,7 @@ def check_together(
 
 
 def _in_effect(classification: Classification, resampler: Resampler) -> Classification:
-    """What `auto` is for a renderer, if nothing of the volume hinders it."""
+    """Resolve `auto` for a renderer, regardless of the volume."""
     if classification is not Classification.AUTO:
         return classification
     is_by_rays = resampler.order.summing is Summing.RAYS
@@ -222,20 +222,20 @@ def _in_effect(classification: Classification, resampler: Resampler) -> Classifi
 
 
 def _check_values(projection: Projection, extras: Collection[str]) -> None:
-    """Refuse what is of projections of values, where these are not projected."""
+    """Reject options for projections of values under other projections."""
     if "xray" in extras and projection is not Projection.XRAY:
         raise ValueError(
-            f"mu-water and what else is of X-rays needs the projection xray, not {projection}"
+            f"mu-water and other options of X-rays need the projection xray, not {projection}"
         )
     if "invert" in extras and projection not in MEASURING:
         raise ValueError(
-            "invert exchanges black and white of values, so it needs the projection "
+            "invert swaps black and white of values, so it needs the projection "
             f"{', '.join(MEASURING[:-1])} or {MEASURING[-1]}, not {projection}"
         )
 
 
 def _check_met(names: list[str], resampler: Resampler, classification: Classification) -> None:
-    """Refuse meshes and planes where no ray ends on them."""
+    """Reject meshes and planes for renderers that do not show them."""
     if not names:
         return
     name = names[0]
@@ -253,7 +253,7 @@ def _check_met(names: list[str], resampler: Resampler, classification: Classific
 
 
 def resampler_for(appearance: Appearance) -> Resampler:
-    """Renderer by default: along rays, but for voxels that have colors before they are summed."""
+    """Return the default renderer: rays, or voxels for classification pre."""
     if appearance.xray is not None:
         return X_RAYS
     return {
@@ -264,7 +264,7 @@ def resampler_for(appearance: Appearance) -> Resampler:
 
 
 def of_voxels(resampler: Resampler) -> Resampler:
-    """The same renderer for samples that have colors, if it is one for fields along rays."""
+    """Return the renderer for colored samples, if this one casts rays through fields."""
     if resampler.order.summing is not Summing.RAYS:
         return resampler
     changed = replace(resampler, order=EverySample())
@@ -272,18 +272,18 @@ def of_voxels(resampler: Resampler) -> Resampler:
 
 
 def decided(media: Sequence[Medium], resampler: Resampler) -> tuple[list[Medium], Resampler]:
-    """Looks in which `auto` has become pre or post, and the renderer that goes with them.
+    """Resolve `auto` to pre or post in all looks, and return the renderer for them.
 
-    A field along rays is truer to the scene at any size on screen. Of several volumes together, of
-    what memory does not hold as a field, and where gradients of voxels are asked for (`sobel`),
-    voxels are painted; but where a mesh or a plane is among them, rays have to meet it.
+    A ray cast field is more accurate at any size on screen. Voxels are painted for several volumes,
+    for volumes that do not fit in memory as a field, and where gradients of voxels are asked for
+    (`sobel`); but meshes and planes always need rays.
 
     Parameters
     ----------
     media
         Volumes with their looks.
     resampler
-        Renderer; of samples, if it is to paint voxels whatever they are.
+        Renderer; one of samples paints voxels in any case.
     """
     looks = [look.classification for _, look in media]
     if Classification.AUTO not in looks:
@@ -304,7 +304,7 @@ def decided(media: Sequence[Medium], resampler: Resampler) -> tuple[list[Medium]
 
 
 def _suits_rays(volume: Volume, look: Appearance) -> bool:
-    """Whether a volume is one field that memory holds, lit by its own gradients."""
+    """Return whether a volume fits in memory as a field, and is shaded by its own gradients."""
     if look.gradient != GRADIENT:
         return False
     if look.labels is not None and len(look.labels.rules) > MOST_RULES:
@@ -313,7 +313,7 @@ def _suits_rays(volume: Volume, look: Appearance) -> bool:
 
 
 def fits_as_field(volume: Volume) -> bool:
-    """Whether memory holds a volume as a field, and its values beside it if they are in a file."""
+    """Return whether a volume fits in memory as a field, with its values if they are in a file."""
     values: Values = volume.values
     size = bytes_of_field(values.shape, values.dtype)
     if isinstance(values, Bricks):
@@ -323,16 +323,16 @@ def fits_as_field(volume: Volume) -> bool:
 
 
 def check_several(media: Sequence[Medium], resampler: Resampler) -> None:
-    """Refuse several volumes where there is one field at a time to show."""
+    """Reject several volumes where only one field can be shown."""
     if not media:
         raise ValueError("a scene is a list of volumes with their looks; give at least one")
     if resampler.projection is not Projection.COMPOSITE:
         raise ValueError(
-            f"several volumes are composited; the projection {resampler.projection} shows the "
+            f"several volumes need the projection composite; {resampler.projection} shows the "
             "values of one"
         )
     if any(look.classification is Classification.POST for _, look in media):
         raise ValueError(
-            "several volumes need the classification pre: post reconstructs the field of one"
+            "several volumes need the classification pre: post interpolates the field of one"
         )
     check_together(of_voxels(resampler), Classification.PRE, media[0][1].extras)

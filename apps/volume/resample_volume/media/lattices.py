@@ -1,4 +1,4 @@
-"""Volumes of other lattices brought onto the finest one, wherever in the scene they are."""
+"""Resample volumes of different lattices onto the finest one."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -14,12 +14,12 @@ from resample_volume.media.resampling import in_between, resampled
 from resample_volume.types import Volume
 from resample_volume.voxels.visible import lattice_of
 
-SAME = 1e-3  # voxels by which lattices may differ that are taken for one
-BYTES_PER_RESAMPLED = 16  # of a voxel before and after it
+SAME = 1e-3  # voxels by which lattices may differ and still count as equal
+BYTES_PER_RESAMPLED = 16  # bytes per voxel before and after resampling
 
 
 class Lattice(NamedTuple):
-    """A lattice as large as several volumes together."""
+    """A lattice that covers several volumes."""
 
     steps: Doubles  # (3, 3) columns are the steps to the next place along x, y, z; scene units
     origin: Doubles  # (3,) scene position of the first place
@@ -27,20 +27,20 @@ class Lattice(NamedTuple):
 
     @property
     def middle(self) -> Doubles:
-        """Scene position (3,) of its middle."""
+        """Scene position (3,) of its center."""
         return self.origin + self.steps @ (self.size - 1.0) / 2
 
     def volume(self) -> Volume:
-        """Volume of zeros on it, which takes no memory."""
+        """A volume of zeros on it, which takes no memory."""
         spacing = np.linalg.norm(self.steps, axis=0)
         nothing = np.broadcast_to(np.uint8(0), tuple(self.size[::-1]))
         return Volume(nothing, spacing, self.origin, self.steps / spacing, "scene")
 
 
 def common_lattice(volumes: Sequence[Volume]) -> Lattice:
-    """Lattice of the finest of some volumes, extended to where all of them are.
+    """Return the lattice of the finest volume, extended to cover all.
 
-    The finest has the smallest voxels. Between equals, the order of the volumes does not matter.
+    The finest has the smallest voxels. The result does not depend on the order of the volumes.
     """
     finest = min(volumes, key=_fineness)
     steps = lattice_of(finest)
@@ -51,7 +51,7 @@ def common_lattice(volumes: Sequence[Volume]) -> Lattice:
 
 
 def first_in(volume: Volume, lattice: Lattice) -> Step | None:
-    """Place (z, y, x) of a lattice that the first voxel is at; None if voxels are beside them."""
+    """Return the index (z, y, x) of the first voxel in a lattice; None if voxels are off it."""
     to_index = np.linalg.inv(lattice_of(volume))
     start = to_index @ (lattice.origin - volume.origin)
     if not _is_same(to_index @ lattice.steps, start, volume):
@@ -61,11 +61,11 @@ def first_in(volume: Volume, lattice: Lattice) -> Step | None:
 
 
 def onto(volume: Volume, lattice: Lattice) -> Volume:
-    """Volume resampled to the places of a lattice that lie in it.
+    """Resample a volume to the part of a lattice that it covers.
 
-    What has these places already is passed on as it is. Else values are those of a cubic spline
-    through the voxels, kept within their range; along axes on which the lattice is coarser they
-    are smoothed before. Where values are missing, what is left is interpolated linearly.
+    A volume that is on the lattice already is returned unchanged. Otherwise values are interpolated
+    by a cubic spline and clamped to their range; along axes on which the lattice is coarser they
+    are smoothed first. Next to missing values, interpolation is linear.
 
     Raises
     ------
@@ -96,14 +96,14 @@ def onto(volume: Volume, lattice: Lattice) -> Volume:
 
 
 def bytes_onto(volume: Volume, lattice: Lattice) -> int:
-    """Bytes that a volume takes while it is resampled to a lattice."""
+    """Return the bytes needed to resample a volume to a lattice."""
     first, last = _box(volume, lattice.steps, lattice.origin)
     count = int(np.maximum(last - first + 1, 1).prod()) + volume.values.size
     return BYTES_PER_RESAMPLED * (1 if volume.colors is None else 4) * count
 
 
 def _fineness(volume: Volume) -> tuple[float, ...]:
-    """Sort key by which the finest volume is the first."""
+    """Sort key that puts the finest volume first."""
     steps = lattice_of(volume)
     size = round(float(abs(np.linalg.det(steps))), 9)
     return (size, *steps.ravel(), *volume.origin, *volume.values.shape)
@@ -112,7 +112,7 @@ def _fineness(volume: Volume) -> tuple[float, ...]:
 def _box(
     volume: Volume, steps: Doubles, origin: Doubles
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """First and last place (3,) of another lattice that a volume reaches, half voxels included."""
+    """Return first and last index (3,) of a lattice that a volume covers, with half voxels."""
     ends = np.array([[-0.5] * 3, np.array(volume.values.shape[::-1]) - 0.5])
     corners = np.stack(np.meshgrid(*ends.T, indexing="ij")).reshape(3, 8)
     away = lattice_of(volume) @ corners + (volume.origin - origin)[:, np.newaxis]
@@ -122,7 +122,7 @@ def _box(
 
 
 def _is_same(matrix: Doubles, start: Doubles, volume: Volume) -> bool:
-    """Whether a lattice's places, as indices into a volume, are its voxels."""
+    """Return whether a lattice's points are voxels of a volume."""
     reach = max(volume.values.shape)
     is_turned = np.abs(matrix - np.eye(3)).max() * reach > SAME
     return not is_turned and bool(np.abs(start - np.round(start)).max() <= SAME)

@@ -1,7 +1,7 @@
-"""Several media at one place: extinctions add up, and colors are weighed by them.
+"""Mix overlapping volumes: extinctions add up, and colors are weighted by them.
 
-Light that is lost over a short way is the sum of what each medium takes, and light that is sent
-the sum of what each sends (Max, Optical Models for Direct Volume Rendering, 1995).
+Over a short distance, absorption is the sum over all media, and so is emission (Max, Optical Models
+for Direct Volume Rendering, 1995).
 """
 
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ BRICK = 8**3
 
 
 class Mixed(NamedTuple):
-    """The N places of a lattice at which one of several media is seen."""
+    """The N voxels of a lattice at which any of several media is visible."""
 
     position: Floats  # (N, 3) scene units
     extinction: Floats  # (N,) optical depth per scene unit, of all media
@@ -31,12 +31,12 @@ class Mixed(NamedTuple):
 
     @property
     def color(self) -> Floats:
-        """Black (N, 3): what is sent is known of lit parts, see `added`."""
+        """Black (N, 3): emission is known only for shaded parts, see `added`."""
         return np.zeros_like(self.position)
 
 
 def mixed(parts: Sequence[Voxels], lattice: Lattice) -> Mixed:
-    """Voxels of several media that all lie on one lattice.
+    """Mix the voxels of several media on one lattice.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def mixed(parts: Sequence[Voxels], lattice: Lattice) -> Mixed:
 
 
 def mixed_at(parts: Sequence[tuple[Indices, Voxels]], lattice: Lattice) -> tuple[Indices, Mixed]:
-    """Flat indices (N,) into a lattice, ascending, and its voxels there: some of `mixed`."""
+    """Return ascending flat indices (N,) into a lattice, and a part of the voxels of `mixed`."""
     every = np.unique(np.concatenate([flat for flat, _ in parts]))
     return every, _mixed(parts, lattice, every, np.arange(every.size))
 
@@ -65,7 +65,7 @@ def mixed_at(parts: Sequence[tuple[Indices, Voxels]], lattice: Lattice) -> tuple
 def _mixed(
     parts: Sequence[tuple[Indices, Voxels]], lattice: Lattice, every: Indices, order: Indices
 ) -> Mixed:
-    """Voxels of several media, by flat indices, of which `every` has each once."""
+    """Mix voxels of several media by flat indices; `every` has each index once."""
     rank = np.empty_like(order)
     rank[order] = np.arange(order.size)
     place = tuple(rank[np.searchsorted(every, index)] for index, _ in parts)
@@ -78,7 +78,7 @@ def _mixed(
 
 
 def with_light(media: Mixed, light: Light) -> Mixed:
-    """Media with how much of the light gets to them past all of them."""
+    """Return the media with the light that reaches them, shadowed by all of them."""
     nothing = np.empty((0, 3), np.float32)
     whole = Voxels(media.position, nothing, media.extinction, nothing, media.lattice)
     share = voxels_reached(whole, light)
@@ -87,12 +87,12 @@ def with_light(media: Mixed, light: Light) -> Mixed:
 
 
 def added(media: Mixed, colors: Sequence[Floats]) -> Samples:
-    """Samples that send the light of all media.
+    """Return samples with the light of all media.
 
     Parameters
     ----------
     media
-        Where they are.
+        Mixed voxels.
     colors
         (N, 3) linear light of each medium's voxels.
     """
@@ -104,7 +104,7 @@ def added(media: Mixed, colors: Sequence[Floats]) -> Samples:
 
 
 def _flat(part: Voxels, lattice: Lattice) -> Indices:
-    """Index (N,) of voxels into a whole lattice, z slowest."""
+    """Return flat indices (N,) of voxels into a lattice, z slowest."""
     index = (part.position - lattice.origin) @ np.linalg.inv(lattice.steps).T
     whole = np.rint(index).astype(np.int64)
     x, y, _ = lattice.size

@@ -1,4 +1,4 @@
-"""Values at the places of another lattice, a part at a time, so that a file may hold them."""
+"""Resample values to another lattice in parts, so that the result may be a mapped file."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -12,16 +12,16 @@ from resample_volume.data.parts import slabs
 from resample_volume.data.recordings import linear_colors
 from resample_volume.voxels.visible import finite_range
 
-HALF = 0.5 + 1e-3  # voxels around a voxel's place that it stands for, and what lattices may differ
-SLAB = 1 << 22  # voxels that are resampled together
-EVEN = 1.01  # steps of the other lattice in voxels, up to which nothing is smoothed
+HALF = 0.5 + 1e-3  # half a voxel, plus the tolerance between lattices
+SLAB = 1 << 22  # voxels resampled at a time
+EVEN = 1.01  # step of the other lattice, voxels, up to which nothing is smoothed
 WHAT = "a volume on the finest lattice"
 
 
 def in_between(
     colors: NDArray[Any], matrix: Doubles, start: Doubles, shape: tuple[int, ...]
 ) -> Floats:
-    """Linear colors (Z, Y, X, 3) at the places of `resampled`, weighed by their opacities."""
+    """Resample linear colors (Z, Y, X, 3) as `resampled` does, weighted by opacity."""
     light, weight = linear_colors(colors), np.ones(1, np.float32)
     if colors.shape[-1] == 4:
         weight = resampled(colors[..., 3], matrix, start, shape)
@@ -34,9 +34,9 @@ def in_between(
 def resampled(
     values: NDArray[Any], matrix: Doubles, start: Doubles, shape: tuple[int, ...]
 ) -> Floats:
-    """Values (Z, Y, X) at places whose indices are `matrix` times theirs, from a start on.
+    """Resample values (Z, Y, X) by an affine map of indices: `matrix`, then an offset.
 
-    Where values are in a file (`resample.memory.mapped`), all that is made of them is, too.
+    If values are in a mapped file (`resample.memory.mapped`), so are all temporaries.
     """
     low, high = finite_range(values)
     widths = np.linalg.norm(matrix, axis=1)[::-1]
@@ -58,7 +58,7 @@ def resampled(
 def _among_missing(
     given: Floats, widths: Doubles, matrix: Doubles, start: Doubles, shape: tuple[int, ...]
 ) -> Floats:
-    """Values in between, of those that are known; NaN where most are missing."""
+    """Interpolate known values; NaN where most are missing."""
     weight = array_like(given, given.shape, np.float32, WHAT)
     for value, share in zip(slabs(given), slabs(weight), strict=True):
         share[:] = np.isfinite(value)
@@ -75,7 +75,7 @@ def _among_missing(
 
 
 def _smooth(values: Floats, widths: Doubles) -> None:
-    """Make details of values as coarse as steps of so many voxels along z, y and x, in place."""
+    """Smooth values in place for sampling at steps of these voxels along z, y and x."""
     from scipy.ndimage import gaussian_filter1d
 
     for axis, width in enumerate(widths):
@@ -86,7 +86,7 @@ def _smooth(values: Floats, widths: Doubles) -> None:
 
 
 def _to_coefficients(values: Floats) -> None:
-    """Make values the coefficients of their cubic spline, in place."""
+    """Replace values by the coefficients of their cubic spline, in place."""
     from scipy.ndimage import spline_filter1d
 
     for axis in range(3):
@@ -95,7 +95,7 @@ def _to_coefficients(values: Floats) -> None:
 
 
 def _lines(values: Floats, axis: int) -> Iterator[Floats]:
-    """Parts of an array (Z, Y, X), views, that hold whole lines along an axis."""
+    """Yield views of an array (Z, Y, X) that hold whole lines along an axis."""
     other = 1 if axis == 0 else 0
     step = max(1, SLAB * values.shape[other] // max(1, values.size))
     for first in range(0, values.shape[other], step):
@@ -127,7 +127,7 @@ def _read(
 def _is_inside(
     size: tuple[int, ...], across: Doubles, begin: Doubles, shape: tuple[int, ...]
 ) -> NDArray[np.bool_]:
-    """Which places lie within half a voxel of a volume of that size."""
+    """Return which points lie within half a voxel of a volume of this size."""
     z, y, x = np.ogrid[: shape[0], : shape[1], : shape[2]]
     inside = np.ones(shape, bool)
     for axis in range(3):

@@ -1,4 +1,4 @@
-"""A volume of several times, shown by one look in one frame, so that nothing but it changes."""
+"""Volumes over time under one look and one camera."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ from resample_volume.media.xrays import XRay, settled
 from resample_volume.types import Recording, Volume
 from resample_volume.voxels.visible import finite_range, seen_with_slopes, steepness
 
-Ready = Callable[[Volume], Volume]  # how a volume in bricks is read: within which memory
+Ready = Callable[[Volume], Volume]  # sets the memory limit of a volume in bricks
 
 
 def _as_it_is(volume: Volume) -> Volume:
@@ -28,23 +28,23 @@ def _as_it_is(volume: Volume) -> Volume:
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """The volumes of a recording, one for each time, and what is known of all together."""
+    """The volumes of a recording, one per time, with statistics over all times."""
 
     recording: Recording  # with times first; of a store `Chunked`, which is read time by time
     known: Survey  # of all values
-    together: Volume | None = None  # all times without padding, in bricks of which much is known
+    together: Volume | None = None  # all times without padding, in bricks with statistics
     ready: Ready = _as_it_is
 
     @classmethod
     def of(cls, recording: Recording, ready: Ready = _as_it_is) -> "Series":
-        """Series of a recording's times, or of its channels where it has these alone.
+        """Make a series of a recording's times, or of its channels if it has only these.
 
         Parameters
         ----------
         recording
             Whose values are an array, or `Chunked`.
         ready
-            Says how volumes in bricks are read.
+            Sets how volumes in bricks are read.
 
         Raises
         ------
@@ -59,7 +59,7 @@ class Series:
 
     @classmethod
     def again(cls, recording: Recording, known: Survey, ready: Ready = _as_it_is) -> "Series":
-        """The same in another process, from what one has found in all values."""
+        """Rebuild the series in another process, from given statistics."""
         ordered = with_times_first(recording)
         every: Any = without_padding(whole(ordered), known) if is_chunked(ordered) else None
         if every is not None and every.values.is_kept():
@@ -70,7 +70,7 @@ class Series:
         return int(self.recording.values.shape[0])
 
     def __getitem__(self, time: int) -> Volume:
-        """Volume of a time, without what is padding in all of them."""
+        """Return the volume of a time, without padding that all times share."""
         own = self.ready(volume_at(self.recording, time, None))
         volume = without_padding(own._replace(name=self.recording.name), self.known)
         if self.together is None:
@@ -79,13 +79,13 @@ class Series:
         return volume._replace(values=every.one_of(values, time))  # type: ignore[attr-defined]
 
     def all(self) -> Volume:
-        """Volume of all times behind each other, for looks that ask for values."""
+        """All times stacked in one volume, for looks that depend on values."""
         if self.together is not None:
             return self.together
         return without_padding(whole(self.recording), self.known)
 
     def look(self, look: Appearance, projection: Projection = Projection.COMPOSITE) -> Appearance:
-        """Look that treats all times alike: its ranges and slopes are those of all."""
+        """Return a look for all times, with ranges and slopes over all of them."""
         together = self.all()
         if projection is Projection.XRAY:
             look = replace(look, xray=self._settled(look.xray or XRay()))
@@ -104,7 +104,7 @@ class Series:
         return replace(look, transfer=transfer, framing=framing, gradient_opacity=None)
 
     def _settled(self, xray: XRay) -> XRay:
-        """X-rays of all times: their units, and the greatest of their windows."""
+        """Settle X-rays over all times: their units, and the largest of their windows."""
         every = [settled(xray, volume, self.known) for volume in self]
         return max(every, key=lambda one: one.window or (0.0, 0.0))
 
@@ -113,11 +113,11 @@ class Series:
 
 
 def whole(recording: Recording) -> Volume:
-    """Volume of all times of a recording, one behind the other."""
+    """Stack all times of a recording in one volume."""
     values: Any = recording.values
     times, parts, *size = values.shape
     if not recording.is_color and parts != 1:
-        return volume_at(recording, 0, None)  # says that there are channels
+        return volume_at(recording, 0, None)  # the message says that there are channels
     if is_chunked(recording):
         return alone(recording._replace(values=Single(values.behind_each_other())))  # type: ignore[arg-type]
     across = np.moveaxis(values, 0, 1).reshape(1, parts, times * size[0], *size[1:])
@@ -125,7 +125,7 @@ def whole(recording: Recording) -> Volume:
 
 
 def is_chunked(recording: Recording) -> bool:
-    """Whether a recording's values stay in their file."""
+    """Return whether a recording's values stay in their file."""
     values: Any = recording.values
     return isinstance(values, Chunked)
 
@@ -133,7 +133,7 @@ def is_chunked(recording: Recording) -> bool:
 def steepest(
     volumes: Iterable[Volume], transfer: Transfer, span: DataRange, gradient: str
 ) -> float:
-    """Slope of a full surface in some volumes together; data units per scene unit."""
+    """Return the slope of a full surface over several volumes; data units per scene unit."""
     lengths = (
         np.linalg.norm(seen_with_slopes(volume, transfer, span, gradient).slope, axis=1)
         for volume in volumes

@@ -1,4 +1,4 @@
-"""X-rays of computed tomography: what attenuates, and which gray its line integrals get."""
+"""X-rays of CT volumes: attenuation, and the gray levels of line integrals."""
 
 import math
 from dataclasses import dataclass, replace
@@ -22,18 +22,18 @@ from resample_volume.types import Volume
 # Of water, per mm, near 70 keV. NIST's tables (Hubbell and Seltzer, NISTIR 5632, 2004) have 0.0206
 # at 60 keV and 0.0184 at 80 keV.
 MU_WATER = 0.02
-WATER = 1000.0  # HU from air, which does not attenuate, to water
-LEAST_WINDOW = 1e-6  # line integral that is white where nothing attenuates
+WATER = 1000.0  # HU from air, which attenuates nothing, to water
+LEAST_WINDOW = 1e-6  # white level of line integrals where nothing attenuates
 
 Window = tuple[float, float]  # line integrals of black and of white
 
 
 @dataclass(frozen=True)
 class XRay:
-    """How X-rays of Hounsfield units are made.
+    """Options of X-rays of Hounsfield units.
 
-    A ray keeps exp(-p) of its light, with p the integral of mu_water · max(0, 1 + HU / 1000) along
-    it. Gray levels are even in p, bones are white.
+    The transmittance of a ray is exp(-p), with p the integral of mu_water · max(0, 1 + HU / 1000)
+    along it. Gray levels are linear in p, bones are white.
 
     Raises
     ------
@@ -51,8 +51,10 @@ class XRay:
     """
 
     mu_water: float = MU_WATER  # attenuation of water per scene unit, mm
-    window: Window | None = None  # None: 0 to about the most along the volume's own axes
-    added: float | None = None  # to Hounsfield units; None: as the volume says or its values look
+    window: Window | None = None  # None: 0 to about the greatest along the volume's own axes
+    added: float | None = (
+        None  # offset to Hounsfield units; None: as the volume says, or guessed from its values
+    )
 
     def __post_init__(self) -> None:
         if not 0 < self.mu_water < math.inf:
@@ -64,14 +66,14 @@ class XRay:
 
 
 class Tone(NamedTuple):
-    """What becomes of a frame's values and light before they are shown."""
+    """Tone mapping of a frame's values and light."""
 
-    scale: float = 1.0  # that values are multiplied by
+    scale: float = 1.0  # factor of values
     window: Window | None = None  # values of black and white; None: light is as it is
-    is_negative: bool = False  # whether black and white are exchanged
+    is_negative: bool = False  # whether black and white are swapped
 
     def developed(self, frame: Frame) -> Frame:
-        """Frame with its values and light; opaque where these are exchanged or of a window."""
+        """Return the tone mapped frame; opaque if inverted or windowed."""
         if self.window is not None and frame.value is not None:
             low, high = self.window
             value = frame.value * np.float32(self.scale)
@@ -89,21 +91,21 @@ AS_IT_IS = Tone()
 
 
 def negative(light: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Linear light whose displayed levels are the others' distances from white."""
+    """Invert displayed levels, of linear light."""
     return np.asarray(from_srgb(1 - to_srgb(np.clip(light, 0, 1))))
 
 
 def settled(xray: XRay, volume: Volume, known: Survey | None = None) -> XRay:
-    """The same of a volume: its units and its window are known.
+    """Return the options with units and window resolved for a volume.
 
     Parameters
     ----------
     xray
-        Whose units and window may be missing.
+        Units and window may be missing.
     volume
         In Hounsfield units.
     known
-        Of its values; None: these are looked at.
+        Statistics of its values; None: computed here.
 
     Raises
     ------
@@ -124,25 +126,25 @@ def settled(xray: XRay, volume: Volume, known: Survey | None = None) -> XRay:
 
 
 def exposed(volume: Volume, xray: XRay) -> Volume:
-    """Volume of how many times as much as water its voxels attenuate; errors as of `settled`."""
+    """Convert a volume to attenuation relative to water; errors as of `settled`."""
     added = settled(xray, volume).added
     return volume._replace(values=_waters(volume.values, added), units="")
 
 
 def tone_of(xray: XRay | None, projection: Projection, *, is_negative: bool) -> Tone:
-    """What becomes of frames of a projection, of a settled X-ray."""
+    """Return the tone mapping of a projection, with a settled X-ray."""
     if projection is Projection.XRAY and xray is not None:
         return Tone(xray.mu_water, xray.window, is_negative)
     return Tone(is_negative=is_negative)
 
 
 def _added(volume: Volume, known: Survey) -> float:
-    """What is added to Hounsfield units."""
+    """Return the offset that stored values have from Hounsfield units."""
     if known.units.added is not None:
         return known.units.added
     why = f"its units are {volume.units}"
     if not volume.units:
-        why = "neither its file nor its values say that these are some"
+        why = "neither its file nor its values show that they are Hounsfield units"
     raise ValueError(
         f"X-rays are of Hounsfield units, but {volume.name} holds {known.low:g} to {known.high:g}, "
         f"and {why}; give its units, hu or hu+1024, or take the projection additive"
@@ -151,7 +153,7 @@ def _added(volume: Volume, known: Survey) -> float:
 
 @found_once(lambda values: values)
 def _waters(values: NDArray[Any], added: float | None) -> NDArray[Any]:
-    """How many times as much as water voxels attenuate; NaN where nothing is known."""
+    """Return attenuation relative to water; NaN for missing values."""
     if most_of(values) is None:
         require_memory(4 * values.size, f"attenuation of {values.size} voxels")
     found = array_like(values, values.shape, np.float32, "attenuation")
@@ -165,7 +167,7 @@ def _waters(values: NDArray[Any], added: float | None) -> NDArray[Any]:
 
 @found_once(lambda values: values)
 def _longest(values: NDArray[Any], x: float, y: float, z: float) -> float:
-    """About the greatest integral along lines of voxels with these spacings, scene units."""
+    """Estimate the greatest integral along lines of voxels with these spacings, scene units."""
     deep, down, across = values.shape
     along_z, along_y, along_x = (
         np.zeros(size) for size in ((down, across), (deep, across), (deep, down))

@@ -1,4 +1,4 @@
-"""The ball around visible voxels of volumes in bricks, as `sphere_around` finds it of all."""
+"""Bounding sphere of the visible voxels of volumes in bricks, equal to `sphere_around`'s."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -29,20 +29,20 @@ from resample_volume.voxels.framing import (
 )
 from resample_volume.voxels.visible import lattice_of
 
-TOGETHER = 1 << 20  # voxels that are looked at again together, about
-ROUNDED = 1e-5  # share of a distance that rounding may add
+TOGETHER = 1 << 20  # voxels scanned together in the second pass, about
+ROUNDED = 1e-5  # relative rounding error of a distance
 SLACK = 1e-3  # voxels by which places of blocks are not known
 
 
 class Bulk(NamedTuple):
-    """Voxels without strays."""
+    """Bounds of the voxels without outliers."""
 
     low: Doubles  # (3,) of all, scene units
     extent: Doubles  # (3,) of all
     codes: NDArray[np.int64]  # (3, 2) first and last along each axis, see `codes_along`
 
     def holds(self, position: Floats) -> NDArray[np.bool_]:
-        """Which voxels (N,) are no strays."""
+        """Return which voxels (N,) are not outliers."""
         kept = np.ones(len(position), bool)
         for axis in wide_axes(self.extent):
             code = codes_along(position, self.low, self.extent, axis)
@@ -51,18 +51,18 @@ class Bulk(NamedTuple):
 
 
 def ball_of(seen: ToSee, outline: Outline, voxel: float, looking: Looking) -> Sphere:
-    """Ball around visible voxels but strays, of which there are some.
+    """Return the bounding sphere of the visible voxels without outliers.
 
     Parameters
     ----------
     seen
-        What is looked at.
+        Volumes to scan.
     outline
-        Of it.
+        Where their voxels are visible.
     voxel
         Longest step of the lattice, scene units.
     looking
-        Who looks at all of them again, if there may be strays.
+        Executor of the second pass, if there may be outliers.
     """
     low, high = outline.low, outline.high
     most, bulk, extent = most_strays(outline.total), None, high - low
@@ -78,7 +78,7 @@ def ball_of(seen: ToSee, outline: Outline, voxel: float, looking: Looking) -> Sp
 
 
 def _ends_of(seen: ToSee, bulk: Bulk, bricks: Bricks) -> Floats:
-    """Least and greatest coordinates (2, 3) of voxels that are no strays."""
+    """Return least and greatest coordinates (2, 3) of voxels that are not outliers."""
     ends = np.array([[np.inf] * 3, [-np.inf] * 3], np.float32)
     for position in _positions(seen, bricks):
         own = position[bulk.holds(position)]
@@ -90,7 +90,7 @@ def _ends_of(seen: ToSee, bulk: Bulk, bricks: Bricks) -> Floats:
 def _bulk(
     seen: ToSee, low: Doubles, extent: Doubles, most: int, voxel: float, looking: Looking
 ) -> Bulk | None:
-    """Voxels without strays; None if there are none."""
+    """Return the bounds without outliers; None if there are no outliers."""
     bricks: Any = seen.volume.values
     job = partial(_code_counts, seen, low, extent)
     count = np.sum(passed(bricks, lattice_for(bricks.shape), job, looking), axis=0)
@@ -105,7 +105,7 @@ def _bulk(
 
 
 def _code_counts(seen: ToSee, low: Doubles, extent: Doubles, bricks: Bricks) -> Indices:
-    """How many voxels (3, BINS) have each code along each axis."""
+    """Count the voxels (3, BINS) of each code along each axis."""
     count = np.zeros((3, BINS), np.int64)
     for position in _positions(seen, bricks):
         for axis in wide_axes(extent):
@@ -115,14 +115,14 @@ def _code_counts(seen: ToSee, low: Doubles, extent: Doubles, bricks: Bricks) -> 
 
 
 def _positions(seen: ToSee, bricks: Bricks) -> Iterator[Floats]:
-    """Places (N, 3) of visible voxels, brick by brick."""
+    """Return positions (N, 3) of visible voxels, brick by brick."""
     values: Any = bricks
     volume = seen.volume._replace(values=values)
     return seen.classified(volume, lambda _, voxels: voxels.position)
 
 
 def _is_filled(seen: ToSee, outline: Outline, most: int) -> bool:
-    """What `framing` asks of every so many voxels, in the order of the painter's bricks."""
+    """Test a regular sample of voxels as `framing` does, in the order of the painter's bricks."""
     bricks: Any = seen.volume.values
     low, high = outline.low, outline.high
     extent, least = high - low, least_near(most)
@@ -143,7 +143,7 @@ def _is_filled(seen: ToSee, outline: Outline, most: int) -> bool:
 
 
 def _within(count: Indices) -> Indices:
-    """Numbers from 0 on in each of some groups, of so many."""
+    """Return indices that restart at 0 in each group of the given size."""
     first = np.cumsum(count) - count
     return np.asarray(np.arange(count.sum()) - np.repeat(first, count))
 
@@ -151,7 +151,7 @@ def _within(count: Indices) -> Indices:
 def _groups(
     lattice: Lattice, chosen: Indices, outline: Outline, bricks: Bricks
 ) -> Iterator[Indices]:
-    """Some of the fine bricks, those of one of the file's together, from all over the volume."""
+    """Yield fine bricks in groups from one file brick each, spread over the volume."""
     at = np.stack(np.unravel_index(outline.fine[chosen], lattice.blocks)) * lattice.side
     homes = np.ravel_multi_index(
         [n // side for n, side in zip(at, bricks.side, strict=True)], bricks.count
@@ -164,7 +164,7 @@ def _groups(
 
 
 def _ordered(seen: ToSee, lattice: Lattice, number: Indices, bricks: Bricks) -> Floats:
-    """Places (N, 3) of visible voxels of some blocks, block after block, z slowest in each."""
+    """Return positions (N, 3) of visible voxels, block after block, z slowest in each."""
     values: Any = bricks.within(lattice.asked(number))
     volume = seen.volume._replace(values=values)
     parts = list(seen.classified(volume, lambda place, voxels: (place, voxels.position)))
@@ -175,7 +175,7 @@ def _ordered(seen: ToSee, lattice: Lattice, number: Indices, bricks: Bricks) -> 
 
 
 def _farthest(seen: ToSee, outline: Outline, center: Doubles, bulk: Bulk | None) -> float:
-    """Distance of the farthest voxel from a place; blocks that are nearer are not looked at."""
+    """Return the distance of the farthest voxel from a point; nearer blocks are skipped."""
     bricks: Any = seen.volume.values
     lattice, number = lattice_for(bricks.shape), outline.looked.number
     starts, ends = _reach(seen.volume, lattice, number)
@@ -197,7 +197,7 @@ def _farthest(seen: ToSee, outline: Outline, center: Doubles, bulk: Bulk | None)
 
 
 def _reach(volume: Volume, lattice: Lattice, number: Indices) -> tuple[Doubles, Doubles]:
-    """Least and greatest coordinates (N, 3) that voxels of blocks may have, scene units."""
+    """Return bounds (N, 3) of the voxels of blocks, scene units."""
     steps, (low, high) = lattice_of(volume), ends_of(lattice, number)
     center = 0.5 * (low + high) @ steps.T + volume.origin
     half = (0.5 * (high - low) + SLACK) @ np.abs(steps).T

@@ -1,4 +1,4 @@
-"""Voxels of volumes in bricks with their looks, a brick at a time."""
+"""Classify the voxels of volumes in bricks, a brick at a time."""
 
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
@@ -35,16 +35,16 @@ R = TypeVar("R")
 
 
 class Classifying(NamedTuple):
-    """What voxels of a volume get their looks by."""
+    """Parameters of a volume's classification."""
 
     transfer: Transfer
     gradient: str | None  # as of `classify`
-    steep: float = 0.0  # data units per scene unit, see `steepness`; of no account without gradient
+    steep: float = 0.0  # data units per scene unit, see `steepness`; unused without gradient
     labels: "Labels | None" = None
 
     @property
     def sifts(self) -> bool:
-        """Whether voxels that may be seen by their value turn out to be transparent."""
+        """Whether voxels visible by their value may turn out to be transparent."""
         return self.transfer.needs_gradient or self.labels is not None
 
 
@@ -54,16 +54,16 @@ def candidates_by_bricks(
     gradient: str | None,
     finish: Callable[[Candidates, Box], R],
 ) -> Iterator[R]:
-    """What a job makes of those voxels of one brick after the other whose value may be seen.
+    """Run a job on the voxels of each brick whose value may be visible.
 
     Parameters
     ----------
     volume
-        Whose values are `Bricks`.
+        Its values are `Bricks`.
     transfer, gradient
         As of `classify`.
     finish
-        The job, of voxels and their brick's box; done for several bricks at a time.
+        The job, called with voxels and their brick's box; runs on several bricks at a time.
     """
     values: Any = volume.values
     data_range = range_for(transfer, volume)
@@ -75,17 +75,17 @@ def candidates_by_bricks(
 def classified_by_bricks(
     volume: Volume, by: Classifying, finish: Callable[[Indices, Voxels], R]
 ) -> Iterator[R]:
-    """What a job makes of the visible voxels of one brick after the other.
+    """Run a job on the visible voxels of each brick.
 
     Parameters
     ----------
     volume
-        Whose values are `Bricks`.
+        Its values are `Bricks`.
     by
-        Gives voxels their looks.
+        Classifies voxels.
     finish
-        The job, of flat indices (N,) into the volume and their voxels, which are those that
-        `classify` gives; done for several bricks at a time.
+        The job, called with flat indices (N,) into the volume and their voxels, as from `classify`;
+        runs on several bricks at a time.
     """
     data_range = range_for(by.transfer, volume)
 
@@ -96,14 +96,14 @@ def classified_by_bricks(
 
 
 def range_for(transfer: Transfer, volume: Volume) -> DataRange:
-    """Least and greatest finite value, as far as a transfer function asks for them."""
+    """Return the least and greatest finite value, if a transfer function needs them."""
     return finite_range(volume.values) if transfer.normalized else (0.0, 1.0)
 
 
 def classified(
     volume: Volume, by: Classifying, data_range: DataRange, found: Candidates, box: Box
 ) -> tuple[Indices, Voxels]:
-    """Flat indices (N,) of a brick's visible voxels, and these, as `classify` makes them."""
+    """Return flat indices (N,) of a brick's visible voxels, and the voxels, as of `classify`."""
     transfer, unit = by.transfer, unit_of(by.transfer, volume)
     seen = near_to_each_other(found, box, volume.values.shape)
     length = np.linalg.norm(seen.slope, axis=1) if transfer.needs_gradient else None

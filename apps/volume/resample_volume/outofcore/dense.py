@@ -1,4 +1,4 @@
-"""Volumes in bricks as windows see them: where they lie, and what their voxels get looks by."""
+"""Volumes in bricks as windows need them: their place, and how voxels are classified."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -31,19 +31,19 @@ from resample_volume.voxels.cropping import kept_index, planes
 from resample_volume.voxels.framing import centered
 from resample_volume.voxels.visible import Voxels, check_gradient
 
-OF_FILES = 8  # share of memory, inverted, that takes pages of volumes that were resampled
-OF_LABELS = 8  # share of memory, inverted, that takes bricks of labels which were read lately
+OF_FILES = 8  # memory over that for pages of resampled volumes
+OF_LABELS = 8  # memory over that for the cache of label bricks
 
 
 @dataclass(frozen=True, eq=False)
 class Cutting:
-    """What of voxels is left."""
+    """Removes voxels that planes cut away."""
 
     clip: Doubles  # (M, 4) planes
     radius: float  # of the kernels around voxels, voxels
 
     def __call__(self, place: Indices, voxels: Voxels) -> tuple[Indices, Voxels]:
-        """Voxels and their places, without those that are wholly cut away."""
+        """Return voxels and their positions, without those wholly cut away."""
         if not len(self.clip):
             return place, voxels
         index = kept_index(voxels, self.clip, self.radius)
@@ -52,25 +52,25 @@ class Cutting:
 
 @dataclass(frozen=True, eq=False)
 class Dense:
-    """Volumes in bricks, whose voxels are seen brick by brick."""
+    """Volumes in bricks, classified brick by brick."""
 
     members: tuple[Member, ...]
     lattice: Lattice | None  # of several together
     cut: Cutting
-    beside: int  # bytes that bricks of labels take which were read last
+    beside: int  # bytes of the cache of label bricks
 
     @property
     def kind(self) -> "Dense":
-        """What is the same where the same is seen."""
+        """Cache key: equal where the visible voxels are equal."""
         return replace(self, beside=0)
 
     @property
     def sifts(self) -> bool:
-        """Whether voxels that may be seen turn out to be transparent."""
+        """Whether possibly visible voxels may turn out to be transparent."""
         return any(member.by.sifts for member in self.members)
 
     def __call__(self, volume: Volume, finish: Finish) -> Iterator[Any]:
-        """What a job makes of visible voxels of a volume of bricks, brick by brick."""
+        """Run a job on the visible voxels of a volume, brick by brick."""
         members = [self._with_labels(member) for member in self.members]
         if self.lattice is None:
             (member,) = members
@@ -79,7 +79,7 @@ class Dense:
         return mixed_by_bricks(together, self.lattice, members, self.cut, finish)
 
     def _with_labels(self, member: Member) -> Member:
-        """Volume whose bricks of labels are kept for a while."""
+        """Return the volume with a cache of label bricks."""
         labels = member.by.labels
         if labels is None or not isinstance(labels.values, Bricks):
             return member
@@ -88,19 +88,20 @@ class Dense:
 
 
 def check_windows(media: Sequence[Medium]) -> None:
-    """Refuse what depends on all visible voxels together, or is not in bricks."""
+    """Reject options that need all visible voxels together, and volumes not in bricks."""
     for volume, look in media:
         is_pre = look.classification is not Classification.POST
         if look.met or not is_pre:
             what = f"a {look.met[0]}" if look.met else "the classification post"
             raise ValueError(
                 f"{what} needs rays through a field, which cannot be painted window by window; "
-                "render it as a whole by classify post: a file holds the field if memory does not"
+                "render it as a whole by classify post: the field goes to a file if it does not "
+                "fit in memory"
             )
         if look.section is not None and look.section.normal is None:
             raise ValueError(
-                f"the slab {look.slab} is across the view, which cannot be painted window by "
-                "window; give its direction in the scene, as in 20/10/0/0/1"
+                f"the slab {look.slab} is perpendicular to the view, which cannot be painted "
+                "window by window; give its direction in the scene, as in 20/10/0/0/1"
             )
         if not isinstance(volume.values, Bricks):
             raise ValueError(
@@ -114,7 +115,7 @@ def check_windows(media: Sequence[Medium]) -> None:
 def dense_of(
     media: Sequence[Medium], painter: Resampler, memory: int, looking: Looking
 ) -> tuple[Volume, Dense]:
-    """Volumes as they are seen brick by brick, and the scene that they make up."""
+    """Prepare volumes to be classified brick by brick, and the scene that they form."""
     check_windows(media)
     light, beside = media[0][1].light, 0
     if any(is_in_store(look.labels) for _, look in media):
@@ -138,13 +139,13 @@ def dense_of(
 
 
 def share_lattice(media: Sequence[Medium]) -> bool:
-    """Whether no volume needs to be resampled to be seen with the others."""
+    """Return whether all volumes share a lattice, so that none has to be resampled."""
     lattice = common_lattice([volume for volume, _ in media])
     return all(first_in(volume, lattice) is not None for volume, _ in media)
 
 
 def _on_lattice(medium: Medium, lattice: Lattice, most: int) -> Medium:
-    """Volume on the lattice of all, and its look; of pages of files, memory holds so many bytes."""
+    """Return a volume on the common lattice, and its look; mapped pages take limited memory."""
     volume, look = medium
     if first_in(volume, lattice) is not None:
         return medium
@@ -157,7 +158,7 @@ def _on_lattice(medium: Medium, lattice: Lattice, most: int) -> Medium:
 
 
 def _together(placed: Sequence[Medium], lattice: Lattice) -> Volume:
-    """Volumes in bricks as one on the lattice of all, which is made once."""
+    """Combine volumes in bricks on the common lattice; cached."""
     x, y, z = map(int, lattice.size)
     bricks: list[Any] = [volume.values for volume, _ in placed]
     firsts = [_first(volume, lattice) for volume, _ in placed]
@@ -172,7 +173,7 @@ def _together(placed: Sequence[Medium], lattice: Lattice) -> Volume:
 
 
 def _first(volume: Volume, lattice: Lattice) -> Step:
-    """Place of the lattice of all that a volume's first voxel is at."""
+    """Return the index of a volume's first voxel in the common lattice."""
     first = first_in(volume, lattice)
     if first is None:
         raise RuntimeError(f"{volume.name} is not on the lattice that it was resampled to")
@@ -180,7 +181,7 @@ def _first(volume: Volume, lattice: Lattice) -> Step:
 
 
 def _classifying(volume: Volume, look: Appearance, looking: Looking) -> Classifying:
-    """What voxels get their looks by; slopes of all of them are looked at once, if need be."""
+    """Return the parameters of classification; scans all slopes once, if needed."""
     transfer = transfer_of(volume, look)
     if look.gradient_opacity is not None:
         transfer = Faded(transfer, look.gradient_opacity)
@@ -194,5 +195,5 @@ def _classifying(volume: Volume, look: Appearance, looking: Looking) -> Classify
 
 
 def is_in_store(labels: Labels | None) -> bool:
-    """Whether labels stay in their file."""
+    """Return whether labels stay in their file."""
     return labels is not None and isinstance(labels.values, Bricks)

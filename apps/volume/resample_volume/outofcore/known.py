@@ -1,8 +1,8 @@
-"""What was found of a volume in bricks: by this command, or by one before.
+"""Cache of results about volumes in bricks, in memory and on disk.
 
-In this process it lies beside the bricks. What pictures of one look depend on, whatever their
-camera, is also kept in the user's cache, so that later commands need not look at all voxels again:
-they ask for nothing then that is hidden.
+In this process results are attached to the bricks. What all pictures of one look depend on,
+whatever their camera, is also kept in the user's cache: later commands need not scan all voxels
+again, and read no hidden bricks.
 """
 
 import hashlib
@@ -28,34 +28,34 @@ from resample_volume.outofcore.looked import LookedAt
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import Steep
 
-LARGE = 1 << 16  # bytes of an array that is told by where it is
-LARGEST = 1 << 26  # bytes of an array that other commands can be told of
-MOST_BYTES = 1 << 28  # of all that is kept
+LARGE = 1 << 16  # bytes from which an array is identified by its address
+LARGEST = 1 << 26  # bytes of an array that a key for other commands may hold
+MOST_BYTES = 1 << 28  # bytes of all that is kept
 KINDS = {kind.__name__: kind for kind in (LookedAt, Steep, Sphere)}  # that files hold
 
 R = TypeVar("R")
 
 
 class Found(NamedTuple):
-    """What was found."""
+    """A cached result."""
 
     result: Any
-    depends: Any  # on what: as long as it is here, no other has its place in memory
+    depends: Any  # what it depends on, held so that its address is not reused
 
 
 def known_of(volume: Volume, depends: Any, find: Callable[[], R], *, lasts: bool = False) -> R:
-    """What is found of a volume in bricks, which keep it for as long as they are.
+    """Return a result about a volume in bricks, cached as long as the bricks exist.
 
     Parameters
     ----------
     volume
-        Whose values keep it.
+        Its values keep the result.
     depends
-        What else it depends on; where that cannot be told, it is found each time.
+        What else it depends on; if that cannot be identified, it is not cached.
     find
-        Finds it.
+        Computes it.
     lasts
-        Keep it for later commands, too: numbers, arrays, and tuples of such.
+        Keep it on disk for later commands, too: numbers, arrays, and tuples of such.
     """
     found = _found_before(volume, depends, lasts=lasts)
     if found is None:
@@ -66,20 +66,20 @@ def known_of(volume: Volume, depends: Any, find: Callable[[], R], *, lasts: bool
 
 
 def looked_at_before(volume: Volume, depends: Any) -> LookedAt | None:
-    """What is known of a look, if all voxels were looked at; arguments as of `known_of`."""
+    """Return the cached scan for a look, if there is one; arguments as of `known_of`."""
     found = _found_before(volume, depends, lasts=True)
     return None if found is None else found.result
 
 
 def keep_looked_at(volume: Volume, depends: Any, looked: LookedAt) -> None:
-    """Let pictures of a look do with what is known already; arguments as of `known_of`."""
+    """Cache the scan for pictures of a look; arguments as of `known_of`."""
     bricks: Any = volume.values
     if _name_of(volume, depends) not in bricks.found:
         _keep(volume, Found(looked, depends), lasts=True)
 
 
 def _found_before(volume: Volume, depends: Any, *, lasts: bool) -> Found | None:
-    """What this command has found or, of what lasts, one before; None if nothing."""
+    """Return the cached result of this command or, if on disk, of an earlier one; or None."""
     bricks: Any = volume.values
     name = _name_of(volume, depends)
     if name is not None and lasts and name not in bricks.found:
@@ -92,7 +92,7 @@ def _found_before(volume: Volume, depends: Any, *, lasts: bool) -> Found | None:
 
 
 def _keep(volume: Volume, found: Found, *, lasts: bool) -> None:
-    """Keep what was found for this command and, if it lasts, for later ones."""
+    """Cache a result for this command and, if it lasts, for later ones."""
     bricks: Any = volume.values
     name = _name_of(volume, found.depends)
     if name is None:
@@ -104,18 +104,18 @@ def _keep(volume: Volume, found: Found, *, lasts: bool) -> None:
 
 
 def _name_of(volume: Volume, depends: Any) -> str | None:
-    """What is the same where the same is found of a volume; None: that cannot be said."""
+    """Return the key of a result; None if its inputs cannot be identified."""
     return fingerprint((depends, volume[1:4]), _place_of)
 
 
 def _place_of(part: Any) -> int | None:
-    """Large arrays and bricks are told by where they are in memory."""
+    """Identify large arrays and bricks by their address in memory."""
     is_large = isinstance(part, np.ndarray) and part.nbytes > LARGE
     return id(part) if is_large or isinstance(part, Bricks) else None
 
 
 def _file_of(volume: Volume, depends: Any) -> Path | None:
-    """File for what is found of a volume in a store; None: it is small, or may change unseen."""
+    """Return the cache file for a volume in a store; None: it is small, or may change unnoticed."""
     bricks: Any = volume.values
     if not isinstance(bricks, Bricks) or bricks.size < kept.LEAST:
         return None
@@ -124,17 +124,17 @@ def _file_of(volume: Volume, depends: Any) -> Path | None:
 
 
 def _content_of(part: Any) -> object | None:
-    """Bricks are told by their store and its state; an array that is large by nothing.
+    """Identify bricks by their store and its state; large arrays cannot be identified.
 
     Raises
     ------
     ValueError
-        It cannot be told.
+        It cannot be identified.
     """
     if isinstance(part, Bricks):
         state = part.state()
         if state is None:
-            raise ValueError("values may change unseen")
+            raise ValueError("values may change unnoticed")
         return state
     if isinstance(part, np.ndarray) and part.nbytes > LARGEST:
         raise ValueError("an array is too large")
@@ -143,7 +143,7 @@ def _content_of(part: Any) -> object | None:
 
 @cache
 def _code() -> str:
-    """Fingerprint of the sources by which voxels are looked at."""
+    """Return a fingerprint of the source code that scans voxels."""
     from resample.engine.compiled.sources import engine_digest
 
     home = Path(__file__).parents[2]
@@ -153,7 +153,7 @@ def _code() -> str:
 
 
 def _read(file: Path) -> Found | None:
-    """What a file holds, if it is there and whole."""
+    """Read a file's content, if it exists and is intact."""
     if not file.is_file():
         return None
     with suppress(ValueError, OSError, LookupError, TypeError):
@@ -165,7 +165,7 @@ def _read(file: Path) -> Found | None:
 
 
 def _write(file: Path, found: Any) -> None:
-    """Keep what was found, if it can be."""
+    """Write a result, if possible."""
     arrays: dict[str, Any] = {}
     form = np.array(json.dumps(_formed(found, arrays)))
     size = sum(array.nbytes for array in arrays.values())
@@ -177,7 +177,7 @@ def _write(file: Path, found: Any) -> None:
 
 
 def _formed(value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
-    """Value as JSON has it, whose arrays are put beside."""
+    """Convert a value to JSON form, with its arrays stored separately."""
     if value is None or isinstance(value, bool | int | float):
         return value
     if isinstance(value, tuple):
@@ -189,12 +189,12 @@ def _formed(value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
 
 
 def _restored(form: Any, arrays: Mapping[str, NDArray[Any]]) -> Any:
-    """The value again.
+    """Convert the form back to the value.
 
     Raises
     ------
     LookupError, TypeError
-        The form is none of such a value.
+        The form is not of such a value.
     """
     if not isinstance(form, dict):
         return form

@@ -1,4 +1,4 @@
-"""Light that gets to voxels of volumes in bricks past all others, as `voxels_reached` finds it."""
+"""Shadows and ambient occlusion of volumes in bricks, as of `voxels_reached`."""
 
 from functools import partial
 from math import prod
@@ -29,7 +29,7 @@ FILE = "light.npy"
 
 
 class Reaching(NamedTuple):
-    """Light that gets to voxels."""
+    """A grid of light that reaches voxels."""
 
     share: Flags | Path  # (Z, Y, X, 2) of cells, see `reached`; or a file of it
     cells: LightCells
@@ -37,7 +37,7 @@ class Reaching(NamedTuple):
     size: Step  # of the volume, z, y and x
 
     def at(self, place: Indices) -> Floats:
-        """Shares (N, 2), 0 to 1, for voxels by their flat indices into the volume."""
+        """Return fractions of light (N, 2), 0 to 1, at voxels by flat index into the volume."""
         share = self.share
         if isinstance(share, Path):
             share = np.load(share, mmap_mode="r", allow_pickle=False)
@@ -45,11 +45,11 @@ class Reaching(NamedTuple):
 
     @property
     def bytes_held(self) -> int:
-        """Of memory, or of pages of the file."""
+        """Bytes of memory, or of pages of the file."""
         return 2 * prod(self.cells.grid)
 
     def kept_in(self, folder: Path | None) -> "Reaching":
-        """The same in a file of a folder, from which other processes read it; None: as it is.
+        """Return a copy in a file of this folder, for other processes; None: itself.
 
         Raises
         ------
@@ -65,32 +65,32 @@ class Reaching(NamedTuple):
 def light_reached(
     seen: ToSee, outline: Outline, light: Light, steps: Doubles, memory: int, looking: Looking
 ) -> Reaching:
-    """Light that gets to visible voxels.
+    """Compute the light that reaches visible voxels.
 
     Parameters
     ----------
     seen, outline
-        What is seen, and where.
+        Volumes to scan, and where they are visible.
     light
-        What shines.
+        The light source.
     steps
         (3, 3) columns are the steps of the lattice, scene units.
     memory
         Bytes that the grid of light may take.
     looking
-        Who looks at all voxels again.
+        Executor of the scan.
 
     Raises
     ------
     ValueError
-        The grid takes more.
+        The grid needs more memory.
     """
     cells = cells_around(outline.last - outline.first + 1)
     size = BYTES_PER_CELL * prod(cells.grid)
     if size > memory:
         raise ValueError(
-            f"light that gets to voxels needs {amount(size)}, {amount(memory)} are allowed; give "
-            "more memory, or leave shadows and ambient-occlusion out"
+            f"the grid of light needs {amount(size)}, {amount(memory)} are allowed; give more "
+            "memory, or leave shadows and ambient-occlusion out"
         )
     bricks: Any = seen.volume.values
     job = partial(_summed, seen, outline, cells)
@@ -102,7 +102,7 @@ def light_reached(
 def _summed(
     seen: ToSee, outline: Outline, cells: LightCells, bricks: Bricks
 ) -> tuple[int, Doubles]:
-    """First row of cells in which something is, and sums of optical depths from there on."""
+    """Return the first non-empty row of cells, and sums of optical depths from there on."""
     values: Any = bricks
     total = np.zeros(prod(cells.grid))
 
@@ -120,7 +120,7 @@ def _summed(
 
 
 def _joined(parts: list[tuple[int, Doubles]], cells: LightCells) -> Doubles:
-    """Sums in all cells from those in some rows, which are used up."""
+    """Return sums in all cells from those in some rows, which are consumed."""
     total = np.zeros((cells.grid[0], prod(cells.grid[1:])))
     while parts:
         first, part = parts.pop()
@@ -129,5 +129,5 @@ def _joined(parts: list[tuple[int, Doubles]], cells: LightCells) -> Doubles:
 
 
 def _indices(place: Indices, size: Step, first: Indices) -> Indices:
-    """Indices (N, 3) along z, y and x of voxels by their flat ones, from the first visible on."""
+    """Convert flat indices to (N, 3) along z, y and x, counted from the first visible voxel."""
     return np.stack(np.unravel_index(place, size), axis=1) - first

@@ -1,4 +1,4 @@
-"""What pictures of a look depend on, whatever their camera: found by one look at all voxels."""
+"""View-independent facts about a look, found by one scan of all voxels."""
 
 from collections.abc import Callable, Iterator
 from functools import partial, reduce
@@ -15,14 +15,14 @@ from resample_volume.voxels.blocks import Indices, Lattice, lattice_for
 from resample_volume.voxels.cropping import Steeps, merged_steeps, steeps_of
 from resample_volume.voxels.framing import bounds
 
-FINE = 8  # voxels per side of the bricks that voxels in memory are ordered by
+FINE = 8  # voxels per side of the bricks that give the order of voxels in memory
 
-Finish = Callable[[Indices, Any], Any]  # of places, and `Voxels` there or `Mixed` ones
-Classified = Callable[[Volume, Finish], Iterator[Any]]  # what a job makes of bricks' voxels
+Finish = Callable[[Indices, Any], Any]  # of flat indices, and their `Voxels` or `Mixed` voxels
+Classified = Callable[[Volume, Finish], Iterator[Any]]  # runs a job on the voxels of bricks
 
 
 class LookedAt(NamedTuple):
-    """What any picture of the same look depends on."""
+    """What all pictures of one look depend on."""
 
     steep: Steeps  # of voxels that have gradients
     number: Indices  # (N,) blocks with visible voxels, by flat indices
@@ -30,12 +30,12 @@ class LookedAt(NamedTuple):
 
 
 class Outline(NamedTuple):
-    """Where voxels are seen."""
+    """Where voxels are visible."""
 
     looked: LookedAt
     fine: Indices  # (M,) bricks of `FINE` voxels per side with visible ones, by flat indices
     fine_seen: Indices  # (M,) how many these are
-    low: Doubles  # (3,) least coordinates of all, scene units; inf where nothing is seen
+    low: Doubles  # (3,) least coordinates of all, scene units; inf if nothing is visible
     high: Doubles  # (3,) greatest; -inf
     first: Indices  # (3,) least indices along z, y and x
     last: Indices  # (3,) greatest
@@ -48,7 +48,7 @@ class Outline(NamedTuple):
 
 
 class ToSee(NamedTuple):
-    """What is to be looked at."""
+    """Volumes to scan."""
 
     volume: Volume  # as of `Work`
     classified: Classified
@@ -56,7 +56,7 @@ class ToSee(NamedTuple):
 
 
 def outlined(seen: ToSee, looking: Looking) -> Outline:
-    """Where voxels are seen, after each was looked at once; a process holds few of them."""
+    """Scan all voxels once and return where they are visible; a process holds few at a time."""
     bricks: Any = seen.volume.values
     lattice = lattice_for(bricks.shape)
     parts = passed(bricks, lattice, partial(_outlined, seen, lattice), looking)
@@ -64,7 +64,7 @@ def outlined(seen: ToSee, looking: Looking) -> Outline:
 
 
 def _outlined(seen: ToSee, lattice: Lattice, bricks: Bricks) -> Outline:
-    """Outline of bricks of which some layers are asked for."""
+    """Return the outline of bricks, of the requested layers."""
     values: Any = bricks
     fine = lattice._replace(side=FINE)
     steeps: list[Steeps] = []
@@ -97,7 +97,7 @@ def _outlined(seen: ToSee, lattice: Lattice, bricks: Bricks) -> Outline:
 def _in_blocks(
     lattice: Lattice, fine: Lattice, small: Indices, count: NDArray[np.int32]
 ) -> tuple[Indices, Indices]:
-    """Blocks of a lattice with visible voxels and how many each has, from those of a finer one."""
+    """Return a lattice's blocks with visible voxels, and their counts, from a finer lattice."""
     at = [n * fine.side // lattice.side for n in np.unravel_index(small, fine.blocks)]
     total = np.bincount(np.ravel_multi_index(at, lattice.blocks), count)
     number = np.flatnonzero(total)
@@ -105,7 +105,7 @@ def _in_blocks(
 
 
 def _both(one: Outline, other: Outline) -> Outline:
-    """Outline of two."""
+    """Merge two outlines."""
     looked, more = one.looked, other.looked
     pairs = [
         _summed((looked.number, looked.seen), (more.number, more.seen)),
@@ -125,7 +125,7 @@ def _both(one: Outline, other: Outline) -> Outline:
 def _summed(
     one: tuple[Indices, Indices], other: tuple[Indices, Indices]
 ) -> tuple[Indices, Indices]:
-    """Counts of numbers that ascend, added up."""
+    """Add up the counts of equal ascending numbers."""
     index, home = np.unique(np.concatenate([one[0], other[0]]), return_inverse=True)
     total = np.zeros(index.size, np.int64)
     np.add.at(total, home, np.concatenate([one[1], other[1]]))

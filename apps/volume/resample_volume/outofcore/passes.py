@@ -1,4 +1,4 @@
-"""Looks at all voxels of a volume in bricks, some layers at a time: here, or by several."""
+"""Passes over all voxels of a volume in bricks, layer by layer, in one or several processes."""
 
 from collections.abc import Callable
 from functools import partial
@@ -11,35 +11,35 @@ from resample.watching import Executor, Progress, shared_out, told
 from resample_volume.data.bricks import Asked, Bricks
 from resample_volume.voxels.blocks import Lattice
 
-PARTS = 8  # in which several processes look at a volume, at most
-THICK = 2  # layers of bricks of a part, at least: slopes ask for those beside it, too
+PARTS = 8  # parts of a pass over a volume by several processes, at most
+THICK = 2  # layers of bricks per part, at least: slopes also read the adjacent layers
 
 R = TypeVar("R")
 
 
 class Looking(NamedTuple):
-    """Who looks at voxels, and who is told of it."""
+    """Executor, threads and progress of a pass."""
 
-    executor: Executor | None = None  # does parts of it; None: all is done here
-    threads: int | None = None  # that a process takes
-    tell: Progress | None = None  # called with the share that was looked at
+    executor: Executor | None = None  # runs parts; None: all run in this process
+    threads: int | None = None  # of each process
+    tell: Progress | None = None  # called with the fraction done, 0 to 1
 
 
 def passed(
     bricks: Bricks, lattice: Lattice, job: Callable[[Bricks], R], looking: Looking
 ) -> list[R]:
-    """What a job finds in layers of blocks, in their order.
+    """Run a job on layers of blocks, and return its results in their order.
 
     Parameters
     ----------
     bricks
-        Values; what is read of them is counted.
+        Values; bricks read are counted there.
     lattice
-        Of blocks.
+        Lattice of blocks.
     job
-        Of bricks of which some layers are asked for. For other processes it has to pickle.
+        Called with bricks restricted to some layers. Must be picklable for other processes.
     looking
-        Who does it.
+        Executor of the pass.
     """
     several = max(1, min(PARTS, bricks.count[0] // THICK))
     layers = _layers(bricks, lattice, 1 if looking.executor is None else several)
@@ -55,12 +55,12 @@ def passed(
 
 
 def between(tell: Progress, first: float, last: float) -> Progress:
-    """Tells the share of a part of the work."""
+    """Return a progress callback for a part of the work."""
     return lambda share: tell(first + (last - first) * share)
 
 
 def _layers(bricks: Bricks, lattice: Lattice, parts: int) -> list[tuple[int, int]]:
-    """Layers of blocks, from one to before another, that are looked at together."""
+    """Return ranges of layers of blocks that are scanned together."""
     count = bricks.count[0]
     cuts = [count * n // parts * bricks.side[0] // lattice.side for n in range(parts)]
     ends = [*sorted(set(cuts)), lattice.blocks[0]]
@@ -74,7 +74,7 @@ def _found(
     count: int | None,
     layers: tuple[int, int],
 ) -> tuple[R, int]:
-    """What a job finds in some layers of blocks, and how many bricks were read."""
+    """Run a job on some layers of blocks; also return the number of bricks read."""
     from resample.engine.jit import threads
 
     is_asked = np.zeros(lattice.blocks, bool)

@@ -1,4 +1,4 @@
-"""Slope of a full surface of a volume in bricks, which looks of gradients are spread over."""
+"""Steepest slope of a volume in bricks, by which transfer functions of gradients are scaled."""
 
 from functools import partial
 from typing import Any, NamedTuple
@@ -22,25 +22,25 @@ Counts = NDArray[np.int64]
 
 
 class Slopes(NamedTuple):
-    """Whose slopes are looked at."""
+    """Volume whose slopes are scanned."""
 
     volume: Volume  # in bricks
-    transfer: Transfer  # which may show them by their value
+    transfer: Transfer  # which may show voxels by their value
     gradient: str
 
 
 def steepness_by_bricks(slopes: Slopes, looking: Looking) -> float:
-    """What `steepness` finds in lengths of all gradients, which are never together in memory.
+    """Compute `steepness` of all gradients, without holding them all in memory.
 
-    Lengths are not negative, so they are in the order of their bits: a first pass counts the upper
-    half of these, a second one the lower half of those lengths among which the wanted ones are.
+    Lengths are not negative, so they sort as their bits do: a first pass counts the upper halves of
+    the bits, a second one the lower halves where the wanted lengths are.
 
     Parameters
     ----------
     slopes
-        Those that a transfer function may show.
+        Slopes that a transfer function may show.
     looking
-        Who looks at them.
+        Executor of the passes.
     """
     halves = [looking, looking]
     if looking.tell is not None:
@@ -62,13 +62,13 @@ def steepness_by_bricks(slopes: Slopes, looking: Looking) -> float:
 
 
 def _length(home: int, rank: int, lower: Counts) -> float:
-    """Length of a rank among those of one upper half, of whose lower halves so many there are."""
+    """Return the length of a rank within one upper half, from counts of its lower halves."""
     bits = (home << HALF) + int(np.searchsorted(np.cumsum(lower), rank, side="right"))
     return float(np.array(bits, np.uint32).view(np.float32))
 
 
 def _counted(slopes: Slopes, home: int | None, looking: Looking) -> Counts:
-    """How many lengths have each upper half; or, of those with one, each lower half."""
+    """Count lengths by upper half; or, within one upper half, by lower half."""
     bricks: Any = slopes.volume.values
     nothing: Any = None  # bricks are given to the job
     job = partial(_counted_of, slopes._replace(volume=slopes.volume._replace(values=nothing)), home)
@@ -90,5 +90,5 @@ def _counted_of(slopes: Slopes, home: int | None, bricks: Bricks) -> Counts:
 
 
 def lengths(slope: Floats) -> Floats:
-    """Lengths (N,) of gradients (N, 3)."""
+    """Return the lengths (N,) of gradients (N, 3)."""
     return np.asarray(np.linalg.norm(slope, axis=1), np.float32)

@@ -1,4 +1,4 @@
-"""Volumes in bricks that are seen together, brick by brick on one grid."""
+"""Several volumes in bricks on one grid of bricks."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ R = TypeVar("R")
 
 
 class Together:
-    """Bricks of several volumes on one grid; what windows ask of `Bricks`, they have, too."""
+    """Bricks of several volumes on one grid, with the interface of `Bricks` that windows use."""
 
     def __init__(
         self,
@@ -42,7 +42,7 @@ class Together:
 
     @property
     def reads(self) -> int:
-        """Bricks that were read of all volumes, here and by others."""
+        """Bricks read of all volumes, here and in other processes."""
         return self._others + sum(part.reads for part in self.parts)
 
     @reads.setter
@@ -66,23 +66,23 @@ class Together:
 
     @property
     def bytes_each(self) -> int:
-        """Of a brick of all of them."""
+        """Bytes of a brick of all of them."""
         return sum(part.bytes_each for part in self.parts)
 
     def shelve(self, most: int) -> None:
-        """As `Bricks.shelve`, in shares of so many bytes."""
+        """Do as `Bricks.shelve`, with shares of these bytes."""
         for part in self.parts:
             part.shelve(most // len(self.parts))
 
     @property
     def shelved(self) -> int:
-        """Bytes that bricks of all of them take which were read first, at most."""
+        """Limit in bytes of the pinned bricks of all of them."""
         return sum(part.shelved for part in self.parts)
 
     def within(
         self, asked: Asked | None, recent: "Recent | tuple[Recent, ...] | None" = None
     ) -> "Together":
-        """As `Bricks.within`."""
+        """Do as `Bricks.within`."""
         if isinstance(recent, Recent):
             recent = tuple(Recent(recent.most // len(self.parts)) for _ in self.parts)
         each = [None] * len(self.parts) if recent is None else recent
@@ -95,7 +95,7 @@ class Together:
 
 @dataclass(eq=False)
 class InGrid(Bricks):
-    """Bricks of a volume that is a part of a larger lattice, whose voxels they are counted by."""
+    """Bricks of a volume inside a larger lattice, in the lattice's coordinates."""
 
     own: Box = (slice(0, 0), slice(0, 0), slice(0, 0))  # of the lattice's voxels
 
@@ -112,7 +112,7 @@ class InGrid(Bricks):
 
     @property
     def _inner(self) -> Bricks:
-        """Bricks of the volume alone."""
+        """Bricks of the volume itself."""
         assembled: Any = self.read
         bricks: Bricks = assembled.bricks
         return bricks
@@ -126,7 +126,7 @@ class InGrid(Bricks):
 
 @dataclass(frozen=True, eq=False)
 class Assembled:
-    """Reads boxes of a lattice from bricks of a volume that lies in it."""
+    """Reads boxes of a lattice from bricks of a volume inside it."""
 
     bricks: Bricks
     first: Step  # of the lattice's voxels, where the volume begins
@@ -148,7 +148,7 @@ class Assembled:
         return values
 
     def _put(self, index: Step, own: Sequence[slice], values: NDArray[Any]) -> None:
-        """Put what a brick has of a box into its values."""
+        """Copy the overlap of a brick and a box into the box's values."""
         to, of = [], []
         for part, mine in zip(self.bricks.box(index), own, strict=True):
             start, stop = max(part.start, mine.start), min(part.stop, mine.stop)
@@ -158,14 +158,14 @@ class Assembled:
 
 
 def in_grid(bricks: Bricks, first: Step, size: Step, side: Step) -> Bricks:
-    """Bricks of a volume on the grid of a lattice.
+    """Return bricks of a volume on the grid of a lattice.
 
     Parameters
     ----------
     bricks
         Of the volume.
     first
-        Voxel of the lattice that its first one is.
+        Index of its first voxel in the lattice.
     size
         Of the lattice, z, y, x.
     side
@@ -188,7 +188,7 @@ def in_grid(bricks: Bricks, first: Step, size: Step, side: Step) -> Bricks:
 
 
 def _ends(bricks: Bricks, part: InGrid) -> tuple[Doubles, Doubles]:
-    """Least and greatest of those bricks that share voxels with each brick of a grid."""
+    """Return the least and greatest value of the bricks that overlap each brick of a grid."""
     least, greatest = bricks.ends
     for axis, (own, side, count) in enumerate(zip(part.own, part.side, part.count, strict=True)):
         rows = []
@@ -205,7 +205,7 @@ def _ends(bricks: Bricks, part: InGrid) -> tuple[Doubles, Doubles]:
 def _joined(
     ends: Doubles, rows: Sequence[slice | None], axis: int, join: np.ufunc, nothing: float
 ) -> Doubles:
-    """Ends of some rows along an axis, each joined to one; of none there is nothing."""
+    """Merge ends over ranges of rows along an axis; an empty range gives no values."""
     each = np.moveaxis(ends, axis, 0)
     none = np.full(each.shape[1:], nothing)
     found = [none if row is None else join.reduce(each[row], axis=0) for row in rows]
@@ -214,7 +214,7 @@ def _joined(
 
 @dataclass(frozen=True, eq=False)
 class Sliced:
-    """Reads boxes of an array that only this process has."""
+    """Reads boxes of an array of this process."""
 
     values: NDArray[Any]
 
@@ -224,27 +224,27 @@ class Sliced:
 
     def __reduce__(self) -> str:
         raise ValueError(
-            "a volume that was resampled is painted by the process that did so; leave other "
-            "processes out, or resample it before"
+            "a resampled volume can only be painted by the process that resampled it; leave "
+            "workers out, or resample the volume beforehand"
         )
 
 
 def resampled_bricks(volume: Volume, lattice: Lattice, most: int) -> Volume:
-    """Volume in bricks, brought to a lattice; it lies in a file of the user's cache meanwhile.
+    """Resample a volume in bricks to a lattice, into a temporary file of the user's cache.
 
     Parameters
     ----------
     volume
         In bricks.
     lattice
-        Of several.
+        Of several volumes.
     most
-        Bytes of pages of files that may be in memory.
+        Limit in bytes for mapped pages in memory.
 
     Raises
     ------
     ValueError
-        The disk has no room for it.
+        It does not fit on the disk.
     """
     bricks: Any = volume.values
     values = array_in_file(bricks.shape, bricks.dtype, most, volume.name)
@@ -257,11 +257,11 @@ def resampled_bricks(volume: Volume, lattice: Lattice, most: int) -> Volume:
 
 
 class Member(NamedTuple):
-    """A volume of several, and what its voxels get their looks by."""
+    """One of several volumes, and how it is classified."""
 
-    volume: Volume  # in bricks, as it lies in the scene
+    volume: Volume  # in bricks, placed in the scene
     by: Classifying
-    first: Step  # voxel of the common lattice that its first one is
+    first: Step  # index of its first voxel in the common lattice
 
 
 def mixed_by_bricks(
@@ -271,7 +271,7 @@ def mixed_by_bricks(
     cut: Callable[[Indices, Voxels], tuple[Indices, Voxels]],
     finish: Callable[[Indices, Mixed], R],
 ) -> Iterator[R]:
-    """What a job makes of the visible voxels of several volumes, one brick after the other.
+    """Run a job on the visible voxels of several volumes, brick by brick.
 
     Parameters
     ----------
@@ -282,9 +282,9 @@ def mixed_by_bricks(
     members
         The volumes.
     cut
-        Leaves out voxels of a volume.
+        Removes voxels of a volume.
     finish
-        The job, of flat indices (N,) into the lattice and their voxels.
+        The job, called with flat indices (N,) into the lattice and their voxels.
     """
     ranges, parts = [], []
     for member, bricks in zip(members, together.parts, strict=True):
@@ -307,7 +307,7 @@ def mixed_by_bricks(
 
 
 def _moved(place: Indices, size: Step, to: Step, first: Step, sign: int) -> Indices:
-    """Flat indices (N,) from one lattice into another, of which one begins within the other."""
+    """Convert flat indices (N,) between lattices, one of which begins within the other."""
     if size == to:
         return place
     at = np.unravel_index(place, size)

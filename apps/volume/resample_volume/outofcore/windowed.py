@@ -1,8 +1,8 @@
-"""Dense volumes in bricks, painted window by window, and in each from the nearest blocks on.
+"""Paint dense volumes in bricks window by window, each window front to back.
 
-Each visible voxel is looked at once for what the picture has in common (`surveyed`), then once for
-each window that it may be seen in (`_painted`), unless others hide it there. Parts of both can be
-done by several processes: they depend on nothing but the work, and may be done again.
+Each visible voxel is scanned once for what all windows share (`surveyed`), then once for each
+window that it may be visible in (`_painted`), unless others occlude it there. Several processes can
+share both passes: parts depend on nothing but the work, and may be repeated.
 """
 
 from collections import deque
@@ -45,19 +45,21 @@ from resample_volume.voxels.cropping import Steeps, merged_steeps, steeps_of
 from resample_volume.voxels.streaming import BYTES_PER_VOXEL, REMEDY
 from resample_volume.voxels.visible import BYTES_PER_CANDIDATE, lattice_of
 
-LOOKING = 0.4  # share of the work until all visible voxels were looked at once, about
-WINDOWS = 16  # of a picture that they paint, at least, if it does not fit in memory at once
-RECENT = 4, 8  # shares of memory, inverted, for bricks that were read lately: the most that fits
-STEPS = 16  # in which a window is painted, about: the more, the less is read that is hidden
+LOOKING = 0.4  # share of the work that the scan of all visible voxels takes, about
+WINDOWS = 16  # windows of a picture that does not fit in memory at once, at least
+RECENT = 4, 8  # memory over that of the brick cache: the largest that fits is taken
+STEPS = 16  # steps of a window, about: the more, the fewer occluded bricks are read
 LEAST = 1 << 19  # voxels of a step, at least
-BYTES_PER_SAMPLE = 40  # of a visible voxel of a window, lit, and what finds it
-BYTES_IN_STEPS = 72  # likewise where some wait for others
+BYTES_PER_SAMPLE = 40  # bytes per visible voxel of a window, shaded, with temporaries
+BYTES_IN_STEPS = 72  # the same where voxels are queued
 
-Lit = Callable[[Indices, Any, Steeps], Samples]  # of places, voxels and extreme gradients of all
+Lit = Callable[
+    [Indices, Any, Steeps], Samples
+]  # of flat indices, voxels and the extreme gradients of all
 
 
 class Work(NamedTuple):
-    """How a volume in bricks is painted; for other processes all of it has to pickle."""
+    """Paint job of a volume in bricks; must be picklable for other processes."""
 
     volume: Volume  # around the scene's origin; in `Bricks`, or several `Together`
     classified: Classified
@@ -66,22 +68,22 @@ class Work(NamedTuple):
     camera: AnyCamera
     size: tuple[int, int]  # height and width, px
     clip: Doubles  # (M, 4) planes, for the resampler
-    memory: int  # bytes that a process may take for voxels and bricks
+    memory: int  # bytes for voxels and bricks, per process
     threads: int | None = None  # that a process takes
     folder: Path | None = None  # windows are written there; None: they are in memory
-    sifts: bool = False  # whether voxels that may be seen turn out to be transparent
-    beside: int = 0  # bytes of the memory that something else takes
-    volumes: int = 1  # that are seen together
-    depends: Any = None  # what is the same where the same is seen; None: what classifies voxels
+    sifts: bool = False  # whether possibly visible voxels may turn out to be transparent
+    beside: int = 0  # bytes of the memory taken by something else
+    volumes: int = 1  # volumes in the scene
+    depends: Any = None  # cache key of what is visible; None: the classification itself
 
     @property
     def kind(self) -> Any:
-        """What is the same where the same is seen."""
+        """Cache key: equal where the visible voxels are equal."""
         return self.depends or self.classified
 
 
 class Surveyed(NamedTuple):
-    """What is known of a picture after each visible voxel was looked at once."""
+    """Facts about a picture from the scan of all visible voxels."""
 
     plan: PicturePlan
     steep: Steeps  # of voxels that have gradients
@@ -89,29 +91,29 @@ class Surveyed(NamedTuple):
 
 
 class Guess(NamedTuple):
-    """What is asked of visible voxels while they are looked at once."""
+    """Queries answered during the scan of visible voxels."""
 
-    painters: tuple[str, ...]  # who may turn out to paint all of them
-    spaced: PicturePlan | None  # that learns how fine tiles are; None: all are as fine
+    painters: tuple[str, ...]  # painters that may be able to paint all of them
+    spaced: PicturePlan | None  # learns how fine tiles are; None: all are equally fine
 
 
 class FoundInLayers(NamedTuple):
-    """What was found in some layers of blocks."""
+    """Result of the scan of some layers of blocks."""
 
     plans: list[PlansOfPart]
     steep: list[Steeps]  # of bricks
     seen: list[tuple[Indices, Indices]]  # blocks, by flat indices, and their visible voxels
-    spaced: PicturePlan | None  # that knows how fine the tiles are which show them
+    spaced: PicturePlan | None  # knows how fine the tiles are that show them
 
 
 class Task(NamedTuple):
-    """A window that is to be painted."""
+    """A window to paint."""
 
     window: Window
-    number: NDArray[np.int32]  # (N,) blocks that have part in it, by flat indices
+    number: NDArray[np.int32]  # (N,) blocks visible in it, by flat indices
     seen: NDArray[np.int32]  # (N,) visible voxels of each
-    step: int = 0  # of these that are loaded together; 0: all of them
-    recent: int = 0  # bytes that bricks take which one step has read and the next may ask for
+    step: int = 0  # blocks loaded together; 0: all of them
+    recent: int = 0  # bytes of bricks kept from one step for the next
 
     @property
     def voxels(self) -> int:
@@ -120,7 +122,7 @@ class Task(NamedTuple):
 
 
 class PaintedWindow(NamedTuple):
-    """A window that was painted."""
+    """A painted window."""
 
     window: Window
     film: Film | None  # None: it is in its file
@@ -130,23 +132,23 @@ class PaintedWindow(NamedTuple):
 def painted_in_windows(
     work: Work, known: Surveyed, tell: Progress, executor: Executor | None = None
 ) -> Iterator[tuple[Window, Film]]:
-    """Windows that make up the picture.
+    """Paint the windows that make up the picture.
 
     Parameters
     ----------
     work
         What is painted.
     known
-        About it, from `surveyed`.
+        Facts from `surveyed`.
     tell
-        Called with the share of the work that is done.
+        Called with the fraction of the work done, 0 to 1.
     executor
-        Does parts of it; without one they are done here.
+        Runs parts of it; None: this process.
 
     Raises
     ------
     ValueError
-        A tile's voxels do not fit, or the picture cannot be painted by windows.
+        A tile's voxels do not fit in memory, or the picture cannot be painted by windows.
     OSError
         A window cannot be written or read.
     """
@@ -165,12 +167,12 @@ def painted_in_windows(
             stored = kept_tile(work.folder, window)
             film = None if stored is None else stored[0]
         if film is None:
-            raise OSError(f"{work.folder}: a window of the picture has gone; try again")
+            raise OSError(f"{work.folder}: a window of the picture is missing; try again")
         yield window, film
 
 
 def surveyed(work: Work, tell: Progress, executor: Executor | None = None) -> Surveyed | None:
-    """What a picture depends on, found a brick at a time; None if nothing is seen."""
+    """Scan a picture's voxels, a brick at a time; None if nothing is visible."""
     bricks: Bricks = work.volume.values  # type: ignore[assignment]
     lattice = lattice_for(bricks.shape)
     before = _known_before(work, lattice)
@@ -197,7 +199,7 @@ def surveyed(work: Work, tell: Progress, executor: Executor | None = None) -> Su
 
 
 def _known_before(work: Work, lattice: Lattice) -> Surveyed | None:
-    """What is known of a picture because all voxels were looked at for another, if that will do."""
+    """Return facts from the scan for another picture, if they suffice."""
     looked = looked_at_before(work.volume, work.kind)
     if looked is None:
         return None
@@ -211,7 +213,7 @@ def _known_before(work: Work, lattice: Lattice) -> Surveyed | None:
 
 
 def _guessed(work: Work) -> Guess:
-    """As the volume's corners have it, between which most often all spacings lie."""
+    """Guess spacings from the volume's corners, which usually bound all others."""
     scene = work.volume
     size = np.array(scene.values.shape[::-1]) - 1
     corner = np.array(list(product((0, 1), repeat=3))) * size @ lattice_of(scene).T + scene.origin
@@ -225,14 +227,14 @@ def _guessed(work: Work) -> Guess:
 
 
 def _better(work: Work, guess: Guess, plan: PicturePlan | None) -> Guess | None:
-    """What to ask for if a plan does not say all that it might; None: it does."""
+    """Return better queries if a plan is incomplete; None if it is complete."""
     if plan is None:
         return Guess(EVERYBODY, guess.spaced)
     return None if work.resampler.can_step(plan) else Guess(guess.painters, plan)
 
 
 def _planned(work: Work, found: list[FoundInLayers]) -> PicturePlan | None:
-    """Plan of all samples; None: more painters have to be asked."""
+    """Return the plan of all samples; None: more painters must be queried."""
     height, width = work.size
     plans = [plan for part in found for plan in part.plans]
     by = (lattice_of(work.volume), work.camera)
@@ -246,7 +248,7 @@ def _planned(work: Work, found: list[FoundInLayers]) -> PicturePlan | None:
 
 
 def _look(work: Work, lattice: Lattice, guess: Guess, bricks: Bricks) -> FoundInLayers:
-    """What is found of a picture in bricks of which some layers are asked for."""
+    """Scan the requested layers of bricks for a picture."""
     values: Any = bricks
     found = FoundInLayers([], [], [], None)
 
@@ -274,14 +276,14 @@ def _look(work: Work, lattice: Lattice, guess: Guess, bricks: Bricks) -> FoundIn
 
 
 def tasks_of(work: Work, known: Surveyed, fewest: int = 1) -> list[Task]:
-    """Windows of whole tiles, each of which takes no more memory than is allowed.
+    """Return windows of whole tiles, each within the memory limit.
 
-    Where not all of the picture fits in memory at once, there are so many at least.
+    If the picture does not fit in memory at once, there is a least number of windows.
 
     Raises
     ------
     ValueError
-        One tile takes more.
+        A single tile exceeds the limit.
     """
     (height, width), tile = known.plan.size, known.plan.tile
     values: Bricks = work.volume.values  # type: ignore[assignment]
@@ -301,8 +303,8 @@ def tasks_of(work: Work, known: Surveyed, fewest: int = 1) -> list[Task]:
             continue
         if is_tile:
             raise ValueError(
-                f"a window of {tile} x {tile} px shows {task.voxels} visible voxels, more than fit "
-                f"in the memory that is allowed; {REMEDY}"
+                f"a window of {tile} x {tile} px shows {task.voxels} visible voxels, more than "
+                f"fit in the allowed memory; {REMEDY}"
             )
         if columns >= rows:
             middle = x0 + columns // 2 * tile
@@ -314,7 +316,7 @@ def tasks_of(work: Work, known: Surveyed, fewest: int = 1) -> list[Task]:
 
 
 def _task(work: Work, known: Surveyed, window: Window) -> tuple[Task, bool]:
-    """A window, and whether the memory that is allowed is enough for it."""
+    """Return a window, and whether it fits in the allowed memory."""
     blocks = known.blocks
     are_asked = blocks.within(window, known.plan.margin + 1)
     number, seen = (part[are_asked].astype(np.int32) for part in (blocks.number, blocks.seen))
@@ -326,7 +328,7 @@ def _task(work: Work, known: Surveyed, window: Window) -> tuple[Task, bool]:
     source = _source(work, known, task, values)
     kept, waiting = work.resampler.kept_between_steps(source, work.camera, known.plan, window)
     for recent in (work.memory // share for share in RECENT):
-        # What waits is looked at again in each step.
+        # Queued voxels are tested again in each step.
         most = (free - kept - recent) // BYTES_IN_STEPS - waiting
         step = min(most, max(LEAST, task.voxels // STEPS))
         task = task._replace(step=step, recent=recent)
@@ -336,7 +338,7 @@ def _task(work: Work, known: Surveyed, window: Window) -> tuple[Task, bool]:
 
 
 def _bytes_of_bricks(work: Work, blocks: Blocks, are_asked: NDArray[np.bool_]) -> int:
-    """What bricks take that are held together, and what is made of those that are looked at."""
+    """Bytes of the bricks held together, and of the temporaries of those being scanned."""
     bricks: Bricks = work.volume.values  # type: ignore[assignment]
     if not are_asked.any():
         return 0
@@ -358,10 +360,10 @@ def _bytes_of_bricks(work: Work, blocks: Blocks, are_asked: NDArray[np.bool_]) -
 
 
 def _painted(work: Work, known: Surveyed, task: Task) -> PaintedWindow:
-    """A window, after which nothing of its voxels is in memory."""
+    """Paint a window, and release its voxels."""
     if work.folder is not None:
         stored = kept_tile(work.folder, task.window)
-        if stored is not None:  # by who ended before this was known
+        if stored is not None:  # painted by a worker that ended before it could report
             return PaintedWindow(task.window, None, stored[1]["reads"])
     from resample.engine.jit import threads
 
@@ -384,7 +386,7 @@ def _painted(work: Work, known: Surveyed, task: Task) -> PaintedWindow:
 
 
 def _source(work: Work, known: Surveyed, task: Task, bricks: Bricks) -> SamplesInParts:
-    """Blocks of a window, of bricks that count what is read of them."""
+    """Return the source of a window's blocks, which counts bricks read."""
     lattice, number = known.blocks.lattice, task.number.astype(np.int64)
 
     def load(parts: Indices) -> Samples:
@@ -404,7 +406,7 @@ def _in_parts(
     seen: Indices,
     plan: PicturePlan | None = None,
 ) -> SamplesInParts:
-    """Where blocks are, of which none can be loaded; painted by a plan, or as splats."""
+    """Return a source that only knows where blocks are; for painting by a plan, or as splats."""
     volume, reach = work.volume, work.resampler.reconstruction.radius
     steps, (low, high) = lattice_of(volume), ends_of(lattice, number)
     center = 0.5 * (low + high) @ steps.T + volume.origin
@@ -418,11 +420,11 @@ def _in_parts(
 
 
 def _load_nothing(_: Indices) -> Samples:
-    raise RuntimeError("parts of a picture that is planned are not loaded")
+    raise RuntimeError("blocks of a planned picture cannot be loaded")
 
 
 def _samples(work: Work, bricks: Bricks, known: Surveyed, count: int) -> Samples:
-    """All samples of a window, so many, with their light."""
+    """Return all shaded samples of a window."""
     position, color = np.empty((2, count, 3), np.float32)
     extinction, done = np.empty(count, np.float32), 0
     values: Any = bricks

@@ -1,1 +1,1 @@
-"""The reference ray caster, and VTK's."""
+"""Baselines: the reference ray caster, and VTK's."""

@@ -1,25 +1,24 @@
-"""VTK's fixed-point ray caster under our camera and transfer function, to be compared with ours.
+"""VTK's fixed-point ray caster with our camera and transfer function, for comparison.
 
-What is matched, and how:
+How settings are matched:
 
-AnyCamera
+Camera
     VTK's camera has the same pose (its y points up, so "up" is our −y). The view angle is vertical,
     2 atan(H / 2f); a principal point off the middle is VTK's window center, (W − 2 cx) / W and
     (2 cy − H) / H. A parallel camera has the parallel scale H / 2s. Both cast rays through the
-    centers of pixels. VTK knows no pixels that are not square.
+    centers of pixels. VTK only has square pixels.
 Transfer function
     Tables of colors and opacities over the data's range: one entry per value where these are whole
     numbers and few, `ENTRIES` otherwise. Both classify after interpolation. Colors are passed in
     linear light, so VTK composites and averages in linear light, as we do. Opacities hold for the
     transfer function's unit, or a voxel.
 Light
-    The coefficients of `Light`, the light at the viewer or in a direction, Blinn's highlight. Where
-    the field is even, VTK shows the ambient part alone; ours shows the color as if it faced the
-    light.
+    The coefficients of `Light`, the light at the viewer or in a direction, Blinn's highlight. In
+    homogeneous regions VTK shows only the ambient part; ours shades as if facing the light.
 Antialiasing
     N × N rays per pixel are a picture N times as large, averaged in linear light.
 
-What cannot be matched: VTK interpolates linearly between 8 voxels, values of 8 bits in whole steps;
+Remaining differences: VTK interpolates linearly between 8 voxels, values of 8 bits in whole steps;
 it ends at the outermost voxels' centers, ends a ray at an opacity of 99.2 %, ignores the volume's
 direction, and computes in 15 bits. Pictures are read from the mapper's own 15-bit image, before a
 window would round them to 8 bits.
@@ -52,20 +51,20 @@ BLENDS = {
 
 @dataclass(frozen=True)
 class Peer:
-    """How VTK renders.
+    """Options of VTK's renderer.
 
     Parameters
     ----------
     step
-        Distance of samples on a ray, voxels (cube roots of a voxel's volume).
+        Sample distance on a ray, voxels (cube roots of a voxel's volume).
     rays
         Per side of a pixel.
     light
         None: colors as they are.
     threads
-        At most this many; None takes all. With a light, VTK's pictures depend on it a little.
+        Number of threads at most; None: all. With a light, VTK's pictures depend slightly on it.
     projection
-        What pixels show: composite, maximum or minimum, the ones that its CPU ray caster has.
+        Composite, maximum or minimum, which its CPU ray caster supports.
 
     Raises
     ------
@@ -97,7 +96,7 @@ DEFAULT = Peer()
 
 
 class _Stage(NamedTuple):
-    """VTK's objects; they hold each other by pointers, and Python holds them here."""
+    """VTK's objects; they refer to each other by pointers, and Python owns them here."""
 
     window: Any
     renderer: Any
@@ -106,7 +105,7 @@ class _Stage(NamedTuple):
 
 
 class VtkRenderer:
-    """A window with one volume in it, for one frame after the other.
+    """A VTK window with one volume, for successive frames.
 
     Parameters
     ----------
@@ -117,7 +116,7 @@ class VtkRenderer:
     height, width
         Of the pictures, px.
     look
-        Choices.
+        Options.
 
     Raises
     ------
@@ -138,15 +137,15 @@ class VtkRenderer:
         _check_volume(volume)
         if transfer.needs_gradient:
             raise ValueError(
-                "VTK's CPU ray caster knows no functions of value and gradient; give it one of "
-                "values alone"
+                "VTK's CPU ray caster has no functions of value and gradient; give one of values "
+                "alone"
             )
         self._size, self._rays = (height, width), look.rays
         last = np.array(volume.values.shape[::-1]) - 1
         ends = np.stack(np.meshgrid(*np.stack([last * 0, last], axis=1)), axis=-1).reshape(-1, 3)
         self._corners: Doubles = volume.origin + ends * volume.spacing
         try:
-            with suppressed_output():  # VTK complains about the lack of a display, and does without
+            with suppressed_output():  # VTK warns about the missing display, and works without
                 self._stage = _staged(volume, transfer, look)
                 self._stage.window.SetSize(width * look.rays, height * look.rays)
         except ImportError as error:
@@ -155,7 +154,7 @@ class VtkRenderer:
             ) from None
 
     def draw(self, camera: AnyCamera) -> None:
-        """Let VTK draw a frame into its window: what is to be timed.
+        """Let VTK draw a frame into its window; this is timed.
 
         Raises
         ------
@@ -169,7 +168,7 @@ class VtkRenderer:
             window.Render()
 
     def render(self, camera: AnyCamera) -> Floats:
-        """Picture (H, W, 4), premultiplied RGBA in linear light; errors as of `draw`."""
+        """Render a picture (H, W, 4), premultiplied RGBA in linear light; errors as of `draw`."""
         self.draw(camera)
         fine = _read(self._stage.mapper.GetRayCastImage(), self._size, self._rays)
         height, width = self._size
@@ -186,7 +185,7 @@ def vtk_picture(
     width: int,
     look: Peer = DEFAULT,
 ) -> Floats:
-    """One picture (H, W, 4) by VTK; parameters and errors as of `VtkRenderer`."""
+    """Render one picture (H, W, 4) by VTK; parameters and errors as of `VtkRenderer`."""
     return VtkRenderer(volume, transfer, height=height, width=width, look=look).render(camera)
 
 
@@ -213,7 +212,7 @@ def _check_volume(volume: Volume) -> None:
 
 
 def _staged(volume: Volume, transfer: Transfer, look: Peer) -> _Stage:
-    """Everything but the camera."""
+    """Set up everything but the camera."""
     import vtkmodules.vtkRenderingOpenGL2  # draws into windows
     import vtkmodules.vtkRenderingVolumeOpenGL2  # noqa: F401  shows what the CPU has rendered
     from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow, vtkVolume
@@ -243,7 +242,7 @@ def _staged(volume: Volume, transfer: Transfer, look: Peer) -> _Stage:
 
 
 def image_of(volume: Volume) -> Any:
-    """Volume as VTK's image data."""
+    """Convert a volume to VTK's image data."""
     from vtkmodules.util.numpy_support import numpy_to_vtk
     from vtkmodules.vtkCommonDataModel import vtkImageData
 
@@ -258,7 +257,7 @@ def image_of(volume: Volume) -> Any:
 
 
 def _dress(prop: Any, volume: Volume, transfer: Transfer, light: Light | None) -> None:
-    """Transfer function and light of a volume's property."""
+    """Set transfer function and light of a volume's property."""
     from vtkmodules.vtkCommonDataModel import vtkPiecewiseFunction
     from vtkmodules.vtkRenderingCore import vtkColorTransferFunction
 
@@ -283,7 +282,7 @@ def _dress(prop: Any, volume: Volume, transfer: Transfer, light: Light | None) -
 
 
 def _values(dtype: np.dtype[Any], low: float, high: float) -> NDArray[np.float64]:
-    """Values to tabulate the transfer function at: every one where they are whole and few."""
+    """Return the values at which to tabulate: all if they are integers and few."""
     if low == high:
         high = low + 1.0
     whole = dtype.kind in "iu" and high - low < ENTRIES
@@ -291,7 +290,7 @@ def _values(dtype: np.dtype[Any], low: float, high: float) -> NDArray[np.float64
 
 
 def _lamp(direction: tuple[float, float, float] | None) -> Any:
-    """A white light far away in a direction of the scene, or at the viewer."""
+    """Make a distant white light in a scene direction, or at the viewer."""
     from vtkmodules.vtkRenderingCore import vtkLight
 
     lamp = vtkLight()
@@ -305,7 +304,7 @@ def _lamp(direction: tuple[float, float, float] | None) -> Any:
 
 
 def _aim(renderer: Any, view: View, size: tuple[int, int], corners: Doubles) -> None:
-    """Our camera as VTK's; see the top of this file."""
+    """Set VTK's camera to ours; see the top of this file."""
     if not np.isclose(view.focal[0], view.focal[1], rtol=1e-9, atol=0.0):
         raise ValueError(
             f"pixels of {1 / view.focal[0]:g} x {1 / view.focal[1]:g}; VTK's are square"
@@ -329,7 +328,7 @@ def _aim(renderer: Any, view: View, size: tuple[int, int], corners: Doubles) -> 
 
 
 def _clipped(view: View, nearest: float, farthest: float) -> tuple[float, float]:
-    """Depths between which VTK looks for a volume that reaches from nearest to farthest."""
+    """Return the clipping range for a volume between two depths."""
     if not view.perspective:
         near = max(nearest, view.near)
         return near, max(farthest, near + 1e-3)
@@ -338,7 +337,7 @@ def _clipped(view: View, nearest: float, farthest: float) -> tuple[float, float]
 
 
 def _read(image: Any, size: tuple[int, int], rays: int) -> NDArray[np.uint16]:
-    """The mapper's own picture (H × rays, W × rays, 4) of 15 bits, top row first."""
+    """Read the mapper's picture (H × rays, W × rays, 4) of 15 bits, top row first."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkCommonCore import vtkUnsignedShortArray
 

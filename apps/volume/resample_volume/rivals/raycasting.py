@@ -1,10 +1,10 @@
-"""Reference ray caster: the reconstructed field, integrated along rays. Honest and slow.
+"""Reference ray caster: integrates the reconstructed field along rays. Accurate and slow.
 
-What splats sum per sample, this looks up per point: extinction τ(p) = Σ τᵢ kᵢ(p) and color
-c(p) = Σ τᵢ cᵢ kᵢ / Σ τᵢ kᵢ, with k the reconstruction around each sample, scaled so that a constant
-field stays constant. A step of the ray has the opacity 1 − exp(−τ Δ) of its middle (midpoint rule:
-the error falls with the square of the step), steps are composited front to back, and a pixel is
-the mean of N × N rays through its box. A `Field` is reconstructed first and classified then.
+Splats sum contributions per sample; this evaluates the field per point: extinction τ(p) = Σ τᵢ
+kᵢ(p) and color c(p) = Σ τᵢ cᵢ kᵢ / Σ τᵢ kᵢ, with k the reconstruction around each sample, scaled so
+that a constant field stays constant. A step of the ray has the opacity 1 − exp(−τ Δ) of its
+midpoint (the error falls with the square of the step), steps are composited front to back, and a
+pixel is the mean of N × N rays through its box. A `Field` is interpolated, then classified.
 """
 
 from collections.abc import Iterator
@@ -32,12 +32,12 @@ NO_CLASSIFIER = Classifier(np.zeros((1, 1, 4), np.float32), 0.0, 1.0, 1.0, NO_LA
 TABLE = 4096  # steps of the kernel's table; linear between them, it errs by under 2e-7 of the peak
 QUADRATURE = np.polynomial.legendre.leggauss(200)
 OFF_LATTICE = 0.02  # voxels; float32 keeps positions to 1/1000 of a voxel up to 10000 voxels away
-ROWS_PER_LOOK = 8  # between two looks at the progress and at Ctrl-C
+ROWS_PER_LOOK = 8  # between two updates of progress, which also handle Ctrl-C
 
 
 @dataclass(frozen=True, eq=False)
 class Casting:
-    """How rays are cast.
+    """Options of ray casting.
 
     Parameters
     ----------
@@ -48,9 +48,9 @@ class Casting:
     reconstruction
         Kernel around every sample.
     projection
-        What a ray sees; all but composite need a `Field`.
+        Projection; all but composite need a `Field`.
     iso
-        Value at which a first hit is found, data units; None for all other projections.
+        Value of the isosurface for first-hit, data units; None for all other projections.
     clip
         (M, 4) planes n, d in scene units: what has n · p + d >= 0 for all of them is kept.
 
@@ -81,7 +81,7 @@ class Casting:
 
 
 def _planes(given: ArrayLike | None) -> Doubles:
-    """Clipping planes (M, 4) of None, one or several."""
+    """Return clip planes (M, 4) from None, one or several."""
     planes = np.zeros((0, 4)) if given is None else np.atleast_2d(np.asarray(given, np.float64))
     if planes.ndim != 2 or planes.shape[1] != 4:
         raise ValueError(f"clipping planes have the shape (M, 4), not {planes.shape}")
@@ -91,19 +91,19 @@ def _planes(given: ArrayLike | None) -> Doubles:
 
 
 class Cast(NamedTuple):
-    """What rays have seen."""
+    """Result of ray casting."""
 
     rgba: Floats  # (H, W, 4) premultiplied, linear light
-    depth: Floats  # (H, W) z-depth weighted by opacity, scene units; inf where nothing is
-    value: Floats | None  # (H, W) what maximum, average or additive measured, see `cast_rays`
+    depth: Floats  # (H, W) z-depth weighted by opacity, scene units; inf where empty
+    value: Floats | None  # (H, W) values of maximum, average or additive, see `cast_rays`
 
 
 class _Matter(NamedTuple):
-    """Samples or a field, as rays read them."""
+    """Samples or a field, prepared for rays."""
 
     position: Floats  # (N, 3) scene units
     properties: Floats  # (N, 4) see `kernels.raycasting.Grid`
-    visible: NDArray[np.bool_]  # (N,) whether anything may be seen where no other sample is
+    visible: NDArray[np.bool_]  # (N,) whether a sample alone may be visible
     lattice: Doubles  # (3, 3)
     classifier: Classifier
     classified: bool
@@ -122,14 +122,14 @@ def cast_rays(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Cast:
-    """Picture of samples, or of a field that is classified after it was reconstructed.
+    """Render samples, or a field that is classified after interpolation.
 
     Parameters
     ----------
     samples
-        They must stand on their lattice: at an origin plus whole steps, one at most on each node.
+        They must lie on their lattice: at an origin plus integer steps, at most one per node.
     camera
-        Where from; nothing in front of its near plane is seen.
+        The camera; everything before its near plane is clipped.
     height, width
         Of the picture, px.
     look
@@ -150,8 +150,8 @@ def cast_rays(
     Raises
     ------
     ValueError
-        Samples do not stand on their lattice, arrays do not fit together, a projection needs a
-        field, or the size is no size.
+        Samples do not lie on their lattice, arrays do not fit together, a projection needs a field,
+        or the size is invalid.
     """
     if height < 1 or width < 1:
         raise ValueError(f"a picture of {width} x {height} pixels; both must be at least 1")
@@ -180,7 +180,7 @@ def _cast(
 
 
 def _developed(picture: Doubles, projection: Projection) -> Cast:
-    """Sums over a pixel's rays as what they mean."""
+    """Convert sums over a pixel's rays to results."""
     alpha = picture[..., 3]
     depth = np.divide(picture[..., 4], alpha, out=np.full(alpha.shape, np.inf), where=alpha > 0)
     value = None
@@ -211,7 +211,7 @@ def _matter_of_field(given: Field, look: Casting) -> _Matter:
     classifier = given.classifier
     _check_field(given, look.iso)
     raised = np.asarray(given.value, np.float64) - classifier.low
-    # The core's checks: extinctions, which may not be negative, stand in for the values.
+    # The core's checks: non-negative extinctions replace the values.
     checked = check_samples(
         Samples(given.position, given.gradient, np.abs(raised).astype(np.float32), given.lattice)
     )
@@ -227,7 +227,7 @@ def _matter_of_field(given: Field, look: Casting) -> _Matter:
 
 
 def _check_field(given: Field, iso: float | None) -> None:
-    """What the check of samples would not find, or not find words for."""
+    """Check what the check of samples does not cover."""
     look = given.classifier
     shapes = [np.shape(given.position), np.shape(given.value), np.shape(given.gradient)]
     count = np.size(given.value)
@@ -246,7 +246,7 @@ def _check_field(given: Field, iso: float | None) -> None:
 
 
 def _visible(raised: Doubles, classifier: Classifier, projection: Projection) -> NDArray[np.bool_]:
-    """Samples (N,) whose kernels rays must walk through; `raised` is (N,) value − low."""
+    """Return the samples (N,) whose kernels rays must traverse; `raised` is (N,) value − low."""
     is_clear = projection is Projection.COMPOSITE and not np.any(classifier.table[:, 0, 3])
     if is_clear or projection is Projection.FIRST_HIT:
         return np.not_equal(raised, 0)
@@ -254,7 +254,7 @@ def _visible(raised: Doubles, classifier: Classifier, projection: Projection) ->
 
 
 def _grid(matter: _Matter, view: View, reconstruction: Reconstruction) -> "Grid":
-    """Samples on their lattice, as the camera's rays walk through it."""
+    """Arrange samples on their lattice, for traversal by the camera's rays."""
     from resample_volume.rivals.kernels.raycasting import Grid
 
     radius = float(reconstruction.radius)
@@ -277,7 +277,7 @@ def _grid(matter: _Matter, view: View, reconstruction: Reconstruction) -> "Grid"
 
 
 def _on_lattice(position: Floats, lattice: Doubles) -> tuple[NDArray[np.int32], Doubles]:
-    """Which sample stands on each node (Z, Y, X), -1 for none, and the first node's position."""
+    """Return the sample at each node (Z, Y, X), -1 for none, and the first node's position."""
     place = (position.astype(np.float64) - position[0]) @ np.linalg.inv(lattice).T
     node = np.rint(place)
     shift = (place - node).mean(axis=0)  # of all, as the first sample was rounded as well
@@ -300,7 +300,7 @@ def _on_lattice(position: Floats, lattice: Doubles) -> tuple[NDArray[np.int32], 
 def _occupied(
     index: NDArray[np.int32], visible: NDArray[np.bool_], radius: float, brick: int
 ) -> NDArray[np.bool_]:
-    """Bricks of `brick`³ nodes that a visible sample's kernel reaches, two at most per axis."""
+    """Return the bricks of `brick`³ nodes that visible samples' kernels overlap."""
     node = np.argwhere((index >= 0) & visible[index])
     size = np.floor((np.array(index.shape) - 1 + 2 * radius) / brick).astype(np.int64) + 1
     occupied = np.zeros(size, np.bool_)
@@ -311,7 +311,7 @@ def _occupied(
 
 
 def _density(reconstruction: Reconstruction) -> Doubles:
-    """Kernel (K + 1,) over the squared distance in radii; its integral over space is one voxel."""
+    """Tabulate the kernel (K + 1,) over squared distance in radii; it integrates to one voxel."""
     radius = reconstruction.radius
     node, weight = QUADRATURE
     r = (node + 1) / 2 * radius
@@ -348,7 +348,7 @@ def _look(classifier: Classifier) -> "FieldLook":
 
 
 def _lamp(lamp: Lamp) -> Lamp:
-    """Numbers and arrays of the types that kernels are compiled for."""
+    """Convert the lamp to the types that kernels are compiled for."""
     toward, viewer = (np.ascontiguousarray(vector, np.float64) for vector in lamp[:2])
     return Lamp(toward, viewer, *map(float, lamp[2:]))
 

@@ -1,4 +1,4 @@
-"""VTK's pictures beside ours, one after the other, while a look or a camera changes."""
+"""VTK pictures for comparison, updated as look or camera changes."""
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -16,9 +16,9 @@ from resample_volume.types import Volume
 
 @dataclass
 class VtkBeside:
-    """VTK's ray caster for one volume, which keeps what the last look needed.
+    """VTK's ray caster for one volume; keeps the state of the last look.
 
-    One thread draws everything, as a window belongs to the thread that has made it.
+    One thread draws everything, as a window belongs to the thread that created it.
     """
 
     _thread: ThreadPoolExecutor = field(default_factory=lambda: ThreadPoolExecutor(1, "vtk"))
@@ -32,16 +32,16 @@ class VtkBeside:
         camera: AnyCamera,
         size: tuple[int, int],
     ) -> Floats:
-        """Picture (H, W, 4), premultiplied linear RGBA, of one ray per pixel.
+        """Render a picture (H, W, 4), premultiplied linear RGBA, one ray per pixel.
 
         Parameters
         ----------
         volume
-            As it stands before the camera; the same in all calls.
+            As placed before the camera; the same in all calls.
         appearance, resampler
-            What is asked of ours.
+            As for our own picture.
         camera
-            Where from.
+            The camera.
         size
             Width and height, px.
 
@@ -67,6 +67,6 @@ class VtkBeside:
         if self._kept is None or self._kept[0] != key:
             width, height = size
             look = Peer(light=appearance.light)
-            self._kept = None  # lets go of the window before there is another
+            self._kept = None  # frees the window before another is created
             self._kept = key, VtkRenderer(volume, transfer, height=height, width=width, look=look)
         return self._kept[1].render(camera)

@@ -1,4 +1,4 @@
-"""Color bars that show opacity too: what a picture of a volume means, right beside it."""
+"""Color bars with opacities, beside a picture of a volume."""
 
 from typing import TYPE_CHECKING
 
@@ -34,9 +34,9 @@ from resample_volume.types import Volume
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-FINE = 8  # parts of a row of px over which colors are averaged, so that no step is missed
+FINE = 8  # sub-rows per px over which colors are averaged, so that no step is missed
 FAIR = 2  # the same where colors also vary across
-PURE = 0.3  # share of a bar that shows the colors alone
+PURE = 0.3  # share of a bar that shows opaque colors
 FORMS: tuple[Form, Form] = ("curve", "plane")  # of functions of values, and of gradients too
 GRAYS = from_points([(0.0, (0.0,) * 3, 1.0), (1.0, (1.0,) * 3, 1.0)], normalized=True)
 SQUARES = (0.16, 0.42)  # linear gray of the checkerboard
@@ -52,11 +52,11 @@ def color_bar(
     background: Background = BLACK,
     scale: str = "",
 ) -> Floats:
-    """Picture of a transfer function, with a scale of data values.
+    """Draw a transfer function with a scale of data values.
 
-    Colors lie over a checkerboard that shows through by their transparency. To the left they stand
-    alone, since faint ones could not be told apart; to the right opacity is drawn as a curve.
-    Functions of value and gradient are drawn over both instead.
+    Colors lie over a checkerboard that shows through transparent ones. On the left they are opaque,
+    since faint ones could not be told apart; on the right opacity is drawn as a curve. Functions of
+    value and gradient are drawn over both axes instead.
 
     Parameters
     ----------
@@ -69,12 +69,12 @@ def color_bar(
     title
         Above the bar, shortened where it is long.
     steep
-        Slope of a full surface, see `resample_volume.voxels.visible.steepness`. With 1 a normalized
-        function's gradients are shown as its fractions.
+        Slope of a full surface, see `resample_volume.voxels.visible.steepness`. 1 shows the
+        gradients of a normalized function as fractions.
     background
-        Linear color behind all this. Text is light on dark and dark on light.
+        Linear background color. Text is light on dark and dark on light.
     scale
-        That values are on, see `looks.scales`: decades stand beside it.
+        Scale of the values, see `looks.scales`: decades are marked beside it.
 
     Returns
     -------
@@ -101,7 +101,7 @@ def color_bar(
 def _draw_strip(
     axes: "Axes", page: Page, transfer: Transfer, data_range: DataRange, ink: str
 ) -> None:
-    """Colors by value, and the curve of opacities."""
+    """Draw colors by value, and the curve of opacities."""
     value = page.values(FINE)
     color, opacity = transfer.looks(value, None, data_range, 0.0)
     across = round(page.bar[1] - page.bar[0])
@@ -127,7 +127,7 @@ def _draw_plane(
     extent: tuple[DataRange, float],
     ink: str,
 ) -> None:
-    """Colors by value and gradient."""
+    """Draw colors by value and gradient."""
     data_range, steep = extent
     end = (transfer.steepest(steep) or steep) * (1.0 if transfer.normalized else 1.25)
     value, across = page.values(FAIR), round(page.bar[1] - page.bar[0])
@@ -140,7 +140,7 @@ def _draw_plane(
 
 
 def _show_over_squares(axes: "Axes", page: Page, color: Floats, opacity: Floats, ink: str) -> None:
-    """Colors (rows, parts, columns, 3) over the checkerboard."""
+    """Composite colors (rows, parts, columns, 3) over the checkerboard."""
     rows, _, columns = opacity.shape
     side = max(3, round(0.5 * page.type))
     row, column = np.indices((rows, columns)) // side
@@ -158,7 +158,7 @@ def with_bar(
     background: Color | None,
     tone: Tone = AS_IT_IS,
 ) -> Frame:
-    """Picture with a bar of colors, opacities and values, or of sums, to its right."""
+    """Add a bar of colors, opacities and values, or of sums, to the right of a picture."""
     transfer: Transfer = GRAYS
     scale = "" if resampler.projection is Projection.ADDITIVE else volume.scale
     if tone.window is not None:
@@ -180,7 +180,7 @@ def with_bar(
 
 
 def _negative(transfer: Transfer, extent: DataRange) -> Transfer:
-    """What is shown of it with black and white exchanged, before black."""
+    """Return displayed colors with black and white swapped, over black."""
     value = np.linspace(*extent, 256)
     color, opacity = transfer.looks(value, None, extent, 0.0)
     shown = to_srgb(negative(color * opacity[:, np.newaxis]))
@@ -188,7 +188,7 @@ def _negative(transfer: Transfer, extent: DataRange) -> Transfer:
 
 
 def _sums(frame: Frame) -> tuple[Transfer, DataRange]:
-    """What the gray levels of an X-ray mean: light grows with the sum, and the largest is white."""
+    """Return the transfer function of an X-ray: light grows with the sum, the largest is white."""
     share = np.linspace(0.0, 1.0, 256)
     gray = np.repeat(to_srgb(share)[:, np.newaxis], 3, axis=1)
     value = np.zeros(1) if frame.value is None else frame.value

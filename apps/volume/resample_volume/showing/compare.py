@@ -1,4 +1,4 @@
-"""One view of one volume by several renderers, measured side by side."""
+"""Compare renderers on one view of one volume."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -22,8 +22,8 @@ from resample_volume.rendering import Subject, painted_with_bar
 from resample_volume.rivals.raycasting import Casting, cast_rays
 from resample_volume.types import Volume
 
-FINE_STEP = 0.25  # voxels, of a reference that goes along rays
-AMPLIFIED = 4  # times that differences are shown enlarged
+FINE_STEP = 0.25  # voxels, of a reference by ray casting
+AMPLIFIED = 4  # factor by which differences are magnified
 
 Row = dict[str, object]
 
@@ -34,19 +34,19 @@ def variants(
     footprints: Sequence[str] = (),
     orders: Sequence[str] = (),
 ) -> dict[str, Resampler]:
-    """Renderers by name, one for each combination; names show only what differs.
+    """Return renderers by name, one per combination; names show only what differs.
 
     Raises
     ------
     ValueError, LookupError
-        A name is no method's, footprint's or order's, there is none, or two do not go together.
+        A name is not of a method, footprint or order, there is none, or two exclude each other.
     """
     if not methods:
         raise ValueError(f"give a method to compare; known: {', '.join(Primitive)}")
     choice: dict[str, Resampler] = {}
     for method, footprint, order in product(methods, footprints or [""], orders or [""]):
         built = registry.build("orders", order) if order else resampler.order
-        if built.summing is Summing.RAYS:  # which paint no samples by any method
+        if built.summing is Summing.RAYS:  # orders that paint no samples
             choice.setdefault(order or "rays", replace(resampler, order=built))
             continue
         name = " ".join(filter(None, [method, footprint, order]))
@@ -62,7 +62,7 @@ def variants(
 
 
 def thickest(choice: Mapping[str, Resampler]) -> Resampler:
-    """Renderer whose slabs need voxels from farthest around what is seen."""
+    """Return the renderer whose slabs need voxels from farthest around visible ones."""
     painting = [one for one in choice.values() if one.order.summing is not Summing.RAYS]
     return max(painting or choice.values(), key=lambda resampler: resampler.order.thickness)
 
@@ -70,25 +70,25 @@ def thickest(choice: Mapping[str, Resampler]) -> Resampler:
 def gathered_for(
     choice: Mapping[str, Resampler], volume: Volume, appearance: Appearance
 ) -> Subject | None:
-    """Volume made ready for those renderers that go along rays, if there are any."""
+    """Prepare the volume for ray casting renderers, if there are any."""
     rays = [one for one in choice.values() if one.order.summing is Summing.RAYS]
     return Subject.of(volume, appearance, rays[0]) if rays else None
 
 
 def check_vtk(appearance: Appearance, resampler: Resampler) -> None:
-    """Refuse a look that is not given to VTK, whose picture would be of something else.
+    """Reject a look that VTK does not get, as its picture would show something else.
 
     Raises
     ------
     ValueError
-        Something is cut away, labelled or dimmed, or not composited.
+        Something is clipped, labelled or dimmed, or not composited.
     """
     cut = {"crop": appearance.crop, "clip": appearance.clip, "slab": appearance.slab}
     chosen = [*appearance.extras, *(name for name, choice in cut.items() if choice)]
     if resampler.projection is not Projection.COMPOSITE:
         chosen.append(f"the projection {resampler.projection}")
     if chosen:
-        raise ValueError(f"VTK is not told of {', '.join(chosen)}; leave out either it or these")
+        raise ValueError(f"VTK does not get {', '.join(chosen)}; leave out either VTK or these")
 
 
 def _member(role: str, family: Any, name: str) -> Any:
@@ -99,10 +99,10 @@ def _member(role: str, family: Any, name: str) -> Any:
 
 @dataclass
 class Contest:
-    """A view that renderers draw, and what they should come to."""
+    """A view for all renderers, and the reference picture."""
 
     subject: Subject
-    gathered: Subject | None  # for renderers that go along rays, if there are any
+    gathered: Subject | None  # for ray casting renderers, if there are any
     camera: AnyCamera
     size: tuple[int, int]  # height and width, px
     rows: list[Row] = field(default_factory=list)
@@ -110,11 +110,11 @@ class Contest:
 
     @property
     def reference(self) -> Floats:
-        """Picture (H, W, 4) that all are measured against."""
+        """Return the picture (H, W, 4) that all are compared with."""
         return next(iter(self.pictures.values()))
 
     def splatted(self, resampler: Resampler, rays: int) -> None:
-        """Take exact splats at `rays` × `rays` per pixel, or rays, for the reference."""
+        """Set the reference to exact splats at `rays` × `rays` per pixel, or rays."""
         if resampler.order.summing is Summing.RAYS:
             order = resampler.order
             close = replace(order, step=FINE_STEP) if isinstance(order, Rays) else order
@@ -131,7 +131,7 @@ class Contest:
         self.pictures[f"reference, {rays} x {rays} splats"] = self._painted(fine)[0]
 
     def cast(self, resampler: Resampler, rays: int) -> None:
-        """Take the field, integrated along `rays` × `rays` rays per pixel, for the reference."""
+        """Set the reference to the field integrated along `rays` × `rays` rays per pixel."""
         casting = Casting(
             rays=rays,
             reconstruction=resampler.reconstruction,
@@ -147,7 +147,7 @@ class Contest:
         self.pictures[f"reference, {rays} x {rays} rays"] = cast.rgba
 
     def draw(self, name: str, resampler: Resampler) -> None:
-        """Measure a renderer; milliseconds are of a second, warm run."""
+        """Measure a renderer; milliseconds are those of a second run."""
         self._painted(resampler)
         start = time.perf_counter()
         picture, share = self._painted(resampler)
@@ -173,7 +173,7 @@ class Contest:
         self._book(f"VTK, {rays} x {rays} rays", picture, 1000 * (time.perf_counter() - start), "")
 
     def differences(self) -> dict[str, Floats]:
-        """Pictures of the errors, enlarged, mid-gray where there is none."""
+        """Return pictures of the errors, magnified, mid-gray where there is none."""
         target = shown(self.reference)
         return {
             f"{name}, error x {AMPLIFIED}": from_srgb(
@@ -188,7 +188,7 @@ class Contest:
         self.rows.append({"picture": name, **quality, "splats": share, "ms": duration})
 
     def _painted(self, resampler: Resampler) -> tuple[Floats, float]:
-        """Picture, and the share of splats in it."""
+        """Return the picture, and its share of splats."""
         subject = self.subject
         if resampler.order.summing is Summing.RAYS and self.gathered is not None:
             subject = self.gathered

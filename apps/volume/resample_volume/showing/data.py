@@ -1,4 +1,4 @@
-"""The paper's volumes where they are to be had, and what stands in for them, which says so."""
+"""The paper's volumes if available, otherwise named substitutes."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,22 +14,22 @@ STAND_INS = {"skull": "vis_male", "aneurism": "vessel-tree:size=256"}
 
 
 class Subject(NamedTuple):
-    """What a figure shows."""
+    """The volume of a figure."""
 
     volume: Volume
     name: str  # of the volume; a generated one with its parameters
-    title: str  # for captions; says so where the volume stands in for another
-    note: str  # what the reader must know, one line; often nothing
+    title: str  # for captions; names the volume that this one replaces, if any
+    note: str  # one-line note for the reader; often empty
 
 
 @dataclass(frozen=True)
 class Shelf:
-    """Where volumes are looked for: a folder, and what `files.public.fetch` has downloaded.
+    """Where volumes are searched: a folder, and the downloads of `files.public.fetch`.
 
     Raises
     ------
     NotADirectoryError
-        The folder is none.
+        There is no such folder.
     """
 
     folder: Path | None = None  # holds NAME.nhdr, or another of `SUFFIXES`
@@ -39,13 +39,13 @@ class Shelf:
             raise NotADirectoryError(f"{self.folder}: there is no such folder of volumes")
 
     def find(self, name: str) -> Path | None:
-        """File of a volume; None where it is in neither place."""
+        """Return the file of a volume; None if it is in neither place."""
         places = [place for place in (self.folder, place_of(None)) if place is not None]
         files = [place / f"{name}{suffix}" for place in places for suffix in SUFFIXES]
         return next((file for file in files if file.is_file()), None)
 
     def subject(self, name: str) -> Subject | None:
-        """One of the paper's volumes or what stands in for it; None where there is neither.
+        """Return one of the paper's volumes or its substitute; None if there is neither.
 
         Parameters
         ----------
@@ -55,7 +55,7 @@ class Shelf:
         Raises
         ------
         OSError, ValueError
-            The file is there and cannot be read.
+            The file exists and cannot be read.
         """
         path = self.find(name)
         if path is not None:
@@ -74,7 +74,7 @@ class Shelf:
 
 
 def missing(name: str) -> str:
-    """That a volume is not there, and how to get it."""
+    """Return the message that a volume is missing, and how to get it."""
     return (
         f"{TITLES[name]} is not there (give --data a folder with {name}.nhdr, or run "
         f"resample-volume fetch {name})"

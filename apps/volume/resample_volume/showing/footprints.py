@@ -1,4 +1,4 @@
-"""Figures 3 and 4: the ellipse of a splat, and what models of its footprint get wrong."""
+"""Figures 3 and 4: the ellipse of a splat, and errors of footprint models."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 
 NAME = "figure-3-4"
 KERNEL = GaussianKernel()
-DISTANCE = 10.0  # from the eye to the sphere's center, scene units
+DISTANCE = 10.0  # distance from the eye to the sphere's center, scene units
 FOCAL, FRAME = 1000.0, 8000  # px; the axis meets the corner, where float32 has most digits
 SIDE = 28  # px, of the pictures of one splat
-TILT, CONE = 40.0, 16.0  # degrees, of the sphere that is drawn
+TILT, CONE = 40.0, 16.0  # degrees, of the drawn sphere
 AZIMUTH = 25.0  # degrees around the axis, where errors are measured
 
 COLORS = {
@@ -41,7 +41,7 @@ COLORS = {
 
 @dataclass(frozen=True)
 class ErrorGrid:
-    """Where errors are measured, degrees."""
+    """Directions at which errors are measured, degrees."""
 
     cones: Sequence[float] = (0.2, 0.5, 1, 2, 5, 10, 15, 20, 30)  # on the axis
     angles: Sequence[float] = (0, 5, 10, 15, 20, 30, 40, 45, 50, 60)  # off the axis
@@ -53,10 +53,10 @@ QUICK = ErrorGrid((1, 15), (0, 30), (5,), 40)
 
 
 class Sphere(NamedTuple):
-    """A kernel's ball as the eye sees it."""
+    """A kernel's sphere as seen from the eye."""
 
     angle: float  # degrees off the camera's axis
-    cone: float  # degrees, half of what it is seen under
+    cone: float  # degrees, half of its angular diameter
     azimuth: float = AZIMUTH  # degrees, around the axis
 
     @property
@@ -68,11 +68,11 @@ class Sphere(NamedTuple):
 
     @property
     def radius(self) -> float:
-        """In scene units."""
+        """Radius in scene units."""
         return float(np.linalg.norm(self.center) * np.sin(np.radians(self.cone)))
 
     def samples(self) -> Samples:
-        """One sample with this ball around it."""
+        """One sample with this sphere around it."""
         spacing = self.radius / KERNEL.radius
         position = np.array([self.center], np.float32)
         extinction = np.array([1 / spacing], np.float32)
@@ -87,8 +87,8 @@ class Ellipse(NamedTuple):
 
 
 def make(folder: Path, shelf: Shelf, *, quick: bool = False) -> str:
-    """Write the figure; returns what is said about it."""
-    del shelf  # nothing but one sphere is shown
+    """Write the figure and return its summary."""
+    del shelf  # only one sphere is shown
     rows = error_rows(QUICK if quick else ErrorGrid())
     sphere = Sphere(TILT, CONE, 0.0)
     ellipse = ellipse_of(record_of(sphere, Footprint.CORRECTED))
@@ -112,11 +112,11 @@ def make(folder: Path, shelf: Shelf, *, quick: bool = False) -> str:
     return f"figures 3 and 4: the ellipse meets the rays that touch the sphere within {off:.1e}"
 
 
-# The code's own footprints.
+# The resampler's footprints.
 
 
 def record_of(sphere: Sphere, model: Footprint) -> Record:
-    """What the resampler knows about a sphere."""
+    """Return the resampler's record of a sphere."""
     camera, samples = Camera.from_intrinsics(FOCAL, FOCAL, 0.0, 0.0), sphere.samples()
     records = _splatting(model).footprints(samples, camera, height=FRAME, width=FRAME)
     record: Record = records[0]
@@ -124,7 +124,7 @@ def record_of(sphere: Sphere, model: Footprint) -> Record:
 
 
 def index_of(record: Record, ray: Doubles) -> Doubles:
-    """Root of a record's quadratic form at rays (..., 2), in units of the plane at depth 1."""
+    """Return the root of a record's quadratic form at rays (..., 2) in the plane at depth 1."""
     dx = FOCAL * ray[..., 0] - float(record["form_x"])
     dy = FOCAL * ray[..., 1] - float(record["form_y"])
     a, b, c = (float(record[name]) for name in "abc")
@@ -132,7 +132,7 @@ def index_of(record: Record, ray: Doubles) -> Doubles:
 
 
 def ellipse_of(record: Record) -> Ellipse:
-    """Rim of a record's quadratic form."""
+    """Return the outline of a record's quadratic form."""
     a, b, c = (float(record[name]) for name in "abc")
     squared, axes = np.linalg.eigh(np.array([[a, b], [b, c]]))
     center = np.array([record["form_x"], record["form_y"]], np.float64)
@@ -143,7 +143,7 @@ def ellipse_of(record: Record) -> Ellipse:
 
 
 def rays_at(sphere: Sphere, distance: Doubles, count: int = 180) -> Doubles:
-    """Rays (D, count, 2) that pass the center at distances (D,) in radii, at depth 1."""
+    """Return rays (D, count, 2) that pass the center at distances (D,) in radii, at depth 1."""
     center = sphere.center
     far = float(np.linalg.norm(center))
     forward = center / far
@@ -158,34 +158,34 @@ def rays_at(sphere: Sphere, distance: Doubles, count: int = 180) -> Doubles:
 
 
 def tangent_rays(sphere: Sphere) -> Doubles:
-    """Rays (180, 2) that touch a sphere, at depth 1."""
+    """Return rays (180, 2) tangent to a sphere, at depth 1."""
     return np.asarray(rays_at(sphere, np.array([1.0]))[0])
 
 
 def distance_of(sphere: Sphere, ray: Doubles) -> Doubles:
-    """Distance in radii at which rays (..., 2) pass the center."""
+    """Return the distance in radii at which rays (..., 2) pass the center."""
     whole = np.concatenate([ray, np.ones_like(ray[..., :1])], axis=-1)
     across = np.linalg.norm(np.cross(sphere.center, whole), axis=-1)
     return np.asarray(across / np.linalg.norm(whole, axis=-1) / sphere.radius)
 
 
-# What the models make of them.
+# The models' distances.
 
 
 def printed_distance(index: Doubles, cone: Doubles) -> Doubles:
-    """The index correction as the paper prints it (section 4.2), with tan α for sin α."""
+    """Return the index correction as the paper prints it (section 4.2), with tan α for sin α."""
     return np.asarray(np.sin(np.arctan(index * np.tan(cone))) / np.tan(cone))
 
 
 def disc_distance(sphere: Sphere, ray: Doubles) -> Doubles:
-    """Where rays meet the disc through the center that faces the eye (Mueller and Yagel, 1996)."""
+    """Return where rays meet the disc that faces the eye (Mueller and Yagel, 1996)."""
     sine = distance_of(sphere, ray) * sphere.radius / float(np.linalg.norm(sphere.center))
     far = float(np.linalg.norm(sphere.center))
     return np.asarray(np.tan(np.arcsin(sine)) * far / sphere.radius)
 
 
 def model_distances(sphere: Sphere, ray: Doubles) -> dict[str, Doubles]:
-    """Distances in radii that models take rays (..., 2) to have, by name."""
+    """Return the models' distances of rays (..., 2) in radii, by name."""
     cone = np.array(np.radians(sphere.cone))
     ellipse = index_of(record_of(sphere, Footprint.CORRECTED), ray)
     projected = index_of(record_of(sphere, Footprint.SMALL_ANGLE), ray)
@@ -202,7 +202,7 @@ def model_distances(sphere: Sphere, ray: Doubles) -> dict[str, Doubles]:
 
 
 def error_rows(choices: ErrorGrid) -> list[Row]:
-    """A row for each sphere and model."""
+    """Return a row for each sphere and model."""
     on = [(0.0, cone) for cone in choices.cones]
     off = [(angle, cone) for cone in choices.cones_off for angle in choices.angles]
     distance = np.linspace(0, 1, choices.rays)
@@ -230,7 +230,7 @@ def _errors(sphere: Sphere, distance: Doubles) -> list[Row]:
 
 
 def line_integral(distance: Doubles) -> Doubles:
-    """Of the kernel, over the distance in radii; 0 beyond the rim."""
+    """Return the kernel's line integral by distance in radii; 0 beyond the outline."""
     squared, values = _table()
     return np.asarray(np.interp(distance**2, squared, values, right=0.0))
 
@@ -242,7 +242,7 @@ def _table() -> tuple[Doubles, Doubles]:
 
 
 def picture_errors(sphere: Sphere) -> dict[str, float]:
-    """Largest error of any pixel that the resampler draws, in shares of the peak, by model."""
+    """Return the largest error of any drawn pixel, as a fraction of the peak, by model."""
     low, high = np.tan(np.radians([sphere.angle - sphere.cone, sphere.angle + sphere.cone]))
     focal = (SIDE - 6) / (high - low)
     around = np.radians(sphere.azimuth)
@@ -259,7 +259,7 @@ def picture_errors(sphere: Sphere) -> dict[str, float]:
 
 
 def _drawn(sphere: Sphere, camera: Camera, model: Footprint) -> Doubles:
-    """Optical depth (SIDE, SIDE) that the resampler gives one splat."""
+    """Return the optical depth (SIDE, SIDE) that the resampler gives one splat."""
     frame = _splatting(model)(sphere.samples(), camera, height=SIDE, width=SIDE)
     return np.asarray(-np.log1p(-frame.rgba[..., 3].astype(np.float64)))
 
@@ -289,7 +289,7 @@ def _draw(path: Path, rows: Sequence[Row]) -> None:
 
 
 def _draw_side(axes: "Axes") -> None:
-    """Figure 3 in the plane of P and Q."""
+    """Draw Figure 3 in the plane of P and Q."""
     from matplotlib.patches import Circle
 
     sphere = Sphere(TILT, CONE, 0.0)
@@ -323,7 +323,7 @@ def _draw_side(axes: "Axes") -> None:
 
 
 def _draw_plane(axes: "Axes") -> None:
-    """Figure 3 on the image plane."""
+    """Draw Figure 3 on the image plane."""
     sphere = Sphere(TILT, CONE, 0.0)
     around = np.linspace(0, 2 * np.pi, 200)
     circle = np.array([np.cos(around), np.sin(around)])
@@ -350,7 +350,7 @@ def _draw_plane(axes: "Axes") -> None:
 
 
 def _draw_index(axes: "Axes") -> None:
-    """Figure 4: where i and d are measured."""
+    """Draw Figure 4: where i and d are measured."""
     from matplotlib.patches import Circle
 
     cone, index = np.radians(30.0), 0.55
@@ -393,7 +393,7 @@ def _draw_index(axes: "Axes") -> None:
 
 
 def _draw_formula(axes: "Axes") -> None:
-    """Distance over index."""
+    """Plot distance over index."""
     index = np.linspace(0, 1, 101)
     cone = np.array(np.radians(30.0))
     forms: Mapping[str, Callable[[], Doubles]] = {

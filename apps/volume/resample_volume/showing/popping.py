@@ -1,4 +1,4 @@
-"""Figure 7: the checker box seen across 45 degrees, by each order of compositing."""
+"""Figure 7: popping of the checker box rotated across 45 degrees, for each compositing order."""
 
 from collections import deque
 from collections.abc import Mapping
@@ -34,16 +34,16 @@ ORDERS = {
 }
 LEVELS = 255.0
 GAIN = 16  # of the difference pictures
-LIGHT = Light((0.0, -1.0, 0.6))  # stands still, so that only the view changes
+LIGHT = Light((0.0, -1.0, 0.6))  # fixed, so that only the view changes
 MEASURE = (
-    "second difference of three successive frames, in gray levels of 255 as a screen shows them; "
-    "rms over pixels and channels, and the largest pixel"
+    "second difference of three successive frames, in displayed gray levels of 255; rms over "
+    "pixels and channels, and the largest pixel"
 )
 
 
 @dataclass(frozen=True)
 class Turn:
-    """What is turned, and how finely."""
+    """A rotation: the volume and the angular step."""
 
     volume: str = "checker-box:size=40,block=8"
     transfer: str = "checker:opacity=0.3"  # translucent, so that orders matter
@@ -62,26 +62,26 @@ QUICK = Turn("checker-box:size=12,block=3", side=24, large=48, step=0.5)
 
 
 class TurnedVolume(NamedTuple):
-    """Voxels that a camera goes round."""
+    """Voxels that a camera orbits."""
 
     voxels: Voxels
     sphere: Sphere
     choices: Turn
 
     def camera(self, azimuth: float, side: int) -> AnyCamera:
-        """Camera for a square picture."""
+        """Return the camera for a square picture."""
         chosen = self.choices
         return Orbit(azimuth, chosen.elevation, chosen.zoom).around(self.sphere, side, side)
 
     def picture(self, resample: Resampler, azimuth: float, side: int) -> Floats:
-        """Premultiplied linear RGBA."""
+        """Return the picture in premultiplied linear RGBA."""
         camera = self.camera(azimuth, side)
         samples = lit_samples(self.voxels, LIGHT, camera)
         return resample(samples, camera, height=side, width=side).rgba
 
 
 class Curve(NamedTuple):
-    """How much the picture jumps at each angle of a rotation."""
+    """Size of the picture's jumps at each angle of a rotation."""
 
     azimuth: Doubles  # (K,) degrees, of the middle one of three frames
     rms: Doubles  # (K,) gray levels
@@ -124,7 +124,7 @@ def make(folder: Path, shelf: Shelf, *, quick: bool = False) -> str:
 
 
 def scene_of(choices: Turn) -> TurnedVolume:
-    """Box with its looks."""
+    """Return the box with its looks."""
     volume, _ = centered(generate(choices.volume))
     look = Appearance(choices.transfer, LIGHT)
     voxels = visible_voxels(volume, look)
@@ -132,7 +132,7 @@ def scene_of(choices: Turn) -> TurnedVolume:
 
 
 def popping(scene: TurnedVolume, resample: Resampler) -> Curve:
-    """Second differences along a rotation, as `MEASURE` says."""
+    """Compute second differences along a rotation, as `MEASURE` says."""
     chosen = scene.choices
     count = round((chosen.last - chosen.first) / chosen.step)
     azimuth = np.linspace(chosen.first, chosen.first + count * chosen.step, count + 1)
@@ -148,7 +148,7 @@ def popping(scene: TurnedVolume, resample: Resampler) -> Curve:
 
 
 def summarised(curves: Mapping[str, Curve]) -> dict[str, dict[str, float]]:
-    """Largest jump of each order, where it is, and how far axis-sheets jump beside it."""
+    """Return each order's largest jump and its angle, and the ratio to that of axis-sheets."""
     reference = float(curves["axis-sheets"].rms.max())
     return {
         name: {
@@ -163,7 +163,7 @@ def summarised(curves: Mapping[str, Curve]) -> dict[str, dict[str, float]]:
 
 
 def _screen(rgba: Floats) -> Floats:
-    """Gray levels that a screen shows, not rounded."""
+    """Return displayed gray levels, not rounded."""
     return np.asarray(LEVELS * shown(rgba), np.float32)
 
 

@@ -1,4 +1,4 @@
-"""Figures and their numbers as files, which appear whole or not at all."""
+"""Write figures and their numbers atomically."""
 
 import csv
 from collections.abc import Mapping, Sequence
@@ -16,7 +16,7 @@ Row = Mapping[str, object]
 
 
 def drawing(width: float, height: float) -> "Figure":
-    """Empty figure of that size in inches, for `save`."""
+    """Return an empty figure of this size in inches, for `save`."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -38,7 +38,7 @@ def save(figure: "Figure", path: Path) -> None:
 
 
 def write_numbers(folder: Path, name: str, rows: Sequence[Row], facts: Mapping[str, Any]) -> None:
-    """Write what a figure shows as numbers.
+    """Write the numbers of a figure.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def write_numbers(folder: Path, name: str, rows: Sequence[Row], facts: Mapping[s
     rows
         Columns are all keys in the order in which they first occur; None is left empty.
     facts
-        What the rows cannot say.
+        Facts that do not belong to a row.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Axes, box, orientation cube and scale bar, drawn into a picture of a volume."""
+"""Draw axes, box, orientation cube and scale bar into a picture of a volume."""
 
 import math
 from dataclasses import dataclass
@@ -21,14 +21,14 @@ from resample_volume.voxels.framing import Shifted, centered, corners
 COLORS = ((0.75, 0.05, 0.04), (0.05, 0.5, 0.06), (0.08, 0.2, 0.9))  # of x, y and z, linear
 GRAY = (0.4, 0.4, 0.4)  # of the box, on black as on white
 BAR = 0.22  # of the picture's width, at most
-HIDDEN = 0.5  # opacity of what is in front of a name that is left out
+HIDDEN = 0.5  # opacity in front of a label from which it is left out
 CUBE = 0.2  # of the picture's shorter side
 MARGIN = 0.03  # likewise
 
 
 @dataclass(frozen=True)
 class Annotations:
-    """What is drawn beside a volume.
+    """Annotations of a volume.
 
     Examples
     --------
@@ -39,13 +39,13 @@ class Annotations:
 
     axes: bool = True  # lines along the scene's x, y and z, from the least corner of the box
     box: bool = True  # edges of the box around the volume
-    cube: bool = True  # where axes point: with a patient's directions if the file told them
-    scale_bar: bool = True  # a length, in perspective at the depth of the volume's middle
-    is_dark: bool = False  # letters and bars are, as bright backgrounds need it
+    cube: bool = True  # orientation of the axes: with a patient's directions if the file has them
+    scale_bar: bool = True  # a length, in perspective at the depth of the volume's center
+    is_dark: bool = False  # dark letters and bars, for bright backgrounds
 
     @property
     def is_any(self) -> bool:
-        """Whether there is something to draw."""
+        """Whether there is anything to draw."""
         return self.axes or self.box or self.cube or self.scale_bar
 
 
@@ -60,20 +60,20 @@ def annotate(
     *,
     appearance: Appearance | str = "auto",
 ) -> Frame:
-    """Picture of a volume with its axes, box, an orientation cube and a scale bar.
+    """Draw axes, box, an orientation cube and a scale bar into a picture of a volume.
 
     Parameters
     ----------
     frame
-        What `render` gave; not changed.
+        From `render`; not changed.
     camera
-        As it was given to `render`.
+        As passed to `render`.
     volume
-        That was rendered.
+        The rendered volume.
     shown
-        What is drawn; what is in front of lines hides them.
+        Which annotations to draw; hidden lines are removed.
     appearance
-        As it was given to `render`; a camera around the volume depends on it.
+        As passed to `render`; an orbiting camera depends on it.
 
     Raises
     ------
@@ -102,7 +102,7 @@ def annotate(
 
 
 def annotated(frame: Frame, camera: AnyCamera, volume: Volume, given: Annotations) -> Frame:
-    """Picture with annotations; camera and volume are of one scene."""
+    """Return the picture with annotations; camera and volume share a scene."""
     view, corner = camera.view(), corners(volume)
     size = type_size(*frame.depth.shape)
     lines = _box(corner, size / 12) if given.box else []
@@ -119,13 +119,13 @@ def annotated(frame: Frame, camera: AnyCamera, volume: Volume, given: Annotation
 
 
 def _box(corner: Doubles, width: float) -> list[Stroke]:
-    """Edges: corners whose numbers differ in one bit."""
+    """Yield the edges of the box: corners whose numbers differ in one bit."""
     pairs = [(n, n | bit) for n in range(8) for bit in (1, 2, 4) if not n & bit]
     return [Stroke(corner[list(pair)], GRAY, width) for pair in pairs]
 
 
 def _arms(corner: Doubles, width: float) -> list[Stroke]:
-    """Axes of the scene, as long as the box is along them."""
+    """Yield the scene's axes, as long as the box."""
     start, extent = corner[corner.sum(axis=1).argmin()], np.ptp(corner, axis=0)
     ends = [np.stack([start, start + extent * np.eye(3)[axis]]) for axis in range(3)]
     return [Stroke(*given, width) for given in zip(ends, COLORS, strict=True)]
@@ -134,7 +134,7 @@ def _arms(corner: Doubles, width: float) -> list[Stroke]:
 def _name_arm(
     rgba: Floats, frame: Frame, view: View, arm: Stroke, name: str, given: Annotations
 ) -> None:
-    """Put an axis' name beyond its end, unless the picture hides that."""
+    """Draw an axis' name beyond its end, unless that is occluded."""
     end = arm.ends[1] + 0.06 * (arm.ends[1] - arm.ends[0])
     place = view.rotation @ end + view.translation
     if view.perspective and place[2] <= view.near:
@@ -148,7 +148,7 @@ def _name_arm(
 
 
 def _is_hidden(frame: Frame, spot: Doubles, depth: float) -> bool:
-    """Whether what is at a place of the screen, px, at a depth is mostly behind the picture."""
+    """Return whether a point on the screen, px, is mostly occluded at its depth."""
     column, row = np.floor(spot).astype(int)
     height, width = frame.depth.shape
     if not (0 <= row < height and 0 <= column < width):
@@ -157,7 +157,7 @@ def _is_hidden(frame: Frame, spot: Doubles, depth: float) -> bool:
 
 
 def _put_cube(rgba: Floats, view: View, names: tuple[str, ...]) -> None:
-    """Put an orientation cube into the lower left corner."""
+    """Draw an orientation cube in the lower left corner."""
     shorter = min(rgba.shape[:2])
     side, margin = max(16, round(CUBE * shorter)), round(MARGIN * shorter / 2)
     cube = cube_picture(view.rotation, side, names)
@@ -169,7 +169,7 @@ def _put_cube(rgba: Floats, view: View, names: tuple[str, ...]) -> None:
 
 
 def _per_unit(frame: Frame, view: View, middle: Doubles) -> float:
-    """Px per scene unit in the volume's middle, or where what is seen is if that is behind us."""
+    """Return px per scene unit at the volume's center, or at what is visible if that is behind."""
     if not view.perspective:
         return float(view.focal[0])
     depth = float(view.rotation[2] @ middle + view.translation[2])
@@ -180,13 +180,13 @@ def _per_unit(frame: Frame, view: View, middle: Doubles) -> float:
 
 
 def round_length(most: float) -> float:
-    """Greatest of 1, 2, 5, 10, ... that is at most so long."""
+    """Return the greatest of 1, 2, 5, 10, ... that is at most this long."""
     power = 10.0 ** math.floor(math.log10(most))
     return max(step * power for step in (1, 2, 5) if step * power <= most * (1 + 1e-9))
 
 
 def _put_bar(rgba: Floats, per_unit: float, volume: Volume, given: Annotations) -> None:
-    """Put a scale bar into the lower right corner, with its length above."""
+    """Draw a scale bar in the lower right corner, with its length above."""
     height, width = rgba.shape[:2]
     size = type_size(height, width)
     if not per_unit > 0:

@@ -1,4 +1,4 @@
-"""An orientation cube: which way the scene's axes point, or a patient's."""
+"""Draw an orientation cube of the scene's or a patient's axes."""
 
 import numpy as np
 
@@ -6,15 +6,15 @@ from resample.types import Doubles, Floats
 from resample_volume.space.text import letters
 
 AXES = ("+X", "-X", "+Y", "-Y", "+Z", "-Z")
-PATIENT = ("L", "R", "P", "A", "S", "I")  # what the axes of LPS point to
+PATIENT = ("L", "R", "P", "A", "S", "I")  # directions of the LPS axes
 FINE = 4  # sub-pixels per side of a pixel
-TYPE = 96  # px, of letters before they are laid on a face
-RIM = 0.07  # of half a side, that is dark
-REACH = 1.75  # half sides, from the middle of the cube to its farthest corner
+TYPE = 96  # px, of letters before they are mapped to a face
+RIM = 0.07  # dark border, of half a side
+REACH = 1.75  # half sides, from the cube's center to its corners
 
 
 def cube_picture(rotation: Doubles, side: int, names: tuple[str, ...] = AXES) -> Floats:
-    """Picture (S, S, 4) of a cube with a letter on each face, premultiplied, linear.
+    """Draw a cube with a letter on each face (S, S, 4), premultiplied, linear.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def _draw(fine: Doubles, screen: Doubles, rotation: Doubles, normal: Doubles, na
 
 
 def _ink(name: str, local: Doubles) -> Doubles:
-    """Share of ink at places on a face."""
+    """Return the coverage by ink at points on a face."""
     mask = letters(name, TYPE)
     height, width = mask.shape
     scale = max(width / 1.5, height / 1.1)  # px of letters per half side

@@ -1,8 +1,8 @@
-"""Lines in a painted scene, hidden by what is in front of them.
+"""Draw lines into a painted scene, with occlusion.
 
-A pixel knows where its light begins and the mean depth that it comes from. What it shows is taken
-for a medium that thickens smoothly from there to as far behind the mean: a line in it is behind a
-share of it, and before the rest.
+A pixel has the depth where its light begins and the mean depth of its light. Its content is
+modelled as a medium that extends smoothly from there to as far behind the mean: part of it occludes
+a line, and the rest lies behind.
 """
 
 import math
@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from resample.engine.over import VISIBLE
 from resample.types import Doubles, Frame, View
 
-LEAST_DEPTH = 1e-6  # of a line's length, before which it is cut in perspective
+LEAST_DEPTH = 1e-6  # fraction of a line's length: nearer parts are cut off in perspective
 
 
 class Stroke(NamedTuple):
-    """A straight line between two places."""
+    """A straight line between two points."""
 
     ends: Doubles  # (2, 3) scene units
     color: tuple[float, float, float]  # linear
@@ -27,7 +27,7 @@ class Stroke(NamedTuple):
 
 
 class _Marks(NamedTuple):
-    """What lines leave on pixels."""
+    """Contributions of lines to pixels."""
 
     pixel: NDArray[np.int64]  # (N,) row × width + column
     depth: Doubles
@@ -35,14 +35,14 @@ class _Marks(NamedTuple):
 
 
 def with_lines(frame: Frame, view: View, lines: Sequence[Stroke]) -> Frame:
-    """Picture with lines in its scene; its values stay those of what was painted.
+    """Draw lines into the scene of a picture; its values are unchanged.
 
     Parameters
     ----------
     frame
         Not changed.
     view
-        Camera that it was painted by.
+        Its camera.
     lines
         In the scene.
     """
@@ -57,7 +57,7 @@ def with_lines(frame: Frame, view: View, lines: Sequence[Stroke]) -> Frame:
 
 
 def _marks(line: Stroke, view: View, size: tuple[int, int]) -> Iterator[_Marks]:
-    """What a line leaves on pixels, one mark each."""
+    """Return a line's contributions, one per pixel."""
     ends = line.ends @ view.rotation.T + view.translation
     if view.perspective:
         least = max(view.near, LEAST_DEPTH * float(np.linalg.norm(ends[1] - ends[0])))
@@ -84,7 +84,7 @@ def _marks(line: Stroke, view: View, size: tuple[int, int]) -> Iterator[_Marks]:
 
 
 def _cut(ends: Doubles, near: float) -> Doubles:
-    """Part of a line (2, 3) behind a plane of one depth; (0, 3) if there is none."""
+    """Clip a line (2, 3) to what is behind a depth; (0, 3) if nothing is."""
     depth = ends[:, 2]
     if depth.max() <= near:
         return ends[:0]
@@ -99,7 +99,7 @@ def _cut(ends: Doubles, near: float) -> Doubles:
 def _near(
     spot: Doubles, width: float, size: tuple[int, int]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows and columns of the pixels near a line (2, 2) on the screen."""
+    """Return rows and columns of the pixels near a line (2, 2) on the screen."""
     way = spot[1] - spot[0]
     major = int(abs(way[1]) > abs(way[0]))
     reach, count = width / 2 + 1, (size[1], size[0])
@@ -117,7 +117,7 @@ def _near(
 
 
 def _composited(frame: Frame, marks: _Marks) -> Frame:
-    """Picture with marks, which are sorted by pixels and, there, from back to front."""
+    """Composite marks, sorted by pixel and, within one, from back to front."""
     pixel, start = np.unique(marks.pixel, return_index=True)
     count = np.diff(np.append(start, marks.pixel.size))
     rgba = frame.rgba.reshape(-1, 4)[pixel].astype(np.float64)
@@ -125,7 +125,7 @@ def _composited(frame: Frame, marks: _Marks) -> Frame:
         part.reshape(-1)[pixel].astype(np.float64) for part in (frame.depth, frame.first_depth)
     )
     sent = np.zeros((pixel.size, 5))  # premultiplied light, opacity, opacity × depth
-    behind = np.ones(pixel.size)  # share of the medium that is in front of what was sent so far
+    behind = np.ones(pixel.size)  # share of the medium in front of what was composited so far
     for turn in range(int(count.max())):
         some = np.flatnonzero(count > turn)
         mark = start[some] + turn
@@ -152,7 +152,7 @@ def _composited(frame: Frame, marks: _Marks) -> Frame:
 
 
 def _share(depth: Doubles, first: Doubles, mean: Doubles) -> Doubles:
-    """Share of what a pixel shows that is in front of a depth."""
+    """Return the share of a pixel's medium in front of a depth."""
     known = np.isfinite(first) & np.isfinite(mean)
     begin, middle = np.where(known, first, 0.0), np.where(known, mean, 0.0)
     extent = np.maximum(2 * (middle - begin), 1e-6 * np.abs(middle) + 1e-30)
@@ -161,7 +161,7 @@ def _share(depth: Doubles, first: Doubles, mean: Doubles) -> Doubles:
 
 
 def _medium(rgba: Doubles, depth: Doubles, share: Doubles) -> Doubles:
-    """A share of what pixels show, as light with depth (N, 5)."""
+    """Return a share of the pixels' medium, as light with depth (N, 5)."""
     whole = rgba[:, 3]
     alpha = 1 - (1 - np.minimum(whole, 1.0)) ** share
     part = np.divide(alpha, whole, out=share.copy(), where=whole > 0)

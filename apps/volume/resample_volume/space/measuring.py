@@ -1,4 +1,4 @@
-"""Distances and angles between places in a volume's scene."""
+"""Distances and angles between points in a volume's scene."""
 
 from itertools import pairwise
 from typing import NamedTuple
@@ -10,37 +10,37 @@ from resample.types import Doubles
 from resample_volume.picking import Picked
 from resample_volume.types import Volume
 
-MILLIMETRES = "lps"  # of the spaces that files tell, the one whose unit is known
+MILLIMETRES = "lps"  # the one space of files whose unit is known
 
 
 class Measured(NamedTuple):
-    """What lies between places."""
+    """Distance and angle between points."""
 
-    distance: float  # scene units, from the first place to the last by the one between them
-    angle: float | None  # degrees 0 to 180 at the second of three places; None: of two
-    unit: str  # of the distance: mm, or empty where the file does not tell it
+    distance: float  # scene units, from the first point via the second to the last
+    angle: float | None  # degrees 0 to 180 at the second of three points; None for two
+    unit: str  # of the distance: mm, or empty if unknown
 
 
 def unit_of_space(volume: Volume) -> str:
-    """Name of a volume's scene units; empty where it is not known."""
+    """Return the name of a volume's scene units; empty if unknown."""
     return "mm" if volume.space == MILLIMETRES else ""
 
 
 def measure(*places: Picked | ArrayLike, volume: Volume | None = None) -> Measured:
-    """Distance of two places, or way along three and the angle at the second.
+    """Measure the distance of two points, or the path along three and the angle at the second.
 
     Parameters
     ----------
     places
-        Two or three, as `Scene.pick` gives them or (3,) scene units. A voxel's place is its
-        center, so a picked distance is true to a voxel.
+        Two or three points, from `Scene.pick` or (3,) scene units. A picked point is its voxel's
+        center, so picked distances are accurate to a voxel.
     volume
-        Tells the unit.
+        Gives the unit.
 
     Raises
     ------
     ValueError
-        There are more or fewer places, or one is none; or two of three are the same.
+        There are more or fewer points, one is invalid, or two of three coincide.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""A volume in slabs of depth, each painted by itself: what a deep picture holds."""
+"""Deep pictures: a volume painted in slabs of depth."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -18,13 +18,13 @@ from resample_volume.voxels.framing import corners
 Painter = Callable[[AnyCamera], Frame]
 
 MOST = 1024
-LEAST = 1e-4  # transmittance that something is seen through
-BESIDE = 1e-6  # share of the depths that is added at both ends
+LEAST = 1e-4  # transmittance below which nothing behind counts as visible
+BESIDE = 1e-6  # fraction of the depth range added at both ends
 
 
 @dataclass(frozen=True, eq=False)
 class Sliced:
-    """A camera that sees nothing outside of two depths."""
+    """A camera clipped to a range of depths."""
 
     camera: AnyCamera
     near: float
@@ -36,7 +36,7 @@ class Sliced:
 
 
 def check_slabs(count: int, resampler: Resampler) -> None:
-    """Refuse slabs that would not add up to the picture."""
+    """Reject slabs that would not composite to the picture."""
     if not 1 <= count <= MOST:
         raise ValueError(f"{count} slabs of a deep picture; give 1 to {MOST}")
     if resampler.projection in MEASURING:
@@ -47,13 +47,13 @@ def check_slabs(count: int, resampler: Resampler) -> None:
 
 
 def boxed(shown: Iterable[Medium], subject: Subject) -> Doubles:
-    """Places (N, 3) that all which is seen lies between, in the subject's scene."""
+    """Return the corners (N, 3) of a box around everything visible, in the subject's scene."""
     ends = [corners(subject.placed(volume)) for volume, _ in shown]
     return np.concatenate([*ends, subject.mesh.corner])
 
 
 def depths(camera: AnyCamera, places: Doubles, count: int) -> Doubles:
-    """Depths (count + 1,) of the planes between slabs, around places (N, 3)."""
+    """Return depths (count + 1,) of the planes between slabs, around points (N, 3)."""
     view = camera.view()
     depth = places @ view.rotation[2] + view.translation[2]
     slack = BESIDE * float(np.abs(depth).max())
@@ -62,7 +62,7 @@ def depths(camera: AnyCamera, places: Doubles, count: int) -> Doubles:
 
 
 def write_slabs(path: Path, count: int, paint: Painter, camera: AnyCamera, places: Doubles) -> None:
-    """Write a deep picture of so many slabs; parameters as of `slabs` and `depths`.
+    """Write a deep picture of `count` slabs; parameters as of `slabs` and `depths`.
 
     Raises
     ------
@@ -73,18 +73,18 @@ def write_slabs(path: Path, count: int, paint: Painter, camera: AnyCamera, place
 
 
 def slabs(paint: Painter, camera: AnyCamera, planes: Doubles) -> Iterator[Slab]:
-    """Slabs from the nearest on, which over each other are the picture up to each one's end.
+    """Yield slabs front to back that composite to the picture up to each one's far plane.
 
-    A pixel's mean over what several slabs let through is not the product of their means: where an
-    edge runs through slabs, these painted alone would hide too much. So a slab is what the picture
-    up to its end shows more than that up to its beginning.
+    A pixel's mean transmittance of several slabs is not the product of their means: where an edge
+    runs through slabs painted separately, they would occlude too much. So a slab is the difference
+    of the pictures up to its far and its near plane.
 
     Parameters
     ----------
     paint
-        Picture that a camera sees.
+        Paints a picture for a camera.
     camera
-        Of the whole.
+        Of the whole picture.
     planes
         Depths between slabs, from `depths`.
     """

@@ -1,16 +1,16 @@
-"""Letters as shares of pixels, and on pictures of any background."""
+"""Text as pixel coverage, and drawn on pictures of any background."""
 
 import numpy as np
 
 from resample.types import Floats
 
-FONT = "DejaVu Sans"  # matplotlib brings it along
-LIGHT, DARK = 0.9, 0.02  # linear gray of letters and bars, and of what is around them
+FONT = "DejaVu Sans"  # part of matplotlib
+LIGHT, DARK = 0.9, 0.02  # linear gray of letters and bars, and of their outline
 AROUND = 1  # px
 
 
 def letters(text: str, size: int) -> Floats:
-    """Share (h, w) of each pixel that a line of text covers; `size` is that of its type in px."""
+    """Return the pixel coverage (h, w) of a line of text; `size` is its font size in px."""
     from matplotlib.font_manager import findfont
     from matplotlib.ft2font import FT2Font
 
@@ -22,14 +22,14 @@ def letters(text: str, size: int) -> Floats:
 
 
 def type_size(height: int, width: int) -> int:
-    """Size of type for a picture, px."""
+    """Return the font size for a picture, px."""
     return max(9, round(0.035 * min(height, width)))
 
 
 def put_mask(rgba: Floats, mask: Floats, left: int, top: int, *, is_dark: bool = False) -> None:
-    """Put light letters or bars with a dark rim on a premultiplied picture, or the other way.
+    """Draw light letters or bars with a dark outline on a premultiplied picture, or vice versa.
 
-    They are cut at its edges.
+    They are clipped at its edges.
     """
     from scipy.ndimage import grey_dilation
 
@@ -43,7 +43,7 @@ def put_mask(rgba: Floats, mask: Floats, left: int, top: int, *, is_dark: bool =
 def cover(
     rgba: Floats, share: Floats, color: tuple[float, float, float], left: int, top: int
 ) -> None:
-    """Put a color over a part of a premultiplied picture by shares (h, w) of its pixels."""
+    """Composite a color over a part of a premultiplied picture by pixel coverage (h, w)."""
     height, width = share.shape
     part = rgba[max(0, top) : max(0, top + height), max(0, left) : max(0, left + width)]
     shown = share[max(0, -top) :, max(0, -left) :][: part.shape[0], : part.shape[1]]

@@ -1,4 +1,4 @@
-"""Planes in a volume that show its values as they are, in a window of their own."""
+"""Planes in a volume that show unshaded values, with their own window."""
 
 import math
 from dataclasses import dataclass, replace
@@ -19,11 +19,11 @@ from resample_volume.voxels.visible import lattice_of
 AXES = "xyz"
 KEYS = ("window", "colors", "opacity")
 FORM = (
-    "give a voxel's number along an axis (z=40) or a share of its extent (x=50%), or a normal and "
-    "how far from the middle along it as clip has them (1/0/-1/20); and after a colon window, "
-    "colors and opacity, as in z=40:window=40/400,colors=gray,opacity=0.5"
+    "give a voxel's index along an axis (z=40) or a percentage of its extent (x=50%), or a "
+    "normal and an offset from the center along it, as for clip (1/0/-1/20); and after a colon "
+    "window, colors and opacity, as in z=40:window=40/400,colors=gray,opacity=0.5"
 )
-WINDOW = "give a center and a width, 40/400, or the values of both ends, -160..240"
+WINDOW = "give a center and a width, 40/400, or both end values, -160..240"
 GRAY = from_points([(0.0, (0.0,) * 3, 1.0), (1.0, (1.0,) * 3, 1.0)], normalized=True)
 UNIT = Volume(np.zeros((1, 1, 1)), np.ones(3), np.zeros(3), np.eye(3), "")
 Where = str | tuple[float, float, float, float]
@@ -31,7 +31,7 @@ Where = str | tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class ImagePlane:
-    """A plane that shows the values of the volume where it is.
+    """A plane that shows the volume's values on it.
 
     Examples
     --------
@@ -43,8 +43,10 @@ class ImagePlane:
     # x=50%, z=40 or as `clip`; or a scene's plane n·p = d as four numbers, the last d, whose window
     # is on the volume's scale
     where: Where
-    window: tuple[float, float] | None = None  # values of the ends of colors; None: robust range
-    colors: str = "gray"  # evenly from black to white as displayed; or a matplotlib colormap
+    window: tuple[float, float] | None = (
+        None  # values at both ends of the colors; None: robust range
+    )
+    colors: str = "gray"  # gray: linear in displayed levels; or a matplotlib colormap
     opacity: float = 1.0
 
     def __post_init__(self) -> None:
@@ -60,19 +62,19 @@ class ImagePlane:
 
     @property
     def numbers(self) -> tuple[float, float, float, float]:
-        """Normal and distance of a settled plane."""
+        """Return normal and distance of a settled plane."""
         if isinstance(self.where, str):
-            raise TypeError(f"the plane {self.where} is one of a volume; settle it first")
+            raise TypeError(f"the plane {self.where} is relative to a volume; settle it first")
         return self.where
 
     @property
     def palette(self) -> TransferFunction:
-        """Colors of values, of fractions of the window."""
+        """Return the colors of values, by fractions of the window."""
         return GRAY if self.colors == "gray" else colormap(self.colors)
 
     @classmethod
     def of(cls, text: str) -> "ImagePlane":
-        """Plane of `z=40`, `x=50%:window=40/400,colors=viridis,opacity=0.5`, `1/0/-1/20`...
+        """Parse `z=40`, `x=50%:window=40/400,colors=viridis,opacity=0.5`, `1/0/-1/20`...
 
         Raises
         ------
@@ -86,7 +88,7 @@ class ImagePlane:
         return cls(where, window, choices.get("colors", "gray"), opacity)
 
     def within(self, span: tuple[float, float]) -> "ImagePlane":
-        """The same plane, with a window of this least and greatest value if it has none."""
+        """Return the plane with this window, if it has none."""
         low, high = span
         if self.window is not None:
             return self
@@ -94,15 +96,15 @@ class ImagePlane:
 
 
 class _Place(NamedTuple):
-    """Where a plane across an axis is."""
+    """Place of a plane perpendicular to an axis."""
 
     axis: int  # 0: x
     number: float
-    is_share: bool  # percent of the extent, else voxels
+    is_share: bool  # whether in percent of the extent, otherwise in voxels
 
 
 def _check_place(where: str) -> None:
-    """Refuse what is no plane of any volume."""
+    """Reject what is not a plane of any volume."""
     if where[:1].isdigit() or where[:1] in ("-", "+", "."):
         planes(UNIT, None, (where,), "plane")
     elif _place(where) is None:
@@ -110,7 +112,7 @@ def _check_place(where: str) -> None:
 
 
 def _place(where: str) -> _Place | None:
-    """Place of a plane across an axis; None if this is none."""
+    """Parse the place of a plane perpendicular to an axis; None if it is not one."""
     axis, _, text = where.partition("=")
     is_share = text.endswith("%")
     try:
@@ -123,7 +125,7 @@ def _place(where: str) -> _Place | None:
 
 
 def _window(text: str) -> tuple[float, float]:
-    """Values of both ends."""
+    """Parse a window to its end values."""
     by_ends = ".." in text
     try:
         one, two = (float(part) for part in text.split(".." if by_ends else "/"))
@@ -133,19 +135,19 @@ def _window(text: str) -> tuple[float, float]:
 
 
 def settled(plane: ImagePlane, volume: Volume) -> ImagePlane:
-    """The same plane, in the scene's own units and with its window.
+    """Return the plane in scene units, with its window resolved.
 
     Parameters
     ----------
     plane
-        Wherever it is.
+        Any.
     volume
-        Which it shows, without padding.
+        The volume that it shows, without padding.
 
     Raises
     ------
     ValueError
-        The plane is beside the volume.
+        The plane misses the volume.
     """
     where, by = plane.where, scale_named(volume.scale)
     if plane.window is None:
@@ -156,12 +158,12 @@ def settled(plane: ImagePlane, volume: Volume) -> ImagePlane:
     if isinstance(where, str):
         where = _across(volume, where) if where[0] in AXES else _oblique(volume, where)
         if not len(outline(volume, where)):
-            raise ValueError(f"plane {plane.where!r} is beside {volume.name}; {FORM}")
+            raise ValueError(f"plane {plane.where!r} misses {volume.name}; {FORM}")
     return replace(plane, where=where)
 
 
 def _across(volume: Volume, where: str) -> tuple[float, float, float, float]:
-    """Plane across an axis of voxels."""
+    """Return a plane perpendicular to an axis of voxels."""
     place = _place(where)
     if place is None:
         raise ValueError(f"plane {where!r}; {FORM}")
@@ -169,7 +171,7 @@ def _across(volume: Volume, where: str) -> tuple[float, float, float, float]:
     number = place.number / 100 * count - 0.5 if place.is_share else place.number
     if not -0.5 <= number <= count - 0.5:
         raise ValueError(
-            f"plane {where!r} is beside {volume.name}, which has {count} voxels along "
+            f"plane {where!r} misses {volume.name}, which has {count} voxels along "
             f"{AXES[place.axis]}; give 0 to {count - 1}, or 0% to 100%"
         )
     row = np.linalg.inv(lattice_of(volume))[place.axis]
@@ -177,7 +179,7 @@ def _across(volume: Volume, where: str) -> tuple[float, float, float, float]:
 
 
 def _oblique(volume: Volume, where: str) -> tuple[float, float, float, float]:
-    """Plane as a clipping plane is."""
+    """Return a plane given like a clip plane."""
     ((x, y, z, distance),) = planes(volume, None, (where,), "plane")
     return _plane(np.array([x, y, z]), -distance)
 
@@ -189,7 +191,7 @@ def _plane(normal: Doubles, distance: float) -> tuple[float, float, float, float
 
 
 def outline(volume: Volume, where: tuple[float, float, float, float]) -> Doubles:
-    """Corners (N, 3) of what of a plane is in a volume, in their order; voxels along x, y, z."""
+    """Return the polygon (N, 3) in which a plane cuts a volume; voxels along x, y, z."""
     lattice = lattice_of(volume)
     normal = np.array(where[:3]) @ lattice
     distance = where[3] - float(np.dot(where[:3], volume.origin))

@@ -1,4 +1,4 @@
-"""Surfaces of one value beside the volume, and what they look like."""
+"""Isosurfaces in the scene of a volume, and their look."""
 
 import math
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ FORM = "give a value, and after a colon color and opacity, as in 300:color=ivory
 
 @dataclass(frozen=True)
 class IsoSurface:
-    """Where the field has a value, lit as meshes are.
+    """An isosurface of the field, shaded as meshes are.
 
     Examples
     --------
@@ -32,13 +32,13 @@ class IsoSurface:
             raise ValueError(f"opacity {self.opacity} of a surface; give 0 to 1")
         if find_spec("vtkmodules") is None:
             raise ValueError(
-                f"the surface of {self.value:g} is found by VTK; "
-                "pip install 'hybrid-resample[vtk]', or see it alone by the projection first-hit"
+                f"the surface of {self.value:g} is found by VTK; pip install "
+                "'hybrid-resample[vtk]', or show it alone by the projection first-hit"
             )
 
     @classmethod
     def of(cls, text: str) -> "IsoSurface":
-        """Surface of `300` or `300:color=ivory,opacity=0.5`.
+        """Parse `300` or `300:color=ivory,opacity=0.5`.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Meshes that stand in a volume's scene, read by trimesh."""
+"""Meshes in a volume's scene, read by trimesh."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -16,13 +16,13 @@ from resample.types import NO_TRIANGLES, Doubles, Triangles
 
 SUFFIXES = (".ply", ".obj", ".stl", ".glb")
 GRAY = 0.6  # linear, of a mesh without colors
-SMOOTH = 40.0  # degrees between triangles that are one smooth surface, at most
+SMOOTH = 40.0  # greatest angle between triangles of one smooth surface, degrees
 ALLOWED = "color and opacity, as in stent.ply:color=tomato,opacity=0.5"
 
 
 @dataclass(frozen=True, eq=False)
 class SceneMesh:
-    """Triangles in the volume's own scene.
+    """A triangle mesh in the volume's scene.
 
     Examples
     --------
@@ -52,20 +52,20 @@ def scene_mesh(
     opacity: float = 1.0,
     smooth: float = SMOOTH,
 ) -> SceneMesh:
-    """Mesh of corners (V, 3) and triangles (T, 3) that is smooth where it bends little.
+    """Make a mesh of vertices (V, 3) and triangles (T, 3), smooth where it bends little.
 
     Parameters
     ----------
     corner
-        Places in the volume's scene.
+        Vertices in the volume's scene.
     face
-        Corners of triangles.
+        Indices of the triangles' vertices.
     color
-        Linear RGB of all, or (V, 3) of each corner.
+        Linear RGB, for all or (V, 3) per vertex.
     opacity
         0 to 1.
     smooth
-        Degrees between neighbouring triangles, up to which they share normals.
+        Greatest angle between neighbouring triangles that share normals, degrees.
 
     Examples
     --------
@@ -105,13 +105,13 @@ def scene_mesh(
 
 
 def _same(corner: Doubles) -> NDArray[np.int64]:
-    """For each corner the first one at the same place."""
+    """Return for each vertex the first one at the same point."""
     _, first, back = np.unique(corner, axis=0, return_index=True, return_inverse=True)
     return np.asarray(first[back.reshape(-1)], np.int64)
 
 
 def _normals(mesh: Any, face: NDArray[np.int64], group: NDArray[np.int64]) -> Doubles:
-    """Normals (3 T, 3) of triangles' corners: means over triangles of one group around them."""
+    """Return normals (3 T, 3) of triangles' corners: means over a smoothing group around them."""
     triangle = np.asarray(mesh.triangles, np.float64)
     normal = np.cross(triangle[:, 1] - triangle[:, 0], triangle[:, 2] - triangle[:, 0])
     key = np.stack([face.reshape(-1), np.repeat(group, 3)], axis=1)
@@ -122,7 +122,7 @@ def _normals(mesh: Any, face: NDArray[np.int64], group: NDArray[np.int64]) -> Do
 
 
 def read_mesh(text: str) -> SceneMesh:
-    """Mesh of a file, perhaps with a color and an opacity: stent.ply:color=tomato,opacity=0.5.
+    """Read a mesh, with optional color and opacity: stent.ply:color=tomato,opacity=0.5.
 
     Raises
     ------
@@ -150,7 +150,11 @@ def read_mesh(text: str) -> SceneMesh:
     parts = _geometries(path)
     try:
         made = [_own(part, choices) for part in parts]
-    except (TypeError, LookupError, AttributeError) as error:  # of what trimesh left half done
+    except (
+        TypeError,
+        LookupError,
+        AttributeError,
+    ) as error:  # of objects that trimesh left unfinished
         raise unreadable(str(path), error) from None
     start = np.cumsum([0, *(len(one.corner) for one in made)])
     face = [one.face + first for one, first in zip(made, start[:-1], strict=True)]
@@ -164,7 +168,7 @@ def read_mesh(text: str) -> SceneMesh:
 
 
 def _parsed(text: str) -> tuple[Path, dict[str, str]]:
-    """File and choices."""
+    """Split a text into file and choices."""
     name, colon, tail = text.rpartition(":")
     if not colon or "=" not in tail:
         return Path(text), {}
@@ -174,7 +178,7 @@ def _parsed(text: str) -> tuple[Path, dict[str, str]]:
 def choices_of(
     kind: str, text: str, tail: str, known: Collection[str], form: str
 ) -> dict[str, str]:
-    """Choices `a=b,c=d` by name, of the end of a text about something of a kind.
+    """Parse choices `a=b,c=d` by name.
 
     Raises
     ------
@@ -189,12 +193,12 @@ def choices_of(
 
 
 def chosen_opacity(kind: str, choices: Mapping[str, str]) -> float:
-    """Opacity among choices, else 1.
+    """Return the chosen opacity, by default 1.
 
     Raises
     ------
     ValueError
-        It is no number.
+        It is not a number.
     """
     try:
         return float(choices.get("opacity", "1"))
@@ -203,12 +207,12 @@ def chosen_opacity(kind: str, choices: Mapping[str, str]) -> float:
 
 
 def chosen_color(kind: str, name: str) -> tuple[float, float, float]:
-    """Linear light of a color's name or of #rrggbb.
+    """Return the linear light of a color's name or #rrggbb.
 
     Raises
     ------
     ValueError
-        It is none.
+        It is not a color.
     """
     from resample.console.backgrounds import linear_color
 
@@ -225,7 +229,7 @@ def _geometries(path: Path) -> list[Any]:
     try:
         scene = trimesh.load_scene(plain(path), resolver=trimesh_resolver(path), process=False)
         found = [one for one in scene.dump() if len(getattr(one, "faces", ()))]
-    except Exception as error:  # trimesh and its parsers raise anything at all
+    except Exception as error:  # trimesh and its parsers raise exceptions of any type
         raise unreadable(str(path), error) from None
     if not found:
         raise ValueError(f"{path} holds no triangles")
@@ -233,7 +237,7 @@ def _geometries(path: Path) -> list[Any]:
 
 
 def _own(part: Any, choices: dict[str, str]) -> SceneMesh:
-    """One of trimesh's meshes with the chosen look."""
+    """Convert a mesh of trimesh's, with the chosen look."""
     opacity = chosen_opacity("mesh", choices)
     color: Any = (GRAY, GRAY, GRAY)
     if "color" in choices:
@@ -245,17 +249,17 @@ def _own(part: Any, choices: dict[str, str]) -> SceneMesh:
 
 
 def _colors(part: Any) -> Doubles:
-    """Linear colors (V, 3) of a mesh's corners."""
+    """Return linear colors (V, 3) of a mesh's vertices."""
     from resample.colors import from_srgb
 
-    with np.errstate(invalid="ignore"):  # of places on a texture that are no numbers
+    with np.errstate(invalid="ignore"):  # of NaN texture coordinates
         visual = part.visual.to_color() if part.visual.kind == "texture" else part.visual
     levels = np.asarray(visual.vertex_colors)[:, :3]
     return np.asarray(from_srgb(levels.astype(np.float32) / 255), np.float64)
 
 
 def placed(meshes: tuple[SceneMesh, ...], middle: Doubles) -> Triangles:
-    """All meshes as rays meet them, in a scene whose origin was moved to `middle`."""
+    """Return all meshes for ray casting, in a scene whose origin was moved to `middle`."""
     if not meshes:
         return NO_TRIANGLES
     start = np.cumsum([0, *(len(mesh.corner) for mesh in meshes)])

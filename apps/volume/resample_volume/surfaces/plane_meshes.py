@@ -1,4 +1,4 @@
-"""Image planes as meshes whose corners have the colors of the field's values."""
+"""Convert image planes to meshes with the field's colors at their vertices."""
 
 import math
 
@@ -12,22 +12,22 @@ from resample_volume.types import Volume
 from resample_volume.voxels.gathered import Gathered
 from resample_volume.voxels.tints import PAD
 
-FINEST = 8  # corners per voxel along each axis of a plane, at most
+FINEST = 8  # vertices per voxel along each axis of a plane, at most
 MOST = 1 << 18  # quadrangles of a plane
-CHUNK = 1 << 18  # places whose values are found at a time
+CHUNK = 1 << 18  # points interpolated at a time
 
 
 def plane_mesh(plane: ImagePlane, volume: Volume, field: Gathered) -> SceneMesh:
-    """Mesh without normals, so that colors are seen as they are.
+    """Make a mesh without normals, so that colors are not shaded.
 
     Parameters
     ----------
     plane
         Settled.
     volume
-        It is cut off where this ends, and placed in its scene.
+        Volume that clips the plane, and whose scene it is placed in.
     field
-        Of the volume: what is interpolated as rays see it. Where it is not known is a hole.
+        The volume's field, interpolated as for rays. Missing values leave holes.
     """
     place, face = _grid(outline(volume, plane.numbers))
     face = face[_is_known(field, place[face].mean(axis=1))]
@@ -39,7 +39,7 @@ def plane_mesh(plane: ImagePlane, volume: Volume, field: Gathered) -> SceneMesh:
 
 
 def values_at(field: Gathered, place: Doubles) -> Doubles:
-    """Values (N,) of a field at places (N, 3), voxels along x, y and z, no farther out than 1/2."""
+    """Interpolate a field at points (N, 3), voxels along x, y and z, at most 1/2 outside."""
     from scipy.ndimage import map_coordinates
 
     spline = field.spline
@@ -54,7 +54,7 @@ def values_at(field: Gathered, place: Doubles) -> Doubles:
 
 
 def _is_known(field: Gathered, place: Doubles) -> NDArray[np.bool_]:
-    """Whether the voxels that places (N, 3) are in have values."""
+    """Return whether the voxels that contain points (N, 3) have values."""
     if not field.known.size:
         return np.ones(len(place), bool)
     known = field.known.reshape([count + 2 * PAD for count in field.spline.shape])
@@ -63,7 +63,7 @@ def _is_known(field: Gathered, place: Doubles) -> NDArray[np.bool_]:
 
 
 def _grid(corner: Doubles) -> tuple[Doubles, NDArray[np.int64]]:
-    """Places (V, 3) and triangles (T, 3) that fill a convex polygon (N, 3), voxels."""
+    """Triangulate a convex polygon (N, 3), voxels, by vertices (V, 3) and triangles (T, 3)."""
     if len(corner) == 4 and np.allclose(corner[0] + corner[2], corner[1] + corner[3]):
         first, right, both, down = corner
         patches = [np.array([first, right, down, both])]
@@ -83,13 +83,13 @@ def _grid(corner: Doubles) -> tuple[Doubles, NDArray[np.int64]]:
 
 
 def _per_voxel(patches: list[Doubles]) -> float:
-    """Corners per voxel, so many that all together are not too many."""
+    """Return the vertices per voxel, within the limit of all together."""
     area = sum(math.prod(_lengths(patch)) for patch in patches)
     return min(FINEST, math.sqrt(MOST / max(area, 1e-9)))
 
 
 def _lengths(patch: Doubles) -> tuple[float, float]:
-    """Voxels down and right, where it is longest."""
+    """Return its greatest lengths down and right, voxels."""
     first, right, down, both = patch
     deep = max(np.linalg.norm(down - first), np.linalg.norm(both - right))
     wide = max(np.linalg.norm(right - first), np.linalg.norm(both - down))
@@ -102,7 +102,7 @@ def _steps(patch: Doubles, per: float) -> tuple[int, int]:
 
 
 def _patch(patch: Doubles, steps: tuple[int, int]) -> tuple[Doubles, NDArray[np.int64]]:
-    """Places and triangles between four corners: the first, right, down and both."""
+    """Return vertices and triangles between four corners: first, right, down and both."""
     down, right = (np.linspace(0, 1, count + 1) for count in steps)
     v, u = (part[..., np.newaxis] for part in np.meshgrid(down, right, indexing="ij"))
     place = (1 - v) * ((1 - u) * patch[0] + u * patch[1]) + v * ((1 - u) * patch[2] + u * patch[3])

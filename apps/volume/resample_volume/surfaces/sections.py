@@ -1,4 +1,4 @@
-"""A slab of the scene, somewhere and so thick, outside of which nothing is shown."""
+"""Slabs of the scene outside of which nothing is shown."""
 
 from typing import NamedTuple
 
@@ -7,21 +7,21 @@ import numpy as np
 from resample.types import Doubles
 
 FORM = (
-    "give its center and thickness in scene units along the view, 0 is the volume's middle, and "
-    "perhaps a scene direction instead of the view's: 20/10 or 20/10/0/0/1"
+    "give its center (0 is the volume's center) and thickness in scene units along the view, or "
+    "along a scene direction: 20/10 or 20/10/0/0/1"
 )
 
 
 class Section(NamedTuple):
-    """What lies between two planes."""
+    """The slab between two parallel planes."""
 
-    center: float  # scene units from the volume's middle, along the normal
+    center: float  # scene units from the volume's center, along the normal
     thickness: float  # scene units, > 0
     normal: tuple[float, float, float] | None = None  # scene direction; None: away from the eye
 
     @classmethod
     def of(cls, text: str) -> "Section":
-        """Section of `center/thickness` or `center/thickness/nx/ny/nz`.
+        """Parse `center/thickness` or `center/thickness/nx/ny/nz`.
 
         Raises
         ------
@@ -46,7 +46,7 @@ class Section(NamedTuple):
 
     @property
     def clips(self) -> tuple[str, ...]:
-        """Both planes as `cropping.planes` takes them; none across a view."""
+        """Both planes as `cropping.planes` takes them; none for a slab across the view."""
         if self.normal is None:
             return ()
         near, far = self.center - self.thickness / 2, self.center + self.thickness / 2
@@ -55,12 +55,12 @@ class Section(NamedTuple):
         return f"{toward}/{near!r}", f"{back}/{-far!r}"
 
     def planes(self, forward: Doubles) -> Doubles:
-        """Both planes (2, 4) around the scene's origin, as of `cropping.planes`.
+        """Return both planes (2, 4) around the scene's origin, as `cropping.planes` does.
 
         Parameters
         ----------
         forward
-            (3,) direction of a view, which takes the place of a missing normal.
+            (3,) direction of the view, used if there is no normal.
         """
         normal = np.asarray(forward if self.normal is None else self.normal, np.float64)
         normal = normal / np.abs(normal).max()

@@ -1,4 +1,4 @@
-"""Surfaces of one value as meshes: found by VTK, then moved onto the field as rays see it."""
+"""Isosurfaces as meshes: extracted by VTK, then moved onto the interpolated field."""
 
 from typing import Any
 
@@ -16,30 +16,30 @@ from resample_volume.voxels.fields import check_iso
 from resample_volume.voxels.gathered import Gathered
 from resample_volume.voxels.visible import finite_range, lattice_of
 
-BYTES_PER_VOXEL = 12  # of what VTK is given, and a surface of usual size
-STEP = 1 / 16  # voxels, over which slopes are differences
-FARTHEST = 0.5  # voxels that a corner is moved, at most at a time
-TURNS = 3  # of Newton's, by the slopes that there were at first
+BYTES_PER_VOXEL = 12  # bytes of VTK's input and of a surface of typical size
+STEP = 1 / 16  # voxels, step of the differences for slopes
+FARTHEST = 0.5  # voxels that a vertex moves per step, at most
+TURNS = 3  # Newton steps, with the initial slopes
 
 
 def surface_mesh(surface: IsoSurface, volume: Volume, field: Gathered) -> SceneMesh:
-    """Mesh with the field's slopes as normals, in the volume's scene.
+    """Extract an isosurface as a mesh with the field's gradients as normals.
 
-    Corners lie on the field; the triangles between them are as large as voxels.
+    Vertices lie on the field's isosurface; triangles are about as large as voxels.
 
     Parameters
     ----------
     surface
-        Of which value, and its look.
+        Value and look.
     volume
-        Whose values are known; there is no surface beside missing ones.
+        Volume; there is no surface beside missing values.
     field
-        Of the volume.
+        The volume's field.
 
     Raises
     ------
     ValueError
-        The data do not pass the value, or memory does not hold them.
+        The data do not cross the value, or do not fit in memory.
     """
     by = scale_named(volume.scale)
     value = surface.value if by is None else by.place(surface.value, "surface")
@@ -55,10 +55,10 @@ def surface_mesh(surface: IsoSurface, volume: Volume, field: Gathered) -> SceneM
 
 
 def _corners(values: NDArray[Any], value: float) -> tuple[Doubles, NDArray[np.int64]]:
-    """Corners (V, 3), voxels along x, y, z, and triangles (T, 3) of Flying Edges.
+    """Return vertices (V, 3), voxels along x, y, z, and triangles (T, 3) of Flying Edges.
 
     Schroeder, Maynard and Geveci, Flying Edges: A High-Performance Scalable Isocontouring
-    Algorithm, 2015. The outermost voxels go on for half a voxel, as those of a field do.
+    Algorithm, 2015. The outermost voxels extend by half a voxel, as in a field.
     """
     from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
     from vtkmodules.vtkCommonDataModel import vtkImageData
@@ -87,7 +87,7 @@ def _corners(values: NDArray[Any], value: float) -> tuple[Doubles, NDArray[np.in
 
 
 def _beside_known(padded: NDArray[np.float32], place: Doubles) -> NDArray[np.bool_]:
-    """Whether all eight voxels around places (N, 3) have values."""
+    """Return whether all eight voxels around points (N, 3) have values."""
     x, y, z = np.floor(np.nan_to_num(place) + 1).astype(np.int64).T
     known = np.asarray(np.isfinite(place).all(axis=1))
     for down, along, right in np.ndindex(2, 2, 2):
@@ -96,7 +96,7 @@ def _beside_known(padded: NDArray[np.float32], place: Doubles) -> NDArray[np.boo
 
 
 def _onto(place: Doubles, field: Gathered, value: float) -> tuple[Doubles, Doubles]:
-    """Places on the field's surface near given ones, and its slopes (V, 3) there, per voxel."""
+    """Move points onto the field's isosurface; also return slopes (V, 3), per voxel."""
     place = np.where(np.isfinite(place), place, 0.0)
     last = np.array(field.spline.shape[::-1]) - 0.5
     slope = _slope(place, field, last)
@@ -110,7 +110,7 @@ def _onto(place: Doubles, field: Gathered, value: float) -> tuple[Doubles, Doubl
 
 
 def _slope(place: Doubles, field: Gathered, last: Doubles) -> Doubles:
-    """Slopes (V, 3) of a field, per voxel."""
+    """Return the slopes (V, 3) of a field, per voxel."""
     found = np.empty_like(place)
     for axis in range(3):
         step = STEP * np.eye(3)[axis]

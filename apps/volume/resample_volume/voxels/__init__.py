@@ -1,1 +1,1 @@
-"""From a volume and its look to samples: what is seen of it, and how it is lit."""
+"""Classify and shade voxels: from a volume and its look to samples."""

@@ -1,4 +1,4 @@
-"""Small blocks of a volume: how much is seen of each, and where that is on the screen."""
+"""Small blocks of a volume: their number of visible voxels and their bounds on screen."""
 
 from itertools import product
 from typing import NamedTuple
@@ -13,13 +13,13 @@ from resample_volume.types import Volume
 from resample_volume.voxels.visible import lattice_of
 
 SIDE = 8  # voxels, at least
-MOST = 1 << 18  # blocks; where these would be more, their side is doubled
+MOST = 1 << 18  # blocks at most; otherwise their side is doubled
 
 Indices = NDArray[np.int64]
 
 
 class Lattice(NamedTuple):
-    """How a volume is cut into blocks."""
+    """Partition of a volume into blocks."""
 
     size: Step  # voxels along z, y and x
     side: int  # voxels of a block along each axis
@@ -31,7 +31,7 @@ class Lattice(NamedTuple):
         return z, y, x
 
     def counted(self, place: Indices) -> tuple[Indices, Indices]:
-        """Blocks in which voxels lie, by flat indices, and how many each has."""
+        """Return the blocks that contain voxels, by flat index, and their counts."""
         if not place.size:
             return place, place
         at = np.unravel_index(place, self.size)
@@ -43,20 +43,20 @@ class Lattice(NamedTuple):
         return found + first, count[found]
 
     def asked(self, number: Indices) -> Asked:
-        """Some of the blocks, as bricks know what is asked of them."""
+        """Return a request for some of the blocks, as bricks take it."""
         is_asked = np.zeros(self.blocks, bool)
         is_asked.reshape(-1)[number] = True
         return Asked(self.side, is_asked)
 
 
 def _in_steps(index: Indices, side: int) -> Indices:
-    """Indices (N,) divided by a side, which mostly is a power of two."""
+    """Divide indices (N,) by a side, fast for powers of two."""
     bits = side.bit_length() - 1
     return index >> bits if side == 1 << bits else index // side
 
 
 class Blocks(NamedTuple):
-    """Blocks of a volume that have visible voxels."""
+    """The blocks of a volume with visible voxels."""
 
     lattice: Lattice
     number: Indices  # (N,) flat indices, z slowest
@@ -64,19 +64,19 @@ class Blocks(NamedTuple):
     bounds: Floats  # (N, 4) left, top, right and bottom of their footprints, px
 
     def within(self, window: Window, margin: float) -> NDArray[np.bool_]:
-        """Which blocks (N,) may have part in a window and so many px around it."""
+        """Return which blocks (N,) may be visible in a window with a margin, px."""
         left, top, right, bottom = self.bounds.T
         x0, y0, x1, y1 = window
         is_across = (right >= x0 - margin) & (left <= x1 + margin)
         return np.asarray(is_across & (bottom >= y0 - margin) & (top <= y1 + margin))
 
     def bare(self) -> "Blocks":
-        """Without what is known of each, which windows do not need."""
+        """Return a copy without per-block data that windows do not need."""
         return Blocks(self.lattice, self.number[:0], self.seen[:0], self.bounds[:0])
 
 
 def lattice_for(size: Step) -> Lattice:
-    """Blocks of a volume (Z, Y, X), not too many."""
+    """Partition a volume (Z, Y, X) into a limited number of blocks."""
     lattice = Lattice(size, SIDE)
     while np.prod(lattice.blocks, dtype=float) > MOST:
         lattice = Lattice(size, 2 * lattice.side)
@@ -84,14 +84,14 @@ def lattice_for(size: Step) -> Lattice:
 
 
 def ends_of(lattice: Lattice, index: Indices) -> tuple[Doubles, Doubles]:
-    """First and last voxels (N, 3) of blocks (N,), along x, y and z."""
+    """Return the first and last voxels (N, 3) of blocks (N,), along x, y and z."""
     at = np.stack(np.unravel_index(index, lattice.blocks)[::-1], axis=1)
     low = (at * lattice.side).astype(np.float64)
     return low, np.minimum(low + lattice.side, lattice.size[::-1]) - 1
 
 
 def bounds_of(volume: Volume, lattice: Lattice, index: Indices, reach: float, view: View) -> Floats:
-    """Where blocks are on the screen.
+    """Return the bounds of blocks on the screen.
 
     Parameters
     ----------
@@ -100,15 +100,15 @@ def bounds_of(volume: Volume, lattice: Lattice, index: Indices, reach: float, vi
     lattice, index
         The blocks, (N,) flat.
     reach
-        Of the kernels around voxels, voxels.
+        Radius of the kernels, voxels.
     view
         Of the camera.
 
     Returns
     -------
-    Left, top, right and bottom (N, 4), px, of the boxes around all ellipsoids of voxels in them,
-    which are convex: their corners' projections bound them. Without bounds where a box reaches
-    the near plane.
+    Left, top, right and bottom (N, 4), px, of the boxes around the ellipsoids of all their voxels;
+    a box is convex, so the projections of its corners bound it. Infinite where a box reaches the
+    near plane.
     """
     low, high = ends_of(lattice, index)
     low, high = low - reach, high + reach
@@ -127,10 +127,9 @@ def bounds_of(volume: Volume, lattice: Lattice, index: Indices, reach: float, vi
 
 
 def widened(bounds: Floats, is_mirrored: bool, reach: float) -> Floats:
-    """Bounds (N, 4), px, of what is painted beyond such bounds.
+    """Widen bounds (N, 4), px, to what footprints paint beyond them.
 
-    By so many px, and as far beyond them as they are wide, if footprints reach as far on one side
-    of their center as on the other.
+    By a margin in px, and by their own width if footprints are symmetric about their center.
     """
     low, high = bounds[:, :2], bounds[:, 2:]
     aside = reach + (high - low if is_mirrored else 0)
@@ -138,7 +137,7 @@ def widened(bounds: Floats, is_mirrored: bool, reach: float) -> Floats:
 
 
 def _projected(place: Doubles, view: View) -> Doubles:
-    """Places (N, 3) of a camera's axes on the screen, (N, 2) px; anywhere if not in front."""
+    """Project points (N, 3) in camera axes to (N, 2) px; undefined behind the camera."""
     if not view.perspective:
         return np.asarray(place[:, :2] * view.focal + view.principal)
     depth = np.where(place[:, 2] > 0, place[:, 2], 1.0)[:, np.newaxis]

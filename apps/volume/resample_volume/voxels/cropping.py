@@ -1,4 +1,4 @@
-"""What of a volume is shown: planes from a box of voxels and from planes through its middle."""
+"""Crop and clip a volume: planes of a box of voxels and planes given by normals."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
@@ -17,32 +17,32 @@ if TYPE_CHECKING:
 Kept = TypeVar("Kept", bound="Voxels | FieldVoxels")
 
 CUT = 3.0  # voxels that a cut is thick
-STEEPER = 1e-3  # of the steepest gradient: more than what counts as even
+STEEPER = 1e-3  # of the steepest gradient: above the threshold for homogeneous regions
 
 PER_VOXEL = {"position", "color", "extinction", "value", "gradient", "reached"}
 CROP_FORM = "give ranges of voxels along x, y and z, such as 64:192,:,10:"
-CLIP_FORM = "give a normal, and how far from the middle along it, such as 1/0/-1 or 1/0/-1/20"
+CLIP_FORM = "give a normal, perhaps with an offset from the center, such as 1/0/-1 or 1/0/-1/20"
 
 
 def planes(
     volume: Volume, crop: str | None = None, clip: Sequence[str] = (), name: str = "clip"
 ) -> Doubles:
-    """Planes that bound what is shown.
+    """Return the planes that bound the shown part of a volume.
 
     Parameters
     ----------
     volume
         Gives the lattice, and the scene's units.
     crop
-        Ranges of voxels along x, y and z as NumPy writes them, `64:192,:,10:`: the last is not
-        part of a range, and negative numbers count from the end. Voxel i stands for what is
-        between i - 1/2 and i + 1/2. Where a range ends with the volume, nothing is cut.
+        Ranges of voxels along x, y and z as in NumPy, `64:192,:,10:`: the end is excluded, and
+        negative numbers count from the end. Voxel i extends from i - 1/2 to i + 1/2. A range that
+        ends with the volume cuts nothing there.
     clip
-        Each `nx/ny/nz` or `nx/ny/nz/offset`: a plane through the volume's middle with that normal
-        along the scene's axes, moved by as many scene units along it. What the normal points to
-        is kept.
+        Each `nx/ny/nz` or `nx/ny/nz/offset`: a plane through the volume's center with that normal
+        in scene axes, shifted along it by the offset in scene units. The side that the normal
+        points to is kept.
     name
-        Of the option that the latter are from, for messages.
+        Name of the option that `clip` came from, for messages.
 
     Returns
     -------
@@ -59,7 +59,7 @@ def planes(
 
 
 def inside(position: Floats, lattice: Doubles, planes: Doubles, radius: float) -> NDArray[np.bool_]:
-    """Whether voxels may reach what planes keep, (N,).
+    """Return whether voxels may extend into what planes keep, (N,).
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def inside(position: Floats, lattice: Doubles, planes: Doubles, radius: float) -
     planes
         (M, 4) as from `planes`.
     radius
-        Of the kernels around voxels, voxels.
+        Radius of the kernels, voxels.
     """
     is_near = np.ones(len(position), bool)
     for plane in planes:
@@ -81,14 +81,14 @@ def inside(position: Floats, lattice: Doubles, planes: Doubles, radius: float) -
 
 
 def keep(voxels: Kept, planes: Doubles, radius: float = 2.0) -> Kept:
-    """Voxels without those that are wholly cut away; see `inside`."""
+    """Remove voxels that are wholly cut away; see `inside`."""
     if not len(planes):
         return voxels
     return chosen(voxels, np.flatnonzero(inside(voxels.position, voxels.lattice, planes, radius)))
 
 
 def chosen(voxels: Kept, index: NDArray[np.int64]) -> Kept:
-    """Voxels of the given indices, in their order."""
+    """Return the voxels of the given indices, in their order."""
     of_each = voxels._asdict().keys() & PER_VOXEL
     parts = {name: array[index] for name in of_each if len(array := getattr(voxels, name))}
     those: Kept = voxels._replace(**parts)  # type: ignore[assignment]
@@ -96,21 +96,21 @@ def chosen(voxels: Kept, index: NDArray[np.int64]) -> Kept:
 
 
 def kept_index(voxels: Voxels, planes: Doubles, radius: float) -> NDArray[np.int64]:
-    """Which voxels `keep` keeps."""
+    """Return the indices that `keep` keeps."""
     return np.flatnonzero(inside(voxels.position, voxels.lattice, planes, radius))
 
 
 class Steep(NamedTuple):
-    """Extreme gradients of voxels that planes cut, or of some of them."""
+    """Extreme gradients of voxels cut by planes, or of a part of them."""
 
-    least: Floats  # (3,) components of those that are near no plane; inf if there are none
-    greatest: Floats  # (3,) likewise; -inf
+    least: Floats  # (3,) least components of those away from planes; inf if there are none
+    greatest: Floats  # (3,) greatest; -inf
     near: Floats  # (M, 2) least and greatest length near each plane; inf and -inf
     longest: np.float32  # length
 
     @classmethod
     def of(cls, voxels: Voxels, planes: Doubles) -> "Steep":
-        """Those of voxels with gradients."""
+        """Find those of voxels with gradients."""
         gradient, nothing = voxels.gradient, np.array([np.inf, -np.inf], np.float32)
         near = np.tile(nothing, (len(planes), 1))
         if not len(planes):
@@ -125,7 +125,7 @@ class Steep(NamedTuple):
         return cls(*ends, near, length.max(initial=np.float32(0.0)))
 
     def merged(self, other: "Steep") -> "Steep":
-        """Those of both."""
+        """Merge two parts."""
         near = [np.minimum(self.near[:, 0], other.near[:, 0])]
         near += [np.maximum(self.near[:, 1], other.near[:, 1])]
         return Steep(
@@ -136,7 +136,7 @@ class Steep(NamedTuple):
         )
 
     def components(self, planes: Doubles) -> Floats:
-        """Gradients (N, 3), among them all extreme components of what `faced` makes of them."""
+        """Return gradients (N, 3) that include all extreme components after `faced`."""
         away = np.array([self.least, self.greatest])
         along = np.repeat(planes[:, :3], 2, axis=0)
         length = np.maximum(self.near.reshape(-1), np.float32(STEEPER) * self.longest)
@@ -145,41 +145,41 @@ class Steep(NamedTuple):
         return np.concatenate([away[np.isfinite(away).all(axis=1)], facing]).astype(np.float32)
 
 
-Steeps = tuple[Steep | None, ...]  # of several volumes; None: nothing was seen of one
+Steeps = tuple[Steep | None, ...]  # of several volumes; None: nothing is visible of one
 
 
 def steeps_of(parts: Sequence[Voxels], planes: Doubles) -> Steeps:
-    """Extreme gradients of voxels of several volumes, where they have any."""
+    """Return extreme gradients of voxels of several volumes, where they have any."""
     return tuple(Steep.of(part, planes) if len(part.gradient) else None for part in parts)
 
 
 def merged_steeps(one: Steeps, other: Steeps) -> Steeps:
-    """Those of both."""
+    """Merge two parts."""
     pairs = zip(one, other, strict=True)
     return tuple(b if a is None else a if b is None else a.merged(b) for a, b in pairs)
 
 
 def faced(voxels: Kept, planes: Doubles, longest: np.float32 | None = None) -> Kept:
-    """Voxels whose gradients lead across a cut where they are near one; their lengths stay.
+    """Replace gradients near a cut by the cut's normal, keeping their lengths.
 
-    A cut through even tissue meets noise alone, whose gradients would make it look rough. So it is
-    lit as the plane that it is: Weiskopf, Engel and Ertl, Interactive Clipping Techniques for
+    A cut through homogeneous tissue meets only noise, whose gradients would make it look rough. So
+    it is shaded as a plane: Weiskopf, Engel and Ertl, Interactive Clipping Techniques for
     Texture-Based Volume Visualization and Volume Shading, 2003.
 
     Parameters
     ----------
     voxels
-        With gradients or without.
+        With or without gradients.
     planes
         (M, 4) as from `planes`.
     longest
-        Length of a gradient, where these voxels are not all.
+        Length of the longest gradient, if these voxels are a part.
     """
     if not len(planes) or not len(voxels.gradient):
         return voxels
     normal, (near, nearest) = planes[:, :3], _near(voxels, planes)
     length = np.linalg.norm(voxels.gradient, axis=1)
-    # What is even has no normal of its own.
+    # Homogeneous regions have no normal.
     least = np.float32(STEEPER) * (length.max() if longest is None else longest)
     gradient = voxels.gradient.copy()
     gradient[near] = normal[nearest[near]] * np.maximum(length[near], least)[:, np.newaxis]
@@ -190,7 +190,7 @@ def faced(voxels: Kept, planes: Doubles, longest: np.float32 | None = None) -> K
 def _near(
     voxels: "Voxels | FieldVoxels", planes: Doubles
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Voxels that are near a plane, and of all of them (N,) the nearest one."""
+    """Return the voxels near a plane, and the nearest plane (N,) of each voxel."""
     normal = planes[:, :3]
     away = np.column_stack([along(voxels.position, one) for one in normal]).astype(np.float64)
     away += planes[:, 3]
@@ -199,7 +199,7 @@ def _near(
 
 
 def _box(volume: Volume, text: str) -> list[Doubles]:
-    """Planes of a crop box."""
+    """Return the planes of a crop box."""
     parts = text.split(",")
     if len(parts) != 3:
         raise ValueError(f"crop {text!r}; {CROP_FORM}")
@@ -216,7 +216,7 @@ def _box(volume: Volume, text: str) -> list[Doubles]:
 
 
 def _range(text: str, size: int, where: str) -> tuple[int, int]:
-    """First voxel and the one after the last."""
+    """Parse a range to its first voxel and the one after the last."""
     words = text.split(":")
     try:
         numbers = [int(word) if word.strip() else None for word in words]
@@ -226,7 +226,7 @@ def _range(text: str, size: int, where: str) -> tuple[int, int]:
         only = numbers[0]
         numbers = [only, only + 1 if only != -1 else None]
     if len(numbers) != 2:
-        raise ValueError(f"{where}: {text!r} is no range; {CROP_FORM}")
+        raise ValueError(f"{where}: {text!r} is not a range; {CROP_FORM}")
     start, stop, _ = slice(*numbers).indices(size)
     if start >= stop:
         raise ValueError(f"{where}: {text!r} holds none of the {size} voxels")
@@ -234,12 +234,12 @@ def _range(text: str, size: int, where: str) -> tuple[int, int]:
 
 
 def _side(axis: Doubles, least: float, origin: Doubles) -> Doubles:
-    """Plane on whose inner side an index, the product of `axis` and p - origin, is `least`."""
+    """Return the plane where the index, `axis` times p - origin, is at `least`."""
     return np.append(axis, -axis @ origin - least) / np.linalg.norm(axis)
 
 
 def _plane(volume: Volume, text: str, name: str) -> Doubles:
-    """Plane through the middle of the volume, or beside it."""
+    """Parse a plane through the volume's center, or shifted from it."""
     try:
         numbers = [float(part) for part in text.split("/")]
     except ValueError:

@@ -1,4 +1,4 @@
-"""Voxels whose values are classified after their reconstruction, or projected as they are."""
+"""Voxels of fields: values are interpolated, then classified or projected."""
 
 from typing import NamedTuple
 
@@ -24,11 +24,13 @@ from resample_volume.voxels.visible import (
     unit_of,
 )
 
-COLUMNS = 4096  # of a table of looks; values of integers fall on columns
+COLUMNS = 4096  # columns of a table of looks; integer values fall on columns
 MOST_COLUMNS = 1 << 16
-BEYOND = 64  # values on either side of the robust range whose looks are compared with its ends
+BEYOND = (
+    64  # values beyond each end of the robust range whose looks are compared with those of the ends
+)
 
-# Projections under which a ray may end up with what is seen, or without it; others sum all.
+# Projections under which transparent voxels do not count; others sum all.
 SEEN = (Projection.COMPOSITE, Projection.MAXIMUM, Projection.FIRST_HIT)
 
 UNLIT = Light(ambient=1.0, diffuse=0.0, specular=0.0)
@@ -49,24 +51,24 @@ class FieldVoxels(NamedTuple):
 def field_voxels(
     volume: Volume, transfer: Transfer, resampler: Resampler, gradient: str | None
 ) -> FieldVoxels:
-    """Voxels that a renderer needs to reconstruct what is seen of a volume.
+    """Return the voxels that a renderer needs to interpolate the visible field.
 
     Parameters
     ----------
     volume
-        Any of its types. Values that are missing or infinite are left out.
+        Of any type. Missing and infinite values are left out.
     transfer
         Gives colors and opacities.
     resampler
-        Whose projection is asked for: an X-ray needs values other than 0, a mean all of them, and
-        others what is near something that can be seen.
+        Renderer, for its projection: an X-ray needs values other than 0, a mean all of them, and
+        others those near visible voxels.
     gradient
-        One of `resample_volume.voxels.visible.GRADIENTS`; None where nothing is lit.
+        One of `resample_volume.voxels.visible.GRADIENTS`; None without shading.
 
     Raises
     ------
     ValueError
-        The iso value is none that the data pass, or the voxels do not fit in memory.
+        The data do not cross the iso value, or the voxels do not fit in memory.
     """
     lattice = lattice_of(volume)
     data_range, unit = finite_range(volume.values), unit_of(transfer, volume)
@@ -89,9 +91,9 @@ def field_voxels(
 
 
 def framed(voxels: FieldVoxels, resampler: Resampler) -> FieldVoxels:
-    """Those that can be seen themselves, and do not just change what is seen around them.
+    """Return the voxels that are visible themselves, not only by interpolation.
 
-    What they are around is what a camera looks at. Where none can be, all are given.
+    A camera frames these. If there are none, all are returned.
     """
     looks, iso = voxels.looks, resampler.iso
     if iso is not None:
@@ -112,7 +114,7 @@ def lit_field(
     viewer: Doubles,
     cue: tuple[float, float, float] = (0.0, 1.0, 0.0),
 ) -> Field:
-    """Field that is seen by a light.
+    """Shade a field.
 
     Parameters
     ----------
@@ -123,7 +125,7 @@ def lit_field(
     viewer
         (4,) position and 1, or direction to the viewer and 0; scene axes.
     cue
-        Depths at which light begins and ends to fade, and the share that is taken away there.
+        Depths at which fading begins and ends, and the fraction lost at the end.
     """
     lamp = lamp_of(light or UNLIT, viewer, voxels.gradient)
     classifier = Classifier(*voxels.looks, lamp, *cue)
@@ -131,7 +133,7 @@ def lit_field(
 
 
 def check_iso(iso: float | None, volume: Volume, data_range: tuple[float, float]) -> None:
-    """Refuse a surface of a value that the data do not pass."""
+    """Reject an isosurface of a value that the data do not cross."""
     low, high = data_range
     if iso is not None and not low < iso <= high and np.isfinite(volume.values).any():
         raise ValueError(
@@ -142,7 +144,7 @@ def check_iso(iso: float | None, volume: Volume, data_range: tuple[float, float]
 def range_of_looks(
     volume: Volume, transfer: Transfer, data_range: tuple[float, float]
 ) -> tuple[float, float]:
-    """Range that a table is worth its columns for: without strays, if these look like its ends."""
+    """Return the range of a table of looks: without outliers if these look like its ends."""
     (low, high), (least, greatest) = survey(volume).span, data_range
     if (low, high) == data_range:
         return data_range
@@ -155,7 +157,7 @@ def range_of_looks(
 
 
 def columns_of(volume: Volume, data_range: tuple[float, float]) -> int:
-    """Columns of a table of looks, so many that integers fall on columns."""
+    """Return the number of columns of a table of looks, such that integers fall on columns."""
     span = data_range[1] - data_range[0]
     if volume.values.dtype.kind not in "iu" or not 1 <= span < MOST_COLUMNS:
         return COLUMNS
@@ -163,12 +165,12 @@ def columns_of(volume: Volume, data_range: tuple[float, float]) -> int:
 
 
 def _needed(volume: Volume, looks: Looks, resampler: Resampler) -> Indices:
-    """Flat indices of the voxels that a projection depends on."""
+    """Return flat indices of the voxels that a projection depends on."""
     values, projection = volume.values, resampler.projection
     if projection in SEEN:
         if resampler.iso is not None:
             looks = looks._replace(table=_opaque_from(looks, resampler.iso))
-        # Values are means over a ray's way through a slab, up to √3 times its thickness.
+        # Values are means over a ray's path through a slab, up to √3 times its thickness.
         radius = resampler.reconstruction.radius + resampler.order.thickness
         return reachable(volume, looks, radius)
     needed = np.isfinite(values)
@@ -178,7 +180,7 @@ def _needed(volume: Volume, looks: Looks, resampler: Resampler) -> Indices:
 
 
 def _opaque_from(looks: Looks, value: float) -> Floats:
-    """Table of a function that shows what is at or above a value."""
+    """Return the table of a function that is opaque at and above a value."""
     column = np.linspace(looks.low, looks.high, looks.table.shape[1])
     table = np.zeros_like(looks.table)
     table[..., 3] = column >= value

@@ -1,4 +1,4 @@
-"""Volumes around the scene's origin, and the ball around what of them is visible."""
+"""Center volumes at the scene's origin, and find the bounding sphere of visible voxels."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -21,18 +21,21 @@ from resample_volume.voxels.cropping import inside
 from resample_volume.voxels.visible import finite_range, lattice_of, positions_at
 
 FARTHEST = 1e15  # scene units from the origin; its square, in px, is still a float32
-BYTES_PER_PLACE = 32  # of a voxel, until a ball around all is found
-ROW = 512  # places looked at together
+BYTES_PER_PLACE = 32  # bytes per voxel, until the bounding sphere is found
+ROW = 512  # points processed together
 
-SOME = 64  # one of so many voxels is asked first whether there can be strays
-FEW, STRAY_SHARE = 4, 1e-4  # visible voxels that may be strays at one end of an axis
-STRAY_GAP, STRAY_VOXELS = 0.05, 3.0  # of the extent, and voxels: so far are they from the others
-REACH = 2.0  # voxels, beyond the outermost, that what kernels make of them is seen
+SOME = 64  # stride of the sample that tests first whether there can be outliers
+FEW, STRAY_SHARE = 4, 1e-4  # fraction of visible voxels that may be outliers at one end of an axis
+STRAY_GAP, STRAY_VOXELS = (
+    0.05,
+    3.0,
+)  # distance of outliers from the others: fraction of the extent, and voxels
+REACH = 2.0  # voxels by which kernels extend beyond the outermost voxels
 BINS = 4096  # along an axis
 
 
 class Placed(Protocol):
-    """Role of what lies on a lattice."""
+    """Protocol of anything on a lattice."""
 
     @property
     def position(self) -> Floats:
@@ -44,7 +47,7 @@ class Placed(Protocol):
 
 
 class Shown(NamedTuple):
-    """Voxels that a camera looks at."""
+    """Voxels that a camera frames."""
 
     position: Floats  # (N, 3) scene units
     lattice: Doubles  # (3, 3) columns are the steps to the neighbours, scene units
@@ -53,25 +56,25 @@ class Shown(NamedTuple):
 def shown_by(
     volume: Volume, transfer: Transfer, planes: Doubles, radius: float, iso: float | None = None
 ) -> Shown:
-    """Voxels that are seen when they are composited, whatever is made of them.
+    """Return the voxels that are visible when composited, under any projection.
 
     Parameters
     ----------
     volume
-        Whose voxels.
+        The volume.
     transfer
-        Gives them an opacity.
+        Gives their opacity.
     planes
-        (M, 4) which cut some of them away, as from `cropping.planes`.
+        (M, 4) clip planes, as from `cropping.planes`.
     radius
-        Of the kernels around voxels, voxels.
+        Radius of the kernels, voxels.
     iso
-        What is at or above this value is seen, too.
+        Voxels at or above this value are visible, too.
 
     Raises
     ------
     ValueError
-        They are more than fit in memory.
+        They do not fit in memory.
     """
     data_range = finite_range(volume.values) if transfer.normalized else (0.0, 1.0)
     places, start, count = [], 0, 0
@@ -84,8 +87,8 @@ def shown_by(
         start, count = start + value.size, count + seen.size
         require_memory(
             BYTES_PER_PLACE * count,
-            f"{volume.name}, around whose visible voxels, {count} or more, a camera is to stand,",
-            "place it around the whole (--fit volume), or show less of it",
+            f"a camera around the {count} or more visible voxels of {volume.name}",
+            "fit it to the whole volume (--fit volume), or show less of it",
         )
     shown = Shown(positions_at(volume, np.concatenate(places)), lattice_of(volume))
     if not len(planes):
@@ -95,7 +98,7 @@ def shown_by(
 
 
 def corners(volume: Volume) -> Doubles:
-    """Corners (8, 3) of the box around a volume's voxels, scene units; x changes slowest."""
+    """Return the corners (8, 3) of a volume's box, scene units; x changes slowest."""
     ends = np.stack([np.full(3, -0.5), np.array(volume.values.shape[::-1]) - 0.5])
     index = np.array(
         [[ends[i, 0], ends[j, 1], ends[k, 2]] for i, j, k in product((0, 1), repeat=3)]
@@ -104,21 +107,21 @@ def corners(volume: Volume) -> Doubles:
 
 
 def ball_around(volume: Volume) -> Sphere:
-    """Ball around a volume's voxels, whatever is seen of them."""
+    """Return the bounding sphere of all voxels, visible or not."""
     corner = corners(volume)
     center = corner.mean(axis=0)
     return Sphere(center, float(np.linalg.norm(corner - center, axis=1).max()))
 
 
 def sphere_around(voxels: Placed, volume: Volume) -> Sphere:
-    """Ball around all visible voxels, or around the volume where none is visible.
+    """Return the bounding sphere of the visible voxels, or of the volume if there are none.
 
-    A few that are far away from all others do not count: they would make these small.
+    A few outliers far from all others do not count: they would make the others small.
 
     Raises
     ------
     ValueError
-        It is larger than float32 can reckon with.
+        It is too large for float32.
     """
     voxel = float(np.linalg.norm(voxels.lattice, axis=0).max())
     position = voxels.position
@@ -133,7 +136,7 @@ def sphere_around(voxels: Placed, volume: Volume) -> Sphere:
 def sphere_of(
     low: Doubles, high: Doubles, voxel: float, farthest: Callable[[Doubles], float]
 ) -> Sphere:
-    """Ball around voxels.
+    """Return a bounding sphere of voxels.
 
     Parameters
     ----------
@@ -142,16 +145,16 @@ def sphere_of(
     voxel
         Longest step of the lattice, scene units.
     farthest
-        Gives the distance of the farthest one from a place.
+        Returns the distance of the farthest voxel from a point.
 
     Raises
     ------
     ValueError
-        It is larger than float32 can reckon with.
+        It is too large for float32.
     """
     if not np.abs([low, high]).max() < FARTHEST:
         raise ValueError(
-            f"the volume reaches from {low} to {high} scene units; {FARTHEST:g} is the most, so "
+            f"the volume extends from {low} to {high} scene units; {FARTHEST:g} is the limit, so "
             "give another spacing"
         )
     center = (low + high) / 2
@@ -159,7 +162,7 @@ def sphere_of(
 
 
 def farthest_from(position: Floats, center: Doubles) -> float:
-    """Distance of the farthest of places (N, 3) from one."""
+    """Return the distance of the farthest of points (N, 3) from a point."""
     away = position - center.astype(np.float32)
     return float(np.sqrt(np.einsum("nd,nd->n", away, away).max()))
 
@@ -168,7 +171,7 @@ NO_CORNERS = np.zeros((0, 3))
 
 
 def around_both(ball: Sphere, corner: Doubles) -> Sphere:
-    """Ball around a ball and places (N, 3), which is the same one where these lie in it."""
+    """Enlarge a sphere to contain points (N, 3); unchanged if it contains them."""
     if not corner.size or np.linalg.norm(corner - ball.center, axis=1).max() <= ball.radius:
         return ball
     low = np.minimum(corner.min(axis=0), ball.center - ball.radius)
@@ -185,26 +188,26 @@ def filling(
     size: tuple[int, int],
     corner: Doubles = NO_CORNERS,
 ) -> Orbit:
-    """The same view of a ball, zoomed and panned so that what is seen from there fills a picture.
+    """Zoom and pan an orbit so that everything visible fills the picture.
 
     Parameters
     ----------
     orbit
-        Whose zoom multiplies the one that fills the picture.
+        Its zoom multiplies the one that fills the picture.
     sphere
-        That it goes around.
+        Center of the orbit.
     shown
-        What is seen; strays as of `sphere_around` do not count.
+        Visible voxels; outliers as of `sphere_around` do not count.
     size
         Height and width of the picture, px.
     corner
-        (N, 3) of meshes, which are in the picture, too.
+        (N, 3) vertices of meshes, which are framed, too.
     """
     voxel = float(np.linalg.norm(shown.lattice, axis=0).max())
     position = _without_strays(shown.position, voxel) if len(shown.position) else shown.position
     position = np.concatenate([position, corner.astype(np.float32)])
     view = replace(orbit, zoom=1.0, pan=(0.0, 0.0)).around(sphere, *size).view()
-    # Right, down and ahead of the ball's middle, and how far kernels reach around.
+    # Right, down and ahead of the sphere's center, and the radius of kernels.
     place = (position - sphere.center.astype(np.float32)) @ view.rotation.T.astype(np.float32)
     reach, distance = REACH * voxel, float((view.rotation @ sphere.center + view.translation)[2])
     half = np.maximum(np.array(size[::-1]) / 2 - MARGIN, 0.25 * min(size))
@@ -230,7 +233,7 @@ def filling(
 
 
 def _without_strays(position: Floats, voxel: float) -> Floats:
-    """Places (N, 3) without the few that are far away from all others along an axis."""
+    """Remove the few outliers of points (N, 3) far from all others along an axis."""
     most = most_strays(len(position))
     low, high = bounds(position)
     extent = high - low
@@ -246,23 +249,23 @@ def _without_strays(position: Floats, voxel: float) -> Floats:
 
 
 def most_strays(count: int) -> int:
-    """How many of so many visible voxels may be strays at one end of an axis."""
+    """Return how many visible voxels may be outliers at one end of an axis."""
     return max(min(FEW, count // 500), int(STRAY_SHARE * count))
 
 
 def wide_axes(extent: Doubles) -> list[int]:
-    """Axes along which there is more than one place."""
+    """Return the axes along which coordinates differ."""
     return [axis for axis in range(3) if extent[axis] > 0]
 
 
 def codes_along(position: Floats, low: Doubles, extent: Doubles, axis: int) -> NDArray[np.int64]:
-    """Bins (N,) of places (N, 3) along an axis, from the least to the greatest."""
+    """Return bins (N,) of points (N, 3) along an axis, from the least to the greatest."""
     along = position[:, axis] - np.float32(low[axis])
     return np.minimum((along * np.float32(BINS / extent[axis])).astype(np.int64), BINS - 1)
 
 
 def full_codes(count: NDArray[np.int64], size: float, most: int, voxel: float) -> tuple[int, int]:
-    """First and last bin that has no strays, where bins (BINS,) have so many voxels."""
+    """Return the first and last bin without outliers, by counts per bin (BINS,)."""
     full = np.flatnonzero(count)
     gap = max(STRAY_GAP, STRAY_VOXELS * voxel / size)
     first, last = ends((full + 0.5) * np.float64(size / BINS), count[full], most, gap)
@@ -270,25 +273,25 @@ def full_codes(count: NDArray[np.int64], size: float, most: int, voxel: float) -
 
 
 def _is_filled(position: Floats, low: Doubles, extent: Doubles, most: int) -> bool:
-    """Whether more voxels than strays can be are near all six sides of their box, as some show."""
+    """Return whether a sample shows too many voxels near all six sides for outliers."""
     near = near_ends(position[SOME // 2 :: SOME], low, extent)
     return bool(near.min() > least_near(most))
 
 
 def least_near(most: int) -> int:
-    """Voxels of one in so many that have to be near a side, if there may be so many strays."""
+    """Return how many voxels of a sample must be near a side to rule out outliers."""
     return 2 + 2 * most // SOME
 
 
 def near_ends(some: Floats, low: Doubles, extent: Doubles) -> NDArray[np.int64]:
-    """How many places are near the low sides of their box, and near the high ones, (2, 3)."""
+    """Count points near the low and the high sides of their box, (2, 3)."""
     near_low = (some <= low + STRAY_GAP * extent).sum(axis=0)
     near_high = (some >= low + (1 - STRAY_GAP) * extent).sum(axis=0)
     return np.stack([near_low, near_high])
 
 
 def bounds(position: Floats) -> tuple[Doubles, Doubles]:
-    """Least and greatest coordinates of places (N, 3); in two steps, as NumPy likes long rows."""
+    """Return least and greatest coordinates of points (N, 3); two steps, for speed in NumPy."""
     whole = len(position) // ROW * ROW
     some = position[whole:]
     if whole:
@@ -311,9 +314,9 @@ class Shifted:
 
 
 def centered(volume: Volume) -> tuple[Volume, Doubles]:
-    """Volume around the scene's origin, and where its middle was, (3,) scene units.
+    """Center a volume at the scene's origin; also return its former center, (3,) scene units.
 
-    Far from the origin, float32 would not tell neighbouring voxels apart.
+    Far from the origin, float32 could not resolve neighbouring voxels.
     """
     last = np.array(volume.values.shape[::-1]) - 1.0
     half = volume.direction @ (volume.spacing * last) / 2

@@ -1,4 +1,4 @@
-"""Volumes as fields that rays go through."""
+"""Volumes as fields for ray casting."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -55,9 +55,9 @@ from resample_volume.voxels.visible import (
     unit_of,
 )
 
-BYTES_PER_SLOPE = 40  # of a voxel, until it is known how steep a full surface is
+BYTES_PER_SLOPE = 40  # bytes per voxel, until the steepness of a full surface is known
 NOTHING = -1  # in place of an index, see `kernels.filling`
-BESIDE = 0.1  # of the way between two values, that the field of one does not go to
+BESIDE = 0.1  # fraction of the way between two values that the field of one does not reach
 OPAQUE = 4.0  # optical depth of a voxel beyond a surface
 
 
@@ -70,9 +70,9 @@ class Gathered(NamedTuple):
     lattice: Doubles  # (3, 3) columns are the steps from a voxel to its neighbours, scene units
     origin: Doubles  # (3,) scene position of the first voxel
     looks: Looks
-    steepest: float  # data units per scene unit, about the greatest gradient
-    seen: int  # voxels that can be seen themselves, whatever their labels
-    each: int = 1  # looks that are beside each other in the table: of voxels, and of labels
+    steepest: float  # data units per scene unit, approximate greatest gradient
+    seen: int  # visible voxels, regardless of labels
+    each: int = 1  # looks side by side in the table: of voxels, and of labels
     tint: Tint = UNTINTED
     reached: Reached = UNBLOCKED
     thin: Thin = SAME  # samples of the field for each voxel
@@ -86,29 +86,29 @@ def gathered(
     gradient: str,
     labels: Labels | None = None,
 ) -> Gathered:
-    """Volume as a field on its lattice.
+    """Prepare a volume as a field on its lattice.
 
     Parameters
     ----------
     volume
-        Any of its types. Where values are missing or infinite, nothing is seen.
+        Of any type. Missing and infinite values are transparent.
     transfer
         Gives colors and opacities.
     resampler
-        Whose projection is asked for.
+        Renderer, for its projection.
     sharpness
         As of `resample.painting.splines.spline_of`.
     gradient
-        One of `resample_volume.voxels.visible.GRADIENTS`, for how steep a full surface is where
+        One of `resample_volume.voxels.visible.GRADIENTS`, for the steepness of a full surface if
         the transfer function depends on it.
     labels
-        What is changed for voxels of some labels.
+        Rules for voxels of some labels.
 
     Raises
     ------
     ValueError
-        The iso value is none that the data pass, or the field does not fit in memory, not even
-        with slices as thick as they are.
+        The data do not cross the iso value, or the field does not fit in memory, not even without
+        thin slices.
     """
     lattice = lattice_of(volume)
     data_range, unit = finite_range(volume.values), unit_of(transfer, volume)
@@ -160,7 +160,7 @@ def gathered(
 
 
 def _cut_between(looks: Looks, two: Doubles, count: int) -> Looks:
-    """Looks that change in the middle between the two values that there are."""
+    """Return looks that switch halfway between the only two values."""
     table = looks.table.reshape(len(looks.table), count, -1, 4)
     value = np.linspace(looks.low, looks.high, table.shape[2])
     low, high = (int(np.abs(value - one).argmin()) for one in two)
@@ -170,7 +170,7 @@ def _cut_between(looks: Looks, two: Doubles, count: int) -> Looks:
 
 
 def _of_either(looks: Looks, two: Doubles) -> Looks:
-    """The looks of two values beside each other: each as far as a field of both may go."""
+    """Return the looks of two values side by side, each over the field's range."""
     value = np.linspace(looks.low, looks.high, looks.table.shape[1])
     margin = BESIDE * (two[1] - two[0])
     parts = []
@@ -183,14 +183,14 @@ def _of_either(looks: Looks, two: Doubles) -> Looks:
 
 
 def _higher(volume: Volume, two: Doubles, part: slice) -> Flags:
-    """Which of two values voxels of some slices have: 1 or 2."""
+    """Return which of two values voxels of some slices have: 1 or 2."""
     return np.where(volume.values[part] == two[1], np.uint8(2), np.uint8(1))
 
 
 def lit_lattice(
     field: Gathered, light: Light | None, viewer: Doubles, cue: tuple[float, float, float]
 ) -> LatticeField:
-    """Field that is seen by a light; parameters as of `fields.lit_field`."""
+    """Shade a field; parameters as of `fields.lit_field`."""
     steepest = np.full((1, 3), field.steepest, np.float32)
     lamp = lamp_of(light or UNLIT, viewer, steepest)
     classifier = Classifier(*field.looks, lamp, *cue)
@@ -210,20 +210,20 @@ def lit_lattice(
 def with_reached(
     field: Gathered, volume: Volume, resampler: Resampler, clip: Doubles, light: Light
 ) -> Gathered:
-    """Field with the light that gets to its places past all others.
+    """Add shadows and ambient occlusion to a field.
 
     Parameters
     ----------
     field
-        Of the volume.
+        The volume's field.
     volume
-        Whose values.
+        The volume.
     resampler
-        Whose projection says what takes light: what is seen, or what is beyond a surface.
+        Renderer; by its projection what is visible, or what is beyond a surface, occludes light.
     clip
-        (M, 4) planes; what they cut away takes no light.
+        (M, 4) planes; what they cut away occludes no light.
     light
-        What shines.
+        The light source.
 
     Raises
     ------
@@ -237,7 +237,7 @@ def with_reached(
 
 
 def _extinctions(field: Gathered, volume: Volume, iso: float | None) -> Iterator[Floats]:
-    """Optical depths per scene unit of voxels, some slices at a time."""
+    """Yield optical depths per scene unit of voxels, some slices at a time."""
     looks, voxel = field.looks, float(np.cbrt(abs(np.linalg.det(field.lattice))))
     first, plane = 0, volume.values[0].size
     padded = [count + 2 * PAD for count in volume.values.shape]
@@ -270,7 +270,7 @@ def _extinctions(field: Gathered, volume: Volume, iso: float | None) -> Iterator
 def _on_lattice(
     values: NDArray[np.generic], sharpness: float, thin: Thin, is_within: bool
 ) -> tuple[Spline, Bounds, Flags]:
-    """Field of values, its bounds, and which are known, if not all."""
+    """Return the field of values, its bounds, and which are known, if not all."""
     filled, known = _without_gaps(values)
     if thin.parts == 1:
         return *spline_of(filled, sharpness), known
@@ -286,7 +286,7 @@ def _on_lattice(
 
 
 def _without_gaps(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], Flags]:
-    """Values with the nearest known one where they are missing; and which are known, if not all."""
+    """Fill missing values with the nearest known; also return which are known, if not all."""
     if values.dtype.kind != "f":
         return values, np.zeros(0, np.uint8)
     if all(np.isfinite(part).all() for part in slabs(values)):
@@ -313,7 +313,7 @@ def _without_gaps(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], Fla
 def _filled(
     values: NDArray[np.generic], known: Flags, deep: NDArray[np.int32]
 ) -> NDArray[np.generic]:
-    """Values with the nearest known one, plane by plane.
+    """Fill gaps with the nearest known value, plane by plane.
 
     Parameters
     ----------
@@ -348,7 +348,7 @@ def _filled(
 def _number_seen(
     volume: Volume, transfer: Transfer, data_range: tuple[float, float], resampler: Resampler
 ) -> int:
-    """How many voxels can be seen themselves, whatever their gradients."""
+    """Count the visible voxels, regardless of gradients."""
     if not are_few(volume.values.dtype):
         parts = (chunk.reshape(-1) for chunk in slabs(volume.values))
         return sum(_places_seen(part, transfer, data_range, resampler).size for part in parts)
@@ -360,7 +360,7 @@ def _number_seen(
 def _seen(
     volume: Volume, transfer: Transfer, data_range: tuple[float, float], resampler: Resampler
 ) -> NDArray[np.int64]:
-    """Flat indices of the voxels that can be seen themselves, not just around them."""
+    """Return flat indices of the voxels visible themselves, not only by interpolation."""
     found, start = [], 0
     for chunk in slabs(volume.values):
         value = chunk.reshape(-1)
@@ -375,7 +375,7 @@ def _places_seen(
     data_range: tuple[float, float],
     resampler: Resampler,
 ) -> NDArray[np.int64]:
-    """Which of values (N,) can be seen."""
+    """Return which of values (N,) are visible."""
     if resampler.iso is not None:
         return np.flatnonzero(value >= resampler.iso)
     if resampler.projection in MEASURING and resampler.projection is not Projection.MAXIMUM:

@@ -1,9 +1,9 @@
-"""How much of the light gets to voxels past all others: shadows of a lamp, ambient occlusion.
+"""Light that reaches voxels: shadows of a lamp, and ambient occlusion.
 
-Light goes through the volume slice by slice, in coordinates that are sheared along its way, so
-that what a slice takes away is added once and read once, whatever the distance: shadows of far
-things are as sharp as those of near ones. (Slices toward the light as in Kniss, Premože, Hansen and
-Ebert, Interactive Translucent Volume Rendering and Procedural Modeling, 2002.)
+Light passes the volume slice by slice, in coordinates sheared along its direction, so that what a
+slice absorbs is added once and read once, at any distance: shadows of far objects are as sharp as
+those of near ones. (Slices toward the light as in Kniss, Premože, Hansen and Ebert, Interactive
+Translucent Volume Rendering and Procedural Modeling, 2002.)
 """
 
 import math
@@ -19,22 +19,24 @@ from resample_volume.types import Volume
 from resample_volume.voxels.shading import Light
 from resample_volume.voxels.visible import Voxels, lattice_of
 
-SKIPPED = 2  # slices next to a voxel that take no light from it, so that surfaces are lit in full
-FINEST = 320  # cells along the longest side of a grid of light; more voxels share cells
-COARSE = 128  # the same of light from everywhere, which changes slowly
-AROUND = 32  # directions that light from everywhere comes from
-REACH = 0.12  # of the diagonal of what is seen: what is farther away does not darken corners
-OPEN = 0.5  # share of all directions that a flat surface sees
+SKIPPED = 2  # slices next to a voxel that do not shadow it, so that surfaces are fully lit
+FINEST = (
+    320  # cells along the longest side of the grid of light; of larger volumes, voxels share cells
+)
+COARSE = 128  # the same for ambient light, which varies slowly
+AROUND = 32  # directions of ambient light
+REACH = 0.12  # of the visible diagonal: what is farther away occludes no ambient light
+OPEN = 0.5  # fraction of all directions visible from a flat surface
 BYTES_PER_CELL = 24
 
 ALL = 255  # of the light
-EXACT = 52  # bits in which sums of optical depths are reckoned
+EXACT = 52  # bits for sums of optical depths
 
 Extinctions = Iterable[Floats]
 
 
 def reached(extinction: Floats, lattice: Doubles, light: Light) -> Flags:
-    """Shares (Z, Y, X, 2) of a lamp's light and of light from everywhere that get to cells.
+    """Return fractions (Z, Y, X, 2) of the lamp's and of ambient light that reach cells.
 
     Parameters
     ----------
@@ -43,7 +45,7 @@ def reached(extinction: Floats, lattice: Doubles, light: Light) -> Flags:
     lattice
         (3, 3) columns are the steps to the next cell along x, y and z, scene units.
     light
-        Casts shadows if it is to, and darkens corners if it is to; else all light gets there.
+        Its options say whether there are shadows and ambient occlusion; without, all light arrives.
     """
     share = np.full((*extinction.shape, 2), ALL, np.uint8)
     if light.shadows and light.direction is not None:
@@ -58,7 +60,7 @@ def reached(extinction: Floats, lattice: Doubles, light: Light) -> Flags:
 
 
 def _open_share(extinction: Floats, lattice: Doubles) -> Floats:
-    """Shares (Z, Y, X) of light from everywhere that get to cells; see `reached`."""
+    """Return fractions (Z, Y, X) of ambient light that reach cells; see `reached`."""
     extent = float(np.linalg.norm(lattice @ np.array(extinction.shape[::-1])))
     total = np.zeros(extinction.shape, np.float32)
     for toward in _around(AROUND):
@@ -68,7 +70,7 @@ def _open_share(extinction: Floats, lattice: Doubles) -> Floats:
 
 
 def _merged(values: Floats, per: tuple[int, int, int]) -> Floats:
-    """Means of so many cells along z, y and x; beyond the end there is nothing."""
+    """Average blocks of cells along z, y and x; beyond the end there are zeros."""
     if max(per) == 1:
         return values
     beyond = [(0, -size % count) for size, count in zip(values.shape, per, strict=True)]
@@ -78,7 +80,7 @@ def _merged(values: Floats, per: tuple[int, int, int]) -> Floats:
 
 
 def _spread(values: Floats, per: int, shape: tuple[int, ...]) -> Floats:
-    """Values of merged cells at the cells that they were merged from."""
+    """Interpolate values of merged cells at the original cells."""
     if per == 1:
         return values
     from scipy.ndimage import zoom
@@ -90,23 +92,23 @@ def _spread(values: Floats, per: int, shape: tuple[int, ...]) -> Floats:
 def optical_depths(
     extinction: Floats, lattice: Doubles, toward: Doubles, reach: float = math.inf
 ) -> Iterator[tuple[tuple[slice | int, ...], Floats]]:
-    """Optical depths between the cells of each slice and a light far away.
+    """Yield optical depths between the cells of each slice and a distant light.
 
     Parameters
     ----------
     extinction
-        (Z, Y, X) optical depth per scene unit; there is none beyond.
+        (Z, Y, X) optical depth per scene unit; 0 outside.
     lattice
         (3, 3) columns are the steps to the next cell along x, y and z, scene units.
     toward
         (3,) scene direction of the light.
     reach
-        Scene units: what is farther away takes nothing.
+        Scene units; what is farther away does not count.
 
     Yields
     ------
-    A slice's place in `extinction`, and the depths of its cells. The `SKIPPED` nearest slices
-    take no light.
+    A slice's index in `extinction`, and the depths of its cells. The `SKIPPED` nearest slices do
+    not count.
     """
     along = np.linalg.solve(lattice, toward)[::-1]  # cells along z, y and x
     axis = int(np.argmax(np.abs(along)))
@@ -130,7 +132,7 @@ def optical_depths(
 
 
 def voxels_reached(voxels: Voxels, light: Light) -> Floats:
-    """Shares (N, 2), 0 to 1, of light from a lamp and from everywhere that get to voxels.
+    """Return fractions (N, 2), 0 to 1, of lamp and ambient light that reach voxels.
 
     Raises
     ------
@@ -150,32 +152,32 @@ def voxels_reached(voxels: Voxels, light: Light) -> Floats:
 
 
 class LightCells(NamedTuple):
-    """LightCells of light around visible voxels."""
+    """A grid of cells of light around visible voxels."""
 
     per: int  # voxels per side of a cell
     grid: tuple[int, ...]  # cells along z, y and x
 
     def of(self, index: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Flat numbers (N,) of cells in which voxels are, of indices (N, 3) z, y, x."""
+        """Return flat indices (N,) of the cells of voxels, given as (N, 3) z, y, x."""
         return np.asarray(np.ravel_multi_index((index // self.per).T, self.grid))
 
     def means(self, total: Doubles) -> Floats:
-        """Optical depths (Z, Y, X) per scene unit of cells, from sums, which are used up."""
+        """Convert sums to mean optical depths (Z, Y, X) per scene unit, in place."""
         total /= self.per**3
         return total.astype(np.float32).reshape(self.grid)
 
 
 def cells_around(size: NDArray[np.int64]) -> LightCells:
-    """LightCells of light for a box of so many voxels along z, y and x; errors as of `_grid_of`."""
+    """Return the grid of light for a box of voxels, along z, y, x; errors as of `_grid_of`."""
     per = cells_of(size)
     return LightCells(per, _grid_of(size, per))
 
 
 def exact_in_sums(extinction: Floats, densest: float, cells: LightCells) -> Doubles:
-    """Optical depths (N,) per scene unit, rounded so that sums in a cell are exact.
+    """Round optical depths (N,) per scene unit so that sums in a cell are exact.
 
-    So they are the same in any order. What is rounded is less than 2⁻²⁸ of the densest voxel for
-    each in a cell, and mostly nothing.
+    So sums are the same in any order. The error is below 2⁻²⁸ of the densest voxel for each voxel
+    of a cell, and mostly zero.
     """
     given = extinction.astype(np.float64)
     if cells.per == 1 or not densest > 0:
@@ -186,7 +188,7 @@ def exact_in_sums(extinction: Floats, densest: float, cells: LightCells) -> Doub
 
 
 def shares_at(index: NDArray[np.int64], share: Flags, cells: LightCells) -> Floats:
-    """Shares (N, 2), 0 to 1, of light that gets to voxels of indices (N, 3) z, y, x."""
+    """Return fractions of light (N, 2), 0 to 1, at voxels of indices (N, 3) z, y, x."""
     if cells.per == 1:
         return np.asarray(share.reshape(-1, 2)[cells.of(index)] / np.float32(ALL))
     from scipy.ndimage import map_coordinates
@@ -199,18 +201,18 @@ def shares_at(index: NDArray[np.int64], share: Flags, cells: LightCells) -> Floa
 
 
 def field_reached(volume: Volume, extinctions: Extinctions, clip: Doubles, light: Light) -> Reached:
-    """Light that gets to places of a field.
+    """Return the light that reaches the points of a field.
 
     Parameters
     ----------
     volume
-        Whose values.
+        The volume.
     extinctions
-        Optical depths per scene unit of some slices' values, all slices in their order.
+        Yields optical depths per scene unit of some slices at a time, in order.
     clip
         (M, 4) planes; what they cut away takes no light.
     light
-        What shines.
+        The light source.
 
     Raises
     ------
@@ -233,7 +235,7 @@ def field_reached(volume: Volume, extinctions: Extinctions, clip: Doubles, light
 def _is_kept(
     shape: tuple[int, ...], first: int, volume: Volume, clip: Doubles
 ) -> NDArray[np.bool_]:
-    """Which voxels (Z, Y, X) of the slices from one on are not cut away."""
+    """Return which voxels (Z, Y, X) of some slices are not cut away."""
     z, y, x = np.ogrid[first : first + shape[0], : shape[1], : shape[2]]
     kept = np.ones(shape, bool)
     for plane in clip:
@@ -243,7 +245,7 @@ def _is_kept(
 
 
 def _grid_of(size: NDArray[np.int64], per: int) -> tuple[int, ...]:
-    """LightCells along z, y and x.
+    """Return the number of cells along z, y and x.
 
     Raises
     ------
@@ -251,17 +253,17 @@ def _grid_of(size: NDArray[np.int64], per: int) -> tuple[int, ...]:
         They do not fit in memory.
     """
     grid = tuple((-(-size // per)).tolist())
-    require_memory(BYTES_PER_CELL * math.prod(grid), "light that gets to voxels")
+    require_memory(BYTES_PER_CELL * math.prod(grid), "the grid of light")
     return grid
 
 
 def cells_of(size: NDArray[np.int64] | tuple[int, ...]) -> int:
-    """Samples per side of a cell of light in a volume of so many samples along its axes."""
+    """Return the samples per side of a cell of light, for a volume's size."""
     return math.ceil(max(size) / FINEST)
 
 
 def _around(count: int) -> Doubles:
-    """Directions (N, 3) that lie evenly on a sphere, by the golden angle."""
+    """Return directions (N, 3), evenly distributed on a sphere by the golden angle."""
     n = np.arange(count) + 0.5
     z, turn = 1 - 2 * n / count, n * math.pi * (3 - math.sqrt(5))
     across = np.sqrt(1 - z**2)
@@ -269,7 +271,7 @@ def _around(count: int) -> Doubles:
 
 
 def _parts(shift: Doubles) -> Iterator[tuple[int, int, np.float32]]:
-    """The four whole shifts around one, with their weights."""
+    """Return the four integer shifts around a shift, with their weights."""
     whole = np.floor(shift).astype(int)
     part = shift - whole
     for down, right in ((0, 0), (0, 1), (1, 0), (1, 1)):
@@ -279,14 +281,14 @@ def _parts(shift: Doubles) -> Iterator[tuple[int, int, np.float32]]:
 
 
 def _add(total: Floats, part: Floats, shift: Doubles) -> None:
-    """Add a slice to what is sheared along the light."""
+    """Add a slice to the sheared buffer."""
     rows, columns = part.shape
     for down, right, weight in _parts(shift):
         total[down : down + rows, right : right + columns] += weight * part
 
 
 def _read(total: Floats, size: tuple[int, ...], shift: Doubles) -> Floats:
-    """A slice's part of what is sheared along the light."""
+    """Read a slice from the sheared buffer."""
     rows, columns = size
     found = np.zeros((rows, columns), np.float32)
     for down, right, weight in _parts(shift):

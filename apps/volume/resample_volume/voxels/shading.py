@@ -1,4 +1,4 @@
-"""Light on voxels: their gradients are the normals of the surfaces that they lie on."""
+"""Shade voxels, with gradients as surface normals."""
 
 import math
 from collections.abc import Sequence
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from resample.cameras.models import AnyCamera
     from resample.cameras.viewpoints import Sphere
 
-FLAT = 1e-6  # of the steepest gradient: what is less steep is rounding and has no normal
+FLAT = 1e-6  # of the steepest gradient: smaller ones are rounding and give no normal
 
 
 @dataclass(frozen=True)
 class Light:
-    """A white light far away and what voxels do with it, after Blinn and Phong.
+    """A distant white light, and Blinn-Phong shading.
 
     Raises
     ------
@@ -36,12 +36,12 @@ class Light:
     """
 
     direction: tuple[float, float, float] | None = None  # toward the light; None: at the eye
-    ambient: float = 0.3  # share of the voxel's color that is always seen, >= 0
-    diffuse: float = 0.7  # share that depends on the angle to the light, >= 0
-    specular: float = 0.2  # strength of the white highlight, >= 0
+    ambient: float = 0.3  # ambient share of the voxel's color, >= 0
+    diffuse: float = 0.7  # diffuse share, which depends on the angle to the light, >= 0
+    specular: float = 0.2  # strength of the specular highlight, white, >= 0
     shininess: float = 32.0  # the greater, the smaller the highlight, > 0
-    shadows: bool = False  # whether what lies toward the light takes of it; needs a direction
-    occlusion: bool = False  # whether ambient light is less where much is near
+    shadows: bool = False  # whether voxels cast shadows; needs a direction
+    occlusion: bool = False  # whether ambient light is dimmed where the surroundings are dense
 
     def __post_init__(self) -> None:
         if self.direction is not None:
@@ -53,27 +53,27 @@ class Light:
             raise ValueError(f"shininess must be greater than 0 (got {self.shininess})")
         if self.shadows and self.direction is None:
             raise ValueError(
-                "a light at the eye casts no shadows that it sees; give it a direction, such as "
+                "a light at the eye casts no visible shadows; give it a direction, such as "
                 "1/-1/2, or leave shadows out"
             )
 
     @property
     def is_blocked(self) -> bool:
-        """Whether less of it gets to some voxels than to others."""
+        """Whether there are shadows or ambient occlusion."""
         return self.shadows or self.occlusion
 
 
 @dataclass(frozen=True)
 class DepthCue:
-    """Light that fades with depth, so that what is near stands out.
+    """Fading of light with depth, which makes near parts stand out.
 
     Raises
     ------
     ValueError
-        The share is not between 0 and 1.
+        The fraction is not between 0 and 1.
     """
 
-    share: float = 0.5  # of the light that is taken away where what is visible ends, 0..1
+    share: float = 0.5  # fraction of light lost at the far end of what is visible, 0..1
 
     def __post_init__(self) -> None:
         if not 0 <= self.share <= 1:
@@ -81,9 +81,9 @@ class DepthCue:
 
 
 def cue_range(camera: "AnyCamera", sphere: "Sphere") -> tuple[float, float]:
-    """Depths at which cueing sets in and ends, scene units: where a sphere begins and ends.
+    """Return the depths where cueing begins and ends, scene units: those of a sphere.
 
-    What is behind the near plane is not seen: cueing begins there at the earliest.
+    Cueing begins at the near plane at the earliest.
     """
     view = camera.view()
     depth = float(view.rotation[2] @ sphere.center + view.translation[2])
@@ -92,22 +92,22 @@ def cue_range(camera: "AnyCamera", sphere: "Sphere") -> tuple[float, float]:
 
 
 def along(position: Floats, axis: Floats | Doubles) -> Floats | Doubles:
-    """Products (N,) of positions (N, 3) and an axis, rounded alike however many there are."""
+    """Return products (N,) of positions (N, 3) and an axis, with rounding independent of N."""
     x, y, z = position.T
     return np.asarray(x * axis[0] + y * axis[1] + z * axis[2])
 
 
 def cued(samples: Samples, camera: "AnyCamera", cue: DepthCue, near: float, far: float) -> Samples:
-    """Samples whose light fades evenly with their depth.
+    """Fade samples linearly with depth.
 
     Parameters
     ----------
     samples
-        Lit; colors are multiplied by 1 at `near` and before and by 1 - share at `far` and beyond.
+        Shaded; colors are multiplied by 1 up to `near` and by 1 - share from `far` on.
     camera
         Depth is distance along its axis.
     cue
-        How much is taken away.
+        The fraction lost.
     near, far
         Scene units, the first less than the second; see `cue_range`.
     """
@@ -126,21 +126,21 @@ def shade(
     view: Sequence[float] | Doubles | None = None,
     steepest: Floats | None = None,
 ) -> Samples:
-    """Voxels as samples that carry the light which they send to the viewer.
+    """Shade voxels: return samples with the light that they send to the viewer.
 
     Parameters
     ----------
     voxels
-        With gradients, unless `light` is None. Both sides of a surface are lit alike; a voxel
-        without a gradient has no surface and shows its color as if it faced the light.
+        With gradients, unless `light` is None. Shading is two-sided; a voxel without gradient is
+        shaded as if it faced the light.
     light
         None leaves the colors as they are.
     eye
         (3,) scene position of a perspective camera.
     view
-        (3,) scene direction in which a parallel camera looks; takes the place of `eye`.
+        (3,) scene direction of view of a parallel camera, instead of `eye`.
     steepest
-        (N, 3) the extreme components of gradients, where these voxels are not all; see `lamp_of`.
+        (N, 3) extreme components of all gradients, if these voxels are a part; see `lamp_of`.
 
     Raises
     ------
@@ -158,7 +158,7 @@ def shade(
 def viewer_of(
     eye: Sequence[float] | Doubles | None = None, view: Sequence[float] | Doubles | None = None
 ) -> Doubles:
-    """Viewer as a `Lamp` knows him, (4,): position and 1, or direction toward him and 0.
+    """Return the viewer for a `Lamp`, (4,): position and 1, or direction to the viewer and 0.
 
     Parameters and errors as of `shade`.
     """
@@ -189,23 +189,23 @@ def _lit(voxels: Voxels, light: Light, viewer: Doubles, steepest: Floats | None 
 def _lit_as_reached(
     voxels: Voxels, light: Light, viewer: Doubles, steepest: Floats | None = None
 ) -> Floats:
-    """As `_lit`, where not all light gets to all voxels."""
+    """Do as `_lit`, with shadows and ambient occlusion."""
     of_lamp = _lit(voxels, replace(light, ambient=0.0), viewer, steepest)
     everywhere = np.float32(light.ambient) * voxels.color
     return voxels.reached[:, :1] * of_lamp + voxels.reached[:, 1:] * everywhere
 
 
 def lamp_of(light: Light, viewer: Doubles, gradient: Floats) -> Lamp:
-    """Light as kernels take it.
+    """Convert a light for kernels.
 
     Parameters
     ----------
     light
-        What shines.
+        The light source.
     viewer
         (4,) from `viewer_of`.
     gradient
-        (N, 3) of all that is lit: what is far less steep than the steepest has no normal.
+        (N, 3) of all shaded voxels: gradients far below the steepest give no normal.
     """
     flat = FLAT * _steepest(gradient)
     toward = np.zeros(3) if light.direction is None else _unit("light direction", light.direction)
@@ -214,7 +214,7 @@ def lamp_of(light: Light, viewer: Doubles, gradient: Floats) -> Lamp:
 
 
 def _steepest(gradient: Floats) -> float:
-    """Greatest component, which is at least 1 / √3 of the greatest length."""
+    """Return the greatest component, which is at least 1 / √3 of the greatest length."""
     return max(float(gradient.max()), -float(gradient.min())) if gradient.size else 0.0
 
 

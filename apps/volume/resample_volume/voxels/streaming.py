@@ -1,4 +1,4 @@
-"""Voxels that may be seen, found brick by brick: the others are never in memory together."""
+"""Find visible voxels brick by brick; the others are never in memory together."""
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -17,13 +17,13 @@ from resample_volume.data.glances.looking import are_few
 from resample_volume.data.parts import layers_alike, side_by_side, threads_at_work
 from resample_volume.looks.transfer import DataRange, Transfer, places_seen
 
-BYTES_PER_VOXEL = 100  # of one that may be seen, from here to the picture, at most
-BYTES_OF_SLOPE = 16  # more of the same where its look depends on its slope
+BYTES_PER_VOXEL = 100  # bytes of a possibly visible voxel, from here to the picture, at most
+BYTES_OF_SLOPE = 16  # additional bytes where its look depends on its slope
 REMEDY = "give more memory, take a coarser level, or show less of it"
 
 
 class TooManyVoxelsError(ValueError):
-    """What can be seen of a volume does not fit in memory all together."""
+    """The visible voxels of a volume do not fit in memory together."""
 
 
 Indices = NDArray[np.int64]
@@ -31,7 +31,7 @@ R = TypeVar("R")
 
 
 class Candidates(NamedTuple):
-    """Voxels that may be seen by their value."""
+    """Voxels that may be visible by their value."""
 
     place: Indices  # (N,) index into the flat volume, z slowest
     value: NDArray[Any]  # (N,) data units
@@ -39,7 +39,7 @@ class Candidates(NamedTuple):
 
 
 class Looked(NamedTuple):
-    """What bricks are looked at with."""
+    """Parameters of a scan of bricks."""
 
     transfer: Transfer
     data_range: DataRange
@@ -48,18 +48,18 @@ class Looked(NamedTuple):
 
 
 def seen_in_bricks(bricks: Bricks, wanted: Looked, name: str) -> Candidates:
-    """Voxels whose value has some opacity, in the order of the painter's bricks.
+    """Return the voxels with non-zero opacity, in the order of the painter's bricks.
 
-    Where it is known how often each value occurs, nothing is read if they are too many. A brick of
-    which no value can be seen is not read, unless slopes beside it ask for it; every other one is
-    read once. They are, value by value, those of an array, and in its order.
+    If the histogram of values is known, nothing is read if they are too many. A brick without
+    visible values is not read, unless slopes beside it need it; every other one is read once. The
+    result equals that for an array, in the same order.
 
     Parameters
     ----------
     bricks
-        Values, and the memory that is allowed.
+        Values, and the memory limit.
     wanted
-        What they are looked at with.
+        Parameters of the scan.
     name
         Of the volume.
 
@@ -84,18 +84,18 @@ def seen_in_bricks(bricks: Bricks, wanted: Looked, name: str) -> Candidates:
 def brick_by_brick(
     bricks: Bricks, wanted: Looked, chosen: Sequence[Step], finish: Callable[[Candidates, Box], R]
 ) -> Iterator[R]:
-    """What a job makes of the visible voxels of each brick, in the order of the bricks.
+    """Run a job on the visible voxels of each brick, in the order of the bricks.
 
     Parameters
     ----------
     bricks
-        Values; where some blocks alone are asked for, other voxels count as hidden.
+        Values; if only some blocks are requested, other voxels count as hidden.
     wanted
-        What they are looked at with.
+        Parameters of the scan.
     chosen
         Bricks, ascending; see `visible_bricks`.
     finish
-        The job, of voxels and their brick's box; done for several bricks at a time.
+        The job, called with voxels and their brick's box; runs on several bricks at a time.
     """
 
     def only(found: list[Candidates], boxes: list[Box]) -> R:
@@ -108,11 +108,11 @@ class OnGrid(NamedTuple):
     """Bricks of one of several volumes on one grid."""
 
     bricks: Bricks
-    wanted: Looked  # what they are looked at with
-    chosen: Sequence[Step]  # that may have something to see, ascending
+    wanted: Looked  # parameters of the scan
+    chosen: Sequence[Step]  # bricks that may have visible voxels, ascending
 
     def seen(self, index: Step, around: dict[Step, NDArray[Any]]) -> Candidates:
-        """What is seen of a brick, which is there with those beside it if slopes ask for them."""
+        """Return the visible voxels of a brick, given with adjacent ones if slopes need them."""
         box = self.bricks.box(index)
         if self.wanted.gradient is None:
             corner = (box[0].start, box[1].start, box[2].start)
@@ -124,14 +124,15 @@ class OnGrid(NamedTuple):
 def bricks_together(
     parts: Sequence[OnGrid], finish: Callable[[list[Candidates], list[Box]], R]
 ) -> Iterator[R]:
-    """What a job makes of the visible voxels of each brick that some volume has, in their order.
+    """Run a job on the visible voxels of each brick of any volume, in order.
 
     Parameters
     ----------
     parts
-        Volumes, whose bricks are of one grid.
+        Volumes with bricks on one grid.
     finish
-        The job, of each volume's voxels and its brick's box; done for several bricks at a time.
+        The job, called with each volume's voxels and its brick's box; runs on several bricks at a
+        time.
     """
     own = [set(part.chosen) for part in parts]
     chosen = sorted(set().union(*own))
@@ -163,7 +164,7 @@ def _as_it_is(part: Candidates, _: Box) -> Candidates:
 
 
 def _known_count(bricks: Bricks, wanted: Looked) -> int:
-    """How many voxels are visible, as far as that is known before they are read."""
+    """Return the number of visible voxels, as far as known before reading."""
     codes = bricks.glance.codes
     if codes is None or bricks.asked is not None:
         return 0
@@ -180,10 +181,10 @@ def _with_those_beside(bricks: Bricks, chosen: Sequence[Step]) -> NDArray[np.boo
 
 
 def _require(bricks: Bricks, transfer: Transfer, count: int, name: str, together: int) -> None:
-    """Refuse so many visible voxels if they do not fit in what is allowed.
+    """Reject visible voxels that do not fit in the memory limit.
 
-    Bricks that are held `together` count as well, in bytes, when they have been let go, too: what
-    they took is not always used again. Those on the shelf give way.
+    Bricks held `together` count as well, in bytes, even after release, as freed memory is not
+    always reused. Pinned bricks are evicted.
     """
     each = BYTES_PER_VOXEL + (BYTES_OF_SLOPE if transfer.needs_gradient else 0)
     what, size = f"{name} with {count} visible voxels", each * count + together
@@ -198,7 +199,7 @@ def _require(bricks: Bricks, transfer: Transfer, count: int, name: str, together
 
 
 def visible_bricks(bricks: Bricks, transfer: Transfer, data_range: DataRange) -> list[Step]:
-    """Bricks that may have a value with some opacity; of few values, those that have one."""
+    """Return bricks that may have visible values; exact for types of few values."""
     least, greatest = bricks.ends
     is_seen = least <= greatest
     if are_few(bricks.dtype):
@@ -218,13 +219,13 @@ def visible_bricks(bricks: Bricks, transfer: Transfer, data_range: DataRange) ->
 
 
 def _nothing(bricks: Bricks) -> Candidates:
-    """What typed arrays are made of where there is nothing."""
+    """Return empty typed arrays."""
     value = np.zeros(0, bricks.dtype)
     return Candidates(np.zeros(0, np.int64), value, np.zeros((0, 3), np.float32))
 
 
 def near_to_each_other(part: Candidates, box: Box, size: Step) -> Candidates:
-    """Voxels of a box of a volume (Z, Y, X), in the order of the painter's bricks."""
+    """Return the voxels of a box of a volume (Z, Y, X), in the order of the painter's bricks."""
     from resample_volume.data.kernels.gradients import brick_order
 
     at = np.unravel_index(part.place, size)
@@ -237,7 +238,7 @@ def near_to_each_other(part: Candidates, box: Box, size: Step) -> Candidates:
 
 
 class _Window:
-    """Bricks that are near those that are looked at: read once, a little ahead, and let go."""
+    """Sliding window of bricks: each is read once, slightly ahead, and released."""
 
     def __init__(
         self, part: OnGrid, chosen: Sequence[Step], pool: ThreadPoolExecutor, ahead: int
@@ -249,7 +250,7 @@ class _Window:
         self._left = deque(index for index in bricks.all() if is_needed[index])
 
     def around(self, n: int) -> dict[Step, NDArray[Any]]:
-        """Brick n and those beside it; what comes before all that later ones need is let go."""
+        """Return brick n with adjacent ones; release bricks that no later one needs."""
         index, later = self._chosen[n], self._chosen[min(n + self._ahead, len(self._chosen) - 1)]
         last = (later[0] + 1, later[1] + 1, later[2] + 1)
         while self._left and self._left[0] <= last:
@@ -266,7 +267,7 @@ class _Window:
 def _padded(
     box: Box, around: dict[Step, NDArray[Any]], bricks: Bricks
 ) -> tuple[NDArray[Any], Step]:
-    """Values of a box and of one voxel around it, within the volume; and where they begin."""
+    """Return values of a box with a margin of one voxel, within the volume; and their origin."""
     limits = [
         (max(most.start, part.start - 1), min(most.stop, part.stop + 1))
         for part, most in zip(box, bricks.limits, strict=True)
@@ -291,7 +292,7 @@ def _padded(
 def _seen(
     values: NDArray[Any], box: Box, corner: Sequence[int], bricks: Bricks, wanted: Looked
 ) -> Candidates:
-    """What is seen of a box, of values that begin at a corner."""
+    """Return the visible voxels of a box, from values that begin at a corner."""
     inner = tuple(slice(p.start - c, p.stop - c) for p, c in zip(box, corner, strict=True))
     own = np.ascontiguousarray(values[inner])
     flat = own.reshape(-1)
@@ -313,9 +314,9 @@ def _seen(
 def slopes_at(
     values: NDArray[Any], index: Indices, gradient: str, to_scene: Doubles, *, aside: bool = False
 ) -> Floats:
-    """Gradients (N, 3) at flat indices of values (Z, Y, X); see `visible.gradients_at`.
+    """Return gradients (N, 3) at flat indices of values (Z, Y, X); see `visible.gradients_at`.
 
-    `aside`: on one thread, as others look at other values.
+    `aside`: on one thread, as other threads work on other values.
     """
     from resample_volume.data.kernels.gradients import find_gradients
 
@@ -334,14 +335,14 @@ def slopes_at(
 
 
 def _in_order(parts: list[Candidates], bricks: Bricks) -> Candidates:
-    """Voxels of all bricks in the order in which an array gives them; parts are used up."""
+    """Join the voxels of all bricks in the order of an array; parts are consumed."""
     from resample_volume.data.kernels.gradients import brick_order
 
     place = np.concatenate([part.place for part in parts])
     order = np.empty(place.size, np.int64)
     if all(side % 8 == 0 for side in bricks.side):
         brick_order(place, bricks.shape, order)
-    else:  # bricks of the painter lie in several of the file's
+    else:  # a brick of the painter overlaps several bricks of the file
         ascending = np.argsort(place, kind="stable")
         brick_order(place[ascending], bricks.shape, order)
         order = ascending[order]

@@ -1,4 +1,4 @@
-"""Colors that voxels have of their own, as rays through a field read them."""
+"""Voxels' own colors, prepared for ray casting."""
 
 from collections.abc import Callable, Iterator
 from math import prod
@@ -14,24 +14,23 @@ from resample_volume.looks.labels import Labels
 from resample_volume.looks.transfer import Looks
 from resample_volume.types import Volume
 
-PAD = 2  # voxels that colors and flags go on for on each side, as coefficients do
-FULL = 65535  # of a color's channel
+PAD = 2  # voxels by which colors and flags are padded on each side, as coefficients are
+FULL = 65535  # type of a color channel
 
 
 def tint_of(volume: Volume, looks: Looks, labels: Labels | None) -> Tint:
-    """Colors of a volume that has some; of labels it is the color of their rules.
+    """Return the colors of a volume that has some; for labels, the colors of their rules.
 
-    Between voxels colors are interpolated, so what cannot be seen takes the mean color of what is
-    seen around it.
+    Colors are interpolated, so invisible voxels take the mean color of visible ones around them.
 
     Parameters
     ----------
     volume
         With colors (Z, Y, X, 3 or 4).
     looks
-        Of its values.
+        Looks of its values.
     labels
-        Of its voxels.
+        Labels of its voxels.
 
     Raises
     ------
@@ -52,14 +51,14 @@ def tint_of(volume: Volume, looks: Looks, labels: Labels | None) -> Tint:
 
 
 def _brightest(colors: NDArray[np.generic]) -> float:
-    """Linear light of the brightest channel of any voxel, at least 1."""
+    """Return the linear light of the brightest channel of any voxel, at least 1."""
     if colors.dtype.kind != "f":
         return 1.0
     return max(1.0, *(float(linear_colors(plane).max(initial=0.0)) for plane in colors))
 
 
 def _without_unseen(volume: Volume, looks: Looks, labels: Labels | None) -> Iterator[Floats]:
-    """Planes (Y, X, 3) of linear light, in which unseen voxels have colors of those around."""
+    """Yield planes (Y, X, 3) of linear light; invisible voxels get colors from around them."""
     import cv2
 
     thick = looks.table[..., 3].max(axis=0) > 0
@@ -96,14 +95,14 @@ def _without_unseen(volume: Volume, looks: Looks, labels: Labels | None) -> Iter
 
 
 def numbered(known: Flags, numbers: Callable[[slice], Flags], shape: tuple[int, ...]) -> Flags:
-    """Numbers of looks of voxels as `LatticeField.known` has them: 0 where they are missing.
+    """Return the look index of voxels as in `LatticeField.known`: 0 where missing.
 
     Parameters
     ----------
     known
-        Which are not missing, likewise; or (0,): all.
+        Which are not missing, in the same form; or (0,): all.
     numbers
-        Those of voxels of some slices, from 1 on.
+        Returns the indices of some slices' voxels, from 1.
     shape
         (Z, Y, X) of these.
     """

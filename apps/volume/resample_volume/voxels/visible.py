@@ -1,4 +1,4 @@
-"""Which voxels are seen: the transfer function applied, the transparent ones left out."""
+"""Classify voxels: apply the transfer function, leave transparent voxels out."""
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -31,13 +31,13 @@ from resample_volume.voxels.streaming import (
 if TYPE_CHECKING:
     from resample_volume.looks.labels import Labels
 
-GRADIENTS = {"central": 0, "sobel": 1}  # voxels to either side over which slopes are smoothed
+GRADIENTS = {"central": 0, "sobel": 1}  # voxels on each side over which slopes are smoothed
 STEEP = 99  # percentile of the gradients' lengths that counts as a full surface
 
-BYTES_PER_CANDIDATE = 60  # of a voxel that may turn out to be transparent
-BYTES_PER_VOXEL = 200  # of a kept voxel, from here to the picture
+BYTES_PER_CANDIDATE = 60  # bytes of a voxel that may turn out to be transparent
+BYTES_PER_VOXEL = 200  # bytes of a kept voxel, from here to the picture
 
-ALL_REACHED = np.empty((0, 2), np.float32)  # nothing is in the way of light
+ALL_REACHED = np.empty((0, 2), np.float32)  # no shadows
 
 Indices = NDArray[np.int64]
 NO_SLOPE = np.empty((0, 3), np.float32)
@@ -51,11 +51,11 @@ class Voxels(NamedTuple):
     extinction: Floats  # (N,) optical depth per scene unit, > 0
     gradient: Floats  # (N, 3) data units per scene unit, along the scene's axes; or (0, 3)
     lattice: Doubles  # (3, 3) columns are the steps from a voxel to its neighbours, scene units
-    reached: Floats = ALL_REACHED  # (N, 2) shares of light that gets there; see `reaching`
+    reached: Floats = ALL_REACHED  # (N, 2) fractions of light that reach them; see `reaching`
 
     @property
     def parts(self) -> tuple["Voxels", ...]:
-        """Those of each volume, of which there is one; as of `Mixed`."""
+        """Voxels of each volume, of which there is one; as of `Mixed`."""
         return (self,)
 
 
@@ -67,23 +67,23 @@ def classify(
     gradient_opacity: tuple[float, float] | None = None,
     labels: "Labels | None" = None,
 ) -> Voxels:
-    """Voxels that the transfer function lets be seen.
+    """Apply a transfer function, and return the visible voxels.
 
     Parameters
     ----------
     volume
-        Any of its types, also mapped from a file: it is read in chunks and not copied.
+        Of any type, also mapped from a file: it is read in chunks and not copied.
     transfer
-        Gives colors and opacities. Where it makes all transparent, no voxel is returned.
+        Gives colors and opacities. If all voxels are transparent, none is returned.
     gradient
-        One of `GRADIENTS`: differences of neighbours, or the same smoothed across (1-2-1) for
-        noisy data; None for none, when voxels will not be lit. Values that are missing or infinite
-        take no part.
+        One of `GRADIENTS`: central differences, or these smoothed across (1-2-1) for noisy data;
+        None if voxels will not be shaded. Missing and infinite values take no part.
     gradient_opacity
         Opacity is multiplied by a ramp that rises from 0 to 1 between these two lengths of the
-        gradient, as fractions of their 99th percentile; so surfaces stay and even regions vanish.
+        gradient, as fractions of their 99th percentile; so surfaces stay and homogeneous regions
+        vanish.
     labels
-        What is changed for voxels of some labels, after all of the above.
+        Rules for voxels of some labels, applied after all of the above.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def classify(
 def extinctions_of(
     transfer: Transfer, value: NDArray[Any], data_range: DataRange, unit: float
 ) -> Floats:
-    """Optical depths (N,) per scene unit of values, whose slopes make no difference."""
+    """Return optical depths (N,) per scene unit of values, independent of slopes."""
 
     def thickness(values: NDArray[Any], data_range: DataRange) -> Floats:
         return extinction(transfer.looks(values, None, data_range, 0.0)[1], unit)
@@ -145,7 +145,7 @@ def looks_of(
     data_range: DataRange,
     steep: float,
 ) -> tuple[Floats, Floats]:
-    """Colors (N, 3) and opacities (N,) of values and lengths of gradients; see `Transfer`."""
+    """Return colors (N, 3) and opacities (N,) by value and gradient length; see `Transfer`."""
     color, opacity = np.empty((value.size, 3), np.float32), np.empty(value.size, np.float32)
 
     def find(share: slice) -> None:
@@ -157,13 +157,13 @@ def looks_of(
 
 
 def steepness(length: Floats | None) -> float:
-    """Length of the gradient of a full surface.
+    """Return the gradient length of a full surface.
 
     Parameters
     ----------
     length
-        (N,) data units per scene unit, of the voxels whose value the transfer function can show.
-        Without any it is 0.
+        (N,) data units per scene unit, of the voxels whose value the transfer function may show. If
+        empty, the result is 0.
     """
     if length is None or not length.size:
         return 0.0
@@ -174,25 +174,25 @@ def steepness(length: Floats | None) -> float:
 
 
 def steep_rank(count: int) -> tuple[int, float]:
-    """Of so many ascending lengths, after which a full surface's is, and how far on to the next."""
+    """Return the rank of a full surface among ascending lengths, and the fraction to the next."""
     place = (count - 1) * STEEP / 100
     return int(place), place - int(place)
 
 
 def steep_between(low: float, high: float, share: float) -> float:
-    """Length of a full surface, a share of the way between two."""
+    """Interpolate the length of a full surface between two."""
     return low if low == high else low + share * (high - low)
 
 
 def unit_of(transfer: Transfer, volume: Volume) -> float:
-    """Thickness that opacities hold for, scene units."""
+    """Return the thickness that opacities refer to, scene units."""
     own = transfer.opacity_unit or volume.thickness
     return own or float(np.cbrt(abs(np.linalg.det(lattice_of(volume)))))
 
 
 @found_once(lambda values: values)
 def finite_range(values: Values) -> DataRange:
-    """Least and greatest value that is neither NaN nor infinite; (0, 1) where there is none."""
+    """Return the least and greatest finite value; (0, 1) if there is none."""
     if isinstance(values, Bricks):
         least, greatest = values.ends
         low, high = float(least.min()), float(greatest.max())
@@ -206,17 +206,17 @@ def finite_range(values: Values) -> DataRange:
 
 
 def lattice_of(volume: Volume) -> Doubles:
-    """Matrix whose columns are the steps to the next voxel along x, y and z, scene units."""
+    """Return the matrix whose columns are the steps along x, y and z, scene units."""
     return np.ascontiguousarray(volume.direction * volume.spacing, np.float64)
 
 
 def gradients_at(volume: Volume, voxel: Indices, gradient: str) -> Floats:
-    """Gradients (N, 3) of voxels, data units per scene unit, along the scene's axes.
+    """Return gradients (N, 3) of voxels, data units per scene unit, along the scene's axes.
 
     Parameters
     ----------
     volume
-        Whose values.
+        The volume.
     voxel
         (N,) indices into the flat volume, z slowest, in the order of it or of the painter's bricks.
     gradient
@@ -226,12 +226,12 @@ def gradients_at(volume: Volume, voxel: Indices, gradient: str) -> Floats:
 
 
 def to_scene_of(volume: Volume) -> Doubles:
-    """Matrix (3, 3) that takes slopes per voxel to slopes per scene unit."""
+    """Return the matrix (3, 3) from slopes per voxel to slopes per scene unit."""
     return np.ascontiguousarray(np.linalg.inv(lattice_of(volume)).T)
 
 
 def positions_at(volume: Volume, voxel: Indices) -> Floats:
-    """Scene positions (N, 3) of voxels that are given by their flat index (N,), z slowest."""
+    """Return scene positions (N, 3) of voxels by flat index (N,), z slowest."""
     from resample_volume.data.kernels.gradients import place
 
     position = np.empty((voxel.size, 3), np.float32)
@@ -246,22 +246,23 @@ def positions_at(volume: Volume, voxel: Indices) -> Floats:
 
 
 def reachable(volume: Volume, looks: Looks, radius: float = 2.0) -> Indices:
-    """Voxels without which a reconstructed field would look different, flat indices (N,).
+    """Return the flat indices (N,) of the voxels that affect the visible field.
 
-    The value at a point is a mean of those around it or, where the volume ends, lies between that
-    and `looks.low`; so it can be seen only if one of them is beyond all that is transparent from
-    `looks.low` on. Who shares a point with such a voxel is less than two radii away from it. All
-    others can be left out: points that they have part in are transparent with and without them.
+    The value at a point is a mean of those around it or, at the volume's border, lies between that
+    mean and `looks.low`; so it is visible only if one of them exceeds the transparent range that
+    begins at `looks.low`. Voxels that share a point with such a voxel are less than two radii away
+    from it. All others can be left out: points that they contribute to are transparent with and
+    without them.
 
     Parameters
     ----------
     volume
-        Any of its types. Voxels that are missing or infinite are left out.
+        Of any type. Missing and infinite voxels are left out.
     looks
-        What is between its columns is interpolated; what is seen under some slope is seen.
+        Interpolated between columns; a value counts as visible if it is at some slope.
     radius
-        Distance from which on kernels are zero, voxels; and, where values are means over a length
-        such as a ray's way through a slab, half that length more.
+        Distance beyond which kernels are zero, voxels; plus half the length over which values are
+        averaged, such as a ray's path through a slab.
     """
     is_known = np.empty(volume.values.shape, bool)
     is_beyond = np.empty(volume.values.shape, np.uint8)
@@ -276,7 +277,7 @@ def reachable(volume: Volume, looks: Looks, radius: float = 2.0) -> Indices:
 
 
 def _transparent_up_to(looks: Looks) -> np.float64:
-    """Greatest value up to which all is transparent, from the lowest on."""
+    """Return the upper end of the transparent range that begins at the lowest value."""
     seen = np.flatnonzero(looks.table[..., 3].max(axis=0) > 0)
     if not seen.size:
         return np.float64(np.inf)
@@ -287,7 +288,7 @@ def _transparent_up_to(looks: Looks) -> np.float64:
 
 
 def _nearer(marked: NDArray[np.uint8], distance: float) -> NDArray[np.uint8]:
-    """1 for all voxels (Z, Y, X) that are nearer than a distance, voxels, to one that is marked."""
+    """Dilate marked voxels (Z, Y, X) by a distance, voxels: 1 for all that are nearer."""
     import cv2
 
     reach = int(np.ceil(distance)) - 1
@@ -305,7 +306,7 @@ def _nearer(marked: NDArray[np.uint8], distance: float) -> NDArray[np.uint8]:
 
 
 def check_gradient(transfer: Transfer, gradient: str | None) -> None:
-    """Refuse gradients that are unknown, or missing where a look needs them."""
+    """Reject gradients that are unknown, or missing where a look needs them."""
     if gradient is not None and gradient not in GRADIENTS:
         raise ValueError(f"unknown gradient {gradient!r}; known: {', '.join(GRADIENTS)}, None")
     if gradient is None and transfer.needs_gradient:
@@ -316,7 +317,7 @@ def check_gradient(transfer: Transfer, gradient: str | None) -> None:
 def seen_with_slopes(
     volume: Volume, transfer: Transfer, data_range: DataRange, gradient: str | None
 ) -> Candidates:
-    """Voxels whose value has some opacity, with neighbours close to each other.
+    """Return the voxels with non-zero opacity, neighbours close to each other.
 
     Parameters and errors as of `classify`, values in the order of the painter's bricks.
     """
@@ -331,7 +332,7 @@ def seen_with_slopes(
 
 
 def _in_bricks(seen: Candidates, volume: Volume) -> Candidates:
-    """Voxels with neighbours close to each other, which painters are quicker with."""
+    """Reorder voxels so that neighbours are close to each other, which speeds painters up."""
     from resample_volume.data.kernels.gradients import brick_order
 
     order = np.empty(seen.place.size, np.int64)
@@ -340,7 +341,7 @@ def _in_bricks(seen: Candidates, volume: Volume) -> Candidates:
 
 
 def _seen(volume: Volume, transfer: Transfer, data_range: DataRange) -> Candidates:
-    """Voxels whose value has some opacity, whatever the slope."""
+    """Return the voxels with non-zero opacity at some slope."""
     size = BYTES_PER_CANDIDATE if transfer.needs_gradient else BYTES_PER_VOXEL
     parts = []
     start = count = 0

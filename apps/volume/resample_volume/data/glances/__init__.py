@@ -1,1 +1,1 @@
-"""What is known of values in bricks after each was read once."""
+"""Statistics of values in bricks, and caches of bricks."""

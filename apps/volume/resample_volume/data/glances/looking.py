@@ -1,7 +1,7 @@
-"""A look at all values in bricks, by this process or by several.
+"""Statistics of all values in bricks, found in one pass by one or several processes.
 
-Each looks at some layers of bricks. What they find are ends of values, counts and values
-themselves, so that parts put together in their order are the whole, bit by bit, whoever found them.
+Each process scans some layers of bricks. Results are ends, counts and values themselves, so that
+parts joined in their order are bit-identical to a single scan.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -21,33 +21,33 @@ Step = tuple[int, int, int]  # z, y, x
 Box = tuple[slice, slice, slice]  # z, y, x
 R = TypeVar("R")
 
-SAMPLED = 2e6  # voxels that the distribution of floating-point values is taken from
-LITTLE = 1 << 21  # values that NumPy has counted before OpenCV is imported
-PARTS = 16  # that several processes look at
+SAMPLED = 2e6  # sample size for the distribution of floating-point values
+LITTLE = 1 << 21  # values that NumPy counts in the time that OpenCV takes to import
+PARTS = 16  # least size for several processes
 
 
 class Glance(NamedTuple):
-    """What is known of the values of bricks after each was read once."""
+    """Statistics of the values of bricks."""
 
     least: Doubles  # (Z, Y, X) of each brick's finite values; inf where there is none
     greatest: Doubles  # (Z, Y, X) likewise; -inf
     infinite: int  # voxels
     missing: int  # voxels
-    some: NDArray[Any]  # every so many voxels along each axis, see `step_of`
-    rim: NDArray[Any]  # (N,) all on the six sides
-    beyond: NDArray[Any]  # finite values outside of the range of `some`; none of few
-    codes: NDArray[np.int64] | None  # how often each value occurs, by its bits, where these are few
+    some: NDArray[Any]  # a regular sample, see `step_of`
+    rim: NDArray[Any]  # (N,) all values on the six sides
+    beyond: NDArray[Any]  # finite values outside the range of `some`; empty for types of few values
+    codes: NDArray[np.int64] | None  # counts of each value, by its bits, for types of few values
 
 
 class Helpers(NamedTuple):
-    """Who looks at parts."""
+    """Executor and threads for parts of the scan."""
 
     executor: Executor
     threads: int | None  # of each part; None: all
 
 
 class InBricks(Protocol):
-    """What is looked at: `bricks.Bricks`, which pickle for other processes."""
+    """Protocol of the scanned values: `bricks.Bricks`, which can be pickled."""
 
     shape: Step
     dtype: np.dtype[Any]
@@ -63,20 +63,20 @@ class InBricks(Protocol):
         ...
 
     def brick(self, index: Step) -> NDArray[Any]:
-        """Values of a brick."""
+        """Return the values of a brick."""
         ...
 
     def anew(self) -> "InBricks":
-        """The same, which counts its own reads."""
+        """Return a copy that counts its own reads."""
         ...
 
     def each(self, job: Callable[[Step], R], indices: Sequence[Step]) -> Iterator[R]:
-        """What a job gives for bricks, in their order."""
+        """Run a job on bricks; yield results in their order."""
         ...
 
 
 class _Layers(NamedTuple):
-    """What was found in some layers of bricks."""
+    """Result of the scan of some layers of bricks."""
 
     least: Doubles
     greatest: Doubles
@@ -89,15 +89,14 @@ class _Layers(NamedTuple):
 
 
 def looked_at(bricks: InBricks, helpers: Helpers | None = None) -> Glance:
-    """What a look at all values finds; each brick is read once, some of floating-point twice.
+    """Scan all values; each brick is read once, some of floating-point values twice.
 
     Parameters
     ----------
     bricks
         Values.
     helpers
-        Who looks at parts; None: this process at all. A part may be looked at again, if who did
-        it ended.
+        Workers; None: this process only. A part is repeated if its worker ended.
     """
     executor, threads = helpers or (None, None)
     layers, _, _ = bricks.count
@@ -124,7 +123,7 @@ def looked_at(bricks: InBricks, helpers: Helpers | None = None) -> Glance:
 
 
 def _rim(found: list[_Layers]) -> NDArray[Any]:
-    """All values on the six sides, of layers in their order."""
+    """Join the values on the six sides of layers, in order."""
     across = [
         np.concatenate([part.sides[n] for part in found]) for n in range(2, len(found[0].sides))
     ]
@@ -133,7 +132,7 @@ def _rim(found: list[_Layers]) -> NDArray[Any]:
 
 
 def _look_at_layers(bricks: InBricks, threads: int | None, span: tuple[int, int]) -> _Layers:
-    """What is found in layers of bricks from one to before another."""
+    """Scan a range of layers of bricks."""
     own, (first, last), (_, down, across) = bricks.anew(), span, bricks.count
     indices = list(product(range(first, last), range(down), range(across)))
     low, high = bricks.box(indices[0])[0].start, bricks.box(indices[-1])[0].stop
@@ -176,7 +175,7 @@ def _beyond(
     some: NDArray[Any],
     helpers: Helpers | None,
 ) -> NDArray[Any]:
-    """Finite values outside of the range of a sample, of bricks with such ends."""
+    """Return finite values outside the range of a sample, from bricks with such ends."""
     if are_few(bricks.dtype):
         return some[:0].ravel()
     low, high, *_ = extent(some)
@@ -199,7 +198,7 @@ def _beyond(
 def _look_beyond(
     bricks: InBricks, threads: int | None, ends: tuple[float, float], chosen: list[Step]
 ) -> tuple[NDArray[Any], int]:
-    """Finite values of some bricks that are not between two ends, and how many were read."""
+    """Return finite values of some bricks outside a range, and the number of bricks read."""
     own, (low, high) = bricks.anew(), ends
 
     def see(index: Step) -> NDArray[Any]:
@@ -212,32 +211,32 @@ def _look_beyond(
 
 
 def _on(count: int | None) -> AbstractContextManager[None]:
-    """At most so many threads; None: as many as there are here."""
+    """Limit the number of threads; None: all of this machine."""
     from resample.engine.jit import threads
 
     return nullcontext() if count is None else threads(count)
 
 
 def step_of(size: int) -> int:
-    """Voxels from one to the next that a sample of so many is made of."""
+    """Return the stride of a sample of about this size."""
     return max(1, int(np.cbrt(size / SAMPLED)))
 
 
 def are_few(dtype: np.dtype[Any]) -> bool:
-    """Whether there are few possible values of a type."""
+    """Return whether a type has few possible values."""
     return dtype.kind in "iu" and dtype.itemsize <= 2
 
 
 def count_codes(values: NDArray[Any], *, of: int | None = None) -> NDArray[np.int64]:
-    """How often each of few possible values occurs, by its bits.
+    """Count each of few possible values, by its bits.
 
     Parameters
     ----------
     values
-        What is counted.
+        Values to count.
     of
-        How many values are counted in all, where these are a part. OpenCV is ten times as quick as
-        NumPy, and not worth its import where they are few.
+        Number of all values, if these are a part. OpenCV is ten times as fast as NumPy, but not
+        worth its import for few values.
     """
     size = 1 << (values.dtype.itemsize * 8)
     code = np.ascontiguousarray(values).view(f"u{values.dtype.itemsize}").reshape(1, -1)
@@ -250,7 +249,7 @@ def count_codes(values: NDArray[Any], *, of: int | None = None) -> NDArray[np.in
 
 
 def extent(values: NDArray[Any]) -> tuple[float, float, int, int]:
-    """Least and greatest finite value, and how many are infinite and missing."""
+    """Return the least and greatest finite value, and counts of infinite and missing ones."""
     if values.dtype.kind in "iu":
         return float(values.min()), float(values.max()), 0, 0
     is_finite = np.isfinite(values)
@@ -263,7 +262,7 @@ def extent(values: NDArray[Any]) -> tuple[float, float, int, int]:
 
 
 def _keep_some(some: NDArray[Any], values: NDArray[Any], box: Box, step: int, plane: int) -> None:
-    """Put those of a brick's values into a sample, which begins at a plane, that belong there."""
+    """Copy a brick's values into a regular sample, which begins at a plane."""
     starts = [-(-part.start // step) for part in box]
     firsts = [n * step - part.start for n, part in zip(starts, box, strict=True)]
     found = values[tuple(slice(first, None, step) for first in firsts)]

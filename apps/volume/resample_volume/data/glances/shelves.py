@@ -1,4 +1,4 @@
-"""Bricks that are in memory because they may be asked for again."""
+"""Caches of bricks: the most recently used, and the first ones pinned."""
 
 from collections.abc import Callable
 from threading import Lock
@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 Step = tuple[int, int, int]  # z, y, x
 
-SHARE = 8  # of the memory that is allowed, inverted, that a shelf takes
-OWN = uuid4().hex  # tells shelves of this process from those of others
+SHARE = 8  # memory limit over that of the pinned bricks
+OWN = uuid4().hex  # identifies caches of this process
 
 
 class Recent:
-    """Bricks that were read last, as many as so many bytes hold."""
+    """Cache of the most recently used bricks, up to a limit in bytes."""
 
     def __init__(self, most: int) -> None:
         self.most, self._size = most, 0
@@ -23,7 +23,7 @@ class Recent:
         self._lock = Lock()
 
     def found(self, index: Step) -> NDArray[Any] | None:
-        """A brick, if it is kept; it is the last one then."""
+        """Return a brick if cached, and mark it as the most recent."""
         with self._lock:
             values = self._kept.pop(index, None)
             if values is not None:
@@ -31,7 +31,7 @@ class Recent:
             return values
 
     def keep(self, index: Step, values: NDArray[Any]) -> None:
-        """Keep a brick in place of those that were read or found before all others."""
+        """Cache a brick, and evict the least recently used."""
         with self._lock:
             if index not in self._kept and values.nbytes <= self.most:
                 self._kept[index] = values
@@ -41,12 +41,11 @@ class Recent:
 
 
 class Shelf:
-    """Bricks that were read first, as many as so many bytes hold, for all later passes.
+    """Cache that pins the bricks read first, up to a limit in bytes, for all later passes.
 
-    Passes go over all bricks in one order, so that those which were read last would be of no use to
-    the next one. To other processes a shelf goes without its bricks: there, whoever does parts of
-    one command's work shares a shelf of that process. It ends with the process, or as soon as it
-    works for another command.
+    All passes go over the bricks in the same order, so an LRU cache would be useless for the next
+    one. It is pickled without its bricks: in another process, all parts of one command's work share
+    a cache of that process. That ends with the process, or when it works for another command.
     """
 
     def __init__(self, most: int, name: tuple[str, str] | None = None) -> None:
@@ -59,11 +58,11 @@ class Shelf:
         return _shelf_here, (self.most, self._name)
 
     def found(self, index: Step) -> NDArray[Any] | None:
-        """A brick, if it is kept."""
+        """Return a brick if cached."""
         return self._kept.get(index)
 
     def keep(self, index: Step, values: NDArray[Any]) -> None:
-        """Keep a brick if there is room; not if it has one value, as then it is known without."""
+        """Cache a brick if there is room, unless it is constant and so known without reading."""
         if values.nbytes > self.most - self.size or _is_known(values):
             return
         with self._lock:
@@ -72,7 +71,7 @@ class Shelf:
                 self.size += values.nbytes
 
     def limit(self, most: int) -> None:
-        """Hold no more than so many bytes from here on; 0 lets go of all."""
+        """Set the limit in bytes; 0 evicts all."""
         with self._lock:
             self.most = most
             while self.size > most:
@@ -84,7 +83,7 @@ _SHELVES_LOCK = Lock()
 
 
 def _shelf_here(most: int, name: tuple[str, str]) -> Shelf:
-    """Shelf of this process, by a name that another gave; those of other commands end."""
+    """Return this process's cache of a command, and drop those of other commands."""
     with _SHELVES_LOCK:
         for other in [other for other in _SHELVES if other[0] != name[0]]:
             del _SHELVES[other]
@@ -98,5 +97,5 @@ def _is_known(values: NDArray[Any]) -> bool:
 
 
 def is_known_by_its_ends(dtype: np.dtype[Any]) -> bool:
-    """Whether values of a type are known where their least is their greatest one."""
-    return dtype.kind in "iu" and dtype.itemsize <= 4  # which float64 holds, and none is missing
+    """Return whether equal ends tell all values of a type."""
+    return dtype.kind in "iu" and dtype.itemsize <= 4  # float64 holds them exactly, and none is NaN

@@ -1,1 +1,1 @@
-"""Grids of cells of any shape, or of several blocks, resampled onto a lattice by VTK."""
+"""Unstructured and multiblock grids, resampled onto a lattice by VTK."""

@@ -1,4 +1,4 @@
-"""Files of VTK's that name others, the pieces of one grid: `.vtm` and `.vthb`.
+"""VTK files that list the pieces of a grid: `.vtm` and `.vthb`.
 
 They are read here, not by VTK, which would open whatever they name.
 """
@@ -26,12 +26,12 @@ KIB = 1024
 
 
 def read_grid(path: Path) -> Any:
-    """Grid of one piece, by the suffix of its file; errors as of `vti.grid_of`."""
+    """Read the grid of one piece, by its file's suffix; errors as of `vti.grid_of`."""
     return grid_of(existing_file(path), READERS[path.suffix.lower()])
 
 
 def read_pieces(path: Path) -> list[Any]:
-    """All pieces that a file names which fill space; surfaces are left out.
+    """Read all volumetric pieces that a file lists; surfaces are left out.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def read_pieces(path: Path) -> list[Any]:
 
 
 def _names(path: Path) -> Iterator[str]:
-    """Names of files, as they stand there."""
+    """Return the listed file names."""
     check_size(path.name, path.stat().st_size, "tree")
     check_xml_file(path)
     try:

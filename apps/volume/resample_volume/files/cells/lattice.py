@@ -1,4 +1,4 @@
-"""Where the voxels of a grid of cells lie: steps from the mean size of cells, ends at its ends."""
+"""Choose a lattice for an unstructured grid: its bounds, with steps of the mean cell size."""
 
 import math
 from typing import Any, NamedTuple
@@ -13,13 +13,13 @@ from resample_volume.files.cells.validity import points_along
 MOST = 1 << 28  # voxels that are made unless steps are given
 MOST_ALONG = 1 << 20  # voxels along a side, if steps are given
 MOST_PER_PLACE = 512  # the same, for each point or cell: 8 along each axis
-FEW = 1 << 12  # points or cells, up to which a grid is as good as one of so many
+FEW = 1 << 12  # points or cells; smaller grids count as this size
 LEAST = 1e-6  # of the longest side: a grid that is thinner has no volume
-SLACK = 1e-6  # of a step, which rounding of ends may have
+SLACK = 1e-6  # of a step: rounding of the bounds
 
 
 class Leaf(NamedTuple):
-    """A grid that is one piece, with the array that is wanted."""
+    """A single piece with the chosen array."""
 
     data: Any  # a data set of VTK's with that array alone
     values: NDArray[Any]  # (N,) or (N, C), the same
@@ -32,7 +32,7 @@ class Raster(NamedTuple):
     shape: tuple[int, ...]  # x, y, z
     spacing: Doubles  # (3,)
     origin: Doubles  # (3,) of the first voxel
-    is_coarser: bool = False  # than the cells are on the average, for the sake of memory
+    is_coarser: bool = False  # whether coarser than the mean cell, to save memory
 
     @property
     def size(self) -> int:
@@ -40,11 +40,11 @@ class Raster(NamedTuple):
         return math.prod(self.shape)
 
 
-@np.errstate(all="ignore")  # sizes that make no sense are refused, not warned of
+@np.errstate(all="ignore")  # absurd sizes are rejected, without warnings
 def lattice_of(leaves: list[Leaf], spacing: tuple[float, ...], room: int, name: str) -> Raster:
-    """Raster over all that leaves fill.
+    """Choose the lattice that covers all leaves.
 
-    Values of points are wanted on the ends of the lattice, those of cells in the middle of voxels.
+    For point values the lattice ends at the bounds, for cell values voxels are centered in cells.
 
     Parameters
     ----------
@@ -53,14 +53,14 @@ def lattice_of(leaves: list[Leaf], spacing: tuple[float, ...], room: int, name: 
     spacing
         Steps along x, y, z; none: those of the finest leaf, by the mean size of its cells.
     room
-        Bytes that a voxel takes.
+        Bytes per voxel.
     name
         For messages.
 
     Raises
     ------
     ValueError
-        The leaves have no volume, or their places are no numbers.
+        The leaves have no volume, or coordinates are not numbers.
     """
     bounds = np.array([leaf.data.GetBounds() for leaf in leaves]).reshape(-1, 3, 2)
     low, high = bounds[..., 0].min(axis=0), bounds[..., 1].max(axis=0)
@@ -89,7 +89,7 @@ def lattice_of(leaves: list[Leaf], spacing: tuple[float, ...], room: int, name: 
 
 
 def _bounded(step: Doubles, extent: Doubles, leaves: list[Leaf], room: int) -> tuple[Doubles, bool]:
-    """Steps that are not finer than memory and the number of places allow."""
+    """Limit steps by memory and by the number of points."""
     places = sum(len(leaf.values) for leaf in leaves)
     most = float(min(MOST, MOST_PER_PLACE * max(places, FEW)))
     free = available_memory()
@@ -103,7 +103,7 @@ def _bounded(step: Doubles, extent: Doubles, leaves: list[Leaf], room: int) -> t
 
 
 def mean_cell(data: Any, name: str) -> Doubles:
-    """Sides (3,) of a box along the axes that is as large as the mean cell, and shaped like it.
+    """Return the sides (3,) of a box with the volume and proportions of the mean cell.
 
     Raises
     ------
@@ -125,7 +125,7 @@ def mean_cell(data: Any, name: str) -> Doubles:
 
 
 def _sides(data: Any) -> Doubles:
-    """Mean sides of the boxes around cells."""
+    """Return the mean sides of the cells' bounding boxes."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
     place = np.asarray(vtk_to_numpy(data.GetPoints().GetData()), np.float64)
@@ -143,7 +143,7 @@ def _sides(data: Any) -> Doubles:
 
 
 def _volume(data: Any) -> float:
-    """Volume of all cells."""
+    """Return the volume of all cells."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkFiltersVerdict import vtkCellSizeFilter
 

@@ -1,4 +1,4 @@
-"""Grids of cells in legacy files of VTK, which are read here: VTK's own reader trusts their counts.
+"""Read unstructured grids from legacy VTK files; VTK's own reader trusts their counts.
 
 The form is that of "VTK File Formats" (docs.vtk.org), in its versions up to 5.1.
 """
@@ -18,7 +18,7 @@ Cells = tuple[NDArray[Any], NDArray[Any]]  # where each begins, and its corners
 
 
 def legacy_grid(found: Sections) -> Any:
-    """Data set of VTK's of all that a file holds.
+    """Read a file to a data set of VTK's.
 
     Parameters
     ----------

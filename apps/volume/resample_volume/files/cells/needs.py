@@ -1,15 +1,15 @@
-"""What reading a grid of cells needs to have installed."""
+"""Check that VTK is installed."""
 
 from importlib.util import find_spec
 
 
 def require_vtk(name: str) -> None:
-    """Refuse a file where VTK is not installed.
+    """Reject a file if VTK is not installed.
 
     Raises
     ------
     ValueError
-        It is not.
+        VTK is not installed.
     """
     if find_spec("vtkmodules") is None:
         raise ValueError(

@@ -1,4 +1,4 @@
-"""Values of grids of cells at the voxels of a lattice, and how far they are from the grids' own."""
+"""Interpolate unstructured grids at voxels, and estimate the error."""
 
 from collections.abc import Iterator
 from typing import Any, NamedTuple
@@ -10,21 +10,21 @@ from resample.reading.silence import suppressed_output
 from resample.types import Doubles
 from resample_volume.files.cells.lattice import SLACK, Leaf, Raster
 
-JUDGED = 1 << 20  # points or cells of a grid that are looked at to tell an error
+JUDGED = 1 << 20  # points or cells sampled to estimate the error
 NAME = "values"  # of the array in a leaf
 MASK = "vtkValidPointMask"
 
 
 class Error(NamedTuple):
-    """How far interpolated values are from given ones."""
+    """Error of interpolated values."""
 
     squares: float = 0.0  # sum, in parts of the values' range
     most: float = 0.0  # in parts of it
     judged: int = 0  # values
-    left_out: int = 0  # of places at the rim, where a voxel beside them has none
+    left_out: int = 0  # points at the border without known voxels on all sides
 
     def line(self, things: str) -> str:
-        """Say it, of things like points."""
+        """Format the error, of points or cells."""
         if not self.judged:
             return f"none of its {things} has known voxels on all sides, so the error is not known"
         mean = 100 * (self.squares / self.judged) ** 0.5
@@ -35,14 +35,14 @@ class Error(NamedTuple):
 
 
 def probed(leaf: Leaf, lattice: Raster, into: NDArray[Any], span: float) -> Error:
-    """Put a leaf's values at its voxels; how far these are from its own.
+    """Write a leaf's values to its voxels; return the error against its own values.
 
     Parameters
     ----------
     leaf, lattice
         The lattice may reach further.
     into
-        (Z, Y, X, C) of the whole lattice; where the leaf is not, it stays.
+        (Z, Y, X, C) of the whole lattice; unchanged outside the leaf.
     span
         Highest less lowest of all values.
     """
@@ -65,7 +65,7 @@ def probed(leaf: Leaf, lattice: Raster, into: NDArray[Any], span: float) -> Erro
 def _probe(
     data: Any, lattice: Raster, low: NDArray[np.int_], high: NDArray[np.int_]
 ) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-    """Values (N, ...) of a part of the lattice, and where there are any."""
+    """Return values (N, ...) of a part of the lattice, and a mask of known ones."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkCommonDataModel import vtkImageData
     from vtkmodules.vtkFiltersCore import vtkProbeFilter
@@ -84,9 +84,9 @@ def _probe(
     return vtk_to_numpy(held.GetArray(NAME)), vtk_to_numpy(held.GetArray(MASK)) != 0
 
 
-@np.errstate(all="ignore")  # numbers near the largest that there are
+@np.errstate(all="ignore")  # numbers near the largest float
 def _error(leaf: Leaf, found: NDArray[Any], start: Doubles, step: Doubles, span: float) -> Error:
-    """Error of voxels (Z, Y, X, C) at a leaf's own points, or centers of cells."""
+    """Estimate the error of voxels (Z, Y, X, C) at a leaf's points or cell centers."""
     from scipy.ndimage import map_coordinates
 
     some = slice(None, None, max(1, -(-len(leaf.values) // JUDGED)))
@@ -111,7 +111,7 @@ def _parts(values: NDArray[Any]) -> Iterator[NDArray[Any]]:
 
 
 def _places(leaf: Leaf) -> Doubles:
-    """Places (N, 3) that a leaf's values belong to."""
+    """Return the points (N, 3) of a leaf's values."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkFiltersCore import vtkCellCenters
 
@@ -136,6 +136,6 @@ def _places(leaf: Leaf) -> Doubles:
 
 
 def _grid(axes: list[Doubles]) -> Doubles:
-    """Places (N, 3) x, y, z of planes z, y, x; x is fastest."""
+    """Return points (N, 3) x, y, z of planes z, y, x; x is fastest."""
     z, y, x = np.meshgrid(*axes, indexing="ij")
     return np.stack([x.ravel(), y.ravel(), z.ravel()], axis=-1)

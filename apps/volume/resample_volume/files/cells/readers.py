@@ -1,4 +1,4 @@
-"""Readers of VTK's files of grids of cells and of blocks, which are resampled onto a lattice."""
+"""Readers of VTK files of unstructured and multiblock grids, resampled onto a lattice."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +21,7 @@ from resample_volume.types import Recording, Volume
 
 @dataclass(frozen=True)
 class _Cells:
-    """Cells that become voxels of a lattice; values are at points or cells."""
+    """Base of readers that resample cells; values are at points or cells."""
 
     array: str = ""  # name of the array; empty: the active one, or the only one of scalars
     part: str = ""  # magnitude: lengths of the array's vectors
@@ -43,7 +43,7 @@ class _Cells:
         return resampled(pieces, wanted, steps, stem(path, self.suffixes), check)
 
     def _pieces(self, path: Path) -> list[Any]:
-        """VTK's data sets in a file."""
+        """Return VTK's data sets in a file."""
         return [read_grid(path)]
 
 
@@ -67,7 +67,7 @@ class Vtu(_Cells):
 class Vtm(_Cells):
     """VTK multiblock and AMR files, whose pieces lie in or under their folder.
 
-    Where pieces overlap, those with the smallest cells are shown.
+    Where pieces overlap, those with the smallest cells win.
     """
 
     suffixes = (".vtm", ".vthb")

@@ -1,4 +1,4 @@
-"""Data sets of VTK's, of one piece or many, as volumes on a lattice."""
+"""Resample data sets of VTK, of one piece or many, onto a lattice."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -17,7 +17,7 @@ from resample_volume.types import Recording
 
 GHOSTS = "vtkGhostType"  # says which points and cells are hidden
 SURFACES = "vtkPolyData"
-OVERHEAD = 16  # bytes of a voxel beside its numbers, while it is found
+OVERHEAD = 16  # bytes of temporaries per voxel
 
 
 def resampled(
@@ -27,14 +27,14 @@ def resampled(
     name: str,
     check: Check,
 ) -> Recording:
-    """One array of a grid, or of the same grid in pieces, onto a lattice.
+    """Resample one array of a grid, or of its pieces, onto a lattice.
 
-    Where no cell is, values are NaN. Where pieces overlap, those with smaller cells have the say.
+    Values outside of cells are NaN. Where pieces overlap, those with smaller cells win.
 
     Parameters
     ----------
     pieces
-        Data sets of VTK's, which were not looked at yet.
+        Data sets of VTK's, unchecked.
     wanted
         Which array, and what of it.
     spacing
@@ -46,7 +46,7 @@ def resampled(
 
     Returns
     -------
-    Numbers of vectors are channels. `note` says what was done, and how large the error is.
+    Components of vectors are channels. `note` tells the resampling and its error.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def resampled(
 
 
 def pieces_of(data: Any) -> list[Any]:
-    """Pieces of a data set of VTK's that is composed of others; of another itself."""
+    """Return the pieces of a composite data set; for others itself."""
     if not data.IsA("vtkCompositeDataSet"):
         return [data]
     found, at = [], data.NewIterator()
@@ -94,7 +94,7 @@ def pieces_of(data: Any) -> list[Any]:
 def _leaves(
     pieces: Sequence[Any], wanted: Wanted, name: str
 ) -> tuple[Named, list[Named], list[Leaf]]:
-    """Array that is meant, all that the first piece with it has, and pieces with it alone."""
+    """Return the chosen array, all arrays of its first piece, and the pieces with it alone."""
     held = [arrays_of(piece) for piece in pieces]
     names = [[named for named, _ in arrays] for arrays in held]
     having = [every for every in names if any(wanted.array in ("", one.name) for one in every)]
@@ -114,7 +114,7 @@ def _leaves(
 
 
 def _leaf(piece: Any, chosen: Named, array: Any, wanted: Wanted) -> Leaf:
-    """Piece with an array alone, of floats that hold its numbers."""
+    """Reduce a piece to one array, of floats that hold its numbers."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
     stored = vtk_to_numpy(array)
@@ -136,7 +136,7 @@ def _leaf(piece: Any, chosen: Named, array: Any, wanted: Wanted) -> Leaf:
 def _with(bare: Any, values: NDArray[Any], chosen: Named) -> Leaf:
     from vtkmodules.util.numpy_support import numpy_to_vtk
 
-    array = numpy_to_vtk(values)  # keeps the memory of NumPy's alive
+    array = numpy_to_vtk(values)  # holds a reference to NumPy's memory
     array.SetName(NAME)
     (bare.GetCellData() if chosen.is_of_cells else bare.GetPointData()).AddArray(array)
     return Leaf(bare, values, chosen.is_of_cells)
@@ -144,7 +144,7 @@ def _with(bare: Any, values: NDArray[Any], chosen: Named) -> Leaf:
 
 @np.errstate(over="ignore")
 def _span(leaves: list[Leaf]) -> float:
-    """Highest less lowest of values that are numbers."""
+    """Return the range (highest less lowest) of finite values."""
     known = [leaf.values[np.isfinite(leaf.values)] for leaf in leaves]
     low = min((float(some.min()) for some in known if some.size), default=0.0)
     high = max((float(some.max()) for some in known if some.size), default=0.0)
@@ -152,7 +152,7 @@ def _span(leaves: list[Leaf]) -> float:
 
 
 def _note(lattice: Raster, leaves: list[Leaf], errors: list[Error], without: int) -> str:
-    """What was done, in a line."""
+    """Return a line about the resampling."""
     whole = Error(
         sum(error.squares for error in errors),
         max(error.most for error in errors),
@@ -164,7 +164,7 @@ def _note(lattice: Raster, leaves: list[Leaf], errors: list[Error], without: int
     steps = " x ".join(f"{step:.4g}" for step in lattice.spacing)
     cells = sum(leaf.data.GetNumberOfCells() for leaf in leaves)
     told = f"{cells} cells" + (f" in {len(leaves)} pieces" if len(leaves) > 1 else "")
-    coarser = ", coarser than its cells, as memory and sense allow" if lattice.is_coarser else ""
+    coarser = ", coarser than its cells, to save memory" if lattice.is_coarser else ""
     every = len(leaves) + without
     left = f"; {without} of {every} pieces lack this array, or cells" if without else ""
     return (

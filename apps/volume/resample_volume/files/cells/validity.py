@@ -1,4 +1,4 @@
-"""Do the cells of a grid make sense? Asked before VTK goes through them, as it does not ask."""
+"""Validate the cells of a grid, which VTK itself does not check."""
 
 import math
 from typing import Any
@@ -19,19 +19,19 @@ POLYHEDRON = 42
 
 
 def check_cells(data: Any, name: str) -> None:
-    """Refuse grids whose points are no numbers or whose cells have corners that are not there.
+    """Reject grids with non-finite points, or cells with corners that do not exist.
 
     Parameters
     ----------
     data
-        A data set of VTK's; lattices have nothing to be wrong.
+        A data set of VTK's; lattices need no check.
     name
         For the message.
 
     Raises
     ------
     ValueError
-        They have, or cells are of a kind that is not known.
+        The grid is invalid, or cells are of an unknown kind.
     """
     if not data.IsA("vtkPointSet"):
         return
@@ -52,7 +52,7 @@ def check_cells(data: Any, name: str) -> None:
 
 
 def points_along(data: Any) -> tuple[int, ...]:
-    """Points along x, y, z of a grid of rows, by the one way that all versions of VTK have."""
+    """Return points along x, y, z of a structured grid, in a way that all VTK versions support."""
     first, last = np.reshape(data.GetExtent(), (3, 2)).T.tolist()
     return tuple(b - a + 1 for a, b in zip(first, last, strict=True))
 
@@ -76,7 +76,7 @@ def _check_unstructured(data: Any, points: int, name: str) -> None:
 
 
 def _kinds(data: Any) -> Any:
-    """Kinds of cells, which VTK 9.6 gave another name."""
+    """Return the kinds of cells, whose method VTK 9.6 renamed."""
     try:
         return data.GetCellTypes()
     except TypeError:
@@ -92,7 +92,7 @@ def _check_faces(data: Any, points: int, cells: int, name: str) -> None:
 
 
 def _counts(held: Any, most: int, name: str) -> NDArray[Any]:
-    """How many corners each cell has, of which there are `most`."""
+    """Return the number of corners of each cell, out of `most` in all."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
     first = vtk_to_numpy(held.GetOffsetsArray())

@@ -1,1 +1,1 @@
-"""Formats of volumes: read their files, write some."""
+"""File formats of volumes: read all, write some."""

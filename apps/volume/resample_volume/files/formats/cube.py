@@ -1,7 +1,7 @@
 """Gaussian's cubes of densities and orbitals: text (gaussian.com/cubegen).
 
-Lengths are Bohr, or Å where the numbers of voxels are negative; they come out in Å. Atoms are gone
-past. Values are kept as float32, which holds all digits that Gaussian writes.
+Lengths are in Bohr, or in Å if the numbers of voxels are negative; they are converted to Å. Atoms
+are skipped. Values are float32, which holds all digits that Gaussian writes.
 """
 
 from itertools import islice
@@ -30,12 +30,12 @@ class _Axis(NamedTuple):
 
 
 def read_cube(path: Path, name: str, check: Check) -> Recording:
-    """All values of a cube; orbitals, or what else has several numbers at a place, are channels.
+    """Read a cube; orbitals, or other multiple numbers per voxel, are channels.
 
     Raises
     ------
     ValueError, OSError
-        It is no cube, cut off, none of a volume, or refused by `check`.
+        It is not a cube, truncated, not of a volume, or rejected by `check`.
     """
     check_size(path.name, path.stat().st_size)
     with path.open("rb") as file:
@@ -52,7 +52,7 @@ def read_cube(path: Path, name: str, check: Check) -> Recording:
     return recording(every, known, channels_first=True)
 
 
-@np.errstate(all="ignore")  # numbers that make no sense are refused, not warned of
+@np.errstate(all="ignore")  # absurd numbers are rejected, without warnings
 def _header(file: BinaryIO, path: Path, name: str) -> Header:
     for _ in range(2):
         file.readline(LONGEST)  # titles
@@ -88,7 +88,7 @@ def _words(file: BinaryIO) -> list[bytes]:
 
 
 def _counted(words: list[bytes], path: Path, what: str) -> tuple[int, Doubles]:
-    """A whole number, and three others."""
+    """Parse an integer, and three other numbers."""
     try:
         place = np.array([float(word) for word in words[1:4]])
         count = int(words[0][:20])
@@ -103,7 +103,7 @@ def _counted(words: list[bytes], path: Path, what: str) -> tuple[int, Doubles]:
 
 
 def _orbitals(file: BinaryIO, path: Path) -> int:
-    """How many there are; their numbers are gone past."""
+    """Return the number of orbitals, and skip their indices."""
     words = _words(file)
     count = whole(path, words[0].decode("latin-1")) if words else 0
     check_items(path.name, count, "orbitals")

@@ -32,16 +32,16 @@ NAMES = {TYPES[name]: name.upper() for name in reversed(TYPES)}
 SPACINGS = ("elementspacing", "elementsize")
 ORIGINS = ("offset", "origin", "position")
 MATRICES = ("transformmatrix", "rotation", "orientation")
-PIECE = 1 << 22  # bytes packed at a time
+PIECE = 1 << 22  # bytes compressed at a time
 
 
 def read_metaimage(path: Path, name: str, check: Check) -> Recording:
-    """All times and channels of a file that exists, with its data in it or beside it.
+    """Read all times and channels of an existing file, with its data in it or beside it.
 
     Raises
     ------
     ValueError, OSError
-        It is no MetaImage, damaged, none of a volume, or refused by `check`.
+        It is not a MetaImage, damaged, not of a volume, or rejected by `check`.
     """
     told = text_fields(path, "=", "elementdatafile")
     if not told.value.get("elementdatafile"):
@@ -54,7 +54,7 @@ def read_metaimage(path: Path, name: str, check: Check) -> Recording:
 
 
 def write_metaimage(path: Path, volume: Volume) -> None:
-    """Write a volume with its place, packed, in one file."""
+    """Write a volume with its geometry to one compressed file."""
     kind = volume.values.dtype
     packer, packed = zlib.compressobj(6), []
     for plane in volume.values:
@@ -85,7 +85,7 @@ def _listed(numbers: Any) -> str:
 
 
 def _first(value: Mapping[str, str], keys: tuple[str, ...], count: int) -> Any:
-    """Numbers of the first key that is there, or none."""
+    """Return the numbers of the first key present, or none."""
     found = next((value[key] for key in keys if key in value), "")
     return np.array([float(word) for word in found.split()][:count])
 
@@ -131,7 +131,7 @@ def _is_big(value: Mapping[str, str]) -> bool:
 
 
 def _stored(path: Path, told: Fields) -> VoxelData:
-    """Where the data is."""
+    """Return the location of the data."""
     value = told.value
     data = value["elementdatafile"]
     is_local = data.upper() == "LOCAL"

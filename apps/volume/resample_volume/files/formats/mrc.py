@@ -1,6 +1,6 @@
 """MRC and CCP4 maps of microscopy and crystallography, as MRC2014 defines them (ccpem.ac.uk).
 
-Places are in Å. The first voxel lies at ORIGIN where that is not 0, otherwise at NXSTART, NYSTART
+Positions are in Å. The first voxel lies at ORIGIN unless that is 0, otherwise at NXSTART, NYSTART
 and NZSTART. Cells may be oblique; their first axis is x, their second lies in the plane of x and y.
 """
 
@@ -53,7 +53,7 @@ LARGEST = 1 << 30  # bytes of a second header
 
 
 class _Told(NamedTuple):
-    """A header, and how its voxels lie in the file."""
+    """A header, and the layout of voxels in the file."""
 
     known: Header
     axes: tuple[int, ...]  # of x, y, z (0, 1, 2) those of columns, rows and sections
@@ -62,12 +62,12 @@ class _Told(NamedTuple):
 
 
 def read_mrc(path: Path, name: str, check: Check) -> Recording:
-    """The map, or all volumes of a stack of volumes, which are its times.
+    """Read a map, or a stack of volumes as times.
 
     Raises
     ------
     ValueError, OSError
-        It is no MRC file, damaged, none of a volume, or refused by `check`.
+        It is not an MRC file, damaged, not of a volume, or rejected by `check`.
     """
     told = _told(_fields(first_bytes(path, LENGTH), path.name), path.name, name)
     known = told.known
@@ -84,7 +84,7 @@ def read_mrc(path: Path, name: str, check: Check) -> Recording:
 
 
 def _fields(start: bytes, name: str) -> Any:
-    """Header in the order of bytes that its stamp says; of one without, that which makes sense."""
+    """Parse the header in the byte order of its stamp; without one, in the plausible order."""
     if len(start) < LENGTH or start[208:211] != b"MAP":
         raise ValueError(f"{name} is not an MRC or CCP4 map, or its header is cut off")
     told = ORDERS.get(start[212])
@@ -136,9 +136,9 @@ def _type(fields: Any, file: str) -> np.dtype[Any]:
     return np.dtype(TYPES[mode]).newbyteorder(order)
 
 
-@np.errstate(all="ignore")  # numbers that make no sense are refused, not warned of
+@np.errstate(all="ignore")  # absurd numbers are rejected, without warnings
 def _place(fields: Any, axes: tuple[int, ...], file: str) -> tuple[Doubles, Doubles, Doubles]:
-    """Spacing, origin and direction; 1 Å where a file says none."""
+    """Return spacing, origin and direction; 1 Å if the file has no spacing."""
     cell, grid = np.array(fields["cell"], np.float64), np.array(fields["grid"], np.float64)
     if (grid < 0).any():
         raise ValueError(f"{file} is damaged: its cell has {grid.min():g} intervals")
@@ -153,7 +153,7 @@ def _place(fields: Any, axes: tuple[int, ...], file: str) -> tuple[Doubles, Doub
 
 
 def _cell_axes(angles: Doubles, file: str) -> Doubles:
-    """Columns are unit vectors along a cell's axes, given the angles between them; 0 are right."""
+    """Return unit vectors along a cell's axes as columns, from their angles; 0 means 90."""
     if not angles.any() or (angles == 90).all():
         return np.eye(3)
     alpha, beta, gamma = np.radians(angles)

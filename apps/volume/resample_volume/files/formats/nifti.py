@@ -1,8 +1,8 @@
-"""NIfTI-1 and NIfTI-2 in one file (nifti.nimh.nih.gov), with what ITK makes of places.
+"""NIfTI-1 and NIfTI-2 in one file (nifti.nimh.nih.gov), with positions as in ITK.
 
-Its coordinates are RAS; they come out as LPS, like those of the other formats. Of its two ways to
-say where voxels are, the affine one (sform) counts if it is of the scanner, or the only one; the
-lengths of steps are those of pixdim.
+Its coordinates are RAS; they are converted to LPS, like those of other formats. Of its two
+transforms, the affine one (sform) is used if it is of the scanner, or the only one; spacings are
+those of pixdim.
 """
 
 import gzip
@@ -43,7 +43,7 @@ LENGTHS = (348, 540)  # bytes of both headers
 
 
 def _form(version: int) -> np.dtype[Any]:
-    """Header of version 1 or 2, as NumPy has structures."""
+    """Return the header of version 1 or 2 as a structured dtype."""
     held = {
         "names": list(FIELDS),
         "formats": [each[2 * version - 2] for each in FIELDS.values()],
@@ -65,7 +65,7 @@ TO_LPS = np.diag([-1.0, -1.0, 1.0])
 
 
 class _Told(NamedTuple):
-    """A header, and what follows from it."""
+    """A header, and derived facts."""
 
     fields: Any
     known: Header
@@ -73,12 +73,12 @@ class _Told(NamedTuple):
 
 
 def read_nifti(path: Path, name: str, check: Check) -> Recording:
-    """All times and channels of a file that exists; slope and intercept are applied.
+    """Read all times and channels of an existing file; slope and intercept are applied.
 
     Raises
     ------
     ValueError, OSError
-        It is no NIfTI file of one piece, damaged, none of a volume, or refused by `check`.
+        It is not a single-file NIfTI, damaged, not of a volume, or rejected by `check`.
     """
     told = _told(first_bytes(path, LENGTHS[1]), path, name)
     check(told.known)
@@ -96,7 +96,7 @@ def read_nifti(path: Path, name: str, check: Check) -> Recording:
 
 
 def write_nifti(path: Path, volume: Volume, *, is_packed: bool) -> None:
-    """Write a volume with its place as NIfTI-1."""
+    """Write a volume with its geometry as NIfTI-1."""
     kind = volume.values.dtype
     steps = TO_LPS @ volume.direction
     sign = -1.0 if np.linalg.det(steps) < 0 else 1.0
@@ -155,7 +155,7 @@ def _told(start: bytes, path: Path, name: str) -> _Told:
 
 
 def _fields(start: bytes, name: str) -> Any:
-    """Header of either version, in either order of bytes."""
+    """Parse the header of either version, in either byte order."""
     orders: tuple[Literal["<", ">"], ...] = ("<", ">")
     for form, length, magic in zip(FORMS, LENGTHS, (b"n+1", b"n+2"), strict=True):
         for order in orders:
@@ -183,7 +183,7 @@ def _word(text: bytes) -> str:
 
 
 def _place(fields: Any) -> tuple[Doubles, Doubles, Doubles]:
-    """Spacing, origin and direction, LPS."""
+    """Return spacing, origin and direction, LPS."""
     spacing = np.array(fields["pixdim"][1:4], np.float64)
     affine = np.array(fields["srow"], np.float64)
     q, s = int(fields["qform"]), int(fields["sform"])
@@ -200,7 +200,7 @@ def _place(fields: Any) -> tuple[Doubles, Doubles, Doubles]:
 
 
 def _rotation(quaternion: Doubles) -> Doubles:
-    """Matrix of a unit quaternion without its real part, which is not negative."""
+    """Return the matrix of a unit quaternion, given without its non-negative real part."""
     b, c, d = quaternion
     rest = 1 - b * b - c * c - d * d
     if rest < 1e-7:
@@ -217,7 +217,7 @@ def _rotation(quaternion: Doubles) -> Doubles:
 
 
 def _quaternion(matrix: Doubles) -> Doubles:
-    """Three parts (b, c, d) of the unit quaternion of a rotation."""
+    """Return (b, c, d) of the unit quaternion of a rotation."""
     from scipy.spatial.transform import Rotation
 
     b, c, d, a = Rotation.from_matrix(matrix).as_quat()
@@ -225,7 +225,7 @@ def _quaternion(matrix: Doubles) -> Doubles:
 
 
 def _scaled(values: NDArray[Any], told: _Told) -> NDArray[Any]:
-    """Values with slope and intercept, as floats; as they are where there is nothing to do."""
+    """Apply slope and intercept, to floats; unchanged if there is nothing to do."""
     slope, inter = float(told.fields["slope"]), float(told.fields["inter"])
     if not math.isfinite(slope) or not math.isfinite(inter):
         return values

@@ -1,6 +1,6 @@
-"""NRRD, by its definition (teem.sourceforge.net/nrrd/format.html), with what ITK makes of places.
+"""NRRD, by its definition (teem.sourceforge.net/nrrd/format.html), with positions as in ITK.
 
-Positions come out in LPS where the file's space is one of right/left, anterior/posterior and
+Positions are converted to LPS if the file's space is one of right/left, anterior/posterior and
 superior/inferior; other spaces are kept.
 """
 
@@ -40,7 +40,7 @@ WRITTEN = {"uint8": "uint8", "int8": "int8", "uint16": "uint16", "int16": "int16
 WRITTEN |= {"int32": "int32", "float32": "float", "float64": "double"}
 
 OF_SPACE = ("domain", "space", "time", "none", "???")  # kinds of axes along which voxels lie
-LISTED = {"list", "time", "none", "???"}  # kinds of axes that list what is no color
+LISTED = {"list", "time", "none", "???"}  # kinds of axes that list numbers other than colors
 SIGNS = {
     **dict.fromkeys(("right-anterior-superior", "ras"), (-1.0, -1.0, 1.0)),
     **dict.fromkeys(("left-anterior-superior", "las"), (1.0, -1.0, 1.0)),
@@ -51,7 +51,7 @@ IDENTITY = np.eye(3)
 
 
 class _Axes(NamedTuple):
-    """Which axes of a file, the fastest first, are which."""
+    """Roles of a file's axes, the fastest first."""
 
     space: list[int]  # along which voxels lie: x, y, z and perhaps time
     part: int | None  # along which the numbers of a voxel lie
@@ -59,12 +59,12 @@ class _Axes(NamedTuple):
 
 
 def read_nrrd(path: Path, name: str, check: Check) -> Recording:
-    """All times and channels of a file that exists, with its data in it or beside it.
+    """Read all times and channels of an existing file, with its data in it or beside it.
 
     Raises
     ------
     ValueError, OSError
-        It is no NRRD file, damaged, none of a volume, or refused by `check`.
+        It is not an NRRD file, damaged, not of a volume, or rejected by `check`.
     """
     told = text_fields(path, ":")
     with path.open("rb") as file:
@@ -88,7 +88,7 @@ def read_nrrd(path: Path, name: str, check: Check) -> Recording:
 
 
 def write_nrrd(path: Path, volume: Volume) -> None:
-    """Write a volume with its place, packed."""
+    """Write a volume with its geometry, compressed."""
     kind = volume.values.dtype
     steps = (volume.spacing * volume.direction).T
     lines = (
@@ -133,7 +133,7 @@ def _axes(value: Mapping[str, str], path: Path) -> _Axes:
     apart = [axis for axis, kind in enumerate(kinds) if kind not in OF_SPACE]
     vectors = _vectors(value, path)
     if not apart and len(size) == 4 and vectors and vectors[0] is None:
-        apart = [0]  # unlike the last one, which are times
+        apart = [0]  # unlike the last one, which is time
     if len(apart) > 1:
         raise ValueError(f"{path.name} has {len(apart)} axes that are none of space; it may have 1")
     space = [axis for axis in range(len(size)) if axis not in apart]
@@ -172,7 +172,7 @@ def _dtype(value: Mapping[str, str], path: Path) -> np.dtype[Any]:
 
 
 def _vectors(value: Mapping[str, str], path: Path) -> list[Doubles | None]:
-    """Step along each axis; none of those that are not of space, and no list without steps."""
+    """Return the step along each axis, None for other than spatial ones; or no list."""
     text = value.get("space directions", "")
     words = VECTOR.findall(text)
     found = [None if word.lower() == "none" else _triple(word) for word in words]
@@ -186,9 +186,9 @@ def _triple(text: str) -> Doubles:
     return np.resize(np.append(numbers, np.zeros(3)), 3)  # a fourth one is of time
 
 
-@np.errstate(all="ignore")  # numbers that make no sense are refused, not warned of
+@np.errstate(all="ignore")  # absurd numbers are rejected, without warnings
 def _place(value: Mapping[str, str], axes: _Axes, path: Path) -> tuple[Doubles, Doubles, Doubles]:
-    """Spacing, origin and direction."""
+    """Return spacing, origin and direction."""
     vectors = _vectors(value, path)
     steps = [vectors[axis] for axis in axes.space[:3]] if vectors else []
     if not steps:
@@ -206,7 +206,7 @@ def _place(value: Mapping[str, str], axes: _Axes, path: Path) -> tuple[Doubles, 
 
 
 def _along_axes(value: Mapping[str, str], axes: _Axes) -> tuple[Doubles, Doubles, Doubles]:
-    """The same of a file without a space, whose axes may have spacings, and begin somewhere."""
+    """Do the same for a file without a space, from spacings and starts of axes."""
 
     def numbers(key: str) -> Doubles:
         words = value.get(key, "").split() or ["nan"] * len(axes.size)
@@ -224,7 +224,7 @@ def _along_axes(value: Mapping[str, str], axes: _Axes) -> tuple[Doubles, Doubles
 
 
 def _stored(path: Path, told: Fields, apart: list[Path]) -> VoxelData:
-    """Where the data is; `apart` are its own files, if it has any."""
+    """Return the location of the data; `apart` are separate files, if any."""
     value = told.value
     packing = PACKINGS.get(value["encoding"].lower())
     if packing is None:

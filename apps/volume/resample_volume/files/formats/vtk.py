@@ -39,25 +39,25 @@ AXES = ("x_coordinates", "y_coordinates", "z_coordinates")
 
 
 class _Lattice(NamedTuple):
-    """Where points are."""
+    """The lattice of points."""
 
     points: tuple[int, ...]  # x, y, z
     spacing: Doubles
     origin: Doubles
-    planes: list[Doubles]  # coordinates along x, y, z where these are not even; else none
+    planes: list[Doubles]  # coordinates along x, y, z if uneven; otherwise none
 
 
 def read_vtk(
     path: Path, wanted: Wanted, spacing: tuple[float, ...], name: str, check: Check
 ) -> Recording:
-    """One array, at points or cells, whose numbers at each are its channels, or a color.
+    """Read one array, at points or cells; components are channels, or a color.
 
-    Steps are for grids of cells, which are resampled; see `cells.resampling.resampled`.
+    Spacing is for unstructured grids, which are resampled; see `cells.resampling.resampled`.
 
     Raises
     ------
     ValueError, OSError
-        It is no such file, cut off, none of a lattice, or refused by `check`.
+        It is not such a file, truncated, not of a lattice, or rejected by `check`.
     """
     with path.open("rb") as file:
         found = Sections(file, path.name)
@@ -93,9 +93,9 @@ def read_vtk(
     return _evened(every, lattice, chosen.is_of_cells) if lattice.planes else every
 
 
-@np.errstate(all="ignore")  # numbers that make no sense are refused, not warned of
+@np.errstate(all="ignore")  # absurd numbers are rejected, without warnings
 def _lattice(found: Sections) -> _Lattice:
-    """Header of the lattice, up to the first array of points or cells."""
+    """Read the header of the lattice, up to the first array of points or cells."""
     _check_dataset(found)
     told, planes = _fields(found)
     first = np.zeros(3)
@@ -125,7 +125,7 @@ def _check_dataset(found: Sections) -> None:
 
 
 def _fields(found: Sections) -> tuple[dict[str, list[float]], dict[str, Doubles]]:
-    """Numbers by key, and coordinates of planes."""
+    """Read numbers by key, and coordinates of planes."""
     told: dict[str, list[float]] = {}
     planes: dict[str, Doubles] = {}
     while (words := found.line()) and words[0].lower() not in ("point_data", "cell_data"):
@@ -150,7 +150,7 @@ def _header(lattice: _Lattice, array: Array, name: str) -> Header:
 
 
 def _evened(every: Recording, lattice: _Lattice, is_of_cells: bool) -> Recording:
-    """Recording on an even lattice."""
+    """Resample a recording to an even lattice."""
     volume = alone(every)
     x, y, z = (middles(each, of_cells=is_of_cells) for each in lattice.planes)
     even = rectilinear(volume.values, x, y, z, volume.name)

@@ -1,4 +1,4 @@
-"""Which of the arrays of a file of VTK is meant, and what of it."""
+"""Choose an array of a VTK file, and a part of it."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -12,12 +12,12 @@ from resample_volume.data.recordings import is_color
 from resample_volume.files.parsing.headers import Header
 
 PARTS = ("", "magnitude")
-ROWS = 1 << 18  # whose lengths are found at a time
+ROWS = 1 << 18  # vectors whose lengths are computed at a time
 HIDDEN = "vtkGhost"  # begins names of arrays that VTK keeps for itself
 
 
 class Wanted(NamedTuple):
-    """What a user asks for."""
+    """The user's choice."""
 
     array: str  # its name; empty: the active one, or the only one that it can be
     part: str  # one of PARTS
@@ -34,9 +34,9 @@ class Named(NamedTuple):
 
 
 def choose(known: Sequence[Named], wanted: Wanted, file: str) -> Named:
-    """Array that is meant: by name; or the active one, the only one, the only one of scalars.
+    """Choose an array: by name, else the active one, the only one, or the only one of scalars.
 
-    Those of points come first: where there are any, cells are chosen by name.
+    Point arrays take precedence: if there are any, cell arrays must be chosen by name.
 
     Raises
     ------
@@ -60,18 +60,18 @@ def choose(known: Sequence[Named], wanted: Wanted, file: str) -> Named:
 
 
 def check_part(part: str) -> None:
-    """Refuse what no part of vectors is."""
+    """Reject an unknown part of vectors."""
     if part not in PARTS:
         raise ValueError(f"part is magnitude, or left out, not {part!r}")
 
 
 def listed(known: Sequence[Named]) -> str:
-    """Names of all arrays, with how many numbers each has at a place."""
+    """Return the names of all arrays, with their numbers of components."""
     return f"arrays are {', '.join(f'{each.name}: {each.parts}' for each in known)}"
 
 
 def of_parts(known: Header, chosen: Named, every: Sequence[Named], wanted: Wanted) -> Header:
-    """Header for an array, with what is shown of its several numbers.
+    """Return the header for an array, with the chosen part of its components.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def of_parts(known: Header, chosen: Named, every: Sequence[Named], wanted: Wante
 
 
 def part_of(values: NDArray[Any], chosen: Named, wanted: Wanted, name: str) -> NDArray[Any]:
-    """Values (N * C,) as they are, or lengths (N,) of these vectors where they are asked for."""
+    """Return values (N * C,), or the lengths (N,) of vectors if asked for."""
     if not wanted.part:
         return values
     rows = values.reshape(-1, chosen.parts)
@@ -104,12 +104,12 @@ def part_of(values: NDArray[Any], chosen: Named, wanted: Wanted, name: str) -> N
 
 
 def check_single(known: Header, file: str) -> None:
-    """Refuse several numbers at a place of an uneven grid.
+    """Reject several components on an uneven grid.
 
     Raises
     ------
     ValueError
-        There are.
+        There are several.
     """
     if known.parts > 1:
         raise ValueError(
@@ -119,12 +119,12 @@ def check_single(known: Header, file: str) -> None:
 
 
 def cells_between(points: Sequence[int]) -> tuple[int, ...]:
-    """Cells along x, y, z between so many points."""
+    """Return the cells along x, y, z between points."""
     return tuple(max(1, count - 1) for count in points)
 
 
 def middles(planes: Doubles, *, of_cells: bool) -> Doubles:
-    """Coordinates of planes as they are, or where the centers of the cells between them lie."""
+    """Return coordinates of planes, or of the centers of cells between them."""
     return (planes[1:] + planes[:-1]) / 2 if of_cells else planes
 
 

@@ -1,4 +1,4 @@
-"""What a volume file must say about itself, checked before its voxels are read."""
+"""Headers of volume files, validated before voxels are read."""
 
 import math
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from resample_volume.data.recordings import SeveralTimesError, alone, how
 from resample_volume.types import Recording, Volume
 
 KEPT = ("uint8", "int8", "uint16", "int16", "int32", "float32", "float64")
-WIDENED = {"bool": "uint8", "float16": "float32"}  # kept exactly in a larger type
+WIDENED = {"bool": "uint8", "float16": "float32"}  # widened without loss
 
 
 class Header(NamedTuple):
@@ -48,16 +48,15 @@ def header(
     origin: ArrayLike = (0, 0, 0),
     direction: ArrayLike = ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
 ) -> Header:
-    """Put a header together and refuse what is not a scalar volume.
+    """Make a header, and reject what is not a scalar volume.
 
-    Columns of `direction` that are longer or shorter than 1 give their length to the spacing, which
-    leaves every position where it is.
+    The lengths of the columns of `direction` move to the spacing, which preserves all positions.
 
     Raises
     ------
     ValueError
-        Not three dimensions, an empty one, a single slice, voxels that are no plain number, a
-        spacing that is not positive and finite, a direction that cannot be inverted.
+        There are not three dimensions, one is empty, there is a single slice, voxels are not plain
+        numbers, a spacing is not positive and finite, or a direction cannot be inverted.
     """
     check_shape(shape, name)
     kind = check_type(np.dtype(dtype), name)
@@ -72,7 +71,7 @@ def header(
 
 
 def check_shape(shape: tuple[int, ...], name: str) -> None:
-    """Refuse all but three dimensions of at least two voxels, given as x, y, z."""
+    """Reject all but three dimensions of at least two voxels, given as x, y, z."""
     if len(shape) != 3:
         raise ValueError(
             f"{name} has {len(shape)} dimensions, {_sized(shape)}; a volume has 3 (x, y, z)"
@@ -87,7 +86,7 @@ def check_shape(shape: tuple[int, ...], name: str) -> None:
 
 
 def check_type(dtype: np.dtype[Any], name: str) -> np.dtype[Any]:
-    """Pass on a type of voxel that can be kept exactly; refuse any other."""
+    """Return a type of voxel that can be kept exactly; reject any other."""
     if dtype.kind not in "biuf" or dtype.newbyteorder("=").name not in (*KEPT, *WIDENED):
         raise ValueError(
             f"{name} has voxels of type {dtype}; known are {', '.join(KEPT)} "
@@ -97,12 +96,12 @@ def check_type(dtype: np.dtype[Any], name: str) -> np.dtype[Any]:
 
 
 def check_held(known: Header) -> None:
-    """Refuse what has no times, or no numbers at its voxels.
+    """Reject a header without times or components.
 
     Raises
     ------
     ValueError
-        It has none.
+        There are none.
     """
     if known.times < 1 or known.parts < 1:
         raise ValueError(
@@ -112,7 +111,7 @@ def check_held(known: Header) -> None:
 
 
 def check_alone(known: Header) -> None:
-    """Refuse what is more than one volume; the parts of colors are one."""
+    """Reject more than one volume; the components of colors are one."""
     if known.times > 1:
         raise SeveralTimesError(
             f"{known.name} has 4 dimensions, {_sized((*known.shape, known.times))}; a volume has 3 "
@@ -125,34 +124,34 @@ def check_alone(known: Header) -> None:
         )
 
 
-Check = Callable[[Header], None]  # of what a file says, before its values are read
+Check = Callable[[Header], None]  # check of a header before values are read
 
 
 def check_nothing(known: Header) -> None:
-    """Take any header."""
+    """Accept any header."""
 
 
 def volume(values: NDArray[Any], known: Header) -> Volume:
-    """Values (Z, Y, X) with their header; types the renderer does not know are widened.
+    """Make a volume of values (Z, Y, X); unsupported types are widened.
 
     Raises
     ------
     ValueError
-        They are more than one volume.
+        There is more than one volume.
     """
     check_alone(known)
     return alone(recording(values, known))
 
 
 def recording(values: NDArray[Any], known: Header, *, channels_first: bool = False) -> Recording:
-    """All values with their header; types the renderer does not know are widened.
+    """Make a recording of all values; unsupported types are widened.
 
     Parameters
     ----------
     values
-        (T, Z, Y, X, C) without those axes that the header knows but one of.
+        (T, Z, Y, X, C) without the axes T and C of length 1.
     known
-        What the file says.
+        The header.
     channels_first
         They are (T, C, Z, Y, X) instead.
     """
@@ -173,12 +172,12 @@ def recording(values: NDArray[Any], known: Header, *, channels_first: bool = Fal
 
 
 def existing_file(path: Path) -> Path:
-    """Pass on a file that can be opened.
+    """Return the path of a file that can be opened.
 
     Raises
     ------
     OSError
-        It is missing, a folder, or must not be read.
+        It is missing, a folder, or not readable.
     """
     if path.is_dir():
         raise IsADirectoryError(f"{path} is a folder; name one of its files")
@@ -194,19 +193,19 @@ def existing_file(path: Path) -> Path:
 
 
 def stem(path: PurePath, suffixes: tuple[str, ...]) -> str:
-    """File name without its format's suffix: `engine` of `engine.nii.gz`."""
+    """Return the file name without its format's suffix: `engine` of `engine.nii.gz`."""
     for suffix in sorted(suffixes, key=len, reverse=True):
         if path.name.lower().endswith(suffix) and len(path.name) > len(suffix):
             return path.name[: -len(suffix)]
     return path.name
 
 
-@np.errstate(all="ignore")  # numbers that make no sense are refused, not warned of
+@np.errstate(all="ignore")  # absurd numbers are rejected, without warnings
 def _lattice(spacing: Doubles, direction: Doubles, name: str) -> tuple[Doubles, Doubles]:
     if not (np.isfinite(spacing).all() and (spacing > 0).all()):
         raise ValueError(
             f"{name}: spacing {_listed(spacing)} must be positive and finite along x, y, z; "
-            "correct it (a mirrored axis is the direction's business)"
+            "correct it (mirroring an axis belongs in the direction)"
         )
     if not np.isfinite(direction).all():
         raise ValueError(f"{name}: direction {_listed(direction)} is not finite; correct it")
@@ -216,7 +215,7 @@ def _lattice(spacing: Doubles, direction: Doubles, name: str) -> tuple[Doubles, 
             f"{name}: direction {_listed(direction)} is singular; its columns must span space"
         )
     check_lattice(spacing * direction, f"{name}: its lattice")
-    if np.allclose(length, 1, atol=1e-5):  # headers are rounded: those are kept as they are
+    if np.allclose(length, 1, atol=1e-5):  # headers are rounded: nearly unit columns are kept
         return spacing, direction
     return spacing * length, direction / length
 

@@ -1,4 +1,4 @@
-"""Numbers that are written as text: many, or just gone past."""
+"""Read or skip numbers written as text."""
 
 import re
 from collections.abc import Iterator
@@ -7,19 +7,19 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-BATCH = 1 << 16  # words made into numbers at a time
+BATCH = 1 << 16  # words parsed at a time
 PIECE = 1 << 20  # bytes of one piece of text
 LONGEST_WORD = 1000
 FORTRAN = re.compile(rb"(?<=[\d.])[dD]?(?=[+-]\d+$)|(?<=[\d.])[dD](?=\d+$)")  # of 1D-5, 1.0-101
 
 
 def numbers(file: BinaryIO, count: int, dtype: np.dtype[Any], name: str) -> NDArray[Any]:
-    """Next numbers (count,) of a file, which end with a line; name is for messages.
+    """Read the next numbers (count,) of a file, up to the end of a line; name is for messages.
 
     Raises
     ------
     ValueError
-        There are fewer or more, or words in the place of numbers.
+        There are fewer or more, or words instead of numbers.
     """
     check_enough(file, count, name)
     found, done = np.empty(count, dtype), 0
@@ -30,14 +30,14 @@ def numbers(file: BinaryIO, count: int, dtype: np.dtype[Any], name: str) -> NDAr
 
 
 def skip_numbers(file: BinaryIO, count: int, name: str) -> None:
-    """Go past numbers; errors are those of `numbers`, but for words."""
+    """Skip numbers; errors as of `numbers`, except for words."""
     check_enough(file, count, name)
     for _ in _batches(file, count, name):
         pass
 
 
 def check_enough(file: BinaryIO, count: int, name: str) -> None:
-    """Refuse a text that cannot hold so many numbers, each of which takes two letters."""
+    """Reject a text too short for this many numbers, at two characters each."""
     here = file.tell()
     left = file.seek(0, 2) - file.seek(here)
     file.seek(here)
@@ -68,7 +68,7 @@ def _batches(file: BinaryIO, count: int, name: str) -> Iterator[list[bytes]]:
 
 
 def _piece(file: BinaryIO) -> bytes:
-    """A line, or of a long one as much as ends with a word."""
+    """Read a line, or a piece of a long one that ends with a word."""
     piece = file.readline(PIECE)
     if len(piece) == PIECE:
         rest = bytearray()

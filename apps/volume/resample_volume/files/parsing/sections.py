@@ -1,4 +1,4 @@
-"""What is where in a legacy file of VTK: its words, and the arrays behind them."""
+"""Sections of a legacy VTK file: keywords, and the location of arrays."""
 
 from typing import Any, BinaryIO, NamedTuple
 from urllib.parse import unquote
@@ -36,7 +36,7 @@ SHADES = 4  # numbers of a color in a table of colors
 
 
 class Array(NamedTuple):
-    """Where an array is."""
+    """Location of an array."""
 
     named: Named
     dtype: np.dtype[np.generic]
@@ -46,7 +46,7 @@ class Array(NamedTuple):
 
 
 class Sections:
-    """A file that is gone through from its beginning to its end, once."""
+    """A file, parsed once from beginning to end."""
 
     def __init__(self, file: BinaryIO, name: str) -> None:
         self.file, self.name = file, name
@@ -64,7 +64,7 @@ class Sections:
         self.dataset = words[1].lower()
 
     def line(self) -> list[str]:
-        """Words of the next line that has some and is none of METADATA; none at the end."""
+        """Return the words of the next non-empty line outside METADATA; empty at the end."""
         while True:
             self._last = self.file.tell()
             text = self.file.readline(LONGEST)
@@ -80,7 +80,7 @@ class Sections:
         self.file.seek(self._last)
 
     def floats(self, words: list[str]) -> list[float]:
-        """Numbers of a line."""
+        """Parse the numbers of a line."""
         try:
             return [float(word) for word in words]
         except ValueError:
@@ -88,11 +88,11 @@ class Sections:
             raise ValueError(f"{self.name}: {told!r:.60} are not numbers; correct it") from None
 
     def coordinates(self, words: list[str]) -> Doubles:
-        """Coordinates of planes, whose line is given."""
+        """Read coordinates of planes, after their line."""
         return np.asarray(self.block(words, 1, self.word(words, 2)), np.float64)
 
     def block(self, words: list[str], place: int, kind: str, parts: int = 1) -> Numbers:
-        """Numbers that follow a line, whose word at a place tells how many; then comes the next.
+        """Read the numbers after a line, one of whose words is their count.
 
         Parameters
         ----------
@@ -103,7 +103,7 @@ class Sections:
         kind
             Type of the numbers, as the format names it.
         parts
-            Numbers for each one counted.
+            Numbers per counted item.
         """
         count = parts * self.whole(words, place)
         array = self._array(Named("", 1, False, False), count, kind)
@@ -113,7 +113,7 @@ class Sections:
         return found
 
     def values(self, array: Array) -> Numbers:
-        """Numbers of an array, read into memory."""
+        """Read the numbers of an array into memory."""
         require_memory(array.size * array.dtype.itemsize, self.name)
         self.file.seek(array.start)
         if self.is_text:
@@ -122,7 +122,7 @@ class Sections:
         return np.frombuffer(data, array.dtype).astype(array.dtype.newbyteorder("="))
 
     def arrays(self, points: int, cells: int) -> list[Array]:
-        """All arrays with a value for each point, or cell."""
+        """Return all arrays with a value for each point, or cell."""
         found: list[Array] = []
         wanted, is_of_cells = 0, False
         while words := self.line():
@@ -145,7 +145,7 @@ class Sections:
         return found
 
     def skip_field(self, words: list[str]) -> None:
-        """Go past a field, whose line is given."""
+        """Skip a field, after its line."""
         self._field(words, -1, False)
 
     def _field(self, words: list[str], wanted: int, is_of_cells: bool) -> list[Array]:
@@ -195,7 +195,7 @@ class Sections:
         return [array] if array.named.parts else []
 
     def _array(self, named: Named, count: int, kind: str) -> Array:
-        """Array that begins here, which is gone past."""
+        """Return the array that begins here, and skip it."""
         if kind.lower() not in TYPES:
             known = ", ".join(TYPES)
             raise ValueError(f"{self.name} has numbers of type {kind!r:.40}; known are {known}")
@@ -215,14 +215,14 @@ class Sections:
         return array
 
     def whole(self, words: list[str], place: int) -> int:
-        """Count that is a word of a line."""
+        """Parse a count from a word of a line."""
         word = self.word(words, place)
         if not (word.isascii() and word.isdecimal() and len(word) < 19):
             raise ValueError(f"{self.name} is damaged: {word!r:.40} is no count of numbers")
         return int(word)
 
     def word(self, words: list[str], place: int) -> str:
-        """Word of a line, which must be there."""
+        """Return a required word of a line."""
         if len(words) <= place:
             told = " ".join(words)
             raise ValueError(f"{self.name} is damaged: {told!r:.60} has too few words")

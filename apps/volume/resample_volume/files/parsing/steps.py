@@ -1,15 +1,15 @@
-"""Steps between voxels, and numbers of voxels, as users write them: 1x1x1.4."""
+"""Parse spacings and sizes as users write them: 1x1x1.4."""
 
 Numbers = str | tuple[float, ...]  # three of them, x, y, z: (1, 1, 1.4) or "1x1x1.4"
 
 
 def three_numbers(what: str, numbers: Numbers) -> tuple[float, ...]:
-    """Three positive numbers, given as such or as text like 1x1x1.4.
+    """Return three positive numbers, given as such or as text like 1x1x1.4.
 
     Raises
     ------
     ValueError
-        They are not.
+        They are not three positive numbers.
     """
     found = _numbers(numbers)
     if len(found) != 3 or not all(0 < number < float("inf") for number in found):
@@ -18,7 +18,7 @@ def three_numbers(what: str, numbers: Numbers) -> tuple[float, ...]:
 
 
 def steps_of(spacing: Numbers) -> tuple[float, ...]:
-    """Steps that are the same along x, y, z where one is given; none where nothing is."""
+    """Parse a spacing; one number applies to x, y and z; empty if nothing is given."""
     given = _numbers(spacing)
     if spacing == "":
         return ()
@@ -26,7 +26,7 @@ def steps_of(spacing: Numbers) -> tuple[float, ...]:
 
 
 def _numbers(numbers: Numbers) -> tuple[float, ...]:
-    """Numbers, or none where some are not."""
+    """Parse numbers; empty if any is invalid."""
     pieces = numbers.lower().split("x") if isinstance(numbers, str) else numbers
     try:
         return tuple(float(piece) for piece in pieces)
@@ -35,7 +35,7 @@ def _numbers(numbers: Numbers) -> tuple[float, ...]:
 
 
 def sizes_of(shape: Numbers) -> tuple[int, ...]:
-    """Voxels along x, y, z, and times, where there are several."""
+    """Parse the voxels along x, y, z, and times, if there are several."""
     found = _numbers(shape)
     if len(found) not in (3, 4) or not all(0 < number < float("inf") for number in found):
         raise ValueError(

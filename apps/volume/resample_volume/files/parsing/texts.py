@@ -1,4 +1,4 @@
-"""Text headers, and the files that they name."""
+"""Read text headers, and find the data files that they name."""
 
 import re
 from pathlib import Path
@@ -38,12 +38,12 @@ def text_fields(path: Path, separator: str, last: str = "") -> Fields:
 
 
 def files_named(path: Path, data: str) -> list[Path]:
-    """Files of data that a header names: one, a list behind it, or by a pattern of numbers.
+    """Return the data files that a header names: one, a list, or a numbered pattern.
 
     Raises
     ------
     FileNotFoundError
-        One of them is not there.
+        One of them is missing.
     ValueError
         There are too many, or they lie elsewhere.
     """
@@ -76,7 +76,7 @@ def _numbered(path: Path, data: str) -> list[str]:
 
 
 def is_hounsfield(word: str) -> bool:
-    """Whether a word is a name of Hounsfield units."""
+    """Return whether a word is a name of Hounsfield units."""
     return word.strip("\"'= ").lower() in HOUNSFIELD
 
 

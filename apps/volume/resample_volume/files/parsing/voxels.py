@@ -1,4 +1,4 @@
-"""Voxels as files hold them: bare, packed or as text, in one file or several; all, or none."""
+"""Read voxels: raw, compressed or as text, in one file or several."""
 
 import bz2
 import gzip
@@ -15,28 +15,29 @@ from resample.reading.limits import check_size, check_unpacked
 from resample_volume.data.memory import require_memory
 from resample_volume.files.parsing.headers import Header, check_held
 
-BLOCK = 1 << 20  # bytes unpacked at a time
+BLOCK = 1 << 20  # bytes decompressed at a time
 TEXTS = ("text", "hex")
-SLACK = 16 * BLOCK  # bytes beyond what is wanted that are still counted
+SLACK = 16 * BLOCK  # excess bytes that are still counted
 
 
 class VoxelData(NamedTuple):
-    """Where a file's voxels are."""
+    """Location and encoding of a file's voxels."""
 
     paths: list[Path]  # one, or several with equal parts of them
     start: int = 0  # bytes before them; where negative they are the last of the file
     packing: str = "raw"  # raw, gzip (zlib's form, too), bzip2, text or hex
-    skip: int = 0  # bytes before them that are packed as well
+    skip: int = 0  # bytes before them that are compressed as well
     is_exact: bool = True  # nothing may follow them
 
 
 def voxels(stored: VoxelData, known: Header) -> NDArray[Any]:
-    """All numbers (N,) of a volume, in their order and the file's type; bare ones are mapped.
+    """Read all numbers (N,) of a volume, in the file's type; raw ones are memory mapped.
 
     Raises
     ------
     ValueError
-        There are others than the header says, what is packed is damaged, or they do not fit.
+        Their number differs from the header, compressed data are damaged, or they do not fit in
+        memory.
     """
     check_held(known)
     require_memory(known.size, known.name)
@@ -58,7 +59,7 @@ def voxels(stored: VoxelData, known: Header) -> NDArray[Any]:
 
 
 def first_bytes(path: Path, count: int) -> bytes:
-    """First bytes of a file, unpacked where its name ends in `.gz`; fewer if it has fewer."""
+    """Read the first bytes of a file, decompressed if `.gz`; fewer if it is shorter."""
     if path.name.lower().endswith(".gz"):
         with unpacking(path.name), gzip.open(path) as packed:
             return packed.read(count)
@@ -76,7 +77,7 @@ def wrong_size(name: str, given: int, wanted: int, *, more: str = "") -> ValueEr
 
 @contextmanager
 def unpacking(name: str) -> Iterator[None]:
-    """Turn the ways in which damaged packing shows into one."""
+    """Convert all errors of damaged compression to one."""
     try:
         yield
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
@@ -90,7 +91,7 @@ def _bare(path: Path, stored: VoxelData, dtype: np.dtype[Any], size: int) -> NDA
     if given < size or (given > size and stored.is_exact):
         raise wrong_size(path.name, given, size)
     count = size // dtype.itemsize
-    if start % dtype.itemsize:  # kernels want numbers at their own places
+    if start % dtype.itemsize:  # kernels need aligned numbers
         return np.fromfile(path, dtype, count, offset=start)
     return np.memmap(path, dtype, "r", start, (count,))
 
@@ -119,7 +120,7 @@ def _of_text(path: Path, stored: VoxelData, dtype: np.dtype[Any]) -> bytes:
 
 
 def _unpack(target: memoryview, path: Path, stored: VoxelData) -> None:
-    """Fill memory from a packed file, whose checksums have to be right."""
+    """Decompress a file into memory, and verify its checksums."""
     wanted, packed = len(target) + stored.skip, path.stat().st_size
     check_unpacked(path.name, packed, wanted)
     count = 0
@@ -138,7 +139,7 @@ def _unpack(target: memoryview, path: Path, stored: VoxelData) -> None:
 
 
 def _pieces(file: BinaryIO, packing: str) -> Iterator[bytes]:
-    """Unpacked bytes of one or more streams, one behind the other."""
+    """Yield decompressed bytes of one or more concatenated streams."""
     new = bz2.BZ2Decompressor if packing == "bzip2" else lambda: zlib.decompressobj(wbits=47)
     unpacker: Any = new()
     rest = b""

@@ -1,1 +1,1 @@
-"""Public volumes, downloaded once and checked."""
+"""Download public volumes."""

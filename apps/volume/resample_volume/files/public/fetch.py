@@ -1,4 +1,4 @@
-"""Sample volumes from the open SciVis collection, downloaded once and checked."""
+"""Download and verify volumes of the open SciVis collection."""
 
 import json
 import math
@@ -12,7 +12,7 @@ from resample.files.public.downloads import download
 from resample.files.public.sets import place_of
 from resample.files.writing import replacing
 
-# NRRD, because it knows the spacing; the raw file beside it is as it came.
+# NRRD, because it has a spacing; the raw file beside it is unchanged.
 NRRD = """NRRD0004
 # {acknowledgement}
 content: {name}: {description}
@@ -27,7 +27,7 @@ data file: {file}
 
 
 def available() -> dict[str, dict[str, Any]]:
-    """Volumes that `fetch` knows, by name.
+    """Return the volumes that `fetch` knows, by name.
 
     Returns
     -------
@@ -40,27 +40,27 @@ def available() -> dict[str, dict[str, Any]]:
 
 
 def fetch(name: str, *, folder: str | Path | None = None, base_url: str | None = None) -> Path:
-    """Download a volume, or find it where it was downloaded before.
+    """Download a volume, unless it was downloaded before.
 
     Parameters
     ----------
     name
         One of `available()`.
     folder
-        Where it is kept; None: what HYBRID_RESAMPLE_DATA says, or the user's cache.
+        Folder to keep it in; None: HYBRID_RESAMPLE_DATA, or the user's cache.
     base_url
-        Where a mirror has the raw files; None: their public home.
+        Address of a mirror of the raw files; None: their public home.
 
     Returns
     -------
-    A header for `open_volume`, with the raw file beside it.
+    Path of a header for `open_volume`, with the raw file beside it.
 
     Raises
     ------
     LookupError
         The name is unknown.
     ValueError
-        What came is not what the collection lists. It is not kept.
+        The download differs from what the collection lists. It is not kept.
     OSError
         The server cannot be reached, or refuses; or the folder cannot be written.
     """

@@ -1,1 +1,1 @@
-"""Volumes that come as pictures: pages and slices."""
+"""Volumes stored as stacks of pictures: TIFF, PNG, DICOM."""

@@ -1,4 +1,4 @@
-"""DICOM: series in folders and files of many frames, by pydicom, as volumes in LPS."""
+"""Read DICOM series and multi-frame files, by pydicom, as volumes in LPS."""
 
 import math
 import warnings
@@ -23,7 +23,7 @@ from resample_volume.files.stacks.slices import natural
 from resample_volume.files.stacks.tags import check_lengths, check_text, numbers, text, whole
 from resample_volume.types import Volume
 
-EVEN_GAPS = 0.01  # of their mean, by which distances of slices may differ
+EVEN_GAPS = 0.01  # tolerance of slice distances, of their mean
 TILTED = 1e-3  # of a step, by which slices may lie aside of each other and stand upright
 FITTING = ("uint8", "uint16", "int32", "int8", "int16", "int32")  # what rescaled values may be
 GROUPS = ("PerFrameFunctionalGroupsSequence", "SharedFunctionalGroupsSequence")
@@ -36,7 +36,7 @@ INTERCEPT = ("PixelValueTransformationSequence", "RescaleIntercept")
 
 
 class _Slice(NamedTuple):
-    """One plane of voxels before they are read."""
+    """One slice, not yet read."""
 
     path: Path
     told: Any  # header of its file
@@ -48,19 +48,19 @@ class _Slice(NamedTuple):
 
 
 def dicom_slices(folder: Path, series: str) -> list[Path]:
-    """Files of one series.
+    """Return the files of one series.
 
     Parameters
     ----------
     folder
-        Of files of any name.
+        Folder with files of any name.
     series
         Its instance UID; empty: the only one.
 
     Raises
     ------
     ValueError
-        There is none, or several, of that UID, or a file is damaged.
+        There is no series of that UID, there are several, or a file is damaged.
     """
     known: dict[str, list[Path]] = {}
     for file in sorted(folder.iterdir(), key=natural):
@@ -85,22 +85,21 @@ def dicom_slices(folder: Path, series: str) -> list[Path]:
 
 
 def dicom_file(path: Path, name: str) -> Volume:
-    """Volume of the frames of one file; errors as of `dicom_volume`."""
+    """Read the frames of one file; errors as of `dicom_volume`."""
     return dicom_volume([path], name)
 
 
 def dicom_volume(files: list[Path], name: str) -> Volume:
-    """Volume of slices; where these are not evenly spaced, it is interpolated.
+    """Read a volume of slices; uneven ones are interpolated.
 
-    Slices are sorted by their positions, or by their numbers where these tell nothing, or else by
-    the names of their files. Those that lie aside of each other (a tilted gantry) make a sheared
-    volume.
+    Slices are sorted by position, otherwise by number, otherwise by file name. Slices with a
+    lateral offset (tilted gantry) make a sheared volume.
 
     Raises
     ------
     ValueError
-        A file is damaged or packed in a way that is not known, slices differ, are at one place, or
-        not behind each other.
+        A file is damaged or compressed in an unknown way, or slices differ, coincide, or do not lie
+        behind each other.
     """
     slices = [each for path in files for each in _slices(path)]
     with _quiet(files[0]):
@@ -127,7 +126,7 @@ def dicom_volume(files: list[Path], name: str) -> Volume:
 
 
 def is_dicom(file: Path) -> bool:
-    """Whether a file says that it is DICOM; its name often does not."""
+    """Return whether a file's content is DICOM; its name often does not tell."""
     if not file.is_file():
         return False
     with file.open("rb") as opened:
@@ -137,7 +136,7 @@ def is_dicom(file: Path) -> bool:
 
 @contextmanager
 def _quiet(path: Path) -> Iterator[None]:
-    """Turn all that pydicom may raise at a damaged file into one line; its warnings are dropped."""
+    """Convert any error of pydicom's on a damaged file to one line; drop its warnings."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -152,14 +151,14 @@ def _quiet(path: Path) -> Iterator[None]:
 
 
 def _told(path: Path, *, is_whole: bool = False) -> Any:
-    """Header of a file, or all of it."""
+    """Read the header of a file, or all of it."""
     import pydicom
 
     if not path.is_file():
         raise ValueError(f"{path.name} is a device or a pipe, not a file")
     with _quiet(path), _Watched(path) as file:
         read: Any = pydicom.dcmread(file, stop_before_pixels=not is_whole, force=not is_dicom(path))
-        read.buffer = None  # else all that a deflated file became would be held
+        read.buffer = None  # otherwise a whole inflated file would be held
         if not len(read):
             raise ValueError("it holds nothing")
         check_lengths(read)
@@ -167,14 +166,14 @@ def _told(path: Path, *, is_whole: bool = False) -> Any:
 
 
 class _Watched(BufferedReader):
-    """A file of which all that is left is asked for only where it is deflated."""
+    """A file that limits reads of all remaining bytes, which only deflated files need."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(FileIO(path))
         self.path = path
 
     def read(self, size: int | None = -1) -> bytes:
-        """Bytes of the file, which do not become far too many."""
+        """Read bytes, and reject files that inflate to far too many."""
         found = super().read(size)
         if size is None or size < 0:
             check_deflated(self.path.name, found, RAW)
@@ -182,14 +181,14 @@ class _Watched(BufferedReader):
 
 
 def _is_picture(told: Any) -> bool:
-    """Whether a file without a picture should have one."""
+    """Return whether a file without a picture should have one."""
     return "SeriesInstanceUID" not in told or "Image Storage" in getattr(
         told.get("SOPClassUID", ""), "name", "Image Storage"
     )
 
 
 def _slices(path: Path) -> list[_Slice]:
-    """Slices of one file."""
+    """Return the slices of one file."""
     told = _told(path)
     if "Rows" not in told or "Columns" not in told:
         raise ValueError(f"{path.name} is a damaged DICOM file, or holds no picture")
@@ -216,7 +215,7 @@ def _slice(path: Path, told: Any, frame: int) -> _Slice:
 
 
 def _groups(told: Any, frame: int) -> list[Any]:
-    """What a file says of a frame, then of all of them."""
+    """Yield the headers of a frame, then those shared by all."""
     found = []
     for name in GROUPS:
         every = told.get(name) or []
@@ -226,7 +225,7 @@ def _groups(told: Any, frame: int) -> list[Any]:
 
 
 def _numbers(told: Any, frame: int, where: tuple[str, str], otherwise: Any) -> Doubles:
-    """Numbers of one kind, of the frame, of all frames or of the file."""
+    """Return the numbers of a key, of the frame, of all frames or of the file."""
     group, key = where
     homes = [each[group][0] for each in _groups(told, frame) if each.get(group)]
     for home in (*homes, told):
@@ -238,7 +237,7 @@ def _numbers(told: Any, frame: int, where: tuple[str, str], otherwise: Any) -> D
 
 
 def _between(told: Any, frame: int) -> float:
-    """Distance of slices where their positions do not tell it."""
+    """Return the distance of slices if their positions do not tell it."""
     for key in ("SpacingBetweenSlices", "SliceThickness"):
         step = _numbers(told, frame, ("PixelMeasuresSequence", key), (0,))[0]
         if step > 0 and math.isfinite(step):
@@ -260,7 +259,7 @@ def _sorted(slices: list[_Slice]) -> list[_Slice]:
 
 
 def _parts(told: Any) -> int:
-    """Numbers of a voxel."""
+    """Return the number of components."""
     check_text(told, "PhotometricInterpretation")
     if text(told, "PhotometricInterpretation") == "PALETTE COLOR":
         return 3
@@ -268,7 +267,7 @@ def _parts(told: Any) -> int:
 
 
 def _units(told: Any) -> str:
-    """Hounsfield units of computed tomography, where rescaling makes nothing else of values.
+    """Return Hounsfield units for CT, unless rescaling states others.
 
     (US is "unspecified".)
     """
@@ -278,7 +277,7 @@ def _units(told: Any) -> str:
 
 
 def _kind(slices: list[_Slice]) -> np.dtype[Any]:
-    """Smallest type of integers that holds all values that may be; floats where they are none."""
+    """Return the smallest integer type for all possible values; floats if not integers."""
     first = slices[0].told
     if text(first, "PhotometricInterpretation") == "PALETTE COLOR":
         key = "RedPaletteColorLookupTableDescriptor"
@@ -305,7 +304,7 @@ def _kind(slices: list[_Slice]) -> np.dtype[Any]:
 
 
 def _values(slices: list[_Slice], shape: tuple[int, ...], kind: np.dtype[Any]) -> NDArray[Any]:
-    """Values (Z, Y, X, C) of slices, rescaled."""
+    """Read the rescaled values (Z, Y, X, C) of slices."""
     values = np.empty(shape, kind)
     pixels, path = np.zeros(0), None
     for n, each in enumerate(slices):
@@ -324,7 +323,7 @@ def _values(slices: list[_Slice], shape: tuple[int, ...], kind: np.dtype[Any]) -
 
 
 def _pixels(path: Path) -> NDArray[Any]:
-    """Pixels of a file as they are stored, colors as red, green and blue."""
+    """Read the stored pixels of a file, colors as red, green and blue."""
     from pydicom.pixels.processing import apply_color_lut
 
     told = _told(path, is_whole=True)
@@ -338,14 +337,14 @@ def _pixels(path: Path) -> NDArray[Any]:
         pixels = np.asarray(told.pixel_array)
         if text(told, "PhotometricInterpretation") == "PALETTE COLOR":
             return np.asarray(apply_color_lut(pixels, told))
-        if text(told, "PhotometricInterpretation") == "MONOCHROME1":  # the lowest are white
+        if text(told, "PhotometricInterpretation") == "MONOCHROME1":  # the lowest values are white
             most = -1 if told.PixelRepresentation else 2**told.BitsStored - 1
             return (most - pixels.astype(np.int64)).astype(pixels.dtype)
         return pixels
 
 
 def _decoder(path: Path, syntax: Any) -> str:
-    """Which of pydicom's plugins unpacks pixels; GDCM is the last, as damaged data may end it."""
+    """Return pydicom's plugin for decoding; GDCM last, as damaged data may crash it."""
     from pydicom.pixels.decoders.base import get_decoder
 
     try:
@@ -360,7 +359,7 @@ def _decoder(path: Path, syntax: Any) -> str:
 
 
 def _lattice(slices: list[_Slice], places: Doubles) -> tuple[Doubles, Doubles]:
-    """Spacing (3,) and direction (3, 3)."""
+    """Return spacing (3,) and direction (3, 3)."""
     told, frame = slices[0].told, slices[0].frame
     row, column = slices[0].axes
     down, across = np.resize(_numbers(told, frame, PIXELS, _imager(told)), 2)
@@ -381,7 +380,7 @@ def _imager(told: Any) -> Doubles:
 
 
 def _interpolated(found: Volume, places: Doubles, gaps: Doubles) -> Volume:
-    """Volume whose slices, at uneven distances along one line, are made even."""
+    """Interpolate slices at uneven distances along one line to even ones."""
     uneven = (
         f"{found.name}: its {len(places)} slices are not evenly spaced but {gaps.min():.4g} to "
         f"{gaps.max():.4g} apart"

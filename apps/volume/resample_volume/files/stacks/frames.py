@@ -1,4 +1,4 @@
-"""Packed pictures within DICOM files, looked at before they are unpacked."""
+"""Check compressed frames of DICOM files before they are decoded."""
 
 from typing import Any
 
@@ -7,14 +7,14 @@ from resample.reading.limits import LimitError
 
 
 def check_frames(told: Any, name: str) -> None:
-    """Refuse packed pictures of another size than their file says: it is they that are unpacked.
+    """Reject compressed frames whose own size differs from the header's.
 
     Parameters
     ----------
     told
-        All of a file, by pydicom.
+        The file's data set, by pydicom.
     name
-        Of it, for the message.
+        File name, for the message.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Which time, slice and channel the pages of a picture file are, where the file says it."""
+"""Order of times, slices and channels in a multi-page file, from its description."""
 
 import re
 from typing import Any, NamedTuple
@@ -11,7 +11,7 @@ IMAGEJ_ORDER = "CZT"  # channels change from page to page
 
 
 class PageOrder(NamedTuple):
-    """Pages of several times, slices and channels."""
+    """Order of pages of several times, slices and channels."""
 
     times: int
     channels: int
@@ -19,7 +19,7 @@ class PageOrder(NamedTuple):
     fastest: str  # Z, C and T in the order in which they change, the first from page to page
 
     def sorted(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Pages (N, Y, X) in their order as (T, C, Z, Y, X); further axes of pages stay."""
+        """Reshape pages (N, Y, X) to (T, C, Z, Y, X); further axes are kept."""
         size = {"T": self.times, "C": self.channels, "Z": self.slices}
         slowest = self.fastest[::-1]
         split = values.reshape(*(size[axis] for axis in slowest), *values.shape[1:])
@@ -28,7 +28,7 @@ class PageOrder(NamedTuple):
 
 
 def page_order(description: str, pages: int, parts: int, name: str) -> PageOrder | None:
-    """What a file's description says of its pages, as OME and ImageJ write it.
+    """Parse the page order from a file's description, as of OME and ImageJ.
 
     Parameters
     ----------
@@ -37,18 +37,18 @@ def page_order(description: str, pages: int, parts: int, name: str) -> PageOrder
     pages
         How many there are.
     parts
-        Numbers per pixel: those of a color are no channels.
+        Numbers per pixel: color components are not channels.
     name
         Of the file, for messages.
 
     Returns
     -------
-    None where it says nothing, or that all are slices of one volume.
+    None if it says nothing, or that all pages are slices of one volume.
 
     Raises
     ------
     ValueError
-        It speaks of another number of pages.
+        It states another number of pages.
     """
     if "<OME" in description:
         found = re.search(r'DimensionOrder="XY([ZCT]{3})"', description)

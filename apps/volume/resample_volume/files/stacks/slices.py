@@ -1,4 +1,4 @@
-"""Volumes that come as pictures: TIFF and PNG stacks."""
+"""Read TIFF and PNG stacks."""
 
 import re
 from collections.abc import Iterator
@@ -19,7 +19,7 @@ NUMPY = {"half": "float16", "float": "float32", "double": "float64"}  # OpenImag
 
 
 class Page(NamedTuple):
-    """One slice before its values are read."""
+    """One slice, not yet read."""
 
     name: str
     width: int
@@ -30,24 +30,24 @@ class Page(NamedTuple):
 
 
 def natural(path: Path) -> list[tuple[int, str]]:
-    """Sort key under which `slice9` comes before `slice10`."""
+    """Return a sort key that puts `slice9` before `slice10`."""
     pieces = re.split(r"(\d+)", path.name)
     return [(int(piece), "") if piece.isdigit() else (-1, piece) for piece in pieces]
 
 
 def files_with(folder: Path, suffixes: tuple[str, ...]) -> list[Path]:
-    """Visible files of a folder with one of the suffixes, in natural order."""
+    """Return a folder's visible files with one of the suffixes, in natural order."""
     found = (file for file in folder.iterdir() if file.suffix.lower() in suffixes)
     return sorted((file for file in found if not file.name.startswith(".")), key=natural)
 
 
 def stack_pages(paths: list[Path]) -> list[Page]:
-    """All slices of picture files, which have to be alike.
+    """Return all slices of picture files, which must be alike.
 
     Raises
     ------
     ValueError
-        A file is no picture, has several channels, or differs from the first.
+        A file is not a picture, has several channels, or differs from the first.
     """
     pages = []
     with suppressed_output():
@@ -70,7 +70,7 @@ def stack_pages(paths: list[Path]) -> list[Page]:
 
 
 def stack_values(paths: list[Path], known: Header) -> NDArray[Any]:
-    """Values (Z, Y, X), or of colors (Z, Y, X, C), of picture files."""
+    """Read values (Z, Y, X), or colors (Z, Y, X, C), of picture files."""
     require_memory(known.size, known.name)
     check_unpacked(known.name, sum(path.stat().st_size for path in paths), known.size)
     values = np.empty((*known.shape[::-1], known.parts), known.dtype)
@@ -86,7 +86,7 @@ def stack_values(paths: list[Path], known: Header) -> NDArray[Any]:
 
 
 def _walk(path: Path) -> Iterator[tuple[Page, Any]]:
-    """Pages of one file, each with the open image that stands at it."""
+    """Yield the pages of one file, each with the open image at it."""
     with _opened(path) as image:
         n = 0
         while image.seek_subimage(n, 0):
@@ -95,7 +95,7 @@ def _walk(path: Path) -> Iterator[tuple[Page, Any]]:
             told = spec.get_string_attribute("ImageDescription")
             yield Page(path.name, spec.width, spec.height, spec.nchannels, kind, told), image
             n += 1
-        image.geterror()  # that there is no page n
+        image.geterror()  # clears the error that there is no page n
 
 
 @contextmanager
@@ -105,7 +105,7 @@ def _opened(path: Path) -> Iterator[Any]:
     if not path.is_file():
         raise ValueError(f"{path.name} is a device or a pipe, not a file")
     straight = OpenImageIO.ImageSpec()
-    straight.attribute("oiio:UnassociatedAlpha", 1)  # colors are not multiplied by opacities
+    straight.attribute("oiio:UnassociatedAlpha", 1)  # colors are not premultiplied
     image = opened(path, straight)
     if image is None:
         raise ValueError(f"{path.name} cannot be read: {_last(OpenImageIO.geterror())}")
@@ -116,7 +116,7 @@ def _opened(path: Path) -> Iterator[Any]:
 
 
 def _straight(pixels: NDArray[Any], spec: Any) -> NDArray[Any]:
-    """Pixels whose colors are not multiplied by their opacities, as some files have them."""
+    """Undo premultiplied alpha, which some files have."""
     if spec.nchannels != 4 or spec.get_int_attribute("oiio:UnassociatedAlpha"):
         return pixels
     alpha, most = pixels[..., 3:].astype(np.float64), 1.0

@@ -1,4 +1,4 @@
-"""What DICOM files say under their tags: one number, as many as there must be, or one text."""
+"""Read DICOM tags: one number, a fixed number of them, or one text."""
 
 from typing import Any
 
@@ -6,16 +6,16 @@ import numpy as np
 
 from resample.types import Doubles
 
-UNDEFINED = 0xFFFFFFFF  # length of what says itself where it ends
+UNDEFINED = 0xFFFFFFFF  # length of elements with an end mark
 
 
 def whole(told: Any, key: str, otherwise: int | None = None) -> int:
-    """Whole number of a header; `otherwise` where there is none.
+    """Return an integer of a header; `otherwise` if there is none.
 
     Raises
     ------
     ValueError
-        There are several, or something else, or none and there must be one.
+        There are several, it is not an integer, or it is missing and required.
     """
     given = told.get(key)
     if given in (None, "") and otherwise is not None:
@@ -30,25 +30,25 @@ def whole(told: Any, key: str, otherwise: int | None = None) -> int:
 
 
 def text(told: Any, key: str) -> str:
-    """Text of a header, the first of several; empty where there is none."""
+    """Return a text of a header, the first of several; empty if there is none."""
     given = told.get(key) or ""
     return given if isinstance(given, str) else str(next(iter(given), ""))
 
 
 def check_text(told: Any, key: str) -> None:
-    """Refuse several texts in the place of one; errors as of `whole`."""
+    """Reject several texts instead of one; errors as of `whole`."""
     given = told.get(key) or ""
     if not isinstance(given, str):
         raise ValueError(f"its {key} is {_shown(given)}, where one text is")
 
 
 def numbers(given: Any, key: str, *counts: int) -> Doubles:
-    """Finite numbers (N,) that a header has under a key, of which there are so many.
+    """Return the finite numbers (N,) of a header's key, of an allowed count.
 
     Raises
     ------
     ValueError
-        There are others, more or fewer.
+        They are not finite numbers, or more or fewer.
     """
     try:
         found = np.atleast_1d(np.array(given, np.float64))
@@ -63,14 +63,14 @@ def numbers(given: Any, key: str, *counts: int) -> Doubles:
 
 
 def check_lengths(told: Any) -> None:
-    """Refuse a header whose elements claim more bytes than there are.
+    """Reject a header whose elements claim more bytes than there are.
 
     Raises
     ------
     ValueError
         One does.
     """
-    for tag in told.keys():  # noqa: SIM118  a header's own iteration makes values of all
+    for tag in told.keys():  # noqa: SIM118  iterating a header itself converts all values
         raw = told.get_item(tag)
         claimed, value = getattr(raw, "length", 0), getattr(raw, "value", None)
         if claimed != UNDEFINED and isinstance(value, bytes) and len(value) < claimed:
@@ -78,5 +78,5 @@ def check_lengths(told: Any) -> None:
 
 
 def _shown(given: Any) -> str:
-    """What was given, in a few words."""
+    """Return what was given, in short."""
     return "missing" if given in (None, "") else f"{str(given)!r:.40}"

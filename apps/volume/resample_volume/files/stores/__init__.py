@@ -1,1 +1,1 @@
-"""Volumes in chunks: OME-Zarr and zarr arrays, in and out."""
+"""Read and write chunked volumes: OME-Zarr and zarr arrays."""

@@ -1,4 +1,4 @@
-"""Arrays of zarr as the volumes that they hold, of which chunks are read when they are needed."""
+"""Zarr arrays as volumes, with chunks read on demand."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     import zarr
 
 ORDER = "tczyx"
-SIDE = 64  # voxels; chunks that are smaller are read together
+SIDE = 64  # voxels; smaller chunks are read together
 
 
 @dataclass(frozen=True, eq=False)
 class Single:
-    """One volume as (1, 1, Z, Y, X), also where its values stay in a file."""
+    """One volume as (1, 1, Z, Y, X), also if its values stay in a file."""
 
     values: Values
 
@@ -44,9 +44,9 @@ class Single:
 
 @dataclass(frozen=True, eq=False)
 class Boxes:
-    """Reads boxes of one time and channel of an array; other processes can, too."""
+    """Reads boxes of one time and channel of an array, in any process."""
 
-    array: "zarr.Array[Any]"  # of a store that is opened by its path
+    array: "zarr.Array[Any]"  # array of a store opened by its path
     axes: str  # its letters
     at: tuple[tuple[str, int], ...]  # time and channel
     dtype: np.dtype[Any]  # that voxels get
@@ -59,7 +59,7 @@ class Boxes:
         guard(self.array, self.array.name)  # shards forget it on their way
 
     def __call__(self, box: Box) -> NDArray[Any]:
-        """Values (Z, Y, X) of a box."""
+        """Read the values (Z, Y, X) of a box."""
         space = [letter for letter in self.axes if letter in "zyx"]
         part = dict(self.at) | dict(zip("zyx", box, strict=True))
         with reading(self.array.name.strip("/") or "the array"):
@@ -70,13 +70,13 @@ class Boxes:
 
 @dataclass(frozen=True, eq=False)
 class Behind:
-    """Reads boxes of several volumes, one behind the other along z."""
+    """Reads boxes of several volumes stacked along z."""
 
     reads: tuple[Callable[[Box], NDArray[Any]], ...]
     depth: int  # voxels along z, of each
 
     def __call__(self, box: Box) -> NDArray[Any]:
-        """Values (Z, Y, X) of a box within one of them."""
+        """Read the values (Z, Y, X) of a box within one of them."""
         number, start = divmod(box[0].start, self.depth)
         own = slice(start, start + box[0].stop - box[0].start)
         found: NDArray[Any] = self.reads[number]((own, box[1], box[2]))
@@ -85,17 +85,17 @@ class Behind:
 
 @dataclass(frozen=True, eq=False)
 class Chunked:
-    """An array as (T, C, Z, Y, X): like NumPy's as far as `recordings.volume_at` looks.
+    """An array as (T, C, Z, Y, X), with the interface that `recordings.volume_at` needs.
 
-    Where a time and a channel are chosen, their volume is given as `Bricks`.
+    Indexing by time and channel gives a volume as `Bricks`.
     """
 
     array: "zarr.Array[Any]"
     axes: str  # its letters, see `metadata.Layout`
     order: str = ORDER  # of the first two; swapped they are "ct"
-    brick: Step | None = None  # voxels that are read together; None: as chunks lie
-    store: Place | None = None  # folder, zip file or address, of which findings are to be kept
-    alone: tuple[str, int] | None = None  # time or channel beside which there is no other
+    brick: Step | None = None  # voxels read together; None: by chunks
+    store: Place | None = None  # folder, zip file or address whose statistics are cached
+    alone: tuple[str, int] | None = None  # the only time or channel
     holes: Holes | None = None  # what is missing of the array
 
     @property
@@ -110,13 +110,13 @@ class Chunked:
         return np.dtype(WIDENED.get(own.name, own.name))
 
     def swapaxes(self, first: int, second: int) -> "Chunked":
-        """The same with times for channels."""
+        """Return a view with times and channels swapped."""
         letters = list(self.order)
         letters[first], letters[second] = letters[second], letters[first]
         return replace(self, order="".join(letters))
 
     def only(self, number: int) -> "Chunked":
-        """The same with one of the second axis alone."""
+        """Return a view of one index of the second axis."""
         return replace(self, alone=(self.order[1], number))
 
     def __getitem__(self, chosen: int | tuple[int, int]) -> "NDArray[Any] | Bricks":
@@ -129,11 +129,11 @@ class Chunked:
         return np.stack(parts)
 
     def whole(self) -> NDArray[Any]:
-        """All values in memory."""
+        """Read all values into memory."""
         return np.stack([np.asarray(self[n]) for n in range(self.shape[0])])
 
     def behind_each_other(self) -> Bricks:
-        """All volumes of the first axis, of the only one of the second, as one along z.
+        """Stack all volumes of the first axis along z, if the second has length 1.
 
         Its bricks are those of the volumes.
         """
@@ -155,7 +155,7 @@ class Chunked:
         return int(self.array.shape[self.axes.index(letter)]) if letter in self.axes else 1
 
     def _bricks(self, at: dict[str, int]) -> Bricks:
-        """Volume of one time and channel."""
+        """Return the volume of one time and channel."""
         shape = (self._along("z"), self._along("y"), self._along("x"))
         at |= {} if self.alone is None else dict([self.alone])
         boxes = Boxes(self.array, self.axes, tuple(at.items()), self.dtype, self.holes)
@@ -165,7 +165,7 @@ class Chunked:
         return Bricks(boxes, shape, self.dtype, side, keeper=keeper)
 
     def _side(self, shape: Step) -> Step:
-        """Whole chunks along z, y and x, of about `SIDE` voxels."""
+        """Return a brick size of whole chunks along z, y and x, about `SIDE` voxels."""
         own = dict(zip(self.axes, self.array.chunks, strict=True))
         sides = [max(1, SIDE // own[letter]) * own[letter] for letter in "zyx"]
         z, y, x = (min(side, size) for side, size in zip(sides, shape, strict=True))

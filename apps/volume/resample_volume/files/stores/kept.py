@@ -1,7 +1,7 @@
-"""What a first pass over a store has found, kept for later commands.
+"""Cache on disk of a store's statistics, for later commands.
 
-It lies in a hidden file beside the store or, where nothing may be written there, in the user's
-cache. What a disk or a server tells of the store's files says whether it still holds (`states`).
+It is a hidden file beside the store or, if that is not writable, in the user's cache. The state of
+the store's files on the disk or server tells whether it is still valid (`states`).
 """
 
 import logging
@@ -22,20 +22,20 @@ from resample_volume.data.bricks import Bricks
 from resample_volume.data.glances.looking import Glance, are_few, step_of
 from resample_volume.files.stores.states import Portion, State, state_of_files, state_of_server
 
-LEAST = 1 << 23  # voxels; of fewer a pass takes less than a second
-FORM = 1  # of the files that are kept
+LEAST = 1 << 23  # voxels; a pass over fewer takes less than a second
+FORM = 1  # of the cache files
 LOG = logging.getLogger("resample")
 
 
 @dataclass(frozen=True, eq=False)
 class Kept:
-    """Findings about a part of an array, such as one time and channel."""
+    """Cached statistics of a part of an array, such as one time and channel."""
 
     store: Place  # folder, zip file or address
     portion: Portion
 
     def load(self, bricks: Bricks) -> Glance | None:
-        """What an earlier command has found; None if nothing, or the store has changed."""
+        """Load the statistics of an earlier command; None if missing, or the store has changed."""
         if bricks.size < LEAST:
             return None
         for path in filter(Path.is_file, self._paths(bricks)):
@@ -44,12 +44,12 @@ class Kept:
                 held = read_npz(path, *names)
                 found = _glance(held, bricks)
                 if found is not None and str(held["state"]) == self._mark:
-                    LOG.debug("%s: what was found in it is taken from %s", self.store.name, path)
+                    LOG.debug("%s: statistics loaded from %s", self.store.name, path)
                     return found
         return None
 
     def keep(self, bricks: Bricks, found: Glance, state: str | None) -> None:
-        """Write down what was found of a store in a state, if it is to be kept and can be."""
+        """Write statistics of a store in a state, if wanted and possible."""
         if state is None or bricks.size < LEAST:
             return
         codes = np.zeros(0, np.int64) if found.codes is None else found.codes
@@ -62,12 +62,12 @@ class Kept:
                 return
 
     def state(self) -> str | None:
-        """State of the store; None where it may change unseen, as it has just been written."""
+        """Return the state of the store; None if just written, as changes may go unnoticed."""
         return self._mark if self._state is not None and self._state.is_settled else None
 
     @cached_property
     def _state(self) -> State | None:
-        """State when it was first asked for."""
+        """State at the first call."""
         if isinstance(self.store, Address):
             return state_of_server(self.portion)
         return state_of_files(self.store, self.portion.array.path)
@@ -77,7 +77,7 @@ class Kept:
         return None if self._state is None else self._state.mark
 
     def _paths(self, bricks: Bricks) -> list[Path]:
-        """Files that may hold what was found, the best place first."""
+        """Return the possible cache files, the best first."""
         replaced = [np.asarray(part).tolist() for part in bricks.replaced or ()]
         which = (self.portion.array.path, self.portion.at)
         what = (FORM, *which, bricks.shape, str(bricks.dtype), bricks.side, replaced)
@@ -91,7 +91,7 @@ class Kept:
 
 
 def _glance(held: dict[str, Any], bricks: Bricks) -> Glance | None:
-    """Findings of a file, if they are of such a volume."""
+    """Return the statistics of a file, if they are of this kind of volume."""
     step = step_of(bricks.size)
     z, y, x = bricks.shape
     shapes = {

@@ -12,7 +12,7 @@ SMALLEST = 64  # voxels along the longest axis of the last level
 
 
 def sizes(shape: Step) -> list[Step]:
-    """Shapes of all levels, the finest first; each halves the one before, rounded up."""
+    """Return the shapes of all levels, the finest first; each halves the last, rounded up."""
     found = [shape]
     while max(found[-1]) > SMALLEST:
         z, y, x = (
@@ -23,16 +23,16 @@ def sizes(shape: Step) -> list[Step]:
 
 
 def per_axis(shape: Step) -> Step:
-    """Voxels along each axis that become one; a volume keeps two along each."""
+    """Return the voxels along each axis that become one; a volume keeps at least two."""
     z, y, x = (2 if size > 2 else 1 for size in shape)
     return z, y, x
 
 
 def halved(values: NDArray[Any], per: Step) -> NDArray[Any]:
-    """Means of so many voxels along z, y and x, or of fewer where values end; of the same type.
+    """Average blocks of voxels along z, y and x, smaller at the ends; of the same type.
 
-    Integers are rounded to the nearest, halves to even; values that are missing or infinite take no
-    part, and where there is no other the mean is missing.
+    Integers are rounded to nearest, halves to even; missing and infinite values take no part, and a
+    block without others is missing.
     """
     shape = tuple(-(-size // step) for size, step in zip(values.shape, per, strict=True))
     is_whole = values.dtype.kind in "iu"

@@ -1,4 +1,4 @@
-"""The reader of OME-Zarr and of plain zarr arrays."""
+"""Read OME-Zarr and plain zarr arrays."""
 
 import math
 from dataclasses import dataclass, replace
@@ -31,7 +31,7 @@ from resample_volume.types import Recording, Volume
 if TYPE_CHECKING:
     import zarr
 
-LOSS = {1: "27 to 44", 2: "21 to 39"}  # dB that pictures of coarser levels have had
+LOSS = {1: "27 to 44", 2: "21 to 39"}  # measured dB of pictures from coarser levels
 SERIES = "bioformats2raw.layout"  # attribute of a group of images, which are 0, 1 and so on
 LETTERS = {3: "zyx", 4: "tzyx", 5: "tczyx"}  # of plain arrays, by their dimensions
 
@@ -44,7 +44,7 @@ class Zarr:
     """
 
     level: int = 0  # of an image at several sizes; 0 is the finest
-    spacing: Numbers = ""  # of a plain array, which does not know it: "1x1x1.4" (x, y, z)
+    spacing: Numbers = ""  # of a plain array, which has none: "1x1x1.4" (x, y, z)
 
     suffixes: ClassVar[tuple[str, ...]] = (
         *(".ome.zarr", ".zarr", ".ome.zarr.zip", ".zarr.zip", ".ozx", ".zip"),
@@ -68,16 +68,16 @@ class Zarr:
     def streamed(
         self, path: Place, check: Check = check_nothing, brick: Step | None = None
     ) -> Recording:
-        """All times and channels, whose values stay in the file, see `Chunked`.
+        """Open all times and channels; values stay in the file, see `Chunked`.
 
         Parameters
         ----------
         path
             Folder or zip file, or address.
         check
-            May refuse what the file says of itself.
+            May reject the header.
         brick
-            Voxels along z, y and x that are read together; as chunks lie.
+            Voxels along z, y and x that are read together; None: by chunks.
 
         Raises
         ------
@@ -115,7 +115,7 @@ class Zarr:
         )
 
     def levels(self, path: Place) -> list[dict[str, Any]]:
-        """Levels with their `path`, `shape` and `spacing` (x, y, z); errors as of `streamed`."""
+        """Return levels with `path`, `shape` and `spacing` (x, y, z); errors as of `streamed`."""
         name = stem(PurePath(path.resolve().name), self.suffixes)
         layout, node = _image(path, name)
         listed = []
@@ -156,7 +156,7 @@ class Zarr:
 
 
 def with_level(reader: Any, level: int) -> Any:
-    """Reader of a coarser level.
+    """Return the reader of a coarser level.
 
     Raises
     ------
@@ -171,8 +171,8 @@ def with_level(reader: Any, level: int) -> Any:
 
 
 def _image(path: Place, name: str) -> "tuple[Layout, zarr.Array[Any] | zarr.Group]":
-    """What a file says of its image, and where that is."""
-    node = open_node(path)  # says what is missing
+    """Return the metadata of an image, and its location."""
+    node = open_node(path)  # the message says what is missing
     import zarr
 
     if isinstance(node, zarr.Array):
@@ -201,7 +201,7 @@ def _image(path: Place, name: str) -> "tuple[Layout, zarr.Array[Any] | zarr.Grou
 
 
 def _plain(array: "zarr.Array[Any]", name: str) -> Layout:
-    """Array that is no part of an image."""
+    """Return an array that is not part of an image."""
     named = getattr(array.metadata, "dimension_names", None) or array.attrs.get("_ARRAY_DIMENSIONS")
     letters = "".join(str(axis).lower()[:1] for axis in named or ())
     if not (set(letters) >= set(SPACE) and set(letters) <= set("tczyx")):
@@ -216,7 +216,7 @@ def _plain(array: "zarr.Array[Any]", name: str) -> Layout:
 
 
 def _array(node: "zarr.Array[Any] | zarr.Group", level: Level, name: str) -> "zarr.Array[Any]":
-    """Array of a level."""
+    """Return the array of a level."""
     import zarr
 
     if isinstance(node, zarr.Array):
@@ -231,7 +231,7 @@ def _array(node: "zarr.Array[Any] | zarr.Group", level: Level, name: str) -> "za
 
 
 def _coarser(layout: Layout, number: int, level: Level, shape: tuple[int, ...]) -> str:
-    """What a user should know of a level that is not the finest."""
+    """Return the message about a level that is not the finest."""
     size = " x ".join(map(str, shape))
     where = "" if layout.levels[number].is_placed else ", whose place the file does not tell"
     return (
@@ -241,6 +241,6 @@ def _coarser(layout: Layout, number: int, level: Level, shape: tuple[int, ...]) 
 
 
 def _lengths(level: Level, axes: str) -> "tuple[Any, Any]":
-    """Spacing and origin (3,) along x, y and z."""
+    """Return spacing and origin (3,) along x, y and z."""
     order = [axes.index(letter) for letter in SPACE[::-1]]
     return level.scale[order], level.start[order]

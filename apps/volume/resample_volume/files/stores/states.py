@@ -1,6 +1,6 @@
-"""Whether the chunks of an array are as they were: by what a disk or a server tells of them.
+"""Detect changes of an array's chunks, from metadata of a disk or a server.
 
-A state is a fingerprint that changes with every change of a chunk. Where that cannot be promised,
+A state is a fingerprint that changes with every change of a chunk. If that cannot be guaranteed,
 there is none.
 """
 
@@ -20,8 +20,8 @@ from resample.watching import look
 if TYPE_CHECKING:
     import zarr
 
-RECENT = 2.0  # seconds, within which a file may change without a new time
-SETTLED = 3600.0  # seconds, the same of web servers, whose clocks are not this machine's
+RECENT = 2.0  # seconds within which a file may change without a new timestamp
+SETTLED = 3600.0  # the same for web servers, whose clocks may differ, seconds
 TOGETHER = 32  # chunks that a web server is asked about at a time
 PAGE = 1000  # that are listed, or asked about, before work looks up
 
@@ -31,18 +31,18 @@ class Portion(NamedTuple):
 
     array: "zarr.Array[Any]"
     axes: str  # its letters
-    at: tuple[tuple[str, int], ...]  # those that are chosen; of an axis that is not named, all
+    at: tuple[tuple[str, int], ...]  # chosen indices; all of an axis that is not named
 
 
 class State(NamedTuple):
-    """Of chunks, as they were seen."""
+    """State of chunks."""
 
     mark: str  # which changes with every change, if it is settled
-    is_settled: bool  # whether a change can not happen unseen from now on
+    is_settled: bool  # whether any further change would be noticed
 
 
 class Told(NamedTuple):
-    """What a server tells of a chunk."""
+    """A server's metadata of a chunk."""
 
     name: str
     size: int
@@ -51,14 +51,14 @@ class Told(NamedTuple):
 
 
 def state_of_files(store: Path, array: str) -> State | None:
-    """State of an array of a folder or zip file, from names, sizes and times of its files.
+    """Return the state of an array on disk, from names, sizes and times of its files.
 
-    It is settled where none of them was just written.
+    It is settled if none of them was just written.
 
     Parameters
     ----------
     store, array
-        Where it is.
+        Location.
     """
     digest, newest = sha256(), 0.0
     before = time.time() - RECENT
@@ -73,11 +73,11 @@ def state_of_files(store: Path, array: str) -> State | None:
 
 
 def state_of_server(portion: Portion) -> State | None:
-    """State of a part of an array at an address; None if its server does not tell enough.
+    """Return the state of a part of a remote array; None if its server does not tell enough.
 
-    Object stores list their chunks with tags, which are others after each writing. A web server is
-    asked about every chunk of the part, without its content: it has to tell a strong tag or a time
-    of each, and where it tells times, the state is settled an hour after the last.
+    Object stores list chunks with tags, which change with each write. A web server gets a HEAD
+    request for every chunk of the part: it must return a strong tag or a time for each; with times,
+    the state is settled an hour after the last.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def state_of_server(portion: Portion) -> State | None:
     Raises
     ------
     CancelledError
-        It is not wanted any more.
+        It was cancelled.
     """
     import obstore
 
@@ -99,7 +99,7 @@ def state_of_server(portion: Portion) -> State | None:
 
 
 def _state(portion: Portion, chunks: Iterator[Told], *, is_web: bool) -> State | None:
-    """State by what is told of chunks, if that is a proof; times are one of web servers alone."""
+    """Return the state from chunks' metadata, if sufficient; times suffice for web servers only."""
     metadata: Any = portion.array.metadata
     digest = sha256(json.dumps(metadata.to_dict(), sort_keys=True, default=str).encode())
     newest, before = 0.0, time.time() - SETTLED
@@ -118,7 +118,7 @@ def _state(portion: Portion, chunks: Iterator[Told], *, is_web: bool) -> State |
 
 
 def _listed(place: Any, portion: Portion) -> Iterator[Told]:
-    """All objects of an array, in the order of their names.
+    """List all objects of an array, by name.
 
     Raises
     ------
@@ -135,7 +135,7 @@ def _listed(place: Any, portion: Portion) -> Iterator[Told]:
 
 
 def _asked(place: Any, portion: Portion) -> Iterator[Told]:
-    """Chunks of a part that are there, in their order; each costs a question."""
+    """Return the existing chunks of a part, in order; one request each."""
     import obstore
 
     def head(name: str) -> Told | None:
@@ -160,7 +160,7 @@ def _told(name: str, facts: Any) -> Told:
 
 
 def _names(portion: Portion) -> Iterator[str]:
-    """Names of chunks, or shards, of a part of an array."""
+    """Yield the names of chunks, or shards, of a part of an array."""
     array, at = portion.array, dict(portion.at)
     metadata: Any = array.metadata
     ranges = []
@@ -174,7 +174,7 @@ def _names(portion: Portion) -> Iterator[str]:
 
 
 def _files(store: Path, array: str) -> list[str]:
-    """Files of an array, in their order; a zip file is one."""
+    """Return the files of an array, in order; a zip file is one."""
     if store.is_file():
         return [str(store)]
     found = []

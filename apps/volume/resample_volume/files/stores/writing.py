@@ -1,4 +1,4 @@
-"""Volumes written as OME-Zarr 0.5, brick by brick."""
+"""Write volumes as OME-Zarr 0.5, brick by brick."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -32,7 +32,7 @@ NAMES = {"t": "time", "c": "channel", "z": "space", "y": "space", "x": "space"}
 
 @dataclass(frozen=True)
 class Layered:
-    """How chunks lie in files.
+    """Chunk layout and compression.
 
     Raises
     ------
@@ -43,7 +43,7 @@ class Layered:
     chunk: int = 64  # voxels along each side
     shard: int | None = None  # voxels along each side of a file that holds chunks; None: one each
     compression: str = "zstd"  # one of COMPRESSIONS
-    is_layered: bool = True  # whether coarser levels are made
+    is_layered: bool = True  # whether coarser levels are written
 
     def __post_init__(self) -> None:
         if self.chunk < 8:
@@ -60,35 +60,35 @@ class Layered:
 
     @property
     def step(self) -> int:
-        """Voxels along each side of what is written at once."""
+        """Voxels per side of a unit of writing."""
         return self.shard or self.chunk
 
 
 def write_store(
     path: Path, recording: Recording, form: Layered, progress: Progress | None = None
 ) -> None:
-    """Write all times and channels of a recording, of which a brick at a time is in memory.
+    """Write all times and channels of a recording, with one brick at a time in memory.
 
-    What OME-Zarr cannot say, a direction that is not upright, units of values and whether channels
-    are colors, is kept in an attribute of our own, which other programs do not look at.
+    What OME-Zarr lacks (a rotated direction, units of values, whether channels are colors) is
+    stored in our own attribute, which other programs ignore.
 
     Parameters
     ----------
     path
-        A folder that is not there yet. It appears when it is whole.
+        A new folder. It appears once it is complete.
     recording
-        Whose values are an array, `Chunked` or `Single`.
+        Its values are an array, `Chunked` or `Single`.
     form
-        How chunks lie.
+        Layout of chunks.
     progress
-        Called with the share of the bricks that is written.
+        Called with the fraction of bricks written, 0 to 1.
 
     Raises
     ------
     ValueError
-        There is something of that name, or the extra is not installed.
+        The path exists, or the extra is not installed.
     OSError
-        The store cannot be written; nothing of it stays.
+        The store cannot be written; nothing of it remains.
     """
     zarr = require_zarr(path.name)
     with _appearing(path) as temporary:
@@ -102,14 +102,14 @@ def write_store(
 
 
 def bricks_of(recording: Recording, form: Layered) -> int:
-    """How many bricks `write_store` writes."""
+    """Return the number of bricks that `write_store` writes."""
     shapes = sizes(_space(recording)) if form.is_layered else [_space(recording)]
     each = sum(prod(-(-size // form.step) for size in shape) for shape in shapes)
     return prod(map(int, recording.values.shape[:2])) * each
 
 
 def check_store(path: Path) -> None:
-    """Refuse a store that could not be written in the end, before any work is done.
+    """Reject a store that cannot be written, before any work is done.
 
     Raises
     ------
@@ -129,7 +129,7 @@ def check_store(path: Path) -> None:
 
 @contextmanager
 def _appearing(path: Path) -> Iterator[Path]:
-    """Folder beside a path, which takes its name when all went well, and else is removed."""
+    """Provide a temporary folder, renamed to the path on success and otherwise removed."""
     check_store(path)
     try:
         with beside(path) as temporary:
@@ -145,7 +145,7 @@ def _space(recording: Recording) -> Step:
 
 
 def _letters(recording: Recording) -> str:
-    """Axes that are written: times and channels only where there are several."""
+    """Return the axes to write: times and channels only if there are several."""
     times, parts = recording.values.shape[:2]
     return ("t" if times > 1 else "") + ("c" if parts > 1 else "") + "zyx"
 
@@ -153,7 +153,7 @@ def _letters(recording: Recording) -> str:
 def _array(
     group: "zarr.Group", name: str, shape: Step, recording: Recording, form: Layered
 ) -> "zarr.Array[Any]":
-    """Empty array of one level."""
+    """Create the empty array of one level."""
     letters = _letters(recording)
     before = tuple(
         n for n, letter in zip(recording.values.shape[:2], "tc", strict=True) if letter in letters
@@ -180,7 +180,7 @@ def _compressors(name: str) -> Any:
 
 
 def _fill(levels: "list[zarr.Array[Any]]", recording: Recording, form: Layered) -> Iterator[float]:
-    """Write all levels, the finest first; tells the share that is written."""
+    """Write all levels, the finest first; yield the fraction written."""
     letters, times, parts = _letters(recording), *recording.values.shape[:2]
     shapes = [level.shape[-3:] for level in levels]
     boxes = [_boxes(shape, form.step) for shape in shapes]
@@ -201,7 +201,7 @@ def _fill(levels: "list[zarr.Array[Any]]", recording: Recording, form: Layered) 
 
 
 def _given(recording: Recording, time: int, part: int) -> Callable[[Box], NDArray[Any]]:
-    """What gives the values of a box."""
+    """Return a reader of boxes."""
     values: Values = recording.values[time, part]
     if isinstance(values, Bricks):
         return values.read
@@ -210,7 +210,7 @@ def _given(recording: Recording, time: int, part: int) -> Callable[[Box], NDArra
 
 
 def _boxes(shape: Step, step: int) -> list[Box]:
-    """Boxes of whole chunks or shards that fill a level, z slowest."""
+    """Yield boxes of whole chunks or shards that fill a level, z slowest."""
     found = []
     for start in product(*(range(0, size, step) for size in shape)):
         z, y, x = (slice(n, min(n + step, size)) for n, size in zip(start, shape, strict=True))
@@ -219,13 +219,13 @@ def _boxes(shape: Step, step: int) -> list[Box]:
 
 
 def _finer(box: Box, per: Step) -> Box:
-    """Voxels of the level before that a box is made of."""
+    """Return the box of the finer level that a box is averaged from."""
     z, y, x = (slice(n * side.start, n * side.stop) for side, n in zip(box, per, strict=True))
     return z, y, x
 
 
 def _attributes(recording: Recording, shapes: list[Step]) -> dict[str, Any]:
-    """What OME-Zarr says of an image, and what we add."""
+    """Return OME-Zarr's attributes of an image, and our own."""
     letters = _letters(recording)
     unit = {"unit": "millimeter"} if recording.space == "lps" else {}
     axes = [
@@ -243,7 +243,7 @@ def _attributes(recording: Recording, shapes: list[Step]) -> dict[str, Any]:
 
 
 def _datasets(recording: Recording, shapes: list[Step]) -> list[dict[str, Any]]:
-    """Levels with their place: voxels are means, so their centers lie between finer ones."""
+    """Return levels with transforms: voxels are means, so their centers lie between finer ones."""
     found, ones = [], [1.0] * (len(_letters(recording)) - 3)
     spacing, origin = np.array(recording.spacing), np.array(recording.origin)
     for n, shape in enumerate(shapes):

@@ -1,7 +1,7 @@
-"""Where cells end in VTK's XML, looked at before VTK makes room for the corners up to there.
+"""Validate cell offsets in VTK's XML before VTK allocates memory by them.
 
-An array may be text, base64 or raw, packed in one of several ways; VTK itself reads it here, from a
-file made of that array alone as a column of a table, which has as many rows as are told.
+An array may be text, base64 or raw, compressed in several ways; VTK itself reads it here, from a
+temporary table with that array as its only column.
 """
 
 import tempfile
@@ -23,7 +23,7 @@ BYTES = 8  # of a corner's number in memory
 
 
 class _Ends(NamedTuple):
-    """An array of where cells end."""
+    """An array of cell offsets."""
 
     cells: int
     told: dict[str, str]  # of the array
@@ -31,12 +31,12 @@ class _Ends(NamedTuple):
 
 
 def check_offsets(path: Path) -> None:
-    """Refuse a file of an unstructured grid whose cells have far more corners than it can hold.
+    """Reject an unstructured grid whose cells claim far more corners than the file can hold.
 
     Raises
     ------
     ValueError
-        They have; or ends of cells cannot be read, or cells are polyhedra, which have others.
+        They do; or offsets cannot be read, or cells are polyhedra, which have other offsets.
     """
     with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
         every = elements_of(content)
@@ -48,7 +48,7 @@ def check_offsets(path: Path) -> None:
 
 
 def _ends(name: str, content: mmap, every: list[Element]) -> Iterator[_Ends]:
-    """All arrays of ends, one for each piece."""
+    """Return all arrays of offsets, one per piece."""
     first = data_start(content, every[-1]) if every[-1].name == APPENDED else -1
     starts = sorted({count_of(each.told.get("offset", "")) for each in every})
     cells = 0
@@ -72,7 +72,7 @@ def _ends(name: str, content: mmap, every: list[Element]) -> Iterator[_Ends]:
 
 
 def _table(about: dict[str, str], form: str, ends: _Ends) -> bytes:
-    """File of a table with that column alone."""
+    """Return the file of a table with only that column."""
     is_apart = ends.told.get("format") == "appended"
     told = {key: ends.told.get(key, "") for key in ("type", "format")}
     about, rows = {"type": "Table", **about}, {"NumberOfCols": "1", "NumberOfRows": str(ends.cells)}
@@ -94,7 +94,7 @@ def _attributes(told: dict[str, str]) -> str:
 
 
 def _last(name: str, table: bytes) -> int:
-    """Largest end of a cell."""
+    """Return the largest offset."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
     failures: list[str] = []

@@ -1,4 +1,4 @@
-"""VTK's image data (`.vti`) and rectilinear grids, by VTK's own readers, which are an extra."""
+"""Read VTK image data (`.vti`) and rectilinear grids by VTK, which is an extra."""
 
 import math
 import re
@@ -34,12 +34,12 @@ BASE64 = re.compile(rb"[A-Za-z0-9+/=\s]*")
 
 
 def read_vti(path: Path, wanted: Wanted, name: str, check: Check = check_nothing) -> Recording:
-    """One array at points or cells, whose numbers at each are its channels, or a color.
+    """Read one array at points or cells; components are channels, or a color.
 
     Parameters
     ----------
     path
-        A file that exists.
+        An existing file.
     wanted
         Which array.
     name
@@ -56,7 +56,7 @@ def read_vti(path: Path, wanted: Wanted, name: str, check: Check = check_nothing
 
 
 def read_vtr(path: Path, wanted: Wanted, name: str) -> Volume:
-    """One array of values of a rectilinear grid; parameters as of `read_vti`."""
+    """Read one array of a rectilinear grid; parameters as of `read_vti`."""
     grid = grid_of(path, "vtkXMLRectilinearGridReader")
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
@@ -72,19 +72,19 @@ def read_vtr(path: Path, wanted: Wanted, name: str) -> Volume:
 
 
 def grid_of(path: Path, reader_name: str) -> Any:
-    """What a reader of VTK makes of a file.
+    """Read a file by a reader of VTK's.
 
     Parameters
     ----------
     path
-        A file that exists.
+        An existing file.
     reader_name
-        Of a class of VTK's for files of XML.
+        Name of VTK's class for the XML file.
 
     Raises
     ------
     ValueError
-        VTK is not installed, or the file is damaged, cut off or too large.
+        VTK is not installed, or the file is damaged, truncated or too large.
     """
     try:
         forms = import_module("vtkmodules.vtkIOXML")
@@ -111,17 +111,21 @@ def grid_of(path: Path, reader_name: str) -> Any:
 
 
 def _values(grid: Any, wanted: Wanted, name: str) -> tuple[Named, list[Named], Any]:
-    """One array, all that there are, and the values: (N,), or (N, C) of several at each place."""
+    """Return the chosen array, all arrays, and the values (N,), or (N, C) with components."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
     every = arrays_of(grid)
     names = [named for named, _ in every]
     chosen = choose(names, wanted, name)
-    return chosen, names, vtk_to_numpy(every[names.index(chosen)][1])  # keeps VTK's memory alive
+    return (
+        chosen,
+        names,
+        vtk_to_numpy(every[names.index(chosen)][1]),
+    )  # holds a reference to VTK's memory
 
 
 def arrays_of(grid: Any) -> list[tuple[Named, Any]]:
-    """Arrays of numbers at the points and cells of a data set of VTK's."""
+    """Return the numeric arrays at the points and cells of a data set of VTK's."""
     return [
         (
             Named(
@@ -139,7 +143,7 @@ def arrays_of(grid: Any) -> list[tuple[Named, Any]]:
 
 
 def image_header(image: Any, dtype: Any, spacing: Any, name: str, *, is_of_cells: bool) -> Header:
-    """Header of image data, whose first voxel need not have index 0.
+    """Return the header of image data, whose first voxel may have any index.
 
     Parameters
     ----------
@@ -148,7 +152,7 @@ def image_header(image: Any, dtype: Any, spacing: Any, name: str, *, is_of_cells
     dtype
         Of the values.
     spacing
-        In place of the image's; None: as it says.
+        Replaces the image's; None: the image's.
     name
         For messages.
     is_of_cells
@@ -168,7 +172,7 @@ def image_header(image: Any, dtype: Any, spacing: Any, name: str, *, is_of_cells
 
 
 def _spacing(path: Path) -> list[float] | None:
-    """Spacing as it is written; VTK makes it (1, 1, 1) where it is no number."""
+    """Return the spacing as written; VTK makes it (1, 1, 1) if it is not a number."""
     with path.open("rb") as file:
         found = re.search(rb"<ImageData[^>]*\bSpacing=\"([^\"]*)\"", file.read(1 << 16))
     return [float(text) for text in found[1].split()] if found else None
@@ -183,12 +187,12 @@ def _require_memory(reader: Any, path: Path) -> None:
     extent = told.Get(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT())
     first, last = np.reshape(extent, (3, 2)).T.tolist()
     count = math.prod(b - a + 1 for a, b in zip(first, last, strict=True))
-    require_memory(count, path.name)  # a byte per voxel at the least
+    require_memory(count, path.name)  # at least a byte per voxel
     check_unpacked(path.name, path.stat().st_size, count)
 
 
 def _check_end(path: Path) -> None:
-    """Refuse a file that is cut off, or whose base64 is none: VTK never stops to read those."""
+    """Reject truncated files and invalid base64, which VTK would read forever."""
     with path.open("rb") as file:
         head = re.search(rb'<AppendedData\s+encoding="base64"\s*>\s*_', file.read(1 << 16))
         file.seek(max(0, path.stat().st_size - 1024))

@@ -1,4 +1,4 @@
-"""Sizes of what VTK's XML files hold, looked at before VTK makes room for them."""
+"""Validate the data sizes of VTK's XML files before VTK allocates memory by them."""
 
 import base64
 import re
@@ -15,22 +15,22 @@ from resample_volume.files.xml.vtk_elements import APPENDED, Element, data_start
 WHOLE = ("ImageData", "RectilinearGrid", "StructuredGrid")  # elements that pieces fill
 ARRAYS = ("DataArray", "Array")
 NUMBER = re.compile(r"-?\d{1,12}", re.ASCII)
-LARGEST = 1 << 40  # of a count that is believed
-WIDEST = 32  # bytes of a text that is empty
+LARGEST = 1 << 40  # largest plausible count
+WIDEST = 32  # bytes of an empty text
 WIDTHS = {"8": 1, "6": 2, "2": 4, "4": 8}  # bytes of a number, by the last digit of its type
 LETTERS = 32  # of base64, in which there are three numbers of 64 bits
 LETTER = re.compile(rb"[A-Za-z0-9+/]*")
 
 
 def check_blocks(path: Path) -> None:
-    """Refuse data whose sizes are not those of what the file can hold: VTK ends the process.
+    """Reject data whose sizes exceed what the file can hold: VTK would end the process.
 
     Raises
     ------
     ValueError
-        There are more blocks, or bytes, than the file has, or they unpack to far too much; points,
-        cells or numbers at each take more than it can honestly hold, or memory has; or pieces do
-        not fill the whole.
+        There are more blocks, or bytes, than in the file, or they decompress to far too much;
+        points, cells or components exceed what the file can hold, or memory; or pieces do not fill
+        the whole.
     """
     with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
         every = elements_of(content)
@@ -41,13 +41,13 @@ def check_blocks(path: Path) -> None:
 
 
 def count_of(text: str) -> int:
-    """Count as a number; what is none counts as many."""
+    """Parse a count; an invalid one counts as large."""
     number = _number(text)
     return LARGEST if number < 0 else number
 
 
 def _check_counts(name: str, size: int, every: list[Element]) -> None:
-    """Refuse arrays for which VTK would make far more room than the file can fill."""
+    """Reject arrays for which VTK would allocate far more than the file can fill."""
     needed = places = whole = filled = 0
     for element in every:
         told = element.told
@@ -68,13 +68,13 @@ def _check_counts(name: str, size: int, every: list[Element]) -> None:
 
 
 def _places(told: dict[str, str]) -> int:
-    """Points of a piece, or its cells where these are more; at least one."""
+    """Return a piece's number of points, or of cells if larger; at least one."""
     counts = [count_of(told.get(key, "1")) for key in ("NumberOfPoints", "NumberOfCells")]
     return max(1, _inside(told.get("Extent", "")), *counts)
 
 
 def _inside(extent: str) -> int:
-    """Points within an extent; none of what is no extent."""
+    """Return the points within an extent; 0 for an invalid one."""
     ends = [_number(end) for end in extent.split()]
     if len(ends) != 6:
         return 0
@@ -82,7 +82,7 @@ def _inside(extent: str) -> int:
 
 
 def _number(text: str) -> int:
-    """Whole number; what is none is a large one."""
+    """Parse an integer; an invalid one counts as large."""
     known = NUMBER.fullmatch(text.strip())
     return int(text) if known else LARGEST
 
@@ -110,7 +110,7 @@ def _check_packed(name: str, content: mmap, every: list[Element]) -> None:
 
 
 def _begins(content: mmap, every: list[Element]) -> Iterator[bytes]:
-    """First bytes of each array's data."""
+    """Return the first bytes of each array's data."""
     appended = every[-1] if every[-1].name == APPENDED else None
     start = -1 if appended is None else data_start(content, appended)
     for element in every:
@@ -124,7 +124,7 @@ def _begins(content: mmap, every: list[Element]) -> Iterator[bytes]:
 
 
 def _decoded(letters: bytes) -> bytes:
-    """Bytes of the letters before the first that is none of base64, or that fills a group up."""
+    """Decode base64 up to the first invalid character or padding."""
     known = LETTER.match(letters)
     found = known[0] if known else b""
     found = found[: len(found) - (len(found) % 4 == 1)]
@@ -132,6 +132,6 @@ def _decoded(letters: bytes) -> bytes:
 
 
 def _whole(begin: bytes, number: str) -> bytes:
-    """Bytes of two numbers, or of as many as there are."""
+    """Return the bytes of two numbers, or of fewer at the end."""
     width = struct.calcsize(number)
     return begin[: min(2, len(begin) // width) * width]

@@ -1,30 +1,30 @@
-"""What the elements of VTK's XML say, and where their data are, by a parser such as VTK has."""
+"""Elements of VTK's XML files and the location of their data, by the parser that VTK uses."""
 
 from dataclasses import dataclass
 from mmap import mmap
 from typing import Any
 
-BLOCK = 1 << 16  # bytes that are parsed at a time
+BLOCK = 1 << 16  # bytes parsed at a time
 APPENDED = "AppendedData"  # what follows its beginning is no XML
 
 
 class _EndError(Exception):
-    """What comes is no more XML."""
+    """The XML part of the file has ended."""
 
 
 @dataclass
 class Element:
-    """An element, and where it is."""
+    """An element and its location."""
 
     name: str
     told: dict[str, str]
     start: int  # byte of its tag
-    data: int = -1  # byte of its first letter that is no space; -1: it has none
-    end: int = -1  # byte of what ends it; -1: nothing does
+    data: int = -1  # byte of its first non-blank character; -1: none
+    end: int = -1  # byte of its end; -1: it has none
 
 
 def elements_of(content: mmap) -> list[Element]:
-    """All elements in their order, as far as a file is XML; that of appended data is the last."""
+    """Return all elements in order, as far as a file is XML; appended data is the last."""
     from xml.parsers import expat
 
     parser, seen = expat.ParserCreate(), _Tracker()
@@ -39,7 +39,7 @@ def elements_of(content: mmap) -> list[Element]:
 
 
 def data_start(content: mmap, appended: Element) -> int:
-    """Byte behind the underscore that appended data begin with; -1: there is none."""
+    """Return the byte after the underscore of appended data; -1: there is none."""
     place = content.find(b">", appended.start) + 1
     while place and content[place : place + 1].isspace():
         place += 1
@@ -47,7 +47,7 @@ def data_start(content: mmap, appended: Element) -> int:
 
 
 class _Tracker:
-    """Elements that were seen, and those around the present place."""
+    """Parser state: finished elements, and the open ones."""
 
     def __init__(self) -> None:
         self.every: list[Element] = []
@@ -55,7 +55,7 @@ class _Tracker:
         self.parser: Any = None
 
     def begun(self, name: str, told: dict[str, str]) -> None:
-        """Go on to an element."""
+        """Enter an element."""
         self.every.append(Element(name, told, self.parser.CurrentByteIndex))
         if name == APPENDED:
             raise _EndError
@@ -69,7 +69,7 @@ class _Tracker:
         self.parser.CharacterDataHandler = self.text if is_open else None
 
     def text(self, text: str) -> None:
-        """Note where an element's data begin, and look at no more of them."""
+        """Record where an element's data begin."""
         if self.around and text.strip():
             before = len(text) - len(text.lstrip())
             self.around[-1].data = self.parser.CurrentByteIndex + before

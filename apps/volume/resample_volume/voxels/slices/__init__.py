@@ -1,1 +1,1 @@
-"""Fields between thick slices."""
+"""Interpolation of fields between thick slices."""

@@ -1,12 +1,11 @@
-"""Thick slices made thin: between two of them lies what moves from one to the other.
+"""Interpolate thin slices between thick ones, by optical flow.
 
-A spline across slices shows a thin structure that is in another place on the next slice as two
-ghosts, and values between these that are nowhere. So the way from a slice to the next is found, by
+If a thin structure moves from one slice to the next, a spline across slices shows two ghosts of it,
+with values in between that exist nowhere. So the displacement from a slice to the next is found, by
 optical flow (Kroeger, Timofte, Dai and Van Gool, Fast Optical Flow using Dense Inverse Search,
-2016) in both directions, and what is between them is read along it. Each of the ways and the spline
-counts by how well it fits: a way by how much the two slices differ along it; the spline, which is
-the better one where slices are close enough, by how fast differences of slices grow with their
-order.
+2016) in both directions, and values in between are read along it. Both flows and the spline are
+weighted by how well they fit: a flow by how much the two slices differ along it; the spline, which
+is better where slices are close enough, by how fast differences of slices grow with their order.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -25,30 +24,30 @@ from resample.types import Floats, Reached
 from resample_volume.data.memory import require_memory
 from resample_volume.types import Volume
 
-BYTES_PER_THIN = 8  # of a sample between thick slices, besides its field
+BYTES_PER_THIN = 8  # bytes of a sample between thick slices, besides its field
 EXTREMES = (Projection.MAXIMUM, Projection.MINIMUM)  # of values that voxels have
-THICK = 2.5  # times as far apart as the samples of a slice: slices that are made thin
-MOST = 4  # thin slices of one
-MOST_SAMPLES = 1 << 26  # of the thin slices, so that they take little memory
-LEAST_SIDE = 16  # samples, of slices whose structures have a way to go
-SMOOTH = 1.0  # samples, of the places whose differences count together
-UNSURE = 0.2  # of the fourth difference of slices, that a spline may be off by
-WHITE = 3.4  # fourth differences of noise over second ones
-GROWTH, SHARP = 4, 4  # exponents, of trust in a spline and of what fits
-SLACK = 0.002  # of the range of values, that any two may differ by
-TURNS = 3  # of the search for where a way began
-MOST_TURN = 0.25  # of the ways before and behind a slice, that these may differ by
-FINE_SIDE = 320  # samples, of slices on which ways are told from sample to sample
-ASTRAY = 0.05  # of the range of values, for a sample that ways forth and back lead astray
+THICK = 2.5  # ratio of slice distance to sample distance from which slices are made thin
+MOST = 4  # thin slices per thick slice
+MOST_SAMPLES = 1 << 26  # type of the thin slices, to save memory
+LEAST_SIDE = 16  # samples per side of slices from which flow is computed
+SMOOTH = 1.0  # samples, width of the window for differences
+UNSURE = 0.2  # of the fourth difference of slices: error bound of a spline
+WHITE = 3.4  # ratio of fourth to second differences for noise
+GROWTH, SHARP = 4, 4  # exponents of the weights of splines and of fits
+SLACK = 0.002  # of the range of values: difference that counts as none
+TURNS = 3  # iterations of the search for a flow's start
+MOST_TURN = 0.25  # tolerance between the flows before and behind a slice
+FINE_SIDE = 320  # samples, of slices with a flow per sample
+ASTRAY = 0.05  # of the range of values, per sample by which forward and backward flow disagree
 MOST_ASTRAY = np.float32(2.0)  # samples
-DARK = 4  # levels of 255, of the least value where ways are looked for
-GROUP = 9  # thick slices that are taken together
+DARK = 4  # levels of 255, of the least value for optical flow
+GROUP = 9  # thick slices processed together
 
 Plane = NDArray[np.float32]
 
 
 class Thin(NamedTuple):
-    """How many samples stand for a voxel along one axis of the values."""
+    """Number of samples per voxel along one axis of the values."""
 
     axis: int  # 0 is z
     parts: int  # 1: a field of the voxels themselves
@@ -58,9 +57,9 @@ SAME = Thin(0, 1)
 
 
 def thin_of(volume: Volume) -> Thin:
-    """How slices of a volume are made thin; not at all if they are about as far apart as samples.
+    """Return how slices are made thin; not at all if they are about as far apart as samples.
 
-    Nor if there are too many voxels, if these have colors, or if they are in a file meanwhile.
+    Nor if there are too many voxels, if these have colors, or if they are in a mapped file.
     """
     spacing = np.abs(np.asarray(volume.spacing, np.float64))[::-1]
     axis = int(spacing.argmax())
@@ -76,9 +75,9 @@ def thin_of(volume: Volume) -> Thin:
 
 
 def thin_that_fits(volume: Volume, projection: Projection, *, stays: bool) -> Thin:
-    """How slices are made thin; not where memory holds only thick ones, or if they are to stay.
+    """Return how slices are made thin; not if only thick ones fit in memory or are wanted.
 
-    Nor for means along rays: those of a spline leave sums of voxels as they are.
+    Nor for means along rays: a spline preserves sums of voxels.
 
     Raises
     ------
@@ -101,7 +100,7 @@ def thin_that_fits(volume: Volume, projection: Projection, *, stays: bool) -> Th
 
 
 def of_samples(volume: Volume, thin: Thin) -> Volume:
-    """Volume whose voxels are the samples of a field, without their values."""
+    """Return the volume whose voxels are a field's samples, without values."""
     if thin.parts == 1:
         return volume
     across = 2 - thin.axis
@@ -116,12 +115,12 @@ def of_samples(volume: Volume, thin: Thin) -> Volume:
 
 
 def repeated(flags: NDArray[Any], thin: Thin) -> NDArray[Any]:
-    """What is known of voxels (Z, Y, X, ...) as it is of samples."""
+    """Repeat properties of voxels (Z, Y, X, ...) for samples."""
     return np.repeat(flags, thin.parts, axis=thin.axis)
 
 
 def among_samples(reached: Reached, samples: int, thin: Thin) -> Reached:
-    """Light that gets to cells of voxels, as cells of so many samples along the thin axis."""
+    """Convert cells of light over voxels to cells over samples along the thin axis."""
     if thin.parts == 1:
         return reached
     last = reached.share.shape[thin.axis] - 1
@@ -137,7 +136,7 @@ def among_samples(reached: Reached, samples: int, thin: Thin) -> Reached:
 
 
 def voxels_of(sample: NDArray[np.int64], shape: tuple[int, ...], thin: Thin) -> NDArray[np.int64]:
-    """Flat indices of the voxels (Z, Y, X) that samples stand for; below 0: of none."""
+    """Return flat indices of the voxels (Z, Y, X) of samples; negative: none."""
     if thin.parts == 1:
         return sample
     fine = list(shape)
@@ -148,16 +147,16 @@ def voxels_of(sample: NDArray[np.int64], shape: tuple[int, ...], thin: Thin) -> 
 
 
 def thinned(values: NDArray[Any], thin: Thin, *, is_within: bool) -> tuple[Floats, float]:
-    """Samples of thin slices, as how far they are above the least value, and this.
+    """Compute the samples of thin slices, minus the least value, and that value.
 
     Parameters
     ----------
     values
         (Z, Y, X) all finite.
     thin
-        Of which axis how many; more than one.
+        Axis and number of samples per voxel, more than one.
     is_within
-        Samples are kept within the voxels that they come from.
+        Clamp samples to the voxels that they come from.
     """
     from scipy.ndimage import spline_filter1d
 
@@ -177,7 +176,7 @@ def thinned(values: NDArray[Any], thin: Thin, *, is_within: bool) -> tuple[Float
 
 
 def _grain(shape: tuple[int, ...]) -> Plane:
-    """Faint texture that does not move, without which nothing tells where edges go along them."""
+    """Return a faint static texture, which fixes the flow along straight edges."""
     texture = _smooth(np.random.default_rng(7).normal(size=shape).astype(np.float32))
     return np.asarray(texture / texture.std() + np.float32(DARK))
 
@@ -189,27 +188,27 @@ class _Slices(NamedTuple):
     coefficient: Floats  # of cubic splines across them
     span: float  # the greatest value
     is_within: bool  # as of `thinned`
-    grain: Plane  # levels of 255, the same on all slices: edges that are straight move across only
+    grain: Plane  # levels of 255, the same on all slices: straight edges only move across
 
 
 class _Path(NamedTuple):
-    """Ways (Y, X, 2) from a slice to the one beside it, samples."""
+    """Flow (Y, X, 2) from a slice to an adjacent one, samples."""
 
     way: Plane
-    opposite: Plane  # on the one beside it, back
+    opposite: Plane  # on the adjacent one, back
     turn: Plane  # as of `_turn`
-    is_back: bool  # it goes to the slice before
+    is_back: bool  # whether to the slice before
 
 
 class _Ways(NamedTuple):
-    """Ways (Y, X, 2) that what is on slices goes, samples; by the slice that comes before."""
+    """Flows (Y, X, 2) between slices, samples; by the first slice of the pair."""
 
     on: dict[int, Plane]  # from a slice to the next, on that slice
     back: dict[int, Plane]  # from the next one to the slice, on the next one
 
 
 def _put_group(slices: _Slices, found: Floats, parts: int, first: int) -> None:
-    """Put thin slices from a thick one on, as far as a group goes."""
+    """Write the thin slices of a group of thick ones."""
     last = len(slices.value) - 1
     ways = _Ways({}, {})
     for before in range(first, min(first + GROUP, last + 1)):
@@ -217,7 +216,7 @@ def _put_group(slices: _Slices, found: Floats, parts: int, first: int) -> None:
         end = min(len(found), _first_after(before + 1, parts))
         at = [(n + 0.5) / parts - 0.5 for n in range(start, end)]
         if before < 0 or before == last or slices.span == 0:
-            # Beyond the outermost slices there is a spline only.
+            # Beyond the outermost slices there is only a spline.
             found[start:end] = [_spline_at(slices, one) for one in at]
             continue
         for pair in range(max(0, before - 1), min(last, before + 2)):
@@ -229,7 +228,7 @@ def _put_group(slices: _Slices, found: Floats, parts: int, first: int) -> None:
 
 
 def _put_between(slices: _Slices, found: Floats, at: list[float], before: int, ways: _Ways) -> None:
-    """Put thin slices, at some places, between a thick one and the next."""
+    """Write thin slices at some positions between a thick one and the next."""
     on, back = ways.on[before], ways.back[before]
     paths = (
         _Path(on, back, _turn(on, ways.back.get(before - 1)), is_back=False),
@@ -248,7 +247,7 @@ def _put_between(slices: _Slices, found: Floats, at: list[float], before: int, w
 
 
 def _turn(way: Plane, other: Plane | None) -> Plane:
-    """How much the way from a slice differs from the one to it, whose opposite is given."""
+    """Return how much the flow from a slice differs from the flow to it, given negated."""
     if other is None:
         return np.zeros_like(way)
     most = np.float32(MOST_TURN) * (np.abs(way) + np.abs(other))
@@ -256,12 +255,12 @@ def _turn(way: Plane, other: Plane | None) -> Plane:
 
 
 def _first_after(slice_: int, count: int) -> int:
-    """Number of the first thin slice that is not before a thick one."""
+    """Return the index of the first thin slice at or after a thick one."""
     return -((-(2 * slice_ + 1) * count + 1) // 2)
 
 
 def _spline_at(slices: _Slices, at: float) -> Plane:
-    """Slice of the spline across slices, which is mirrored beyond the ends."""
+    """Evaluate the spline across slices, mirrored beyond the ends."""
     first = int(np.floor(at))
     t = at - first
     u = 1.0 - t
@@ -280,7 +279,7 @@ def _spline_at(slices: _Slices, at: float) -> Plane:
 
 
 def _mirrored(n: int, slices: _Slices) -> int:
-    """Number of the slice that stands for one beyond the ends."""
+    """Return the index of a slice after mirroring at the ends."""
     count = len(slices.value)
     n %= 2 * count
     return n if n < count else 2 * count - 1 - n
@@ -293,13 +292,13 @@ def _smooth(plane: Plane) -> Plane:
 
 
 def _fit(slices: _Slices, error: Plane, factor: float) -> Plane:
-    """How much something counts that is off by so much."""
+    """Return the weight for an error."""
     share = np.float32(factor / slices.span) * error
     return np.asarray((share + np.float32(SLACK)) ** -SHARP)
 
 
 def _bend(slices: _Slices, before: int) -> Plane:
-    """How far a spline may be off between two slices: not far where differences do not grow."""
+    """Bound the spline's error between two slices: small where differences do not grow."""
     fourth, second = np.zeros((2, *slices.value.shape[1:]), np.float32)
     for middle in (before, before + 1):
         a, b, c, d, e = (slices.value[_mirrored(middle + n, slices)] for n in range(-2, 3))
@@ -311,7 +310,7 @@ def _bend(slices: _Slices, before: int) -> Plane:
 
 
 def _ways(slices: _Slices, before: int) -> tuple[Plane, Plane]:
-    """Ways (Y, X, 2) that what is on a slice goes to the next, and back, samples."""
+    """Compute the flow (Y, X, 2) from a slice to the next, and back, samples."""
     import cv2
 
     flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
@@ -326,9 +325,9 @@ def _ways(slices: _Slices, before: int) -> tuple[Plane, Plane]:
 
 
 def _along(slices: _Slices, before: int, t: float, path: _Path) -> tuple[Plane, Plane]:
-    """What is 0..1 of a way from one slice to the next, and how much the two differ along it.
+    """Interpolate at 0..1 along the flow between slices; also return how much they differ.
 
-    Where the way back leads elsewhere, it is taken for as much of a difference.
+    Where the backward flow disagrees, that adds to the difference.
     """
     import cv2
 
@@ -366,7 +365,7 @@ def _along(slices: _Slices, before: int, t: float, path: _Path) -> tuple[Plane, 
 
 
 def _moved(slices: _Slices, n: int, right: Plane, down: Plane) -> Plane:
-    """What a slice shows at places beside those of its samples."""
+    """Sample a slice at displaced points."""
     import cv2
 
     value, edge = slices.value[n], cv2.BORDER_REPLICATE
