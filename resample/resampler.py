@@ -3,8 +3,9 @@
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import InitVar, dataclass, field, fields, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -42,6 +43,7 @@ from resample.painting.scenes.plans import (
     Window,
     check_size,
     checked_window,
+    together,
 )
 from resample.painting.scenes.scene import (
     Painted,
@@ -106,6 +108,9 @@ from resample.types import (
 )
 from resample.watching import Progress
 
+if TYPE_CHECKING:
+    from resample.painting.paper import PaperChoices
+
 filter_table = once(filters.table)
 
 
@@ -118,7 +123,7 @@ def filter_profile(pixel_filter: PixelFilter) -> Profile | None:
 SPLAT_GRID, POINT_GRID = 16, 16  # most sub-pixels per side of a pixel, see `kernels.grid`
 OPAQUE = 1e-4  # transmittance that counts as none
 EWA_VARIANCE = 0.25  # px², of the Gaussian that stands for a pixel's filter
-LITERAL_FILTER = Gaussian(0.5, 1.5, lowered=True)  # that points of the paper's form are seen under
+PAPER_FILTER = Gaussian(0.4, 1.2, lowered=True)  # see `resample.hybrid.points`
 POINT_FILTER = Gaussian(1.0, 3.0, lowered=True)  # likewise, in widths of a point
 
 
@@ -153,6 +158,8 @@ class Resampler:
         What pixels show.
     iso
         Value that `Projection.FIRST_HIT` looks for, data units.
+    method
+        Name of the primitive, as commands take it: `Resampler(method="paper")`.
 
     Raises
     ------
@@ -180,8 +187,11 @@ class Resampler:
     splat_color: tuple[float, float, float] | None = None
     projection: Projection = Projection.COMPOSITE
     iso: float | None = None
+    method: InitVar[str | None] = None
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, method: str | None) -> None:
+        if method is not None:
+            object.__setattr__(self, "primitive", _primitive_named(method))
         _check_together(self)
         if self.threshold is not None and not self.threshold >= 0:
             raise ValueError(f"the threshold is {self.threshold} sub-pixels; it must be 0 or more")
@@ -247,9 +257,27 @@ class Resampler:
         self, scene: Scene, samples: Samples, progress: Progress | None
     ) -> tuple[Painted, Statistics]:
         """Picture of a scene by whom its order asks for."""
+        if self._is_paper:
+            from resample.painting.paper import paint_paper
+
+            return paint_paper(scene, samples, self._choices_of_paper, progress)
         if self._is_streamed(scene):
             return self._streamed(scene, samples, progress)
         return paint_summed(scene, samples, self.reconstruction, progress)
+
+    @property
+    def _is_paper(self) -> bool:
+        """Whether the paper's own painter paints."""
+        return self.primitive is Primitive.PAPER
+
+    @cached_property
+    def _choices_of_paper(self) -> "PaperChoices":
+        """What the paper's own painter is asked for."""
+        from resample.painting.paper import PaperChoices as Choices
+
+        footprint = self.footprint or Footprint.CORRECTED
+        threshold = self._style(np.eye(3), None).threshold
+        return Choices(self.reconstruction, self._point_filter, footprint, threshold)
 
     def _is_streamed(self, scene: Scene) -> bool:
         """Whether splats are composited one by one."""
@@ -304,6 +332,9 @@ class Resampler:
         checked, look = self._checked_for_windows(samples)
         with _kernels(None):
             scene = self._scene(checked, camera.view(), (height, width), look, clip)
+            if self._is_paper:
+                painted, _ = self._painted(replace(scene, window=NOTHING), checked, None)
+                return PlansOfPart(None, None, painted.plan)
             return plans_of(scene, checked, self._painters(scene), painters)
 
     def plan_of(
@@ -330,6 +361,8 @@ class Resampler:
         -------
         None where painters have to be asked that were left out.
         """
+        if self._is_paper:
+            return together([part.mixture for part in parts if part.mixture is not None])
         with _kernels(None):
             scene = self._of_nothing(lattice, camera, (height, width))
             return plan_of_all(scene, self._painters(scene), parts)
@@ -343,6 +376,8 @@ class Resampler:
         -------
         Whether they reach as far on one side of their center as on the other; and px, at most.
         """
+        if self._is_paper:
+            return self._choices_of_paper.widths.is_projected, self._point_filter.radius
         return reach_beyond(self._of_nothing(lattice, camera, plan.size), plan)
 
     def _of_nothing(self, lattice: Doubles, camera: AnyCamera, size: tuple[int, int]) -> Scene:
@@ -464,7 +499,7 @@ class Resampler:
         with _kernels(None):
             scene = self._of_nothing(source.lattice, camera, (height, width))
             needs_first = self.order(scene.view, source.lattice).begins_at_first
-            if needs_first or not (are_splats_exact(scene) and len(source.sizes)):
+            if self._is_paper or needs_first or not (are_splats_exact(scene) and len(source.sizes)):
                 return None
             return plan_of_parts(scene, source, self._painters(scene))
 
@@ -499,6 +534,11 @@ class Resampler:
         """
         window = checked_window(window, *plan.size)
         self._check_whole(source.classifier is not None)
+        if self._is_paper:
+            raise ValueError(
+                "the primitive paper composites all samples of a window together; give paint_window"
+                " its samples, or take the primitive hybrid"
+            )
         if not self.can_step(plan):
             raise ValueError(
                 "the tiles of this picture are not all as fine, and the plan does not know how "
@@ -521,7 +561,7 @@ class Resampler:
     def can_step(self, plan: PicturePlan) -> bool:
         """Whether a picture of this plan can be painted nearest parts first."""
         is_whole = self.projection in WHOLE or self.order.summing is Summing.RAYS
-        return not is_whole and (plan.spacing is not None or self.is_even(plan))
+        return not (is_whole or self._is_paper) and (plan.spacing is not None or self.is_even(plan))
 
     def kept_between_steps(
         self, source: SamplesInParts, camera: AnyCamera, plan: PicturePlan, window: Window
@@ -664,9 +704,7 @@ class Resampler:
         lattice = samples.lattice
         tables, style = self._tables, self._style(lattice, look)
         ellipsoid = ellipsoid_of(lattice, view, self.reconstruction.radius)
-        # Where points have the pixel's filter, that is the farther reach.
-        reach = max(tables.pixel_margin, 0.0 if style.variance else style.point_extent)
-        screen = screen_of(size[1], size[0], reach, view, ellipsoid)
+        screen = screen_of(size[1], size[0], tables.pixel_margin, view, ellipsoid)
         screen = screen._replace(planes=planes_of(clip, view, ellipsoid))
         summing = self.order.summing
         if self.projection in (Projection.AVERAGE, *SUMS):
@@ -679,8 +717,7 @@ class Resampler:
         """Filter that points are added under."""
         # Sub-pixel points are seen under their own kernel's projection, close to a Gaussian of
         # that variance; the paper's are seen under the pixel's filter.
-        literal = self.primitive is Primitive.PAPER
-        return (self.pixel_filter or LITERAL_FILTER) if literal else POINT_FILTER
+        return (self.pixel_filter or PAPER_FILTER) if self._is_paper else POINT_FILTER
 
     @cached_property
     def _profile(self) -> Profile | None:
@@ -700,8 +737,7 @@ class Resampler:
     @cached_property
     def _tables(self) -> Tables:
         """Everything that kernels look up."""
-        literal = self.primitive is Primitive.PAPER
-        pixel = filter_table(Box() if literal else self.pixel_filter or Box())
+        pixel = filter_table(Box() if self._is_paper else self.pixel_filter or Box())
         return Tables(
             footprint_table(self.reconstruction).values,
             partial_table(self.reconstruction),
@@ -734,7 +770,7 @@ class Resampler:
             most_for_splats=1 if primitive is Primitive.POINTS else SPLAT_GRID,
             most_for_points=POINT_GRID,
             point_extent=filter_table(self._point_filter).extent,
-            variance=0.0 if primitive is Primitive.PAPER else variance(self.reconstruction),
+            variance=variance(self.reconstruction),
             inflated=1.0 if primitive is Primitive.INFLATE else 0.0,
             blurred=EWA_VARIANCE * per_variance if primitive is Primitive.EWA else 0.0,
             faintest=0.0 if look is None else -np.inf,
@@ -747,8 +783,17 @@ class Resampler:
         )
 
 
+def _primitive_named(name: str) -> Primitive:
+    try:
+        return Primitive(name)
+    except ValueError:
+        raise ValueError(f"method {name!r}; known: {', '.join(Primitive)}") from None
+
+
 def _check_together(choice: Resampler) -> None:
     """Refuse choices that do not go together, and say which do."""
+    if choice.primitive is Primitive.PAPER:
+        _check_paper(choice)
     known = FOOTPRINTS[choice.primitive]
     if choice.footprint is not None and choice.footprint not in known:
         raise ValueError(
@@ -771,6 +816,20 @@ def _check_together(choice: Resampler) -> None:
         )
     if choice.iso is not None and not math.isfinite(choice.iso):
         raise ValueError(f"the iso value is {choice.iso}; it must be finite")
+
+
+def _check_paper(choice: Resampler) -> None:
+    """Refuse choices that the paper's method does not have."""
+    if choice.order.summing is not Summing.POINTS:
+        raise ValueError(
+            f"the primitive paper composites every sample, so it has no order {choice.order}; take "
+            "the order every-sample, or the primitive hybrid"
+        )
+    if choice.subpixels not in (None, 1):
+        raise ValueError(
+            f"the primitive paper has no sub-pixels, so not {choice.subpixels} of them; leave them "
+            "out, or take the primitive hybrid"
+        )
 
 
 def _check_rays(choice: Resampler) -> None:

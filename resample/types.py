@@ -25,10 +25,6 @@ Tally = NDArray[np.int64]  # (T, 4) or one row of it: points, splats, hidden, su
 Record = Any  # an element of Records
 Single = Any  # a float32 number: half the bytes and twice the vector lanes
 
-# The correction table covers cones up to this angle, rad; "less than 15° are usually sufficient"
-# (paper, section 4.2). Beyond it kernels evaluate the formula.
-LARGEST_CONE = math.radians(15)
-
 # The footprint models; see `resample.engine.ellipsoids.footprints`.
 AFFINE, CORRECTED, SMALL_ANGLE, EXACT, DISC = range(5)
 
@@ -357,7 +353,7 @@ class Spread(NamedTuple):
     """How points spread over sub-pixels, with estimates of the largest contribution."""
 
     extent: float  # widths at which the filter ends
-    variance: float  # voxels², as in `Style`; 0: points have width 1 px
+    variance: float  # voxels², as in `Style`
     most_spacing: float  # px
     layer: float  # scene units, thickness of a sheet
     opacity: float  # largest opacity times area, sub-pixels
@@ -385,7 +381,7 @@ class Style(NamedTuple):
     most_for_splats: int
     most_for_points: int
     point_extent: float  # widths at which the point profile ends
-    variance: float  # voxels², of the reconstruction along an axis; 0: points have width 1
+    variance: float  # voxels², of the reconstruction along an axis
     inflated: float  # px; smaller spacings get kernels for this spacing
     blurred: float  # px², added to the squared half extents of a splat's ellipse
     faintest: float  # samples up to this extinction are skipped
@@ -448,6 +444,8 @@ class Statistics(NamedTuple):
     seconds: dict[str, float]  # per stage
     is_preview: bool = False  # whether the picture shows only some of the samples
     rays: int = 0  # upper bound on rays through a field: one per sub-pixel that may see it
+    from_table: int = 0  # splats whose index the paper's correction table corrected
+    by_equation: int = 0  # splats beyond the table, whose index its equation corrected
 
     @property
     def splat_fraction(self) -> float:

@@ -43,7 +43,7 @@ KINDS: Mapping[str, Read] = {
     "icl": read_icl,
     "log": read_log,
     "nerf": _from("calibrations.nerf", "read_nerf"),
-    "open3d": _from("calibrations.open3d", "read_open3d"),
+    "open3d": _from("open3d", "read_open3d"),
     "colmap": _from("calibrations.colmap", "read_colmap"),
     "toml": _from("tables", "read_toml"),
 }

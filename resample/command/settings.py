@@ -117,10 +117,12 @@ class Resampling(Choices):
         ),
     ] = None
     footprint: Annotated[
-        Literal["exact", "corrected", "small-angle", "affine", "disc"] | None,
+        Literal["exact", "corrected", "small-angle", "affine", "disc", "equation", "projected"]
+        | None,
         Field(
             description="Model of splats in perspective. Default: exact; corrected for paper; "
-            "affine for inflate and ewa."
+            "affine for inflate and ewa. For paper only: equation (no table) and projected (around "
+            "the projected center)."
         ),
     ] = None
     threshold: Annotated[

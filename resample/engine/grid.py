@@ -49,9 +49,7 @@ def is_surely_point(spacing: Single, style: Style) -> bool:
 def point_width(spacing: Single, variance: float) -> Single:
     """Standard deviation of a point's filter: the kernel's projection and a sub-pixel's extent.
 
-    `spacing` is in sub-pixels, `variance` in voxels²; 0 means a filter of fixed width 1.
+    `spacing` is in sub-pixels, `variance` in voxels².
     """
-    if variance == 0.0:
-        return 1.0
     # A box one sub-pixel wide has variance 1 / 12.
     return math.sqrt(variance * spacing * spacing + 1.0 / 12.0)

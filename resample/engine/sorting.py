@@ -151,3 +151,35 @@ def key_of_bits(bits: np.uint32) -> Single:
 def member_of(pair: np.uint64) -> np.int64:
     """Sample's number in a pair."""
     return np.int64(pair & LOWER)
+
+
+@kernel
+def settle_ties(pair: Pairs, position: Floats, color: Floats, extinction: Floats) -> None:
+    """Put samples of equal keys in the order of what they look like, whatever order they came in.
+
+    Parameters
+    ----------
+    pair
+        (N,) keys and indices, ascending.
+    position, color, extinction
+        (N, 3), (N, 3) and (N,) of the samples.
+    """
+    first = 0
+    for end in range(1, pair.size + 1):
+        if end < pair.size and pair[end] >> HALF == pair[first] >> HALF:
+            continue
+        # Most ties are of two samples in different places.
+        m, n = member_of(pair[first]), member_of(pair[end - 1])
+        if end - first == 2 and position[m, 0] != position[n, 0]:
+            if position[m, 0] > position[n, 0]:
+                pair[first], pair[end - 1] = pair[end - 1], pair[first]
+        elif end - first > 1:
+            tied = pair[first:end].copy()
+            looks = np.empty((end - first, 7), np.float32)
+            for k in range(end - first):
+                n = member_of(tied[k])
+                looks[k, :3], looks[k, 3:6], looks[k, 6] = position[n], color[n], extinction[n]
+            turn = np.arange(end - first).astype(np.int32)
+            settle(turn, looks)
+            pair[first:end] = tied[turn]
+        first = end

@@ -18,7 +18,7 @@ class Primitive(StrEnum):
     HYBRID = "hybrid"  # points on fine sub-pixels where they shrink, splats where they grow
     POINTS = "points"  # only points
     SPLATS = "splats"  # only splats, one ray per pixel
-    PAPER = "paper"  # as published: threshold 1 px, points summed at pixel resolution
+    PAPER = "paper"  # as published (`resample.hybrid`): threshold 1 px, points at pixel resolution
     INFLATE = "inflate"  # splats enlarged so that neighbours are a pixel apart (Swan 1997)
     EWA = "ewa"  # splats convolved with the pixel filter (Zwicker 2001)
 
@@ -30,7 +30,7 @@ class Footprint(StrEnum):
     --------
     >>> from resample import Footprint, Resampler
     >>> [model.value for model in Footprint]
-    ['affine', 'corrected', 'small-angle', 'exact', 'disc']
+    ['affine', 'corrected', 'small-angle', 'exact', 'disc', 'equation', 'projected']
     >>> Resampler(footprint=Footprint.AFFINE).footprint.value
     'affine'
     """
@@ -40,13 +40,26 @@ class Footprint(StrEnum):
     SMALL_ANGLE = "small-angle"
     EXACT = "exact"
     DISC = "disc"
+    EQUATION = "equation"  # of the paper's form: corrected without the table
+    PROJECTED = "projected"  # of the paper's form: corrected, around the projected center
 
 
 WIDENED = (Primitive.INFLATE, Primitive.EWA)  # with affine ellipses
 SCALED = (Primitive.HYBRID, Primitive.POINTS, Primitive.SPLATS)  # samples may differ in size
-FOOTPRINTS = {
-    primitive: [Footprint.AFFINE] if primitive in WIDENED else list(Footprint)
-    for primitive in Primitive
+_OF_PAPER: list[Footprint] = [
+    Footprint.AFFINE,
+    Footprint.CORRECTED,
+    Footprint.EQUATION,
+    Footprint.PROJECTED,
+]
+_AFFINE: list[Footprint] = [Footprint.AFFINE]
+_OF_ALL: list[Footprint] = [
+    model for model in Footprint if model not in (Footprint.EQUATION, Footprint.PROJECTED)
+]
+FOOTPRINTS: dict[Primitive, list[Footprint]] = {
+    **dict.fromkeys(Primitive, _OF_ALL),
+    **dict.fromkeys(WIDENED, _AFFINE),
+    Primitive.PAPER: _OF_PAPER,
 }
 
 

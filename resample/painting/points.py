@@ -96,8 +96,8 @@ def _form_of(scene: Scene, plan: PicturePlan, finest: int) -> Spread | None:
     least, most = float(plan.least), float(plan.most)
     if not most < TOO_WIDE:  # NaN included
         return None
-    widest = math.sqrt(style.variance * (most * finest) ** 2 + 1 / 12) if style.variance else finest
-    narrowest = math.sqrt(1 / 12) if style.variance else 1.0
+    widest = math.sqrt(style.variance * (most * finest) ** 2 + 1 / 12)
+    narrowest = math.sqrt(1 / 12)
     thinnest = np.linalg.svd(ellipsoid.from_unit, compute_uv=False)[-1] / ellipsoid.radius
     area = ellipsoid.volume / (style.layer * thinnest**2) * (most * finest) ** 2
     crowd = style.layer / ellipsoid.volume ** (1 / 3) / (least * finest) ** 2

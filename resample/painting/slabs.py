@@ -214,7 +214,7 @@ def _blend_of(scene: Scene, *, is_mixed: bool) -> "Blend":
     style, look = scene.style, scene.classifier
     if look is None:
         if is_mixed:
-            return Mixed(style.linear_opacity, style.layer, are_beside=not style.variance)
+            return Mixed(style.linear_opacity, style.layer)
         tint = (float(style.tint_red), float(style.tint_green), float(style.tint_blue))
         return Colors(*tint, style.linear_opacity, style.layer)
     mass = 0.0

@@ -1,31 +1,30 @@
-"""The index correction for perspective splats (paper, section 4.2): formula and 2-D table."""
+"""Deprecated: the index correction is in `resample.hybrid.correction`."""
+
+import warnings
 
 import numpy as np
 
-from resample.types import LARGEST_CONE, Doubles, Floats
+from resample.hybrid.correction import LARGEST
+from resample.hybrid.correction import true_distance as _true_distance
+from resample.types import Doubles, Floats
 
 
 def true_distance(index: Doubles, cone: Doubles) -> Doubles:
-    """Distance of a ray from the center of a sphere, in radii.
-
-    Parameters
-    ----------
-    index
-        Radius of the ray in the flat circle that the ellipse maps to, 0 center, 1 rim.
-    cone
-        Half angle α of the sphere's tangent cone, rad, above 0 and below π/2.
-
-    Notes
-    -----
-    Yuan et al. 2003, section 4.2, print d = sin(arctan(i tan α)) / tan α. Their own OE = r / sin α
-    gives the divisor sin α, with which the rim i = 1 comes out as d = 1.
-    """
-    return np.asarray(np.sin(np.arctan(index * np.tan(cone))) / np.sin(cone), dtype=np.float64)
+    """Return `resample.hybrid.correction.true_distance`."""
+    _warn("true_distance")
+    return _true_distance(index, cone)
 
 
 def correction_table(cones: int = 64, indices: int = 256) -> Floats:
-    """Table of `true_distance` over cone (rows, 0 to 15°) and index (columns, 0 to 1)."""
-    cone = np.linspace(0, LARGEST_CONE, cones)[:, None]
-    index = np.linspace(0, 1, indices)[None, :]
-    distance = true_distance(index, np.maximum(cone, 1e-6))
-    return distance.astype(np.float32)
+    """Return a table of d over the cone's angle (rows, 0 to 15°) and i (columns, 0 to 1)."""
+    _warn("correction_table")
+    cone = np.maximum(np.linspace(0.0, LARGEST, cones), 1e-6)[:, None]
+    return _true_distance(np.linspace(0.0, 1.0, indices)[None, :], cone).astype(np.float32)
+
+
+def _warn(name: str) -> None:
+    warnings.warn(
+        f"resample.profiles.correction.{name} has moved to resample.hybrid.correction",
+        DeprecationWarning,
+        stacklevel=3,
+    )

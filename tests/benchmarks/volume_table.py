@@ -18,7 +18,7 @@ import numpy as np
 from resample.cameras.models import Camera
 from resample.cameras.poses import orbit
 from resample.measuring.quality import largest
-from resample.painting.choices import Footprint, Projection
+from resample.painting.choices import FOOTPRINTS, Primitive, Projection
 from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
 from resample.profiles.reconstruction import GaussianKernel
 from resample.resampler import Resampler
@@ -274,7 +274,7 @@ def perspective() -> None:
 
 def _footprints(shot: Shot, samples: Samples, truth: np.ndarray, rays: int = 1) -> Column:
     column = {}
-    for footprint in Footprint:
+    for footprint in FOOTPRINTS[Primitive.SPLATS]:
         form = replace(SPLATS, footprint=footprint, subpixels=rays)
         column[footprint.value] = f"{scenes.object_psnr(shot.by(form, samples), truth):.1f}"
     return column

@@ -43,7 +43,7 @@ def test_plugins_lists_every_plugin_of_every_group(capsys):
 def test_plugins_shows_distribution_description_and_parameters(capsys):
     ended("plugins", "filters")
     listed = capsys.readouterr().out
-    assert "  tent  (hybrid-resample)\n      Weight that falls along a line to 0;" in listed
+    assert "  tent  (hybrid-resample)\n      Weight that decreases linearly to 0;" in listed
     assert "      sigma=0.5, radius=None, lowered=False\n" in listed
     assert "orders\n" not in listed
 

@@ -144,7 +144,7 @@ def test_fields_of_five_types_are_found_by_one_kernel_for_each_that_they_are_hel
 def test_spacings_of_tiles_are_found_by_one_kernel() -> None:
     samples, eye = cloud(300, 20.0, 12), camera()
     counts = []
-    for primitive in (Primitive.SPLATS, Primitive.PAPER):
+    for primitive in (Primitive.SPLATS, Primitive.EWA):
         paint = Resampler(primitive=primitive, subpixels=2)
         plan = paint.plan(samples, eye, height=HEIGHT, width=WIDTH)
         paint.with_spacing(plan._replace(least=np.float32(0.1)), samples, eye)

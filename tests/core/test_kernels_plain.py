@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from resample.cameras.models import Camera, Orthographic
-from resample.painting.choices import FOOTPRINTS, Footprint, Opacity, Primitive
+from resample.painting.choices import FOOTPRINTS, Opacity, Primitive
 from resample.profiles.reconstruction import GaussianKernel
 from resample.types import Samples
 from tests import naive
@@ -71,19 +71,6 @@ def test_every_choice_paints_something_sensible(primitive, model, focal):
     seen = frame.depth[frame.rgba[..., 3] > 1e-3]
     assert ((seen > 5.99) & (seen < 7.01)).all()
     assert frame.statistics.points + frame.statistics.splats == 2
-
-
-def test_the_papers_points_are_those_of_the_obvious_loop():
-    samples, camera = two(), Camera.from_intrinsics(4.0, 4.0, 4.1, 3.9)
-    choices = {"primitive": Primitive.PAPER, "footprint": Footprint.EXACT}
-    frame = draw(samples, camera, **choices)
-
-    def profile(distance):  # a Gaussian of σ 0.5 px that ends at 3 σ
-        return np.maximum(np.exp(-2 * distance**2) - np.exp(-4.5), 0)
-
-    truth = naive.paper_points(samples, camera, profile, 1.5, height=SIDE, width=SIDE)
-    assert frame.statistics.points == 2
-    np.testing.assert_allclose(frame.rgba, truth, atol=1e-5)  # tables of 1024 steps
 
 
 def test_the_order_of_many_samples_does_not_change_a_bit():

@@ -11,7 +11,7 @@ from resample.engine.ellipsoids.lanes import fall_of, line_integral, per_integra
 from resample.engine.ellipsoids.mixed import Bend
 from resample.engine.jit import kernel as compiled
 from resample.painting.choices import Footprint, Opacity, Primitive
-from resample.profiles.filters import Box, Gaussian, Lanczos
+from resample.profiles.filters import Gaussian, Lanczos
 from resample.profiles.orders import EverySample, Summing
 from resample.profiles.reconstruction import (
     BSplineKernel,
@@ -67,8 +67,6 @@ CHOICES = {
     "disc": {"footprint": Footprint.DISC},
     "inflate": {"primitive": Primitive.INFLATE},
     "ewa": {"primitive": Primitive.EWA},
-    "paper": {"primitive": Primitive.PAPER},
-    "paper under a box": {"primitive": Primitive.PAPER, "pixel_filter": Box(), "threshold": 1.5},
     "points and splats": {"threshold": 1.3, "subpixels": 1, "splat_color": (0.0, 1.0, 0.0)},
     "points of a spline": {"threshold": 9.0, "subpixels": 4, "reconstruction": BSplineKernel()},
     "points": {"primitive": Primitive.POINTS},

@@ -5,7 +5,7 @@ import pytest
 
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
-from resample.painting.choices import Footprint, Primitive
+from resample.painting.choices import FOOTPRINTS, Primitive
 from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
 from resample.profiles.reconstruction import BSplineKernel, GaussianKernel
 from resample.types import Samples
@@ -246,7 +246,7 @@ def test_scales_that_are_none_are_refused_in_one_line(rng, scale, message):
         ({"order": AxisSheets()}, "need the order every-sample"),
         *(
             ({"footprint": model}, f"not hybrid of {model}")
-            for model in Footprint
+            for model in FOOTPRINTS[Primitive.SPLATS]
             if model != "exact"
         ),
         *(({"primitive": name}, f"not {name} of") for name in ("paper", "inflate", "ewa")),

@@ -19,7 +19,7 @@ def test_the_defaults_are_the_resamplers_own():
 
 def test_every_choice_arrives():
     chosen = Resampling(
-        method="paper",
+        method="splats",
         footprint="small-angle",
         filter="gaussian:sigma=0.6",
         kernel="gaussian:sigma=0.7,radius=2.5",
@@ -29,7 +29,7 @@ def test_every_choice_arrives():
         opacity="linear",
         color_by="primitive",
     ).resampler()
-    assert chosen.primitive is Primitive.PAPER
+    assert chosen.primitive is Primitive.SPLATS
     assert chosen.footprint is Footprint.SMALL_ANGLE
     assert chosen.pixel_filter == Gaussian(sigma=0.6)
     assert (chosen.reconstruction.sigma, chosen.reconstruction.radius) == (0.7, 2.5)
@@ -49,7 +49,9 @@ def test_the_names_are_those_of_the_resampler():
     for (option, field), family in families.items():
         for member in family:
             iso = 1.0 if member is Projection.FIRST_HIT else None
-            built = Resampling.model_validate({option: member.value, "iso": iso}).resampler()
+            own = member in (Footprint.EQUATION, Footprint.PROJECTED)  # of the paper's form
+            given = {option: member.value, "iso": iso} | ({"method": "paper"} if own else {})
+            built = Resampling.model_validate(given).resampler()
             assert getattr(built, field) is member
 
 

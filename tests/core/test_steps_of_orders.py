@@ -115,7 +115,6 @@ def check_points(key, near, dense, side, step, window, threads):
 MIXED = [
     painter(threshold=1.5),
     painter(threshold=1.5, pixel_filter=Gaussian(0.5, 1.5)),
-    painter(primitive=Primitive.PAPER),
     painter(primitive=Primitive.EWA),
     painter(primitive=Primitive.INFLATE),
     painter(footprint=Footprint.AFFINE, opacity=Opacity.LINEAR),
@@ -137,7 +136,7 @@ def test_mixtures(paint, near, dense, side, step, window, threads):
 @settings(max_examples=25, derandomize=True, deadline=None)
 @given(
     st.sampled_from(ORDERS),
-    st.sampled_from([Primitive.PAPER, Primitive.POINTS, Primitive.EWA]),
+    st.sampled_from([Primitive.POINTS, Primitive.EWA]),
     st.sampled_from([14.0, UNEVEN, FAR, AROUND]),
     *steps[:-1],
 )
@@ -185,7 +184,6 @@ def test_samples_of_a_size_each():
         painter(order=AxisSheets()),
         painter(order=ImageSheets()),
         painter(primitive=Primitive.POINTS),
-        pytest.param(painter(primitive=Primitive.PAPER), marks=MORE),
     ],
 )
 def test_parts_behind_what_is_opaque_are_not_loaded(paint):

@@ -80,7 +80,8 @@ camera = Camera.from_intrinsics(9.0, 9.0, 5.0, 4.5, look_at((0, -2, 1), (0, 0, 0
 arrays = {}
 for primitive in Primitive:
     for model in FOOTPRINTS[primitive]:
-        resample = Resampler(primitive=primitive, footprint=model, subpixels=2)
+        subpixels = None if primitive is Primitive.PAPER else 2  # which has none
+        resample = Resampler(primitive=primitive, footprint=model, subpixels=subpixels)
         frame = resample(samples, camera, height=9, width=10)
         for name in ("rgba", "depth", "first_depth", "coverage"):
             arrays[f"{primitive}-{model}-{name}"] = getattr(frame, name)

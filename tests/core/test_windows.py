@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from resample import Camera, Primitive, Resampler
-from resample.painting.scenes.plans import MIXTURE, POINTS, SPLATS
+from resample.painting.scenes.plans import MIXTURE, PAPER, POINTS, SPLATS
 from resample.profiles.orders import AxisSheets, ImageSheets
 from resample.types import Samples
 
@@ -65,8 +65,8 @@ CASES = [
     (Resampler(), 90.0, SPLATS),
     (Resampler(threshold=1.5), 60.0, MIXTURE),
     (Resampler(primitive=Primitive.POINTS), 60.0, POINTS),
-    (Resampler(primitive=Primitive.PAPER), 60.0, POINTS),
-    (Resampler(primitive=Primitive.PAPER), 14.0, MIXTURE),
+    (Resampler(primitive=Primitive.PAPER), 60.0, PAPER),
+    (Resampler(primitive=Primitive.PAPER), 14.0, PAPER),
     (Resampler(order=AxisSheets()), 14.0, SPLATS),
     (Resampler(order=ImageSheets()), 14.0, SPLATS),
 ]
@@ -142,7 +142,7 @@ def test_what_is_no_window_or_cannot_have_one_is_refused():
 EVERY_KIND = [
     *(paint for paint, _, _ in CASES[2:]),
     Resampler(),
-    Resampler(primitive=Primitive.PAPER, order=AxisSheets()),
+    Resampler(primitive=Primitive.POINTS, order=AxisSheets()),
     Resampler(primitive=Primitive.POINTS, order=ImageSheets()),
     Resampler(primitive=Primitive.EWA),
 ]
@@ -178,6 +178,6 @@ def test_plans_of_any_parts_give_the_plan_of_all(paint, near, parts, is_along):
 
 
 def test_who_paints_is_not_said_before_all_were_asked():
-    paint, eye = Resampler(primitive=Primitive.PAPER), camera()
+    paint, eye = Resampler(primitive=Primitive.POINTS), camera()
     part = paint.plans(cloud(100, 60.0), eye, **PICTURE, painters=[SPLATS])
     assert paint.plan_of([part], np.eye(3), eye, **PICTURE) is None

@@ -7,10 +7,10 @@ from scipy.interpolate import RegularGridInterpolator
 from resample import registry
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
-from resample.painting.choices import Footprint, Primitive
-from resample.profiles.correction import correction_table, true_distance
+from resample.hybrid.correction import LARGEST, correction_table, true_distance
+from resample.painting.choices import FOOTPRINTS, Footprint, Primitive
 from resample.profiles.reconstruction import GaussianKernel
-from resample.types import LARGEST_CONE, Samples
+from resample.types import Samples
 from tests import naive
 from tests.samples import painter
 
@@ -103,7 +103,7 @@ def errors_of_peak(theta, cone):
     return {
         model.value: np.abs(optical_depth(samples, camera, footprint=model) - truth).max()
         / truth.max()
-        for model in Footprint
+        for model in FOOTPRINTS[Primitive.SPLATS]
     }
 
 
@@ -196,10 +196,11 @@ def test_the_form_printed_in_the_paper_would_end_at_the_cosine(cone):
 @pytest.mark.parametrize("cone", [0.0, 0.2, 1.0, 5.0, 10.1, 14.99])
 def test_the_table_follows_the_formula(cone):
     table, alpha = correction_table(), np.radians(cone)
-    axes = (np.linspace(0, LARGEST_CONE, len(table)), np.linspace(0, 1, table.shape[1]))
-    looked_up = RegularGridInterpolator(axes, table)([(alpha, index) for index in INDICES])
-    # Bilinear in steps of 0.24° and 1/255.
-    np.testing.assert_allclose(looked_up, true_distance(INDICES, max(alpha, 1e-6)), atol=5e-6)
+    axes = (np.linspace(0, LARGEST, len(table)), np.linspace(0, 1, table.shape[1]))
+    squared = RegularGridInterpolator(axes, table)([(alpha, index**2) for index in INDICES])
+    # Bilinear in steps of 0.24° and of 1/1024 of i².
+    expected = true_distance(INDICES, max(alpha, 1e-6))
+    np.testing.assert_allclose(np.sqrt(squared), expected, atol=5e-6)
 
 
 # The distance d that a record's quadratic form gives a ray, against the ray's own.
@@ -325,7 +326,7 @@ def test_rays_on_the_ellipse_of_appendix_a_have_distance_one(theta, lattice):
     np.testing.assert_allclose(distance, 1.0, atol=1e-5)  # float32 records
 
 
-@pytest.mark.parametrize("model", list(Footprint))
+@pytest.mark.parametrize("model", FOOTPRINTS[Primitive.SPLATS])
 @pytest.mark.parametrize("lattice", BODIES.values(), ids=BODIES)
 def test_bounds_hold_the_whole_footprint(lattice, model):
     samples = one_sample(DISTANCE * toward(40), 0.8 * lattice)
@@ -371,7 +372,7 @@ CLOSE = {
 
 
 @pytest.mark.each_value
-@pytest.mark.parametrize("model", list(Footprint))
+@pytest.mark.parametrize("model", FOOTPRINTS[Primitive.SPLATS])
 @pytest.mark.parametrize(("center", "near"), CLOSE.values(), ids=CLOSE)
 def test_what_the_near_plane_cuts_is_integrated_from_the_plane_on(center, near, model):
     samples = one_sample(center, np.eye(3))
@@ -418,7 +419,7 @@ def test_a_sphere_fades_as_it_moves_through_the_near_plane(near, aside):
     assert not pictures[-1].any()
 
 
-@pytest.mark.parametrize("model", list(Footprint))
+@pytest.mark.parametrize("model", FOOTPRINTS[Primitive.SPLATS])
 def test_nothing_around_the_eye_is_not_a_number(model, rng):
     count = 300
     samples = Samples(

@@ -36,7 +36,7 @@ def test_a_quality_may_be_a_whole_number() -> None:
     assert forms(split_plane, paint_blocks) == before
 
 
-@pytest.mark.parametrize("threshold", [1, np.float32(1), np.inf])
+@pytest.mark.parametrize("threshold", [1, np.float32(1)])
 def test_what_splats_are_may_be_said_in_whole_numbers(threshold: Any) -> None:
     from resample_texture.geometry.mappings import Homography
     from resample_texture.texels.splatting import splat

@@ -9,7 +9,8 @@ from resample.profiles.filters import Area, Box, Gaussian
 from resample.profiles.interpolation import AreaSpline, Bilinear, CatmullRom
 from resample_texture import BackwardMap, Edge, ForwardMap, Homography, warp
 from resample_texture.geometry.mappings import source_coordinates
-from resample_texture.methods.forward import Hybrid, Paper, Points, Splats, Supersample
+from resample_texture.methods.forward import Hybrid, Points, Splats, Supersample
+from resample_texture.methods.paper import Paper
 
 NAMES = registry.names("methods")
 VARIANTS = [

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from resample.files.images import read_image
-from resample.painting.choices import Footprint, Primitive
+from resample.painting.choices import FOOTPRINTS, Footprint, Primitive
 from resample.profiles.orders import AxisSheets, EverySample
 from resample.resampler import Resampler
 from resample_volume.files.source import generate
@@ -242,7 +242,7 @@ def test_the_disc_errs_alike_at_all_angles(errors):
     assert on == pytest.approx(off, rel=1e-6)
 
 
-@pytest.mark.parametrize("model", [model.value for model in Footprint])
+@pytest.mark.parametrize("model", [model.value for model in FOOTPRINTS[Primitive.SPLATS]])
 def test_pictures_err_as_the_rays_say(errors, model):
     row = errors[30, 5, model]
     # Pixels need not hit the worst ray.

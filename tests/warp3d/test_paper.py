@@ -1,38 +1,16 @@
 import math
-from typing import NamedTuple
 
 import numpy as np
 import pytest
 
 from resample_warp3d.depth.preparation import prepare
-from resample_warp3d.methods.paper import CUT, LARGEST_RADIUS, Paper, Point, Splat, blank, place
+from resample_warp3d.methods.paper import Paper, Point, Splat
 from resample_warp3d.types import DepthImage, Equation, Source
 from tests.bits import assert_threads_change_nothing
-from tests.warp3d import naive_paper
 
 NOWHERE = np.empty((0, 0, 2))
 STAY = Equation(np.eye(3), np.zeros(3))
 METHODS = Paper(), Splat(), Point()
-
-
-class Brush(NamedTuple):
-    """What the naive one has to know of a method."""
-
-    sigma: float
-    radius: float
-    least: float
-    most: float
-    tolerance: float
-    core: float
-
-
-BRUSHES = {
-    Paper(): Brush(0.45, CUT * 0.45, 0.29 / 0.45, LARGEST_RADIUS / (CUT * 0.45), 0.01, 0.75),
-    Splat(): Brush(
-        0.45, CUT * 0.45, math.sqrt(0.5) / (CUT * 0.45), LARGEST_RADIUS / (CUT * 0.45), 0.01, 0.75
-    ),
-    Point(): Brush(0.29, 0.75 * math.sqrt(2.0), 1.0, 1.0, 0.01, 0.75),
-}
 
 
 def wave(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -86,21 +64,6 @@ FARTHER = Equation(MOVED.matrix, np.array([13.0, 9.0, 1.2]))
 def difference(image: np.ndarray, truth: np.ndarray, margin: int = 4) -> float:
     inner = slice(margin, -margin), slice(margin, -margin)
     return float(np.abs(image[inner] - truth[inner]).max())
-
-
-@pytest.mark.each_value
-@pytest.mark.parametrize("method", METHODS, ids=lambda method: type(method).__name__)
-@pytest.mark.parametrize("equation", [MOVED, NEARER, FARTHER], ids=["moved", "nearer", "farther"])
-def test_every_method_paints_what_the_obvious_loop_paints(method, equation):
-    source = random_source()
-    rendered = method(source, equation, (22, 26))
-    truth = naive_paper.warped(source, equation, (22, 26), BRUSHES[method])
-    for name, given, expected in zip(rendered._fields, rendered, truth, strict=True):
-        # Of samples in one plane, rounding decides which is nearest and thus lends its size.
-        rtol = 0.1 if name == "magnification" else 2e-3
-        close = np.isclose(given, expected, rtol=rtol, atol=2e-3)  # a table of 2048 steps
-        # Centers of pixels within rounding of a cell's border may fall on its other side.
-        assert close.mean() > 0.995, name
 
 
 @pytest.mark.parametrize("method", METHODS, ids=lambda method: type(method).__name__)
@@ -257,10 +220,10 @@ def test_paper_filters_a_checker_that_splats_alone_alias():
     checker = ((x.astype(int) + y.astype(int)) % 2).astype(np.float32)[..., None]
     depth = np.full((80, 100), 0.5, np.float32)
     source = prepare(DepthImage(checker, depth, NOWHERE), noise=0.0)
-    small = zoom(0.27, (50.0, 40.0))
+    small = zoom(0.55, (50.0, 40.0))
     paper, splat = (method(source, small, (80, 100)) for method in (Paper(), Splat()))
     inner = slice(34, 46), slice(42, 58)
-    assert paper.image[inner].std() < 0.5 * splat.image[inner].std()
+    assert paper.image[inner].std() < 0.1 * splat.image[inner].std()
 
 
 def test_a_gap_between_linked_samples_is_marked_as_bridged():
@@ -305,37 +268,6 @@ def test_given_places_say_where_samples_are():
         np.testing.assert_allclose(given, expected, atol=1e-4)  # rounding of the differences
 
 
-def test_jacobian_and_gradient_are_those_of_small_steps():
-    from resample_warp3d.methods.kernels import jacobian
-
-    x, y = centers(20, 24)
-    depth = (0.5 + 0.004 * x - 0.002 * y).astype(np.float32)
-    source = prepare(DepthImage(wave(x, y), depth, NOWHERE), noise=0.0)
-    placed = place(source, MOVED, jacobian.Footprint(1.0, 1.0, 8.0), (20, 24))
-    fields = placed.sample.transpose(1, 0, 2)
-    steps = (fields[jacobian.X, :, 2:] - fields[jacobian.X, :, :-2]) / 2
-    np.testing.assert_allclose(fields[jacobian.XU, :, 1:-1], steps, rtol=1e-3)  # of whole px
-    nearer = fields[jacobian.ACROSS] * fields[jacobian.XU]
-    nearer = nearer + fields[jacobian.DOWNWARD] * fields[jacobian.YU]
-    steps = (fields[jacobian.NEARNESS, :, 2:] - fields[jacobian.NEARNESS, :, :-2]) / 2
-    np.testing.assert_allclose(nearer[:, 1:-1], steps, rtol=1e-2)
-
-
-def test_a_segment_knows_what_it_may_touch():
-    from resample_warp3d.methods.kernels import jacobian
-
-    source, footprint = wall(10, 130), jacobian.Footprint(1.5, 1.0, 8.0)
-    touched = place(source, shift(0.0, 3.0), footprint, (12, 130)).touched.reshape(10, 3)
-    top, bottom = touched[2, 1]["top"], touched[2, 1]["bottom"]
-    assert 3.0 < top <= 4.0  # row 2 lands at 5.5 and reaches 1.5 px and the spread of a square
-    assert 7.0 <= bottom < 8.0
-    left, right = touched[2, 1]["left"], touched[2, 1]["right"]
-    assert 62.0 < left <= 63.0  # samples 64 to 127 at 64.5 to 127.5
-    assert 129.0 <= right <= 130.0
-    gone = place(source, shift(0.0, 90.0), footprint, (12, 130)).touched
-    assert (gone["left"] > gone["right"]).all()
-
-
 def test_samples_before_the_eye_neither_take_long_nor_leave_numbers_that_are_none():
     x, y = centers(60, 80)
     depth = (0.5 + 0.02 * x).astype(np.float32)
@@ -373,8 +305,3 @@ def test_a_singular_equation_is_refused():
 def test_choices_out_of_range_are_refused(choices, message):
     with pytest.raises(ValueError, match=message):
         Paper(**choices)
-
-
-def test_a_blank_picture_has_the_frame_s_size_and_shows_nothing():
-    assert [part.shape for part in blank((3, 4), 2)] == [(3, 4, 2)] + 4 * [(3, 4)]
-    assert not any(part.any() for part in blank((3, 4), 2))

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from resample_texture.everyday import resize, rotate, scale
     from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Homography
     from resample_texture.like.opencv import warp_like_opencv
-    from resample_texture.methods.forward import Hybrid, Paper, Points, Splats, Supersample
+    from resample_texture.methods.forward import Hybrid, Points, Splats, Supersample
+    from resample_texture.methods.paper import Paper
     from resample_texture.notebooks import view
     from resample_texture.planning import Plan
     from resample_texture.scenes import PictureScene
@@ -31,7 +32,7 @@ _HOMES = {
     "ForwardMap": "geometry.mappings",
     "Homography": "geometry.mappings",
     "Hybrid": "methods.forward",
-    "Paper": "methods.forward",
+    "Paper": "methods.paper",
     "Plan": "planning",
     "Points": "methods.forward",
     "PictureScene": "scenes",

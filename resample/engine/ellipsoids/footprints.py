@@ -509,11 +509,10 @@ def _rim_form(record: Record, unit: Vector, eye: Eye, shape: Shape, small_angle:
 @kernel
 def _grow_bounds(record: Record, style: Style) -> None:
     """Extend the bounds by the point filter."""
-    pad = style.point_extent
     # A tile may have a finer grid, on which the filter is narrower.
-    if style.variance > 0.0:
-        coarsest = grid(record["spacing"], style)  # a tile's is this fine at least
-        pad *= point_width(record["spacing"] * coarsest, style.variance) / coarsest
+    coarsest = grid(record["spacing"], style)  # a tile's is this fine at least
+    width = point_width(record["spacing"] * coarsest, style.variance)
+    pad = style.point_extent * width / coarsest
     record["left"] = min(record["left"], record["x"] - pad)
     record["right"] = max(record["right"], record["x"] + pad)
     record["top"] = min(record["top"], record["y"] - pad)

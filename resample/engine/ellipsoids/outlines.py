@@ -126,16 +126,15 @@ def pad_of(spacing: Single, reach: Reach) -> Single:
     finest = reach.fixed if reach.fixed > zero else finest
     # Extent of the point filter on that grid.
     width = np.sqrt(reach.variance * apart * apart + np.float32(1.0 / 12.0) / (finest * finest))
-    pad = reach.extent * (width if reach.variance > zero else one)
+    pad = reach.extent * width
     return max(reach.beyond, pad if spacing <= reach.threshold else zero)
 
 
 @kernel
 def pad_of_tile(style: Style, widened: Single, subpixels: int) -> float:
     """Px of margin beyond outlines for all samples of a tile, at most; points are finite."""
-    pad = style.point_extent
-    if style.variance > 0.0:
-        pad *= point_width(min(style.threshold, 1e30), style.variance) / subpixels
+    width = point_width(min(style.threshold, 1e30), style.variance)
+    pad = style.point_extent * width / subpixels
     return max(float(widened), pad if style.threshold > 0.0 else 0.0)
 
 

@@ -385,9 +385,7 @@ def choose_points(room: Floats, count: int, window: Window, style: Style) -> Non
             room[k + AREA] = area
             room[k + OPACITY] = np.float32(area) * absorbed(room[k + EXTINCTION] * path)
             # Width of the point's filter, and its bounds around the projected center.
-            width = float(n_side)
-            if style.variance > 0.0:
-                width = point_width(spacing, style.variance)
+            width = point_width(spacing, style.variance)
             half = (min(width * style.point_extent, 0.5 * MOST_TAPS) + 0.5) / n_side
             middle = (float(room[k + X]), float(room[k + Y]))
             # Bounds are written for splats only; samples that a plane hides keep none.

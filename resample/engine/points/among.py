@@ -70,7 +70,7 @@ def new_sheet(height: int, width: int, is_alone: bool) -> Sheet:
 @kernel
 def width_of(spacing: Single, n: int, style: Style) -> float:
     """Width of a point's filter in sub-pixels, of n per side of a pixel."""
-    return float(point_width(spacing * n, style.variance)) if style.variance > 0.0 else float(n)
+    return float(point_width(spacing * n, style.variance))
 
 
 @kernel

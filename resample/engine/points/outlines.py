@@ -156,7 +156,7 @@ def outline_points(
         finest = fixed if fixed > zero else finest
         # Margin of the point filter on that grid.
         width = np.sqrt(variance * squared + thinnest / (finest * finest))
-        pad = extent * (width if variance > zero else one)
+        pad = extent * width
         # Cull by the frame, and write the columns.
         is_inside = (x + pad >= low) & (x - pad <= high_x) & (y + pad >= low) & (y - pad <= high_y)
         is_seen &= is_inside | is_cut

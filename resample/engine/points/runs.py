@@ -97,7 +97,7 @@ def place_points(
     n_side = float(place.subpixels)
     layer, one, two = np.float32(form.layer), np.float32(1.0), np.float32(2.0)
     extent, variance = np.float32(form.extent), np.float32(form.variance)
-    wide, thinnest = np.float32(n_side), np.float32(1.0 / 12.0)
+    thinnest = np.float32(1.0 / 12.0)
     scale = np.float32(shape.volume * eye.fx * eye.fy * n_side * n_side / (form.layer * form.area))
     per_opacity = np.float32(form.area / form.opacity)
     on_grid = spacing_on_grid(eye, shape, n_side)
@@ -112,7 +112,7 @@ def place_points(
         squared, right, down = squared_spacing(center, per_z, eye, on_grid)
         near = np.float32(per_z)
         # Radius of the filter, slant of the ray, sheet, and area in sub-pixels.
-        reach = extent * (np.sqrt(variance * squared + thinnest) if variance > 0.0 else wide)
+        reach = extent * np.sqrt(variance * squared + thinnest)
         oblique = np.sqrt(one + right * right + down * down)
         sheet = np.floor(key / layer)
         area = scale * near * near
@@ -281,9 +281,7 @@ def _spread_points(
 @kernel
 def _taps(form: Spread, n: int) -> int:
     """Sub-pixels along an axis that a point is spread over, at most."""
-    width = float(n)
-    if form.variance > 0.0:
-        width = point_width(form.most_spacing * n, form.variance)
+    width = float(point_width(form.most_spacing * n, form.variance))
     return math.ceil(2.0 * form.extent * width)
 
 

@@ -39,15 +39,10 @@ class Colors(NamedTuple):
 
 
 class Mixed(NamedTuple):
-    """Like `Colors`, for splats and points; their colors are tinted already.
-
-    The paper's points are as wide as pixels and have opacities; others are as wide as splats and
-    have line integrals.
-    """
+    """Like `Colors`, for splats and points; their colors are tinted already."""
 
     is_linear: bool
     layer: float
-    are_beside: bool  # the paper's points lie beside each other and the splats, which overlap
 
 
 class Values(NamedTuple):

@@ -13,14 +13,12 @@ from resample.engine.ellipsoids.rows import (
     PAIR,
     PER_DEEPEST,
     RED,
-    index_of,
 )
 from resample.engine.ellipsoids.rows import DEPTH as FAR
 from resample.engine.ellipsoids.rows import FIRST as NEAREST
-from resample.engine.jit import kernel, lane_kernel, lane_step
-from resample.engine.lookup import absorbed
+from resample.engine.jit import lane_kernel, lane_step
 from resample.engine.over import VISIBLE
-from resample.engine.slabs.sums import PLANES, Canvas, Ring, clean, stride_of, sum_at
+from resample.engine.slabs.sums import Canvas, Ring, clean, stride_of, sum_at
 from resample.types import Floats, Single
 
 LEAST = np.float32(1e-30)  # optical depth that is divided by, at least
@@ -84,43 +82,3 @@ def composite_colors(canvas: Canvas, ring: Ring, slot: int, opaque: Single, line
         for start in range(left, right, COLUMNS):
             first_k = np.uint64(pair * PAIR + 2 * start)
             _composite(rows, sums, first_k, sum_at(ring, slot, pair, start), ring, opaque, linear)
-
-
-@kernel
-def composite_beside(canvas: Canvas, ring: Ring, slot: int, opaque: Single, linear: bool) -> None:
-    """Composite a slab whose points and splats are summed apart, and clear it.
-
-    Splats of a slab overlap, so their optical depths add up; its points lie beside them.
-    """
-    rows, sums, beside, stride = canvas.rows, canvas.sums, canvas.beside, stride_of(ring)
-    zero, one = np.float32(0.0), np.float32(1.0)
-    first, last, left, right = clean(canvas.dirty, slot)
-    for pair in range(first, last):
-        for lane in range(2 * left, 2 * right):
-            row, column = 2 * pair + (lane & 1), lane >> 1
-            at = sum_at(ring, slot, pair, column) + np.uint64(lane & 1)
-            k, depth, points = index_of(row, column), sums[at], beside[at]
-            # Composite where something was added and the sub-pixel is not opaque yet.
-            before = one - rows[k + ALPHA]
-            if depth + points > zero and before > opaque:
-                # Points cover areas side by side with the splats; normalize where they exceed the
-                # sub-pixel.
-                splats = min(depth, one) if linear else absorbed(depth)
-                of_splats = splats / depth if depth > zero else zero
-                total = max(one, points + splats)
-                alpha, share = (points + splats) / total, before / total
-                # Add colors and depth, clamping what negative weights leave.
-                place, numbers = at, (RED, GREEN, BLUE, FAR)
-                for number in numbers:
-                    place += stride
-                    added = share * (of_splats * sums[place] + beside[place])
-                    rows[k + number] += added if number == FAR else max(zero, added)
-                rows[k + ALPHA] += before * alpha
-                # Note the depth where the sub-pixel first becomes visible.
-                if rows[k + NEAREST] == np.inf and rows[k + ALPHA] > np.float32(VISIBLE):
-                    far = of_splats * sums[place] + beside[place]
-                    rows[k + NEAREST] = far / (points + splats)
-            # Clear the sums for the next slab of this slot.
-            for _ in range(PLANES):
-                sums[at] = beside[at] = zero
-                at += stride

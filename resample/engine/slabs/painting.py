@@ -47,7 +47,7 @@ from resample.engine.mixtures.models import POINT
 from resample.engine.points.adding import MOST_TAPS
 from resample.engine.roles import making_role, plays
 from resample.engine.slabs.blends import Blend, Colors, Mixed, Values
-from resample.engine.slabs.colors import composite_beside, composite_colors
+from resample.engine.slabs.colors import composite_colors
 from resample.engine.slabs.fields import (
     STATES,
     develop,
@@ -145,7 +145,6 @@ class Sums(NamedTuple):
 
     work: Floats
     sums: Floats
-    beside: Floats
     along: Floats
     dirty: Dirty
     across: Floats
@@ -170,22 +169,6 @@ def _state_of_values(blend, height, width, cutting):  # type: ignore[no-untyped-
 
 
 @making_role
-def sums_beside(blend: Blend, ring: Ring, pairs: int) -> Floats:
-    """Allocate sums of points, where these are summed apart from splats."""
-    raise NotImplementedError
-
-
-@plays(sums_beside, object)
-def _with_splats(blend, ring, pairs):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    return np.empty(0, np.float32)
-
-
-@plays(sums_beside, Mixed)
-def _by_themselves(blend, ring, pairs):  # type: ignore[no-untyped-def]
-    return new_sums(ring, pairs if blend.are_beside else 0)
-
-
-@making_role
 def close(
     blend: Blend, canvas: Canvas, ring: Ring, slab: Slab, cutting: Cutting, opaque: Single
 ) -> None:
@@ -193,17 +176,10 @@ def close(
     raise NotImplementedError
 
 
+@plays(close, Mixed)
 @plays(close, Colors)
 def _close_colors(blend, canvas, ring, slab, cutting, opaque):  # type: ignore[no-untyped-def]  # noqa: ARG001
     composite_colors(canvas, ring, slab.slot, opaque, blend.is_linear)
-
-
-@plays(close, Mixed)
-def _close_beside(blend, canvas, ring, slab, cutting, opaque):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    if blend.are_beside:
-        composite_beside(canvas, ring, slab.slot, opaque, blend.is_linear)
-    else:
-        composite_colors(canvas, ring, slab.slot, opaque, blend.is_linear)
 
 
 @plays(close, Values)
@@ -267,7 +243,7 @@ def _closed(blend: Blend, canvas: Canvas, ready: Ready, sweep: Sweep, until: int
             near, far = -np.inf, np.inf
         # Discard slabs that an earlier step has composited.
         if front < ready.done:
-            empty_slab(canvas.sums, canvas.beside, canvas.dirty, summed.ring, slot)
+            empty_slab(canvas.sums, canvas.dirty, summed.ring, slot)
         else:
             slab = Slab(front, slot, near, far)
             close(blend, canvas, summed.ring, slab, ready.tools.cutting, opaque)
@@ -451,7 +427,6 @@ def paint_summed_runs(
     own = Sums(
         aligned(WORK),
         new_sums(summed.ring, pairs),
-        sums_beside(blend, summed.ring, pairs),
         np.empty(pairs * PAIR, np.float32),
         no_dirt(summed.ring.slots),
         np.empty(MOST_TAPS, np.float32),
@@ -470,10 +445,10 @@ def paint_summed_runs(
         pad = 0.0 if mixture is None else pad_of_tile(style, sight.beyond.beyond, n)
         # Bundle the canvas and the projection of the tile.
         cutting = Cutting(place, stage.camera, stage.ellipsoid, stage.screen.planes, tables.partial)
-        state, own_sums = state_of(blend, height, width, cutting), (own.sums, own.beside, own.dirty)
+        state = state_of(blend, height, width, cutting)
         canvas = Canvas(
-            rows, open_groups, own.along, *own_sums, own.across, own.down, own.work, state,
-            height, width,
+            rows, open_groups, own.along, own.sums, own.dirty, own.across, own.down, own.work,
+            state, height, width,
         )  # fmt: skip
         sides = sides_of(eye, shape, place, (height, width), pad)
         seen = Seen(runs, sight, Window(place, height, width, home_of(home), sides))
@@ -493,7 +468,7 @@ def paint_summed_runs(
         # Close the one sum, and clear all slabs for the next tile.
         if summed.what == ALL:
             _closed(blend, canvas, ready, sweep, 1)
-        empty(own.sums, own.beside, own.dirty, summed.ring)
+        empty(own.sums, own.dirty, summed.ring)
         # Filter sub-pixels to pixels.
         weight = pixel_weights(tables, n)
         finish(blend, canvas, n, weight, home, value)

@@ -6,12 +6,8 @@ import numpy as np
 
 from resample.engine.ellipsoids.outlines import (
     AREA,
-    BLUE,
     DEPTH,
-    GREEN,
     HOME,
-    OPACITY,
-    RED,
     SPACING,
     X,
     Y,
@@ -69,24 +65,8 @@ def _spread_integrals(
 
 
 @plays(spread, Mixed)
-def _spread_as_asked(blend, canvas, room, s, box, slot, tools, layer):  # type: ignore[no-untyped-def]
-    if blend.are_beside:
-        _spread_opacities(canvas, room, s, box, slot, tools)
-    else:
-        _spread_integrals(blend, canvas, room, s, box, slot, tools, layer)
-
-
-@kernel
-def _spread_opacities(
-    canvas: Canvas, room: Floats, s: np.uint64, box: Box, slot: tuple[Ring, int], tools: Tools
-) -> None:
-    """Add a point that has an opacity."""
-    # OPACITY holds opacity × area; weights sum to 1, so the area scales them.
-    area, alpha = room[s + AREA], room[s + OPACITY]
-    share = alpha / area
-    red, green, blue, depth = room[s + RED], room[s + GREEN], room[s + BLUE], room[s + DEPTH]
-    amount = (share, share * red, share * green, share * blue, share * depth)
-    _spread(canvas, canvas.beside, box, slot, area, amount, tools.cover, tools)
+def _spread_colors(blend, canvas, room, s, box, slot, tools, layer):  # type: ignore[no-untyped-def]
+    _spread_integrals(blend, canvas, room, s, box, slot, tools, layer)
 
 
 @kernel

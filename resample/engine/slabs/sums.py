@@ -60,7 +60,6 @@ class Canvas(NamedTuple):
     open_groups: Groups
     along: Floats  # radii per scene unit of depth on a ray, |w|; indexed like planes of `rows`
     sums: Floats
-    beside: Floats  # likewise, of points that lie beside each other; or (0,)
     dirty: Dirty
     across: Floats  # (MOST_TAPS,) scratch for a point's weights along x
     down: Floats  # (MOST_TAPS,) and along y
@@ -147,7 +146,7 @@ def clean(dirty: Dirty, slot: int) -> tuple[int, int, int, int]:
 
 
 @kernel
-def empty_slab(sums: Floats, beside: Floats, dirty: Dirty, ring: Ring, slot: int) -> None:
+def empty_slab(sums: Floats, dirty: Dirty, ring: Ring, slot: int) -> None:
     """Clear a slab without compositing it."""
     # Whole lines of the dirty pairs of rows are contiguous, all planes included.
     first, last, _, _ = clean(dirty, slot)
@@ -155,15 +154,13 @@ def empty_slab(sums: Floats, beside: Floats, dirty: Dirty, ring: Ring, slot: int
         begin = sum_at(ring, slot, pair, 0)
         for n in range(np.uint64(PLANES) * stride_of(ring)):
             sums[begin + np.uint64(n)] = 0.0
-            if beside.size > 0:
-                beside[begin + np.uint64(n)] = 0.0
 
 
 @kernel
-def empty(sums: Floats, beside: Floats, dirty: Dirty, ring: Ring) -> None:
+def empty(sums: Floats, dirty: Dirty, ring: Ring) -> None:
     """Clear all slabs."""
     for slot in range(ring.slots):
-        empty_slab(sums, beside, dirty, ring, slot)
+        empty_slab(sums, dirty, ring, slot)
 
 
 @kernel

@@ -11,21 +11,18 @@ from resample.types import Floats, Single, Tiles
 
 FULL: Single = np.float32(1 - 1e-3)  # coverage beyond which nothing shows through
 
-# Lanes of the surface at hand: three weighted channels, weight, weighted nearness and coverage. The
-# only surface has the first four, and is covered wholly where it is met at all.
+# Lanes of the surface at hand: three weighted channels, weight, weighted nearness and coverage.
 WEIGHT, NEAR, COVER = 3, 4, 5
-# Lanes of what is seen: three channels, coverage, coverage × depth, nearness of the first surface;
-# of the only surface the first four, in place of its sums.
+# Lanes of what is seen: three channels, coverage, coverage × depth, nearness of the first surface.
 DEPTH, FIRST = 4, 5
+LANES = 6
 
 
 class Surfaces(NamedTuple):
-    """How many surfaces show one behind the other, and what is known of them."""
+    """How many surfaces show one behind the other, and on how many sub-pixels."""
 
     most: int  # surfaces
     subpixels: int  # per side of a pixel
-    groups: int  # of three channels; more than one with one surface only
-    lanes: int  # of a surface and of what is seen: 4 of the only one, else 6
 
 
 class Block(NamedTuple):
@@ -36,9 +33,8 @@ class Block(NamedTuple):
     subpixels: int  # per side of a pixel
     floor: Floats  # (R, C) nearness by which a batch tells what belongs to the surface in front
     limit: Floats  # (R, C) nearness below which the next surface is looked for; 0: full
-    area: Floats  # (R, C) of what is nearest, px per px of its source; with one surface
-    sums: Floats  # (R, C, lanes) over the surface at hand
-    seen: Floats  # (R, C, lanes)
+    sums: Floats  # (R, C, LANES) over the surface at hand
+    seen: Floats  # (R, C, LANES)
     box: NDArray[np.int64]  # (4,) first and last row, first and last column that are not full
     step: NDArray[np.int64]  # (1,) of the sub-pixels of a row, one in how many is used
 
@@ -49,17 +45,14 @@ def new_block(tile: int, tiles: Tiles, size: tuple[int, int], surfaces: Surfaces
     row, column = divmod(int(np.int64(tile)), tiles.columns)
     left, top, fine = column * tiles.size, row * tiles.size, surfaces.subpixels
     rows, columns = min(tiles.size, size[0] - top) * fine, min(tiles.size, size[1] - left) * fine
-    is_one, nothing = surfaces.most == 1, (0, 0)
-    sums = np.zeros((rows, columns, surfaces.lanes), np.float32)
     return Block(
         left,
         top,
         fine,
         np.zeros((rows, columns), np.float32),
-        np.full(nothing if is_one else (rows, columns), np.inf, np.float32),
-        np.zeros((rows, columns) if is_one else nothing, np.float32),
-        sums,
-        sums if is_one else np.zeros((rows, columns, surfaces.lanes), np.float32),
+        np.full((rows, columns), np.inf, np.float32),
+        np.zeros((rows, columns, LANES), np.float32),
+        np.zeros((rows, columns, LANES), np.float32),
         np.array([0, rows - 1, 0, columns - 1]),
         np.ones(1, np.int64),
     )
@@ -91,35 +84,8 @@ def first_used(block: Block, row: int, column: int) -> int:
 
 
 @kernel
-def emptied(block: Block) -> None:
-    """Forget the channels of the only surface, to go on with others."""
-    for row in range(block.sums.shape[0]):
-        for column in range(block.sums.shape[1]):
-            for k in range(block.sums.shape[2]):
-                block.sums[row, column, k] = np.float32(0)
-
-
-@kernel
-def averaged(block: Block) -> None:
-    """Turn the sums of the only surface into what is seen: means, covered wholly where it is."""
-    sums, one, zero = block.sums, np.float32(1), np.float32(0)
-    for row in range(sums.shape[0]):
-        for column in range(sums.shape[1]):
-            r, c = np.uint64(row), np.uint64(column)
-            weight = sums[r, c, WEIGHT]
-            share = one / weight if weight > zero else zero
-            sums[r, c, 0] *= share
-            sums[r, c, 1] *= share
-            sums[r, c, 2] *= share
-            sums[r, c, 3] = one if weight > zero else zero
-
-
-@kernel
 def put_behind(block: Block, surface: int, surfaces: Surfaces) -> bool:
     """Put the surface at hand behind those before; gives whether another may show through."""
-    if surfaces.most == 1:
-        averaged(block)
-        return False
     floor, limit, sums, seen, box = block.floor, block.limit, block.sums, block.seen, block.box
     rows, columns = floor.shape
     top, bottom, left, right = rows, -1, columns, -1

@@ -1,4 +1,4 @@
-"""Ellipses on the screen: their forms, and the pixels whose centers they may hold.
+"""Forms of ellipses on the screen.
 
 A circle around a sample is taken to the screen by the Jacobian J, whose columns are (xu, yu) and
 (xv, yv). Its image is the form V; with d the way from its center, q = dᵀ V⁻¹ d is the squared
@@ -13,9 +13,6 @@ import numpy as np
 
 from resample.engine.jit import kernel
 from resample.types import Single
-
-ROUND: Single = np.float32(1e-6)  # of the mean stretch: an ellipse that differs by less is a circle
-TINY: Single = np.float32(1e-30)
 
 
 class Ellipse(NamedTuple):
@@ -50,29 +47,6 @@ def blurred_ellipse(
 
 
 @kernel
-def held_ellipse(
-    along_u: tuple[Single, Single], along_v: tuple[Single, Single], least: Single, most: Single
-) -> Ellipse:
-    """Form of the unit circle's image, its stretches (squares) held between two bounds.
-
-    V is J Jᵀ with its eigenvalues clamped.
-    """
-    half = np.float32(0.5)
-    xu, yu = along_u
-    xv, yv = along_v
-    a, b, c = xu * xu + xv * xv, xu * yu + xv * yv, yu * yu + yv * yv
-    odd, area = half * (a - c), xu * yv - xv * yu
-    mean, spread = half * (a + c), math.sqrt(odd * odd + b * b)
-    large = mean + spread
-    small = area * area / (large + TINY)
-    longer, shorter = min(max(large, least), most), min(max(small, least), most)
-    # A function of a 2 × 2 matrix is linear in it: V = longer + scale (J Jᵀ − large).
-    scale = half * (longer - shorter) / spread if spread > ROUND * mean else np.float32(0)
-    high = longer + scale * (c - large)
-    return Ellipse(longer + scale * (a - large), high, scale * b / high, high / (longer * shorter))
-
-
-@kernel
 def longest_stretch(along_u: tuple[Single, Single], along_v: tuple[Single, Single]) -> Single:
     """Largest singular value of J."""
     half, two = np.float32(0.5), np.float32(2)
@@ -81,15 +55,3 @@ def longest_stretch(along_u: tuple[Single, Single], along_v: tuple[Single, Singl
     across, down = xu * xu + xv * xv, yu * yu + yv * yv
     odd, twist = xu * xu + yu * yu - xv * xv - yv * yv, two * (xu * xv + yu * yv)
     return math.sqrt(half * (across + down + math.sqrt(odd * odd + twist * twist)))
-
-
-@kernel
-def first_center(edge: Single, least: int) -> int:
-    """First pixel whose center is not before an edge, and not before `least`."""
-    return int(max(edge + np.float32(0.5), np.float32(least)))
-
-
-@kernel
-def beyond_center(edge: Single, most: int) -> int:
-    """One beyond the last pixel whose center is before an edge, and at most `most`."""
-    return int(min(max(edge + np.float32(0.5), np.float32(0)), np.float32(most)))

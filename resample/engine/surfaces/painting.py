@@ -1,4 +1,4 @@
-"""Batches of discs, splats or triangles painted tile by tile: what is in front, then its colors.
+"""Batches of discs or triangles painted tile by tile: what is in front, then its colors.
 
 Each pixel has to know what is nearest there before what lies on that surface is summed, so a tile
 goes through its members twice per surface. A tile belongs to one thread, and its members come in
@@ -13,12 +13,12 @@ from typing import Any
 
 from resample.engine.jit import kernel
 from resample.engine.roles import called_role, making_role, plays
-from resample.engine.surfaces.blocks import Surfaces, emptied, new_block, put_behind
+from resample.engine.surfaces.blocks import Surfaces, new_block, put_behind
 from resample.types import Tiles
 
 Members = Any  # a bundle of all that may be painted
 Picture = Any  # a bundle that pixels are written to
-Block = Any  # the sub-pixels of a tile; `sums` are what one group of channels leaves there
+Block = Any  # the sub-pixels of a tile; `sums` are what the surface at hand leaves there
 
 
 @making_role
@@ -47,8 +47,8 @@ def claim(members: Members, member: int, block: Block) -> None:
 
 
 @called_role
-def add(members: Members, member: int, group: int, block: Block) -> None:
-    """Add a group of three channels of a member where it belongs to the surface in front."""
+def add(members: Members, member: int, block: Block) -> None:
+    """Add the color of a member where it belongs to the surface in front."""
     raise NotImplementedError
 
 
@@ -80,7 +80,7 @@ def _composed(
 
 
 @making_role
-def write(picture: Picture, block: Block, group: int) -> None:
+def write(picture: Picture, block: Block) -> None:
     """Write the pixels of a tile whose surfaces are all composed."""
     raise NotImplementedError
 
@@ -95,17 +95,13 @@ def paint_tile(
     if start == end:
         return
     block = begun(members, tiles, tile, size, surfaces)
-    for group in range(surfaces.groups):
-        if group > 0:
-            emptied(block)
-        for surface in range(surfaces.most):
-            if group == 0:
-                for n in range(start, end):
-                    claim(members, tiles.member[n], block)
-                if surface == 0:
-                    claimed(members, tiles, tile, block)
-            for n in range(start, end):
-                add(members, tiles.member[n], group, block)
-            if not composed(members, block, surface, surfaces):
-                break
-        write(picture, block, group)
+    for surface in range(surfaces.most):
+        for n in range(start, end):
+            claim(members, tiles.member[n], block)
+        if surface == 0:
+            claimed(members, tiles, tile, block)
+        for n in range(start, end):
+            add(members, tiles.member[n], block)
+        if not composed(members, block, surface, surfaces):
+            break
+    write(picture, block)

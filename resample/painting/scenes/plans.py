@@ -8,7 +8,7 @@ import numpy as np
 
 from resample.types import Floats, Layers, Single
 
-SPLATS, POINTS, MIXTURE = "splats", "points", "mixture"  # names of painters
+SPLATS, POINTS, MIXTURE, PAPER = "splats", "points", "mixture", "paper"  # names of painters
 
 Window = tuple[int, int, int, int]  # x0, y0, x1, y1, px of the whole picture; the end is exclusive
 NOTHING: Window = (0, 0, 0, 0)  # window for a plan without a picture
@@ -32,7 +32,7 @@ class PicturePlan(NamedTuple):
     True
     """
 
-    painter: str  # "splats", "points" or "mixture"
+    painter: str  # "splats", "points", "mixture" or "paper"
     size: tuple[int, int]  # height and width of the whole picture, px
     tile: int  # px, side of a tile; windows that end inside a tile paint all of it
     margin: float  # px around a tile from which samples contribute

@@ -96,7 +96,7 @@ def reach_beyond(scene: Scene, plan: PicturePlan) -> tuple[bool, float]:
     of_points = 0.0
     if style.threshold > 0:
         spacing = min(float(plan.most), style.threshold)
-        width = np.sqrt(style.variance * spacing**2 + 1 / 12) if style.variance else 1.0
+        width = np.sqrt(style.variance * spacing**2 + 1 / 12)
         # Points are no wider than that, in sub-pixels.
         of_points = min(style.point_extent * float(width), 0.5 * MOST_TAPS + 0.5)
     return style.model in MIRRORED, max(widened, of_points)

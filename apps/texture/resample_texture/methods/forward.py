@@ -371,56 +371,11 @@ class Splats:
         splatting = Splatting(
             self.sigma,
             self.filter_sigma,
-            threshold=0.0,
             interpolating=self.interpolating,
             is_sum=self.total,
         )
         warped = splat(source, geometry, shape, edge, splatting)
         return _clamped(warped, source) if self.clamp else warped
-
-
-@dataclass(frozen=True)
-class Paper:
-    """The hybrid as published: points up to a threshold, Gaussian splats above it (section 3).
-
-    Parameters
-    ----------
-    threshold
-        Longest that a texel may be on screen to be a point, px.
-    sigma, filter_sigma
-        As `Splats` takes them; points are filtered by the pixel's Gaussian.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from resample_texture import Paper, warp
-    >>> larger = warp(np.ones((8, 8)), np.diag([8, 8, 1]), (64, 64), method=Paper())
-    >>> int((larger.coverage == 0).sum())  # splats leave no holes
-    0
-    >>> larger = warp(np.ones((8, 8)), np.diag([8, 8, 1]), (64, 64), method=Paper(threshold=9))
-    >>> round(float((larger.coverage == 0).mean()), 2)  # points do
-    0.75
-    """
-
-    threshold: float = 1.0
-    sigma: float = 0.5
-    filter_sigma: float = 0.5
-    total: bool = False
-
-    def __post_init__(self) -> None:
-        for name in ("threshold", "sigma", "filter_sigma"):
-            if not 0.0 < getattr(self, name) < math.inf:
-                raise ValueError(f"{name} is a positive number, not {getattr(self, name)}")
-
-    def __call__(
-        self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
-    ) -> Warped:
-        from resample_texture.texels.splatting import Splatting, splat
-
-        splatting = Splatting(
-            self.sigma, self.filter_sigma, threshold=self.threshold, is_sum=self.total
-        )
-        return splat(source, geometry, shape, edge, splatting)
 
 
 def _project(

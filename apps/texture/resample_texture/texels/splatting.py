@@ -1,8 +1,8 @@
-"""Texel splats, and the paper's hybrid of them with points.
+"""Texel splats, and points where texels are far smaller than a pixel.
 
 Every texel is an elliptical Gaussian on screen (Chen, Dachille and Kaufman, Forward Perspective
-Image Warping, 1999), or, where it is small, a point under the pixel filter (Yuan et al. 2003,
-section 3). Both have the texel's area on screen as their mass. Texels are neither cut nor joined.
+Image Warping, 1999), or a point under the pixel filter. Both have the texel's area on screen as
+their mass. Texels are neither cut nor joined.
 """
 
 import math
@@ -40,6 +40,8 @@ from resample_texture.texels.kernels.splats import Splatted, splat_blocks
 from resample_texture.texels.plates import filtered
 from resample_texture.types import Edge, Warped
 
+Forward = Homography | ForwardMap
+
 LEAST_FULL = 0.5  # weight of a pixel that counts as filled where edges are not known
 LEAST, MOST = 0.01, 16.0  # texels and px, of a deviation
 
@@ -59,57 +61,81 @@ class Splatting:
     interpolating
         Texels are filtered once so that the splats' sum passes through them; points stay as they
         are.
-    point_filter
-        What points are spread by; left out, a Gaussian of `filter_sigma` that ends at 4 of it.
     is_sum
         A texel's value is a total, which is shared out among pixels, not a density.
 
     Raises
     ------
     ValueError
-        A deviation is out of range, the threshold is negative or not a number, or no
-        splats of this `sigma` interpolate.
+        A deviation is out of range, the threshold is negative or infinite, or no splats of this
+        `sigma` interpolate.
     """
 
     sigma: float = 0.5
     filter_sigma: float = 0.5
-    threshold: float = 1.0
+    threshold: float = 0.0
     interpolating: bool = False
-    point_filter: PixelFilter | None = None
     is_sum: bool = False
 
     def __post_init__(self) -> None:
-        for name, value in (("sigma", self.sigma), ("filter_sigma", self.filter_sigma)):
-            if not LEAST <= value <= MOST:
-                raise ValueError(f"{name} lies between {LEAST} and {MOST:g}, not at {value}")
-        if not self.threshold >= 0.0:
-            raise ValueError(
-                f"a threshold is 0 px or more, inf for points alone, not {self.threshold}"
-            )
+        check_deviations(self.sigma, self.filter_sigma)
+        if not 0.0 <= self.threshold < math.inf:
+            raise ValueError(f"a threshold is 0 px or more, not {self.threshold}")
         if self.interpolating:
             InterpolatingGaussian(self.sigma)
 
     @property
     def filter_of_points(self) -> PixelFilter:
-        return self.point_filter or Gaussian(self.filter_sigma, radius=4.0 * self.filter_sigma)
+        return Gaussian(self.filter_sigma, radius=4.0 * self.filter_sigma)
 
     @property
     def radius(self) -> float:
-        """How far a splat reaches in the source, texels; 0 if there are none."""
-        return math.sqrt(RIM) * self.sigma if self.threshold < math.inf else 0.0
+        """How far a splat reaches in the source, texels."""
+        return math.sqrt(RIM) * self.sigma
 
     def shape(self, matrix: Doubles) -> Shape:
-        """All of it as numbers, for a matrix (3, 3) from source to target.
-
-        A splat takes J to be the same all over its texel's surroundings. Twice its radius from the
-        plane of the eye J may be half of what it is at the center; nearer texels are left out.
-        """
-        slope = math.hypot(matrix[2, 0], matrix[2, 1])
-        nearest = max(2.0 * self.radius, 0.5) * slope
-        variance = self.sigma**2 if self.threshold < math.inf else 0.0
+        """All of it as numbers, for a matrix (3, 3) from source to target."""
         taps = max(1, math.ceil(2.0 * self.filter_of_points.radius))
-        widths = float(variance), float(self.filter_sigma**2)  # numbers may be given as integers
-        return Shape(*widths, float(self.threshold), nearest, taps)
+        # Numbers may be given as integers.
+        widths = float(self.sigma**2), float(self.filter_sigma**2), float(self.threshold)
+        return Shape(*widths, nearest_drawn(matrix, self.radius), taps)
+
+
+def check_deviations(sigma: float, filter_sigma: float) -> None:
+    """Refuse standard deviations, texels and px, that are out of range.
+
+    Raises
+    ------
+    ValueError
+        One is.
+    """
+    for name, value in (("sigma", sigma), ("filter_sigma", filter_sigma)):
+        if not LEAST <= value <= MOST:
+            raise ValueError(f"{name} lies between {LEAST} and {MOST:g}, not at {value}")
+
+
+def nearest_drawn(matrix: Doubles, radius: float) -> float:
+    """Third coordinate from which on texels are drawn as splats of this radius, texels.
+
+    A splat takes J to be the same all over its texel's surroundings. Twice its radius from the
+    plane of the eye J may be half of what it is at the center; nearer texels are left out.
+    """
+    return max(2.0 * radius, 0.5) * math.hypot(matrix[2, 0], matrix[2, 1])
+
+
+def forward_of(geometry: Geometry, source_shape: tuple[int, int]) -> Forward:
+    """Geometry that leads from a source (height, width) to the target.
+
+    Raises
+    ------
+    ValueError
+        The map does not fit the source or leads backward.
+    """
+    if isinstance(geometry, BackwardMap):
+        raise ValueError("a backward map cannot be followed forward")
+    if isinstance(geometry, ForwardMap) and geometry.x.shape != source_shape:
+        raise ValueError(f"a map of {geometry.x.shape} places no source of {source_shape}")
+    return geometry
 
 
 def splat(
@@ -123,6 +149,7 @@ def splat(
         The map does not fit the source or leads backward, or the frame sees more of a continued
         source than can be drawn texel by texel.
     """
+    geometry = forward_of(geometry, (source.shape[0], source.shape[1]))
     coefficient = source
     if splatting.interpolating:
         gaussian = InterpolatingGaussian(splatting.sigma)
@@ -146,45 +173,43 @@ def splat(
             parts = parts_of(blocks.bounds[batch], count + 1)
             splat_blocks(splatted, spread, parts)
             collect(*parts, picture)
-    return sums.warped(*_borders(geometry, source_shape, edge, splatting))
+    borders = borders_of_splats(geometry, source_shape, edge, splatting.sigma, splatting.radius)
+    return sums.warped(*borders)
 
 
 def _blocks_of(
-    geometry: Geometry,
+    geometry: Forward,
     source_shape: tuple[int, int],
     shape: tuple[int, int],
     edge: Edge,
     splatting: Splatting,
 ) -> tuple[Blocks, Shape]:
     """Parts of a source whose splats a frame (height, width) sees, and what they are like."""
-    if isinstance(geometry, BackwardMap):
-        raise ValueError("a backward map cannot be followed forward")
     if isinstance(geometry, ForwardMap):
-        if geometry.x.shape != source_shape:
-            raise ValueError(f"a map of {geometry.x.shape} places no source of {source_shape}")
         numbers = splatting.shape(np.eye(3))
         x, y = with_margins(geometry.x, geometry.y)
         return Blocks(*blocks_on_map(x, y, shape, numbers), np.eye(3), x, y), numbers
     matrix = oriented(geometry, source_shape)
     numbers = splatting.shape(matrix)
-    lines = _sight_of_splats(matrix, shape, numbers, splatting.radius)
+    reach = max(float(numbers.taps), math.sqrt(RIM * numbers.filter_variance))
+    lines = sight_of_splats(matrix, shape, reach, splatting.radius)
     root = _root(lines, source_shape, edge)
     axes, bounds = blocks_on_plane(matrix, root, lines, shape, numbers)
     return Blocks(axes, bounds, matrix, NOTHING, NOTHING), numbers
 
 
-def _sight_of_splats(
-    matrix: Doubles, shape: tuple[int, int], numbers: Shape, radius: float
+def sight_of_splats(
+    matrix: Doubles, shape: tuple[int, int], reach: float, radius: float
 ) -> Doubles:
     """Lines (5, 3) that bound the texels' centers whose splats a frame sees; see `sight`.
 
     With J as at its center, a splat reaches no farther on screen than the source does within
-    radius / (1 − radius |∇d| / d), which is twice the radius at most where texels are drawn.
+    radius / (1 − radius |∇d| / d), which is twice the radius at most where texels are drawn. The
+    pixel filter adds `reach` px.
     """
-    reach = max(float(numbers.taps), math.sqrt(RIM * numbers.filter_variance))
     lines = sight_of(matrix, shape, reach)
     lines[:4, 2] += 2.0 * radius * np.hypot(lines[:4, 0], lines[:4, 1])
-    lines[4, 2] -= numbers.nearest
+    lines[4, 2] -= nearest_drawn(matrix, radius)
     return lines
 
 
@@ -201,15 +226,15 @@ def _root(lines: Doubles, source_shape: tuple[int, int], edge: Edge) -> Integers
     return np.array([*low, *(high - low)], np.int64)
 
 
-def _borders(
-    geometry: Geometry, source_shape: tuple[int, int], edge: Edge, splatting: Splatting
+def borders_of_splats(
+    geometry: Forward, source_shape: tuple[int, int], edge: Edge, sigma: float, radius: float
 ) -> tuple[Doubles, float]:
     """As `borders`, a splat's radius within the source and away from texels that are left out."""
     lines, full = borders(geometry, source_shape, edge)
     if not isinstance(geometry, Homography):
-        ripple = 4.0 * math.exp(-2.0 * (math.pi * splatting.sigma) ** 2)
+        ripple = 4.0 * math.exp(-2.0 * (math.pi * sigma) ** 2)
         return lines, max(LEAST_FULL, full - ripple)
     front = lines[-1]
-    nearest = splatting.shape(oriented(geometry, source_shape)).nearest
-    lines[:-1] -= splatting.radius * front
+    nearest = nearest_drawn(oriented(geometry, source_shape), radius)
+    lines[:-1] -= radius * front
     return np.vstack([lines, np.array([0.0, 0.0, 1.0]) - 2.0 * nearest * front]), full

@@ -230,7 +230,8 @@ def _better(work: Work, guess: Guess, plan: PicturePlan | None) -> Guess | None:
     """Return better queries if a plan is incomplete; None if it is complete."""
     if plan is None:
         return Guess(EVERYBODY, guess.spaced)
-    return None if work.resampler.can_step(plan) else Guess(guess.painters, plan)
+    is_known = plan.spacing is not None or work.resampler.is_even(plan)
+    return None if is_known else Guess(guess.painters, plan)
 
 
 def _planned(work: Work, found: list[FoundInLayers]) -> PicturePlan | None:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from resample.cameras.models import Camera
-from resample.painting.choices import Footprint, Primitive
-from resample.profiles.correction import true_distance
+from resample.hybrid.correction import true_distance
+from resample.painting.choices import FOOTPRINTS, Footprint, Primitive
 from resample.profiles.reconstruction import GaussianKernel, footprint_table
 from resample.resampler import Resampler
 from resample.types import Doubles, Record, Samples
@@ -254,7 +254,7 @@ def picture_errors(sphere: Sphere) -> dict[str, float]:
     truth = line_integral(distance_of(sphere, ray)) / KERNEL.radius**2  # of one voxel's length
     return {
         str(model): float(np.abs(_drawn(sphere, camera, model) - truth).max() / truth.max())
-        for model in Footprint
+        for model in FOOTPRINTS[Primitive.SPLATS]
     }
 
 

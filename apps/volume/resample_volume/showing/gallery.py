@@ -22,7 +22,7 @@ from resample_volume.voxels.shading import Light
 NAME = "figure-8"
 SIDE, QUICK_SIDE = 400, 32  # px; the paper's, and that of a trial
 BLACK = (0.0, 0.0, 0.0)
-HYBRID = Resampler()
+HYBRID = Resampler(primitive=Primitive.PAPER)
 MARKED = Resampler(primitive=Primitive.PAPER, splat_color=SPLAT_COLOR)
 
 TAN, IVORY, CREAM = (0.75, 0.5, 0.35), (0.93, 0.87, 0.75), (1.0, 0.98, 0.95)

@@ -14,6 +14,7 @@ from resample.cameras.viewpoints import Orbit, Sphere
 from resample.colors import from_srgb
 from resample.files.images import write_png
 from resample.measuring.compare import contact_sheet, shown
+from resample.painting.choices import Primitive
 from resample.resampler import Resampler
 from resample.types import Doubles, Floats
 from resample_volume.files.source import generate
@@ -94,7 +95,8 @@ def make(folder: Path, shelf: Shelf, *, quick: bool = False) -> str:
     choices = QUICK if quick else Turn()
     scene = scene_of(choices)
     orders = {
-        name: Resampler(order=registry.build("orders", spec)) for name, spec in ORDERS.items()
+        name: Resampler(order=registry.build("orders", spec), primitive=_form(name))
+        for name, spec in ORDERS.items()
     }
     _write_views(folder, scene, orders)
     curves = {name: popping(scene, resample) for name, resample in orders.items()}
@@ -121,6 +123,11 @@ def make(folder: Path, shelf: Shelf, *, quick: bool = False) -> str:
         for name, numbers in summary.items()
     ]
     return "\n".join(["figure 7: largest second difference of a rotation", *lines])
+
+
+def _form(order: str) -> Primitive:
+    """Primitive of a row: the paper's where every sample is composited."""
+    return Primitive.PAPER if order.startswith("every-sample") else Primitive.HYBRID
 
 
 def scene_of(choices: Turn) -> TurnedVolume:

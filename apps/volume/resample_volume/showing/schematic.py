@@ -12,7 +12,7 @@ from resample.cameras.poses import orbit
 from resample.painting.choices import Primitive
 from resample.painting.layers import layers_of, sheets_of
 from resample.profiles.orders import EverySample
-from resample.resampler import LITERAL_FILTER, Resampler
+from resample.resampler import PAPER_FILTER, Resampler
 from resample.types import Doubles, Records, Samples, Sheets
 from resample_volume.files.source import generate
 from resample_volume.media.appearance import Appearance
@@ -249,7 +249,7 @@ def _draw_example(axes: "Axes", shown: LayerCut, plane: float, n: int, letter: s
         ends = plane * np.tan(turn)
     else:
         axes.plot([0, x], [0, z], color=color, linewidth=0.8)
-        extent = LITERAL_FILTER.radius
+        extent = PAPER_FILTER.radius
         ends = (float(record["x"]) - middle + np.array([-extent, extent])) * per_px
     axes.plot(ends, [plane, plane], color=color, linewidth=5, solid_capstyle="butt")
     axes.plot(x, z, "o", color=color, markersize=6)

@@ -1,50 +1,56 @@
 """The paper's own way to warp depth images, and its two halves alone: splats and points.
 
-Yuan et al. 2003, section 3, read literally: each sample is a Gaussian ellipse on screen, as large
-as its surroundings say, and never smaller than the pixel filter, where it is one of the points that
-a pixel accumulates. Visibility is decided once per pixel; samples seen from the back are left out.
+Yuan et al. 2003, section 3, on `resample.hybrid`: each sample is a Gaussian ellipse on screen, as
+large as its surroundings say, or a point where it is small. Visibility is decided once per pixel,
+by depth, normals and boundaries; samples seen from the back are left out.
 """
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
-from resample.painting.scenes.scene import dealt_to_tiles
-from resample.types import Doubles, Screen
-from resample_warp3d.types import Equation, Rendered, Source
-
-if TYPE_CHECKING:
-    from resample_warp3d.methods.kernels.jacobian import Footprint, Placed
+from resample.hybrid.blend.nearest import NearestSurface, SurfaceRule
+from resample.hybrid.classify import THRESHOLD, Widths
+from resample.hybrid.footprint import DEVIATIONS, GAUSSIAN
+from resample.hybrid.paint import paint
+from resample.hybrid.points import FILTER_SIGMA
+from resample.hybrid.record import RECORD
+from resample.hybrid.splats import LookupTables
+from resample.types import Doubles
+from resample_warp3d.types import DOWN, RIGHT, Equation, Links, Rendered, Source
 
 SIGMA = 0.45  # px of the source; sharper leaves gaps where surfaces curve, wider blurs
-FILTER_SIGMA = 0.29  # px; a Gaussian as wide as a pixel, 1 / √12
 CORE = 0.75  # px of the source; half a cell, and as much again as closes gaps where depth is noisy
+EDGE = 0.5  # px of the source, likewise at boundaries
 TOLERANCE = 0.01  # of the nearness
-
-CUT = 3.3  # standard deviations; a Gaussian's weight is 0.4 % there
+LOOSE, TURN = 5.0, 0.9  # tolerances, and least cosine, on one side of all boundaries
 LARGEST_RADIUS = 64.0  # px; splats that would be larger leave gaps, or a few cost as much as all
-TILE = 128  # px
-STEPS = 2048  # of the table of weights
 LEAST, MOST = 0.1, 2.0  # px, of a deviation
+NARROWEST = 0.25  # px, of the pixel filter, lest points meet no pixel's center
 
 
 @dataclass(frozen=True)
 class Paper:
-    """Splats where the target magnifies, points where it minifies, both at once where it does both.
+    """Splats where the target magnifies, points where it minifies.
 
     Parameters
     ----------
     sigma
-        Standard deviation of a splat, px of the source, 0.1 to 2.
+        Standard deviation of a splat, px of the source, 0.1 to 2; it ends at three of them.
     filter_sigma
-        Standard deviation of the pixel filter, px, 0.1 to 2; no axis of a splat is smaller.
+        Standard deviation of the pixel filter, px, 0.1 to 2, below 0.25 taken for that; it ends at
+        three of them, and no axis of a splat is shorter than that.
     tolerance
-        What is further behind the nearest surface than this part of its nearness is hidden by it.
+        What is further behind the nearest surface than this part of its nearness is hidden by it;
+        five times as much where no boundary and no turn of the surface lies between them.
     core
         How far from itself a sample hides what is behind, px of the source along its grid, 0.1 to
-        2; toward a boundary, half a px at most.
+        2; beside a boundary, half a px at most.
 
     Raises
     ------
@@ -63,8 +69,8 @@ class Paper:
         _check_visibility(self.tolerance, self.core)
 
     def __call__(self, source: Source, equation: Equation, shape: tuple[int, int]) -> Rendered:
-        size = self.filter_sigma / self.sigma, math.inf
-        return _Gaussians(self.sigma, size, self.tolerance, self.core)(source, equation, shape)
+        widths = _widths(THRESHOLD, self.filter_sigma, self.sigma)
+        return _painted(source, equation, shape, widths, (self.tolerance, self.core))
 
 
 @dataclass(frozen=True)
@@ -83,8 +89,8 @@ class Splat:
         _check_visibility(self.tolerance, self.core)
 
     def __call__(self, source: Source, equation: Equation, shape: tuple[int, int]) -> Rendered:
-        size = math.sqrt(0.5) / _radius(self.sigma, self.core), math.inf
-        return _Gaussians(self.sigma, size, self.tolerance, self.core)(source, equation, shape)
+        widths = _widths(0.0, NARROWEST, self.sigma)
+        return _painted(source, equation, shape, widths, (self.tolerance, self.core))
 
 
 @dataclass(frozen=True)
@@ -104,68 +110,68 @@ class Point:
         _check_visibility(self.tolerance, self.core)
 
     def __call__(self, source: Source, equation: Equation, shape: tuple[int, int]) -> Rendered:
-        gaussians = _Gaussians(self.filter_sigma, (1.0, 1.0), self.tolerance, self.core)
-        return gaussians(source, equation, shape)
+        widths = _widths(math.inf, self.filter_sigma, SIGMA)
+        return _painted(source, equation, shape, widths, (self.tolerance, self.core))
 
 
-@dataclass(frozen=True)
-class _Gaussians:
-    """Samples as Gaussians of `sigma` px of the source, of limited size in the target."""
-
-    sigma: float
-    size: tuple[float, float]  # least and most px of the target per px of the source
-    tolerance: float
-    core: float
-
-    def __call__(self, source: Source, equation: Equation, shape: tuple[int, int]) -> Rendered:
-        from resample_warp3d.methods.kernels.jacobian import Footprint
-        from resample_warp3d.methods.kernels.splatting import Brush, Samples, paint_samples
-
-        radius, (least, most) = _radius(self.sigma, self.core), self.size
-        largest = LARGEST_RADIUS / radius
-        squares = (np.arange(STEPS) + 0.5) * (radius**2 / STEPS)
-        profile = np.exp(squares / (-2.0 * self.sigma**2)).astype(np.float32)
-        picture = blank(shape, source.color.shape[2])
-        placed = place(source, equation, Footprint(radius, least, largest), shape)
-        size = radius, least, min(most, largest)
-        brush = Brush(self.core, self.tolerance, *size, LARGEST_RADIUS, profile)
-        screen = Screen(shape[1], shape[0], 0.0, np.zeros((4, 4)))
-        tiles = dealt_to_tiles(placed.touched, screen, TILE)
-        samples = Samples(source.color, source.links, placed.sample, brush)
-        paint_samples(samples, tiles, picture)
-        return picture
+def _widths(threshold: float, filter_sigma: float, sigma: float) -> Widths:
+    reach = DEVIATIONS * max(filter_sigma, NARROWEST)
+    return Widths(threshold, reach, GAUSSIAN, DEVIATIONS * sigma, LARGEST_RADIUS)
 
 
-def blank(shape: tuple[int, int], channels: int) -> Rendered:
-    """A rendered picture (height, width) of nothing."""
-    coverage, nearness, magnification = (np.zeros(shape, np.float32) for _ in range(3))
-    image = np.zeros((*shape, channels), np.float32)
-    return Rendered(image, coverage, nearness, magnification, np.zeros(shape, np.bool_))
+def _painted(
+    source: Source,
+    equation: Equation,
+    shape: tuple[int, int],
+    widths: Widths,
+    visibility: tuple[float, float],
+) -> Rendered:
+    """Picture (height, width) of a source, by a tolerance and a core."""
+    from resample_warp3d.methods.kernels.placing import Placed, place_samples
 
-
-def place(
-    source: Source, equation: Equation, footprint: "Footprint", shape: tuple[int, int]
-) -> "Placed":
-    """Place all samples of a source in a frame (height, width).
-
-    Raises
-    ------
-    ValueError
-        The equation's matrix is singular.
-    """
-    from resample_warp3d.methods.kernels.jacobian import (
-        BOUNDS,
-        FIELDS,
-        SEGMENT,
-        Placed,
-        project_rows,
+    tolerance, core = visibility
+    count = source.nearness.size
+    placed = Placed(
+        np.zeros(count, RECORD),
+        np.zeros((count, 2), np.float32),
+        np.zeros(count, np.float32),
+        np.zeros((count, 3), np.float32),
+        np.zeros(count, np.float32),
+    )
+    cores = (core / widths.kernel, min(core, EDGE) / widths.kernel)
+    place_samples(source, equation, _backward(equation), widths, cores, shape, placed)
+    blend = NearestSurface(
+        source.color.reshape(count, source.color.shape[2]),
+        placed.slope,
+        placed.core,
+        _labels(source.links),
+        placed.normal,
+        SurfaceRule(np.float32(tolerance), np.float32(LOOSE * tolerance), np.float32(TURN)),
+        np.zeros((*shape, source.color.shape[2]), np.float32),
+        np.zeros(shape, np.float32),
+        np.zeros(shape, np.float32),
+        np.zeros(shape, np.int32),
+    )
+    paint(placed.record, LookupTables(GAUSSIAN, GAUSSIAN), blend, shape)
+    covered = blend.weight > 0.0
+    return Rendered(
+        blend.image,
+        covered.astype(np.float32),
+        np.abs(blend.nearness) * covered,
+        np.where(covered, placed.area[blend.found], np.float32(0.0)),
+        covered & (blend.nearness <= 0.0),
     )
 
-    height, width = source.nearness.shape
-    touched = np.zeros(height * -(-width // SEGMENT), BOUNDS)
-    placed = Placed(np.empty((height, FIELDS, width), np.float32), touched)
-    project_rows(source, equation, _backward(equation), footprint, shape, placed)
-    return placed
+
+def _labels(links: Links) -> NDArray[np.int32]:
+    """Number (N,) of the surface that each sample is on: what links lead to."""
+    height, width = links.shape
+    index = np.arange(height * width, dtype=np.int32).reshape(height, width)
+    right, down = links[:, :-1] & RIGHT > 0, links[:-1] & DOWN > 0
+    one = np.concatenate([index[:, :-1][right], index[:-1][down]])
+    other = np.concatenate([index[:, 1:][right], index[1:][down]])
+    graph = coo_matrix((np.ones(one.size, np.int8), (one, other)), (index.size, index.size))
+    return np.asarray(connected_components(graph, directed=False)[1], np.int32)
 
 
 def _backward(equation: Equation) -> Doubles:
@@ -175,11 +181,6 @@ def _backward(equation: Equation) -> Doubles:
     except np.linalg.LinAlgError:
         raise ValueError("the warping equation's matrix is singular; check both cameras") from None
     return np.column_stack([inverse, inverse @ equation.epipole])
-
-
-def _radius(sigma: float, core: float) -> float:
-    """How far a splat reaches, px of the source: as far as its cell at least."""
-    return max(CUT * sigma, math.sqrt(2.0) * core)
 
 
 def _check_deviation(name: str, value: float) -> None:

@@ -26,7 +26,7 @@ from resample_warp3d.showing.scenes import generated
 from resample_warp3d.showing.scoring import Screen, Target
 from resample_warp3d.types import Equation, Source
 
-METHODS = ("hybrid", "mcmillan")
+METHODS = ("paper", "mcmillan")
 VIEW = "oblique"
 SHEET = "figure-6.png"
 NUMBERS = "figure-6.json"

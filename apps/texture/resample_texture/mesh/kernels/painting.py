@@ -89,7 +89,7 @@ def _claimed(scene: MeshScene, tiles: Tiles, tile: int, block: Block) -> None:
 
 
 @plays(add, MeshScene)
-def _add(scene: MeshScene, member: int, _: int, block: Block) -> None:
+def _add(scene: MeshScene, member: int, block: Block) -> None:
     """Add the cells of a triangle, if it may be visible."""
     triangles, skin, lens = scene.triangles, scene.skin, scene.lens
     # Textures without area and translucent ones have no cells.
@@ -132,7 +132,7 @@ def _measure(block: Block, row: int, column: int) -> tuple[float, float]:
 
 
 @plays(write, MeshPicture)
-def _write(picture: MeshPicture, block: Block, _: int) -> None:
+def _write(picture: MeshPicture, block: Block) -> None:
     """Filter a tile's sub-pixels to pixels, and write their depths."""
     # Leave out the margin, which only feeds the filter.
     top, left = int(block.top) + block.margin, int(block.left) + block.margin
@@ -162,6 +162,6 @@ def paint(counter: Counter, scene: MeshScene, tiles: Tiles, picture: MeshPicture
         Filled; transparent before, with infinite depths.
     """
     layers = MOST_LAYERS if len(scene.skin.alpha) > 0 else 1
-    surfaces = Surfaces(layers, scene.grid.samples, 1, 4)
+    surfaces = Surfaces(layers, scene.grid.samples)
     for tile in tasks(counter, tiles.start.size - 1):
         paint_tile(scene, tiles, tile, picture.depth.shape, surfaces, picture)

@@ -98,7 +98,7 @@ def splat_on_plane(
 
 
 @kernel
-def _slope(before: float, here: float, after: float) -> float:
+def slope(before: float, here: float, after: float) -> float:
     """Central difference, or that on one side where the other has no place."""
     if math.isfinite(before):
         return 0.5 * (after - before) if math.isfinite(after) else here - before
@@ -115,8 +115,8 @@ def splat_on_map(
     for n in range(block[0, LENGTH]):
         c = block[0, START] + n + 1
         px, py = x[r, c], y[r, c]
-        xu, yu = _slope(x[r, c - 1], px, x[r, c + 1]), _slope(y[r, c - 1], py, y[r, c + 1])
-        xv, yv = _slope(x[r - 1, c], px, x[r + 1, c]), _slope(y[r - 1, c], py, y[r + 1, c])
+        xu, yu = slope(x[r, c - 1], px, x[r, c + 1]), slope(y[r, c - 1], py, y[r, c + 1])
+        xv, yv = slope(x[r - 1, c], px, x[r + 1, c]), slope(y[r - 1, c], py, y[r + 1, c])
         mass = abs(xu * yv - xv * yu)
         if math.isfinite(px + py + mass):
             place = np.float32(px - bounds[LEFT]), np.float32(py - bounds[TOP])

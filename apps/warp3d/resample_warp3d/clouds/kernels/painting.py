@@ -181,7 +181,7 @@ def _claim(discs: Discs, member: int, block: Block) -> None:
 
 
 @plays(add, Discs)
-def _add(discs: Discs, member: int, _: int, block: Block) -> None:
+def _add(discs: Discs, member: int, block: Block) -> None:
     """Add a disc's color to the front surface where it is part of it."""
     record = discs.records[member]
     disc = _disc(record)
@@ -230,7 +230,7 @@ def _add(discs: Discs, member: int, _: int, block: Block) -> None:
 
 
 @plays(write, CloudPicture)
-def _write(picture: CloudPicture, block: Block, _: int) -> None:
+def _write(picture: CloudPicture, block: Block) -> None:
     """Average each pixel's sub-pixels, and write color and depths."""
     seen, fine = block.seen, block.subpixels
     rgba = picture.rgba
@@ -302,6 +302,6 @@ def paint(
         Filled; transparent before, with infinite depths.
     """
     height, width = picture.depth.shape
-    surfaces = Surfaces(LAYERS, subpixels, 1, 6)
+    surfaces = Surfaces(LAYERS, subpixels)
     for tile in tasks(counter, tiles.start.size - 1):
         paint_tile(discs, tiles, tile, (height, width), surfaces, picture)

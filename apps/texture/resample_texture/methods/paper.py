@@ -1,0 +1,202 @@
+"""The paper's hybrid for textures (section 3): texels as records of `resample.hybrid`."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.jit import Counter, inner_step, parallel_kernel, tasks
+from resample.hybrid.blend.sum import WeightedSum, mean_of
+from resample.hybrid.classify import THRESHOLD, Jacobian, Widths, flat_sample
+from resample.hybrid.footprint import DEVIATIONS, GAUSSIAN
+from resample.hybrid.paint import paint
+from resample.hybrid.points import FILTER_SIGMA
+from resample.hybrid.record import NOTHING, RECORD
+from resample.hybrid.splats import LookupTables
+from resample.types import Doubles, Floats, Indices, Records
+from resample_texture.geometry.mappings import ForwardMap, Geometry
+from resample_texture.texels.forward import FARTHEST, check_texels, oriented, seen, with_margins
+from resample_texture.texels.kernels.splat_shapes import slope
+from resample_texture.texels.splatting import (
+    Forward,
+    borders_of_splats,
+    check_deviations,
+    forward_of,
+    nearest_drawn,
+    sight_of_splats,
+)
+from resample_texture.types import Edge, Warped
+
+MOST_AT_ONCE = 1 << 18  # texels whose records are in memory together
+Placed = tuple[bool, tuple[float, float], Jacobian]  # whether there is any; its place, px; and J
+NARROWEST = 0.25  # px, of the pixel filter, without which a point may meet no pixel's center
+
+
+@dataclass(frozen=True)
+class Paper:
+    """The hybrid as published: points up to a threshold, Gaussian splats above it (section 3).
+
+    Parameters
+    ----------
+    threshold
+        Longest that a texel may be on screen to be a point, px.
+    sigma
+        Standard deviation of a splat, texels; it ends at three of them.
+    filter_sigma
+        Standard deviation of the pixel filter, px, at least 0.25; it ends at three of them, and no
+        axis of a splat is shorter than that.
+    total
+        A texel's value is a total, such as a flux: sums are kept, not means.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_texture import Paper, warp
+    >>> larger = warp(np.ones((8, 8)), np.diag([8, 8, 1]), (64, 64), method=Paper())
+    >>> int((larger.coverage == 0).sum())  # splats leave no holes
+    0
+    >>> larger = warp(np.ones((8, 8)), np.diag([8, 8, 1]), (64, 64), method=Paper(threshold=9))
+    >>> round(float((larger.coverage == 0).mean()), 2)  # points do
+    0.94
+    """
+
+    threshold: float = THRESHOLD
+    sigma: float = 0.45
+    filter_sigma: float = FILTER_SIGMA
+    total: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("threshold", "sigma", "filter_sigma"):
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise ValueError(f"{name} is a positive number, not {getattr(self, name)}")
+        check_deviations(self.sigma, self.filter_sigma)
+
+    @property
+    def widths(self) -> Widths:
+        """Sizes of footprints."""
+        radius = DEVIATIONS * max(self.filter_sigma, NARROWEST)
+        kernel = DEVIATIONS * self.sigma
+        return Widths(float(self.threshold), radius, GAUSSIAN, kernel)
+
+    def __call__(
+        self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
+    ) -> Warped:
+        size = source.shape[0], source.shape[1]
+        geometry = forward_of(geometry, size)
+        image, weight = np.zeros((*shape, source.shape[2]), np.float32), np.zeros(shape, np.float32)
+        for color, records, area in _batches(source, geometry, shape, edge, self.widths):
+            share = np.divide(1.0, area, out=np.zeros_like(area), where=area > 0.0)
+            values = color * share[:, None] if self.total else color
+            paint(
+                records, LookupTables(GAUSSIAN, GAUSSIAN), WeightedSum(values, image, weight), shape
+            )
+        lines, full = borders_of_splats(geometry, size, edge, self.sigma, self.widths.kernel)
+        is_full = (weight >= full) | _is_within(lines, shape, self.widths.filter)
+        mean, coverage = mean_of(WeightedSum(image, image, weight), is_full)
+        return Warped(image if self.total else mean, coverage)
+
+
+def _is_within(lines: Doubles, shape: tuple[int, int], reach: float) -> NDArray[np.bool_]:
+    """Pixels (H, W) that lie farther than `reach`, px, inside lines (N, 3) on screen."""
+    x, y = np.arange(shape[1]) + 0.5, np.arange(shape[0])[:, None] + 0.5
+    within = np.ones(shape, np.bool_)
+    for a, b, c in lines:
+        within &= a * x + b * y + c > reach * (abs(a) + abs(b))
+    return within
+
+
+def _batches(
+    source: Floats, geometry: Forward, shape: tuple[int, int], edge: Edge, widths: Widths
+) -> Iterator[tuple[Floats, Records, Floats]]:
+    """Colors (N, C), records and areas (N,), px², of some rows of texels after the other."""
+    height, width = source.shape[:2]
+    if isinstance(geometry, ForwardMap):
+        (left, top), (right, bottom), matrix = (0, 0), (width, height), np.eye(3)
+        x, y = with_margins(geometry.x, geometry.y)
+    else:
+        matrix, x, y = oriented(geometry, (height, width)), np.zeros((0, 0)), np.zeros((0, 0))
+        (left, top), (right, bottom) = _ends(matrix, (height, width), shape, edge, widths)
+    places = (matrix, x, y, nearest_drawn(matrix, widths.kernel))
+    step = max(1, MOST_AT_ONCE // max(1, right - left))
+    across = _continued(np.arange(left, right), width, edge)
+    for row in range(top, bottom, step):
+        down = np.arange(row, min(row + step, bottom))
+        records = np.zeros(down.size * across.size, RECORD)
+        area = np.zeros(records.size, np.float32)
+        place_texels(records, area, (left, row, across.size), places, widths, shape)
+        texels = source[_continued(down, height, edge)[:, None], across]
+        yield texels.reshape(-1, source.shape[2]), records, area
+
+
+def _ends(
+    matrix: Doubles, size: tuple[int, int], shape: tuple[int, int], edge: Edge, widths: Widths
+) -> NDArray[np.int64]:
+    """First and last + 1 (2, 2), column and row, of the texels that a frame sees."""
+    lines = sight_of_splats(matrix, shape, widths.filter, widths.kernel)
+    polygon = seen(lines, max(FARTHEST, *size))
+    if not polygon.size:
+        return np.zeros((2, 2), np.int64)
+    ends = np.stack([np.floor(polygon.min(axis=0)) - 1, np.ceil(polygon.max(axis=0)) + 1])
+    if edge is Edge.TRANSPARENT:
+        return np.asarray(np.clip(ends, 0, size[::-1]), np.int64)
+    check_texels(polygon, size)
+    return ends.astype(np.int64)
+
+
+def _continued(index: NDArray[np.int64], size: int, edge: Edge) -> Indices:
+    """Texels that stand for those of an index (N,), of which the source has so many."""
+    if edge is Edge.MIRROR:
+        index = np.minimum(index % (2 * size), 2 * size - 1 - index % (2 * size))
+    index = index % size if edge is Edge.WRAP else np.clip(index, 0, size - 1)
+    return np.asarray(index, np.int64)
+
+
+@parallel_kernel
+def place_texels(
+    counter: Counter,
+    records: Records,
+    area: Floats,
+    first: tuple[int, int, int],
+    places: tuple[Doubles, Doubles, Doubles, float],
+    widths: Widths,
+    shape: tuple[int, int],
+) -> None:
+    """Fill the records and areas (N,), px², of rows of texels, by a map if there is one."""
+    (left, top, columns), (matrix, x, y, nearest) = first, places  # x, y: (H + 2, W + 2)
+    for row in tasks(counter, records.size // max(columns, 1)):
+        for column in range(columns):
+            n = row * columns + column
+            records[n]["kind"] = NOTHING
+            if x.size > 0:
+                is_placed, place, jacobian = _on_map(x, y, row + top + 1, column + left + 1)
+            else:
+                is_placed, place, jacobian = _on_plane(matrix, row + top, column + left, nearest)
+            if is_placed:
+                flat_sample(records[n], place, jacobian, 1.0, widths, shape)
+                area[n] = abs(jacobian[0] * jacobian[3] - jacobian[1] * jacobian[2])
+
+
+@inner_step
+def _on_plane(m: Doubles, row: int, column: int, nearest: float) -> Placed:
+    """Place of a texel's center by a homography, and J there."""
+    u, v = column + 0.5, row + 0.5
+    w = m[2, 0] * u + m[2, 1] * v + m[2, 2]
+    if w <= 0.0 or w < nearest:
+        return False, (0.0, 0.0), (0.0, 0.0, 0.0, 0.0)
+    near = 1.0 / w
+    x = (m[0, 0] * u + m[0, 1] * v + m[0, 2]) * near
+    y = (m[1, 0] * u + m[1, 1] * v + m[1, 2]) * near
+    xu, xv = (m[0, 0] - x * m[2, 0]) * near, (m[0, 1] - x * m[2, 1]) * near
+    yu, yv = (m[1, 0] - y * m[2, 0]) * near, (m[1, 1] - y * m[2, 1]) * near
+    return True, (x, y), (xu, xv, yu, yv)
+
+
+@inner_step
+def _on_map(x: Doubles, y: Doubles, r: int, c: int) -> Placed:
+    """Place of a texel's center by a map, and J there by differences."""
+    place = (x[r, c], y[r, c])
+    xu, yu = slope(x[r, c - 1], x[r, c], x[r, c + 1]), slope(y[r, c - 1], y[r, c], y[r, c + 1])
+    xv, yv = slope(x[r - 1, c], x[r, c], x[r + 1, c]), slope(y[r - 1, c], y[r, c], y[r + 1, c])
+    return math.isfinite(place[0] + place[1] + xu + xv + yu + yv), place, (xu, xv, yu, yv)

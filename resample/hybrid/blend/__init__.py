@@ -1,0 +1,1 @@
+"""What becomes of all that a pixel gets: sum, nearest surface or over."""

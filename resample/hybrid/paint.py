@@ -1,0 +1,174 @@
+"""One painter for everything: samples are dealt to tiles, and each tile is painted by one thread.
+
+Within a tile samples come in the order of their records. So a pixel's sum has one order, and the
+picture the same bits, whatever the number of threads.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.jit import Counter, inner_kernel, kernel, parallel_kernel, tasks
+from resample.hybrid.occlusion import TILE, TileBox, is_any_open, open_blocks
+from resample.hybrid.points import filter_point
+from resample.hybrid.record import NOTHING, POINT
+from resample.hybrid.roles import Blend, finish, sweeps
+from resample.hybrid.splats import LookupTables, scan_splat
+from resample.types import Indices, Records, Single
+
+SHIFT = 5  # bits of TILE
+
+
+class Counts(NamedTuple):
+    """Samples of a picture, by what became of them."""
+
+    points: int
+    splats: int
+    hidden: int  # of both, those whose pixels nearer samples had filled
+    from_table: int  # splats whose index correction the table gave
+    by_equation: int  # splats beyond the table, whose index correction was evaluated
+
+
+POINTS, SPLATS, _, FROM_TABLE, BY_EQUATION = range(len(Counts._fields))
+
+
+class TileMembers(NamedTuple):
+    """Which samples touch which tile (compressed rows)."""
+
+    member: NDArray[np.int32]  # (M,) samples of tile t from start[t] on, in order
+    start: Indices  # (T + 1,)
+    across: int  # tiles in a row of them
+    shown: Indices  # tiles to paint
+
+
+def paint(
+    records: Records,
+    tables: LookupTables,
+    blend: Blend,
+    size: tuple[int, int],
+    window: Sequence[int] | None = None,
+) -> Counts:
+    """Blend records (N,), in this order, into the blend's pictures.
+
+    Parameters
+    ----------
+    size
+        Height and width of the pictures, px.
+    window
+        (x0, y0, x1, y1) px: only tiles that meet it are painted; None: all.
+    """
+    height, width = size
+    down, across = -(-height // TILE), -(-width // TILE)
+    load = np.zeros(down * across, np.int64)
+    counts = np.zeros(len(Counts._fields), np.int64)
+    count_members(records, across, tables.largest, load, counts)
+    tiles = _deal(records, (down, across), load, window or (0, 0, width, height))
+    met = np.zeros(len(records), np.bool_)
+    paint_tiles(records, tiles, tables, blend, (height, width), met)
+    points, splats, _, from_table, by_equation = map(int, counts)
+    hidden = points + splats - int(np.count_nonzero(met))
+    return Counts(points, splats, hidden, from_table, by_equation)
+
+
+def _deal(
+    records: Records, grid: tuple[int, int], load: Indices, window: Sequence[int]
+) -> TileMembers:
+    """Samples of each tile of a grid (rows, columns) of tiles, in order."""
+    down, across = grid
+    start = np.concatenate([[0], np.cumsum(load)])
+    member = np.empty(start[-1], np.int32)
+    deal_members(records, across, start[:-1].copy(), member)
+    x0, y0, x1, y1 = window
+    rows, columns = slice(y0 // TILE, -(-y1 // TILE)), slice(x0 // TILE, -(-x1 // TILE))
+    shown = np.arange(down * across).reshape(grid)[rows, columns].ravel()
+    # The fullest first, so that no thread is left with one of them at the end.
+    return TileMembers(member, start, across, shown[np.argsort(-load[shown], kind="stable")])
+
+
+@parallel_kernel
+def paint_tiles(
+    counter: Counter,
+    records: Records,
+    tiles: TileMembers,
+    tables: LookupTables,
+    blend: Blend,
+    size: tuple[int, int],
+    met: NDArray[np.bool_],
+) -> None:
+    """Paint tiles; no two threads share one.
+
+    Parameters
+    ----------
+    met
+        (N,) set for samples that found a pixel open.
+    """
+    height, width = size
+    for task in tasks(counter, tiles.shown.size):
+        tile = tiles.shown[task]
+        top, left = tile // tiles.across * TILE, tile % tiles.across * TILE
+        box = TileBox(top, min(top + TILE, height), left, min(left + TILE, width))
+        member = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
+        _paint_tile(records, member, box, open_blocks(box), tables, blend, met)
+
+
+@inner_kernel
+def _paint_tile(
+    records: Records,
+    member: NDArray[np.int32],
+    box: TileBox,
+    blocks: NDArray[np.int32],
+    tables: LookupTables,
+    blend: Blend,
+    met: NDArray[np.bool_],
+) -> None:
+    """Paint the members of a tile whose pixels are those of a box."""
+    for sweep in range(sweeps(blend)):
+        for m in range(member.size):
+            n = np.uint64(member[m])
+            s = records[n]
+            # Occlusion culling: what meets opaque blocks alone is not looked at (section 6).
+            if not is_any_open(blocks, s, box):
+                continue
+            if s["kind"] == POINT:
+                met[n] |= filter_point(s, n, box, blocks, tables.point, blend, sweep)
+            else:
+                met[n] |= scan_splat(s, n, box, blocks, tables, blend, sweep)
+    for row in range(box.top, box.bottom):
+        for column in range(box.left, box.right):
+            finish(blend, np.uint64(row), np.uint64(column))
+
+
+@kernel
+def count_members(
+    records: Records, across: int, largest: Single, load: Indices, counts: Indices
+) -> None:
+    """Count the samples of each tile, and of each kind; `counts` are those of `Counts`."""
+    for n in range(records.size):
+        s = records[n]
+        if s["kind"] == NOTHING:
+            continue
+        for row in range(s["top"] >> SHIFT, (s["bottom"] - 1 >> SHIFT) + 1):
+            for column in range(s["left"] >> SHIFT, (s["right"] - 1 >> SHIFT) + 1):
+                load[row * across + column] += 1
+        if s["kind"] == POINT:
+            counts[POINTS] += 1
+        else:
+            counts[SPLATS] += 1
+            if s["alpha"] > 0.0:
+                counts[FROM_TABLE if s["alpha"] <= largest else BY_EQUATION] += 1
+
+
+@kernel
+def deal_members(records: Records, across: int, filled: Indices, member: NDArray[np.int32]) -> None:
+    """List the samples of each tile from filled[t] on, in order."""
+    for n in range(records.size):
+        s = records[n]
+        if s["kind"] == NOTHING:
+            continue
+        for row in range(s["top"] >> SHIFT, (s["bottom"] - 1 >> SHIFT) + 1):
+            for column in range(s["left"] >> SHIFT, (s["right"] - 1 >> SHIFT) + 1):
+                tile = row * across + column
+                member[filled[tile]] = n
+                filled[tile] += 1

@@ -1,0 +1,85 @@
+"""Section 2: a point is what the circular filter at each pixel sees of it."""
+
+import math
+
+import numpy as np
+
+from resample.engine.jit import inner_step
+from resample.hybrid.footprint import look_up
+from resample.hybrid.occlusion import Blocks, TileBox, close
+from resample.hybrid.record import NOTHING, POINT, place_box
+from resample.hybrid.roles import Blend, is_open, sample_of, touch
+from resample.types import Floats, Record
+
+ZERO, HALF, ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
+
+# The pixel filter of all applications: a Gaussian of this deviation, px. Narrower ones are sharper
+# and leave gaps between points a pixel apart, wider ones blur: 0.4 stands between what is best for
+# flat samples, 0.29, and for voxels, 0.5 (docs/theory/paper.md has the figures).
+FILTER_SIGMA = 0.4
+
+
+@inner_step
+def point_at(
+    record: Record,
+    place: tuple[float, float],
+    mass: float,
+    radius: float,
+    table: Floats,
+    shape: tuple[int, int],
+) -> None:
+    """Fill the record of a point of a mass, px²: the disc of the pixels whose filters reach it.
+
+    Its weights in all pixels sum to the mass. Those of a filter whose integral is 1 sum to 0.84 to
+    1.19 at the default width, by where in a pixel the point lies: points that move would twinkle.
+    """
+    x, y = place
+    a = 1.0 / (radius * radius)
+    record["kind"], record["alpha"] = POINT, 0.0
+    record["a"], record["b"], record["c"] = a, 0.0, a
+    place_box(record, x, y, radius, radius, shape)
+    if record["kind"] == NOTHING:
+        return
+    # The sum of its weights, beyond the frame as well; the same numbers as `filter_point` has.
+    total, scale, px, py = ZERO, record["a"], record["x"], record["y"]
+    taps = int(2.0 * radius) + 1
+    left, top = math.ceil(x - radius - 0.5), math.ceil(y - radius - 0.5)
+    for row in range(top, top + taps):
+        dy = np.float32(row) + HALF - py
+        above = scale * dy * dy
+        for column in range(left, left + taps):
+            dx = np.float32(column) + HALF - px
+            d2 = above + scale * dx * dx
+            if d2 < ONE:
+                total += look_up(table, d2)
+    record["weight"] = mass / total if total > ZERO else 0.0
+
+
+@inner_step
+def filter_point(
+    s: Record, n: np.uint64, box: TileBox, blocks: Blocks, table: Floats, blend: Blend, sweep: int
+) -> bool:
+    """Add point n to the pixels of a box whose filters reach it.
+
+    Returns
+    -------
+    Whether it found one open.
+    """
+    met = False
+    x, y, a, weight = s["x"], s["y"], s["a"], s["weight"]
+    sample = sample_of(blend, s, n)
+    left, right = max(box.left, s["left"]), min(box.right, s["right"])
+    for row in range(max(box.top, s["top"]), min(box.bottom, s["bottom"])):
+        r, dy = np.uint64(row), np.float32(row) + HALF - y
+        above = a * dy * dy
+        for column in range(left, right):
+            # d² of the point in the pixel's filter.
+            dx = np.float32(column) + HALF - x
+            d2 = above + a * dx * dx
+            c = np.uint64(column)
+            if d2 < ONE and is_open(blend, r, c):
+                met = True
+                amount = weight * look_up(table, d2)
+                if touch(blend, sweep, r, c, n, sample, d2, amount):
+                    close(blocks, row, column, box)
+    return met

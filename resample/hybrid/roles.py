@@ -1,0 +1,65 @@
+"""What becomes of all that a pixel gets: this, not the painting, is where the applications differ.
+
+    sum.py      section 3, texture mapping: everything is added, and divided by its weights
+    nearest.py  section 3, depth images: what lies on the nearest surface is added
+    over.py     section 4.1, volumes: splats are composited one by one, points as sums of a layer
+
+A blend is a bundle of pictures (H, W, ...) that start empty and of what it needs to know of samples
+(N, ...), in the order of their records. A pixel belongs to one thread.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from resample.engine.roles import role
+from resample.types import Record, Single
+
+Blend = Any  # one of `WeightedSum`, `NearestSurface`, `Over`
+
+
+@role
+def sweeps(blend: Blend) -> int:
+    """How often all samples of a tile are gone through."""
+    raise NotImplementedError
+
+
+@role
+def is_open(blend: Blend, row: np.uint64, column: np.uint64) -> bool:
+    """Whether anything that comes now can change the pixel."""
+    raise NotImplementedError
+
+
+@role
+def sample_of(blend: Blend, s: Record, n: np.uint64) -> Any:
+    """What `touch` has to know of sample n, whose record is s: read once for all pixels."""
+    raise NotImplementedError
+
+
+@role
+def touch(
+    blend: Blend,
+    sweep: int,
+    row: np.uint64,
+    column: np.uint64,
+    n: np.uint64,
+    sample: Any,
+    index2: Single,
+    amount: Single,
+) -> int:
+    """Give the pixel what it sees of sample n; returns 1 if that closes it, else 0.
+
+    Parameters
+    ----------
+    index2
+        Squared index i² of the pixel in the footprint, 0 center, 1 rim.
+    amount
+        Weight times F(d).
+    """
+    raise NotImplementedError
+
+
+@role
+def finish(blend: Blend, row: np.uint64, column: np.uint64) -> None:
+    """Complete the pixel, which gets nothing more."""
+    raise NotImplementedError

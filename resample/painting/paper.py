@@ -1,0 +1,227 @@
+"""Volumes for the paper's own painter (`resample.hybrid`): voxels in strict depth order."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.jit import Counter, inner_step, parallel_kernel, tasks
+from resample.engine.sorting import LOWER, settle_ties
+from resample.engine.vectors import matrix_of, multiply, vector_at
+from resample.hybrid.blend.over import WAITING, Over
+from resample.hybrid.classify import Widths, ball_of, projector_of, voxel
+from resample.hybrid.footprint import flat_table, footprint_table
+from resample.hybrid.occlusion import TILE
+from resample.hybrid.paint import paint
+from resample.hybrid.record import NOTHING, RECORD, SPLAT, depth_order
+from resample.hybrid.splats import LookupTables
+from resample.painting.choices import Footprint
+from resample.painting.layers import sheets_of
+from resample.painting.scenes.plans import NOTHING as NO_WINDOW
+from resample.painting.scenes.plans import PAPER, PicturePlan, Window
+from resample.painting.scenes.scene import Clock, Painted, Scene, nothing_painted
+from resample.profiles.filters import PixelFilter
+from resample.profiles.kept import once
+from resample.profiles.reconstruction import Reconstruction
+from resample.types import (
+    Film,
+    Floats,
+    Records,
+    Samples,
+    Stage,
+    Statistics,
+)
+from resample.watching import Progress, told
+
+CHUNK = 4096  # samples that a thread places at a time
+
+
+class OrderedVoxels(NamedTuple):
+    """Samples of a volume, and the order in which they are painted."""
+
+    position: Floats  # (3 N,) x, y and z in turn, scene units
+    extinction: Floats  # (N,) per scene unit
+    order: NDArray[np.int32]  # (N,)
+    layer: NDArray[np.int32]  # (N,) in which points are summed
+    thickness: float  # of a layer, scene units
+
+
+@parallel_kernel
+def place_voxels(
+    counter: Counter,
+    records: Records,
+    density: Floats,
+    voxels: OrderedVoxels,
+    stage: Stage,
+    widths: Widths,
+) -> None:
+    """Fill the records and densities (N,) of voxels, in their order."""
+    for task in tasks(counter, -(-records.size // CHUNK)):
+        last = min((task + 1) * CHUNK, records.size)
+        _place(records, density, voxels, stage, widths, range(task * CHUNK, last))
+
+
+@inner_step
+def _place(
+    records: Records,
+    density: Floats,
+    voxels: OrderedVoxels,
+    stage: Stage,
+    widths: Widths,
+    part: range,
+) -> None:
+    """Fill some of the records."""
+    camera, screen = stage.camera, stage.screen
+    projector, ball, shape = (
+        projector_of(camera),
+        ball_of(stage.ellipsoid),
+        (screen.height, screen.width),
+    )
+    rotation, shift = matrix_of(camera.rotation), camera.translation
+    for k in part:
+        n, s = np.uint64(voxels.order[k]), records[k]
+        world = vector_at(voxels.position, n)
+        turned = multiply(rotation, world)
+        center = (turned[0] + shift[0], turned[1] + shift[1], turned[2] + shift[2])
+        # Cull what is transparent, behind the eye or beyond a clipping plane.
+        is_seen = voxels.extinction[n] > 0.0 and center[2] > camera.near
+        is_seen &= center[2] > 0.0 or not camera.perspective
+        for plane in range(screen.planes.shape[0]):
+            across = screen.planes[plane, 0] * center[0] + screen.planes[plane, 1] * center[1]
+            is_seen &= across + screen.planes[plane, 2] * center[2] + screen.planes[plane, 3] > 0.0
+        s["kind"], s["layer"] = NOTHING, voxels.layer[n]
+        if is_seen:
+            extinction = float(voxels.extinction[n])
+            density[k] = voxel(
+                s, center, extinction, voxels.thickness, projector, ball, widths, shape
+            )
+
+
+class PaperChoices(NamedTuple):
+    """What of a resampler's choices the paper's painter takes."""
+
+    reconstruction: Reconstruction
+    pixel_filter: PixelFilter
+    footprint: Footprint
+    threshold: float  # px
+
+    @property
+    def widths(self) -> Widths:
+        """Sizes of footprints."""
+        return Widths(
+            self.threshold,
+            radius_of(self.pixel_filter),
+            _point_table(self.pixel_filter),
+            is_affine=self.footprint is Footprint.AFFINE,
+            is_projected=self.footprint is Footprint.PROJECTED,
+        )
+
+    @property
+    def tables(self) -> LookupTables:
+        """Everything that is looked up; the equation has no table."""
+        tables = LookupTables(_splat_table(self.reconstruction), _point_table(self.pixel_filter))
+        is_evaluated = self.footprint is Footprint.EQUATION
+        return tables._replace(largest=np.float32(-1.0)) if is_evaluated else tables
+
+
+def radius_of(pixel_filter: PixelFilter) -> float:
+    """Radius, px, of the circle of a filter, without which a point may meet no pixel's center."""
+    return max(float(pixel_filter.radius), math.sqrt(0.5))
+
+
+@once
+def _splat_table(reconstruction: Reconstruction) -> Floats:
+    return footprint_table(lambda distance: reconstruction(distance * reconstruction.radius))
+
+
+@once
+def _point_table(pixel_filter: PixelFilter) -> Floats:
+    own, radius = pixel_filter.radius, radius_of(pixel_filter)
+    return flat_table(lambda distance: pixel_filter(np.minimum(distance * radius, own)))
+
+
+def plan_of_paper(scene: Scene, samples: int, margin: float) -> PicturePlan:
+    """Plan of a picture: nothing of it depends on all samples."""
+    height, width = scene.screen.height, scene.screen.width
+    same, sides = np.float32(1.0), (0.0, 0.0, float(width), float(height))
+    size = (height, width)
+    return PicturePlan(
+        PAPER, size, TILE, margin, same, same, 0.0, 0.0, scene.layers, sides, samples
+    )
+
+
+def paint_paper(
+    scene: Scene, samples: Samples, choices: PaperChoices, progress: Progress | None
+) -> tuple[Painted, Statistics]:
+    """Picture of samples by the paper's method, of a scene that composites them one by one.
+
+    A sample that a clipping plane or the near plane cuts is shown if its center is; one whose cone
+    of tangents meets the eye's plane is left out.
+    """
+    clock, style, count = Clock(), scene.style, samples.extinction.size
+    size = (scene.screen.height, scene.screen.width)
+    plan = scene.plan or plan_of_paper(scene, count, choices.widths.filter)
+    if scene.window == NO_WINDOW:
+        return nothing_painted(0, 0)._replace(plan=plan), Statistics(0, 0, 0, 0, 1, {})
+
+    # Put the samples in depth order.
+    key, layer = sheets_of(scene.layers, scene.summing, samples.position, scene.view)
+    pair = depth_order(key)
+    settle_ties(pair, samples.position, samples.color, samples.extinction)
+    order = (pair & LOWER).astype(np.int32)
+    clock.lap("sort")
+
+    # Point or splat, and where on the screen.
+    records, density = np.zeros(count, RECORD), np.zeros(count, np.float32)
+    voxels = OrderedVoxels(
+        samples.position.reshape(-1), samples.extinction, order, layer, style.layer
+    )
+    place_voxels(records, density, voxels, scene.stage, choices.widths)
+    color = samples.color.take(order, axis=0)
+    if style.tint_red >= 0.0:
+        is_splat = records["kind"] == SPLAT
+        tint = np.array([style.tint_red, style.tint_green, style.tint_blue], np.float32)
+        color[is_splat] = color[is_splat].max(axis=1, keepdims=True) * tint
+    if style.linear_opacity:
+        is_splat = records["kind"] == SPLAT
+        density[is_splat] = -np.expm1(-density[is_splat] * style.layer) / style.layer
+    clock.lap("project")
+
+    # Front to back.
+    blend = _blend(size, scene.window, color, density, style.linear_opacity)
+    with told(progress, None):
+        counts = paint(records, choices.tables, blend, size, scene.window)
+    clock.lap("paint")
+    tally = np.array([[counts.points, counts.splats, counts.hidden, 1]])
+    statistics = Statistics(
+        count,
+        counts.points,
+        counts.splats,
+        counts.hidden,
+        1,
+        clock.seconds,
+        from_table=counts.from_table,
+        by_equation=counts.by_equation,
+    )
+    return Painted(blend.film, np.zeros((0, 0), np.float32), tally, plan), statistics
+
+
+def _blend(
+    size: tuple[int, int],
+    window: Window | None,
+    color: Floats,
+    density: Floats,
+    is_linear: bool,
+) -> Over:
+    """Empty pictures of a size, of which memory is taken where there is something to paint."""
+    y0, y1 = (0, size[0]) if window is None else (window[1], window[3])
+    first_depth = np.empty(size, np.float32)
+    first_depth[y0 // TILE * TILE : -(-y1 // TILE) * TILE] = np.inf
+    film = Film(
+        np.zeros((*size, 4), np.float32),
+        np.zeros(size, np.float32),
+        first_depth,
+        np.zeros(size, np.float32),
+    )
+    return Over(color, density, is_linear, film, np.zeros(size, WAITING))

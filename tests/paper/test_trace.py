@@ -1,0 +1,118 @@
+"""What `--method paper` runs: the same modules in all three applications, and nothing else."""
+
+import sys
+
+import numpy as np
+import pytest
+
+import resample.engine.jit
+from resample import Camera, Footprint, Resampler, Samples
+from resample.engine.compiled import sources
+from resample.hybrid.blend.nearest import NearestSurface
+from resample.hybrid.blend.over import Over
+from resample.hybrid.blend.sum import WeightedSum
+from resample.hybrid.splats import LookupTables
+from resample_texture import warp as warp_texture
+from resample_warp3d import warp as warp_depth
+
+CORE = {
+    f"resample.hybrid.{name}"
+    for name in [
+        "record",
+        "classify",
+        "ellipse",
+        "footprint",
+        "correction",
+        "points",
+        "splats",
+        "occlusion",
+        "paint",
+    ]
+}
+PAINTERS = [
+    "cells",
+    "ellipsoids",
+    "points",
+    "rays",
+    "slabs",
+    "surfaces",
+    "windows",
+]  # of the engine
+COUNTED = ("from_table", "by_equation")
+
+
+def volume():
+    rng = np.random.default_rng(1)
+    place = rng.uniform(-3, 3, (200, 3)).astype(np.float32)
+    samples = Samples(place, np.full((200, 3), 0.5), np.full(200, 0.7), np.eye(3))
+    camera = Camera.from_intrinsics(30.0, 30.0, 16.0, 16.0, np.c_[np.eye(3), [0, 0, 12.0]])
+    return Resampler(method="paper")(samples, camera, height=32, width=32)
+
+
+def texture():
+    return warp_texture(np.ones((16, 16, 3)), np.diag([1.5, 0.4, 1.0]), (20, 30), method="paper")
+
+
+def depth_image():
+    camera = Camera.from_fov(60, 24, 32)
+    ahead = camera.moved(np.c_[np.eye(3), [0, 0, -0.5]])
+    return warp_depth(np.ones((24, 32, 3)), np.full((24, 32), 2.0), camera, ahead, "paper")
+
+
+APPLICATIONS = {
+    "volume": (volume, Over, "resample.painting.paper"),
+    "texture": (texture, WeightedSum, "resample_texture.methods.paper"),
+    "warp3d": (depth_image, NearestSurface, "resample_warp3d.methods.kernels.placing"),
+}
+
+
+def kernels_called(run):
+    """Modules whose parallel kernels Python calls."""
+    modules = set()
+
+    def note(frame, event, _):
+        code = frame.f_code
+        is_kernel = code.co_name == "call" and code.co_filename == resample.engine.jit.__file__
+        if event == "call" and is_kernel and "compiled" in frame.f_locals:
+            modules.add(frame.f_locals["compiled"].__module__)
+
+    sys.setprofile(note)
+    try:
+        run()
+    finally:
+        sys.setprofile(None)
+    return modules
+
+
+@pytest.mark.parametrize("name", APPLICATIONS)
+def test_all_applications_pass_through_the_same_modules(name):
+    run, blend, adapter = APPLICATIONS[name]
+    called = kernels_called(run)
+    assert {"resample.hybrid.paint", adapter} <= called
+    painters = {f"resample.engine.{painter}" for painter in PAINTERS}
+    assert not {module for module in called if module.rpartition(".")[0] in painters}
+    compiled = sources.modules("resample.hybrid.paint", [blend, LookupTables])
+    assert compiled | sources.modules(adapter) >= CORE
+    assert blend.__module__ in compiled
+
+
+def test_the_index_correction_table_is_read(monkeypatch):
+    before = volume()
+    assert before.statistics.from_table > 0
+    flat = LookupTables._field_defaults["correction"] * np.float32(0.5)
+    monkeypatch.setitem(LookupTables._field_defaults, "correction", flat)
+    monkeypatch.setattr(
+        LookupTables.__new__, "__defaults__", (flat, LookupTables._field_defaults["largest"])
+    )
+    assert np.abs(volume().rgba - before.rgba).max() > 0.01
+
+
+def test_statistics_tell_how_many_indices_came_from_the_table():
+    counted = volume().statistics
+    assert [getattr(counted, name) for name in COUNTED] == [counted.splats, 0]
+
+
+def test_names_of_methods_are_those_of_primitives():
+    assert Resampler(method="paper", footprint=Footprint.EQUATION).primitive == "paper"
+    with pytest.raises(ValueError, match="method 'papr'; known: hybrid, points, splats, paper"):
+        Resampler(method="papr")
