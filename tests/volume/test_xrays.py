@@ -243,7 +243,7 @@ def test_x_rays_are_of_their_projection():
     look, maximum = Appearance(xray=XRay()), replace(RAYS, projection=Projection.MAXIMUM)
     with pytest.raises(ValueError, match="need the projection xray, not maximum"):
         render(ball(), look, resampler=maximum)
-    with pytest.raises(ValueError, match="needs the projection xray, not composite"):
+    with pytest.raises(ValueError, match="need the projection xray, not composite"):
         Look(mu_water=0.03).renderer(Projecting().resampling())
 
 
