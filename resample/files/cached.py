@@ -5,7 +5,7 @@ from contextlib import suppress
 from pathlib import Path
 
 
-def make_room(folder: Path, wanted: int, most: int) -> None:
+def evict(folder: Path, wanted: int, most: int) -> None:
     """Remove the least recently used files of a folder until `wanted` bytes fit.
 
     Parameters

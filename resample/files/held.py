@@ -42,7 +42,7 @@ class HeldJpeg:
         self._memory = memory = _memory()
         if memory is not None:
             self._held.callback(os.close, memory)
-        _check_room(path, _most(spec), is_on_disk=memory is None)
+        _check_space(path, _most(spec), is_on_disk=memory is None)
         self._file = self._held.enter_context(path.open("wb"))
         jpeg: Any = OpenImageIO.ImageOutput.create("jpeg")
         self._target = jpeg
@@ -108,7 +108,7 @@ def _most(spec: Any) -> int:
     return MOST * int(spec.width) * int(spec.height) * int(spec.nchannels) + told + HEAD
 
 
-def _check_room(path: Path, most: int, *, is_on_disk: bool) -> None:
+def _check_space(path: Path, most: int, *, is_on_disk: bool) -> None:
     """Reject a file that might not fit."""
     limit = _limit()
     if limit is not None and most > limit:

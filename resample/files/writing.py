@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 LEFT = re.compile(r"\..+\.tmp-([0-9a-f]{6})-([0-9]{1,10})-[0-9a-f]{8}(?:\..*)?")
 MOST = 40  # characters of a target's name, as file systems limit names
-NO_ROOM = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
+NO_SPACE = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
 PROBE = 1 << 16  # bytes to write as a test for a full disk after a library failed
 INCOMPLETE = "the file is incomplete; is the disk full?"
 PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
@@ -71,14 +71,14 @@ def replacing(path: str | Path) -> Iterator[Path]:
             temporary.replace(target)
         except OSError as error:
             is_own = error.filename is None or str(error.filename) == str(temporary)
-            if error.errno not in NO_ROOM or not is_own:
+            if error.errno not in NO_SPACE or not is_own:
                 raise
             raise unwritten(path, error) from None
 
 
 def unwritten(path: str | Path, error: OSError) -> OSError:
     """Error for a file that cannot be written, with its own name instead of the temporary one."""
-    if error.errno is None or error.errno not in NO_ROOM:
+    if error.errno is None or error.errno not in NO_SPACE:
         return OSError(f"{path} cannot be written: {one_line(error)}")
     return OSError(error.errno, f"cannot be written: {os.strerror(error.errno)}", str(path))
 
@@ -89,7 +89,7 @@ def _on_disk(path: Path) -> None:
         try:
             os.fsync(file.fileno())
         except OSError as error:
-            if error.errno in (*NO_ROOM, errno.EIO):  # others: not supported by the file system
+            if error.errno in (*NO_SPACE, errno.EIO):  # others: not supported by the file system
                 raise
 
 
@@ -112,7 +112,7 @@ def refused(path: str | Path, temporary: Path, why: str) -> OSError:
                 left -= file.write(bytes(left)) or 0
             os.fsync(file.fileno())
     except OSError as error:
-        if error.errno in NO_ROOM:
+        if error.errno in NO_SPACE:
             return unwritten(path, error)
     return OSError(f"{path} cannot be written: {why}")
 

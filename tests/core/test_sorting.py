@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from resample.engine.ellipsoids import outlines
-from resample.engine.ellipsoids.outlines import BATCH, ROOM
+from resample.engine.ellipsoids.outlines import BATCH, SCRATCH_SIZE
 from resample.engine.ellipsoids.pool import put_in_order
 from resample.engine.jit import kernel
 from resample.engine.sorting import FEW, bits_of, key_of_bits, member_of, paired, sort_pairs
@@ -27,7 +27,7 @@ def sorted_and_settled(bits, member, look, pair, number, room, offset):
     for n in range(member.size):
         number[n] = member_of(pair[0, n])
         for k in range(len(PLACES)):
-            room[n // BATCH * ROOM + n % BATCH + PLACES[k]] = look[number[n], k]
+            room[n // BATCH * SCRATCH_SIZE + n % BATCH + PLACES[k]] = look[number[n], k]
     put_in_order(pair[0], room, offset)
 
 
@@ -50,7 +50,7 @@ def painted(bits, member, look):
     member = np.asarray(member, int)
     pair = np.empty((2, len(member)), np.uint64)
     number, offset = np.empty(len(member), int), np.empty(len(member), np.int32)
-    room = np.zeros(ROOM * (len(member) // BATCH + 1), np.float32)
+    room = np.zeros(SCRATCH_SIZE * (len(member) // BATCH + 1), np.float32)
     sorted_and_settled(bits, member, look, pair, number, room, offset)
     return number, offset
 
@@ -58,7 +58,7 @@ def painted(bits, member, look):
 def ordered(key, look, member):
     """Members in painting order: sorted by key, laid out in batches, ties settled."""
     number, offset = painted(bits_and_back(key)[0][member], member, look)
-    where = np.arange(len(number)) // BATCH * ROOM + np.arange(len(number)) % BATCH
+    where = np.arange(len(number)) // BATCH * SCRATCH_SIZE + np.arange(len(number)) % BATCH
     return number[np.searchsorted(where, offset)]
 
 

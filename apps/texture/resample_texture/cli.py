@@ -168,7 +168,7 @@ def rectify(
     job = Job(lambda _: target, warping, written.look())
     check_output(output, job.look, transparent=False)
     check_targets(output)
-    job.require_room(photo, output)
+    job.check_memory(photo, output)
     picture = read_picture(photo, as_data=True)
     job.check(picture, target, output)
     page, _ = job.warped(Session(), picture, target, output)

@@ -46,7 +46,7 @@ ACROSS, DOWN, HOME, EXTINCTION, RED, GREEN, BLUE = (
     np.uint64(number * BATCH) for number in range(13, 20)
 )
 AMPLITUDE, FLAT, BENT, AREA, OPACITY, SIZE = (np.uint64(number * BATCH) for number in range(20, 26))
-ROOM = 26 * BATCH  # numbers in a batch
+SCRATCH_SIZE = 26 * BATCH  # numbers in a batch
 EVERYWHERE = 1e9  # px, bounds of samples that any pixel may see
 # Upper bound of rounding errors
 SLACK = 1e-9  # share of a half extent or a distance

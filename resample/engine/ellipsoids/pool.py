@@ -14,7 +14,7 @@ from resample.engine.ellipsoids.outlines import (
     EXTINCTION,
     GREEN,
     RED,
-    ROOM,
+    SCRATCH_SIZE,
     SIZE,
     A,
     B,
@@ -66,8 +66,8 @@ class Pool(NamedTuple):
     waiting: Pairs  # (M,)
     ready: Pairs  # (M,)
     other: Pairs  # (M,)
-    offset: Members  # (M,) where in `room` each ready sample begins
-    room: Floats  # (M / BATCH * ROOM,) batches of columns
+    offset: Members  # (M,) where in `scratch` each ready sample begins
+    scratch: Floats  # (M / BATCH * ROOM,) batches of columns
     found: Pairs  # (BATCH,) scratch
     outline: Floats  # (ROOM,) scratch
 
@@ -76,18 +76,18 @@ class Pool(NamedTuple):
 def new_pool(most: int) -> Pool:
     """Allocate a pool for `most` samples, a multiple of BATCH."""
     # Samples without sizes have size 1.
-    room = np.empty(most // BATCH * ROOM, np.float32)
-    for first in range(0, room.size, ROOM):
+    scratch = np.empty(most // BATCH * SCRATCH_SIZE, np.float32)
+    for first in range(0, scratch.size, SCRATCH_SIZE):
         for n in range(BATCH):
-            room[np.uint64(first + n) + SIZE] = np.float32(1.0)
+            scratch[np.uint64(first + n) + SIZE] = np.float32(1.0)
     return Pool(
         np.empty(most, np.uint64),
         np.empty(most, np.uint64),
         np.empty(most, np.uint64),
         np.empty(most, np.int32),
-        room,
+        scratch,
         np.empty(BATCH, np.uint64),
-        np.empty(ROOM, np.float32),
+        np.empty(SCRATCH_SIZE, np.float32),
     )
 
 
@@ -119,7 +119,7 @@ def part(pool: Pairs, waiting: int, limit: Single, ready: Pairs) -> int:
 
 
 @kernel
-def gather(ready: Pairs, samples: Samples, position: Floats, room: Floats) -> None:
+def gather(ready: Pairs, samples: Samples, position: Floats, scratch: Floats) -> None:
     """Gather positions (3 n,), extinctions and colors of the samples of one batch."""
     extinction, color = samples.extinction, samples.color.reshape(-1)
     of_samples = samples.position.reshape(-1)
@@ -130,43 +130,43 @@ def gather(ready: Pairs, samples: Samples, position: Floats, room: Floats) -> No
         position[to] = of_samples[first]
         position[to + np.uint64(1)] = of_samples[first + np.uint64(1)]
         position[to + np.uint64(2)] = of_samples[first + np.uint64(2)]
-        room[k + EXTINCTION] = extinction[sample]
-        room[k + RED] = color[first]
-        room[k + GREEN] = color[first + np.uint64(1)]
-        room[k + BLUE] = color[first + np.uint64(2)]
+        scratch[k + EXTINCTION] = extinction[sample]
+        scratch[k + RED] = color[first]
+        scratch[k + GREEN] = color[first + np.uint64(1)]
+        scratch[k + BLUE] = color[first + np.uint64(2)]
 
 
 @kernel
-def _is_before(room: Floats, first: int, second: int) -> bool:
+def _is_before(scratch: Floats, first: int, second: int) -> bool:
     """Whether the first of two samples of equal key comes first; the first difference decides."""
     s, other = np.uint64(first), np.uint64(second)
     for number in (Y, X, A, B, C, EXTINCTION, RED, GREEN, BLUE):
-        if room[s + number] != room[other + number]:
-            return bool(room[s + number] < room[other + number])
+        if scratch[s + number] != scratch[other + number]:
+            return bool(scratch[s + number] < scratch[other + number])
     return False
 
 
 @kernel
-def _settle_few(room: Floats, offset: Members, first: int, last: int) -> None:
+def _settle_few(scratch: Floats, offset: Members, first: int, last: int) -> None:
     """Sort few samples of equal key by insertion."""
     for n in range(first + 1, last):
         moved, place = offset[n], n
-        while place > first and _is_before(room, moved, offset[place - 1]):
+        while place > first and _is_before(scratch, moved, offset[place - 1]):
             offset[place] = offset[place - 1]
             place -= 1
         offset[place] = moved
 
 
 @kernel
-def _settle_many(room: Floats, offset: Members) -> None:
+def _settle_many(scratch: Floats, offset: Members) -> None:
     # Copy what decides into rows, sort indices by it, and permute the offsets.
     looks, order = np.empty((offset.size, LOOKS), np.float32), np.empty(offset.size, np.int32)
     for n in range(offset.size):
         s = np.uint64(offset[n])
-        looks[n, 0], looks[n, 1] = room[s + Y], room[s + X]
-        looks[n, 2], looks[n, 3], looks[n, 4] = room[s + A], room[s + B], room[s + C]
-        looks[n, 5], looks[n, 6] = room[s + EXTINCTION], room[s + RED]
-        looks[n, 7], looks[n, 8] = room[s + GREEN], room[s + BLUE]
+        looks[n, 0], looks[n, 1] = scratch[s + Y], scratch[s + X]
+        looks[n, 2], looks[n, 3], looks[n, 4] = scratch[s + A], scratch[s + B], scratch[s + C]
+        looks[n, 5], looks[n, 6] = scratch[s + EXTINCTION], scratch[s + RED]
+        looks[n, 7], looks[n, 8] = scratch[s + GREEN], scratch[s + BLUE]
         order[n] = n
     settle(order, looks)
     for n in range(order.size):
@@ -176,11 +176,11 @@ def _settle_many(room: Floats, offset: Members) -> None:
 
 
 @kernel
-def put_in_order(ready: Pairs, room: Floats, offset: Members) -> None:
-    """Fill in where in `room` samples sorted by key are; other numbers break ties."""
+def put_in_order(ready: Pairs, scratch: Floats, offset: Members) -> None:
+    """Fill in where in `scratch` samples sorted by key are; other numbers break ties."""
     # Sorted by key alone, sample n is the nth of the batches.
     for n in range(ready.size):
-        offset[n] = n // BATCH * ROOM + n % BATCH
+        offset[n] = n // BATCH * SCRATCH_SIZE + n % BATCH
     # Sort each run of equal keys by what else is known, so that the input's order is irrelevant.
     start = 0
     while start < ready.size:
@@ -188,7 +188,7 @@ def put_in_order(ready: Pairs, room: Floats, offset: Members) -> None:
         while end < ready.size and ready[end] >> HALF == ready[start] >> HALF:
             end += 1
         if end - start > FEW:
-            _settle_many(room, offset[start:end])
+            _settle_many(scratch, offset[start:end])
         elif end - start > 1:
-            _settle_few(room, offset, start, end)
+            _settle_few(scratch, offset, start, end)
         start = end

@@ -12,7 +12,7 @@ from resample.engine.ellipsoids.outlines import (
     LEFT,
     NO_REACH,
     RIGHT,
-    ROOM,
+    SCRATCH_SIZE,
     SLACK,
     SPACING,
     TOP,
@@ -316,7 +316,11 @@ def outline_runs(
     sight, planes = sight_of(stage, beyond), stage.screen.planes
     position, extinction, scale = samples.position.reshape(-1), samples.extinction, samples.scale
     bits = position.view(np.int32)
-    room, low, high = np.empty(ROOM, np.float32), np.empty(3, np.float32), np.empty(3, np.float32)
+    room, low, high = (
+        np.empty(SCRATCH_SIZE, np.float32),
+        np.empty(3, np.float32),
+        np.empty(3, np.float32),
+    )
     for chunk in tasks(counter, CHUNKS):
         for run in range(known.size * chunk // CHUNKS, known.size * (chunk + 1) // CHUNKS):
             begin, count = start[run], start[run + 1] - start[run]

@@ -22,7 +22,7 @@ from resample.engine.ellipsoids.outlines import (
     LEFT,
     NO_REACH,
     RIGHT,
-    ROOM,
+    SCRATCH_SIZE,
     SPACING,
     Reach,
     Sight,
@@ -128,17 +128,17 @@ def find_spacings(
     planes, style = stage.screen.planes, stage.style
     position, extinction = runs.samples.position.reshape(-1), runs.samples.extinction
     start, scale = runs.start, runs.samples.scale
-    room = np.empty(ROOM, np.float32)
+    scratch = np.empty(SCRATCH_SIZE, np.float32)
     for tile in tasks(counter, tiles.spacing.size):
         finest = np.inf
         # Project only runs that may make the grid finer.
         for run in tiles.member[tiles.start[tile] : tiles.start[tile + 1]]:
             if may_be_finer(runs.known[run], finest, style):
                 begin, count = start[run], start[run + 1] - start[run]
-                outline_batch(room, position, extinction, scale, begin, count, sight)
+                outline_batch(scratch, position, extinction, scale, begin, count, sight)
                 if planes.shape[0] > 0:
-                    clip_batch(room, position, scale, begin, count, sight, planes)
-                finest = min(finest, finest_of(room, count, tile, tiles, stage.screen.margin))
+                    clip_batch(scratch, position, scale, begin, count, sight, planes)
+                finest = min(finest, finest_of(scratch, count, tile, tiles, stage.screen.margin))
         tiles.spacing[tile] = finest
 
 
@@ -220,11 +220,11 @@ def form(
 ) -> None:
     """Project the ready samples, batch by batch."""
     position, planes = np.empty(3 * BATCH, np.float32), stage.screen.planes
-    every, room, samples, style = pool.ready, pool.room, runs.samples, stage.style
+    every, scratch, samples, style = pool.ready, pool.scratch, runs.samples, stage.style
     # Gather the batch and project it with exact footprints.
     for first in range(0, count, BATCH):
-        size, begin = min(BATCH, count - first), first // BATCH * ROOM
-        ready, batch = every[first : first + size], room[begin : begin + ROOM]
+        size, begin = min(BATCH, count - first), first // BATCH * SCRATCH_SIZE
+        ready, batch = every[first : first + size], scratch[begin : begin + SCRATCH_SIZE]
         gather(ready, samples, position, batch)
         scale = gather_sizes(batch, ready, samples.scale)
         form_batch(batch, position, scale, size, sight, window)
@@ -246,7 +246,7 @@ def form(
             stand_alone(batch, position, scale, size, sight, n, stage.tables.footprint)
     # Tint after points are chosen, as they keep their colors.
     if mixture is not None and style.tint_red >= 0.0:
-        tint_splats(room, count, style)
+        tint_splats(scratch, count, style)
 
 
 @kernel
@@ -261,7 +261,7 @@ def _paint_samples(
     tally: Tally,
 ) -> None:
     """Paint samples in order, and tally those at home in the tile that are not hidden."""
-    (rows, open_groups, sheet, limits), room = ground, pool.room
+    (rows, open_groups, sheet, limits), scratch = ground, pool.scratch
     place, step = window.place, np.float32(1.0 / window.place.subpixels)
     every, at_home, points = pool.offset, 0, 0
     # Paint up to the next occlusion check.
@@ -272,7 +272,7 @@ def _paint_samples(
         end = last = min(first + BETWEEN_LOOKS, count)
         # Stop where a sheet of points that lies in front must be composited.
         if mixture is not None:
-            end = first + before_sheet(sheet, room, every[first:last], stage)
+            end = first + before_sheet(sheet, scratch, every[first:last], stage)
         while n < last:
             # Composite the sheet when its turn has come.
             if n == end:
@@ -281,23 +281,23 @@ def _paint_samples(
             # Paint splats up to the first sample that is none.
             offset = every[n:end]
             painted, found = paint_splats_on_rows(
-                rows, open_groups, room, offset, step, formula, limits, mixture
+                rows, open_groups, scratch, offset, step, formula, limits, mixture
             )
             at_home += found
             n += painted
             if painted == offset.size:
                 continue
             # Add a point to its sheet; a new sheet ends before the next splat behind it.
-            if mixture is not None and room[np.uint64(every[n]) + CUT] == POINT:
+            if mixture is not None and scratch[np.uint64(every[n]) + CUT] == POINT:
                 is_new = is_empty(sheet)
-                points += add_among(sheet, rows, open_groups, room, every[n], place, stage)
+                points += add_among(sheet, rows, open_groups, scratch, every[n], place, stage)
                 if is_new:
-                    end = n + before_sheet(sheet, room, every[n:last], stage)
+                    end = n + before_sheet(sheet, scratch, every[n:last], stage)
                 n += 1
             else:
                 # Paint a splat that a plane cuts.
                 at_home += paint_cut_splat_on_rows(
-                    rows, open_groups, room, every[n], place, stage, limits
+                    rows, open_groups, scratch, every[n], place, stage, limits
                 )
                 n += 1
     tally[0] += points
@@ -336,8 +336,8 @@ def _paint_tile(
         queue, count = make_ready(pool, queue, members, runs.known)
         form(pool, count, runs, sight, window, stage, mixture)
         if mixture is None and stage.style.tint_red >= 0.0:
-            tint_splats(pool.room, count, stage.style)
-        put_in_order(pool.ready[:count], pool.room, pool.offset)
+            tint_splats(pool.scratch, count, stage.style)
+        put_in_order(pool.ready[:count], pool.scratch, pool.offset)
         # Paint them, then check what is opaque by now.
         _paint_samples(ground, pool, count, window, stage, formula, mixture, tally)
         is_any_open = close_rows(open_groups, rows, window.width, limits.opaque)
@@ -419,22 +419,22 @@ def count_points(counter: Counter, tiles: Tiles, runs: Runs, stage: Stage, count
     style, start, planes = stage.style, runs.start, stage.screen.planes
     position, extinction = runs.samples.position.reshape(-1), runs.samples.extinction
     sight = sight_of(stage, reach_of(style, stage.ellipsoid.radius))
-    room, tile_rows = np.empty(ROOM, np.float32), tiles.spacing.size // tiles.columns
+    scratch, tile_rows = np.empty(SCRATCH_SIZE, np.float32), tiles.spacing.size // tiles.columns
     scale = runs.samples.scale
     for chunk in tasks(counter, CHUNKS):
         size = runs.known.size
         for run in range(size * chunk // CHUNKS, size * (chunk + 1) // CHUNKS):
             begin, many = start[run], start[run + 1] - start[run]
             # Outline the run.
-            outline_batch(room, position, extinction, scale, begin, many, sight)
+            outline_batch(scratch, position, extinction, scale, begin, many, sight)
             if planes.shape[0] > 0:
-                clip_batch(room, position, scale, begin, many, sight, planes)
+                clip_batch(scratch, position, scale, begin, many, sight, planes)
             # Look up the grid of the tile that holds the center, and compare the spacing there.
             for n in range(many):
                 k = np.uint64(n)
-                if room[k + LEFT] <= room[k + RIGHT] and room[k + CUT] == 0.0:
-                    column = int(max(0.0, min(tiles.columns - 1.0, room[k + X] // tiles.size)))
-                    row = int(max(0.0, min(tile_rows - 1.0, room[k + Y] // tiles.size)))
+                if scratch[k + LEFT] <= scratch[k + RIGHT] and scratch[k + CUT] == 0.0:
+                    column = int(max(0.0, min(tiles.columns - 1.0, scratch[k + X] // tiles.size)))
+                    row = int(max(0.0, min(tile_rows - 1.0, scratch[k + Y] // tiles.size)))
                     finest = grid(tiles.spacing[row * tiles.columns + column], style)
-                    is_point = room[k + SPACING] * np.float32(finest) <= style.threshold
+                    is_point = scratch[k + SPACING] * np.float32(finest) <= style.threshold
                     count[chunk] += 1 if is_point else 0

@@ -31,7 +31,7 @@ from resample.engine.ellipsoids.outlines import (
     OPACITY,
     RED,
     RIGHT,
-    ROOM,
+    SCRATCH_SIZE,
     SPACING,
     TOP,
     A,
@@ -399,7 +399,7 @@ def choose_points(room: Floats, count: int, window: Window, style: Style) -> Non
 def tint_splats(room: Floats, count: int, style: Style) -> None:
     """Give splats, batch after batch, the marker's color; points keep their own."""
     for n in range(count):
-        k = np.uint64(n // BATCH * ROOM + n % BATCH)
+        k = np.uint64(n // BATCH * SCRATCH_SIZE + n % BATCH)
         if room[k + CUT] != POINT:
             # Keep the brightness.
             brightest = max(room[k + RED], room[k + GREEN], room[k + BLUE])

@@ -17,7 +17,7 @@ from resample.engine.ellipsoids.outlines import (
     LEFT,
     NO_REACH,
     RIGHT,
-    ROOM,
+    SCRATCH_SIZE,
     SPACING,
     TOP,
     Sight,
@@ -196,7 +196,7 @@ def outline_point_runs(
     counter: Counter, known: Records, start: Indices, samples: Samples, stage: Stage
 ) -> None:
     """Fill in records of runs (R,) of at most BATCH samples, which begin at `start` (R + 1,)."""
-    room = np.empty(ROOM, np.float32)
+    room = np.empty(SCRATCH_SIZE, np.float32)
     for chunk in tasks(counter, CHUNKS):
         first, last = known.size * chunk // CHUNKS, known.size * (chunk + 1) // CHUNKS
         # Project short runs together, as many as fit in a batch.
@@ -214,7 +214,7 @@ def outline_point_runs(
 @parallel_kernel
 def find_point_spacings(counter: Counter, tiles: Tiles, runs: Runs, stage: Stage) -> None:
     """Find each tile's smallest spacing of samples, as exactly as its grid depends on it."""
-    room, start = np.empty(ROOM, np.float32), runs.start
+    room, start = np.empty(SCRATCH_SIZE, np.float32), runs.start
     for tile in tasks(counter, tiles.spacing.size):
         finest = np.inf
         # Project only runs that may make the grid finer.

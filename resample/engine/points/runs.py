@@ -68,7 +68,7 @@ X, Y, ROW, COLUMN, SHEET, PER_REACH, AMOUNT, BEHIND, COVER, TOTAL_X, TOTAL_Y, HO
     np.uint64(number * BATCH) for number in range(13)
 )
 DOWN = ACROSS + np.uint64(MOST_TAPS * BATCH)
-ROOM = (13 + 2 * MOST_TAPS) * BATCH
+SCRATCH_SIZE = (13 + 2 * MOST_TAPS) * BATCH
 STEP = np.uint64(BATCH)
 NOWHERE = 1e9  # column of a sample that is not painted
 
@@ -78,7 +78,7 @@ Tally = NDArray[np.int64]  # (T, 4) or one row of it: points, splats, hidden, su
 
 @kernel
 def place_points(
-    room: Doubles,
+    scratch: Doubles,
     position: Floats,
     extinction: Floats,
     begin: int,
@@ -130,45 +130,45 @@ def place_points(
         pad = reach * per_side
         is_home = (x >= first_x) & (x < last_x) & (y >= first_y) & (y < last_y) & is_painted
         is_home &= (x + pad >= low) & (x - pad <= high_x) & (y + pad >= low) & (y - pad <= high_y)
-        room[k + HOME] = 1.0 if is_home else 0.0
+        scratch[k + HOME] = 1.0 if is_home else 0.0
         # Find its first sub-pixel, and write the columns.
         x, y = (x - place.x) * n_side, (y - place.y) * n_side
         column, row = np.floor(x - reach + 0.5), np.floor(y - reach + 0.5)
-        room[k + X] = column + 0.5 - x
-        room[k + Y] = row + 0.5 - y
-        room[k + COLUMN] = column if is_painted else NOWHERE
-        room[k + ROW] = row
-        room[k + PER_REACH] = one / reach
-        room[k + SHEET] = sheet
-        room[k + AMOUNT] = amount
-        room[k + BEHIND] = amount * (np.float32(center[2]) / layer - sheet)
-        room[k + COVER] = area
+        scratch[k + X] = column + 0.5 - x
+        scratch[k + Y] = row + 0.5 - y
+        scratch[k + COLUMN] = column if is_painted else NOWHERE
+        scratch[k + ROW] = row
+        scratch[k + PER_REACH] = one / reach
+        scratch[k + SHEET] = sheet
+        scratch[k + AMOUNT] = amount
+        scratch[k + BEHIND] = amount * (np.float32(center[2]) / layer - sheet)
+        scratch[k + COVER] = area
 
 
 @kernel
 def drop_clipped(
-    room: Doubles, position: Floats, begin: int, count: int, eye: Eye, planes: Doubles
+    scratch: Doubles, position: Floats, begin: int, count: int, eye: Eye, planes: Doubles
 ) -> None:
     """Drop samples from a batch whose centers lie beyond a clipping plane (M, 5)."""
     for n in range(count):
         if is_clipped(position, begin + n, eye, planes):
             k = np.uint64(n)
-            room[k + COLUMN], room[k + HOME] = NOWHERE, 0.0
+            scratch[k + COLUMN], scratch[k + HOME] = NOWHERE, 0.0
 
 
 @kernel
-def leave_out_sheets(room: Doubles, count: int, carried: Carried) -> None:
+def leave_out_sheets(scratch: Doubles, count: int, carried: Carried) -> None:
     """Drop samples from a batch whose sheets are painted in other steps."""
     if in_steps(carried):
         for n in range(count):
             k = np.uint64(n)
-            if not carried.step.done <= room[k + SHEET] < carried.step.due:
-                room[k + COLUMN], room[k + HOME] = NOWHERE, 0.0
+            if not carried.step.done <= scratch[k + SHEET] < carried.step.due:
+                scratch[k + COLUMN], scratch[k + HOME] = NOWHERE, 0.0
 
 
 @kernel
 def _weigh(
-    room: Doubles,
+    scratch: Doubles,
     offset: np.uint64,
     to: np.uint64,
     total: np.uint64,
@@ -185,7 +185,7 @@ def _weigh(
         for n in range(count):
             k = np.uint64(n)
             # Evaluate the filter, a polynomial in the squared distance, by Estrin's scheme.
-            distance = np.float32((room[k + offset] + tap) * room[k + PER_REACH])
+            distance = np.float32((scratch[k + offset] + tap) * scratch[k + PER_REACH])
             v = distance * distance
             v2 = v * v
             v4 = v2 * v2
@@ -193,34 +193,34 @@ def _weigh(
             weight += v4 * ((p4 + v * p5) + v2 * (p6 + v * p7)) + v4 * (v4 * p8)
             # Round to whole quanta, so that sums do not depend on their order.
             rounded = (float(weight if v < one else zero) + ROUND_WEIGHT) - ROUND_WEIGHT
-            room[k + column] = rounded
-            room[k + total] = rounded if is_first else room[k + total] + rounded
+            scratch[k + column] = rounded
+            scratch[k + total] = rounded if is_first else scratch[k + total] + rounded
 
 
 @kernel
-def _share_out(room: Doubles, count: int) -> None:
+def _share_out(scratch: Doubles, count: int) -> None:
     """Normalize amounts by the sums of weights."""
     for n in range(count):
         k = np.uint64(n)
-        share = 1.0 / (room[k + TOTAL_X] * room[k + TOTAL_Y])
-        room[k + AMOUNT] *= share
-        room[k + BEHIND] *= share
-        room[k + COVER] *= share
+        share = 1.0 / (scratch[k + TOTAL_X] * scratch[k + TOTAL_Y])
+        scratch[k + AMOUNT] *= share
+        scratch[k + BEHIND] *= share
+        scratch[k + COVER] *= share
 
 
 @kernel
-def _fill_lines(amount: Doubles, room: Doubles, color: Floats, begin: int, count: int) -> None:
+def _fill_lines(amount: Doubles, scratch: Doubles, color: Floats, begin: int, count: int) -> None:
     """Write the eight amounts of each sample: the last two stay 0."""
     for n in range(count):
         k, line, sample = np.uint64(n), np.uint64(LINE * n), np.uint64(begin + n)
         # Opacity, colors times it, depth behind the sheet's front, and coverage.
-        opacity = room[k + AMOUNT]
+        opacity = scratch[k + AMOUNT]
         amount[line] = opacity
         amount[line + np.uint64(1)] = opacity * color[sample, 0]
         amount[line + np.uint64(2)] = opacity * color[sample, 1]
         amount[line + np.uint64(3)] = opacity * color[sample, 2]
-        amount[line + np.uint64(4)] = room[k + BEHIND]
-        amount[line + np.uint64(5)] = room[k + COVER]
+        amount[line + np.uint64(4)] = scratch[k + BEHIND]
+        amount[line + np.uint64(5)] = scratch[k + COVER]
 
 
 @kernel
@@ -228,7 +228,7 @@ def _spread_points(
     cells: Doubles,
     dirty: Dirty,
     ring: Ring,
-    room: Doubles,
+    scratch: Doubles,
     amount: Doubles,
     count: int,
     taps: int,
@@ -242,10 +242,10 @@ def _spread_points(
     # Skip points whose filter misses the canvas and its margin.
     for n in range(count):
         k = np.uint64(n)
-        row, column = int(room[k + ROW]) + ring.around, int(room[k + COLUMN]) + ring.around
+        row, column = int(scratch[k + ROW]) + ring.around, int(scratch[k + COLUMN]) + ring.around
         if row < 0 or row + taps > ring.rows or column < 0 or column + taps > ring.columns:
             continue
-        sheet = int(room[k + SHEET])
+        sheet = int(scratch[k + SHEET])
         # Points beside the view have no part in the run's key, and may lie in any sheet.
         if sheet < front or sheet >= front + SLOTS:
             continue
@@ -264,7 +264,7 @@ def _spread_points(
             amount,
             LINE * n,
             ROUND,
-            room,
+            scratch,
             n + int(ACROSS),
             n + int(DOWN),
             BATCH,
@@ -340,7 +340,7 @@ def paint_point_runs(
     position, extinction = samples.position.reshape(-1), samples.extinction
     layer, opaque = np.float32(form.layer), np.float32(stage.style.opaque)
     cells = np.zeros(SLOTS * size * size * 8, np.float64)
-    room, amount = np.empty(ROOM, np.float64), np.zeros(LINE * BATCH, np.float64)
+    scratch, amount = np.empty(SCRATCH_SIZE, np.float64), np.zeros(LINE * BATCH, np.float64)
     for k in tasks(counter, turn.size):
         tile = turn[k]
         members = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
@@ -371,18 +371,18 @@ def paint_point_runs(
                     break
             if is_run_open(known[run], place, height, width, open_groups):
                 begin, count = start[run], start[run + 1] - start[run]
-                place_points(room, position, extinction, begin, count, sight, own, form)
+                place_points(scratch, position, extinction, begin, count, sight, own, form)
                 if planes.shape[0] > 0:
-                    drop_clipped(room, position, begin, count, sight.optics.eye, planes)
-                leave_out_sheets(room, count, carried)
-                _weigh(room, X, ACROSS, TOTAL_X, count, taps, profile)
-                _weigh(room, Y, DOWN, TOTAL_Y, count, taps, profile)
-                _share_out(room, count)
-                _fill_lines(amount, room, samples.color, begin, count)
-                last = _spread_points(cells, dirty, ring, room, amount, count, taps, front, slot)
+                    drop_clipped(scratch, position, begin, count, sight.optics.eye, planes)
+                leave_out_sheets(scratch, count, carried)
+                _weigh(scratch, X, ACROSS, TOTAL_X, count, taps, profile)
+                _weigh(scratch, Y, DOWN, TOTAL_Y, count, taps, profile)
+                _share_out(scratch, count)
+                _fill_lines(amount, scratch, samples.color, begin, count)
+                last = _spread_points(cells, dirty, ring, scratch, amount, count, taps, front, slot)
                 behind = max(behind, last)
                 for number in range(count):
-                    tally[tile, 0] += int(room[np.uint64(number) + HOME])
+                    tally[tile, 0] += int(scratch[np.uint64(number) + HOME])
         while front <= behind:
             if is_any_open:
                 scales = _scales(form, front)

@@ -140,7 +140,7 @@ class Seen(NamedTuple):
     window: Window
 
 
-class Sums(NamedTuple):
+class SlabScratch(NamedTuple):
     """Scratch of a thread, which its tiles use one after the other."""
 
     work: Floats
@@ -340,14 +340,16 @@ def _add_ready(
             pool.ready[first:last],
             pool.other[first:last],
             pool.offset[:size],
-            pool.room,
+            pool.scratch,
             pool.found,
             pool.outline,
         )
         form(sheet, size, runs, sight, window, ready.stage, mixture)
-        put_in_order(sheet.ready, sheet.room, sheet.offset)
+        put_in_order(sheet.ready, sheet.scratch, sheet.offset)
         # Add them, and tally those at home.
-        sweep, points, splats = _add(blend, canvas, way, sweep, sheet.room, sheet.offset, mixture)
+        sweep, points, splats = _add(
+            blend, canvas, way, sweep, sheet.scratch, sheet.offset, mixture
+        )
         tally[0] += share * points
         tally[1] += share * splats
         # Close a sheet of whole splats at once.
@@ -424,7 +426,7 @@ def paint_summed_runs(
     integral, summed, blend = ways
     style, tables, pairs = stage.style, stage.tables, _most_pairs(turn, tiles, stage)
     reach, sight = math.sqrt(shape.covariance[2][2]), sight_of(stage, beyond_of(mixture, stage))
-    own = Sums(
+    own = SlabScratch(
         aligned(WORK),
         new_sums(summed.ring, pairs),
         np.empty(pairs * PAIR, np.float32),

@@ -65,7 +65,7 @@ def _far_weights(
     parts: tuple[Single, Single],
     apart: int,
     share: Single,
-    room: Floats,
+    scratch: Floats,
     first: int,
 ) -> None:
     """As `weights`, for a side so long that the tables' transitions at its ends do not overlap."""
@@ -76,15 +76,15 @@ def _far_weights(
         a, b = low + min(k, taps), high + max(k - apart, -1)
         start = table[a] + parts[0] * (table[a + stride] - table[a])
         end = table[b] + parts[1] * (table[b + stride] - table[b])
-        room[first + k] = share * (end - start)
-    _clear(room, first + taps + apart)
+        scratch[first + k] = share * (end - start)
+    _clear(scratch, first + taps + apart)
 
 
 @inner_step
-def _clear(room: Floats, first: int) -> None:
+def _clear(scratch: Floats, first: int) -> None:
     """Zero the weights up to the next multiple of eight."""
     for k in range(first, first + 7):
-        room[k] = np.float32(0)
+        scratch[k] = np.float32(0)
 
 
 @inner_step
@@ -93,10 +93,10 @@ def weights(
     side: tuple[float, float],
     size: int,
     share: Single,
-    room: Floats,
+    scratch: Floats,
     first: int,
 ) -> tuple[int, int]:
-    """Compute weights of the samples along an axis for one side of a box, into `room`.
+    """Compute weights of the samples along an axis for one side of a box, into `scratch`.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def weights(
     share
         What the weights sum to.
     first
-        Where in `room` they begin.
+        Where in `scratch` they begin.
 
     Returns
     -------
@@ -130,19 +130,19 @@ def weights(
     factor = share / np.float32(extent)
     # Long sides need no table between their ends.
     if apart > ONES:
-        _far_weights(integral, (row_low, row_high), (f, g), apart, factor, room, first)
+        _far_weights(integral, (row_low, row_high), (f, g), apart, factor, scratch, first)
         return at_low - before, taps + apart
     # Short ones: differences of two rows of the table, eight weights at a time.
     a = np.uint64(row_low * stride + ONES)
     b = np.uint64(row_high * stride + ONES - apart)
-    _eight_weights(table, (a, b), np.uint64(stride), (f, g), factor, room, np.uint64(first))
+    _eight_weights(table, (a, b), np.uint64(stride), (f, g), factor, scratch, np.uint64(first))
     for eight in range(1, (taps + apart + 7) >> 3):
         o = np.uint64(eight << 3)
         at = a + o, b + o
-        _eight_weights(table, at, np.uint64(stride), (f, g), factor, room, np.uint64(first) + o)
+        _eight_weights(table, at, np.uint64(stride), (f, g), factor, scratch, np.uint64(first) + o)
     # The last eight may have read the tables' next rows.
     if taps + apart > ONES:
-        _clear(room, first + taps + apart)
+        _clear(scratch, first + taps + apart)
     return at_low - before, taps + apart
 
 
@@ -164,7 +164,7 @@ def _eight_weights(
     stride: Place,
     parts: tuple[Single, Single],
     factor: Single,
-    room: Floats,
+    scratch: Floats,
     first: Place,
 ) -> None:
     """Compute eight weights, all read before any is written, so that they are vectorized."""
@@ -176,27 +176,27 @@ def _eight_weights(
     f = factor * _difference(table, at, stride, parts, 5)
     g = factor * _difference(table, at, stride, parts, 6)
     h = factor * _difference(table, at, stride, parts, 7)
-    _put_eight(room, first, (a, b, c, d, e, f, g, h))
+    _put_eight(scratch, first, (a, b, c, d, e, f, g, h))
 
 
 @inner_step
-def _put_eight(room: Floats, first: Place, eight: tuple[Single, ...]) -> None:
+def _put_eight(scratch: Floats, first: Place, eight: tuple[Single, ...]) -> None:
     a, b, c, d, e, f, g, h = eight
-    room[first], room[first + np.uint64(1)] = a, b
-    room[first + np.uint64(2)], room[first + np.uint64(3)] = c, d
-    room[first + np.uint64(4)], room[first + np.uint64(5)] = e, f
-    room[first + np.uint64(6)], room[first + np.uint64(7)] = g, h
+    scratch[first], scratch[first + np.uint64(1)] = a, b
+    scratch[first + np.uint64(2)], scratch[first + np.uint64(3)] = c, d
+    scratch[first + np.uint64(4)], scratch[first + np.uint64(5)] = e, f
+    scratch[first + np.uint64(6)], scratch[first + np.uint64(7)] = g, h
 
 
 @inner_step
 def _eight_columns(
-    flat: Floats, at: Place, stride: Place, room: Floats, count: int
+    flat: Floats, at: Place, stride: Place, scratch: Floats, count: int
 ) -> tuple[Single, ...]:
     """Column sums of eight contiguous numbers over a window's rows, weighted by room[WIDE:]."""
     # Eight accumulators stay in registers.
     a = b = c = d = e = f = g = h = np.float32(0)
     for row in range(count):
-        w = room[np.uint64(WIDE) + np.uint64(row)]
+        w = scratch[np.uint64(WIDE) + np.uint64(row)]
         a += w * flat[at]
         b += w * flat[at + np.uint64(1)]
         c += w * flat[at + np.uint64(2)]
@@ -210,28 +210,28 @@ def _eight_columns(
 
 
 @inner_step
-def _dot_of_eight(room: Floats, first: Place, eight: tuple[Single, ...]) -> Single:
+def _dot_of_eight(scratch: Floats, first: Place, eight: tuple[Single, ...]) -> Single:
     """Weighted sum of eight numbers; pairwise, for shorter dependency chains."""
     a, b, c, d, e, f, g, h = eight
-    a, b = a * room[first], b * room[first + np.uint64(1)]
-    c, d = c * room[first + np.uint64(2)], d * room[first + np.uint64(3)]
-    e, f = e * room[first + np.uint64(4)], f * room[first + np.uint64(5)]
-    g, h = g * room[first + np.uint64(6)], h * room[first + np.uint64(7)]
+    a, b = a * scratch[first], b * scratch[first + np.uint64(1)]
+    c, d = c * scratch[first + np.uint64(2)], d * scratch[first + np.uint64(3)]
+    e, f = e * scratch[first + np.uint64(4)], f * scratch[first + np.uint64(5)]
+    g, h = g * scratch[first + np.uint64(6)], h * scratch[first + np.uint64(7)]
     return ((a + e) + (c + g)) + ((b + f) + (d + h))
 
 
 @inner_step
-def _add_columns(room: Floats, count: int, channels: int, total: Floats) -> None:
+def _add_columns(scratch: Floats, count: int, channels: int, total: Floats) -> None:
     """Add a window's column sums, weighted along u, to a pixel's channels."""
     # Three channels in one loop.
     if channels == 3:
         a = b = c = np.float32(0)
         for n in range(count):
             at = np.uint64(2 * WIDE) + np.uint64(3) * np.uint64(n)
-            w = room[np.uint64(n)]
-            a += w * room[at]
-            b += w * room[at + np.uint64(1)]
-            c += w * room[at + np.uint64(2)]
+            w = scratch[np.uint64(n)]
+            a += w * scratch[at]
+            b += w * scratch[at + np.uint64(1)]
+            c += w * scratch[at + np.uint64(2)]
         total[0] += a
         total[1] += b
         total[2] += c
@@ -240,13 +240,13 @@ def _add_columns(room: Floats, count: int, channels: int, total: Floats) -> None
     for channel in range(channels):
         a = np.float32(0)
         for n in range(count):
-            a += room[n] * room[2 * WIDE + n * channels + channel]
+            a += scratch[n] * scratch[2 * WIDE + n * channels + channel]
         total[channel] += a
 
 
 @inner_step
 def add_mean(
-    plate: Plate, integral: Integral, box: Rect, share: Single, room: Floats, total: Floats
+    plate: Plate, integral: Integral, box: Rect, share: Single, scratch: Floats, total: Floats
 ) -> None:
     """Add the mean of a grid over a box, times a share, to the channels `total`.
 
@@ -255,13 +255,13 @@ def add_mean(
     box
         In the grid's own coordinates: its first sample covers 0..1. It is moved onto the grid.
     room
-        Scratch of `room_for` numbers.
+        Scratch of `scratch_size` numbers.
     """
     # Weights along both axes; the share is in those along v.
     flat, _, _, rows, columns, channels, there, before = plate
     one = np.float32(1)
-    left, wide = weights(integral, (box.u, box.wide), columns, one, room, 0)
-    top, high = weights(integral, (box.v, box.high), rows, share, room, WIDE)
+    left, wide = weights(integral, (box.u, box.wide), columns, one, scratch, 0)
+    top, high = weights(integral, (box.v, box.high), rows, share, scratch, WIDE)
     # First number of the window.
     at = np.uint64((top * there + left) * channels - before)
     stride = np.uint64(there * channels)
@@ -269,17 +269,19 @@ def add_mean(
     if channels == 1:
         for eight in range((wide + 7) >> 3):
             o = np.uint64(eight << 3)
-            total[0] += _dot_of_eight(room, o, _eight_columns(flat, at + o, stride, room, high))
+            total[0] += _dot_of_eight(
+                scratch, o, _eight_columns(flat, at + o, stride, scratch, high)
+            )
         return
     # Several channels: sum the columns into the scratch, then across them.
     for eight in range((wide * channels + 7) >> 3):
         o = np.uint64(eight << 3)
-        sums = _eight_columns(flat, at + o, stride, room, high)
-        _put_eight(room, np.uint64(2 * WIDE) + o, sums)
-    _add_columns(room, wide, channels, total)
+        sums = _eight_columns(flat, at + o, stride, scratch, high)
+        _put_eight(scratch, np.uint64(2 * WIDE) + o, sums)
+    _add_columns(scratch, wide, channels, total)
 
 
 @inner_kernel
-def room_for(channels: int) -> int:
+def scratch_size(channels: int) -> int:
     """Size of the scratch that `add_mean` needs."""
     return 2 * WIDE + WIDE * channels + SPARE

@@ -197,7 +197,7 @@ def _place_in(part: Part, u: float, v: float, channels: int) -> tuple[Place, Sin
 
 
 @kernel
-def room_for_corners(channels: int) -> Corners:
+def corner_scratch(channels: int) -> Corners:
     """Allocate scratch for the corners of a tile."""
     most, beside = max(MOST, 4 * channels), max(MOST_BESIDE, 3 * channels)
     low, high = np.empty(most, np.float32), np.empty(most, np.float32)

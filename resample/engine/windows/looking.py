@@ -21,19 +21,19 @@ from resample.engine.windows.boxes import (
     Plate,
     Rect,
     add_mean,
-    room_for,
+    scratch_size,
 )
 from resample.engine.windows.edges import TRANSPARENT, folded
 from resample.engine.windows.limits import (
     Corners,
     Limits,
     Part,
+    corner_scratch,
     fill_corners,
     keep_within,
     keep_within_mean,
     part_around,
     part_of,
-    room_for_corners,
 )
 from resample.engine.windows.polygons import MOST_CORNERS, area, cut_to
 from resample.types import Doubles, Floats, Single
@@ -72,10 +72,10 @@ class View(NamedTuple):
     limits: Limits
 
 
-class Room(NamedTuple):
+class PixelScratch(NamedTuple):
     """Scratch for one pixel."""
 
-    weights: Floats  # see `boxes.room_for`
+    weights: Floats  # see `boxes.scratch_size`
     total: Floats  # (C,)
     polygon: Doubles  # (MOST_CORNERS, 2)
     spare: Doubles
@@ -118,7 +118,7 @@ def parts_of(seen: Seen, finest: float) -> tuple[int, int]:
 
 
 @inner_step
-def _add_part(view: View, seen: Seen, share: Single, room: Room) -> None:
+def _add_part(view: View, seen: Seen, share: Single, scratch: PixelScratch) -> None:
     """Add a parallelogram as a box, or as two boxes that are apart along its slant."""
     # Second moments, times 12, and the center on the plate.
     (ux, vx), (uy, vy) = seen.along_x, seen.along_y
@@ -136,7 +136,7 @@ def _add_part(view: View, seen: Seen, share: Single, room: Room) -> None:
     wide, high = math.sqrt(uu), math.sqrt(vv)
     for _ in range(boxes):
         box = Rect(u + apart_u, v + apart_v, wide, high)
-        add_mean(view.plate, view.integral, box, share, room.weights, room.total)
+        add_mean(view.plate, view.integral, box, share, scratch.weights, scratch.total)
         apart_u, apart_v = -apart_u, -apart_v
 
 
@@ -155,12 +155,12 @@ def _part(seen: Seen, counts: tuple[int, int], n: int) -> Seen:
 
 
 @inner_kernel
-def _add_parts(view: View, seen: Seen, room: Room) -> None:
+def _add_parts(view: View, seen: Seen, scratch: PixelScratch) -> None:
     """Add all parts of a pixel, with equal weights."""
     counts = parts_of(seen, view.finest)
     each = np.float32(1.0 / (counts[0] * counts[1]))
     for n in range(counts[0] * counts[1]):
-        _add_part(view, _part(seen, counts, n), each, room)
+        _add_part(view, _part(seen, counts, n), each, scratch)
 
 
 @inner_step
@@ -187,7 +187,7 @@ def _is_within(view: View, seen: Seen) -> bool:
 
 
 @inner_kernel
-def _share_within(view: View, seen: Seen, room: Room) -> float:
+def _share_within(view: View, seen: Seen, scratch: PixelScratch) -> float:
     """Share of a pixel's footprint that lies on the source."""
     # Cull by the bounding box.
     height, width = float(view.size[0]), float(view.size[1])
@@ -197,7 +197,7 @@ def _share_within(view: View, seen: Seen, room: Room) -> float:
     if is_outside or seen.v + reach_v <= 0.0 or seen.v - reach_v >= height:
         return 0.0
     # Corners of the parallelogram, in order.
-    polygon = room.polygon
+    polygon = scratch.polygon
     for k in range(4):
         x, y = -0.5 if k in (1, 2) else 0.5, -0.5 if k > 1 else 0.5
         polygon[k, 0], polygon[k, 1] = seen.u + x * ux + y * uy, seen.v + x * vx + y * vy
@@ -206,15 +206,15 @@ def _share_within(view: View, seen: Seen, room: Room) -> float:
     if whole <= 0.0:
         return 1.0 if 0.0 <= seen.u <= width and 0.0 <= seen.v <= height else 0.0
     # Clip to the source, and compare areas.
-    count = cut_to(polygon, room.spare, 4, (0.0, 0.0, width, height))
+    count = cut_to(polygon, scratch.spare, 4, (0.0, 0.0, width, height))
     share = area(polygon, count) / whole
     return 0.0 if share < NEARLY else 1.0 if share > 1.0 - NEARLY else share
 
 
 @inner_kernel
-def _look_within(view: View, seen: Seen, room: Room) -> float:
+def _look_within(view: View, seen: Seen, scratch: PixelScratch) -> float:
     """Mean over the part of a footprint on the source, where an edge crosses it; and its share."""
-    share = _share_within(view, seen, room)
+    share = _share_within(view, seen, scratch)
     if share <= 0.0:
         return 0.0
     height, width = float(view.size[0]), float(view.size[1])
@@ -224,37 +224,37 @@ def _look_within(view: View, seen: Seen, room: Room) -> float:
     for n in range(counts[0] * counts[1]):
         part = _part(seen, counts, n)
         if 0.0 <= part.u <= width and 0.0 <= part.v <= height:
-            _add_part(view, part, np.float32(1), room)
+            _add_part(view, part, np.float32(1), scratch)
             inside += 1
     # If none does, take one part at the nearest position of the source.
     if inside == 0:
         part = _part(seen, counts, 0)
         u, v = min(max(seen.u, 0.0), width), min(max(seen.v, 0.0), height)
-        _add_part(view, Seen(u, v, part.along_x, part.along_y), np.float32(1), room)
+        _add_part(view, Seen(u, v, part.along_x, part.along_y), np.float32(1), scratch)
     # Normalize by their number.
     each = np.float32(1.0 / max(inside, 1))
-    for c in range(room.total.size):
-        room.total[c] *= each
+    for c in range(scratch.total.size):
+        scratch.total[c] *= each
     return share
 
 
 @inner_step
-def _look(view: View, seen: Seen, room: Room) -> float:
+def _look(view: View, seen: Seen, scratch: PixelScratch) -> float:
     """Mean over a pixel's footprint; return its coverage."""
-    for c in range(room.total.size):
-        room.total[c] = np.float32(0)
+    for c in range(scratch.total.size):
+        scratch.total[c] = np.float32(0)
     # Footprints that are NaN or very far away are empty.
     if not (abs(seen.u) <= FARTHEST and abs(seen.v) <= FARTHEST):
         return 0.0
     # At a transparent edge, only a share of the footprint counts.
     if not _is_within(view, seen):
-        return _look_within(view, seen, room)
+        return _look_within(view, seen, scratch)
     # Elsewhere, fold the footprint into the grid, and add it whole or in parts.
     placed = _place(view, seen)
     if is_box(placed, view.finest):
-        _add_part(view, placed, np.float32(1), room)
+        _add_part(view, placed, np.float32(1), scratch)
     else:
-        _add_parts(view, placed, room)
+        _add_parts(view, placed, scratch)
     return 1.0
 
 
@@ -277,12 +277,12 @@ def _longer_side(seen: Seen) -> tuple[float, float]:
 
 
 @inner_kernel
-def _part_around(view: View, seen: Seen, room: Room) -> tuple[Part, float, float]:
+def _part_around(view: View, seen: Seen, scratch: PixelScratch) -> tuple[Part, float, float]:
     """Compute the limits around one pixel, and its position in them."""
     placed, plain = _place(view, seen), view.limits.plain
     u, v = placed.u - plain.left, placed.v - plain.top
     part = part_around(view.limits, u, v)
-    fill_corners(view.limits, part, room.corners)
+    fill_corners(view.limits, part, scratch.corners)
     return part, u, v
 
 
@@ -294,7 +294,7 @@ def _fill_tile(
     bounds: Doubles,
     image: Floats,
     covered: Floats,
-    room: Room,
+    scratch: PixelScratch,
 ) -> None:
     """Fill one tile of the target."""
     # Compute limits for the whole tile, if they fit; else pixel by pixel.
@@ -306,30 +306,30 @@ def _fill_tile(
         for column in range(tile[LEFT], tile[RIGHT]):
             # Gather the mean over the footprint.
             seen = seen_at(look, row, column)
-            coverage = np.float32(_look(view, seen, room))
+            coverage = np.float32(_look(view, seen, scratch))
             # Clamp small footprints to the limits at their center.
             if coverage > 0.0 and has_limits and _is_small(seen):
                 u, v = seen.u - left, seen.v - top
                 if is_apart:
-                    part, u, v = _part_around(view, seen, room)
+                    part, u, v = _part_around(view, seen, scratch)
                 elif not is_filled:
-                    fill_corners(view.limits, part, room.corners)
+                    fill_corners(view.limits, part, scratch.corners)
                     is_filled = True
-                keep_within(room.corners, part, u, v, room.total)
+                keep_within(scratch.corners, part, u, v, scratch.total)
             elif coverage > 0.0 and has_limits and not is_apart:
                 # Clamp long, thin ones to the mean of the limits along them.
                 side = _longer_side(seen)
                 if side[0] != 0.0 or side[1] != 0.0:
                     # Limits of the tile are computed when first needed.
                     if not is_filled:
-                        fill_corners(view.limits, part, room.corners)
+                        fill_corners(view.limits, part, scratch.corners)
                         is_filled = True
                     at = seen.u - left, seen.v - top
-                    keep_within_mean(room.corners, part, at, side, room.total)
+                    keep_within_mean(scratch.corners, part, at, side, scratch.total)
             # Store, premultiplied by coverage.
             covered[row, column] = coverage
             for c in range(image.shape[2]):
-                image[row, column, c] = coverage * room.total[c]
+                image[row, column, c] = coverage * scratch.total[c]
 
 
 @kernel
@@ -356,10 +356,10 @@ def look_from_tiles(
     # Allocate the scratch of this thread.
     channels = image.shape[2]
     polygon, spare = np.empty((MOST_CORNERS, 2)), np.empty((MOST_CORNERS, 2))
-    weights, total = np.empty(room_for(channels), np.float32), np.empty(channels, np.float32)
-    room = Room(weights, total, polygon, spare, room_for_corners(channels))
+    weights, total = np.empty(scratch_size(channels), np.float32), np.empty(channels, np.float32)
+    scratch = PixelScratch(weights, total, polygon, spare, corner_scratch(channels))
     for n in tasks(counter, tiles.shape[0]):
-        _fill_tile(look, view, tiles[n], bounds[n], image, covered, room)
+        _fill_tile(look, view, tiles[n], bounds[n], image, covered, scratch)
 
 
 class Extent(NamedTuple):

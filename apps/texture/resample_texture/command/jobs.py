@@ -34,7 +34,7 @@ from resample.words import one_line
 from resample_texture.command.choices import Besides, Warping, region
 from resample_texture.command.inputs import Aim, Target
 from resample_texture.command.large import Destination, Large, large_picture
-from resample_texture.command.needs import require_room
+from resample_texture.command.needs import check_memory
 from resample_texture.command.rendering import report, sees_all, warped
 
 NOTHING = np.zeros((0, 0, 0), np.float32)
@@ -53,7 +53,7 @@ class Job:
         """Return the target of a picture."""
         return self.aim((picture.data.shape[0], picture.data.shape[1]))
 
-    def require_room(self, source: Place | Picture, output: Path) -> None:
+    def check_memory(self, source: Place | Picture, output: Path) -> None:
         """Refuse a warp that does not fit into memory, before a file's pixels are read.
 
         Raises
@@ -67,7 +67,7 @@ class Job:
             (height, width, count), kind = form_of(source)
         shape = self.aim((height, width)).shape if self.roi is None else (self.roi[3], self.roi[2])
         form = height, width, count
-        require_room(form, shape, self.warping, output, has_alpha=kind.has_alpha)
+        check_memory(form, shape, self.warping, output, has_alpha=kind.has_alpha)
 
     def warped(
         self,
@@ -220,7 +220,7 @@ def _warp_picture(
     if large is not None:
         return _warp_large(session, large, output, job, coverage, bar)
     with session.stage("read"):
-        job.require_room(source, output)
+        job.check_memory(source, output)
         picture = read_picture(source, as_data=True)
         target = job.target(picture)
     job.check(picture, target, output)
@@ -241,7 +241,7 @@ def _warp_large(
     check_source(output, Picture(NOTHING, kept.kind, kept.about), job.look)
     check_output(output, job.look, transparent=large.kind.has_alpha)
     height, width = large.shape
-    require_room(large.form.shape, large.shape, job.warping, output, in_strips=large.in_strips)
+    check_memory(large.form.shape, large.shape, job.warping, output, in_strips=large.in_strips)
     has_nans = False
     with ExitStack() as files:
         put = files.enter_context(writing_rows(output, height, job.look))
@@ -267,7 +267,7 @@ def _warped_frames(
     """Yield the warped pictures of a file."""
     for n, picture in enumerate(frames.read()):
         if n == 0:
-            job.require_room(picture, output)
+            job.check_memory(picture, output)
         result, _ = job.warped(session, picture, job.target(picture), output, None)
         if n == 0:
             nans = bool(np.isnan(result.data).any())

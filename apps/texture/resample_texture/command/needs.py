@@ -29,7 +29,7 @@ class InStrips(NamedTuple):
     strip: int  # values drawn at a time
 
 
-def require_room(
+def check_memory(
     form: tuple[int, int, int],
     shape: tuple[int, int],
     choice: Warping,
@@ -77,7 +77,7 @@ def require_room(
 
 
 def require_film(source: Place, size: tuple[int, int]) -> None:
-    """Refuse a flight over a picture that does not fit into memory, as `require_room` does.
+    """Refuse a flight over a picture that does not fit into memory, as `check_memory` does.
 
     Raises
     ------

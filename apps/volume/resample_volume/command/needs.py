@@ -25,7 +25,7 @@ SEEN, SEEN_OF_FIELD = 58, 22  # bytes per visible voxel; per voxel of a ray cast
 REMEDY = "take a smaller or downsampled volume, or show less of it"
 
 
-def require_room(
+def check_memory(
     media: Sequence[Medium],
     size: tuple[int, int],
     subject: Subject | None = None,

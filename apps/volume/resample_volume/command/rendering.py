@@ -73,7 +73,7 @@ def scene_of(
     ValueError
         They cannot be combined, or do not fit in memory.
     """
-    needs.require_room(media, size)
+    needs.check_memory(media, size)
     if len(media) > 1:
         check_several(media, resampler)
     check_together(resampler, media[0][1].classification, media[0][1].extras)
@@ -82,7 +82,7 @@ def scene_of(
     bar = "reading visible bricks" if in_bricks else "classifying"
     with session.stage("classify", bar=bar) as progress, told(progress if in_bricks else None):
         subject = Subject.of_several(media, resampler, fit)
-    needs.require_room(media, size, subject, fit)
+    needs.check_memory(media, size, subject, fit)
     if missed := slab_missed(media, subject):
         say(missed)
     elif subject.is_empty:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.cameras.viewpoints import Sphere
-from resample.files.cached import make_room, note_use
+from resample.files.cached import evict, note_use
 from resample.files.writing import replacing
 from resample.fingerprints import fingerprint
 from resample.memory import mapped
@@ -171,7 +171,7 @@ def _write(file: Path, found: Any) -> None:
     size = sum(array.nbytes for array in arrays.values())
     with suppress(OSError):
         file.parent.mkdir(parents=True, exist_ok=True)
-        make_room(file.parent, size, MOST_BYTES)
+        evict(file.parent, size, MOST_BYTES)
         with replacing(file) as temporary, temporary.open("wb") as stream:
             np.savez(stream, **arrays, form=form)
 

@@ -10,7 +10,7 @@ from resample.colors import from_srgb, mapped
 from resample.types import Floats
 from resample_warp3d.clouds.cloud import AXES, Cloud, columns_of, part_of
 from resample_warp3d.clouds.fields import COLORS
-from resample_warp3d.clouds.parts import quantile_of, room_beside, rows_of, span_in
+from resample_warp3d.clouds.parts import quantile_of, rows_of, span_in, zeros_beside
 
 UNKNOWN = 0.2  # linear gray of points without a value
 LEVELS = 1024  # colors of a scale
@@ -121,7 +121,7 @@ def colored_as_scanned(cloud: Cloud) -> Cloud:
 
 def _per_point(cloud: Cloud, color_of: Callable[[slice], Floats]) -> Floats:
     """Compute colors (N, 3) of all points, block by block."""
-    color: Floats = room_beside(cloud.position, (len(cloud.position), 3), np.float32)
+    color: Floats = zeros_beside(cloud.position, (len(cloud.position), 3), np.float32)
     for rows in rows_of(color):
         color[rows] = color_of(rows)
     return color

@@ -13,7 +13,7 @@ from resample.cameras.viewpoints import Sphere
 from resample.painting.scenes.plans import shape_of
 from resample.types import Doubles, Floats
 from resample_warp3d.clouds.cloud import Cloud, places
-from resample_warp3d.clouds.parts import STEP, room_beside, rows_of
+from resample_warp3d.clouds.parts import STEP, rows_of, zeros_beside
 from resample_warp3d.clouds.spacing import Surfels
 
 FIELD = 40.0  # degrees along the frame's shorter side, by default
@@ -234,7 +234,7 @@ def _visible(cloud: Cloud | Surfels) -> Framing:
     if not len(position):
         raise ValueError("a cloud without points cannot be looked at")
     axes = cloud.axes if isinstance(cloud, Surfels) else np.zeros((0, 2, 3), np.float32)
-    kept: Flags = room_beside(position, (len(position),), np.bool_)
+    kept: Flags = zeros_beside(position, (len(position),), np.bool_)
     kept[:] = True
     left = len(position)
     stray = int(STRAY * left)  # how many may be ignored in all

@@ -144,7 +144,7 @@ def on_threads(work: Callable[[Part], None], parts: Iterable[Part]) -> None:
         list(pool.map(work, parts))  # raises what work does
 
 
-def room_beside(values: NDArray[Any], shape: tuple[int, ...], kind: DTypeLike) -> NDArray[Any]:
+def zeros_beside(values: NDArray[Any], shape: tuple[int, ...], kind: DTypeLike) -> NDArray[Any]:
     """Allocate zeros in the same storage as `values`.
 
     Raises

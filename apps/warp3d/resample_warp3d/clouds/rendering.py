@@ -21,7 +21,7 @@ from resample.profiles.subpixels import Subpixels, subpixels_of
 from resample.types import Floats, Frame, Records, Screen, Statistics
 from resample.watching import told
 from resample_warp3d.clouds.cloud import Cloud
-from resample_warp3d.clouds.parts import room_beside, rows_of
+from resample_warp3d.clouds.parts import rows_of, zeros_beside
 from resample_warp3d.clouds.spacing import Surfels, prepare_cloud
 from resample_warp3d.clouds.windows import (
     POINT,
@@ -265,7 +265,7 @@ def _filtered(
     n = parts.count
     light, away = (np.zeros((*shape, count), np.float32) for count in (4, 1))
     first = np.full(shape, np.inf, np.float32)
-    seen: Seen = room_beside(surfels.position, (len(surfels.position),), np.uint8)
+    seen: Seen = zeros_beside(surfels.position, (len(surfels.position),), np.uint8)
     seconds = dict.fromkeys(STAGES, 0.0)
     for strip in parts.strips(shape):
         moved = replace(camera, matrix=strip.matrix @ camera.matrix)

@@ -15,7 +15,7 @@ from resample.memory.mapped import most_of
 from resample.types import Doubles, Floats
 from resample.watching import look, told
 from resample_warp3d.clouds.cloud import Cloud, checked, some_of
-from resample_warp3d.clouds.parts import on_threads, room_beside, rows_of
+from resample_warp3d.clouds.parts import on_threads, rows_of, zeros_beside
 
 TOGETHER = 256  # points compared at a time
 NEAR = 1 << 15  # points sorted at a time, which fit into the processor's cache
@@ -184,12 +184,12 @@ class _Given(NamedTuple):
         for rows in rows_of(self.cloud.position):
             yield self.part(rows)
 
-    def room(self, count: int) -> Cloud:
+    def allocate(self, count: int) -> Cloud:
         """Allocate arrays in files for a number of points."""
 
         def array(is_there: bool, *width: int) -> Floats:
             shape = (count if is_there else 0, *width)
-            found: Floats = room_beside(self.cloud.position, shape, np.float32)
+            found: Floats = zeros_beside(self.cloud.position, shape, np.float32)
             return found
 
         has_radius = self.radius is not None or len(self.cloud.radius) > 0
@@ -240,7 +240,7 @@ def _ends(given: _Given, curve: Curve, buckets: int) -> Codes:
 
 def _moved(given: _Given, curve: Curve, ends: Codes, count: int) -> tuple[Cloud, Indices]:
     """Move points to buckets that end at given codes; also return the buckets' starts."""
-    bucket = room_beside(given.cloud.position, (count,), np.uint32)
+    bucket = zeros_beside(given.cloud.position, (count,), np.uint32)
     held, first = np.zeros(len(ends) + 1, np.int64), 0
     for part in given.parts():
         some = np.searchsorted(ends, curve.codes(part.position), side="right")
@@ -248,7 +248,7 @@ def _moved(given: _Given, curve: Curve, ends: Codes, count: int) -> tuple[Cloud,
         held += np.bincount(some, minlength=len(held))
         first += len(some)
     start = np.concatenate([[0], np.cumsum(held)])
-    moved, free, first = given.room(count), start[:-1].copy(), 0
+    moved, free, first = given.allocate(count), start[:-1].copy(), 0
     for part in given.parts():
         some = bucket[first : first + len(part.position)]
         first += len(some)

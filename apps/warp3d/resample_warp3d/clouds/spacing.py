@@ -14,7 +14,7 @@ from resample.memory.mapped import is_in_file
 from resample.types import Doubles, Floats
 from resample.watching import portion
 from resample_warp3d.clouds.cloud import Cloud
-from resample_warp3d.clouds.parts import memory_left, room_beside, rows_of
+from resample_warp3d.clouds.parts import memory_left, rows_of, zeros_beside
 from resample_warp3d.clouds.sorting import Ordered, curve_through, in_order
 
 NEIGHBOURS = 13  # with the point itself
@@ -106,7 +106,7 @@ def _discs(ordered: Ordered, largest: float, cache: bool) -> Surfels:
     cloud = ordered.cloud
     position = np.asarray(cloud.position, F4)
     count = len(position)
-    normal, axes = room_beside(position, (count, 3), F4), room_beside(position, (count, 2, 3), F4)
+    normal, axes = zeros_beside(position, (count, 3), F4), zeros_beside(position, (count, 2, 3), F4)
     is_oriented = bool(count) and len(cloud.normal) > 0
     if len(cloud.normal):
         for rows in rows_of(position):
@@ -141,7 +141,7 @@ def _measured(position: Floats, normal: Floats, axes: Floats, largest: float | N
     if is_crowded:
         along = _along_ranks(place)
         place, upward = _permuted(place, along), _permuted(upward, along)
-    found = room_beside(place, (count, 2, 3), F4)
+    found = zeros_beside(place, (count, 2, 3), F4)
     _measured_places(place, upward, found, largest)
     if is_crowded:
         back = np.argsort(along)
@@ -155,7 +155,7 @@ def _measured(position: Floats, normal: Floats, axes: Floats, largest: float | N
 
 def _first_of_each_place(position: Floats) -> tuple[NDArray[np.bool_], int]:
     """Mark points (N,) that differ from the previous one, and count them."""
-    is_first = room_beside(position, (len(position),), np.bool_)
+    is_first = zeros_beside(position, (len(position),), np.bool_)
     count = 0
     for rows in rows_of(position):
         first = max(1, rows.start)
@@ -169,7 +169,7 @@ def _first_of_each_place(position: Floats) -> tuple[NDArray[np.bool_], int]:
 
 def _taken(values: Floats, is_taken: NDArray[np.bool_], count: int) -> Floats:
     """Return the rows (count, ...) of values that are marked."""
-    taken: Floats = room_beside(values, (count, *values.shape[1:]), F4)
+    taken: Floats = zeros_beside(values, (count, *values.shape[1:]), F4)
     first = 0
     for rows in rows_of(values):
         some = values[rows][is_taken[rows]]
@@ -180,7 +180,7 @@ def _taken(values: Floats, is_taken: NDArray[np.bool_], count: int) -> Floats:
 
 def _permuted(values: Floats, order: Indices) -> Floats:
     """Return rows of values in an order."""
-    permuted: Floats = room_beside(values, values.shape, F4)
+    permuted: Floats = zeros_beside(values, values.shape, F4)
     for rows in rows_of(values):
         permuted[rows] = values[order[rows]]
     return permuted
@@ -193,9 +193,9 @@ def _measured_places(position: Floats, normal: Floats, axes: Floats, largest: fl
     from resample_warp3d.clouds.kernels.neighbours import blocks_of
 
     count = len(position)
-    discs = Spaced(axes, room_beside(position, (count,), F4))
+    discs = Spaced(axes, zeros_beside(position, (count,), F4))
     wanted = Wanted(min(NEIGHBOURS, count), min(MORE_NEIGHBOURS, count))
-    nearest = room_beside(position, (count, wanted.few - 1), np.int32)
+    nearest = zeros_beside(position, (count, wanted.few - 1), np.int32)
     with portion(0.0, MEASURING):
         measure_all(blocks_of(position), wanted, normal, discs, nearest)
     if count > 1 and largest is not None and np.isfinite(largest):
@@ -205,7 +205,7 @@ def _measured_places(position: Floats, normal: Floats, axes: Floats, largest: fl
 
 def _sizes(axes: Floats) -> Floats:
     """Return the lengths (N,) of the longer half axes."""
-    size: Floats = room_beside(axes, (len(axes),), F4)
+    size: Floats = zeros_beside(axes, (len(axes),), F4)
     for rows in rows_of(axes):
         part = axes[rows]
         square = part[:, :, 0] * part[:, :, 0]

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from resample.files.cached import make_room, note_use
+from resample.files.cached import evict, note_use
 from resample.files.writing import replacing
 from resample.memory import mapped
 from resample.reading.arrays import read_npz
@@ -97,6 +97,6 @@ def _write(path: Path, numbers: Floats) -> None:
     if numbers.nbytes > MOST_BYTES:
         return
     path.parent.mkdir(parents=True, exist_ok=True)
-    make_room(path.parent, numbers.nbytes, MOST_BYTES)
+    evict(path.parent, numbers.nbytes, MOST_BYTES)
     with replacing(path) as temporary, temporary.open("wb") as file:
         np.savez(file, measured=numbers)

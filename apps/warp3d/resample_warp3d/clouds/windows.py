@@ -16,7 +16,7 @@ from resample.memory.mapped import array_in_file
 from resample.painting.scenes.scene import dealt_to_tiles, tiles_along
 from resample.types import Records, Screen
 from resample.watching import look, portion, told
-from resample_warp3d.clouds.parts import room_beside, rows_of
+from resample_warp3d.clouds.parts import rows_of, zeros_beside
 from resample_warp3d.clouds.spacing import Surfels
 
 if TYPE_CHECKING:
@@ -110,7 +110,7 @@ def _surveyed(work: _Work) -> _Survey:
 
     begin, canvas, position = perf_counter(), work.canvas, work.surfels.position
     rows, columns = tiles_along(canvas.screen, canvas.size)
-    seen = room_beside(position, (len(position),), np.uint8)
+    seen = zeros_beside(position, (len(position),), np.uint8)
     held, touched = np.zeros(rows * columns, np.int64), []
     for part in rows_of(position):
         records = np.zeros(part.stop - part.start, SURFEL)
@@ -169,7 +169,7 @@ def _discs_of(
 
     canvas, count = work.canvas, 0
     held = int(survey.start[span[1]] - survey.start[span[0]])
-    found, which = _room(work, held, SURFEL), _room(work, held, np.dtype(np.int64))
+    found, which = _allocate(work, held, SURFEL), _allocate(work, held, np.dtype(np.int64))
     shape = tiles_along(canvas.screen, canvas.size)
     for n, part in enumerate(rows_of(work.surfels.position)):
         if survey.touched[n, 0] >= span[1] or survey.touched[n, 1] < span[0]:
@@ -185,7 +185,7 @@ def _discs_of(
     return found[:count], which[:count]
 
 
-def _room(work: _Work, count: int, kind: np.dtype[Any]) -> NDArray[Any]:
+def _allocate(work: _Work, count: int, kind: np.dtype[Any]) -> NDArray[Any]:
     """Allocate an array, in a file if it exceeds the memory limit."""
     if count * kind.itemsize <= work.most:
         return np.empty(count, kind)

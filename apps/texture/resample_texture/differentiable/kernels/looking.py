@@ -14,7 +14,7 @@ from resample_texture.differentiable.kernels.points import (
     Integers,
     Lens,
     Node,
-    Room,
+    PointScratch,
     counts_of,
     cut_at_edges,
     fill_weights,
@@ -24,7 +24,7 @@ from resample_texture.differentiable.kernels.points import (
     is_seen,
     node_of,
     place_in,
-    room_for,
+    scratch_for,
     sides,
     slopes_of_cut,
 )
@@ -81,7 +81,7 @@ def _spot_of(lens: Lens, seen: Doubles, cut: bool, node: Node) -> Landing:
 
 
 @inner_step
-def _window(lens: Lens, plate: Plate, spot: Landing, room: Room) -> int:
+def _window(lens: Lens, plate: Plate, spot: Landing, scratch: PointScratch) -> int:
     """Fill in weights along both axes; return where the window begins in the plate."""
     # Fold the place into the source by the edge rule.
     u, _ = folded_in(lens, spot.u, 0)
@@ -89,8 +89,8 @@ def _window(lens: Lens, plate: Plate, spot: Landing, room: Room) -> int:
     # Evaluate the basis functions at its phase.
     column, along_u = first_of(lens, u)
     row, along_v = first_of(lens, v)
-    fill_weights(lens.weight, along_u, room.along_u)
-    fill_weights(lens.weight, along_v, room.along_v)
+    fill_weights(lens.weight, along_u, scratch.along_u)
+    fill_weights(lens.weight, along_v, scratch.along_v)
     return ((row - plate.top) * plate.columns + column - plate.left) * plate.channels
 
 
@@ -119,7 +119,7 @@ def _add_line(line: Doubles, weights: Doubles, share: float, total: Doubles) -> 
 
 @kernel
 def _look_along_row(
-    plate: Plate, places: Doubles, lens: Lens, room: Room, picture: Doubles
+    plate: Plate, places: Doubles, lens: Lens, scratch: PointScratch, picture: Doubles
 ) -> None:
     """Fill a row of the picture (w, C)."""
     for column in range(places.shape[0]):
@@ -137,32 +137,34 @@ def _look_along_row(
             # Interpolate the source at each point, and add it by its weight.
             share = node.weight * spot.share_u * spot.share_v
             if share > 0.0:
-                first = _window(lens, plate, spot, room)
-                _sum_rows(plate, first, room.along_v, room.line)
-                _add_line(room.line, room.along_u, share, total)
+                first = _window(lens, plate, spot, scratch)
+                _sum_rows(plate, first, scratch.along_v, scratch.line)
+                _add_line(scratch.line, scratch.along_u, share, total)
 
 
 @parallel_kernel
 def look(counter: Counter, plate: Plate, places: Doubles, lens: Lens, picture: Doubles) -> None:
     """Fill a picture (h, w, C) with means of the interpolated coefficients."""
-    room = room_for(lens.weight.shape[1], plate.channels)
+    scratch = scratch_for(lens.weight.shape[1], plate.channels)
     for row in tasks(counter, places.shape[0]):
-        _look_along_row(plate, places[row], lens, room, picture[row])
+        _look_along_row(plate, places[row], lens, scratch, picture[row])
 
 
 @inner_step
-def _give_point(plate: Plate, first: int, share: float, room: Room, gradient: Doubles) -> None:
+def _give_point(
+    plate: Plate, first: int, share: float, scratch: PointScratch, gradient: Doubles
+) -> None:
     """Transposed `_sum_rows` and `_add_line`: scatter a pixel's gradient to a window."""
     stride, at = np.uint64(plate.columns * plate.channels), np.uint64(first)
-    channels, line = gradient.size, room.line
+    channels, line = gradient.size, scratch.line
     # Expand the gradient to a line of the window.
-    for k in range(room.along_u.size):
-        weight = share * room.along_u[k]
+    for k in range(scratch.along_u.size):
+        weight = share * scratch.along_u[k]
         for c in range(channels):
             line[k * channels + c] = weight * gradient[c]
     # Scatter the line to the rows of the window.
-    for k in range(room.along_v.size):
-        weight = room.along_v[k]
+    for k in range(scratch.along_v.size):
+        weight = scratch.along_v[k]
         for n in range(line.size):
             plate.flat[at + np.uint64(n)] += weight * line[n]
         at += stride
@@ -170,7 +172,12 @@ def _give_point(plate: Plate, first: int, share: float, room: Room, gradient: Do
 
 @kernel
 def _give_tile(
-    gradient: Doubles, places: Doubles, lens: Lens, tile: Integers, plate: Plate, room: Room
+    gradient: Doubles,
+    places: Doubles,
+    lens: Lens,
+    tile: Integers,
+    plate: Plate,
+    scratch: PointScratch,
 ) -> None:
     """Scatter the gradients of a tile's pixels to its part of the coefficients."""
     plate.flat[:] = 0.0
@@ -188,8 +195,8 @@ def _give_tile(
                 spot = _spot_of(lens, seen, cut, node)
                 share = node.weight * spot.share_u * spot.share_v
                 if share > 0.0:
-                    first = _window(lens, plate, spot, room)
-                    _give_point(plate, first, share, room, gradient[row, column])
+                    first = _window(lens, plate, spot, scratch)
+                    _give_point(plate, first, share, scratch, gradient[row, column])
 
 
 @parallel_kernel
@@ -215,11 +222,11 @@ def give_back(
         (T + 1,) where the patch (rows, columns, C) of each tile begins.
     """
     channels = gradient.shape[2]
-    room = room_for(lens.weight.shape[1], channels)
+    scratch = scratch_for(lens.weight.shape[1], channels)
     for n in tasks(counter, tiles.shape[0]):
         box, flat = boxes[n], patches[start[n] : start[n + 1]]
         plate = Plate(flat, box[2] - box[0], channels, box[0], box[1])
-        _give_tile(gradient, places, lens, tiles[n], plate, room)
+        _give_tile(gradient, places, lens, tiles[n], plate, scratch)
 
 
 @inner_step
@@ -236,21 +243,21 @@ def _weighed(line: Doubles, weights: Doubles, gradient: Doubles) -> float:
 
 @inner_step
 def _rates(
-    lens: Lens, plate: Plate, spot: Landing, gradient: Doubles, room: Room
+    lens: Lens, plate: Plate, spot: Landing, gradient: Doubles, scratch: PointScratch
 ) -> tuple[float, float, float]:
     """Value at a point times a pixel's gradient, and its derivatives by u and v."""
     # Fill the weights, and those of the derivatives; folding may mirror their sign.
-    first = _window(lens, plate, spot, room)
+    first = _window(lens, plate, spot, scratch)
     u, turn_u = folded_in(lens, spot.u, 0)
     v, turn_v = folded_in(lens, spot.v, 1)
-    fill_weights(lens.slope, first_of(lens, u)[1], room.slope_u)
-    fill_weights(lens.slope, first_of(lens, v)[1], room.slope_v)
+    fill_weights(lens.slope, first_of(lens, u)[1], scratch.slope_u)
+    fill_weights(lens.slope, first_of(lens, v)[1], scratch.slope_v)
     # Sum along v with weights, then with slopes; along u likewise.
-    _sum_rows(plate, first, room.along_v, room.line)
-    _sum_rows(plate, first, room.slope_v, room.sloped)
-    value = _weighed(room.line, room.along_u, gradient)
-    by_u = turn_u * _weighed(room.line, room.slope_u, gradient)
-    return value, by_u, turn_v * _weighed(room.sloped, room.along_u, gradient)
+    _sum_rows(plate, first, scratch.along_v, scratch.line)
+    _sum_rows(plate, first, scratch.slope_v, scratch.sloped)
+    value = _weighed(scratch.line, scratch.along_u, gradient)
+    by_u = turn_u * _weighed(scratch.line, scratch.slope_u, gradient)
+    return value, by_u, turn_v * _weighed(scratch.sloped, scratch.along_u, gradient)
 
 
 @inner_step
@@ -287,7 +294,12 @@ def _add_cut_rate(
 
 @kernel
 def _change_along_row(
-    plate: Plate, places: Doubles, lens: Lens, gradient: Doubles, room: Room, changes: Doubles
+    plate: Plate,
+    places: Doubles,
+    lens: Lens,
+    gradient: Doubles,
+    scratch: PointScratch,
+    changes: Doubles,
 ) -> None:
     """Fill a row of derivatives (w, 6)."""
     for column in range(places.shape[0]):
@@ -306,7 +318,7 @@ def _change_along_row(
             if both <= 0.0:
                 continue
             # Differentiate the interpolation, and chain to the pixel's middle and steps.
-            value, by_u, by_v = _rates(lens, plate, spot, gradient[column], room)
+            value, by_u, by_v = _rates(lens, plate, spot, gradient[column], scratch)
             if cut:
                 # The share along one axis scales the value by the share along the other.
                 by_share = node.weight * spot.share_v * value, node.weight * spot.share_u * value
@@ -327,6 +339,6 @@ def change(
     changes: Doubles,
 ) -> None:
     """Fill in derivatives (h, w, 6) of the sum of gradient × picture by places."""
-    room = room_for(lens.weight.shape[1], plate.channels)
+    scratch = scratch_for(lens.weight.shape[1], plate.channels)
     for row in tasks(counter, places.shape[0]):
-        _change_along_row(plate, places[row], lens, gradient[row], room, changes[row])
+        _change_along_row(plate, places[row], lens, gradient[row], scratch, changes[row])

@@ -54,7 +54,7 @@ class Node(NamedTuple):
     below: float
 
 
-class Room(NamedTuple):
+class PointScratch(NamedTuple):
     """Scratch for one point: weights (K,) along axes, and lines (K × C,) of a window."""
 
     along_u: Doubles
@@ -233,7 +233,9 @@ def first_of(lens: Lens, place: float) -> tuple[int, float]:
 
 
 @making_kernel
-def room_for(taps: int, channels: int) -> Room:
+def scratch_for(taps: int, channels: int) -> PointScratch:
     """Allocate scratch for windows of so many samples along a side."""
     line, sloped = np.empty(taps * channels), np.empty(taps * channels)
-    return Room(np.empty(taps), np.empty(taps), np.empty(taps), np.empty(taps), line, sloped)
+    return PointScratch(
+        np.empty(taps), np.empty(taps), np.empty(taps), np.empty(taps), line, sloped
+    )

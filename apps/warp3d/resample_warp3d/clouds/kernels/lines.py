@@ -19,7 +19,7 @@ SIDES = 8  # of a polygon that closes a cell
 CORNERS = tuple(
     (math.cos(2.0 * math.pi * k / SIDES), math.sin(2.0 * math.pi * k / SIDES)) for k in range(SIDES)
 )
-ROOM = 64  # lines
+MOST_LINES = 64  # lines
 LANES = 4  # lines that are processed together
 PARALLEL = 1e-9  # sine of an angle below which lines count as one
 X, Y, AWAY, BEGIN, END = 0, 1, 2, 3, 4
@@ -38,7 +38,7 @@ class Lines(NamedTuple):
 @kernel
 def no_lines() -> Lines:
     """Allocate lines."""
-    return Lines(np.zeros((5, ROOM)), np.zeros((2, 2 * ROOM)))
+    return Lines(np.zeros((5, MOST_LINES)), np.zeros((2, 2 * MOST_LINES)))
 
 
 @inner_kernel
