@@ -22,7 +22,7 @@ from resample.engine.lookup import absorbed
 from resample.engine.roles import making_role, plays
 from resample.engine.slabs.integrals import Integral, whole
 from resample.engine.slabs.shapes import Shape
-from resample.engine.slabs.sums import Matter
+from resample.engine.slabs.sums import Contribution
 from resample.types import Classifier, Floats, Place, Single
 
 MANY = 1e5  # sub-pixels in a quarter of a splat's box; if more, they sum to its mass anyway
@@ -62,60 +62,62 @@ Blend = Colors | Mixed | Values
 
 
 @making_role
-def matter_of(blend: Blend, room: Floats, s: np.uint64, share: Single) -> Matter:
+def contribution_of(blend: Blend, scratch: Floats, s: np.uint64, share: Single) -> Contribution:
     """Contribution of a sample per unit of its line integral, times a share."""
     raise NotImplementedError
 
 
-@plays(matter_of, Mixed)
-def _matter_of_mixed(blend, room, s, share):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    light = (room[s + RED], room[s + GREEN], room[s + BLUE])
-    return _matter(light, blend.is_linear, blend.layer, room, s)
+@plays(contribution_of, Mixed)
+def _contribution_of_mixed(blend, scratch, s, share):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    light = (scratch[s + RED], scratch[s + GREEN], scratch[s + BLUE])
+    return _contribution(light, blend.is_linear, blend.layer, scratch, s)
 
 
-@plays(matter_of, Colors)
-def _matter_of_color(blend, room, s, share):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    red, green, blue = room[s + RED], room[s + GREEN], room[s + BLUE]
+@plays(contribution_of, Colors)
+def _contribution_of_color(blend, scratch, s, share):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    red, green, blue = scratch[s + RED], scratch[s + GREEN], scratch[s + BLUE]
     if blend.tint_red >= 0.0:
         # Tint by brightness, so that splats can be told apart.
         brightest = max(red, green, blue)
         red = np.float32(brightest * blend.tint_red)
         green = np.float32(brightest * blend.tint_green)
         blue = np.float32(brightest * blend.tint_blue)
-    return _matter((red, green, blue), blend.is_linear, blend.layer, room, s)
+    return _contribution((red, green, blue), blend.is_linear, blend.layer, scratch, s)
 
 
 @kernel
-def _matter(
+def _contribution(
     light: tuple[Single, Single, Single],
     is_linear: bool,
     layer: float,
-    room: Floats,
+    scratch: Floats,
     s: np.uint64,
-) -> Matter:
+) -> Contribution:
     """Contribution of a sample of this color: premultiplied by its weight."""
-    weight, (red, green, blue) = room[s + EXTINCTION], light
+    weight, (red, green, blue) = scratch[s + EXTINCTION], light
     # The classic model sums opacities per length instead of extinctions.
     if is_linear:
         weight = absorbed(weight * np.float32(layer)) / np.float32(layer)
-    return Matter(weight, weight * red, weight * green, weight * blue, weight * room[s + DEPTH])
+    return Contribution(
+        weight, weight * red, weight * green, weight * blue, weight * scratch[s + DEPTH]
+    )
 
 
-@plays(matter_of, Values)
-def _matter_of_value(blend, room, s, share):  # type: ignore[no-untyped-def]
-    zero, value = np.float32(0.0), room[s + EXTINCTION]
+@plays(contribution_of, Values)
+def _contribution_of_value(blend, scratch, s, share):  # type: ignore[no-untyped-def]
+    zero, value = np.float32(0.0), scratch[s + EXTINCTION]
     # Measured fields sum depths, others gradients.
     if blend.is_measured:
-        return Matter(share, share * room[s + DEPTH], zero, zero, share * value)
-    red, green, blue = room[s + RED], room[s + GREEN], room[s + BLUE]
-    return Matter(share, share * red, share * green, share * blue, share * value)
+        return Contribution(share, share * scratch[s + DEPTH], zero, zero, share * value)
+    red, green, blue = scratch[s + RED], scratch[s + GREEN], scratch[s + BLUE]
+    return Contribution(share, share * red, share * green, share * blue, share * value)
 
 
 @making_role
 def share_of(
     blend: Blend,
     shape: Shape,
-    room: Floats,
+    scratch: Floats,
     s: np.uint64,
     rows: Floats,
     place: Place,
@@ -126,21 +128,21 @@ def share_of(
 
 
 @plays(share_of, object)
-def _all_of_color(blend, shape, room, s, rows, place, integral):  # type: ignore[no-untyped-def]  # noqa: ARG001
+def _all_of_color(blend, shape, scratch, s, rows, place, integral):  # type: ignore[no-untyped-def]  # noqa: ARG001
     return np.float32(1.0)
 
 
 @plays(share_of, Values)
-def _share_of_value(blend, shape, room, s, rows, place, integral):  # type: ignore[no-untyped-def]
+def _share_of_value(blend, shape, scratch, s, rows, place, integral):  # type: ignore[no-untyped-def]
     if blend.mass > 0.0:
-        return _share_of_mass(shape, room, s, rows, place, integral, blend.mass)
+        return _share_of_mass(shape, scratch, s, rows, place, integral, blend.mass)
     return np.float32(1.0)
 
 
 @kernel
 def _share_of_mass(
     shape: Shape,
-    room: Floats,
+    scratch: Floats,
     s: np.uint64,
     rows: Floats,
     place: Place,
@@ -153,9 +155,9 @@ def _share_of_mass(
     """
     # Quadratic form of the splat, and its center on the screen.
     n, zero, two = place.subpixels, np.float32(0.0), np.float32(2.0)
-    a, b, c, half = shape.a, room[s + B], room[s + C], np.float32(0.5 / place.subpixels)
-    x = np.float32(place.x) + half - room[s + ACROSS]
-    y = np.float32(place.y) + half - room[s + DOWN]
+    a, b, c, half = shape.a, scratch[s + B], scratch[s + C], np.float32(0.5 / place.subpixels)
+    x = np.float32(place.x) + half - scratch[s + ACROSS]
+    y = np.float32(place.y) + half - scratch[s + DOWN]
     # All parallel rays have the same length and chord.
     ray, chord = rows[RAY], chord_of(shape.bend, rows[CHORD])
     # Bound the ellipse; NaN and very large ones need no correction.

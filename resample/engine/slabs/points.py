@@ -18,7 +18,7 @@ from resample.engine.jit import kernel
 from resample.engine.points.adding import Box, box_around
 from resample.engine.points.among import width_of
 from resample.engine.roles import making_role, plays
-from resample.engine.slabs.blends import Blend, Mixed, Values, matter_of
+from resample.engine.slabs.blends import Blend, Mixed, Values, contribution_of
 from resample.engine.slabs.splats import Span, Tools, touch_slabs
 from resample.engine.slabs.sums import Canvas, Ring, stride_of, sum_at
 from resample.types import Floats, Place, Single, Stage
@@ -59,8 +59,14 @@ def _spread_integrals(
     # Mass of the point: its area times its slanted way through a layer.
     oblique = _oblique(room[s + X], room[s + Y], tools)
     mass = np.float32(room[s + AREA] * layer * oblique)
-    matter = matter_of(blend, room, s, np.float32(1.0))
-    amount = (matter.weight, matter.first, matter.second, matter.third, matter.fourth)
+    contribution = contribution_of(blend, room, s, np.float32(1.0))
+    amount = (
+        contribution.weight,
+        contribution.first,
+        contribution.second,
+        contribution.third,
+        contribution.fourth,
+    )
     _spread(canvas, canvas.sums, box, slot, mass, amount, tools.limits.per_layer, tools)
 
 

@@ -43,7 +43,7 @@ from resample.engine.ellipsoids.rows import (
 from resample.engine.ellipsoids.rows import WEIGHT as COVER
 from resample.engine.ellipsoids.splats import cut_integral, seen_span
 from resample.engine.jit import kernel, lane_kernel, lane_step
-from resample.engine.slabs.blends import Blend, matter_of, share_of
+from resample.engine.slabs.blends import Blend, contribution_of, share_of
 from resample.engine.slabs.integrals import (
     ALONG,
     AMPLITUDE,
@@ -64,11 +64,11 @@ from resample.engine.slabs.shapes import (
 )
 from resample.engine.slabs.sums import (
     Canvas,
+    Contribution,
     Cutting,
     Dirty,
-    Matter,
     Ring,
-    add_matter,
+    add_contribution,
     stride_of,
     sum_at,
     touch,
@@ -245,7 +245,7 @@ def _add_part(
     ring: Ring,
     back: Single,
     integral: Integral,
-    matter: Matter,
+    contribution: Contribution,
 ) -> None:
     """Add to a slab what lies before its back, a depth from the splat's, and was not yet added."""
     for n in range(LANES):
@@ -257,7 +257,7 @@ def _add_part(
         now = work[lane + AMPLITUDE] * up_to(integral, work, lane, x)
         part = now - work[lane + BEFORE]
         work[lane + BEFORE] = now
-        add_matter(sums, k, ring, part, matter)
+        add_contribution(sums, k, ring, part, contribution)
 
 
 @lane_step
@@ -268,7 +268,7 @@ def _add_whole(
     spot: Spot,
     shape: Shape,
     integral: Integral,
-    matter: Matter,
+    contribution: Contribution,
     limits: Limits,
 ) -> None:
     """Add a whole splat to one slab."""
@@ -284,7 +284,7 @@ def _add_whole(
         # Add to the coverage of sub-pixels that are not opaque yet.
         is_seen = full - rows[k + ALPHA] > limits.opaque
         rows[k + COVER] += part * limits.per_layer if is_seen else zero
-        add_matter(sums, first + lane, ring, part, matter)
+        add_contribution(sums, first + lane, ring, part, contribution)
 
 
 @kernel
@@ -310,7 +310,7 @@ def _add_cut(
     s: np.uint64,
     span: Span,
     last: int,
-    matter: Matter,
+    contribution: Contribution,
     tools: Tools,
     is_cutting: bool,
 ) -> None:
@@ -346,7 +346,7 @@ def _add_cut(
                     slot = (span.slot + number - span.front) % span.ring.slots
                     at = sum_at(span.ring, slot, row >> 1, column) + np.uint64(row & 1)
                     rows[k + COVER] += part * limits.per_layer
-                    for amount in matter:
+                    for amount in contribution:
                         sums[at] += part * amount
                         at += stride
 
@@ -424,11 +424,11 @@ def add_splats(
         # Compute the splat's contribution, and mark its slabs as dirty.
         shape = shape_of(mixture, room, s, place)
         share = share_of(blend, shape, room, s, rows, place, integral)
-        matter = matter_of(blend, room, s, share)
+        contribution = contribution_of(blend, room, s, share)
         lanes = (left, min(right + COLUMNS - 1, canvas.width))
         first_slot = touch_slabs(dirty, span, first, last, (top, bottom), lanes)
         if room[s + CUT] > np.float32(0.0):
-            _add_cut(canvas, room, s, span, last, matter, tools, is_cutting)
+            _add_cut(canvas, room, s, span, last, contribution, tools, is_cutting)
             continue
         # Set up its quadratic form, then go through its pairs of rows.
         b, c, across, down = room[s + B], room[s + C], room[s + ACROSS], room[s + DOWN]
@@ -448,13 +448,13 @@ def add_splats(
                 # Add sixteen sub-pixels: as a whole, or cut by each slab.
                 if not is_cutting:
                     at = (sum_at(ring, span.slot, pair, start), ring)
-                    _add_whole(rows, sums, at, spot, shape, integral, matter, limits)
+                    _add_whole(rows, sums, at, spot, shape, integral, contribution, limits)
                     continue
                 _see(rows, along, work, spot, shape, integral, limits)
                 slot = first_slot
                 for number in range(first, last + 1):
                     k = sum_at(ring, slot, pair, start)
                     back = np.float32((number + 1) * span.thickness - depth)
-                    _add_part(sums, work, k, ring, back, integral, matter)
+                    _add_part(sums, work, k, ring, back, integral, contribution)
                     slot = slot + 1 if slot + 1 < slots else 0
     return offset.size, at_home, behind

@@ -88,7 +88,7 @@ class Slab(NamedTuple):
     back: float
 
 
-class Matter(NamedTuple):
+class Contribution(NamedTuple):
     """Contribution of a splat per unit of its line integral."""
 
     weight: Single
@@ -99,15 +99,17 @@ class Matter(NamedTuple):
 
 
 @lane_step
-def add_matter(sums: Floats, k: np.uint64, ring: Ring, part: Single, matter: Matter) -> None:
+def add_contribution(
+    sums: Floats, k: np.uint64, ring: Ring, part: Single, contribution: Contribution
+) -> None:
     """Add a line integral times a splat's contribution to a sub-pixel; `k` is its first sum."""
     # One sum per plane; strides are known when compiled, so that loops of this become lanes.
     stride = stride_of(ring)
-    sums[k] += part * matter.weight
-    sums[k + stride] += part * matter.first
-    sums[k + np.uint64(2) * stride] += part * matter.second
-    sums[k + np.uint64(3) * stride] += part * matter.third
-    sums[k + np.uint64(4) * stride] += part * matter.fourth
+    sums[k] += part * contribution.weight
+    sums[k + stride] += part * contribution.first
+    sums[k + np.uint64(2) * stride] += part * contribution.second
+    sums[k + np.uint64(3) * stride] += part * contribution.third
+    sums[k + np.uint64(4) * stride] += part * contribution.fourth
 
 
 @kernel

@@ -98,7 +98,7 @@ class Cast(NamedTuple):
     value: Floats | None  # (H, W) values of maximum, average or additive, see `cast_rays`
 
 
-class _Matter(NamedTuple):
+class _RaySource(NamedTuple):
     """Samples or a field, prepared for rays."""
 
     position: Floats  # (N, 3) scene units
@@ -155,22 +155,22 @@ def cast_rays(
     """
     if height < 1 or width < 1:
         raise ValueError(f"a picture of {width} x {height} pixels; both must be at least 1")
-    matter = _matter(samples, look)
+    source = _source_of_samples(samples, look)
     picture = np.zeros((height, width, 7))
-    if len(matter.position):
+    if len(source.position):
         with _threads(threads):
-            _cast(matter, camera.view(), look, picture, progress)
+            _cast(source, camera.view(), look, picture, progress)
     return _developed(picture, look.projection)
 
 
 def _cast(
-    matter: _Matter, view: View, look: Casting, picture: Doubles, progress: Progress | None
+    source: _RaySource, view: View, look: Casting, picture: Doubles, progress: Progress | None
 ) -> None:
     """Fill a picture (H, W, 7), some rows at a time."""
     from resample_volume.rivals.kernels.raycasting import Content, cast_rows
 
-    grid, plan = _grid(matter, view, look.reconstruction), _plan(matter, view, look)
-    content = Content(grid, _look(matter.classifier), _lamp(matter.classifier.lamp))
+    grid, plan = _grid(source, view, look.reconstruction), _plan(source, view, look)
+    content = Content(grid, _look(source.classifier), _lamp(source.classifier.lamp))
     height = len(picture)
     for first in range(0, height, ROWS_PER_LOOK):
         count = min(ROWS_PER_LOOK, height - first)
@@ -193,21 +193,21 @@ def _developed(picture: Doubles, projection: Projection) -> Cast:
     return Cast(picture[..., :4].astype(np.float32), depth.astype(np.float32), value)
 
 
-def _matter(samples: Samples | Field, look: Casting) -> _Matter:
+def _source_of_samples(samples: Samples | Field, look: Casting) -> _RaySource:
     if isinstance(samples, Field):
-        return _matter_of_field(samples, look)
+        return _source_of_field(samples, look)
     if look.projection is not Projection.COMPOSITE:
         raise ValueError(f"the projection {look.projection} needs a Field; samples have no values")
     checked = check_samples(samples)
     color = checked.color * checked.extinction[:, None]
     properties = np.column_stack([checked.extinction, color])
     visible = checked.extinction > 0
-    return _Matter(
+    return _RaySource(
         checked.position, properties, visible, checked.lattice, NO_CLASSIFIER, classified=False
     )
 
 
-def _matter_of_field(given: Field, look: Casting) -> _Matter:
+def _source_of_field(given: Field, look: Casting) -> _RaySource:
     classifier = given.classifier
     _check_field(given, look.iso)
     raised = np.asarray(given.value, np.float64) - classifier.low
@@ -216,7 +216,7 @@ def _matter_of_field(given: Field, look: Casting) -> _Matter:
         Samples(given.position, given.gradient, np.abs(raised).astype(np.float32), given.lattice)
     )
     properties = np.column_stack([raised.astype(np.float32), checked.color])
-    return _Matter(
+    return _RaySource(
         checked.position,
         properties,
         _visible(raised, classifier, look.projection),
@@ -253,23 +253,23 @@ def _visible(raised: Doubles, classifier: Classifier, projection: Projection) ->
     return np.ones(raised.shape, np.bool_)
 
 
-def _grid(matter: _Matter, view: View, reconstruction: Reconstruction) -> "Grid":
+def _grid(source: _RaySource, view: View, reconstruction: Reconstruction) -> "Grid":
     """Arrange samples on their lattice, for traversal by the camera's rays."""
     from resample_volume.rivals.kernels.raycasting import Grid
 
     radius = float(reconstruction.radius)
-    index, origin = _on_lattice(matter.position, matter.lattice)
+    index, origin = _on_lattice(source.position, source.lattice)
     brick = max(4, int(np.ceil(2 * radius)))
-    to_nodes = np.linalg.inv(matter.lattice)
+    to_nodes = np.linalg.inv(source.lattice)
     eye = -view.rotation.T @ view.translation
     return Grid(
         index,
-        np.ascontiguousarray(matter.properties, np.float32),
-        _occupied(index, matter.visible, radius, brick),
+        np.ascontiguousarray(source.properties, np.float32),
+        _occupied(index, source.visible, radius, brick),
         _density(reconstruction),
         radius,
         brick,
-        np.ascontiguousarray(matter.lattice),
+        np.ascontiguousarray(source.lattice),
         origin,
         to_nodes @ (eye - origin),
         np.ascontiguousarray(to_nodes @ view.rotation.T),
@@ -322,10 +322,10 @@ def _density(reconstruction: Reconstruction) -> Doubles:
     return np.asarray(reconstruction(np.sqrt(squared) * radius) / mass, np.float64)
 
 
-def _plan(matter: _Matter, view: View, look: Casting) -> "Plan":
+def _plan(source: _RaySource, view: View, look: Casting) -> "Plan":
     from resample_volume.rivals.kernels.raycasting import Plan
 
-    voxel = float(abs(np.linalg.det(matter.lattice)) ** (1 / 3))
+    voxel = float(abs(np.linalg.det(source.lattice)) ** (1 / 3))
     planes = np.array(look.clip, np.float64)
     normal = planes[:, :3] @ view.rotation.T
     offset = planes[:, 3] - normal @ view.translation
@@ -334,7 +334,7 @@ def _plan(matter: _Matter, view: View, look: Casting) -> "Plan":
         float(look.step * voxel),
         voxel,
         number_of(look.projection),
-        matter.classified,
+        source.classified,
         float(look.iso or 0.0),
         np.column_stack([normal, offset]),
     )

@@ -31,7 +31,7 @@ class Grid(NamedTuple):
     """Samples on their lattice; coordinates count from its first node."""
 
     node: Indices  # (Z, Y, X) which sample stands here, -1: none
-    matter: Floats  # (N, 4) extinction and its products with RGB; or value − low and gradient
+    properties: Floats  # (N, 4) extinction and its products with RGB; or value − low and gradient
     occupied: Flags  # (z, y, x) bricks of `brick`³ nodes in which something may be visible
     density: Doubles  # (K + 1,) kernel over the squared distance in radii; a constant field gives 1
     radius: float  # voxels
@@ -173,7 +173,7 @@ def _gather(place: Vector, radius: float, node: Indices, matter: Floats, density
 def _sums(ray: Ray, depth: float, grid: Grid) -> Sums:
     """Sum all kernels at a depth of a ray."""
     place = combine(ray.start, depth, ray.way)
-    return _gather(place, grid.radius, grid.node, grid.matter, grid.density)
+    return _gather(place, grid.radius, grid.node, grid.properties, grid.density)
 
 
 @kernel
