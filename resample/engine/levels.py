@@ -26,7 +26,7 @@ def levels_of(given: NDArray[Any]) -> ShortOrLong:
 
 
 @parallel_kernel
-def look_up(counter: Counter, table: Floats, levels: ShortOrLong, values: Floats) -> None:
+def decode(counter: Counter, table: Floats, levels: ShortOrLong, values: Floats) -> None:
     """Look levels (N,) up in a table, into values (N,)."""
     for n in tasks(counter, -(-values.size // STRETCH)):
         first, last = n * STRETCH, min((n + 1) * STRETCH, values.size)

@@ -7,7 +7,7 @@ import pytest
 
 from resample_texture import BackwardMap, Hybrid, warp, warp_chunks
 from resample_texture import drawing as drawings
-from resample_texture.texels import looking, partly
+from resample_texture.texels import gather, partly
 
 RNG = np.random.default_rng(9)
 IMAGE = RNG.random((230, 310, 3)).astype(np.float32)
@@ -157,7 +157,7 @@ def test_pixels_that_others_fill_are_empty_before(monkeypatch):
     whole = warp(image, WAYS["to the horizon"], FRAME).image
     monkeypatch.setattr(partly, "MOST_VALUES", 20_000)
     monkeypatch.setattr(drawings, "MOST_IN_WINDOW", 20_000)
-    monkeypatch.setattr(looking, "np", Unclean())
+    monkeypatch.setattr(gather, "np", Unclean())
     made = np.zeros((*FRAME, 3), np.float32)
     warp_chunks(image, WAYS["to the horizon"], FRAME, out=made, side=90)
     np.testing.assert_array_equal(made, whole)

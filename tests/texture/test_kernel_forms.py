@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from resample.engine.cells.sums import finish
-from resample.engine.levels import look_up
+from resample.engine.levels import decode
 from resample_texture import ForwardMap, Hybrid, Splats, warp
 from resample_texture.texels.encoding import light
 from resample_texture.texels.kernels.blocks import sight, sight_of, split_map, split_plane
@@ -83,10 +83,10 @@ def test_maps_may_be_frozen_and_lie_in_columns(method: str, kernel: Any) -> None
 
 def test_levels_of_both_types_are_looked_up_by_one_kernel() -> None:
     light(np.zeros((2, 3, 1), np.uint8), is_encoded=True)
-    before = specialisations(look_up)
+    before = specialisations(decode)
     levels = np.arange(6, dtype=np.uint16).reshape(2, 3, 1) * 13107
     assert np.array_equal(light(levels, is_encoded=False).ravel(), np.float32(np.arange(6) / 5))
-    assert specialisations(look_up) == before
+    assert specialisations(decode) == before
 
 
 # It compiles what nothing else does.

@@ -10,7 +10,7 @@ from resample.profiles.interpolation import AreaSpline, Bilinear, CatmullRom, La
 from resample_texture import BackwardMap, Edge, Homography, warp
 from resample_texture.geometry.mappings import source_coordinates
 from resample_texture.methods.forward import Hybrid
-from resample_texture.texels import looking
+from resample_texture.texels import gather
 from resample_texture.texels.forward import Cells
 from tests.bits import assert_threads_change_nothing
 
@@ -20,7 +20,7 @@ LINEAR = AreaSpline(limit="none")
 
 def look(source, geometry, shape, edge, cells):
     """Picture of pixels that look."""
-    return looking.look(looking.planned(source.shape[:2], geometry, shape, edge, cells), source)
+    return gather.gather(gather.planned(source.shape[:2], geometry, shape, edge, cells), source)
 
 
 def noise(height=23, width=26, channels=2):

@@ -256,4 +256,4 @@ def test_points_reach_almost_every_sub_pixel():
     mesh = cube(noise(64))
     frame = picture(mesh, fitted_camera(mesh, size=(64, 64)), 64)
     assert frame.statistics.covered > 10000
-    assert frame.statistics.looked_up < 1e-3 * frame.statistics.covered
+    assert frame.statistics.sampled < 1e-3 * frame.statistics.covered

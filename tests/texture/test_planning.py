@@ -56,7 +56,7 @@ def test_every_method_can_be_planned(pictures, method):
 
 def test_a_plan_measures_once(monkeypatch, pictures):
     plan = Plan(PLACES, SHAPE, SIZE)
-    monkeypatch.setattr("resample_texture.texels.looking.measure", None)
+    monkeypatch.setattr("resample_texture.texels.gather.measure", None)
     plan(pictures[0])
 
 

@@ -49,7 +49,7 @@ def is_cut(geometry, edge):
     """Whether a picture is drawn in several windows."""
     given = geometry_of(geometry, SHAPE, "corner", inverse=False)
     border = Edge.WRAP if edge == "reflect-101" else Edge(edge)
-    seen = method_named("hybrid").seen_tiles(SIZE, given, SHAPE, border)
+    seen = method_named("hybrid").visible_tiles(SIZE, given, SHAPE, border)
     return len(list(windows_of(seen, SIZE, 60_000))) > 1
 
 
@@ -114,7 +114,7 @@ def test_threads_make_no_difference_to_windows(monkeypatch, source):
 
 @pytest.mark.parametrize("edge", [Edge.CLAMP, Edge.WRAP])
 def test_windows_are_small_and_make_up_the_target(edge):
-    seen = method_named("hybrid").seen_tiles(SIZE, Homography(PERSPECTIVE), SHAPE, edge)
+    seen = method_named("hybrid").visible_tiles(SIZE, Homography(PERSPECTIVE), SHAPE, edge)
     most, count = 60_000, np.zeros(SHAPE, int)
     for window in windows_of(seen, SIZE, most):
         count[window.target.part] += 1
@@ -125,14 +125,14 @@ def test_windows_are_small_and_make_up_the_target(edge):
 
 
 def test_windows_that_see_nothing_have_texels_still():
-    seen = method_named("hybrid").seen_tiles(SIZE, Homography(AWAY), SHAPE, Edge.CLAMP)
+    seen = method_named("hybrid").visible_tiles(SIZE, Homography(AWAY), SHAPE, Edge.CLAMP)
     assert all(window.source.pixels > 0 for window in windows_of(seen, SIZE, 50_000))
 
 
 def test_a_map_from_all_over_the_source_is_not_cut_for_nothing():
     rng = np.random.default_rng(2)
     places = BackwardMap(rng.random(SHAPE) * SIZE[1], rng.random(SHAPE) * SIZE[0])
-    seen = method_named("hybrid").seen_tiles(SIZE, places, SHAPE, Edge.CLAMP)
+    seen = method_named("hybrid").visible_tiles(SIZE, places, SHAPE, Edge.CLAMP)
     assert list(windows_of(seen, SIZE, 100)) == [
         (Rect(0, 0, SHAPE[1], SHAPE[0]), Rect(0, 0, SIZE[1], SIZE[0]))
     ]

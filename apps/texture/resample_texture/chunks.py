@@ -279,7 +279,7 @@ def _chunks(
 def _is_read_in_parts(source: _Source, way: _Way) -> bool:
     """Whether the part of the source that each chunk shows is known beforehand."""
     geometry: Any = way.geometry
-    if isinstance(geometry, ForwardMap) or not hasattr(way.method, "seen_tiles"):
+    if isinstance(geometry, ForwardMap) or not hasattr(way.method, "visible_tiles"):
         return False
     if isinstance(geometry, Homography) and whole_move(geometry.matrix) is not None:
         return False

@@ -13,7 +13,7 @@ from resample.types import Floats
 from resample_texture.asking import REFLECT_101, check_out, within
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
 from resample_texture.geometry.shifts import Picks, picks_of_move, texels_at, unfolded, whole_move
-from resample_texture.geometry.windows import PictureWindow, SeenTiles, between, windows_of
+from resample_texture.geometry.windows import PictureWindow, VisibleTiles, between, windows_of
 from resample_texture.texels.encoding import (
     Encoding,
     check_picture,
@@ -26,7 +26,7 @@ from resample_texture.texels.spans import WIDE
 from resample_texture.types import Edge, Method, Warped
 
 if TYPE_CHECKING:
-    from resample_texture.texels.looking import MixedTiles
+    from resample_texture.texels.gather import MixedTiles
 
 Integers = NDArray[np.int64]
 MOST_AT_ONCE = 1 << 24  # values of source and target drawn without windows
@@ -114,7 +114,7 @@ def _is_large(image: NDArray[Any], drawing: Drawing) -> bool:
 class Parts(NamedTuple):
     """Parts in which a picture is drawn with little memory."""
 
-    windows: SeenTiles
+    windows: VisibleTiles
     mixed: "MixedTiles | None" = None  # near and far tiles; far texels are projected
 
 
@@ -129,11 +129,11 @@ def parts_of(image: Any, drawing: Drawing) -> Parts | None:
     from resample.engine import jit
 
     method, geometry, shape, edge, threads, *_ = drawing
-    if isinstance(image, np.ma.MaskedArray) or not hasattr(method, "seen_tiles"):
+    if isinstance(image, np.ma.MaskedArray) or not hasattr(method, "visible_tiles"):
         return None
     size = image.shape[0], image.shape[1]
     with jit.threads(threads):
-        seen = method.seen_tiles(size, geometry, shape, Edge(edge))
+        seen = method.visible_tiles(size, geometry, shape, Edge(edge))
         if seen is not None:
             return Parts(seen)
         if not hasattr(method, "mixed_tiles") or image.dtype.name in WIDE:

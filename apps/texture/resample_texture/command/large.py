@@ -111,7 +111,7 @@ class Large:
     form: Keepable
     target: Target
     choice: Warping
-    method: Any  # a `Method` that may have `seen_tiles`
+    method: Any  # a `Method` that may have `visible_tiles`
     roi: Roi
     written: Destination
 
@@ -173,7 +173,7 @@ class Large:
         """Return the part of the source, continued beyond its edges, that a strip shows."""
         size = self.form.shape[:2]
         geometry, shape, _ = self._part(first, count)
-        seen = self.method.seen_tiles(size, geometry, shape, Edge(self.choice.edge))
+        seen = self.method.visible_tiles(size, geometry, shape, Edge(self.choice.edge))
         return next(windows_of(seen, size, EVERYTHING)).source
 
     @cached_property
@@ -219,7 +219,7 @@ class Large:
         if not np.isfinite(geometry.x + geometry.y).all():
             return False
         height, width, _ = self.form.shape
-        seen = self.method.seen_tiles((height, width), geometry, shape, Edge.TRANSPARENT)
+        seen = self.method.visible_tiles((height, width), geometry, shape, Edge.TRANSPARENT)
         low, high = seen.bounds[:, :2].min(axis=0), seen.bounds[:, 2:].max(axis=0)
         return bool((low >= 0.0).all() and high[0] <= width and high[1] <= height)
 

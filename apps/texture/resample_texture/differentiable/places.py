@@ -13,7 +13,7 @@ from resample.types import Doubles
 from resample_texture.asking import check_shape, whole_pair
 from resample_texture.geometry.mappings import BackwardMap, oriented, pixel_centers
 from resample_texture.geometry.matrices import homography
-from resample_texture.texels.kernels.looking import FARTHEST, TORN, TWELFTH
+from resample_texture.texels.kernels.gather import FARTHEST, TORN, TWELFTH
 
 MOVED = {"corner": 0.0, "opencv": 0.5}  # offset of a convention's pixel centers
 

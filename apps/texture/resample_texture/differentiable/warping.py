@@ -17,7 +17,12 @@ from resample_texture.differentiable.coefficients import (
     ring_of,
     transposed,
 )
-from resample_texture.differentiable.kernels.looking import Plate, change, give_back, look
+from resample_texture.differentiable.kernels.gather import (
+    CoefficientPlate,
+    change,
+    gather,
+    give_back,
+)
 from resample_texture.differentiable.kernels.points import REFLECT_101 as REFLECTED
 from resample_texture.differentiable.kernels.points import Lens
 from resample_texture.differentiable.places import MapPlaces, MatrixPlaces
@@ -88,7 +93,7 @@ class LinearWarp:
         seen = places.places()
         picture = np.empty((*seen.shape[:2], texels.shape[2]))
         with _threads(self.threads):
-            look(_plate(plate), seen, self._lens(texels.shape[:2]), picture)
+            gather(_plate(plate), seen, self._lens(texels.shape[:2]), picture)
         return picture.reshape(seen.shape[:2] + np.shape(image)[2:])
 
     def by_image(
@@ -142,10 +147,10 @@ class LinearWarp:
         return Lens(weight, slope, rules(), shift, size, margin, float(ring), edge, quality)
 
 
-def _plate(coefficients: Doubles) -> Plate:
+def _plate(coefficients: Doubles) -> CoefficientPlate:
     """Return coefficients (rows, columns, C) as kernels read them."""
     _, columns, channels = coefficients.shape
-    return Plate(coefficients.reshape(-1), columns, channels, 0, 0)
+    return CoefficientPlate(coefficients.reshape(-1), columns, channels, 0, 0)
 
 
 def _threads(count: int | None) -> Any:

@@ -49,7 +49,7 @@ class PictureWindow(NamedTuple):
     source: Rect
 
 
-class SeenTiles(NamedTuple):
+class VisibleTiles(NamedTuple):
     """Tiles of a target, and the bounds of the source that each gathers from."""
 
     tiles: Integers  # (T, 4) px, row by row
@@ -58,7 +58,7 @@ class SeenTiles(NamedTuple):
     is_endless: bool  # the source is repeated beyond its edges
 
 
-def windows_of(seen: SeenTiles, size: tuple[int, int], most: int) -> Iterator[PictureWindow]:
+def windows_of(seen: VisibleTiles, size: tuple[int, int], most: int) -> Iterator[PictureWindow]:
     """Yield windows of a target, from the top, with their parts of a source (height, width).
 
     A window is halved while it, or its source, has more than `most` pixels, unless it is a single
@@ -99,7 +99,7 @@ def between(
     return Homography(back @ geometry.oriented(size) @ there, is_signed=True, region=region)
 
 
-def _window(seen: SeenTiles, which: Integers, size: tuple[int, int]) -> PictureWindow:
+def _window(seen: VisibleTiles, which: Integers, size: tuple[int, int]) -> PictureWindow:
     """Return the window of some tiles."""
     tiles, bounds = seen.tiles[which.ravel()], seen.bounds[which.ravel()]
     low, high = tiles[:, :2].min(axis=0), tiles[:, 2:].max(axis=0)

@@ -97,7 +97,7 @@ class MeshStatistics(NamedTuple):
     points: int  # of textures, projected
     seen: int  # points that reached a sub-pixel which shows their surface
     covered: int  # sub-pixels with a surface
-    looked_up: int  # covered sub-pixels that no point reached
+    sampled: int  # covered sub-pixels that no point reached
     seconds: float
 
 
@@ -186,9 +186,9 @@ def render_mesh(
         tiles = dealt_to_tiles(triangles.bounds, screen, max(1, TILE // look.samples))
         tally = np.zeros((len(tiles.spacing), 4), np.int64)
         paint(MeshScene(triangles, cover, lens, grid, tally), tiles, picture)
-    points, seen, covered, looked_up = tally.sum(axis=0).tolist()
+    points, seen, covered, sampled = tally.sum(axis=0).tolist()
     seconds = time.perf_counter() - begin
-    statistics = MeshStatistics(len(mesh.triangle), points, seen, covered, looked_up, seconds)
+    statistics = MeshStatistics(len(mesh.triangle), points, seen, covered, sampled, seconds)
     coverage = picture.rgba[..., 3].copy()
     return Frame(picture.rgba, picture.depth, picture.first_depth, coverage, statistics)
 

@@ -13,9 +13,9 @@ from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry
 from resample_texture.types import Edge, Method, Warped
 
 if TYPE_CHECKING:
-    from resample_texture.geometry.windows import SeenTiles
+    from resample_texture.geometry.windows import VisibleTiles
     from resample_texture.texels.forward import Cells
-    from resample_texture.texels.looking import Gaze, MixedTiles
+    from resample_texture.texels.gather import GatherPlan, MixedTiles
 
 MOST_AROUND = 1 << 30  # px of a target, all of whose blocks are looked for, for a region of it
 FEW = 8192  # texels and px that one thread works on alone
@@ -97,22 +97,22 @@ class Hybrid:
     @property
     def tile(self) -> int:
         """Side of what is worked on together, px, where pixels look: regions are of whole ones."""
-        from resample_texture.texels.looking import TILE
+        from resample_texture.texels.gather import TILE
 
         return TILE if self._takes_areas and self.magnified == "cells" and not self.total else 1
 
-    def seen_tiles(
+    def visible_tiles(
         self, size: tuple[int, int], geometry: Geometry, shape: tuple[int, int], edge: Edge
-    ) -> "SeenTiles | None":
+    ) -> "VisibleTiles | None":
         """What parts of a target (height, width) see of a source (height, width).
 
         None if that cannot be told: parts are not drawn alone.
         """
-        if self.clamp or self.magnified != "cells" or not self._looks_along(geometry):
+        if self.clamp or self.magnified != "cells" or not self._gathers(geometry):
             return None
-        from resample_texture.texels.looking import seen_tiles
+        from resample_texture.texels.gather import visible_tiles
 
-        return seen_tiles(size, geometry, shape, edge, self.cells)
+        return visible_tiles(size, geometry, shape, edge, self.cells)
 
     def mixed_tiles(
         self, form: tuple[int, int, int], geometry: Geometry, shape: tuple[int, int], edge: Edge
@@ -122,11 +122,11 @@ class Hybrid:
         And those to which its texels are projected, part by part. None if there are none, or it
         cannot be told: parts are not drawn alone.
         """
-        if self.clamp or self.magnified != "cells" or not self._looks_along(geometry):
+        if self.clamp or self.magnified != "cells" or not self._gathers(geometry):
             return None
         if not isinstance(geometry, Homography):
             return None
-        from resample_texture.texels.looking import mixed_tiles
+        from resample_texture.texels.gather import mixed_tiles
 
         return mixed_tiles(form, geometry, shape, edge, self.cells)
 
@@ -140,8 +140,8 @@ class Hybrid:
     ) -> Warped:
         if self.magnified == "splats":
             warped = self._splatted(source, geometry, shape, edge)
-        elif self._looks_along(geometry):
-            warped = self._looking(source, geometry, shape, edge)
+        elif self._gathers(geometry):
+            warped = self._gathering(source, geometry, shape, edge)
         else:
             cells = self.cells.finer() if self._takes_areas else self.cells
             warped = _project(source, geometry, shape, edge, cells)
@@ -157,13 +157,13 @@ class Hybrid:
         ValueError
             A map has another shape than the picture.
         """
-        if self.magnified != "cells" or not self._looks_along(geometry):
+        if self.magnified != "cells" or not self._gathers(geometry):
             return self
-        from resample_texture.texels.looking import planned
+        from resample_texture.texels.gather import planned
 
         return _Planned(self, planned(size, geometry, shape, edge, self.cells))
 
-    def _looking(
+    def _gathering(
         self,
         source: Floats,
         geometry: Homography | BackwardMap,
@@ -171,14 +171,14 @@ class Hybrid:
         edge: Edge,
     ) -> Warped:
         from resample.engine import jit
-        from resample_texture.texels.looking import look, planned
+        from resample_texture.texels.gather import gather, planned
 
         size = source.shape[0], source.shape[1]
         is_small = math.prod(size) + math.prod(shape) <= FEW
         with jit.threads(1) if is_small else nullcontext():  # to wake another takes longer
-            return look(planned(size, geometry, shape, edge, self.cells), source)
+            return gather(planned(size, geometry, shape, edge, self.cells), source)
 
-    def _looks_along(self, geometry: Geometry) -> TypeGuard[Homography | BackwardMap]:
+    def _gathers(self, geometry: Geometry) -> TypeGuard[Homography | BackwardMap]:
         """Whether pixels look at the source, and no texels are projected but where they shrink."""
         return self._takes_areas and not (self.total or isinstance(geometry, ForwardMap))
 
@@ -223,12 +223,12 @@ class _Near:
     def __call__(
         self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
     ) -> Warped:
-        from resample_texture.texels.looking import look, planned
+        from resample_texture.texels.gather import gather, planned
 
         assert not isinstance(geometry, ForwardMap)  # its texels are all projected
         size = source.shape[0], source.shape[1]
         plan = planned(size, geometry, shape, edge, self.method.cells)
-        return look(plan, source, near_only=True)
+        return gather(plan, source, near_only=True)
 
 
 @dataclass(frozen=True)
@@ -236,7 +236,7 @@ class _Planned:
     """A hybrid whose pixels look where they looked before."""
 
     method: Hybrid
-    plan: "Gaze"
+    plan: "GatherPlan"
 
     @property
     def keeps_texels(self) -> bool:
@@ -246,13 +246,13 @@ class _Planned:
     def __call__(
         self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
     ) -> Warped:
-        from resample_texture.texels.looking import look
+        from resample_texture.texels.gather import gather
 
         plan, size = self.plan, (source.shape[0], source.shape[1])
         is_other = geometry is not plan.geometry or edge != plan.edge
         if is_other or (size, shape) != (plan.size, plan.shape):
             raise ValueError(f"the plan is for pictures of {plan.size} that go another way")
-        warped = look(self.plan, source)
+        warped = gather(self.plan, source)
         return _clamped(warped, source) if self.method.clamp else warped
 
 

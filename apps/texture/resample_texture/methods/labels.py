@@ -64,14 +64,14 @@ class Majority:
         self, image: NDArray[Any], geometry: Geometry, shape: tuple[int, int], edge: Edge
     ) -> Picks:
         from resample_texture.texels.forward import EDGES
-        from resample_texture.texels.kernels.labels import Found, Labels, Lookup, find_labels
+        from resample_texture.texels.kernels.labels import Found, Labels, PixelMapping, find_labels
 
         height, width = image.shape[:2]
         code, count = codes_of(image)
-        look = Lookup(*_look_of(geometry, shape, (height, width)))
+        mapping = PixelMapping(*_mapping_of(geometry, shape, (height, width)))
         labels = Labels(code, count, _common(code, count), EDGES[edge])
         found = Found(np.zeros(shape, np.int64), np.zeros(shape, np.float32))
-        find_labels(look, labels, found)
+        find_labels(mapping, labels, found)
         return Picks(found.texel // width, found.texel % width, found.coverage)
 
     def __call__(
@@ -116,7 +116,7 @@ def _common(code: NDArray[np.int32], count: int) -> int:
     return int(np.argmax(code.ravel() == numbers.argmax()))
 
 
-def _look_of(
+def _mapping_of(
     geometry: Geometry, shape: tuple[int, int], source_shape: tuple[int, int]
 ) -> tuple[Doubles, Doubles]:
     """Return the matrix from target to source, or the places of a map; the other is empty."""

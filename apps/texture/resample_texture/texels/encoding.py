@@ -201,7 +201,7 @@ def light(planes: NDArray[Any], *, is_encoded: bool, has_alpha: bool = False) ->
     has_alpha
         The fourth channel is linear.
     """
-    from resample.engine.levels import levels_of, look_up
+    from resample.engine.levels import decode, levels_of
 
     if planes.dtype.name not in LEVELS:
         with np.errstate(over="ignore", invalid="ignore"):
@@ -209,7 +209,7 @@ def light(planes: NDArray[Any], *, is_encoded: bool, has_alpha: bool = False) ->
     table = _lights(planes.dtype.name, is_encoded)
     levels = np.require(planes, planes.dtype.newbyteorder("="), ["C", "W"])
     values = np.empty(levels.shape, np.float32)
-    look_up(table, levels_of(levels.reshape(-1)), values.reshape(-1))
+    decode(table, levels_of(levels.reshape(-1)), values.reshape(-1))
     if is_encoded and has_alpha:
         values[..., 3] = _lights(planes.dtype.name, False)[planes[..., 3]]
     return values

@@ -122,7 +122,7 @@ def is_cut(lens: Lens, seen: Doubles) -> bool:
 
 
 @inner_step
-def is_seen(lens: Lens, seen: Doubles) -> bool:
+def is_visible(lens: Lens, seen: Doubles) -> bool:
     """Whether a pixel may show anything."""
     # Reject NaN and places too far away.
     if not (abs(seen[0]) <= FARTHEST and abs(seen[1]) <= FARTHEST):

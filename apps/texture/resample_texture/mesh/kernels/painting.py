@@ -32,7 +32,7 @@ from resample_texture.mesh.kernels.outlines import (
     open_outline,
     take_points,
 )
-from resample_texture.mesh.kernels.shading import count, finish, is_looked_up, put_behind, shade
+from resample_texture.mesh.kernels.shading import count, finish, is_sampled, put_behind, shade
 from resample_texture.mesh.kernels.surfaces import Ints, Lens, Triangles
 from resample_texture.mesh.kernels.tiles import Block, Grid, new_block
 from resample_texture.mesh.kernels.visibility import may_show, show
@@ -93,7 +93,7 @@ def _add(scene: MeshScene, member: int, block: Block) -> None:
     """Add the cells of a triangle, if it may be visible."""
     triangles, skin, lens = scene.triangles, scene.skin, scene.lens
     # Textures without area and translucent ones have no cells.
-    if is_looked_up(triangles, skin, member):
+    if is_sampled(triangles, skin, member):
         return
     if may_show(triangles, member, block, lens):
         points, seen = dice(block, member, triangles, skin, lens, scene.grid)

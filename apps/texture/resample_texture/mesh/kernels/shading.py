@@ -8,8 +8,8 @@ import numpy as np
 
 from resample.engine.jit import inner_kernel
 from resample_texture.mesh.kernels.color import OPAQUE, Skin, lit
-from resample_texture.mesh.kernels.looking import Layer, evaluate
 from resample_texture.mesh.kernels.outlines import NOTHING, covered
+from resample_texture.mesh.kernels.sampling import Layer, evaluate
 from resample_texture.mesh.kernels.surfaces import Lens, Triangles
 from resample_texture.mesh.kernels.tiles import Block, sample
 
@@ -18,7 +18,7 @@ FULL = 1.0 - 1e-3  # alpha beyond which nothing shows through
 
 
 @inner_kernel
-def is_looked_up(triangles: Triangles, skin: Skin, n: int) -> bool:
+def is_sampled(triangles: Triangles, skin: Skin, n: int) -> bool:
     """Whether a triangle has no cells: its texture has no area, or it is not opaque."""
     texture = skin.texture[n]
     return bool(texture < 0 or triangles.determinant[n] == 0.0 or skin.mode[texture] != OPAQUE)
@@ -33,7 +33,7 @@ def _is_reached(skin: Skin, block: Block, row: int, column: int) -> bool:
 
 
 @inner_kernel
-def _looked_up(triangles: Triangles, skin: Skin, block: Block, row: int, column: int) -> Layer:
+def _sampled(triangles: Triangles, skin: Skin, block: Block, row: int, column: int) -> Layer:
     """Color and alpha of the triangle that a sub-pixel shows, from its texture."""
     n, fine = block.owner[row, column], 1.0 / block.samples
     corner = (block.left + column * fine, block.top + row * fine)
@@ -81,7 +81,7 @@ def shade(triangles: Triangles, skin: Skin, lens: Lens, block: Block) -> None:
             if sums[row, column, 3] > LEAST_WEIGHT:
                 color = _mean(block, row, column)
             else:
-                color = _looked_up(triangles, skin, block, row, column)
+                color = _sampled(triangles, skin, block, row, column)
             # Weigh by coverage and light.
             cover = covered(block, row, column)
             light = cover * lit(triangles, skin, n, sample(block, row, column))
@@ -109,7 +109,7 @@ def put_behind(triangles: Triangles, skin: Skin, block: Block) -> bool:
             if _is_reached(skin, block, row, column):
                 color = _mean(block, row, column)
             else:
-                color = _looked_up(triangles, skin, block, row, column)
+                color = _sampled(triangles, skin, block, row, column)
             # Note the depth of the first layer that is not fully transparent.
             rest, nearness = 1.0 - seen[row, column, 3], block.nearness[row, column]
             if color[3] > 0.0 and seen[row, column, 3] == np.float32(0):

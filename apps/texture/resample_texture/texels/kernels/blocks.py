@@ -33,7 +33,7 @@ EVEN_ENOUGH = 16  # cells along an axis; so few are not split for being uneven
 COARSEST = 40  # log₂ of the texels along a cell
 FINEST = 20  # log₂ of the parts of a texel
 # Rectangles that are visited at most to find the blocks of a plane: a number, and more per pixel.
-MOST_LOOKED, PER_PIXEL = 1 << 18, 16
+MOST_SPLITS, PER_PIXEL = 1 << 18, 16
 TILE = 32  # texels along a side of a block of a map, before it is split
 
 
@@ -353,7 +353,7 @@ def split_plane(
     """
     # Prepare the frustum's lines, growing results, and a stack for a depth-first descent.
     height, width = frame
-    left_over = MOST_LOOKED + PER_PIXEL * height * width  # rectangles that may be visited
+    left_over = MOST_SPLITS + PER_PIXEL * height * width  # rectangles that may be visited
     lines, cut = sight(matrix, height, width, reach), Cut(quality, largest)
     found = np.empty((256, 2, 6), np.int64), np.empty((256, 4), np.int64), 0
     stack = np.zeros((256, 2, 4), np.int64)

@@ -18,7 +18,7 @@ from resample.engine.roles import plays
 from resample.engine.windows.edges import TRANSPARENT, mapped
 from resample.types import Doubles, Floats
 from resample_texture.texels.kernels.blocks import Integers
-from resample_texture.texels.kernels.looking import FARTHEST, steps
+from resample_texture.texels.kernels.gather import FARTHEST, steps
 from resample_texture.texels.kernels.texels import DENSE, EXACT
 
 Pair = tuple[float, float]

@@ -23,7 +23,7 @@ MOST_ALIKE = 256.0  # texels that are read at most to find that they share one l
 FRONT = 1e-12  # of the largest third coordinate; what has less is at the horizon
 
 
-class Lookup(NamedTuple):
+class PixelMapping(NamedTuple):
     """Where pixels read the source."""
 
     inverse: Doubles  # (3, 3) target to source, positive in front of the camera
@@ -57,16 +57,16 @@ class Tally(NamedTuple):
 
 
 @kernel
-def _look(look: Lookup, row: int, column: int, rows: Doubles) -> bool:
+def _fill_matrix(mapping: PixelMapping, row: int, column: int, rows: Doubles) -> bool:
     """Fill in the matrix of a pixel, around its center; False if it shows nothing."""
     # Under a homography, move the origin to the pixel's center.
-    if look.places.shape[1] == 0:
-        rows[:] = look.inverse
+    if mapping.places.shape[1] == 0:
+        rows[:] = mapping.inverse
         for n in range(3):
             rows[n, 2] += rows[n, 0] * (column + 0.5) + rows[n, 1] * (row + 0.5)
         return True
     # Under a map, take its linear part around the pixel's center.
-    place = look.places[:, row, column]
+    place = mapping.places[:, row, column]
     for n in range(2):
         rows[n, 2], rows[n, 0], rows[n, 1] = place[n], place[2 + n], place[4 + n]
     rows[2, 0], rows[2, 1], rows[2, 2] = 0.0, 0.0, 1.0
@@ -330,11 +330,11 @@ def _single(labels: Labels, rows: Doubles) -> int:
 
 
 @kernel
-def _find_row(look: Lookup, labels: Labels, found: Found, tally: Tally, row: int) -> None:
+def _find_row(mapping: PixelMapping, labels: Labels, found: Found, tally: Tally, row: int) -> None:
     """Find the labels of a row of pixels."""
     for column in range(found.texel.shape[1]):
         # Skip pixels that show nothing.
-        if not _look(look, row, column, tally.rows):
+        if not _fill_matrix(mapping, row, column, tally.rows):
             continue
         # Try the cheap case first: all texels around have one label.
         alike = _single(labels, tally.rows)
@@ -356,7 +356,7 @@ def _find_row(look: Lookup, labels: Labels, found: Found, tally: Tally, row: int
 
 
 @kernel
-def _find_band(look: Lookup, labels: Labels, found: Found, rows: tuple[int, int]) -> None:
+def _find_band(mapping: PixelMapping, labels: Labels, found: Found, rows: tuple[int, int]) -> None:
     """Find the labels of some rows of pixels."""
     tally = Tally(
         np.zeros(labels.codes),
@@ -366,11 +366,11 @@ def _find_band(look: Lookup, labels: Labels, found: Found, rows: tuple[int, int]
         np.zeros((5, MOST_CORNERS, 2)),
     )
     for row in range(rows[0], rows[1]):
-        _find_row(look, labels, found, tally, row)
+        _find_row(mapping, labels, found, tally, row)
 
 
 @parallel_kernel
-def find_labels(counter: Counter, look: Lookup, labels: Labels, found: Found) -> None:
+def find_labels(counter: Counter, mapping: PixelMapping, labels: Labels, found: Found) -> None:
     """Find each pixel's label of the largest area, the smallest of equal ones."""
     for rows in bands(counter, found.texel.shape[0], BAND):
-        _find_band(look, labels, found, rows)
+        _find_band(mapping, labels, found, rows)

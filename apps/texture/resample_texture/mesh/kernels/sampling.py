@@ -24,8 +24,8 @@ from resample_texture.texels.kernels.texels import DENSE, phase
 
 Layer = tuple[float, float, float, float]  # red, green, blue, premultiplied by alpha, and alpha
 
-MOST_LOOKS = 64.0  # per sub-pixel; a texture more anisotropic than that is read at a smaller level
-MASKED_LOOKS = 4.0  # per sub-pixel, at least, where a mask cuts
+MOST_TAPS = 64.0  # per sub-pixel; a texture more anisotropic than that is read at a smaller level
+MASKED_TAPS = 4.0  # per sub-pixel, at least, where a mask cuts
 ROUNDING = 1e-5  # of a constant alpha, interpolated
 TOO_MANY_TEXELS = 1e15  # per sub-pixel; beyond, a texture is its mean
 DENSITY = 2.0  # looks per texel
@@ -33,7 +33,7 @@ GOLDEN = 0.6180339887498949  # multiples of it, modulo 1, fill an interval evenl
 
 
 @inner_kernel
-def _look_up(skin: Skin, texture: int, level: int, place: Place) -> Layer:
+def _sample_level(skin: Skin, texture: int, level: int, place: Place) -> Layer:
     """Interpolate a texture's level at (u, t): premultiplied color, and alpha."""
     base, mode = skin.level[texture, level, 0], skin.mode[texture]
     height, width = skin.level[texture, level, 1], skin.level[texture, level, 2]
@@ -111,7 +111,7 @@ def _reach(triangles: Triangles, skin: Skin, n: int, place: Place, fine: float) 
 
 
 @inner_kernel
-def _level_and_looks(skin: Skin, texture: int, reach: Place) -> tuple[int, int]:
+def _level_and_taps(skin: Skin, texture: int, reach: Place) -> tuple[int, int]:
     """Level for a sub-pixel that covers `reach` texels, and the number of look-ups."""
     most, fewest = reach
     # At the horizon, take the smallest level, which is the mean.
@@ -120,13 +120,13 @@ def _level_and_looks(skin: Skin, texture: int, reach: Place) -> tuple[int, int]:
     # Choose the level by the shorter axis, or a smaller one if the longer needs too many looks.
     level, texel = 0, 1.0
     while level + 1 < skin.levels[texture]:
-        if 2.0 * texel > fewest and most * max(texel, fewest) <= MOST_LOOKS * texel * texel:
+        if 2.0 * texel > fewest and most * max(texel, fewest) <= MOST_TAPS * texel * texel:
             break
         level, texel = level + 1, 2.0 * texel
     # Spread look-ups evenly along the longer axis; a mask needs a few in any case.
-    looks = min(MOST_LOOKS, math.ceil(DENSITY * most / texel * max(1.0, fewest / texel)))
-    least = MASKED_LOOKS if skin.mode[texture] == MASK else 1.0
-    return level, int(max(least, looks))
+    taps = min(MOST_TAPS, math.ceil(DENSITY * most / texel * max(1.0, fewest / texel)))
+    least = MASKED_TAPS if skin.mode[texture] == MASK else 1.0
+    return level, int(max(least, taps))
 
 
 @inner_kernel
@@ -149,14 +149,14 @@ def evaluate(
         )
     # Choose a level and the number of look-ups by what the sub-pixel covers.
     reach = _reach(triangles, skin, n, place, fine)
-    level, looks = _level_and_looks(skin, texture, reach)
-    if looks == 1:
-        return _look_up(skin, texture, level, texture_place(triangles, skin.uv, n, place))
+    level, taps = _level_and_taps(skin, texture, reach)
+    if taps == 1:
+        return _sample_level(skin, texture, level, texture_place(triangles, skin.uv, n, place))
     # Average look-ups at places of a golden-ratio sequence over the sub-pixel.
     red, green, blue, alpha = 0.0, 0.0, 0.0, 0.0
-    for k in range(looks):
-        x, y = (k + 0.5) / looks, (k * GOLDEN + 0.5) % 1.0
+    for k in range(taps):
+        x, y = (k + 0.5) / taps, (k * GOLDEN + 0.5) % 1.0
         at = texture_place(triangles, skin.uv, n, (corner[0] + x * fine, corner[1] + y * fine))
-        r, g, b, a = _look_up(skin, texture, level, at)
+        r, g, b, a = _sample_level(skin, texture, level, at)
         red, green, blue, alpha = red + r, green + g, blue + b, alpha + a
-    return red / looks, green / looks, blue / looks, alpha / looks
+    return red / taps, green / taps, blue / taps, alpha / taps

@@ -5,14 +5,14 @@ from typing import NamedTuple
 
 from resample.engine.jit import Counter, inner_kernel, packed_kernel, parallel_kernel
 from resample.engine.roles import plays
-from resample.engine.windows.looking import (
+from resample.engine.windows.gather import (
     Extent,
+    GridView,
     Integers,
-    Seen,
-    View,
-    look_from_tiles,
+    PixelFootprint,
+    footprint_at,
+    gather_tiles,
     measure_tiles,
-    seen_at,
 )
 from resample.types import Doubles, Floats
 
@@ -50,11 +50,11 @@ def steps(before: float, here: float, after: float) -> tuple[float, float]:
     return (left, right) if abs(left) <= FARTHEST else (0.0, 0.0)
 
 
-@plays(seen_at, Plane)
-def _seen_on_plane(look: Plane, row: int, column: int) -> Seen:
+@plays(footprint_at, Plane)
+def _footprint_on_plane(geometry: Plane, row: int, column: int) -> PixelFootprint:
     """Project a pixel into the source plane: its mean place and its sides."""
     # Project the pixel's center; it shows nothing behind the horizon.
-    a, x, y = look.inverse, (look.left + column) + 0.5, (look.top + row) + 0.5
+    a, x, y = geometry.inverse, (geometry.left + column) + 0.5, (geometry.top + row) + 0.5
     d = a[2, 0] * x + a[2, 1] * y + a[2, 2]
     share = 1.0 / d if d > 0.0 else math.nan
     u = (a[0, 0] * x + a[0, 1] * y + a[0, 2]) * share
@@ -65,7 +65,7 @@ def _seen_on_plane(look: Plane, row: int, column: int) -> Seen:
     # Move the middle to the mean of the pixel's points, to second order.
     bend_x, bend_y = a[2, 0] * share * TWELFTH, a[2, 1] * share * TWELFTH
     u, v = u - ux * bend_x - uy * bend_y, v - vx * bend_x - vy * bend_y
-    return Seen(u, v, (ux, vx), (uy, vy))
+    return PixelFootprint(u, v, (ux, vx), (uy, vy))
 
 
 @inner_kernel
@@ -82,41 +82,46 @@ def _squared(along_x: Pair, along_y: Pair) -> tuple[Pair, Pair]:
     return (1.0, 0.0), (0.0, 1.0)
 
 
-@plays(seen_at, Map)
-def _seen_by_map(look: Map, row: int, column: int) -> Seen:
+@plays(footprint_at, Map)
+def _footprint_by_map(geometry: Map, row: int, column: int) -> PixelFootprint:
     """Look a pixel up in the map: its mean place and its sides."""
     r, c = row + 1, column + 1
-    u, v = look.u[r, c], look.v[r, c]
+    u, v = geometry.u[r, c], geometry.v[r, c]
     # Difference the map on both sides of the pixel.
-    ux = steps(look.u[r, c - 1], u, look.u[r, c + 1])
-    vx = steps(look.v[r, c - 1], v, look.v[r, c + 1])
-    uy = steps(look.u[r - 1, c], u, look.u[r + 1, c])
-    vy = steps(look.v[r - 1, c], v, look.v[r + 1, c])
+    ux = steps(geometry.u[r, c - 1], u, geometry.u[r, c + 1])
+    vx = steps(geometry.v[r, c - 1], v, geometry.v[r, c + 1])
+    uy = steps(geometry.u[r - 1, c], u, geometry.u[r + 1, c])
+    vy = steps(geometry.v[r - 1, c], v, geometry.v[r + 1, c])
     # Take the mean of both sides, and the bend between them for the mean place.
     bend_u, bend_v = ux[1] - ux[0] + uy[1] - uy[0], vx[1] - vx[0] + vy[1] - vy[0]
     along_x = 0.5 * (ux[0] + ux[1]), 0.5 * (vx[0] + vx[1])
     along_y = 0.5 * (uy[0] + uy[1]), 0.5 * (vy[0] + vy[1])
     along_x, along_y = _squared(along_x, along_y)
-    return Seen(u + 0.5 * TWELFTH * bend_u, v + 0.5 * TWELFTH * bend_v, along_x, along_y)
+    return PixelFootprint(u + 0.5 * TWELFTH * bend_u, v + 0.5 * TWELFTH * bend_v, along_x, along_y)
 
 
 @packed_kernel
-def look_at(
+def fill_tiles(
     counter: Counter,
-    look: Plane | Map,
-    view: View,
+    geometry: Plane | Map,
+    view: GridView,
     tiles: Integers,
     bounds: Doubles,
     image: Floats,
     covered: Floats,
 ) -> None:
-    """Fill tiles of a picture with what their pixels cover; see `look_from_tiles`."""
-    look_from_tiles(counter, look, view, tiles, bounds, image, covered)
+    """Fill tiles of a picture with what their pixels cover; see `gather_tiles`."""
+    gather_tiles(counter, geometry, view, tiles, bounds, image, covered)
 
 
 @parallel_kernel
 def measure(
-    counter: Counter, look: Plane | Map, tiles: Integers, step: int, view: View, extent: Extent
+    counter: Counter,
+    geometry: Plane | Map,
+    tiles: Integers,
+    step: int,
+    view: GridView,
+    extent: Extent,
 ) -> None:
     """Measure what tiles cover of the source; see `measure_tiles`."""
-    measure_tiles(counter, look, tiles, step, view, extent)
+    measure_tiles(counter, geometry, tiles, step, view, extent)

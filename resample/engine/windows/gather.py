@@ -4,7 +4,7 @@ A pixel covers about a parallelogram of the grid. A box with the same second mom
 mean of what varies slowly, up to fourth order; a pixel in which the grid varies too much for that
 is split into parts. A parallelogram along the grid's axes is such a box itself.
 
-Where a pixel lies is up to the application, which plays the role `seen_at`.
+Where a pixel lies is up to the application, which plays the role `footprint_at`.
 """
 
 import math
@@ -39,7 +39,7 @@ from resample.engine.windows.polygons import MOST_CORNERS, area, cut_to
 from resample.types import Doubles, Floats, Single
 
 Integers = NDArray[np.int64]
-Look = Any  # a bundle of the application's, whose class selects where pixels lie
+PixelGeometry = Any  # a bundle of the application's, whose class selects where pixels lie
 
 LEAN = 0.1  # samples², 12 times a part's mixed moment, from which on two boxes stand for it
 LEANEST = 0.5  # samples², mixed moment of one side of a part, at most
@@ -51,7 +51,7 @@ LONGEST_LIMITED = 24.0  # samples along one axis, `LIMITED` along the other: lim
 NEARLY = 1e-6  # samples, or share of a pixel, that count as nothing
 
 
-class Seen(NamedTuple):
+class PixelFootprint(NamedTuple):
     """The footprint of a pixel: a parallelogram in source coordinates."""
 
     u: float  # its center; NaN: nothing
@@ -60,7 +60,7 @@ class Seen(NamedTuple):
     along_y: tuple[float, float]  # and down
 
 
-class View(NamedTuple):
+class GridView(NamedTuple):
     """A grid, and how pixels gather from it."""
 
     plate: Plate
@@ -83,21 +83,21 @@ class PixelScratch(NamedTuple):
 
 
 @role
-def seen_at(look: Look, row: int, column: int) -> Seen:
+def footprint_at(geometry: PixelGeometry, row: int, column: int) -> PixelFootprint:
     """The footprint of a pixel."""
     raise NotImplementedError
 
 
 @inner_step
-def is_box(seen: Seen, finest: float) -> bool:
+def is_box(footprint: PixelFootprint, finest: float) -> bool:
     """Whether one or two boxes approximate a pixel well enough; see `parts_of`."""
-    (ux, vx), (uy, vy) = seen.along_x, seen.along_y
+    (ux, vx), (uy, vy) = footprint.along_x, footprint.along_y
     leans = max(abs(ux * vx), abs(uy * vy)) <= LEANEST * finest
     return bool(leans and max(abs(ux * uy), abs(vx * vy)) <= finest)
 
 
 @inner_kernel
-def parts_of(seen: Seen, finest: float) -> tuple[int, int]:
+def parts_of(footprint: PixelFootprint, finest: float) -> tuple[int, int]:
     """Parts of a pixel along x and y that boxes approximate up to a fourth moment.
 
     Along u, that moment of a parallelogram differs from a box's by (a b)² / 60, with a and b the
@@ -105,7 +105,7 @@ def parts_of(seen: Seen, finest: float) -> tuple[int, int]:
     two boxes, which stand for about a sample along a diagonal at most.
     """
     # Split sides that slant too much.
-    (ux, vx), (uy, vy) = seen.along_x, seen.along_y
+    (ux, vx), (uy, vy) = footprint.along_x, footprint.along_y
     parts, leanest = max(abs(ux * uy), abs(vx * vy)) / finest, LEANEST * finest
     count_x = max(1.0, math.ceil(math.sqrt(abs(ux * vx) / leanest)))
     count_y = max(1.0, math.ceil(math.sqrt(abs(uy * vy) / leanest)))
@@ -118,12 +118,14 @@ def parts_of(seen: Seen, finest: float) -> tuple[int, int]:
 
 
 @inner_step
-def _add_part(view: View, seen: Seen, share: Single, scratch: PixelScratch) -> None:
+def _add_part(
+    view: GridView, footprint: PixelFootprint, share: Single, scratch: PixelScratch
+) -> None:
     """Add a parallelogram as a box, or as two boxes that are apart along its slant."""
     # Second moments, times 12, and the center on the plate.
-    (ux, vx), (uy, vy) = seen.along_x, seen.along_y
+    (ux, vx), (uy, vy) = footprint.along_x, footprint.along_y
     uu, vv, uv = ux * ux + uy * uy, vx * vx + vy * vy, ux * vx + uy * vy
-    u, v = seen.u - view.plate.left, seen.v - view.plate.top
+    u, v = footprint.u - view.plate.left, footprint.v - view.plate.top
     boxes = 1
     apart_u = apart_v = 0.0
     # Two boxes carry the mixed moment by their distance; the rest stays in their sides.
@@ -141,70 +143,70 @@ def _add_part(view: View, seen: Seen, share: Single, scratch: PixelScratch) -> N
 
 
 @inner_kernel
-def _part(seen: Seen, counts: tuple[int, int], n: int) -> Seen:
+def _part(footprint: PixelFootprint, counts: tuple[int, int], n: int) -> PixelFootprint:
     """The nth part of a pixel."""
-    (ux, vx), (uy, vy) = seen.along_x, seen.along_y
+    (ux, vx), (uy, vy) = footprint.along_x, footprint.along_y
     x = (n % counts[0] + 0.5) / counts[0] - 0.5
     y = (n // counts[0] + 0.5) / counts[1] - 0.5
-    return Seen(
-        seen.u + x * ux + y * uy,
-        seen.v + x * vx + y * vy,
+    return PixelFootprint(
+        footprint.u + x * ux + y * uy,
+        footprint.v + x * vx + y * vy,
         (ux / counts[0], vx / counts[0]),
         (uy / counts[1], vy / counts[1]),
     )
 
 
 @inner_kernel
-def _add_parts(view: View, seen: Seen, scratch: PixelScratch) -> None:
+def _add_parts(view: GridView, footprint: PixelFootprint, scratch: PixelScratch) -> None:
     """Add all parts of a pixel, with equal weights."""
-    counts = parts_of(seen, view.finest)
+    counts = parts_of(footprint, view.finest)
     each = np.float32(1.0 / (counts[0] * counts[1]))
     for n in range(counts[0] * counts[1]):
-        _add_part(view, _part(seen, counts, n), each, scratch)
+        _add_part(view, _part(footprint, counts, n), each, scratch)
 
 
 @inner_step
-def _place(view: View, seen: Seen) -> Seen:
+def _place(view: GridView, footprint: PixelFootprint) -> PixelFootprint:
     """Fold a pixel to the equivalent footprint within the grid."""
     if view.margin == math.inf:
-        return seen
-    u, turn_u = folded(seen.u, float(view.size[1]), view.edge, view.margin)
-    v, turn_v = folded(seen.v, float(view.size[0]), view.edge, view.margin)
-    (ux, vx), (uy, vy) = seen.along_x, seen.along_y
-    return Seen(u, v, (turn_u * ux, turn_v * vx), (turn_u * uy, turn_v * vy))
+        return footprint
+    u, turn_u = folded(footprint.u, float(view.size[1]), view.edge, view.margin)
+    v, turn_v = folded(footprint.v, float(view.size[0]), view.edge, view.margin)
+    (ux, vx), (uy, vy) = footprint.along_x, footprint.along_y
+    return PixelFootprint(u, v, (turn_u * ux, turn_v * vx), (turn_u * uy, turn_v * vy))
 
 
 @inner_step
-def _is_within(view: View, seen: Seen) -> bool:
+def _is_within(view: GridView, footprint: PixelFootprint) -> bool:
     """Whether no transparent edge of the source crosses a pixel."""
     if view.edge != TRANSPARENT:
         return True
     # Compare the bounding box of the footprint with the source.
-    (ux, vx), (uy, vy) = seen.along_x, seen.along_y
+    (ux, vx), (uy, vy) = footprint.along_x, footprint.along_y
     reach_u, reach_v = 0.5 * (abs(ux) + abs(uy)) - NEARLY, 0.5 * (abs(vx) + abs(vy)) - NEARLY
-    across = seen.u >= reach_u and seen.u + reach_u <= view.size[1]
-    return bool(across and seen.v >= reach_v and seen.v + reach_v <= view.size[0])
+    across = footprint.u >= reach_u and footprint.u + reach_u <= view.size[1]
+    return bool(across and footprint.v >= reach_v and footprint.v + reach_v <= view.size[0])
 
 
 @inner_kernel
-def _share_within(view: View, seen: Seen, scratch: PixelScratch) -> float:
+def _share_within(view: GridView, footprint: PixelFootprint, scratch: PixelScratch) -> float:
     """Share of a pixel's footprint that lies on the source."""
     # Cull by the bounding box.
     height, width = float(view.size[0]), float(view.size[1])
-    (ux, vx), (uy, vy) = seen.along_x, seen.along_y
+    (ux, vx), (uy, vy) = footprint.along_x, footprint.along_y
     reach_u, reach_v = 0.5 * (abs(ux) + abs(uy)), 0.5 * (abs(vx) + abs(vy))
-    is_outside = seen.u + reach_u <= 0.0 or seen.u - reach_u >= width
-    if is_outside or seen.v + reach_v <= 0.0 or seen.v - reach_v >= height:
+    is_outside = footprint.u + reach_u <= 0.0 or footprint.u - reach_u >= width
+    if is_outside or footprint.v + reach_v <= 0.0 or footprint.v - reach_v >= height:
         return 0.0
     # Corners of the parallelogram, in order.
     polygon = scratch.polygon
     for k in range(4):
         x, y = -0.5 if k in (1, 2) else 0.5, -0.5 if k > 1 else 0.5
-        polygon[k, 0], polygon[k, 1] = seen.u + x * ux + y * uy, seen.v + x * vx + y * vy
+        polygon[k, 0], polygon[k, 1] = footprint.u + x * ux + y * uy, footprint.v + x * vx + y * vy
     # A degenerate footprint counts by its center.
     whole = area(polygon, 4)
     if whole <= 0.0:
-        return 1.0 if 0.0 <= seen.u <= width and 0.0 <= seen.v <= height else 0.0
+        return 1.0 if 0.0 <= footprint.u <= width and 0.0 <= footprint.v <= height else 0.0
     # Clip to the source, and compare areas.
     count = cut_to(polygon, scratch.spare, 4, (0.0, 0.0, width, height))
     share = area(polygon, count) / whole
@@ -212,25 +214,25 @@ def _share_within(view: View, seen: Seen, scratch: PixelScratch) -> float:
 
 
 @inner_kernel
-def _look_within(view: View, seen: Seen, scratch: PixelScratch) -> float:
+def _mean_within(view: GridView, footprint: PixelFootprint, scratch: PixelScratch) -> float:
     """Mean over the part of a footprint on the source, where an edge crosses it; and its share."""
-    share = _share_within(view, seen, scratch)
+    share = _share_within(view, footprint, scratch)
     if share <= 0.0:
         return 0.0
     height, width = float(view.size[0]), float(view.size[1])
     # Split finely, and add the parts whose centers lie on the source.
-    counts, inside = parts_of(seen, view.finest), 0
+    counts, inside = parts_of(footprint, view.finest), 0
     counts = max(counts[0], AT_EDGES), max(counts[1], AT_EDGES)
     for n in range(counts[0] * counts[1]):
-        part = _part(seen, counts, n)
+        part = _part(footprint, counts, n)
         if 0.0 <= part.u <= width and 0.0 <= part.v <= height:
             _add_part(view, part, np.float32(1), scratch)
             inside += 1
     # If none does, take one part at the nearest position of the source.
     if inside == 0:
-        part = _part(seen, counts, 0)
-        u, v = min(max(seen.u, 0.0), width), min(max(seen.v, 0.0), height)
-        _add_part(view, Seen(u, v, part.along_x, part.along_y), np.float32(1), scratch)
+        part = _part(footprint, counts, 0)
+        u, v = min(max(footprint.u, 0.0), width), min(max(footprint.v, 0.0), height)
+        _add_part(view, PixelFootprint(u, v, part.along_x, part.along_y), np.float32(1), scratch)
     # Normalize by their number.
     each = np.float32(1.0 / max(inside, 1))
     for c in range(scratch.total.size):
@@ -239,18 +241,18 @@ def _look_within(view: View, seen: Seen, scratch: PixelScratch) -> float:
 
 
 @inner_step
-def _look(view: View, seen: Seen, scratch: PixelScratch) -> float:
+def _mean_of(view: GridView, footprint: PixelFootprint, scratch: PixelScratch) -> float:
     """Mean over a pixel's footprint; return its coverage."""
     for c in range(scratch.total.size):
         scratch.total[c] = np.float32(0)
     # Footprints that are NaN or very far away are empty.
-    if not (abs(seen.u) <= FARTHEST and abs(seen.v) <= FARTHEST):
+    if not (abs(footprint.u) <= FARTHEST and abs(footprint.v) <= FARTHEST):
         return 0.0
     # At a transparent edge, only a share of the footprint counts.
-    if not _is_within(view, seen):
-        return _look_within(view, seen, scratch)
+    if not _is_within(view, footprint):
+        return _mean_within(view, footprint, scratch)
     # Elsewhere, fold the footprint into the grid, and add it whole or in parts.
-    placed = _place(view, seen)
+    placed = _place(view, footprint)
     if is_box(placed, view.finest):
         _add_part(view, placed, np.float32(1), scratch)
     else:
@@ -259,27 +261,33 @@ def _look(view: View, seen: Seen, scratch: PixelScratch) -> float:
 
 
 @inner_step
-def _is_small(seen: Seen) -> bool:
+def _is_small(footprint: PixelFootprint) -> bool:
     """Whether the samples around a pixel's center suffice for its limits."""
-    (ux, vx), (uy, vy) = seen.along_x, seen.along_y
+    (ux, vx), (uy, vy) = footprint.along_x, footprint.along_y
     return bool(max(abs(ux) + abs(uy), abs(vx) + abs(vy)) <= LIMITED)
 
 
 @inner_step
-def _longer_side(seen: Seen) -> tuple[float, float]:
+def _longer_side(footprint: PixelFootprint) -> tuple[float, float]:
     """Side of a long, thin footprint along which limits are averaged; (0, 0) for all others."""
-    (ux, vx), (uy, vy) = seen.along_x, seen.along_y
+    (ux, vx), (uy, vy) = footprint.along_x, footprint.along_y
     is_along_x = ux * ux + vx * vx > uy * uy + vy * vy
-    longer, other = (seen.along_x, seen.along_y) if is_along_x else (seen.along_y, seen.along_x)
+    longer, other = (
+        (footprint.along_x, footprint.along_y)
+        if is_along_x
+        else (footprint.along_y, footprint.along_x)
+    )
     extent = max(abs(longer[0]), abs(longer[1]))
     is_thin = max(abs(other[0]), abs(other[1])) <= LIMITED
     return longer if is_thin and extent <= LONGEST_LIMITED else (0.0, 0.0)
 
 
 @inner_kernel
-def _part_around(view: View, seen: Seen, scratch: PixelScratch) -> tuple[Part, float, float]:
+def _part_around(
+    view: GridView, footprint: PixelFootprint, scratch: PixelScratch
+) -> tuple[Part, float, float]:
     """Compute the limits around one pixel, and its position in them."""
-    placed, plain = _place(view, seen), view.limits.plain
+    placed, plain = _place(view, footprint), view.limits.plain
     u, v = placed.u - plain.left, placed.v - plain.top
     part = part_around(view.limits, u, v)
     fill_corners(view.limits, part, scratch.corners)
@@ -288,8 +296,8 @@ def _part_around(view: View, seen: Seen, scratch: PixelScratch) -> tuple[Part, f
 
 @inner_kernel
 def _fill_tile(
-    look: Look,
-    view: View,
+    geometry: PixelGeometry,
+    view: GridView,
     tile: Integers,
     bounds: Doubles,
     image: Floats,
@@ -305,26 +313,26 @@ def _fill_tile(
     for row in range(tile[TOP], tile[BOTTOM]):
         for column in range(tile[LEFT], tile[RIGHT]):
             # Gather the mean over the footprint.
-            seen = seen_at(look, row, column)
-            coverage = np.float32(_look(view, seen, scratch))
+            footprint = footprint_at(geometry, row, column)
+            coverage = np.float32(_mean_of(view, footprint, scratch))
             # Clamp small footprints to the limits at their center.
-            if coverage > 0.0 and has_limits and _is_small(seen):
-                u, v = seen.u - left, seen.v - top
+            if coverage > 0.0 and has_limits and _is_small(footprint):
+                u, v = footprint.u - left, footprint.v - top
                 if is_apart:
-                    part, u, v = _part_around(view, seen, scratch)
+                    part, u, v = _part_around(view, footprint, scratch)
                 elif not is_filled:
                     fill_corners(view.limits, part, scratch.corners)
                     is_filled = True
                 keep_within(scratch.corners, part, u, v, scratch.total)
             elif coverage > 0.0 and has_limits and not is_apart:
                 # Clamp long, thin ones to the mean of the limits along them.
-                side = _longer_side(seen)
+                side = _longer_side(footprint)
                 if side[0] != 0.0 or side[1] != 0.0:
                     # Limits of the tile are computed when first needed.
                     if not is_filled:
                         fill_corners(view.limits, part, scratch.corners)
                         is_filled = True
-                    at = seen.u - left, seen.v - top
+                    at = footprint.u - left, footprint.v - top
                     keep_within_mean(scratch.corners, part, at, side, scratch.total)
             # Store, premultiplied by coverage.
             covered[row, column] = coverage
@@ -333,10 +341,10 @@ def _fill_tile(
 
 
 @kernel
-def look_from_tiles(
+def gather_tiles(
     counter: Counter,
-    look: Look,
-    view: View,
+    geometry: PixelGeometry,
+    view: GridView,
     tiles: Integers,
     bounds: Doubles,
     image: Floats,
@@ -359,7 +367,7 @@ def look_from_tiles(
     weights, total = np.empty(scratch_size(channels), np.float32), np.empty(channels, np.float32)
     scratch = PixelScratch(weights, total, polygon, spare, corner_scratch(channels))
     for n in tasks(counter, tiles.shape[0]):
-        _fill_tile(look, view, tiles[n], bounds[n], image, covered, scratch)
+        _fill_tile(geometry, view, tiles[n], bounds[n], image, covered, scratch)
 
 
 class Extent(NamedTuple):
@@ -373,23 +381,23 @@ class Extent(NamedTuple):
 
 
 @inner_step
-def _widen(seen: Seen, bounds: Doubles) -> float:
+def _widen(footprint: PixelFootprint, bounds: Doubles) -> float:
     """Extend a tile's bounds by a pixel; return its longer extent along u or v."""
-    (ux, vx), (uy, vy) = seen.along_x, seen.along_y
+    (ux, vx), (uy, vy) = footprint.along_x, footprint.along_y
     reach_u, reach_v = 0.5 * (abs(ux) + abs(uy)), 0.5 * (abs(vx) + abs(vy))
-    bounds[LEFT] = min(bounds[LEFT], seen.u - reach_u)
-    bounds[RIGHT] = max(bounds[RIGHT], seen.u + reach_u)
-    bounds[TOP] = min(bounds[TOP], seen.v - reach_v)
-    bounds[BOTTOM] = max(bounds[BOTTOM], seen.v + reach_v)
+    bounds[LEFT] = min(bounds[LEFT], footprint.u - reach_u)
+    bounds[RIGHT] = max(bounds[RIGHT], footprint.u + reach_u)
+    bounds[TOP] = min(bounds[TOP], footprint.v - reach_v)
+    bounds[BOTTOM] = max(bounds[BOTTOM], footprint.v + reach_v)
     return 2.0 * max(reach_u, reach_v)
 
 
 @inner_kernel
-def _work_on(seen: Seen, view: View) -> float:
+def _work_on(footprint: PixelFootprint, view: GridView) -> float:
     """Cost of a pixel, see `Extent`."""
-    (ux, vx), (uy, vy) = seen.along_x, seen.along_y
+    (ux, vx), (uy, vy) = footprint.along_x, footprint.along_y
     # Whatever the quality asked for, so that more of it never gives less.
-    parts_x, parts_y = parts_of(seen, 1.0)
+    parts_x, parts_y = parts_of(footprint, 1.0)
     # Samples that each box gathers, against samples that would be projected.
     wide, high = math.hypot(ux, uy), math.hypot(vx, vy)
     taps = view.integral.taps
@@ -400,7 +408,12 @@ def _work_on(seen: Seen, view: View) -> float:
 
 @kernel
 def measure_tiles(
-    counter: Counter, look: Look, tiles: Integers, step: int, view: View, extent: Extent
+    counter: Counter,
+    geometry: PixelGeometry,
+    tiles: Integers,
+    step: int,
+    view: GridView,
+    extent: Extent,
 ) -> None:
     """Measure what tiles cover, by pixels `step` apart; for an application's parallel kernel.
 
@@ -415,14 +428,14 @@ def measure_tiles(
         for row in range(tiles[n, TOP], tiles[n, BOTTOM] + step - 1, step):
             for column in range(tiles[n, LEFT], tiles[n, RIGHT] + step - 1, step):
                 at = min(row, tiles[n, BOTTOM] - 1), min(column, tiles[n, RIGHT] - 1)
-                seen = seen_at(look, at[0], at[1])
+                footprint = footprint_at(geometry, at[0], at[1])
                 # Skip pixels without a position.
-                if not (abs(seen.u) <= FARTHEST and abs(seen.v) <= FARTHEST):
+                if not (abs(footprint.u) <= FARTHEST and abs(footprint.v) <= FARTHEST):
                     missing += 1
                     continue
                 # Widen the bounds, and keep the costliest pixel.
-                span = max(span, _widen(seen, extent.bounds[n]))
-                work = max(work, _work_on(seen, view)) if step > 1 else 0.0
+                span = max(span, _widen(footprint, extent.bounds[n]))
+                work = max(work, _work_on(footprint, view)) if step > 1 else 0.0
                 count += 1
         extent.span[n] = span
         extent.work[n] = math.inf if step > 1 and missing > 0 and count > 0 else work

@@ -21,7 +21,7 @@ from resample_texture.differentiable.kernels.points import (
     first_of,
     folded_in,
     is_cut,
-    is_seen,
+    is_visible,
     node_of,
     place_in,
     scratch_for,
@@ -32,7 +32,7 @@ from resample_texture.differentiable.kernels.points import (
 Place = Any  # a number kept in uint64, which spares a test for its sign
 
 
-class Plate(NamedTuple):
+class CoefficientPlate(NamedTuple):
     """Coefficients of the source, or a part of them."""
 
     flat: Doubles  # rows × columns × channels
@@ -81,7 +81,7 @@ def _spot_of(lens: Lens, seen: Doubles, cut: bool, node: Node) -> Landing:
 
 
 @inner_step
-def _window(lens: Lens, plate: Plate, spot: Landing, scratch: PointScratch) -> int:
+def _window(lens: Lens, plate: CoefficientPlate, spot: Landing, scratch: PointScratch) -> int:
     """Fill in weights along both axes; return where the window begins in the plate."""
     # Fold the place into the source by the edge rule.
     u, _ = folded_in(lens, spot.u, 0)
@@ -95,7 +95,7 @@ def _window(lens: Lens, plate: Plate, spot: Landing, scratch: PointScratch) -> i
 
 
 @inner_step
-def _sum_rows(plate: Plate, first: int, weights: Doubles, line: Doubles) -> None:
+def _sum_rows(plate: CoefficientPlate, first: int, weights: Doubles, line: Doubles) -> None:
     """Sum a window's rows by weights, into a line of interleaved channels."""
     # Unsigned indices let LLVM vectorize the inner loop.
     stride, at = np.uint64(plate.columns * plate.channels), np.uint64(first)
@@ -118,15 +118,15 @@ def _add_line(line: Doubles, weights: Doubles, share: float, total: Doubles) -> 
 
 
 @kernel
-def _look_along_row(
-    plate: Plate, places: Doubles, lens: Lens, scratch: PointScratch, picture: Doubles
+def _gather_row(
+    plate: CoefficientPlate, places: Doubles, lens: Lens, scratch: PointScratch, picture: Doubles
 ) -> None:
     """Fill a row of the picture (w, C)."""
     for column in range(places.shape[0]):
         seen, total = places[column], picture[column]
         total[:] = 0.0
         # Skip pixels outside the source.
-        if not is_seen(lens, seen):
+        if not is_visible(lens, seen):
             continue
         # Choose the Gauss points, more where an edge runs through.
         cut = is_cut(lens, seen)
@@ -143,16 +143,18 @@ def _look_along_row(
 
 
 @parallel_kernel
-def look(counter: Counter, plate: Plate, places: Doubles, lens: Lens, picture: Doubles) -> None:
+def gather(
+    counter: Counter, plate: CoefficientPlate, places: Doubles, lens: Lens, picture: Doubles
+) -> None:
     """Fill a picture (h, w, C) with means of the interpolated coefficients."""
     scratch = scratch_for(lens.weight.shape[1], plate.channels)
     for row in tasks(counter, places.shape[0]):
-        _look_along_row(plate, places[row], lens, scratch, picture[row])
+        _gather_row(plate, places[row], lens, scratch, picture[row])
 
 
 @inner_step
 def _give_point(
-    plate: Plate, first: int, share: float, scratch: PointScratch, gradient: Doubles
+    plate: CoefficientPlate, first: int, share: float, scratch: PointScratch, gradient: Doubles
 ) -> None:
     """Transposed `_sum_rows` and `_add_line`: scatter a pixel's gradient to a window."""
     stride, at = np.uint64(plate.columns * plate.channels), np.uint64(first)
@@ -176,7 +178,7 @@ def _give_tile(
     places: Doubles,
     lens: Lens,
     tile: Integers,
-    plate: Plate,
+    plate: CoefficientPlate,
     scratch: PointScratch,
 ) -> None:
     """Scatter the gradients of a tile's pixels to its part of the coefficients."""
@@ -185,7 +187,7 @@ def _give_tile(
         for column in range(tile[0], tile[2]):
             seen = places[row, column]
             # Skip pixels outside the source.
-            if not is_seen(lens, seen):
+            if not is_visible(lens, seen):
                 continue
             # Visit the same points as the forward pass, and scatter by the same weights.
             cut = is_cut(lens, seen)
@@ -210,7 +212,7 @@ def give_back(
     start: Integers,
     patches: Doubles,
 ) -> None:
-    """Transposed `look`: scatter gradients (h, w, C), each tile into its own patch.
+    """Transposed `gather`: scatter gradients (h, w, C), each tile into its own patch.
 
     Parameters
     ----------
@@ -225,7 +227,7 @@ def give_back(
     scratch = scratch_for(lens.weight.shape[1], channels)
     for n in tasks(counter, tiles.shape[0]):
         box, flat = boxes[n], patches[start[n] : start[n + 1]]
-        plate = Plate(flat, box[2] - box[0], channels, box[0], box[1])
+        plate = CoefficientPlate(flat, box[2] - box[0], channels, box[0], box[1])
         _give_tile(gradient, places, lens, tiles[n], plate, scratch)
 
 
@@ -243,7 +245,7 @@ def _weighed(line: Doubles, weights: Doubles, gradient: Doubles) -> float:
 
 @inner_step
 def _rates(
-    lens: Lens, plate: Plate, spot: Landing, gradient: Doubles, scratch: PointScratch
+    lens: Lens, plate: CoefficientPlate, spot: Landing, gradient: Doubles, scratch: PointScratch
 ) -> tuple[float, float, float]:
     """Value at a point times a pixel's gradient, and its derivatives by u and v."""
     # Fill the weights, and those of the derivatives; folding may mirror their sign.
@@ -294,7 +296,7 @@ def _add_cut_rate(
 
 @kernel
 def _change_along_row(
-    plate: Plate,
+    plate: CoefficientPlate,
     places: Doubles,
     lens: Lens,
     gradient: Doubles,
@@ -306,7 +308,7 @@ def _change_along_row(
         seen, change = places[column], changes[column]
         change[:] = 0.0
         # Skip pixels outside the source.
-        if not is_seen(lens, seen):
+        if not is_visible(lens, seen):
             continue
         # Visit the same points as the forward pass.
         cut = is_cut(lens, seen)
@@ -332,7 +334,7 @@ def _change_along_row(
 @parallel_kernel
 def change(
     counter: Counter,
-    plate: Plate,
+    plate: CoefficientPlate,
     places: Doubles,
     lens: Lens,
     gradient: Doubles,

@@ -13,16 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.engine.windows.boxes import LONGEST, ONES, PHASES, Integral, Plate
+from resample.engine.windows.gather import Extent, GridView
 from resample.engine.windows.limits import Limits
-from resample.engine.windows.looking import Extent, View
 from resample.profiles.interpolation import Interpolation, excess, integrals, prefilter
 from resample.types import Doubles, Floats
 from resample_texture.geometry.mappings import BackwardMap, Homography, Region
-from resample_texture.geometry.windows import SeenTiles
+from resample_texture.geometry.windows import VisibleTiles
 from resample_texture.texels.backward import extended, tiles_of
 from resample_texture.texels.forward import EDGES, Bounds, Cells, oriented, project
 from resample_texture.texels.kernels.blocks import Integers
-from resample_texture.texels.kernels.looking import Map, Plane, look_at, measure
+from resample_texture.texels.kernels.gather import Map, Plane, fill_tiles, measure
 from resample_texture.texels.partly import (
     TexelReader,
     can_be_projected_partly,
@@ -38,7 +38,7 @@ MOST_BEYOND = 256  # texels beyond the source that are stored; coordinates farth
 NOTHING = np.zeros(0, np.float32)
 
 
-class Tiles(NamedTuple):
+class TargetTiles(NamedTuple):
     """Tiles of the target, and the extent of the source that each gathers from."""
 
     bounds: Integers  # (T, 4) px
@@ -54,7 +54,7 @@ class Tiles(NamedTuple):
         return low, bounds[:, 2:].max(axis=0, initial=-math.inf)
 
 
-class Gaze(NamedTuple):
+class GatherPlan(NamedTuple):
     """Plan of gathering a target from a source, independent of its texels."""
 
     size: tuple[int, int]  # of the source: height, width
@@ -63,14 +63,14 @@ class Gaze(NamedTuple):
     edge: Edge
     cells: Cells
     places: Plane | Map
-    tiles: Tiles
-    around: Tiles  # of the whole target if the picture is a region of it, or `tiles`
+    tiles: TargetTiles
+    around: TargetTiles  # of the whole target if the picture is a region of it, or `tiles`
 
 
 def planned(
     size: tuple[int, int], geometry: Homography | BackwardMap, shape: tuple[int, int], edge: Edge,
     cells: Cells,
-) -> Gaze:  # fmt: skip
+) -> GatherPlan:  # fmt: skip
     """Plan how a target (height, width) gathers from sources (height, width).
 
     Raises
@@ -88,10 +88,10 @@ def planned(
             around = _measured_once(whole_of, cells)
         except TypeError:  # a plugin's options that cannot be hashed
             around = _measured_once.__wrapped__(whole_of, cells)
-    return Gaze(size, geometry, shape, edge, cells, places, tiles, around)
+    return GatherPlan(size, geometry, shape, edge, cells, places, tiles, around)
 
 
-def look(plan: Gaze, source: Floats, *, near_only: bool = False) -> Warped:
+def gather(plan: GatherPlan, source: Floats, *, near_only: bool = False) -> Warped:
     """Warp a source (H, W, C) to (height, width) under the area filter.
 
     With `near_only`, tiles that do not gather stay empty.
@@ -111,7 +111,7 @@ def look(plan: Gaze, source: Floats, *, near_only: bool = False) -> Warped:
     if tiles.is_near.any():
         view = _with_plate(held, view, edge, cells.interpolation, (tiles, around))
         near, seen = tiles.bounds[tiles.is_near], tiles.extent.bounds[tiles.is_near]
-        look_at(places, view, near, seen, warped.image, warped.coverage)
+        fill_tiles(places, view, near, seen, warped.image, warped.coverage)
     return warped
 
 
@@ -124,7 +124,7 @@ class Far(NamedTuple):
     part: tuple[slice, slice]  # of the picture
 
 
-def far_of(plan: Gaze) -> Far:
+def far_of(plan: GatherPlan) -> Far:
     """Return the rectangle around far tiles, of the whole target if there is one."""
     geometry, region, around = plan.geometry, None, plan.around
     assert isinstance(geometry, Homography)
@@ -143,7 +143,7 @@ def far_of(plan: Gaze) -> Far:
     return Far(moved, (bottom - top, right - left), wanted, part)
 
 
-def _project_far(plan: Gaze, source: Floats, warped: Warped) -> None:
+def _project_far(plan: GatherPlan, source: Floats, warped: Warped) -> None:
     """Project texels to a rectangle around far tiles."""
     far = far_of(plan)
     cells = plan.cells.finer()
@@ -151,30 +151,30 @@ def _project_far(plan: Gaze, source: Floats, warped: Warped) -> None:
     warped.image[far.part], warped.coverage[far.part] = made
 
 
-def seen_tiles(
+def visible_tiles(
     size: tuple[int, int], geometry: Homography | BackwardMap, shape: tuple[int, int], edge: Edge,
     cells: Cells,
-) -> SeenTiles | None:  # fmt: skip
+) -> VisibleTiles | None:  # fmt: skip
     """Return the source bounds that tiles of a picture (height, width) gather from.
 
     None unless all tiles gather: projected texels have no bounds per tile.
     """
     tiles = planned(size, geometry, shape, edge, cells).tiles
-    return _seen(tiles, edge, cells) if tiles.is_near.all() else None
+    return _visible(tiles, edge, cells) if tiles.is_near.all() else None
 
 
-def _seen(tiles: Tiles, edge: Edge, cells: Cells) -> SeenTiles:
+def _visible(tiles: TargetTiles, edge: Edge, cells: Cells) -> VisibleTiles:
     """Return the source bounds of near tiles; those of others are empty."""
     reach = prefilter(cells.interpolation).size // 2 + math.ceil(cells.interpolation.radius) + 3
     nothing = np.array([math.inf, math.inf, -math.inf, -math.inf])
     bounds = np.where(tiles.is_near[:, None], tiles.extent.bounds, nothing)
-    return SeenTiles(tiles.bounds, bounds, reach, edge in (Edge.WRAP, Edge.MIRROR))
+    return VisibleTiles(tiles.bounds, bounds, reach, edge in (Edge.WRAP, Edge.MIRROR))
 
 
 class MixedTiles(NamedTuple):
     """Tiles of a picture of which some gather, while texels are projected to the others."""
 
-    near: SeenTiles  # those that gather; bounds of the others are empty
+    near: VisibleTiles  # those that gather; bounds of the others are empty
     is_near: NDArray[np.bool_]  # (T,)
     far: Far
     edge: Edge
@@ -200,7 +200,7 @@ def mixed_tiles(
     far, finer = far_of(plan), cells.finer()
     if not can_be_projected_partly(source_shape, far.geometry, far.shape, edge, finer):
         return None
-    return MixedTiles(_seen(plan.tiles, edge, cells), plan.tiles.is_near, far, edge, finer)
+    return MixedTiles(_visible(plan.tiles, edge, cells), plan.tiles.is_near, far, edge, finer)
 
 
 def _places(
@@ -217,16 +217,16 @@ def _places(
     return Map(extended(geometry.x, 1), extended(geometry.y, 1))
 
 
-def _measured(places: Plane | Map, view: View, shape: tuple[int, int]) -> Tiles:
+def _measured(places: Plane | Map, view: GridView, shape: tuple[int, int]) -> TargetTiles:
     """Measure the tiles of a target; under a homography corners suffice."""
     bounds = tiles_of(shape, TILE)
     count = len(bounds)
     extent = Extent(np.empty((count, 4)), np.empty(count), np.empty(count))
     if isinstance(places, Map):
         measure(places, bounds, 1, view, extent)
-        return Tiles(bounds, extent, np.ones(count, bool))
+        return TargetTiles(bounds, extent, np.ones(count, bool))
     measure(places, bounds, TILE - 1, view, extent)
-    return Tiles(bounds, extent, (extent.work <= MOST_WORK) & (extent.span <= LONGEST))
+    return TargetTiles(bounds, extent, (extent.work <= MOST_WORK) & (extent.span <= LONGEST))
 
 
 class _Whole(NamedTuple):
@@ -239,7 +239,7 @@ class _Whole(NamedTuple):
 
 
 @lru_cache(maxsize=2)  # for targets drawn chunk by chunk
-def _measured_once(whole: _Whole, cells: Cells) -> Tiles:
+def _measured_once(whole: _Whole, cells: Cells) -> TargetTiles:
     """Measure the tiles of a whole target, cached."""
     geometry, shape, size, edge = whole
     return _measured(_places(size, geometry, shape), _view((*size, 1), edge, cells), shape)
@@ -252,8 +252,12 @@ def _around(bounds: Integers) -> list[int]:
 
 
 def _with_plate(
-    source: Held, view: View, edge: Edge, interpolation: Interpolation, seen: tuple[Tiles, Tiles]
-) -> View:
+    source: Held,
+    view: GridView,
+    edge: Edge,
+    interpolation: Interpolation,
+    seen: tuple[TargetTiles, TargetTiles],
+) -> GridView:
     """Attach the part of the source that near tiles read, or all of it, to a view.
 
     The choice depends on all tiles of the whole target if the picture is a region of it.
@@ -295,11 +299,11 @@ def _held(source: Floats, geometry: Homography | BackwardMap) -> Held:
     return Held(source, region.size, region.first)
 
 
-def _view(form: tuple[int, ...], edge: Edge, cells: Cells) -> View:
+def _view(form: tuple[int, ...], edge: Edge, cells: Cells) -> GridView:
     """Return how pixels gather from a source (H, W, C), still without its texels."""
     height, width, channels = form
     plate = Plate(NOTHING, 0.0, 0.0, 0, 0, channels, 0, 0)
     finest = float(1.5 / cells.quality)
     integral = Integral(*integrals(cells.interpolation, PHASES, ONES))
     limits = Limits(plate, excess(cells.interpolation))
-    return View(plate, integral, (height, width), EDGES[edge], math.inf, finest, limits)
+    return GridView(plate, integral, (height, width), EDGES[edge], math.inf, finest, limits)
