@@ -92,7 +92,7 @@ def _ours(
     clip, size = subject.clip, shot.size
 
     def draw() -> Floats:
-        frame = paint(subject.seen_by(camera), camera, height=size, width=size, clip=clip)
+        frame = paint(subject.samples_for(camera), camera, height=size, width=size, clip=clip)
         if not is_value:
             return frame.rgba
         if frame.value is None:

@@ -88,9 +88,9 @@ def in_child(side: int, rounds: int) -> dict[str, float]:
     classified = time.perf_counter() - start
     camera = subject.camera(Orbit(), PICTURE, PICTURE)
     paint = _painter()
-    seen = subject.seen_by(camera)
+    seen = subject.samples_for(camera)
     run = {
-        "light": lambda: subject.seen_by(camera),
+        "light": lambda: subject.samples_for(camera),
         "paint": lambda: paint(seen, camera, height=PICTURE, width=PICTURE),
     }
     times = take_turns(run, rounds)
@@ -173,7 +173,7 @@ def _painters(pixels: int, count: int | None = None) -> dict[str, Run]:
     subject = _subject()
     near = subject.camera(Orbit(), pixels, pixels)
     far = subject.camera(Orbit(zoom=0.1), pixels, pixels)
-    lit, dim = subject.seen_by(near), subject.seen_by(far)
+    lit, dim = subject.samples_for(near), subject.samples_for(far)
     splats, points = Resampler(), Resampler(primitive=Primitive.POINTS)
     texels, matrix = squares(TEXELS), floor_matrix(TEXELS, pixels)
     source, camera = _depth_image()

@@ -159,7 +159,7 @@ def _alone(volume: "Volume", job: Job) -> "tuple[Frame, int]":
     except TooManyVoxelsError:
         return render_in_windows(volume, look, CAMERA, (SIDE, SIDE), Spent(job.memory))
     camera = subject.camera(CAMERA, SIDE, SIDE)
-    seen = subject.seen_by(camera)
+    seen = subject.samples_for(camera)
     return Resampler()(seen, camera, height=SIDE, width=SIDE), 1
 
 

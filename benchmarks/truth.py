@@ -121,7 +121,7 @@ def _seen(volume: Volume, per_voxel: float) -> Seen:
         except ValueError:  # not supported by VTK
             continue
         draws[f"VTK, {rays * rays} rays"] = partial(vtk.render, camera)
-    field = subject.seen_by(camera)
+    field = subject.samples_for(camera)
     assert isinstance(field, LatticeField)
     return Seen(scene, field, camera, draws)
 
@@ -134,7 +134,7 @@ def _camera(subject: Subject, volume: Volume, per_voxel: float) -> AnyCamera:
 
 
 def _drawn(subject: Subject, camera: AnyCamera, paint: Resampler) -> Callable[[], Floats]:
-    samples, cuts = subject.seen_by(camera), subject.cuts(camera)
+    samples, cuts = subject.samples_for(camera), subject.cuts(camera)
 
     def draw() -> Floats:
         frame = paint(samples, camera, height=SIDE, width=SIDE, threads=1, clip=cuts)

@@ -90,7 +90,7 @@ class View:
     @cached_property
     def samples(self) -> Samples | Field | LatticeField:
         """Samples lit for the camera."""
-        return self.shown.subject.seen_by(self.camera)
+        return self.shown.subject.samples_for(self.camera)
 
     def paint(self, form: Resampler, seen: Samples | Field | LatticeField) -> Any:
         """RGBA."""
@@ -260,7 +260,7 @@ def _contenders(view: View) -> Iterator[Contender]:
 def _lit(view: View, subject: Callable[[], Subject]) -> Run:
     """Including lighting for the camera."""
     chosen = subject()
-    return lambda: view.paint(HYBRID, chosen.seen_by(view.camera))
+    return lambda: view.paint(HYBRID, chosen.samples_for(view.camera))
 
 
 def _vtk(view: View, rays: int) -> Run:

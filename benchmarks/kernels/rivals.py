@@ -6,7 +6,7 @@ import numpy as np
 
 from resample.engine.jit import kernel
 from resample.types import Doubles, Floats
-from resample_warp3d.rivals.kernels.mcmillan import place_of, seen
+from resample_warp3d.rivals.kernels.mcmillan import place_of, projected
 from resample_warp3d.types import Equation, Source
 
 BEST, WORST, PER_PX = 10000.0, 1.0, 1000.0  # quality of a triangle, and its decrease per px
@@ -19,7 +19,7 @@ def project(source: Source, equation: Equation, vertex: Doubles) -> None:
     for row in range(vertex.shape[0]):
         for column in range(vertex.shape[1]):
             near = np.float64(source.nearness[row, column])
-            x, y, w = seen(equation, place_of(source.place, row, column), near)
+            x, y, w = projected(equation, place_of(source.place, row, column), near)
             vertex[row, column, 2] = 0.0
             if near > 0.0 and w > 0.0 and abs(x) < BEYOND * w and abs(y) < BEYOND * w:
                 vertex[row, column, 0], vertex[row, column, 1] = x / w, y / w

@@ -45,7 +45,7 @@ class Scattering(NamedTuple):
     coverage: Floats  # (H, W) px² that samples cover in each pixel, summed
 
 
-class _Seen(NamedTuple):
+class _VisibleSamples(NamedTuple):
     """N samples whose footprints meet the grid."""
 
     place: Doubles  # (N, 2) px
@@ -137,7 +137,7 @@ class Scatter:
         place, values = _samples(position, value)
         sides = _jacobians(jacobian, radius, len(place))
         place, sides = _on_screen(place, sides, plane)
-        seen = self._seen(place, sides, values, shape)
+        seen = self._visible(place, sides, values, shape)
         sums = np.zeros((*shape, values.shape[0] + 1), np.float32)
         if seen.place.size:
             with limited(threads):
@@ -159,9 +159,9 @@ class Scatter:
         is_area = isinstance(self._filter, Area)
         return 0 if is_area else max(1, math.ceil(2.0 * self._filter.radius))
 
-    def _seen(
+    def _visible(
         self, place: Doubles, jacobian: Doubles, value: Floats, shape: tuple[int, int]
-    ) -> _Seen:
+    ) -> _VisibleSamples:
         """Samples with a weight that may reach into the grid (height, width)."""
         from resample.engine.surfaces.stamps import RIM
 
@@ -177,11 +177,11 @@ class Scatter:
         low, high = place - reach, place + reach
         kept = (low < np.array(shape[::-1])).all(axis=1) & (high > 0).all(axis=1)
         kept &= (area > 0) & np.isfinite(value).all(axis=0)
-        return _Seen(
+        return _VisibleSamples(
             place[kept], jacobian[kept], value[:, kept], is_splat[kept], low[kept], high[kept]
         )
 
-    def _add(self, seen: _Seen, sums: Floats) -> None:
+    def _add(self, seen: _VisibleSamples, sums: Floats) -> None:
         """Add samples to sums (H, W, C + 1), neighbours together."""
         from resample.engine.cells.parts import batches, channel_groups, parts_of
         from resample.engine.cells.scattering import Scattered, scatter_parts
@@ -264,7 +264,7 @@ def _tile(place: Doubles) -> NDArray[np.int64]:
     return np.asarray(row * 2**22 + column)
 
 
-def _in_order(seen: _Seen) -> _Seen:
+def _in_order(seen: _VisibleSamples) -> _VisibleSamples:
     """Sort samples independently of their input order: by tile, position and properties."""
     x, y = seen.place.T
     order = np.lexsort((x, y, _tile(seen.place)))
@@ -272,7 +272,7 @@ def _in_order(seen: _Seen) -> _Seen:
         order = np.lexsort((*seen.value, *seen.jacobian.reshape(-1, 4).T, x, y, _tile(seen.place)))
     place, jacobian = (np.ascontiguousarray(a[order]) for a in (seen.place, seen.jacobian))
     marks = seen.is_splat[order], seen.low[order], seen.high[order]
-    return _Seen(place, jacobian, seen.value[:, order], *marks)
+    return _VisibleSamples(place, jacobian, seen.value[:, order], *marks)
 
 
 def _parts(place: Doubles) -> NDArray[np.int64]:
@@ -284,7 +284,9 @@ def _parts(place: Doubles) -> NDArray[np.int64]:
     return np.append(np.flatnonzero(within % MOST == 0), len(place))
 
 
-def _bounds(seen: _Seen, first: NDArray[np.int64], shape: tuple[int, int]) -> NDArray[np.int64]:
+def _bounds(
+    seen: _VisibleSamples, first: NDArray[np.int64], shape: tuple[int, int]
+) -> NDArray[np.int64]:
     """Bounds (B, 4) in px of the footprints of batches; splats are clipped to the grid."""
     limit = np.array(shape[::-1], np.float64)
     is_splat = seen.is_splat[:, None]

@@ -83,7 +83,7 @@ def suits_points(scene: Scene, plan: PicturePlan) -> bool:
     from resample.engine.grid import grid_of
 
     finest = grid_of(plan.least, scene.style)
-    is_seen = plan.seen > 0 and _are_points(scene, plan.most)
+    is_seen = plan.visible > 0 and _are_points(scene, plan.most)
     return is_seen and _form_of(scene, plan, finest) is not None
 
 

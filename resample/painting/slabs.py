@@ -71,7 +71,7 @@ def paint_summed(
     from resample.engine.slabs.painting import Ways, paint_summed_runs
 
     clock = Clock()
-    scene, runs = _seen(scene, samples)
+    scene, runs = _planned(scene, samples)
     summed, mixture = _sums_of(scene), mixture_of(scene)
     runs = _keyed(scene, summed, runs)
     clock.lap("project")
@@ -99,7 +99,7 @@ def summed_in_steps(scene: Scene, reconstruction: Reconstruction) -> tuple[Scene
     """Painter of summed samples for a planned scene, step by step, and the scene to use."""
     from resample.engine.ellipsoids.steps import KEPT
     from resample.engine.slabs.painting import ALL, PARTS, Ways, paint_summed_runs
-    from resample.engine.slabs.steps import SEEN
+    from resample.engine.slabs.steps import FIELD_STATE
     from resample.engine.slabs.sums import PLANES
 
     scene = _as_fine(scene, plan_of(scene).least)
@@ -114,7 +114,7 @@ def summed_in_steps(scene: Scene, reconstruction: Reconstruction) -> tuple[Scene
         paint_summed_runs(turn, tiles, runs, stage, ways, mixture, output)
 
     between = {PARTS: Between.SLABS, ALL: Between.NOTHING}.get(summed.what, Between.SHEETS)
-    kept = len(KEPT) + (0 if scene.classifier is None else SEEN)
+    kept = len(KEPT) + (0 if scene.classifier is None else FIELD_STATE)
     kept += PLANES if summed.what == ALL else 0
     return scene, InSteps(runs, paint, between, kept, scene.style.projection in MEASURING)
 
@@ -150,7 +150,7 @@ def _as_fine(scene: Scene, least: Single) -> Scene:
     return replace(scene, style=scene.style._replace(subpixels=finest))
 
 
-def _seen(scene: Scene, samples: Samples) -> tuple[Scene, Runs]:
+def _planned(scene: Scene, samples: Samples) -> tuple[Scene, Runs]:
     """Scene with a plan, as fine as the projection requires, and its samples in runs."""
     runs, painter = _runs_of(scene, samples)
     least = runs.known["least_spacing"].min() if scene.plan is None else scene.plan.least

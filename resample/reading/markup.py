@@ -49,7 +49,7 @@ def check_xml(
     """
     from xml.parsers import expat
 
-    parser, seen, read = expat.ParserCreate(encoding), _Seen(what, last), 0
+    parser, seen, read = expat.ParserCreate(encoding), _ParserState(what, last), 0
     parser.StartElementHandler, parser.EndElementHandler = seen.begun, seen.ended
     parser.StartDoctypeDeclHandler = parser.EntityDeclHandler = seen.defined
     try:
@@ -63,7 +63,7 @@ def check_xml(
     return seen.count
 
 
-class _Seen:
+class _ParserState:
     """State of the parser."""
 
     def __init__(self, what: str, last: str) -> None:

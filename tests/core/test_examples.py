@@ -37,7 +37,7 @@ def test_scattered_measurements_give_the_field_where_they_cover_it():
 
 def test_a_particle_is_a_disc_as_wide_and_as_opaque_as_it_was_given():
     module = example("particles")
-    taken = module.seen([[0, 0, 5]], [1, 1, 1], 0.8, 0.25).rgba[..., 3]
+    taken = module.visible([[0, 0, 5]], [1, 1, 1], 0.8, 0.25).rgba[..., 3]
     row, column = np.mgrid[: module.HEIGHT, : module.WIDTH] + 0.5
     away = np.hypot(row - module.HEIGHT / 2, column - module.WIDTH / 2)
     # Rays that touch a sphere of radius r at distance d leave the axis at asin(r / d).
@@ -50,7 +50,7 @@ def test_a_particle_is_a_disc_as_wide_and_as_opaque_as_it_was_given():
 def test_a_small_particle_before_a_large_one_hides_it_and_one_behind_is_hidden():
     module = example("particles")
     place, colors = np.array([[0, 0, 4.0], [0, 0, 5], [0.3, 0, 6]]), np.eye(3)
-    frame = module.seen(place, colors, 0.99, [0.1, 1.0, 0.1])
+    frame = module.visible(place, colors, 0.99, [0.1, 1.0, 0.1])
     red, green, blue, alpha = frame.rgba[module.HEIGHT // 2, module.WIDTH // 2]
     assert min(red, alpha) > 0.9
     assert 0.05 > green > blue

@@ -41,7 +41,7 @@ def volume(
     look = Appearance(FAINT, None, classification=classification)
     subject = Subject.of(as_volume(values), look, resampler)
     camera = subject.camera(Orbit(30, 20, 1.6), size, size)
-    seen = subject.seen_by(camera)
+    seen = subject.samples_for(camera)
 
     def draw(progress: Callable[[float], None] | None = None) -> NDArray[np.float32]:
         return resampler(seen, camera, height=size, width=size, progress=progress).rgba

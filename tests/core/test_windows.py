@@ -113,7 +113,7 @@ def test_a_plan_bounds_what_is_seen():
     plan, record = paint.plan(samples, eye, **PICTURE), paint.footprints(samples, eye, **PICTURE)
     left, top, right, bottom = plan.bounds
     seen = record[record["left"] <= record["right"]]
-    assert plan.seen == len(seen)
+    assert plan.visible == len(seen)
     assert left <= seen["left"].min()
     assert top <= seen["top"].min()
     assert right >= seen["right"].max()

@@ -9,7 +9,12 @@ from resample.engine.cells.sums import finish
 from resample.engine.levels import decode
 from resample_texture import ForwardMap, Hybrid, Splats, warp
 from resample_texture.texels.encoding import light
-from resample_texture.texels.kernels.blocks import sight, sight_of, split_map, split_plane
+from resample_texture.texels.kernels.blocks import (
+    split_map,
+    split_plane,
+    view_bounds,
+    view_bounds_of,
+)
 from resample_texture.texels.kernels.painting import paint_blocks
 from resample_texture.texels.kernels.splat_blocks import blocks_on_map, blocks_on_plane
 from resample_texture.texels.kernels.splats import splat_blocks
@@ -94,4 +99,4 @@ def test_levels_of_both_types_are_looked_up_by_one_kernel() -> None:
     kept_by="tests/texture/test_forward.py::test_texels_of_a_map_that_go_nowhere_leave_nothing"
 )
 def test_lines_of_sight_are_found_without_a_kernel_and_are_those_of_the_kernel() -> None:
-    np.testing.assert_array_equal(sight_of(GROWN, SIZE, 1.5), sight(GROWN, *SIZE, 1.5))
+    np.testing.assert_array_equal(view_bounds_of(GROWN, SIZE, 1.5), view_bounds(GROWN, *SIZE, 1.5))

@@ -33,7 +33,7 @@ def whole_of(media, fit="volume", eye=EYE):
     subject = Subject.of_several(media, painter, fit)
     camera = subject.camera(eye, *SIZE)
     by = {"height": SIZE[0], "width": SIZE[1], "clip": subject.clip}
-    return painter(subject.seen_by(camera), camera, **by)
+    return painter(subject.samples_for(camera), camera, **by)
 
 
 def assert_same(found, wanted):

@@ -107,7 +107,7 @@ def test_the_threshold_is_crossed_by_voxels_from_two_px_to_a_tenth(fov, spacing)
 def test_across_the_threshold_splats_become_points(primitive):
     share, voxels = [], Subject.of(vessel_tree(16), of_voxels())
     for camera in cameras_of(voxels, Flight("threshold", 5), SIZE):
-        painted = Resampler(primitive)(voxels.seen_by(camera), camera, height=24, width=32)
+        painted = Resampler(primitive)(voxels.samples_for(camera), camera, height=24, width=32)
         share.append(painted.statistics.splat_fraction)
     assert (share[0], share[-1]) == (1, 0)
     assert share == sorted(share, reverse=True)

@@ -8,7 +8,7 @@ import pytest
 from resample_volume.media.appearance import Appearance
 from resample_volume.outofcore import ball
 from resample_volume.rendering import Subject
-from resample_volume.windows import Spent, paint_unseen, unseen_together
+from resample_volume.windows import Spent, paint_streamed, streamed_subject
 from tests.volume.dense import EYE, SIZE, assert_same, in_bricks, smoke, whole_of
 
 CUT = {"crop": "2:29,:,:36", "clip": ("1/0.3/-0.5/-9",)}
@@ -53,7 +53,7 @@ def test_a_ball_is_found_brick_by_brick(has_strays, workers, side, rng, monkeypa
         wanted = Subject.of(volume, look).sphere
         with ThreadPoolExecutor(workers or 1) as executor:
             spent = Spent(1 << 30, executor=executor if workers else None)
-            found = unseen_together([(in_bricks(volume, side), look)], "visible", None, spent)
+            found = streamed_subject([(in_bricks(volume, side), look)], "visible", None, spent)
         assert found.sphere.radius == wanted.radius
         assert found.sphere.center.tolist() == wanted.center.tolist()
     assert len(told) == 2
@@ -67,7 +67,7 @@ def test_every_voxel_is_asked_in_the_order_of_the_painter(has_strays, rng, monke
     monkeypatch.setattr(
         ball, "_is_filled", lambda *given: told.append(is_filled(*given)) or told[-1]
     )
-    found = unseen_together([(in_bricks(volume, (8, 9, 32)), Appearance("60..190"))], "visible")
+    found = streamed_subject([(in_bricks(volume, (8, 9, 32)), Appearance("60..190"))], "visible")
     assert told == [not has_strays]
     assert found.sphere.radius == Subject.of(volume, Appearance("60..190")).sphere.radius
 
@@ -90,22 +90,22 @@ def test_pictures_of_what_is_visible_have_the_bits_of_those_in_memory(several, r
         moved = media[0][0]._replace(origin=media[0][0].origin + media[0][0].spacing * [3, 0, -5])
         media.append((moved, Appearance("0..30")))
     dense = [(in_bricks(volume, (8, 8, 8)), look) for volume, look in media]
-    subject = unseen_together(dense, "visible")
+    subject = streamed_subject(dense, "visible")
     reads = [volume.values.reads for volume, _ in dense]
-    assert unseen_together(dense, "visible").sphere == subject.sphere
+    assert streamed_subject(dense, "visible").sphere == subject.sphere
     assert reads == [volume.values.reads for volume, _ in dense]
     spent = Spent(1_300_000 if several else 700_000)
-    found, windows = paint_unseen(dense, subject, subject.camera(EYE, *SIZE), SIZE, spent)
+    found, windows = paint_streamed(dense, subject, subject.camera(EYE, *SIZE), SIZE, spent)
     assert windows >= 1
     assert_same(found, whole_of(media, "visible"))
 
 
 def test_where_nothing_is_visible_cameras_are_around_the_volume(rng):
     volume, look = smoke(rng), Appearance("250..255")
-    found = unseen_together([(in_bricks(volume, (8, 8, 8)), look)], "visible")
+    found = streamed_subject([(in_bricks(volume, (8, 8, 8)), look)], "visible")
     wanted = Subject.of(volume, look).sphere
     assert (found.sphere.radius, found.is_empty) == (wanted.radius, True)
     media = [(in_bricks(volume, (8, 8, 8)), look)]
     camera = found.camera(EYE, *SIZE)
-    frame, windows = paint_unseen(media, found, camera, SIZE, Spent(1 << 30))
+    frame, windows = paint_streamed(media, found, camera, SIZE, Spent(1 << 30))
     assert (windows, float(frame.coverage.max())) == (0, 0.0)

@@ -8,7 +8,7 @@ import pytest
 from resample_volume.voxels import reaching
 from resample_volume.voxels.reaching import LightCells, cells_around, exact_in_sums
 from resample_volume.voxels.shading import DepthCue, Light
-from resample_volume.windows import Spent, paint_unseen, unseen_together
+from resample_volume.windows import Spent, paint_streamed, streamed_subject
 from tests.volume.dense import EYE, SIZE, assert_same, in_bricks, smoke, whole_of
 from tests.volume.of_voxels import of_voxels
 
@@ -18,8 +18,8 @@ BOTH = Light((1, -1, 2), shadows=True, occlusion=True)
 
 def painted(media, fit, spent):
     dense = [(in_bricks(volume, (8, 7, 16)), look) for volume, look in media]
-    subject = unseen_together(dense, fit)
-    return paint_unseen(dense, subject, subject.camera(EYE, *SIZE), SIZE, spent)
+    subject = streamed_subject(dense, fit)
+    return paint_streamed(dense, subject, subject.camera(EYE, *SIZE), SIZE, spent)
 
 
 @pytest.mark.each_value

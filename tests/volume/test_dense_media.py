@@ -21,7 +21,7 @@ from resample_volume.rendering import Subject
 from resample_volume.types import Volume
 from resample_volume.voxels.shading import DepthCue, Light
 from resample_volume.voxels.streaming import TooManyVoxelsError
-from resample_volume.windows import Spent, paint_unseen, unseen_together
+from resample_volume.windows import Spent, paint_streamed, streamed_subject
 from tests.volume.dense import EYE, SIZE, assert_same, in_bricks, smoke, whole_of
 
 RAMP = ((0.1, 0.9), (0.2, 0.6, 1.0), 0.4)
@@ -46,9 +46,9 @@ def painted(media, sides, memory, executor=None, fit="volume"):
     dense = [
         (in_bricks(volume, side), look) for (volume, look), side in zip(media, sides, strict=True)
     ]
-    subject = unseen_together(dense, fit)
+    subject = streamed_subject(dense, fit)
     camera = subject.camera(EYE, *SIZE)
-    return paint_unseen(dense, subject, camera, SIZE, Spent(memory, executor=executor))
+    return paint_streamed(dense, subject, camera, SIZE, Spent(memory, executor=executor))
 
 
 @pytest.mark.each_value
@@ -185,11 +185,11 @@ def test_volumes_of_other_lattices_are_resampled_in_a_file(
         (other(rng, is_missing), Appearance("auto", gradient_opacity=(0.1, 0.5))),
     ]
     dense = [(in_bricks(volume, (8, 8, 8)), look) for volume, look in media]
-    subject = unseen_together(dense, fit)
+    subject = streamed_subject(dense, fit)
     assert not share_lattice(dense)
     with ThreadPoolExecutor(2) as executor:
         spent = Spent(1_500_000, executor=executor)
-        found, windows = paint_unseen(dense, subject, subject.camera(EYE, *SIZE), SIZE, spent)
+        found, windows = paint_streamed(dense, subject, subject.camera(EYE, *SIZE), SIZE, spent)
     assert_same(found, whole_of(media, fit))
     assert windows > 1
     assert not list(tmp_path.iterdir())
@@ -203,14 +203,14 @@ def test_volumes_of_other_lattices_are_resampled_in_a_file(
 def test_volumes_in_memory_and_labels_of_resampled_ones_are_refused(rng):
     first, look = in_bricks(smoke(rng), (8, 8, 8)), Appearance("60..190", light=None)
     with pytest.raises(ValueError, match="smoke is in memory as a whole and cannot be painted"):
-        unseen_together([(first, look), (smoke(rng), look)])
+        streamed_subject([(first, look), (smoke(rng), look)])
     turned = in_bricks(other(rng), (8, 8, 8))
     labels = Labels(np.zeros(turned.values.shape, np.uint8), {})
     media = [(first, look), (turned, Appearance("60..190", labels=labels))]
     with pytest.raises(
         ValueError, match="labels belong to the voxels of other, which is resampled"
     ):
-        unseen_together(media, "visible")
+        streamed_subject(media, "visible")
 
 
 def test_what_does_not_fit_on_the_finest_lattice_says_so(rng):

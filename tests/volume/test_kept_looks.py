@@ -16,7 +16,7 @@ from resample_volume.looks.labels import Labels, Rule
 from resample_volume.outofcore import known, windowed
 from resample_volume.outofcore.known import known_of, looked_at_before
 from resample_volume.types import Recording
-from resample_volume.windows import Spent, paint_unseen, unseen_together
+from resample_volume.windows import Spent, paint_streamed, streamed_subject
 from tests.volume.dense import SIZE, assert_same, whole_of
 from tests.volume.of_voxels import of_voxels
 
@@ -63,9 +63,9 @@ def painted(path, look, viewpoint, memory=5_000_000, side=16):
     volume, read = opened(path, side)
     volume.values.glance  # noqa: B018
     first, media, spent = len(read), [(volume, look)], Spent(memory, 2)
-    subject = unseen_together(media, "visible", spent=spent)
+    subject = streamed_subject(media, "visible", spent=spent)
     camera = subject.camera(viewpoint, *SIZE)
-    frame, _ = paint_unseen(media, subject, camera, SIZE, spent)
+    frame, _ = paint_streamed(media, subject, camera, SIZE, spent)
     return frame, read[first:]
 
 

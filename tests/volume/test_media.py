@@ -96,7 +96,7 @@ def seen(subject, viewpoint, resampler=None):
     paint = resampler or Resampler()
     camera = subject.camera(viewpoint, *SIZE)
     return paint(
-        subject.seen_by(camera), camera, height=SIZE[0], width=SIZE[1], clip=subject.clip
+        subject.samples_for(camera), camera, height=SIZE[0], width=SIZE[1], clip=subject.clip
     ).rgba
 
 
@@ -154,7 +154,7 @@ def test_media_on_one_lattice_are_their_sum_by_hand():
             color[place] = color.get(place, 0.0) + voxels.extinction[n] * voxels.color[n]
     media = [(v, Appearance(t, **UNLIT)) for v, t in zip((TREE, other), looks, strict=True)]
     subject = Subject.of_several(media)
-    samples = subject.seen_by(subject.camera(Orbit(), *SIZE))
+    samples = subject.samples_for(subject.camera(Orbit(), *SIZE))
     places = [tuple(place) for place in (samples.position + subject.middle).tolist()]
     assert sorted(places) == sorted(depth)
     wanted = np.array([depth[place] for place in places])
@@ -197,8 +197,8 @@ def test_each_of_several_is_lit_by_its_own_surfaces():
     media = [(TREE, Appearance("vessels")), (TREE, Appearance(from_points([(0, BLUE, 0.0)])))]
     alone = Subject.of(TREE, of_voxels("vessels"))
     camera = alone.camera(Orbit(), *SIZE)
-    both = Subject.of_several(media).seen_by(camera)
-    for found, wanted in zip(both[:3], alone.seen_by(camera)[:3], strict=True):
+    both = Subject.of_several(media).samples_for(camera)
+    for found, wanted in zip(both[:3], alone.samples_for(camera)[:3], strict=True):
         np.testing.assert_allclose(found, wanted, rtol=1e-5)
 
 
@@ -211,7 +211,7 @@ def test_one_of_several_takes_light_from_the_others():
     media = [(space._replace(values=part), look) for part in (low, high)]
     dark = [(v, replace(look, light=Light((0, 0, 1), shadows=True))) for v, _ in media]
     bright, shaded = (
-        s.seen_by(s.camera(Orbit(), *SIZE)) for s in map(Subject.of_several, (media, dark))
+        s.samples_for(s.camera(Orbit(), *SIZE)) for s in map(Subject.of_several, (media, dark))
     )
     z = bright.position[:, 2]
     below = z < 0
@@ -279,7 +279,8 @@ def test_a_look_does_not_depend_on_the_lattice_of_others():
     alone, both = (Subject.of_several(m, paint) for m in ([(ball, look)], [(ball, look), nothing]))
     camera = alone.camera(Orbit(zoom=0.8), *SIZE)
     one, two = (
-        paint(s.seen_by(camera), camera, height=SIZE[0], width=SIZE[1]).rgba for s in (alone, both)
+        paint(s.samples_for(camera), camera, height=SIZE[0], width=SIZE[1]).rgba
+        for s in (alone, both)
     )
     assert one[..., 3].max() > 0.5
     assert decibel(one, two) > 40

@@ -63,7 +63,7 @@ def test_light_along_rays_is_that_of_short_steps(name, is_fine):
     resampler = Resampler(order=Rays(0.1 if is_fine else 1.0), subpixels=1)
     subject = Subject.of(volume, appearance, resampler)
     camera = subject.camera(viewpoint, *SIZE)
-    field = subject.seen_by(camera)
+    field = subject.samples_for(camera)
     found = resampler(field, camera, height=SIZE[0], width=SIZE[1], clip=subject.clip).rgba
     met = ray_truth.along_rays(volume.values, field, camera, SIZE, subject.clip)
     truth = ray_truth.composite(met, field, subject.clip)

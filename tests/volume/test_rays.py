@@ -66,7 +66,12 @@ def seen(
     eye = subject.camera(Orbit(30, 20, 1.2) if camera is None else camera, *size)
     height, width = size
     return resampler(
-        subject.seen_by(eye), eye, height=height, width=width, threads=threads, clip=subject.clip
+        subject.samples_for(eye),
+        eye,
+        height=height,
+        width=width,
+        threads=threads,
+        clip=subject.clip,
     )
 
 

@@ -117,7 +117,7 @@ def test_the_camera_may_be_inside_of_field_and_mesh():
     camera = subject.camera(eye, 16, 16)
     assert np.linalg.norm(camera.view().translation) < 0.1  # beside the middle
     made = Resampler(order=Rays())
-    frame = made(subject.seen_by(camera), camera, height=16, width=16)
+    frame = made(subject.samples_for(camera), camera, height=16, width=16)
     left = np.exp(-0.5)
     truth = left * np.array(RED) + (1 - left) * np.array(FOG)
     np.testing.assert_allclose(frame.rgba[..., :3], np.broadcast_to(truth, (16, 16, 3)), atol=0.01)
@@ -155,7 +155,7 @@ def test_what_is_before_a_box_is_that_of_short_steps(light, fov):
     made = Resampler(order=Rays(0.1), subpixels=1)
     subject = Subject.of(BLOBS, look, made)
     camera = subject.camera(Orbit(30, 20, 1.5, fov), *SIZE)
-    field = subject.seen_by(camera)
+    field = subject.samples_for(camera)
     found = made(field, camera, height=SIZE[0], width=SIZE[1]).rgba
     depth, normal, start, way = hits(subject.mesh, camera, SIZE)
     met = ray_truth.along_rays(BLOBS.values, field, camera, SIZE, np.zeros((0, 4)))
@@ -183,7 +183,7 @@ def test_threads_do_not_change_a_bit_of_meshes():
     made = Resampler(order=Rays())
     subject = Subject.of(BLOBS, look, made)
     camera = subject.camera(Orbit(), 40, 48)
-    field = subject.seen_by(camera)
+    field = subject.samples_for(camera)
     one, two = (made(field, camera, height=40, width=48, threads=n) for n in (1, 2))
     np.testing.assert_array_equal(one.rgba, two.rgba)
     np.testing.assert_array_equal(one.depth, two.depth)

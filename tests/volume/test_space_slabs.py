@@ -33,7 +33,7 @@ def over(layers):
 def pieces(appearance, resampler, viewpoint, count):
     subject = Subject.of(BLOBS, appearance, resampler)
     camera = subject.camera(viewpoint, *SIZE)
-    seen = subject.seen_by(camera)
+    seen = subject.samples_for(camera)
 
     def paint(eye):
         return resampler(seen, eye, height=SIZE[0], width=SIZE[1], clip=subject.clip)

@@ -48,7 +48,7 @@ def test_voxels_are_of_what_is_reconstructed():
 def test_a_camera_sees_samples_or_a_field(camera):
     for look, kind in ((PLAIN, Samples), (POST, Field)):
         subject = Subject.of(TREE, look, SLABS)
-        assert isinstance(subject.seen_by(subject.camera(camera, 32, 32)), kind)
+        assert isinstance(subject.samples_for(subject.camera(camera, 32, 32)), kind)
 
 
 @pytest.mark.parametrize("order", [EverySample(), AxisSheets()])
@@ -112,7 +112,7 @@ def test_planes_are_carried_to_the_renderer():
     assert np.allclose(upper.clip, [[0, 0, 1, 0]])
     camera = whole.camera(Orbit(0, 0, fov=0), 32, 32)
     full, cut = (
-        Resampler()(subject.seen_by(camera), camera, **SIZE, clip=subject.clip).rgba
+        Resampler()(subject.samples_for(camera), camera, **SIZE, clip=subject.clip).rgba
         for subject in (whole, upper)
     )
     assert full[17:].max() > 0.5

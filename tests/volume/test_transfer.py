@@ -15,7 +15,7 @@ from resample_volume.looks.transfer import (
     evaluated,
     extinction,
     from_points,
-    places_seen,
+    visible_places,
 )
 
 BLACK, WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
@@ -327,7 +327,7 @@ def test_values_are_seen_where_they_have_some_opacity(
     values = rng.integers(0, 120, 500) if kind == "u1" else rng.integers(-120, 120, 500)
     values = values.astype(kind)
     expected = np.flatnonzero(transfer.opacities(values.astype(float), BYTE) > 0)
-    np.testing.assert_array_equal(places_seen(transfer, values, BYTE), expected)
+    np.testing.assert_array_equal(visible_places(transfer, values, BYTE), expected)
 
 
 @pytest.mark.parametrize("kind", ["u1", "i1", "<u2", ">i2"])

@@ -22,7 +22,7 @@ from resample_volume.files.stores.writing import Layered, write_store
 from resample_volume.looks.labels import Labels, Rule
 from resample_volume.looks.materials import Windowed
 from resample_volume.looks.regions import Region, RegionTransfer
-from resample_volume.looks.transfer import places_seen
+from resample_volume.looks.transfer import visible_places
 from resample_volume.media.appearance import Appearance, Classification
 from resample_volume.outofcore import windowed
 from resample_volume.outofcore.passes import Looking, passed
@@ -35,7 +35,7 @@ from resample_volume.voxels.blocks import Lattice, bounds_of, lattice_for
 from resample_volume.voxels.framing import centered
 from resample_volume.voxels.shading import DepthCue
 from resample_volume.voxels.visible import gradients_at, lattice_of, steepness
-from resample_volume.windows import Spent, paint_in_windows, render_in_windows, unseen
+from resample_volume.windows import Spent, paint_in_windows, render_in_windows, streamed_volume
 from tests.killing import Killing
 from tests.volume.dense import EYE, LAYERS, SIZE, in_bricks, smoke
 from tests.volume.of_voxels import of_voxels
@@ -80,7 +80,7 @@ def test_windows_have_the_bits_of_a_volume_in_memory(number, memory, rng):
     subject = Subject.of(volume, look, around=volume)
     camera = subject.camera(EYE, *SIZE)
     by = {"height": SIZE[0], "width": SIZE[1], "clip": subject.clip}
-    whole = Resampler()(subject.seen_by(camera), camera, **by)
+    whole = Resampler()(subject.samples_for(camera), camera, **by)
     found, windows = render_in_windows(in_bricks(volume, side), look, EYE, SIZE, Spent(memory))
     assert (windows > 1) == (memory < 1 << 30)
     for name in ("rgba", "depth", "first_depth", "coverage"):
@@ -127,7 +127,7 @@ def test_labels_that_do_not_fit_are_refused_before_bricks_are_read(rng):
 def test_the_slope_of_a_full_surface_is_found_brick_by_brick(kind, workers, rng):
     volume = smoke(rng)._replace(values=rng.normal(100, 40, (21, 17, 30)).astype(kind))
     transfer, every = Windowed(WALLS, (40.0, 150.0)), np.arange(volume.values.size)
-    seen = places_seen(transfer, volume.values.reshape(-1), (0.0, 1.0))
+    seen = visible_places(transfer, volume.values.reshape(-1), (0.0, 1.0))
     assert 0 < seen.size < every.size
     length = np.linalg.norm(gradients_at(volume, seen, "sobel"), axis=1)
     with ThreadPoolExecutor(workers or 1) as executor:
@@ -156,7 +156,7 @@ def test_blocks_are_where_their_footprints_are(eye, side, rng):
     volume = smoke(rng)
     subject = Subject.of(volume, of_voxels("60..190"), around=volume)
     camera = subject.camera(eye, *SIZE)
-    seen = subject.seen_by(camera)
+    seen = subject.samples_for(camera)
     records = Resampler().footprints(seen, camera, height=SIZE[0], width=SIZE[1])
     moved = centered(volume)[0]
     back = np.linalg.inv(lattice_of(moved)).T
@@ -178,7 +178,7 @@ def test_blocks_are_where_their_footprints_are(eye, side, rng):
 def whole_of(volume, look):
     subject = Subject.of(volume, look, around=volume)
     camera = subject.camera(EYE, *SIZE)
-    return Resampler()(subject.seen_by(camera), camera, height=SIZE[0], width=SIZE[1])
+    return Resampler()(subject.samples_for(camera), camera, height=SIZE[0], width=SIZE[1])
 
 
 def stored(volume, path):
@@ -347,7 +347,7 @@ def test_windows_are_painted_step_by_step_with_the_same_bits(eye, workers, rng, 
     volume = Volume(values, np.array([1.0, 0.8, 1.2]), np.zeros(3), np.eye(3), "smoke")
     subject = Subject.of(volume, look, around=volume)
     camera = subject.camera(eye, *FEW)
-    whole = Resampler()(subject.seen_by(camera), camera, height=FEW[0], width=FEW[1])
+    whole = Resampler()(subject.samples_for(camera), camera, height=FEW[0], width=FEW[1])
     with ThreadPoolExecutor(workers or 1) as executor:
         spent = Spent(4_000_000, executor=executor if workers else None)
         found, _ = render_in_windows(in_bricks(volume, (8, 8, 8)), look, eye, FEW, spent)
@@ -363,7 +363,7 @@ def test_bricks_that_others_hide_are_not_read(rng, monkeypatch):
     volume = Volume(values, np.ones(3), np.zeros(3), np.eye(3), "a solid cube")
     look, bricks = of_voxels("100/white/0,180/white/0.95", light=None), 8**3
     in_file, read = counted(volume, (8, 8, 8))
-    camera = unseen(in_file, look).camera(EYE, *SIZE)
+    camera = streamed_volume(in_file, look).camera(EYE, *SIZE)
     by = [camera, SIZE, Spent(9_000_000)]
     surveyed, before = windowed.surveyed, []
 
@@ -422,7 +422,7 @@ def test_whoever_paints_has_the_same_bits_step_by_step(number, rng, monkeypatch)
     look, (paint, eye) = of_voxels("5..190"), PAINTERS[number]
     subject = Subject.of(volume, look, around=volume)
     camera = subject.camera(eye, *FEW)
-    whole = paint(subject.seen_by(camera), camera, height=FEW[0], width=FEW[1])
+    whole = paint(subject.samples_for(camera), camera, height=FEW[0], width=FEW[1])
     spent = Spent(4_000_000)
     found, _ = render_in_windows(in_bricks(volume, (8, 8, 8)), look, eye, FEW, spent, paint)
     assert max(steps) > 0

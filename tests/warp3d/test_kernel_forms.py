@@ -4,7 +4,7 @@ import numpy as np
 
 from resample.engine.surfaces.resolve import resolve_rows
 from resample_warp3d import Camera, Cloud, prepare, render_cloud, warp
-from resample_warp3d.clouds.kernels.discs import see
+from resample_warp3d.clouds.kernels.discs import project_discs
 from resample_warp3d.sheet.kernels.limbs import project_ends
 from resample_warp3d.sheet.sheets import sheet_of
 from resample_warp3d.showing.scenes import generated
@@ -48,7 +48,7 @@ def test_clouds_may_lie_in_columns() -> None:
     place, color = rng.uniform([-1, -1, 4], [1, 1, 5], (50, 3)), rng.uniform(0, 1, (50, 3))
     cloud = Cloud(place, np.empty((0, 3)), color, np.empty(0))
     truth = render_cloud(cloud, eye, size=(32, 24)).rgba
-    before = specialisations(see)
+    before = specialisations(project_discs)
     columns = cloud._replace(position=np.asfortranarray(place), color=np.asfortranarray(color))
     np.testing.assert_array_equal(render_cloud(columns, eye, size=(32, 24)).rgba, truth)
-    assert specialisations(see) == before
+    assert specialisations(project_discs) == before

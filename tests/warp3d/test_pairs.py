@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from resample_warp3d.depth.equation import of_rectified, warp_places
-from resample_warp3d.showing.pairs import edges_in_view, load_pairs, seen_nearness
+from resample_warp3d.showing.pairs import edges_in_view, expected_nearness, load_pairs
 from resample_warp3d.types import DepthImage, Equation
 from tests.conftest import real
 
@@ -118,7 +118,7 @@ def test_rims_of_the_square_are_edges(stereo):
 def test_the_nearest_sample_of_a_pixel_is_expected():
     nearness = np.full(SHAPE, 1.0)
     nearness[:, 10] = 3.0
-    found = seen_nearness(image_of(nearness), of_rectified(1.0), SHAPE)
+    found = expected_nearness(image_of(nearness), of_rectified(1.0), SHAPE)
     assert found[4, 7] == 3.0
     assert found[4, 5] == 1.0
 
@@ -126,13 +126,13 @@ def test_the_nearest_sample_of_a_pixel_is_expected():
 def test_samples_without_depth_are_expected_nowhere():
     nearness = np.zeros(SHAPE)
     nearness[3, 4] = 1.0
-    found = seen_nearness(image_of(nearness), of_rectified(0.5), SHAPE)
+    found = expected_nearness(image_of(nearness), of_rectified(0.5), SHAPE)
     assert np.argwhere(found).tolist() == [[3, 3], [3, 4]]
 
 
 def test_points_behind_the_eye_are_expected_nowhere():
     behind = Equation(np.eye(3), np.array([0.0, 0.0, -2.0]))
-    assert not seen_nearness(image_of(np.ones(SHAPE)), behind, SHAPE).any()
+    assert not expected_nearness(image_of(np.ones(SHAPE)), behind, SHAPE).any()
 
 
 def test_an_even_slope_is_no_edge():

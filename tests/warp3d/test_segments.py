@@ -128,7 +128,7 @@ def test_runs_hold_all_cells_that_are_seen_once_and_of_one_way_each(rng):
             begin, end = row_of(places, BEGIN)[k], row_of(places, END)[k]
             held[begin:end] += 1
             assert len(set(row_of(places, WAY)[begin:end])) == 1
-        np.testing.assert_array_equal(held, row_of(places, WAY) != segments.UNSEEN)
+        np.testing.assert_array_equal(held, row_of(places, WAY) != segments.HIDDEN)
 
 
 @pytest.mark.sweep(

@@ -191,7 +191,7 @@ def _lazy(source: Any, kept: _Source, way: _Way, sides: tuple[int, int], light: 
         for left in range(0, width, sides[1]):
             roi = left, top, min(sides[1], width - left), min(sides[0], height - top)
             drawing, part = _drawing(way, roi)
-            seen = _seen_of(kept, drawing) if is_partly else Rect(0, 0, *kept.shape[1::-1])
+            seen = _source_rect(kept, drawing) if is_partly else Rect(0, 0, *kept.shape[1::-1])
             values = (source if is_dask else dask.delayed(source, traverse=False))[seen.part]
             block = dask.delayed(_block)(values, seen, kept.shape, drawing, part, light, is_partly)
             form = (roi[3], roi[2], *kept.shape[2:])
@@ -233,7 +233,7 @@ def _drawing(way: _Way, roi: tuple[int, int, int, int]) -> tuple[Drawing, tuple[
     return Drawing(way.method, geometry, form, way.edge, way.threads), part
 
 
-def _seen_of(source: _Source, drawing: Drawing) -> Rect:
+def _source_rect(source: _Source, drawing: Drawing) -> Rect:
     """Return the part of the source that a chunk reads."""
     height, width = source.shape[:2]
     parts = parts_of(source, drawing)

@@ -165,7 +165,7 @@ def drawn_in_parts(
         if is_near is not None and not wanted.any():
             continue
         part, inner = _part_of(drawing, window, size)
-        seen = _seen_through(window, image, drawing.edge)
+        seen = _window_of(window, image, drawing.edge)
         drawn = _drawn_whole(seen, part, linear_light=linear_light, alpha=alpha)
         result.image[there][wanted] = drawn.image[inner][wanted]
         result.coverage[there][wanted] = drawn.coverage[inner][wanted]
@@ -250,7 +250,7 @@ def _part_of(
     ), inner
 
 
-def _seen_through(window: PictureWindow, image: Any, edge: str) -> NDArray[Any]:
+def _window_of(window: PictureWindow, image: Any, edge: str) -> NDArray[Any]:
     """Return the part of a picture (H, W, ...), continued beyond its edges, for a window."""
     size = image.shape[0], image.shape[1]
     part: NDArray[Any]

@@ -493,7 +493,7 @@ def demo(*, output: flags.DemoOutput = DEMO_FOLDER) -> None:
         camera = subject.camera(look.viewpoint(), *size)
         for method in ("hybrid", "points", "splats"):
             resampler = Resampling(method=method).resampler()
-            frame = painted(session, resampler, subject.seen_by(camera), camera, size)
+            frame = painted(session, resampler, subject.samples_for(camera), camera, size)
             path = output / f"{name}-{method}.png"
             write_frame(path, frame, background=(0.0, 0.0, 0.0))
             say(f"{path}: {frame.statistics.points} points, {frame.statistics.splats} splats")

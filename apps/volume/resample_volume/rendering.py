@@ -408,13 +408,13 @@ class Subject:
     @property
     def is_empty(self) -> bool:
         """Whether nothing is visible."""
-        return not self.seen and not len(self.mesh.face)
+        return not self.visible and not len(self.mesh.face)
 
     @property
-    def seen(self) -> int:
+    def visible(self) -> int:
         """Number of visible voxels."""
         voxels = self.voxels
-        return voxels.seen if isinstance(voxels, Gathered) else len(voxels.position)
+        return voxels.visible if isinstance(voxels, Gathered) else len(voxels.position)
 
     def facts(self) -> dict[str, Any]:
         """Return what pictures depend on besides camera and renderer, as JSON values."""
@@ -432,7 +432,7 @@ class Subject:
             **({} if self.appearance.slab is None else {"slab": self.appearance.slab}),
         }
 
-    def seen_by(self, camera: AnyCamera) -> Samples | Field | LatticeField:
+    def samples_for(self, camera: AnyCamera) -> Samples | Field | LatticeField:
         """Return the input of a renderer: samples, or a field, shaded for a camera."""
         cue, light = self.appearance.cue, self.appearance.light
         near, far = cue_range(camera, self.sphere)
@@ -509,7 +509,7 @@ def render(
     subject = Subject.of_several(media, paint)
     height, width = shape_of(size)
     eye = subject.camera(viewpoint_of(camera), height, width)
-    seen, cuts = subject.seen_by(eye), subject.cuts(eye)
+    seen, cuts = subject.samples_for(eye), subject.cuts(eye)
     paint = subject.painter(paint)
     frame = paint(seen, eye, height=height, width=width, progress=progress, clip=cuts)
     return subject.developed(frame)

@@ -124,7 +124,7 @@ class Scene:
             eye = subject.camera(viewpoint_of(camera), height, width)
             per = PER if is_preview else 1
             frame = subject.painter(paint)(
-                subject.seen_by(eye),
+                subject.samples_for(eye),
                 Shrunk(eye, per) if is_preview else eye,
                 height=-(-height // per),
                 width=-(-width // per),
@@ -154,7 +154,7 @@ class Scene:
             As of `render`.
         """
         is_preview = quality == "preview"
-        subject, eye, _ = self._seen(look, camera, size, resampler, fit, is_preview=is_preview)
+        subject, eye, _ = self._prepared(look, camera, size, resampler, fit, is_preview=is_preview)
         return eye, subject.placed(self.volume)
 
     def sample_ids(
@@ -234,10 +234,10 @@ class Scene:
         fit: Fit,
     ) -> Behind:
         """Return the voxels behind points of a picture; see `voxels_at`."""
-        subject, eye, paint = self._seen(look, camera, size, resampler, fit)
+        subject, eye, paint = self._prepared(look, camera, size, resampler, fit)
         return partial(voxels_at, subject, self.volume, eye, paint)
 
-    def _seen(
+    def _prepared(
         self,
         look: Appearance | str,
         camera: Spelled,

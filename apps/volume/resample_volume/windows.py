@@ -110,8 +110,8 @@ def render_in_windows(
         Windows cannot be written or read.
     """
     media = [(volume, appearance)]
-    subject = unseen_together(media)
-    return paint_unseen(
+    subject = streamed_subject(media)
+    return paint_streamed(
         media, subject, subject.camera(viewpoint, *size), size, spent, resampler, progress
     )
 
@@ -125,12 +125,12 @@ def paint_in_windows(
     resampler: Resampler | None = None,
     progress: Progress | None = None,
 ) -> tuple[Frame, int]:
-    """Do as `render_in_windows`, with a camera of the volume's `unseen` subject."""
+    """Do as `render_in_windows`, with a camera of the volume's `streamed_volume` subject."""
     media = [(volume, appearance)]
-    return paint_unseen(media, unseen_together(media), camera, size, spent, resampler, progress)
+    return paint_streamed(media, streamed_subject(media), camera, size, spent, resampler, progress)
 
 
-def paint_unseen(
+def paint_streamed(
     media: Sequence[Medium],
     subject: Subject,
     camera: AnyCamera,
@@ -146,7 +146,7 @@ def paint_unseen(
     media
         Volumes in bricks, each with its look.
     subject
-        What `unseen_together` gives for them.
+        What `streamed_subject` gives for them.
     camera
         One of the subject's.
     size, spent, resampler, progress
@@ -185,7 +185,7 @@ def paint_unseen(
         for layer, part in zip(whole, film, strict=True):
             layer[y0:y1, x0:x1] = part
         count += 1
-    samples = int(known.blocks.seen.sum())
+    samples = int(known.blocks.visible.sum())
     return Frame(*whole, Statistics(samples, 0, 0, 0, 1, {})), count
 
 
@@ -243,12 +243,12 @@ def _unheard(share: float) -> None:
     """Ignore progress."""
 
 
-def unseen(volume: Volume, appearance: Appearance) -> Subject:
-    """Do as `unseen_together`, for a single volume."""
-    return unseen_together([(volume, appearance)])
+def streamed_volume(volume: Volume, appearance: Appearance) -> Subject:
+    """Do as `streamed_subject`, for a single volume."""
+    return streamed_subject([(volume, appearance)])
 
 
-def unseen_together(
+def streamed_subject(
     media: Sequence[Medium],
     fit: Fit = "volume",
     resampler: Resampler | None = None,

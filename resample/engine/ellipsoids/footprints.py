@@ -131,7 +131,7 @@ def eye_of(view: View) -> Eye:
 
 
 @kernel
-def seen_from(eye: Eye, world: Vector) -> Vector:
+def in_camera(eye: Eye, world: Vector) -> Vector:
     """Transform a scene position to camera axes."""
     return combine(eye.shift, 1.0, multiply(eye.rotation, world))
 
@@ -535,7 +535,7 @@ def _project_chunk(
     for n in range(chunk * CHUNK, min((chunk + 1) * CHUNK, footprints.size)):
         # Transform the sample to camera axes.
         world = (float(position[n, 0]), float(position[n, 1]), float(position[n, 2]))
-        center = seen_from(eye, world)
+        center = in_camera(eye, world)
         record = footprints[n]
         # Project it, clip it by planes, or leave it out if it is too faint.
         if extinction[n] > style.faintest:

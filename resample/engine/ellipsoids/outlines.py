@@ -15,10 +15,10 @@ from resample.engine.ellipsoids.footprints import (
     Optics,
     Shape,
     Side,
+    in_camera,
     linear_part,
     major_of,
     optics_of,
-    seen_from,
 )
 from resample.engine.grid import POINT_SPACING, point_width
 from resample.engine.jit import kernel
@@ -145,7 +145,7 @@ def size_of(scale: Floats | None, sample: np.uint64) -> float:
 
 
 @kernel
-def seen_alike(center: Vector, eye: Eye, size: float) -> tuple[Vector, Eye]:
+def unit_sized(center: Vector, eye: Eye, size: float) -> tuple[Vector, Eye]:
     """The sample scaled to size 1 about the eye, and the eye that sees the same picture of it.
 
     Perspective needs no change of the focal lengths; parallel rays come closer together.
@@ -203,9 +203,9 @@ def outline_batch(
         sample = np.uint64(begin) + k
         # Transform to camera axes, compute the key, and scale to size 1.
         world = vector_at(position, sample)
-        center = seen_from(camera, world)
+        center = in_camera(camera, world)
         key = key_of(layers, place_of(layers, world, center))
-        center, eye = seen_alike(center, camera, size_of(scale, sample))
+        center, eye = unit_sized(center, camera, size_of(scale, sample))
         cx, cy, cz = center
         # Project: linear part, bounds, and signed distances from the sides of the frame.
         per_z = 1.0 / cz if far else 1.0
@@ -319,10 +319,10 @@ def meet_batch(
             to_bottom[0] * x + to_bottom[1] * y + to_bottom[2] * z + to_bottom[3],
         )
         # Key of the sample, and its center at size 1.
-        center = seen_from(eye, world)
+        center = in_camera(eye, world)
         key = key_of(layers, place_of(layers, world, center))
         size = size_of(scale, sample)
-        center, _ = seen_alike(center, eye, size)
+        center, _ = unit_sized(center, eye, size)
         # A symmetric footprint reaches farther than its ellipsoid by at most so many extents:
         # slanted edges change by no more than depths do.
         excess = 2.0 * reach / (center[2] - 2.0 * reach) if is_mirrored else 0.0
@@ -377,9 +377,9 @@ def form_batch(
     for n in range(count):
         k = np.uint64(n)
         # Transform to camera axes, and scale to size 1.
-        center = seen_from(camera, vector_at(position, k))
+        center = in_camera(camera, vector_at(position, k))
         depth, size = center[2], size_of(scale, k)
-        center, eye = seen_alike(center, camera, size)
+        center, eye = unit_sized(center, camera, size)
         cx, cy, cz = center
         per_z = 1.0 / cz if far else 1.0
         # Bounds, and whether the near plane cuts.
@@ -439,7 +439,7 @@ def clip_batch(
     finest = max(beyond.for_splats, beyond.for_points) if beyond.fixed == 0.0 else beyond.fixed
     for n in range(count):
         k, sample, nearest, is_point = np.uint64(n), np.uint64(begin + n), np.inf, False
-        center, size = seen_from(eye, vector_at(position, sample)), size_of(scale, sample)
+        center, size = in_camera(eye, vector_at(position, sample)), size_of(scale, sample)
         # Whether the sample is a point even on the finest grid.
         if beyond.threshold > 0.0:
             is_point = room[k + SPACING] * finest <= beyond.threshold and room[k + CUT] == 0.0
@@ -453,6 +453,6 @@ def clip_batch(
             nearest = min(nearest, inside - reach)
         # Store the center in place of the form.
         if nearest < 0.0 and not is_point:
-            unit = multiply(shape.to_unit, seen_alike(center, eye, size)[0])
+            unit = multiply(shape.to_unit, unit_sized(center, eye, size)[0])
             room[k + CUT] = 1.0
             room[k + A], room[k + B], room[k + C] = unit

@@ -29,7 +29,7 @@ from resample.engine.ellipsoids.outlines import (
 from resample.engine.ellipsoids.outlines import DEPTH as FAR
 from resample.engine.ellipsoids.outlines import GREEN as LIT_GREEN
 from resample.engine.ellipsoids.outlines import RED as LIT_RED
-from resample.engine.ellipsoids.splats import cut_integral, seen_span
+from resample.engine.ellipsoids.splats import clipped_span, cut_integral
 from resample.engine.jit import kernel
 from resample.engine.lookup import absorbed
 from resample.engine.over import VISIBLE
@@ -203,7 +203,7 @@ def paint_cut_splat_on_rows(
                 continue
             # Clip the ray to the planes, and integrate the sphere between them.
             x = (place.x + (column + 0.5) / n - view.principal[0]) / view.focal[0]
-            first, last = seen_span(x, y, view, planes)
+            first, last = clipped_span(x, y, view, planes)
             seen = (per_size * first, per_size * last)
             integral = np.float32(
                 cut_integral(center, apart * x, apart * y, seen, view, ellipsoid, partial)

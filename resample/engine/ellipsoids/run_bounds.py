@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.ellipsoids.footprints import Eye, Shape, Side, seen_from
+from resample.engine.ellipsoids.footprints import Eye, Shape, Side, in_camera
 from resample.engine.ellipsoids.outlines import (
     BOTTOM,
     KEY,
@@ -249,7 +249,7 @@ def _is_outlined_by_box(
     # Transform the box to camera axes, with a margin for rounding.
     middle = (0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), 0.5 * (low[2] + high[2]))
     world = (high[0] - middle[0], high[1] - middle[1], high[2] - middle[2])
-    center, r, v = seen_from(eye, middle), eye.rotation, shape.covariance
+    center, r, v = in_camera(eye, middle), eye.rotation, shape.covariance
     half = (_spread(r[0], world), _spread(r[1], world), _spread(r[2], world))
     unit = (1.0, 1.0, 1.0)
     slack = SLACK * (_spread(center, unit) + _spread(eye.shift, unit))

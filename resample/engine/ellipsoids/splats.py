@@ -30,7 +30,7 @@ def last_inside(bound: float, origin: float, subpixels: int, count: int) -> int:
 
 
 @kernel
-def seen_span(x: float, y: float, view: View, planes: Doubles) -> tuple[float, float]:
+def clipped_span(x: float, y: float, view: View, planes: Doubles) -> tuple[float, float]:
     """Depths between which a ray is not clipped, by the near plane and by planes (M, 5).
 
     x and y are the ray's position at depth 1, or at any depth where rays are parallel.
@@ -63,7 +63,7 @@ def cut_integral(
     ellipsoid: Ellipsoid,
     partial: Floats,
 ) -> float:
-    """Line integral of a cut sphere along a ray, between two depths; x and y as in `seen_span`.
+    """Line integral of a cut sphere along a ray, between two depths; x and y as in `clipped_span`.
 
     `center` is in the space where the ellipsoid is the unit sphere. All models agree here: the
     ray's distance and the visible part of its chord are computed directly.

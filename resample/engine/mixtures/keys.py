@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from resample.engine.ellipsoids.footprints import Eye, eye_of, seen_from
+from resample.engine.ellipsoids.footprints import Eye, eye_of, in_camera
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.sorting import HALF, Pairs, bits_of, member_of, paired, sort_pairs
 from resample.engine.vectors import Vector, dot, vector_at
@@ -20,7 +20,7 @@ def _key_bits(layers: Layers, world: Vector, eye: Eye) -> np.uint32:
     # Place along the axis, or distance from the eye.
     place = layers.offset + dot(layers.axis, world)
     if layers.is_around:
-        center = seen_from(eye, world)
+        center = in_camera(eye, world)
         place = math.sqrt(dot(center, center))
     # Number of the sheet.
     number = np.floor(np.float32(place) / np.float32(layers.thickness))

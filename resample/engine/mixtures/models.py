@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.ellipsoids.footprints import Eye, Shape, linear_part, major_of, seen_from
+from resample.engine.ellipsoids.footprints import Eye, Shape, in_camera, linear_part, major_of
 from resample.engine.ellipsoids.outlines import (
     ACROSS,
     AMPLITUDE,
@@ -137,7 +137,7 @@ def measure_batch(room: Floats, position: Floats, count: int, eye: Eye, shape: S
     per_radius = 1.0 / shape.radius
     for n in range(count):
         k = np.uint64(n)
-        center = seen_from(eye, vector_at(position, k))
+        center = in_camera(eye, vector_at(position, k))
         # Linearize the projection at the sample's center.
         x, y, fx, fy, xx, yy, xy = linear_part(center, eye, shape)
         # A ray at an angle passes a longer stretch of a layer of thickness 1.
@@ -156,7 +156,7 @@ def form_discs(room: Floats, position: Floats, count: int, eye: Eye, shape: Shap
     for n in range(count):
         k = np.uint64(n)
         # Scale line integrals by the central ray, and bend by sin² α.
-        center = seen_from(eye, vector_at(position, k))
+        center = in_camera(eye, vector_at(position, k))
         unit = multiply(t, center)
         per_squared = 1.0 / dot(unit, unit)
         along = dot(center, center) * per_squared if far else parallel
@@ -241,7 +241,7 @@ def form_affine(
     parallel = _squared_chord(t, (0.0, 0.0, 1.0))
     for n in range(count):
         k = np.uint64(n)
-        center = seen_from(eye, vector_at(position, k))
+        center = in_camera(eye, vector_at(position, k))
         unit = multiply(t, center)
         # Covariance of the ellipse on the screen.
         _, _, _, _, xx, yy, xy = linear_part(center, eye, shape)
@@ -356,7 +356,7 @@ def form_rims(
     t, back = shape.to_unit, shape.from_unit
     for n in range(count):
         k = np.uint64(n)
-        center = seen_from(eye, vector_at(position, k))
+        center = in_camera(eye, vector_at(position, k))
         # Touching circle, its projection, and the quadratic form of that ellipse.
         axis, chord, touched, sine = _rim_of(multiply(t, center), t, back)
         start, end = combine(touched, -1.0, axis), combine(touched, 1.0, axis)

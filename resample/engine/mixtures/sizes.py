@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from resample.engine.ellipsoids.footprints import seen_from
+from resample.engine.ellipsoids.footprints import in_camera
 from resample.engine.ellipsoids.outlines import (
     AREA,
     BATCH,
@@ -79,7 +79,7 @@ def stand_alone(
         if room[k + CUT] != POINT:
             continue
         # Factor of line integrals along the central ray.
-        center = seen_from(eye, vector_at(position, k))
+        center = in_camera(eye, vector_at(position, k))
         unit, squared = multiply(t, center), dot(center, center)
         along = shape.scale * (math.sqrt(squared / dot(unit, unit)) if far else parallel)
         # Integrate the opacity over the footprint, by quadrature.

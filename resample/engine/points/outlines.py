@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.ellipsoids.footprints import Eye, Shape, seen_from
+from resample.engine.ellipsoids.footprints import Eye, Shape, in_camera
 from resample.engine.ellipsoids.outlines import (
     BATCH,
     BOTTOM,
@@ -90,7 +90,7 @@ def projected(
 ) -> tuple[Vector, Single, float, tuple[float, float]]:
     """Center of a sample in camera axes, its key, 1 / depth (1 if parallel), and position, px."""
     world = vector_at(position, sample)
-    center = seen_from(eye, world)
+    center = in_camera(eye, world)
     key = key_of(layers, place_of(layers, world, center))
     per_z = 1.0 / center[2] if eye.perspective else 1.0
     x, y = eye.fx * (center[0] * per_z) + eye.cx, eye.fy * (center[1] * per_z) + eye.cy
@@ -171,7 +171,7 @@ def outline_points(
 @kernel
 def is_clipped(position: Floats, sample: int, eye: Eye, planes: Doubles) -> bool:
     """Whether a point's center lies beyond a clipping plane (M, 5)."""
-    center = seen_from(eye, vector_at(position, np.uint64(sample)))
+    center = in_camera(eye, vector_at(position, np.uint64(sample)))
     for m in range(planes.shape[0]):
         if dot((planes[m, 0], planes[m, 1], planes[m, 2]), center) + planes[m, 3] <= 0.0:
             return True

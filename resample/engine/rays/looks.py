@@ -22,7 +22,7 @@ class SummedLook(NamedTuple):
 
     column: Doubles  # (L K, 12) sums up to a column, their rise to the next, and its bend
     columns: int  # K, of each of L looks, which lie side by side
-    seen: Indices  # (K + 1,) prefix count of columns that are visible in any look
+    visible: Indices  # (K + 1,) prefix count of columns that are visible in any look
     highlight: Doubles  # (N,) over the cosine 0..1 between normal and halfway vector
     table: Floats  # (G, L K, 4) as in `Classifier`, G = 1 where gradients do not matter
     low: float  # data units, the value of column 0

@@ -173,7 +173,7 @@ def _shows(look: SummedLook, least: float, most: float) -> bool:
     """Whether any value between two is visible."""
     # Prefix counts of visible columns: compare those at both ends.
     first, last = int(clamped(look, least)), math.ceil(clamped(look, most))
-    return bool(look.seen[np.uint64(last + 1)] > look.seen[np.uint64(first)])
+    return bool(look.visible[np.uint64(last + 1)] > look.visible[np.uint64(first)])
 
 
 @inner_step

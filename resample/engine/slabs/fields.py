@@ -13,11 +13,11 @@ import numpy as np
 
 from resample.engine.canvas import Home
 from resample.engine.ellipsoids.rows import ALPHA, BLUE, DEPTH, FIRST, GREEN, RED, index_of
-from resample.engine.ellipsoids.splats import seen_span
+from resample.engine.ellipsoids.splats import clipped_span
 from resample.engine.jit import kernel
 from resample.engine.over import VISIBLE
 from resample.engine.slabs.blends import Values
-from resample.engine.slabs.lighting import length_of, looked_up, seen_color
+from resample.engine.slabs.lighting import length_of, looked_up, shaded_color
 from resample.engine.slabs.sums import PLANES, Canvas, Cutting, Ring, Slab, clean, stride_of, sum_at
 from resample.engine.vectors import Vector
 from resample.types import (
@@ -56,7 +56,7 @@ def new_state(height: int, width: int, cutting: Cutting) -> Floats:
             # Clip each ray to the planes.
             x = (place.x + (column + 0.5) / n - camera.principal[0]) / camera.focal[0]
             y = (place.y + (row + 0.5) / n - camera.principal[1]) / camera.focal[1]
-            state[row, column, START], state[row, column, END] = seen_span(x, y, camera, planes)
+            state[row, column, START], state[row, column, END] = clipped_span(x, y, camera, planes)
             # Length of the ray per unit of depth.
             way = math.sqrt(1.0 + x * x + y * y) if camera.perspective else 1.0
             state[row, column, WAY] = way
@@ -126,7 +126,7 @@ def take_in_values(
                 if blend.is_measured:
                     _measure(blend, state[row, column], found)
                 else:
-                    _see_mean(blend, canvas, row, column, found, slab, cutting)
+                    _classify_mean(blend, canvas, row, column, found, slab, cutting)
             # Clear the sums for the next slab of this slot.
             for number in range(PLANES):
                 sums[s + np.uint64(number) * stride] = zero
@@ -141,7 +141,7 @@ def _measure(blend: Values, state: Floats, found: Sum) -> None:
 
 
 @kernel
-def _see_mean(
+def _classify_mean(
     blend: Values,
     canvas: Canvas,
     row: int,
@@ -171,13 +171,13 @@ def _see_mean(
     # Search for a surface.
     slope = (found.x / weight, found.y / weight, found.z / weight)
     if blend.projection == FIRST_HIT:
-        _look_for_hit(blend, canvas, row, column, value, slope, middle, front, slab, cutting)
+        _find_hit(blend, canvas, row, column, value, slope, middle, front, slab, cutting)
         return
     # Composite: classify the mean value and gradient, shade, and convert length to opacity.
     red, green, blue, extinction = looked_up(look, value, length_of(slope))
     if extinction > 0.0:
         at = place_at(row, column, middle, cutting.place, cutting.camera)
-        light = seen_color((red, green, blue), slope, at, middle, look)
+        light = shaded_color((red, green, blue), slope, at, middle, look)
         alpha = -math.expm1(-extinction * weight)
         if blend.is_linear:
             of_layer = -math.expm1(-extinction * blend.layer)
@@ -186,7 +186,7 @@ def _see_mean(
 
 
 @kernel
-def _look_for_hit(
+def _find_hit(
     blend: Values,
     canvas: Canvas,
     row: int,
@@ -221,7 +221,7 @@ def _look_for_hit(
         # Shade the hit, and paint it opaque.
         red, green, blue, _ = looked_up(look, blend.iso, length_of(slope))
         at = place_at(row, column, at_depth, cutting.place, cutting.camera)
-        light = seen_color((red, green, blue), slope, at, at_depth, look)
+        light = shaded_color((red, green, blue), slope, at, at_depth, look)
         _put_behind(canvas.rows, index_of(row, column), 1.0, light, at_depth)
         return
     # Else keep this slab's values for the next one.

@@ -73,7 +73,7 @@ def whole(integral: Integral, t: Single) -> Single:
 
 
 @lane_role
-def seen(
+def record_ray(
     integral: Integral, work: Floats, lane: np.uint64, t: Single, half: Single
 ) -> tuple[Single, Single]:
     """Set up a ray in `work`, from its t and sqrt(t).
@@ -111,8 +111,8 @@ def _whole_of_table(integral, t):  # type: ignore[no-untyped-def]
     return below + (place - np.float32(entry)) * (table[entry + np.uint32(1)] - below)
 
 
-@plays(seen, Smooth)
-def _seen_by_formula(integral, work, lane, t, half):  # type: ignore[no-untyped-def]
+@plays(record_ray, Smooth)
+def _record_by_formula(integral, work, lane, t, half):  # type: ignore[no-untyped-def]
     # Evaluate q0 to q7 at t, each by Estrin's scheme; q8 is a constant.
     _, a, b, c, d, e, f, g, h, i = integral
     t2 = t * t
@@ -153,8 +153,8 @@ def _nine(c: Coefficients, v: Single) -> Single:
     return (c[0] + v * c[1]) + v2 * (c[2] + v * c[3]) + v4 * high
 
 
-@plays(seen, Product)
-def _seen_by_product(integral, work, lane, t, half):  # type: ignore[no-untyped-def]
+@plays(record_ray, Product)
+def _record_by_product(integral, work, lane, t, half):  # type: ignore[no-untyped-def]
     # Store the factor across the ray; the one along it is evaluated per position.
     q = _nine(integral.across, t)
     work[lane + Q0] = q
@@ -164,8 +164,8 @@ def _seen_by_product(integral, work, lane, t, half):  # type: ignore[no-untyped-
     return -middle, middle + middle
 
 
-@plays(seen, Tabulated)
-def _seen_by_table(integral, work, lane, t, half):  # type: ignore[no-untyped-def]  # noqa: ARG001
+@plays(record_ray, Tabulated)
+def _record_by_table(integral, work, lane, t, half):  # type: ignore[no-untyped-def]  # noqa: ARG001
     # Store the row of the table, between two lines of it.
     steps, table = integral.steps, integral.part
     row = (np.float32(1.0) - t) * np.float32(steps)

@@ -52,7 +52,9 @@ def lit(color: Vector, slope: Vector, place: Vector, lamp: Lamp) -> Vector:
 
 
 @kernel
-def seen_color(color: Vector, slope: Vector, at: Vector, depth: float, look: Classifier) -> Vector:
+def shaded_color(
+    color: Vector, slope: Vector, at: Vector, depth: float, look: Classifier
+) -> Vector:
     """Light of a surface with depth cueing."""
     light = lit(color, slope, at, look.lamp)
     # Light falls linearly from the near to the far depth.

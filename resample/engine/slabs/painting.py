@@ -132,7 +132,7 @@ class Ready(NamedTuple):
     done: int  # slabs before this one were composited in an earlier step
 
 
-class Seen(NamedTuple):
+class TileSamples(NamedTuple):
     """Samples, and their projection to a tile."""
 
     runs: Runs
@@ -313,7 +313,7 @@ def _add_ready(
     ready: Ready,
     sweep: Sweep,
     taken: tuple[Pool, int],
-    seen: Seen,
+    seen: TileSamples,
     mixture: Mixture | None,
     output: tuple[Tally, Carried],
 ) -> Sweep:
@@ -362,7 +362,7 @@ def _add_ready(
 @kernel
 def _paint_tile(
     members: Members,
-    seen: Seen,
+    seen: TileSamples,
     blend: Blend,
     canvas: Canvas,
     ready: Ready,
@@ -453,7 +453,7 @@ def paint_summed_runs(
             state, height, width,
         )  # fmt: skip
         sides = sides_of(eye, shape, place, (height, width), pad)
-        seen = Seen(runs, sight, Window(place, height, width, home_of(home), sides))
+        seen = TileSamples(runs, sight, Window(place, height, width, home_of(home), sides))
         tools = Tools(slant_of(eye, shape, place), limits, integral, cutting, np.float32(1.0))
         ready = Ready(summed, tools, stage, reach, begin_of_step(FAR_AHEAD, carried))
         # Resume the tile from an earlier step.

@@ -41,7 +41,7 @@ from resample.engine.ellipsoids.rows import (
     narrowed,
 )
 from resample.engine.ellipsoids.rows import WEIGHT as COVER
-from resample.engine.ellipsoids.splats import cut_integral, seen_span
+from resample.engine.ellipsoids.splats import clipped_span, cut_integral
 from resample.engine.jit import kernel, lane_kernel, lane_step
 from resample.engine.slabs.blends import Blend, contribution_of, share_of
 from resample.engine.slabs.integrals import (
@@ -51,7 +51,7 @@ from resample.engine.slabs.integrals import (
     HALF,
     SHIFT,
     Integral,
-    seen,
+    record_ray,
     up_to,
     whole,
 )
@@ -201,7 +201,7 @@ def _form_at(spot: Spot, shape: Shape, n: int) -> tuple[Single, Single]:
 
 
 @lane_step
-def _see(
+def _record_rays(
     rows: Floats,
     along: Floats,
     work: Floats,
@@ -225,7 +225,7 @@ def _see(
         # Set up the line integral on the ray, from where `up_to` begins.
         ray, per_depth, amplitude = rows[k + RAY], along[k], chord_of(shape.bend, rows[k + CHORD])
         t = t_of(shape.bend, form, ray)
-        before, integral_of_all = seen(integral, work, lane, t, np.sqrt(t))
+        before, integral_of_all = record_ray(integral, work, lane, t, np.sqrt(t))
         # Store what each slab's share of the integral is computed from.
         work[lane + ALONG] = per_depth
         work[lane + SHIFT] = lean * inverse_square_of(shape, ray, per_depth) * per_depth
@@ -331,7 +331,7 @@ def _add_cut(
                 continue
             # Clip the ray to the planes.
             x = (place.x + (column + 0.5) / n - camera.principal[0]) / camera.focal[0]
-            start, end = seen_span(x, y, camera, planes)
+            start, end = clipped_span(x, y, camera, planes)
             # Integrate between the planes, and between the slab's front and back.
             for number in range(first, last + 1):
                 front, back = start, end
@@ -450,7 +450,7 @@ def add_splats(
                     at = (sum_at(ring, span.slot, pair, start), ring)
                     _add_whole(rows, sums, at, spot, shape, integral, contribution, limits)
                     continue
-                _see(rows, along, work, spot, shape, integral, limits)
+                _record_rays(rows, along, work, spot, shape, integral, limits)
                 slot = first_slot
                 for number in range(first, last + 1):
                     k = sum_at(ring, slot, pair, start)

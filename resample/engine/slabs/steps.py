@@ -13,7 +13,7 @@ from resample.engine.slabs.fields import START
 from resample.engine.slabs.sums import PLANES, Canvas, Ring, stride_of, sum_at, touch
 from resample.engine.sorting import HALF, Pairs, bits_of
 
-SEEN = START  # numbers of a ray's state that are saved
+FIELD_STATE = START  # numbers of a ray's state that are saved
 
 
 @kernel
@@ -65,9 +65,9 @@ def take_up_slabs(
     if canvas.state.size > 0:
         for row in range(height):
             for column in range(width):
-                for n in range(SEEN):
+                for n in range(FIELD_STATE):
                     canvas.state[row, column, n] = number[place + n]
-                place += SEEN
+                place += FIELD_STATE
     # Restore the one sum, and mark all of it as dirty.
     if is_one_sum:
         stride = stride_of(ring)
@@ -94,9 +94,9 @@ def lay_down_slabs(
     if canvas.state.size > 0:
         for row in range(height):
             for column in range(width):
-                for n in range(SEEN):
+                for n in range(FIELD_STATE):
                     number[place + n] = canvas.state[row, column, n]
-                place += SEEN
+                place += FIELD_STATE
     # Save the one sum.
     if is_one_sum:
         stride = stride_of(ring)

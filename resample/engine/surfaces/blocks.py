@@ -34,7 +34,7 @@ class Block(NamedTuple):
     floor: Floats  # (R, C) nearness by which a batch tells what belongs to the surface in front
     limit: Floats  # (R, C) nearness below which the next surface is looked for; 0: full
     sums: Floats  # (R, C, LANES) over the surface at hand
-    seen: Floats  # (R, C, LANES)
+    visible: Floats  # (R, C, LANES)
     box: NDArray[np.int64]  # (4,) first and last row, first and last column that are not full
     step: NDArray[np.int64]  # (1,) of the sub-pixels of a row, one in how many is used
 
@@ -86,7 +86,7 @@ def first_used(block: Block, row: int, column: int) -> int:
 @kernel
 def put_behind(block: Block, surface: int, surfaces: Surfaces) -> bool:
     """Put the surface at hand behind those before; gives whether another may show through."""
-    floor, limit, sums, seen, box = block.floor, block.limit, block.sums, block.seen, block.box
+    floor, limit, sums, seen, box = block.floor, block.limit, block.sums, block.visible, block.box
     rows, columns = floor.shape
     top, bottom, left, right = rows, -1, columns, -1
     one, is_last = np.float32(1), surface + 1 == surfaces.most

@@ -42,7 +42,7 @@ class PicturePlan(NamedTuple):
     strongest: float  # largest extinction of a sample, per scene unit
     layers: Layers
     bounds: tuple[float, float, float, float]  # left, top, right, bottom of samples, px
-    seen: int  # visible samples
+    visible: int  # visible samples
     spacing: Floats | None = None  # (T,) smallest spacing in each tile; None: windows find it
 
     def merged(self, others: Iterable["PicturePlan"]) -> "PicturePlan":
@@ -53,7 +53,7 @@ class PicturePlan(NamedTuple):
         ValueError
             Parts have different painters, or bounds that depend on the partition.
         """
-        plans = [plan for plan in (self, *others) if plan.seen] or [self]
+        plans = [plan for plan in (self, *others) if plan.visible] or [self]
         if any(plan.painter != SPLATS for plan in plans):
             raise ValueError(
                 "some samples are so close that they are painted as points; the painter of all "
@@ -73,14 +73,14 @@ class PlansOfPart(NamedTuple):
     mixture: PicturePlan | None  # as if they were a mixture of both
 
     @property
-    def seen(self) -> int:
+    def visible(self) -> int:
         """Number of visible samples, the largest of all plans."""
-        return max(plan.seen for plan in self if plan is not None)
+        return max(plan.visible for plan in self if plan is not None)
 
 
 def together(plans: Sequence[PicturePlan]) -> PicturePlan:
     """Plan of all samples, from plans of parts by the same painter."""
-    seen = [plan for plan in plans if plan.seen] or plans[:1]
+    seen = [plan for plan in plans if plan.visible] or plans[:1]
     sides = np.array([plan.bounds for plan in seen])
     low, high = sides[:, :2].min(axis=0), sides[:, 2:].max(axis=0)
     return seen[0]._replace(
@@ -92,7 +92,7 @@ def together(plans: Sequence[PicturePlan]) -> PicturePlan:
         # If layers begin at the first sample, it is that of the plan with the greatest places.
         layers=max((plan.layers for plan in plans), key=lambda layers: layers.offset),
         bounds=(float(low[0]), float(low[1]), float(high[0]), float(high[1])),
-        seen=sum(plan.seen for plan in seen),
+        visible=sum(plan.visible for plan in seen),
         spacing=None,
     )
 

@@ -12,7 +12,7 @@ from resample.engine.jit import threads
 from resample.files.animations import Levels, Shots, check_count, fingerprint
 from resample.measuring.compare import shown
 from resample.types import Doubles, Floats
-from resample_texture.geometry.planes import plane_seen_by
+from resample_texture.geometry.planes import plane_homography
 from resample_texture.types import Edge, Method
 
 FOV = 50.0  # degrees along the frame's shorter side
@@ -97,7 +97,7 @@ def frame(source: Floats, flight: Flyover, paint: Paint, n: int) -> Levels:
         Index of the frame, from 0.
     """
     texel_size = 1.0 / max(source.shape[:2])
-    geometry = plane_seen_by(flight.camera(n), source.shape[:2], texel_size=texel_size)
+    geometry = plane_homography(flight.camera(n), source.shape[:2], texel_size=texel_size)
     with threads(None):
         image = paint.method(source, geometry, flight.size, paint.edge).image
     screen = shown(over(image, paint.background))

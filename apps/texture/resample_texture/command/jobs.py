@@ -35,7 +35,7 @@ from resample_texture.command.choices import Besides, Warping, region
 from resample_texture.command.inputs import Aim, Target
 from resample_texture.command.large import Destination, Large, large_picture
 from resample_texture.command.needs import check_memory
-from resample_texture.command.rendering import report, sees_all, warped
+from resample_texture.command.rendering import covers_all, report, warped
 
 NOTHING = np.zeros((0, 0, 0), np.float32)
 
@@ -99,7 +99,7 @@ class Job:
         is_open = self.warping.edge == "transparent" and not self.warping.total
         if is_open and not holds_gaps(output, picture, self.look):
             shape = picture.data.shape[0], picture.data.shape[1]
-            is_open = not sees_all(target, shape, self.roi)
+            is_open = not covers_all(target, shape, self.roi)
         check_output(output, self.look, transparent=picture.kind.has_alpha or is_open)
 
 

@@ -24,10 +24,10 @@ from resample_texture.command.rendering import (
     WHOLE,
     as_light,
     bytes_at_once,
+    covers_all,
     curved,
     finished,
     placed,
-    sees_all,
 )
 from resample_texture.drawing import Drawing, Parts, drawn, parts_of
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Homography
@@ -78,7 +78,7 @@ def large_picture(
     )
     whole = (0, 0, target.shape[1], target.shape[0])
     large = Large(form, target, choice, method, roi or whole, written)
-    return large if large.looks else None
+    return large if large.is_gathered else None
 
 
 def most_in_strip() -> int:
@@ -121,7 +121,7 @@ class Large:
         return self.roi[3], self.roi[2]
 
     @property
-    def looks(self) -> bool:
+    def is_gathered(self) -> bool:
         """Whether every part of the target can be drawn from a part of the source."""
         return self._parts is not None
 
@@ -151,7 +151,7 @@ class Large:
     @cached_property
     def kept(self) -> KeptPicture:
         """The stored picture; sRGB-encoded if encoded values are warped."""
-        kept = self.form.keep(self._seen.part)
+        kept = self.form.keep(self._source_rect.part)
         if self._is_curved and not kept.has_levels:
             for first in range(0, len(kept.data), ROWS):
                 rows = kept.data[first : first + ROWS]
@@ -159,17 +159,17 @@ class Large:
         return kept
 
     @property
-    def _seen(self) -> Rect:
+    def _source_rect(self) -> Rect:
         """Part of the source that the target shows."""
         size = self.form.shape[:2]
         if self._parts is not None and self._parts.mixed is not None:
             return Rect(0, 0, size[1], size[0])
-        parts = np.array([self._seen_by(first, count) for first, count in self._rows()])
+        parts = np.array([self._source_rows(first, count) for first, count in self._rows()])
         (left, top), (right, bottom) = parts[:, :2].min(axis=0), parts[:, 2:].max(axis=0)
         seen = Rect(int(left), int(top), int(right), int(bottom))
         return seen if seen.is_within(size) else Rect(0, 0, size[1], size[0])
 
-    def _seen_by(self, first: int, count: int) -> Rect:
+    def _source_rows(self, first: int, count: int) -> Rect:
         """Return the part of the source, continued beyond its edges, that a strip shows."""
         size = self.form.shape[:2]
         geometry, shape, _ = self._part(first, count)
@@ -209,10 +209,10 @@ class Large:
             rows = self._rows()
             return all((self._drawn(*some).coverage >= WHOLE).all() for some in rows)
         if isinstance(self.target.places, Homography):
-            return sees_all(self.target, self.form.shape[:2], self.roi)
-        return all(self._sees_all(first, count) for first, count in self._rows())
+            return covers_all(self.target, self.form.shape[:2], self.roi)
+        return all(self._covers_all(first, count) for first, count in self._rows())
 
-    def _sees_all(self, first: int, count: int) -> bool:
+    def _covers_all(self, first: int, count: int) -> bool:
         """Whether all pixels of rows of a map show the picture and nothing else."""
         geometry, shape, _ = self._part(first, count)
         assert isinstance(geometry, BackwardMap)

@@ -96,7 +96,7 @@ def placed(geo: Geo | None, target: Target, roi: tuple[int, int, int, int] | Non
     return there
 
 
-def sees_all(
+def covers_all(
     target: Target, source_shape: tuple[int, int], roi: tuple[int, int, int, int] | None
 ) -> bool:
     """Tell whether every target pixel lies within the source, as far as known beforehand."""

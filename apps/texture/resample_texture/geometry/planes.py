@@ -8,7 +8,7 @@ from resample.types import Doubles
 from resample_texture.geometry.mappings import Homography
 
 
-def plane_seen_by(
+def plane_homography(
     camera: AnyCamera,
     source_shape: tuple[int, int],
     *,

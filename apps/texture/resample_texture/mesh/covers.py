@@ -63,7 +63,7 @@ def halvings(texture: Floats, cover: Cover) -> Pyramid:
     color = texture[..., :3]
     if texture.shape[2] == 3:
         return pyramid(color)
-    levels = pyramid(np.ascontiguousarray(color * _seen(texture, cover)))
+    levels = pyramid(np.ascontiguousarray(color * _visibility(texture, cover)))
     if cover.alpha is Alpha.MASK:
         levels.texel[: color.size] = color.ravel()
     return levels
@@ -73,13 +73,13 @@ def alpha_halvings(texture: Floats, cover: Cover) -> Pyramid:
     """Return the pyramid of a texture's alpha; of a mask its visibility from level 1 on."""
     if texture.shape[2] == 3:
         return pyramid(np.ones((*texture.shape[:2], 1), np.float32))
-    levels = pyramid(_seen(texture, cover))
+    levels = pyramid(_visibility(texture, cover))
     if cover.alpha is Alpha.MASK:
         levels.texel[: texture[..., 3].size] = texture[..., 3].ravel()
     return levels
 
 
-def _seen(texture: Floats, cover: Cover) -> Floats:
+def _visibility(texture: Floats, cover: Cover) -> Floats:
     """Return the visibility 0..1 of the texels of a texture (H, W, 4), as (H, W, 1)."""
     alpha = texture[..., 3:]
     if cover.alpha is Alpha.MASK:

@@ -14,6 +14,7 @@ import numpy as np
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Orbit, Sphere
 from resample.engine.jit import threads
+from resample.lazy import old_members
 from resample.painting.scenes.plans import shape_of
 from resample.painting.scenes.scene import dealt_to_tiles
 from resample.profiles.filters import Box, PixelFilter
@@ -21,7 +22,7 @@ from resample.profiles.interpolation import LARGEST_RADIUS, CatmullRom, Interpol
 from resample.types import Doubles, Frame, Screen, View
 from resample_texture.mesh.files import load_mesh
 from resample_texture.mesh.kernels.painting import MeshPicture, MeshScene, paint
-from resample_texture.mesh.kernels.surfaces import BOUNDS, Faces, Lens, Triangles, see
+from resample_texture.mesh.kernels.surfaces import BOUNDS, Faces, Lens, Triangles, project_triangles
 from resample_texture.mesh.kernels.tiles import Grid
 from resample_texture.mesh.shapes import Mesh
 from resample_texture.mesh.skin import skin
@@ -90,12 +91,13 @@ class MeshStyle:
         pixel_profile(self.pixel_filter, self.samples)
 
 
+@old_members(seen="visible", looked_up="sampled")
 class MeshStatistics(NamedTuple):
     """Counts and time of a rendering."""
 
     triangles: int
     points: int  # of textures, projected
-    seen: int  # points that reached a sub-pixel which shows their surface
+    visible: int  # points that reached a sub-pixel which shows their surface
     covered: int  # sub-pixels with a surface
     sampled: int  # covered sub-pixels that no point reached
     seconds: float
@@ -182,7 +184,7 @@ def render_mesh(
     screen = Screen(width, height, float(grid.margin), np.zeros((4, 4)))
     picture = _picture(height, width, profile)
     with threads(None):
-        see(Faces(point, depth, mesh.triangle, cover.uv), lens, triangles)
+        project_triangles(Faces(point, depth, mesh.triangle, cover.uv), lens, triangles)
         tiles = dealt_to_tiles(triangles.bounds, screen, max(1, TILE // look.samples))
         tally = np.zeros((len(tiles.spacing), 4), np.int64)
         paint(MeshScene(triangles, cover, lens, grid, tally), tiles, picture)

@@ -17,7 +17,13 @@ from resample.hybrid.record import NOTHING, RECORD
 from resample.hybrid.splats import LookupTables
 from resample.types import Doubles, Floats, Indices, Records
 from resample_texture.geometry.mappings import ForwardMap, Geometry
-from resample_texture.texels.forward import FARTHEST, check_texels, oriented, seen, with_margins
+from resample_texture.texels.forward import (
+    FARTHEST,
+    check_texels,
+    oriented,
+    visible_polygon,
+    with_margins,
+)
 from resample_texture.texels.kernels.splat_shapes import slope
 from resample_texture.texels.splatting import (
     Forward,
@@ -135,7 +141,7 @@ def _ends(
 ) -> NDArray[np.int64]:
     """First and last + 1 (2, 2), column and row, of the texels that a frame sees."""
     lines = sight_of_splats(matrix, shape, widths.filter, widths.kernel)
-    polygon = seen(lines, max(FARTHEST, *size))
+    polygon = visible_polygon(lines, max(FARTHEST, *size))
     if not polygon.size:
         return np.zeros((2, 2), np.int64)
     ends = np.stack([np.floor(polygon.min(axis=0)) - 1, np.ceil(polygon.max(axis=0)) + 1])

@@ -146,7 +146,7 @@ class _ByMatrix(NamedTuple):
         drawn = cv2.warpPerspective(texels, matrix, size, flags=interpolation, borderMode=border)
         return np.reshape(drawn, (*self.shape, -1))
 
-    def seen(self, n: int) -> Floats:
+    def coverage(self, n: int) -> Floats:
         return np.ones((self.shape[0] // n, self.shape[1] // n, 1), np.float32)
 
 
@@ -155,17 +155,17 @@ class _ByMap(NamedTuple):
 
     x: Floats  # (h, w) of the sub-pixels, from the center of the first texel
     y: Floats
-    is_seen: NDArray[np.bool_]  # (h, w)
+    is_visible: NDArray[np.bool_]  # (h, w)
 
     def read(self, texels: Floats, interpolation: int, border: int) -> Floats:
         import cv2
 
         drawn = cv2.remap(texels, self.x, self.y, interpolation, borderMode=border)
-        drawn[~self.is_seen] = 0.0
+        drawn[~self.is_visible] = 0.0
         return np.reshape(drawn, (*self.x.shape, -1))
 
-    def seen(self, n: int) -> Floats:
-        return _mean(self.is_seen[..., None].astype(np.float32), n)
+    def coverage(self, n: int) -> Floats:
+        return _mean(self.is_visible[..., None].astype(np.float32), n)
 
 
 @dataclass(frozen=True)
@@ -191,7 +191,7 @@ class _OpenCV:
             if edge is Edge.TRANSPARENT:
                 coverage[tile.place] = _mean(reader.read(ones, *flags), self.n)
             else:
-                coverage[tile.place] = reader.seen(self.n)
+                coverage[tile.place] = reader.coverage(self.n)
         return finished(image, coverage[..., 0])
 
     def _readers(

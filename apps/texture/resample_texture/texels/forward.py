@@ -27,9 +27,9 @@ from resample_texture.texels.kernels.blocks import (
     LEVEL,
     START,
     Integers,
-    sight_of,
     split_map,
     split_plane,
+    view_bounds_of,
 )
 from resample_texture.texels.kernels.painting import Texels, Texture, paint_blocks
 from resample_texture.texels.kernels.placing import Placement
@@ -273,7 +273,7 @@ def _roots(
     height, width = source_shape
     if edge is Edge.TRANSPARENT:
         return np.array([[0, 0, width, height]])
-    polygon = seen(sight_of(matrix, shape, cells.reach), FARTHEST)
+    polygon = visible_polygon(view_bounds_of(matrix, shape, cells.reach), FARTHEST)
     if not polygon.size:
         return np.zeros((0, 4), np.int64)
     if not cells.joined:
@@ -306,7 +306,7 @@ def check_texels(polygon: Doubles, source_shape: tuple[int, int]) -> None:
         )
 
 
-def seen(lines: Doubles, farthest: float) -> Doubles:
+def visible_polygon(lines: Doubles, farthest: float) -> Doubles:
     """Clip a square around the origin by lines (L, 3); return its corners (N, 2)."""
     polygon = farthest * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     for line in lines:

@@ -29,11 +29,11 @@ from resample_texture.texels.forward import (
     check_texels,
     moved,
     oriented,
-    seen,
+    visible_polygon,
     widened,
     with_margins,
 )
-from resample_texture.texels.kernels.blocks import Integers, sight_of
+from resample_texture.texels.kernels.blocks import Integers, view_bounds_of
 from resample_texture.texels.kernels.splat_blocks import blocks_on_map, blocks_on_plane
 from resample_texture.texels.kernels.splat_shapes import Shape
 from resample_texture.texels.kernels.splats import Splatted, splat_blocks
@@ -207,7 +207,7 @@ def sight_of_splats(
     radius / (1 − radius |∇d| / d), which is twice the radius at most where texels are drawn. The
     pixel filter adds `reach` px.
     """
-    lines = sight_of(matrix, shape, reach)
+    lines = view_bounds_of(matrix, shape, reach)
     lines[:4, 2] += 2.0 * radius * np.hypot(lines[:4, 0], lines[:4, 1])
     lines[4, 2] -= nearest_drawn(matrix, radius)
     return lines
@@ -218,7 +218,7 @@ def _root(lines: Doubles, source_shape: tuple[int, int], edge: Edge) -> Integers
     height, width = source_shape
     if edge is Edge.TRANSPARENT:
         return np.array([0, 0, width, height])
-    polygon = seen(lines, FARTHEST)
+    polygon = visible_polygon(lines, FARTHEST)
     if not polygon.size:
         return np.zeros(4, np.int64)
     check_texels(polygon, source_shape)

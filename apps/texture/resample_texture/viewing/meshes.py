@@ -58,12 +58,12 @@ class ModelPainter:
         width, height = size
         wish = _checked(settings)
         with cancellable(cancel):
-            seen = self._seen(wish, (-(-width // PER), -(-height // PER)) if quick else size)
+            seen = self._rendered(wish, (-(-width // PER), -(-height // PER)) if quick else size)
         return Painting(screen_levels(seen.rgba, background=wish.form.behind()), quick)
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
         """Return the depth at a pixel, see `resample.view.views.Painter`."""
-        depth = self._seen(_checked(settings), size).depth
+        depth = self._rendered(_checked(settings), size).depth
         found = float(depth[min(int(y), size[1] - 1), min(int(x), size[0] - 1)])
         return {"depth": f"{found:.5g}"} if np.isfinite(found) else {}
 
@@ -76,7 +76,7 @@ class ModelPainter:
             An option is not allowed, or a file cannot be read or written.
         """
         wish = _checked(settings)
-        seen = self._seen(wish, size)
+        seen = self._rendered(wish, size)
         write_frame(path, seen, bits=wish.form.bits, background=wish.form.behind())
 
     def mesh(self, texture: Path | None = None) -> Mesh:
@@ -85,7 +85,7 @@ class ModelPainter:
             self._kept = texture, load_mesh(self.path, texture)
         return self._kept[1]
 
-    def _seen(self, wish: _Wish, size: Size) -> Frame[Any]:
+    def _rendered(self, wish: _Wish, size: Size) -> Frame[Any]:
         mesh = self.mesh(wish.form.texture)
         camera = wish.view.placed(mesh, size[::-1])
         return render_mesh(mesh, camera, size=size, style=wish.drawing.style(wish.view.shading))

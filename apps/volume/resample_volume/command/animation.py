@@ -198,7 +198,7 @@ class Course:
         self.times, self._subject = times, subject
         self._last: tuple[int, Subject] | None = None
         self.marks: list[str] = []
-        self.sphere = around(self._looked_at(progress)) if sphere is None else sphere
+        self.sphere = around(self._subjects(progress)) if sphere is None else sphere
 
     def __getitem__(self, time: int) -> Subject:
         """Return the subject of a time; the last one is cached."""
@@ -207,7 +207,7 @@ class Course:
             self._last = time, replace(self._subject(time), sphere=self.sphere)
         return self._last[1]
 
-    def _looked_at(self, progress: Progress | None) -> Iterator[Subject]:
+    def _subjects(self, progress: Progress | None) -> Iterator[Subject]:
         for time in range(self.times):
             subject = self._subject(time)
             self.marks.append(subject.facts()["voxels"])
@@ -306,7 +306,7 @@ def frame(subject: Subject, camera: AnyCamera, paint: Paint) -> Levels:
     """Paint one frame (H, W, 3), sRGB-encoded."""
     height, width = paint.size
     painted = subject.painter(paint.resampler)(
-        subject.seen_by(camera),
+        subject.samples_for(camera),
         camera,
         height=height,
         width=width,

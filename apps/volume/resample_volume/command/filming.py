@@ -55,7 +55,7 @@ from resample_volume.rendering import Fit, Subject
 from resample_volume.types import Recording, Volume
 from resample_volume.voxels.streaming import TooManyVoxelsError
 from resample_volume.voxels.visible import finite_range
-from resample_volume.windows import paint_unseen, unseen_together
+from resample_volume.windows import paint_streamed, streamed_subject
 
 Size = tuple[int, int]  # height and width, px
 ROWS, SLOPES = (
@@ -201,7 +201,7 @@ def _read(script: Script, times: Recording, hire: Hire | None) -> tuple[Recordin
 
 
 @dataclass
-class Scenes:
+class TimeScenes:
     """The scene of a script at each time; the last one is cached."""
 
     series: Series
@@ -226,19 +226,19 @@ class Scenes:
             return Subject.of_several(shown, self.resampler, self.fit)
         except TooManyVoxelsError:
             self.dense.add(time)
-            return unseen_together(shown, self.fit, self.resampler, spent_here(shown, None))
+            return streamed_subject(shown, self.fit, self.resampler, spent_here(shown, None))
 
 
-def _scenes(script: Script, series: Series, look: Appearance, resampler: Resampler) -> Scenes:
+def _scenes(script: Script, series: Series, look: Appearance, resampler: Resampler) -> TimeScenes:
     """Return the scenes of a script, all under one look."""
     met = script.beside.met(script.look, resampler).within(series.known.span)
     own = met.beside(labelled(look, series, script.look))
     further = beside(others(script.added.also, script.source), script.look, resampler)
-    return Scenes(series, own, further, resampler, script.look.fit)
+    return TimeScenes(series, own, further, resampler, script.look.fit)
 
 
 def _frames_over(
-    course: Course, scenes: Scenes, cameras: Sequence[AnyCamera], paint: Paint
+    course: Course, scenes: TimeScenes, cameras: Sequence[AnyCamera], paint: Paint
 ) -> Frames:
     """Return a painter of frame numbers over which a changing volume's times are spread."""
     total = len(cameras)
@@ -266,7 +266,7 @@ def scene_for(
             shown, scene_of(Session(), shown, resampler, look.fit, size), is_whole=True
         )
     except TooManyVoxelsError:
-        subject = unseen_together(shown, look.fit, resampler, spent_here(shown, None))
+        subject = streamed_subject(shown, look.fit, resampler, spent_here(shown, None))
         return ReadScene(shown, subject, is_whole=False)
 
 
@@ -298,7 +298,7 @@ def frame_of(scene: ReadScene, camera: AnyCamera, paint: Paint) -> Levels:
 
         return frame(scene.subject, camera, paint)
     by = (camera, paint.size, spent_here(scene.shown, paint.threads), paint.resampler)
-    painted, _ = paint_unseen(scene.shown, scene.subject, *by)
+    painted, _ = paint_streamed(scene.shown, scene.subject, *by)
     return finished(painted, camera, paint)
 
 

@@ -19,9 +19,9 @@ from resample_volume.types import Volume
 from resample_volume.voxels.gathered import Gathered
 
 BYTES_PER_PIXEL = 80  # of a picture and its copies for writing
-LOOKED_AT = 4  # bytes of temporaries per voxel during the scan
-LOOKED_AT_FLOATS = 18  # the same for values of floating point
-SEEN, SEEN_OF_FIELD = 58, 22  # bytes per visible voxel; per voxel of a ray cast field
+SCANNED = 4  # bytes of temporaries per voxel during the scan
+SCANNED_FLOATS = 18  # the same for values of floating point
+VISIBLE, VISIBLE_OF_FIELD = 58, 22  # bytes per visible voxel; per voxel of a ray cast field
 REMEDY = "take a smaller or downsampled volume, or show less of it"
 
 
@@ -56,17 +56,19 @@ def check_memory(
     parts["the picture"] = BYTES_PER_PIXEL * size[0] * size[1]
     what = volumes[0].name or "the volume"
     if subject is not None:
-        parts[f"{subject.seen} visible voxels"] = _bytes_of_seen(subject.voxels, fit) * subject.seen
+        parts[f"{subject.visible} visible voxels"] = (
+            _bytes_per_visible(subject.voxels, fit) * subject.visible
+        )
         if isinstance(subject.voxels, Gathered) and subject.voxels.thin.parts > 1:
             parts["slices between thick ones"] = subject.voxels.spline.coefficient.nbytes
     require(what, parts, REMEDY)
 
 
-def _bytes_of_seen(voxels: object, fit: Fit) -> int:
+def _bytes_per_visible(voxels: object, fit: Fit) -> int:
     """Bytes per visible voxel; a field needs these only to place a camera and for slopes."""
     if not isinstance(voxels, Gathered):
-        return SEEN
-    return SEEN_OF_FIELD if fit == "visible" or len(voxels.looks.table) > 1 else 0
+        return VISIBLE
+    return VISIBLE_OF_FIELD if fit == "visible" or len(voxels.looks.table) > 1 else 0
 
 
 def is_in_bricks(volume: Volume) -> bool:
@@ -77,5 +79,5 @@ def is_in_bricks(volume: Volume) -> bool:
 
 def _bytes_of(volume: Volume) -> int:
     kind = volume.values.dtype
-    looked_at = LOOKED_AT if kind.kind in "bui" else LOOKED_AT_FLOATS
+    looked_at = SCANNED if kind.kind in "bui" else SCANNED_FLOATS
     return (kind.itemsize + looked_at) * prod(volume.values.shape)

@@ -42,7 +42,7 @@ from resample_volume.outofcore.dense import is_in_store, share_lattice
 from resample_volume.rendering import Fit, Subject, painted_with_bar
 from resample_volume.types import Volume
 from resample_volume.voxels.streaming import TooManyVoxelsError
-from resample_volume.windows import Spent, paint_unseen, unseen_together
+from resample_volume.windows import Spent, paint_streamed, streamed_subject
 
 MARK = "picture"  # file in a folder of windows that identifies their picture
 BYTES_PER_PIXEL = needs.BYTES_PER_PIXEL
@@ -282,7 +282,7 @@ def _in_windows(
     """Prepare volumes in bricks, to hold one window's voxels in memory at a time."""
     spent = spent_here(media, doing.threads)
     with session.stage("classify", bar="scanning voxels") as progress:
-        subject = unseen_together(media, fit, resampler, spent, progress)
+        subject = streamed_subject(media, fit, resampler, spent, progress)
     say_missed(media, subject)
     camera = subject.camera(viewpoint, *size)
 
@@ -293,7 +293,7 @@ def _in_windows(
             session.stage("paint", bar="painting windows") as progress,
             shared(doing, media, (eye.view(), size, resampler)) as spent,
         ):
-            frame, count = paint_unseen(media, subject, eye, size, spent, resampler, progress)
+            frame, count = paint_streamed(media, subject, eye, size, spent, resampler, progress)
         if spent.executor is None:
             say(f"the visible voxels do not fit in memory: painted in {count} windows")
         else:
@@ -358,7 +358,7 @@ def _mark_in(folder: Path) -> str | None:
 def lit(session: Session, subject: Subject, camera: AnyCamera) -> Samples | Field | LatticeField:
     """Return the shaded samples, or the field, for a camera."""
     with session.stage("shade", bar="shading"):
-        return subject.seen_by(camera)
+        return subject.samples_for(camera)
 
 
 def painted(

@@ -254,7 +254,7 @@ def evaluated(
     return np.take(function(every, data_range), _bits(values), axis=0)
 
 
-def places_seen(
+def visible_places(
     transfer: Transfer, values: NDArray[Any], data_range: DataRange
 ) -> NDArray[np.int64]:
     """Return ascending indices of values (N,) with non-zero opacity at some slope."""

@@ -17,7 +17,7 @@ from resample_volume.looks.transfer import DataRange, Transfer
 from resample_volume.media.appearance import Appearance, named_or_own, transfer_of
 from resample_volume.media.xrays import XRay, settled
 from resample_volume.types import Recording, Volume
-from resample_volume.voxels.visible import finite_range, seen_with_slopes, steepness
+from resample_volume.voxels.visible import finite_range, steepness, visible_with_slopes
 
 Ready = Callable[[Volume], Volume]  # sets the memory limit of a volume in bricks
 
@@ -135,7 +135,7 @@ def steepest(
 ) -> float:
     """Return the slope of a full surface over several volumes; data units per scene unit."""
     lengths = (
-        np.linalg.norm(seen_with_slopes(volume, transfer, span, gradient).slope, axis=1)
+        np.linalg.norm(visible_with_slopes(volume, transfer, span, gradient).slope, axis=1)
         for volume in volumes
     )
     return max((steepness(length) for length in lengths), default=0.0)

@@ -10,8 +10,8 @@ from resample_volume.data.recordings import linear_colors
 from resample_volume.looks.transfer import DataRange, Transfer, extinction
 from resample_volume.types import Volume
 from resample_volume.voxels.streaming import (
+    BrickClassifier,
     Candidates,
-    Looked,
     brick_by_brick,
     near_to_each_other,
     visible_bricks,
@@ -67,7 +67,7 @@ def candidates_by_bricks(
     """
     values: Any = volume.values
     data_range = range_for(transfer, volume)
-    wanted = Looked(transfer, data_range, gradient, to_scene_of(volume))
+    wanted = BrickClassifier(transfer, data_range, gradient, to_scene_of(volume))
     chosen = visible_bricks(values, transfer, data_range)
     return brick_by_brick(values, wanted, chosen, finish)
 

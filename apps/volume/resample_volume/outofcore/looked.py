@@ -26,7 +26,7 @@ class LookedAt(NamedTuple):
 
     steep: Steeps  # of voxels that have gradients
     number: Indices  # (N,) blocks with visible voxels, by flat indices
-    seen: Indices  # (N,) how many these are
+    visible: Indices  # (N,) how many these are
 
 
 class Outline(NamedTuple):
@@ -44,7 +44,7 @@ class Outline(NamedTuple):
     @property
     def total(self) -> int:
         """Visible voxels."""
-        return int(self.looked.seen.sum())
+        return int(self.looked.visible.sum())
 
 
 class ToSee(NamedTuple):
@@ -108,7 +108,7 @@ def _both(one: Outline, other: Outline) -> Outline:
     """Merge two outlines."""
     looked, more = one.looked, other.looked
     pairs = [
-        _summed((looked.number, looked.seen), (more.number, more.seen)),
+        _summed((looked.number, looked.visible), (more.number, more.visible)),
         _summed((one.fine, one.fine_seen), (other.fine, other.fine_seen)),
     ]
     steep = (

@@ -16,8 +16,8 @@ from resample_volume.media.mixing import Mixed, mixed_at
 from resample_volume.outofcore.classified import Classifying, classified, range_for
 from resample_volume.types import Volume
 from resample_volume.voxels.streaming import (
+    BrickClassifier,
     Candidates,
-    Looked,
     OnGrid,
     bricks_together,
     visible_bricks,
@@ -289,7 +289,7 @@ def mixed_by_bricks(
     ranges, parts = [], []
     for member, bricks in zip(members, together.parts, strict=True):
         (volume, by, _), data_range = member, range_for(member.by.transfer, member.volume)
-        wanted = Looked(by.transfer, data_range, by.gradient, to_scene_of(volume))
+        wanted = BrickClassifier(by.transfer, data_range, by.gradient, to_scene_of(volume))
         parts.append(OnGrid(bricks, wanted, visible_bricks(bricks, by.transfer, data_range)))
         ranges.append(data_range)
 

@@ -102,7 +102,7 @@ class FoundInLayers(NamedTuple):
 
     plans: list[PlansOfPart]
     steep: list[Steeps]  # of bricks
-    seen: list[tuple[Indices, Indices]]  # blocks, by flat indices, and their visible voxels
+    visible: list[tuple[Indices, Indices]]  # blocks, by flat indices, and their visible voxels
     spaced: PicturePlan | None  # knows how fine the tiles are that show them
 
 
@@ -111,14 +111,14 @@ class Task(NamedTuple):
 
     window: Window
     number: NDArray[np.int32]  # (N,) blocks visible in it, by flat indices
-    seen: NDArray[np.int32]  # (N,) visible voxels of each
+    visible: NDArray[np.int32]  # (N,) visible voxels of each
     step: int = 0  # blocks loaded together; 0: all of them
     recent: int = 0  # bytes of bricks kept from one step for the next
 
     @property
     def voxels(self) -> int:
         """Visible voxels of all its blocks."""
-        return int(self.seen.sum(dtype=np.int64))
+        return int(self.visible.sum(dtype=np.int64))
 
 
 class PaintedWindow(NamedTuple):
@@ -182,17 +182,17 @@ def surveyed(work: Work, tell: Progress, executor: Executor | None = None) -> Su
     while guess is not None:
         looking = Looking(executor, work.threads, between(tell, 0.0, LOOKING))
         found = passed(bricks, lattice, partial(_look, work, lattice, guess), looking)
-        if not any(part.seen for part in found):
+        if not any(part.visible for part in found):
             return None
         plan = _planned(work, found)
         guess = _better(work, guess, plan)
     seen = np.zeros(int(np.prod(lattice.blocks)), np.int64)
-    for index, count in (counted for part in found for counted in part.seen):
+    for index, count in (counted for part in found for counted in part.visible):
         seen[index] += count
     index = np.flatnonzero(seen)
     steep = reduce(merged_steeps, [one for part in found for one in part.steep])
     keep_looked_at(work.volume, work.kind, LookedAt(steep, index, seen[index]))
-    if plan is None or not plan.seen:
+    if plan is None or not plan.visible:
         return None
     bounds = _in_parts(work, lattice, index, seen[index], plan).bounds
     return Surveyed(plan, steep, Blocks(lattice, index, seen[index], bounds))
@@ -204,11 +204,11 @@ def _known_before(work: Work, lattice: Lattice) -> Surveyed | None:
     if looked is None:
         return None
     height, width = work.size
-    source = _in_parts(work, lattice, looked.number, looked.seen)
+    source = _in_parts(work, lattice, looked.number, looked.visible)
     plan = work.resampler.plan_of_parts(source, work.camera, height=height, width=width)
     if plan is None:
         return None
-    blocks = Blocks(lattice, looked.number, looked.seen, source.bounds)
+    blocks = Blocks(lattice, looked.number, looked.visible, source.bounds)
     return Surveyed(plan, looked.steep, blocks)
 
 
@@ -221,7 +221,7 @@ def _guessed(work: Work) -> Guess:
     samples = Samples(corner.astype(np.float32), np.ones_like(corner), alike, lattice_of(scene))
     height, width = work.size
     plan = work.resampler.plan(samples, work.camera, height=height, width=width)
-    is_uneven = plan.seen > 0 and not work.resampler.is_even(plan)
+    is_uneven = plan.visible > 0 and not work.resampler.is_even(plan)
     painters = (SPLATS,) if plan.painter == SPLATS else EVERYBODY
     return Guess(painters, plan if is_uneven else None)
 
@@ -270,9 +270,9 @@ def _look(work: Work, lattice: Lattice, guess: Guess, bricks: Bricks) -> FoundIn
         samples = Samples(voxels.position, voxels.color, voxels.extinction, voxels.lattice)
         plans = work.resampler.plans(samples, work.camera, **by)
         found.plans.append(plans)
-        if plans.seen and spaced is not None:
+        if plans.visible and spaced is not None:
             spaced = work.resampler.with_spacing(spaced, samples, work.camera, work.clip)
-        found.seen.append(seen)
+        found.visible.append(seen)
     return found._replace(spaced=spaced)
 
 
@@ -320,7 +320,7 @@ def _task(work: Work, known: Surveyed, window: Window) -> tuple[Task, bool]:
     """Return a window, and whether it fits in the allowed memory."""
     blocks = known.blocks
     are_asked = blocks.within(window, known.plan.margin + 1)
-    number, seen = (part[are_asked].astype(np.int32) for part in (blocks.number, blocks.seen))
+    number, seen = (part[are_asked].astype(np.int32) for part in (blocks.number, blocks.visible))
     task = Task(window, number, seen)
     values: Bricks = work.volume.values  # type: ignore[assignment]
     free = work.memory - work.beside - values.shelved - _bytes_of_bricks(work, blocks, are_asked)
@@ -343,7 +343,7 @@ def _bytes_of_bricks(work: Work, blocks: Blocks, are_asked: NDArray[np.bool_]) -
     bricks: Bricks = work.volume.values  # type: ignore[assignment]
     if not are_asked.any():
         return 0
-    lattice, seen = blocks.lattice, blocks.seen[are_asked]
+    lattice, seen = blocks.lattice, blocks.visible[are_asked]
     at = np.stack(np.unravel_index(blocks.number[are_asked], lattice.blocks), axis=1) * lattice.side
     last = np.minimum(at + lattice.side, bricks.shape) - 1
     is_near = np.zeros(bricks.count, bool)
@@ -392,11 +392,11 @@ def _source(work: Work, known: Surveyed, task: Task, bricks: Bricks) -> SamplesI
 
     def load(parts: Indices) -> Samples:
         part = bricks.within(lattice.asked(number[parts]), bricks.recent)
-        samples = _samples(work, part, known, int(task.seen[parts].sum(dtype=np.int64)))
+        samples = _samples(work, part, known, int(task.visible[parts].sum(dtype=np.int64)))
         bricks.reads += part.reads
         return samples
 
-    parts = _in_parts(work, lattice, number, task.seen.astype(np.int64), known.plan)
+    parts = _in_parts(work, lattice, number, task.visible.astype(np.int64), known.plan)
     return parts._replace(load=load, step=task.step)
 
 

@@ -139,7 +139,7 @@ class Contest:
             iso=resampler.iso,
             clip=self.subject.cuts(self.camera),
         )
-        seen = self.subject.seen_by(self.camera)
+        seen = self.subject.samples_for(self.camera)
         if isinstance(seen, LatticeField):
             self.splatted(resampler, rays)
             return
@@ -192,7 +192,7 @@ class Contest:
         subject = self.subject
         if resampler.order.summing is Summing.RAYS and self.gathered is not None:
             subject = self.gathered
-        seen = subject.seen_by(self.camera)
+        seen = subject.samples_for(self.camera)
         cuts = self.subject.cuts(self.camera)
         frame = painted_with_bar(resampler, seen, self.camera, self.size, clip=cuts)
         frame = subject.developed(frame)

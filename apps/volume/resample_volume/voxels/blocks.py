@@ -60,7 +60,7 @@ class Blocks(NamedTuple):
 
     lattice: Lattice
     number: Indices  # (N,) flat indices, z slowest
-    seen: Indices  # (N,) visible voxels
+    visible: Indices  # (N,) visible voxels
     bounds: Floats  # (N, 4) left, top, right and bottom of their footprints, px
 
     def within(self, window: Window, margin: float) -> NDArray[np.bool_]:
@@ -72,7 +72,7 @@ class Blocks(NamedTuple):
 
     def bare(self) -> "Blocks":
         """Return a copy without per-block data that windows do not need."""
-        return Blocks(self.lattice, self.number[:0], self.seen[:0], self.bounds[:0])
+        return Blocks(self.lattice, self.number[:0], self.visible[:0], self.bounds[:0])
 
 
 def lattice_for(size: Step) -> Lattice:

@@ -31,7 +31,7 @@ BEYOND = (
 )
 
 # Projections under which transparent voxels do not count; others sum all.
-SEEN = (Projection.COMPOSITE, Projection.MAXIMUM, Projection.FIRST_HIT)
+CLASSIFYING = (Projection.COMPOSITE, Projection.MAXIMUM, Projection.FIRST_HIT)
 
 UNLIT = Light(ambient=1.0, diffuse=0.0, specular=0.0)
 
@@ -98,7 +98,7 @@ def framed(voxels: FieldVoxels, resampler: Resampler) -> FieldVoxels:
     looks, iso = voxels.looks, resampler.iso
     if iso is not None:
         seen = voxels.value >= iso
-    elif resampler.projection in SEEN:
+    elif resampler.projection in CLASSIFYING:
         last = looks.table.shape[1] - 1
         place = (voxels.value.astype(np.float64) - looks.low) / (looks.high - looks.low)
         column = np.rint(np.clip(place, 0, 1) * last).astype(np.int64)
@@ -167,7 +167,7 @@ def columns_of(volume: Volume, data_range: tuple[float, float]) -> int:
 def _needed(volume: Volume, looks: Looks, resampler: Resampler) -> Indices:
     """Return flat indices of the voxels that a projection depends on."""
     values, projection = volume.values, resampler.projection
-    if projection in SEEN:
+    if projection in CLASSIFYING:
         if resampler.iso is not None:
             looks = looks._replace(table=_opaque_from(looks, resampler.iso))
         # Values are means over a ray's path through a slab, up to √3 times its thickness.

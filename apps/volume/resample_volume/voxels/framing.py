@@ -15,7 +15,7 @@ from resample.memory import require_memory
 from resample.types import Doubles, Floats, View
 from resample_volume.data.parts import slabs
 from resample_volume.looks.surveys import ends
-from resample_volume.looks.transfer import Transfer, places_seen
+from resample_volume.looks.transfer import Transfer, visible_places
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import inside
 from resample_volume.voxels.visible import finite_range, lattice_of, positions_at
@@ -80,7 +80,7 @@ def shown_by(
     places, start, count = [], 0, 0
     for slab in slabs(volume.values):
         value = slab.reshape(-1)
-        seen = places_seen(transfer, value, data_range)
+        seen = visible_places(transfer, value, data_range)
         if iso is not None:
             seen = np.union1d(seen, np.flatnonzero(value >= iso))
         places.append(start + seen)

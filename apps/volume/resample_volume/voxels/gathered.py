@@ -31,7 +31,7 @@ from resample_volume.data.memory import require_memory
 from resample_volume.data.parts import slabs
 from resample_volume.looks.labels import Labels, Ruled
 from resample_volume.looks.surveys import counted
-from resample_volume.looks.transfer import Looks, Transfer, places_seen, tabulated
+from resample_volume.looks.transfer import Looks, Transfer, tabulated, visible_places
 from resample_volume.types import Volume
 from resample_volume.voxels.fields import UNLIT, check_iso, columns_of, range_of_looks
 from resample_volume.voxels.reaching import field_reached
@@ -71,7 +71,7 @@ class Gathered(NamedTuple):
     origin: Doubles  # (3,) scene position of the first voxel
     looks: Looks
     steepest: float  # data units per scene unit, approximate greatest gradient
-    seen: int  # visible voxels, regardless of labels
+    visible: int  # visible voxels, regardless of labels
     each: int = 1  # looks side by side in the table: of voxels, and of labels
     tint: Tint = UNTINTED
     reached: Reached = UNBLOCKED
@@ -122,13 +122,13 @@ def gathered(
     spline, bounds, known = _on_lattice(volume.values, sharpness, thin, is_within)
     shape, steep = (1, columns_of(volume, data_range)), 1.0
     if transfer.needs_gradient:
-        count = _number_seen(volume, transfer, data_range, resampler)
+        count = _visible_count(volume, transfer, data_range, resampler)
         require_memory(BYTES_PER_SLOPE * count, f"slopes of {count} voxels of {volume.name}")
-        seen = _seen(volume, transfer, data_range, resampler)
+        seen = _visible(volume, transfer, data_range, resampler)
         shape = (64, shape[1])
         steep = steepness(np.linalg.norm(gradients_at(volume, seen, gradient), axis=1))
     else:
-        count = _number_seen(volume, transfer, data_range, resampler)
+        count = _visible_count(volume, transfer, data_range, resampler)
     rules = () if labels is None else labels.rules.values()
     each = [transfer, *(Ruled(transfer, rule) for rule in rules)]
     tables = [tabulated(one, data_range, steep, unit, shape) for one in each]
@@ -345,31 +345,31 @@ def _filled(
     return filled
 
 
-def _number_seen(
+def _visible_count(
     volume: Volume, transfer: Transfer, data_range: tuple[float, float], resampler: Resampler
 ) -> int:
     """Count the visible voxels, regardless of gradients."""
     if not are_few(volume.values.dtype):
         parts = (chunk.reshape(-1) for chunk in slabs(volume.values))
-        return sum(_places_seen(part, transfer, data_range, resampler).size for part in parts)
+        return sum(_visible_places(part, transfer, data_range, resampler).size for part in parts)
     levels = counted(volume.values)
     value = levels.value.astype(volume.values.dtype)
-    return int(levels.number[_places_seen(value, transfer, data_range, resampler)].sum())
+    return int(levels.number[_visible_places(value, transfer, data_range, resampler)].sum())
 
 
-def _seen(
+def _visible(
     volume: Volume, transfer: Transfer, data_range: tuple[float, float], resampler: Resampler
 ) -> NDArray[np.int64]:
     """Return flat indices of the voxels visible themselves, not only by interpolation."""
     found, start = [], 0
     for chunk in slabs(volume.values):
         value = chunk.reshape(-1)
-        found.append(_places_seen(value, transfer, data_range, resampler) + start)
+        found.append(_visible_places(value, transfer, data_range, resampler) + start)
         start += value.size
     return np.concatenate(found)
 
 
-def _places_seen(
+def _visible_places(
     value: NDArray[Any],
     transfer: Transfer,
     data_range: tuple[float, float],
@@ -380,4 +380,4 @@ def _places_seen(
         return np.flatnonzero(value >= resampler.iso)
     if resampler.projection in MEASURING and resampler.projection is not Projection.MAXIMUM:
         return np.flatnonzero(np.isfinite(value))
-    return places_seen(transfer, value, data_range)
+    return visible_places(transfer, value, data_range)

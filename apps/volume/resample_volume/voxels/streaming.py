@@ -15,7 +15,7 @@ from resample.watching import look
 from resample_volume.data.bricks import Box, Bricks, Step, held_together, with_neighbours
 from resample_volume.data.glances.looking import are_few
 from resample_volume.data.parts import layers_alike, side_by_side, threads_at_work
-from resample_volume.looks.transfer import DataRange, Transfer, places_seen
+from resample_volume.looks.transfer import DataRange, Transfer, visible_places
 
 BYTES_PER_VOXEL = 100  # bytes of a possibly visible voxel, from here to the picture, at most
 BYTES_OF_SLOPE = 16  # additional bytes where its look depends on its slope
@@ -38,7 +38,7 @@ class Candidates(NamedTuple):
     slope: Floats  # (N, 3) data units per scene unit; or (0, 3)
 
 
-class Looked(NamedTuple):
+class BrickClassifier(NamedTuple):
     """Parameters of a scan of bricks."""
 
     transfer: Transfer
@@ -47,7 +47,7 @@ class Looked(NamedTuple):
     to_scene: Doubles  # (3, 3) takes slopes per voxel to slopes per scene unit
 
 
-def seen_in_bricks(bricks: Bricks, wanted: Looked, name: str) -> Candidates:
+def visible_in_bricks(bricks: Bricks, wanted: BrickClassifier, name: str) -> Candidates:
     """Return the voxels with non-zero opacity, in the order of the painter's bricks.
 
     If the histogram of values is known, nothing is read if they are too many. A brick without
@@ -82,7 +82,10 @@ def seen_in_bricks(bricks: Bricks, wanted: Looked, name: str) -> Candidates:
 
 
 def brick_by_brick(
-    bricks: Bricks, wanted: Looked, chosen: Sequence[Step], finish: Callable[[Candidates, Box], R]
+    bricks: Bricks,
+    wanted: BrickClassifier,
+    chosen: Sequence[Step],
+    finish: Callable[[Candidates, Box], R],
 ) -> Iterator[R]:
     """Run a job on the visible voxels of each brick, in the order of the bricks.
 
@@ -108,17 +111,17 @@ class OnGrid(NamedTuple):
     """Bricks of one of several volumes on one grid."""
 
     bricks: Bricks
-    wanted: Looked  # parameters of the scan
+    wanted: BrickClassifier  # parameters of the scan
     chosen: Sequence[Step]  # bricks that may have visible voxels, ascending
 
-    def seen(self, index: Step, around: dict[Step, NDArray[Any]]) -> Candidates:
+    def visible(self, index: Step, around: dict[Step, NDArray[Any]]) -> Candidates:
         """Return the visible voxels of a brick, given with adjacent ones if slopes need them."""
         box = self.bricks.box(index)
         if self.wanted.gradient is None:
             corner = (box[0].start, box[1].start, box[2].start)
-            return _seen(self.bricks.brick(index), box, corner, self.bricks, self.wanted)
+            return _visible(self.bricks.brick(index), box, corner, self.bricks, self.wanted)
         values, corner = _padded(box, around, self.bricks)
-        return _seen(values, box, corner, self.bricks, self.wanted)
+        return _visible(values, box, corner, self.bricks, self.wanted)
 
 
 def bricks_together(
@@ -137,9 +140,9 @@ def bricks_together(
     own = [set(part.chosen) for part in parts]
     chosen = sorted(set().union(*own))
 
-    def see(index: Step, around: list[dict[Step, NDArray[Any]]]) -> R:
+    def classify(index: Step, around: list[dict[Step, NDArray[Any]]]) -> R:
         found = [
-            part.seen(index, near) if index in some else _nothing(part.bricks)
+            part.visible(index, near) if index in some else _nothing(part.bricks)
             for part, near, some in zip(parts, around, own, strict=True)
         ]
         return finish(found, [part.bricks.box(index) for part in parts])
@@ -150,7 +153,7 @@ def bricks_together(
     try:
         for n in range(len(chosen)):
             around = [window.around(n) for window in windows]
-            waiting.append(pool.submit(see, chosen[n], around))
+            waiting.append(pool.submit(classify, chosen[n], around))
             if len(waiting) > threads:
                 yield waiting.popleft().result()
         while waiting:
@@ -163,7 +166,7 @@ def _as_it_is(part: Candidates, _: Box) -> Candidates:
     return part
 
 
-def _known_count(bricks: Bricks, wanted: Looked) -> int:
+def _known_count(bricks: Bricks, wanted: BrickClassifier) -> int:
     """Return the number of visible voxels, as far as known before reading."""
     codes = bricks.glance.codes
     if codes is None or bricks.asked is not None:
@@ -289,14 +292,14 @@ def _padded(
     return values, (z, y, x)
 
 
-def _seen(
-    values: NDArray[Any], box: Box, corner: Sequence[int], bricks: Bricks, wanted: Looked
+def _visible(
+    values: NDArray[Any], box: Box, corner: Sequence[int], bricks: Bricks, wanted: BrickClassifier
 ) -> Candidates:
     """Return the visible voxels of a box, from values that begin at a corner."""
     inner = tuple(slice(p.start - c, p.stop - c) for p, c in zip(box, corner, strict=True))
     own = np.ascontiguousarray(values[inner])
     flat = own.reshape(-1)
-    local = places_seen(wanted.transfer, flat, wanted.data_range)
+    local = visible_places(wanted.transfer, flat, wanted.data_range)
     within = np.unravel_index(local, own.shape)
     at = [n + part.start for n, part in zip(within, box, strict=True)]
     if bricks.asked is not None:

@@ -43,7 +43,7 @@ def tint_of(volume: Volume, looks: Looks, labels: Labels | None) -> Tint:
     require_memory(6 * prod(padded), f"colors of {volume.name}")
     most = _brightest(volume.colors)
     found = np.empty((*padded, 3), np.uint16)
-    for z, plane in enumerate(_without_unseen(volume, looks, labels)):
+    for z, plane in enumerate(_filled(volume, looks, labels)):
         levels = np.rint(np.clip(plane / most, 0, 1) * FULL).astype(np.uint16)
         found[z + PAD] = np.pad(levels, ((PAD, PAD), (PAD, PAD), (0, 0)), mode="edge")
     found[:PAD], found[-PAD:] = found[PAD], found[-PAD - 1]
@@ -57,7 +57,7 @@ def _brightest(colors: NDArray[np.generic]) -> float:
     return max(1.0, *(float(linear_colors(plane).max(initial=0.0)) for plane in colors))
 
 
-def _without_unseen(volume: Volume, looks: Looks, labels: Labels | None) -> Iterator[Floats]:
+def _filled(volume: Volume, looks: Looks, labels: Labels | None) -> Iterator[Floats]:
     """Yield planes (Y, X, 3) of linear light; invisible voxels get colors from around them."""
     import cv2
 

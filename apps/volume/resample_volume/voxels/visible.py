@@ -18,14 +18,14 @@ from resample_volume.looks.transfer import (
     Transfer,
     evaluated,
     extinction,
-    places_seen,
+    visible_places,
 )
 from resample_volume.types import Volume
 from resample_volume.voxels.streaming import (
+    BrickClassifier,
     Candidates,
-    Looked,
-    seen_in_bricks,
     slopes_at,
+    visible_in_bricks,
 )
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ def classify(
     if labels is not None:
         labels.check(volume)
     data_range = finite_range(volume.values) if transfer.normalized else (0.0, 1.0)
-    seen = seen_with_slopes(volume, whole, data_range, gradient)
+    seen = visible_with_slopes(volume, whole, data_range, gradient)
     slope = seen.slope
     length = np.linalg.norm(slope, axis=1) if whole.needs_gradient else None
     color, opacity = looks_of(whole, seen.value, length, data_range, steepness(length))
@@ -314,7 +314,7 @@ def check_gradient(transfer: Transfer, gradient: str | None) -> None:
         raise ValueError(f"regions or gradient_opacity: either needs a gradient; choose {known}")
 
 
-def seen_with_slopes(
+def visible_with_slopes(
     volume: Volume, transfer: Transfer, data_range: DataRange, gradient: str | None
 ) -> Candidates:
     """Return the voxels with non-zero opacity, neighbours close to each other.
@@ -323,9 +323,9 @@ def seen_with_slopes(
     """
     values: Values = volume.values
     if isinstance(values, Bricks):
-        wanted = Looked(transfer, data_range, gradient, to_scene_of(volume))
-        return seen_in_bricks(values, wanted, volume.name)
-    seen = _in_bricks(_seen(volume, transfer, data_range), volume)
+        wanted = BrickClassifier(transfer, data_range, gradient, to_scene_of(volume))
+        return visible_in_bricks(values, wanted, volume.name)
+    seen = _in_bricks(_visible(volume, transfer, data_range), volume)
     if gradient is None:
         return seen
     return seen._replace(slope=gradients_at(volume, seen.place, gradient))
@@ -340,14 +340,14 @@ def _in_bricks(seen: Candidates, volume: Volume) -> Candidates:
     return Candidates(seen.place[order], seen.value[order], NO_SLOPE)
 
 
-def _seen(volume: Volume, transfer: Transfer, data_range: DataRange) -> Candidates:
+def _visible(volume: Volume, transfer: Transfer, data_range: DataRange) -> Candidates:
     """Return the voxels with non-zero opacity at some slope."""
     size = BYTES_PER_CANDIDATE if transfer.needs_gradient else BYTES_PER_VOXEL
     parts = []
     start = count = 0
     for chunk in slabs(volume.values):
         value = chunk.reshape(-1)
-        index = places_seen(transfer, value, data_range)
+        index = visible_places(transfer, value, data_range)
         parts.append((index + start, value[index]))
         start, count = start + value.size, count + index.size
         require_memory(size * count, f"{volume.name} with {count} visible voxels")

@@ -25,13 +25,13 @@ from resample_warp3d.clouds.parts import rows_of, zeros_beside
 from resample_warp3d.clouds.spacing import Surfels, prepare_cloud
 from resample_warp3d.clouds.windows import (
     POINT,
-    SEEN,
     SHOWN,
     SPLAT,
     STAGES,
+    VISIBILITY_KINDS,
     Canvas,
-    See,
-    Seen,
+    Projector,
+    Visibility,
     kinds_of,
     paint_in_windows,
 )
@@ -166,11 +166,11 @@ def render_cloud(
             raise ValueError("back faces cannot be culled: the cloud's file has no normals")
         prepared = perf_counter() - start
         painted = _drawn(surfels, camera, shape, chosen, filter)
-    held = np.zeros(SEEN, np.int64)
-    for rows in rows_of(painted.seen):
-        held += np.bincount(painted.seen[rows], minlength=SEEN)
+    held = np.zeros(VISIBILITY_KINDS, np.int64)
+    for rows in rows_of(painted.visible):
+        held += np.bincount(painted.visible[rows], minlength=VISIBILITY_KINDS)
     statistics = Statistics(
-        len(painted.seen),
+        len(painted.visible),
         int(held[POINT] + held[POINT | SHOWN]),
         int(held[SPLAT] + held[SPLAT | SHOWN]),
         int(held[POINT] + held[SPLAT]),
@@ -201,7 +201,7 @@ class Painted(NamedTuple):
     rgba: Floats  # (H, W, 4)
     depth: Floats  # (H, W)
     first_depth: Floats  # (H, W)
-    seen: Seen
+    visible: Visibility
     subpixels: int  # per side of a pixel
     seconds: dict[str, float]  # per stage
 
@@ -210,7 +210,7 @@ def _painted(
     surfels: Surfels, camera: Camera, shape: tuple[int, int], style: CloudStyle, tile: int
 ) -> Painted:
     """Paint a cloud in tiles; each pixel is the mean of its sub-pixels."""
-    from resample_warp3d.clouds.kernels.discs import see
+    from resample_warp3d.clouds.kernels.discs import project_discs
     from resample_warp3d.clouds.kernels.painting import CloudPicture
 
     picture = CloudPicture(
@@ -223,20 +223,22 @@ def _painted(
     )
     eye = eye_of(surfels, camera, shape, style)
 
-    def see_some(rows: slice, records: Records) -> None:
+    def project_some(rows: slice, records: Records) -> None:
         position, axes = surfels.position[rows], surfels.axes[rows]
         color = surfels.color[rows] if len(surfels.color) else np.full_like(position, GRAY)
-        see(position, axes, color, eye, records)
+        project_discs(position, axes, color, eye, records)
 
     pages = most_of(surfels.position)
     if pages is None:
-        seen, seconds = _painted_at_once(len(surfels.position), see_some, canvas)
+        seen, seconds = _painted_at_once(len(surfels.position), project_some, canvas)
     else:
-        seen, seconds = paint_in_windows(surfels, see_some, canvas, pages)
+        seen, seconds = paint_in_windows(surfels, project_some, canvas, pages)
     return Painted(*picture, seen, style.subpixels, seconds)
 
 
-def _painted_at_once(count: int, see: See, canvas: Canvas) -> tuple[Seen, dict[str, float]]:
+def _painted_at_once(
+    count: int, see: Projector, canvas: Canvas
+) -> tuple[Visibility, dict[str, float]]:
     """Paint all discs; return what is visible of each, and seconds per stage."""
     from resample_warp3d.clouds.kernels.discs import SURFEL
     from resample_warp3d.clouds.kernels.painting import Discs, paint
@@ -265,12 +267,12 @@ def _filtered(
     n = parts.count
     light, away = (np.zeros((*shape, count), np.float32) for count in (4, 1))
     first = np.full(shape, np.inf, np.float32)
-    seen: Seen = zeros_beside(surfels.position, (len(surfels.position),), np.uint8)
+    seen: Visibility = zeros_beside(surfels.position, (len(surfels.position),), np.uint8)
     seconds = dict.fromkeys(STAGES, 0.0)
     for strip in parts.strips(shape):
         moved = replace(camera, matrix=strip.matrix @ camera.matrix)
         fine = _painted(surfels, moved, strip.shape, replace(style, subpixels=1), TILE * n)
-        seen |= fine.seen
+        seen |= fine.visible
         for stage, spent in fine.seconds.items():
             seconds[stage] += spent
         rows = slice(strip.first, strip.last)

@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     from resample_warp3d.clouds.kernels.painting import CloudPicture
 
 POINT, SPLAT, SHOWN = 1, 2, 4  # state of a disc on the screen
-SEEN = 1 + (POINT | SPLAT | SHOWN)  # number of combinations of these
+VISIBILITY_KINDS = 1 + (POINT | SPLAT | SHOWN)  # number of combinations of these
 STAGES = "project", "sort", "paint"
 MEMBER = 16  # bytes of a disc in a tile, beside its record
 SURVEYING = 0.3  # share of the first pass in the work
 
-See = Callable[[slice, Records], None]  # projects discs into as many records
-Seen = NDArray[np.uint8]  # (N,) `POINT` or `SPLAT`, if a disc is in the frame, and `SHOWN`
+Projector = Callable[[slice, Records], None]  # projects discs into as many records
+Visibility = NDArray[np.uint8]  # (N,) `POINT` or `SPLAT`, if a disc is in the frame, and `SHOWN`
 
 
 class Canvas(NamedTuple):
@@ -41,15 +41,15 @@ class Canvas(NamedTuple):
     picture: "CloudPicture"
 
 
-def kinds_of(records: Records) -> Seen:
+def kinds_of(records: Records) -> Visibility:
     """Classify projected discs."""
     kind = np.where(records["weight"] < 1, np.uint8(POINT), np.uint8(SPLAT))
     return np.where(records["left"] <= records["right"], kind, np.uint8(0))
 
 
 def paint_in_windows(
-    surfels: Surfels, see: See, canvas: Canvas, most: int
-) -> tuple[Seen, dict[str, float]]:
+    surfels: Surfels, see: Projector, canvas: Canvas, most: int
+) -> tuple[Visibility, dict[str, float]]:
     """Paint discs in files.
 
     Parameters
@@ -82,14 +82,14 @@ def paint_in_windows(
             _paint_span(work, survey, span)
         with portion(SURVEYING, 1.0):
             look(n + 1, len(spans))
-    return survey.seen, work.seconds
+    return survey.visible, work.seconds
 
 
 class _Work(NamedTuple):
     """Arguments and times of `paint_in_windows`."""
 
     surfels: Surfels
-    see: See
+    project: Projector
     canvas: Canvas
     most: int  # bytes
     seconds: dict[str, float]  # so far, per stage
@@ -98,7 +98,7 @@ class _Work(NamedTuple):
 class _Survey(NamedTuple):
     """Result of the first pass over all discs."""
 
-    seen: Seen
+    visible: Visibility
     start: NDArray[np.int64]  # (T + 1,) number of discs in all previous tiles
     touched: NDArray[np.int64]  # (parts, 2) first and last tile that each part of the discs touches
 
@@ -116,7 +116,7 @@ def _surveyed(work: _Work) -> _Survey:
         records = np.zeros(part.stop - part.start, SURFEL)
         count = np.zeros((CHUNKS, held.size), np.int64)
         with told(None):
-            work.see(part, records)
+            work.project(part, records)
             count_members(records, canvas.screen, canvas.size, columns, count)
         seen[part] = kinds_of(records)
         held += count.sum(axis=0)
@@ -154,7 +154,7 @@ def _paint_span(work: _Work, survey: _Survey, span: tuple[int, int]) -> None:
     times.append(perf_counter())
     discs = Discs(records, np.zeros(len(records), np.uint8))
     paint(discs, tiles._replace(start=start), canvas.subpixels, canvas.picture)
-    survey.seen[which[discs.shows > 0]] |= np.uint8(SHOWN)
+    survey.visible[which[discs.shows > 0]] |= np.uint8(SHOWN)
     times.append(perf_counter())
     for stage, spent in zip(STAGES, np.diff(times).tolist(), strict=True):
         work.seconds[stage] += spent
@@ -175,7 +175,7 @@ def _discs_of(
         if survey.touched[n, 0] >= span[1] or survey.touched[n, 1] < span[0]:
             continue
         records = np.zeros(part.stop - part.start, SURFEL)
-        work.see(part, records)
+        work.project(part, records)
         meets = np.zeros(len(records), np.bool_)
         find_meeting(records, (*shape, canvas.size), span, meets)
         some = np.flatnonzero(meets)

@@ -195,7 +195,7 @@ def shots_with_depth(
         return shots(poses, camera, film.frame, film.job)
 
     def frame(n: int) -> Levels:
-        seen = film.seen(camera.moved(poses[n]))
+        seen = film.render(camera.moved(poses[n]))
         depths.write(n, seen.depth)
         return as_levels(film.screen(seen))
 

@@ -64,13 +64,13 @@ class Together(NamedTuple):
 class Film(NamedTuple):
     """Renderer of a film's frames."""
 
-    seen: Callable[[Sight], Warped]
+    render: Callable[[Sight], Warped]
     screen: Callable[[Warped], Floats]  # (H, W, 3) of 0..1
     job: Mapping[str, object]
 
     def frame(self, camera: Sight) -> Floats:
         """Return a camera's picture, as a screen shows it."""
-        return self.screen(self.seen(camera))
+        return self.screen(self.render(camera))
 
 
 def prepared(session: Session, views: Sequence[DepthView], choice: Warping) -> list[Prepared]:
@@ -124,19 +124,19 @@ def joined(
         ]
         ready = agreed(standing, joining)
     with session.stage("warp"):
-        seen = look(ready)
+        viewed = look(ready)
         layers = layers_of(ready, [each.layer for each in sources])
         alone = replace(joining, votes="none")
-        layer = look(layers, joining=alone, match=seen.match).warped if layers.order else None
+        layer = look(layers, joining=alone, match=viewed.match).warped if layers.order else None
     found = [
         {
             "depth_factor": round(1.0 / float(scale), 6),
             "gain": [round(float(each), 6) for each in gain],
             "bias": [round(float(each), 6) for each in bias],
         }
-        for scale, gain, bias in zip(ready.scale, *seen.match, strict=True)
+        for scale, gain, bias in zip(ready.scale, *viewed.match, strict=True)
     ]
-    return Together(filled(session, seen.warped, layer, choice), found)
+    return Together(filled(session, viewed.warped, layer, choice), found)
 
 
 def shifted(
@@ -153,30 +153,30 @@ def _rendered(
 
     method = choice.built()
     with session.stage("warp"):
-        seen, *layers = (
+        viewed, *layers = (
             render(each, equation, shape, method, choice.threads, filter=choice.filter)
             for each in (source.source, source.layer)
             if each is not None
         )
     layer = layers[0] if layers else None
-    return filled(session, seen, layer, choice)
+    return filled(session, viewed, layer, choice)
 
 
-def filled(session: Session, seen: Warped, layer: Warped | None, choice: Warping) -> Warped:
+def filled(session: Session, viewed: Warped, layer: Warped | None, choice: Warping) -> Warped:
     """Fill a picture's holes if requested, first from a layer if there is one."""
     if not choice.fill:
-        return seen
+        return viewed
     with session.stage("fill"):
-        return fill(seen if layer is None else behind(seen, layer))
+        return fill(viewed if layer is None else behind(viewed, layer))
 
 
 def report(
-    session: Session, sources: Sequence[Prepared], seen: Together, choice: Warping
+    session: Session, sources: Sequence[Prepared], viewed: Together, choice: Warping
 ) -> dict[str, Any]:
     """Return sizes, depth refinement, corrections of views, shares and times for `--stats`."""
-    warped = seen.warped
+    warped = viewed.warped
     covered = warped.magnification > 0
-    about = {} if seen.found is None else {"views": seen.found}
+    about = {} if viewed.found is None else {"views": viewed.found}
     return {
         "sources": [list(prepared.source.nearness.shape[::-1]) for prepared in sources],
         "refine": [_findings(prepared.refined) for prepared in sources],
@@ -215,7 +215,7 @@ def film_of(
     sources = prepared(session, taken.views, choice)
     joining = joining_of(taken, None)
 
-    def seen(camera: Sight) -> Warped:
+    def viewed(camera: Sight) -> Warped:
         return joined(session, sources, camera, shape, choice, joining).warped
 
     screen = partial(on_screen, has_alpha=taken.picture.kind.has_alpha, background=background)
@@ -231,7 +231,7 @@ def film_of(
         "background": list(background),
         "version": installed_version(),
     }
-    return Film(seen, screen, job)
+    return Film(viewed, screen, job)
 
 
 def joining_of(taken: Taken, chosen: "Joining | None") -> "Joining":

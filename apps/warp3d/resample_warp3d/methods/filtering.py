@@ -89,11 +89,11 @@ def _painted(
         rows = slice(strip.first, strip.last)
         resolve_rows(_flat(fine.image), parts.weight, parts.count, image[rows])
         resolve_rows(fine.coverage, parts.weight, parts.count, coverage[rows])
-        _see_squares(fine, parts, strip, squares)
+        _show_squares(fine, parts, strip, squares)
     return Shown(image, coverage, squares)
 
 
-def _see_squares(fine: Rendered, parts: Subpixels, strip: Strip, squares: Rendered) -> None:
+def _show_squares(fine: Rendered, parts: Subpixels, strip: Strip, squares: Rendered) -> None:
     """Fill in what a strip's pixels and those around it show in their own squares."""
     from resample.engine.surfaces.resolve import middle_of_rows, resolve_rows
 

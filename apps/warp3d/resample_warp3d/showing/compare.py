@@ -17,7 +17,7 @@ from resample.measuring.compare import check_sheet, contact_sheet, enlarged, sho
 from resample.types import Doubles, Floats
 from resample_warp3d.depth.equation import between
 from resample_warp3d.depth.preparation import prepare
-from resample_warp3d.showing.pairs import edges_in_view, seen_nearness
+from resample_warp3d.showing.pairs import edges_in_view, expected_nearness
 from resample_warp3d.showing.scenes import STANDS, ObjectScene, generated
 from resample_warp3d.showing.scoring import Mask, Screen, Target, delivered, near_steps, score
 from resample_warp3d.types import Equation, Method, Rendered, Source
@@ -124,7 +124,7 @@ def compare_view(
     """
     shape = (truth.shape[0], truth.shape[1])
     if mask is None:
-        mask = seen_nearness(source, equation, shape) > 0
+        mask = expected_nearness(source, equation, shape) > 0
     if mask.shape != shape:
         raise ValueError(
             f"a mask of {mask.shape[1]} × {mask.shape[0]} px does not fit a view of "

@@ -21,7 +21,7 @@ from resample_warp3d.showing.compare import (
     compare_cases,
     scene_case,
 )
-from resample_warp3d.showing.pairs import edges_in_view, seen_nearness
+from resample_warp3d.showing.pairs import edges_in_view, expected_nearness
 from resample_warp3d.showing.scenes import generated
 from resample_warp3d.showing.scoring import Screen, Target
 from resample_warp3d.types import Equation, Source
@@ -95,7 +95,7 @@ def figure_of(
     ValueError, LookupError
         A method is unknown, or the source is not in the view at all.
     """
-    mask = seen_nearness(source, equation, shape) > 0
+    mask = expected_nearness(source, equation, shape) > 0
     if not mask.any():
         raise ValueError("the view shows nothing of the depth image; check pose and intrinsics")
     target = Target(np.zeros((*shape, 3)), mask, edges_in_view(source, equation, shape))

@@ -81,7 +81,7 @@ def load_pairs(folder: str | Path) -> list[Pair]:
     return [pair for path in found for pair in _pairs_of(path)]
 
 
-def seen_nearness(
+def expected_nearness(
     image: DepthImage | Source, equation: Equation, shape: tuple[int, int]
 ) -> Doubles:
     """Return the nearness in another view that a depth image predicts.
@@ -115,7 +115,7 @@ def edges_in_view(image: DepthImage | Source, equation: Equation, shape: tuple[i
     """Return the pixels of a view within 2 px of the near side of a depth edge."""
     nearness = np.where(_is_rim(image.nearness), image.nearness, np.float32(0))
     rims = DepthImage(image.color, np.asarray(nearness, np.float32), image.place)
-    return widened(seen_nearness(rims, equation, shape) > 0, NEAR_EDGE)
+    return widened(expected_nearness(rims, equation, shape) > 0, NEAR_EDGE)
 
 
 def _is_rim(nearness: Floats) -> Mask:
@@ -204,7 +204,7 @@ def _pair(name: str, source: PairView, target: PairView, equation: Equation, sam
     if target.nearness.size:
         mask = _cross_checked(image, target, equation, same)
     else:
-        mask = seen_nearness(image, equation, (height, width)) > 0
+        mask = expected_nearness(image, equation, (height, width)) > 0
     return Pair(name, image, equation, target.color, mask)
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from resample_warp3d.showing.kernels.tracing import Objects, RayCamera
 
 RAYS = 8  # per side of a pixel, for colors
-SIGHT_RAYS = 4  # per side of a pixel, for visibility
+VISIBILITY_RAYS = 4  # per side of a pixel, for visibility
 FOV = 60.0  # degrees
 SMALLEST, LARGEST = 8, 4096  # px per side
 NEAR = 1e-4  # z: nearer points cannot be projected
@@ -110,7 +110,7 @@ class ObjectScene:
         shape: tuple[int, int],
         other: Camera,
         other_shape: tuple[int, int],
-        rays: int = SIGHT_RAYS,
+        rays: int = VISIBILITY_RAYS,
     ) -> tuple[Floats, Doubles, Doubles]:
         """Return the share of each pixel visible from another camera, and the pixel's depths.
 
@@ -127,14 +127,14 @@ class ObjectScene:
         -------
         Fraction (H, W) 0..1; nearest and farthest z (H, W), inf where a ray hits nothing.
         """
-        from resample_warp3d.showing.kernels.tracing import Sight, look_rows
+        from resample_warp3d.showing.kernels.tracing import VisibleShare, trace_visibility
 
-        sight = Sight(np.empty(shape, np.float32), np.empty(shape), np.empty(shape))
+        sight = VisibleShare(np.empty(shape, np.float32), np.empty(shape), np.empty(shape))
         eye, other_eye = (
             _eye(self.objects, each, its_shape)
             for each, its_shape in ((camera, shape), (other, other_shape))
         )
-        look_rows(self.objects, eye, other_eye, rays, sight)
+        trace_visibility(self.objects, eye, other_eye, rays, sight)
         return sight.fraction, sight.nearest, sight.farthest
 
     def depth_image(self, rays: int = RAYS) -> DepthImage:

@@ -72,7 +72,7 @@ class _Ready(NamedTuple):
     sources: list[Prepared]
 
 
-class _Sighted(NamedTuple):
+class _Rendering(NamedTuple):
     """A rendered view and its options."""
 
     wish: _DepthWish
@@ -101,16 +101,16 @@ class DepthPainter:
     depth: str
     further: Sequence[str] = ()
     _ready: tuple[Any, _Ready] | None = field(init=False, default=None)  # (options, sources)
-    _last: _Sighted | None = field(init=False, default=None)  # the view to pick from
+    _last: _Rendering | None = field(init=False, default=None)  # the view to pick from
 
     def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> Painting:
         """Picture of these options, see `resample.view.views.Painter`."""
         width, height = size
         with cancellable(cancel):
             if quick:
-                seen = self._seen(settings, (-(-width // PER), -(-height // PER)))
+                seen = self._rendered(settings, (-(-width // PER), -(-height // PER)))
             else:
-                seen = self._last = self._seen(settings, size)
+                seen = self._last = self._rendered(settings, size)
             page = page_of(Path("picture.png"), seen.picture(), seen.wish.look)
         return Painting(shown(page.data), quick)
 
@@ -118,7 +118,7 @@ class DepthPainter:
         """Return depth, magnification and more of a pixel, see `resample.view.views.Painter`."""
         seen = self._last
         if seen is None or seen.warped.coverage.shape != size[::-1]:
-            seen = self._seen(settings, size)
+            seen = self._rendered(settings, size)
         warped = seen.warped
         at = min(int(y), size[1] - 1), min(int(x), size[0] - 1)
         hole = HOLES[Hole(int(warped.holes[at]))]
@@ -139,7 +139,7 @@ class DepthPainter:
         ValueError, LookupError, OSError
             An option is not allowed, or a file cannot be read or written.
         """
-        seen = self._seen(settings, size)
+        seen = self._rendered(settings, size)
         write_picture(path, seen.picture(), seen.wish.look)
 
     def keyframes(self, cameras: Sequence[str], settings: Settings) -> str:
@@ -158,13 +158,13 @@ class DepthPainter:
         """Return the files, read and prepared; raises as `save` does."""
         return self._sources(_checked(settings)).taken
 
-    def _seen(self, settings: Settings, size: Size) -> _Sighted:
+    def _rendered(self, settings: Settings, size: Size) -> _Rendering:
         wish = _checked({**settings, "size": f"{size[0]}x{size[1]}"})
         taken, sources = self._sources(wish)
         target = wish.aim.sight(taken.camera, taken.shape, wish.eye.convention)
         joining = joining_of(taken, wish.joint.joining(unmixed=wish.warping.unmixed))
         together = joined(Session(), sources, target, size[::-1], wish.warping, joining)
-        return _Sighted(wish, taken.picture.kind, together.warped)
+        return _Rendering(wish, taken.picture.kind, together.warped)
 
     def _sources(self, wish: _DepthWish) -> _Ready:
         """Return the sources, cached while only the camera moves."""

@@ -97,7 +97,7 @@ def shade(triangles: Triangles, skin: Skin, lens: Lens, block: Block) -> None:
 @inner_kernel
 def put_behind(triangles: Triangles, skin: Skin, block: Block) -> bool:
     """Composite the current layer under those in front; tell whether to go on."""
-    seen, again = block.seen, False
+    seen, again = block.visible, False
     for row in range(block.owner.shape[0]):
         for column in range(block.owner.shape[1]):
             n = block.owner[row, column]
@@ -135,7 +135,7 @@ def put_behind(triangles: Triangles, skin: Skin, block: Block) -> bool:
 @inner_kernel
 def finish(lens: Lens, block: Block) -> None:
     """Write the composite of all layers in place of a single layer's sums."""
-    sums, seen = block.sums, block.seen
+    sums, seen = block.sums, block.visible
     for row in range(block.owner.shape[0]):
         for column in range(block.owner.shape[1]):
             cover, front = covered(block, row, column), block.front[row, column]

@@ -117,7 +117,7 @@ def _set_forward(triangles: Triangles, n: int, faces: Faces) -> None:
 
 
 @kernel
-def _see_triangle(n: int, faces: Faces, lens: Lens, triangles: Triangles) -> None:
+def _project_triangle(n: int, faces: Faces, lens: Lens, triangles: Triangles) -> None:
     """Set up a triangle: facing, barycentric weights, nearness, clipping, homography."""
     point, depth, corner, _ = faces
     a, b, c = corner[n, 0], corner[n, 1], corner[n, 2]
@@ -157,18 +157,18 @@ def _bound(triangles: Triangles, n: int) -> None:
 
 
 @kernel
-def _see_chunk(chunk: int, faces: Faces, lens: Lens, triangles: Triangles) -> None:
+def _project_chunk(chunk: int, faces: Faces, lens: Lens, triangles: Triangles) -> None:
     """Project the triangles of a chunk, and bound them."""
     for n in range(chunk * CHUNK, min((chunk + 1) * CHUNK, len(faces.corner))):
-        _see_triangle(n, faces, lens, triangles)
+        _project_triangle(n, faces, lens, triangles)
         _bound(triangles, n)
 
 
 @parallel_kernel
-def see(counter: Counter, faces: Faces, lens: Lens, triangles: Triangles) -> None:
+def project_triangles(counter: Counter, faces: Faces, lens: Lens, triangles: Triangles) -> None:
     """Project triangles: fill in the visible ones; all are 0 before."""
     for chunk in tasks(counter, (len(faces.corner) + CHUNK - 1) // CHUNK):
-        _see_chunk(chunk, faces, lens, triangles)
+        _project_chunk(chunk, faces, lens, triangles)
 
 
 @kernel

@@ -33,7 +33,7 @@ class Block(NamedTuple):
     # (R, C) nearness beyond which the next layer is peeled, infinite at first; empty, like the
     # next two, where there is only one layer.
     limit: Doubles
-    seen: Floats  # (R, C, 4) red, green, blue and alpha of the layers in front
+    visible: Floats  # (R, C, 4) red, green, blue and alpha of the layers in front
     front: Doubles  # (R, C) nearness of the first of them
     tally: Ints  # (4,) see `MeshScene`
     edge: Doubles  # (4, 5) of the current triangle: a point, a direction, the side that is inside

@@ -200,7 +200,7 @@ def _read_row(means: Means, seen: Doubles, reading: Reading, picture: Picture, r
 
 
 @making_role
-def see_row(geometry: ByMatrix | ByMap, row: int, seen: Doubles) -> None:
+def fill_row(geometry: ByMatrix | ByMap, row: int, seen: Doubles) -> None:
     """Fill in what a row shows, as `_read_row` reads it.
 
     It is infinite before, which means nothing.
@@ -208,8 +208,8 @@ def see_row(geometry: ByMatrix | ByMap, row: int, seen: Doubles) -> None:
     raise NotImplementedError
 
 
-@plays(see_row, ByMatrix)
-def _see_by_matrix(geometry, row, seen):  # type: ignore[no-untyped-def]
+@plays(fill_row, ByMatrix)
+def _fill_by_matrix(geometry, row, seen):  # type: ignore[no-untyped-def]
     """Project a row of pixels into the source."""
     inverse, y = geometry.inverse, row + 0.5
     for column in range(seen.shape[0]):
@@ -226,8 +226,8 @@ def _see_by_matrix(geometry, row, seen):  # type: ignore[no-untyped-def]
                 seen[column, 3 + 2 * axis] = (inverse[1, axis] - v * inverse[2, axis]) / w
 
 
-@plays(see_row, ByMap)
-def _see_by_map(geometry, row, seen):  # type: ignore[no-untyped-def]
+@plays(fill_row, ByMap)
+def _fill_by_map(geometry, row, seen):  # type: ignore[no-untyped-def]
     """Copy a row of the map."""
     for column in range(seen.shape[0]):
         for k in range(6):
@@ -240,7 +240,7 @@ def _fill_row(
 ) -> None:
     """Fill one row of the picture."""
     seen = np.full((picture.coverage.shape[1], 6), np.inf)
-    see_row(geometry, row, seen)
+    fill_row(geometry, row, seen)
     _read_row(means, seen, reading, picture, row)
 
 

@@ -143,7 +143,7 @@ def beside(lines: Doubles, u: Doubles, v: Doubles) -> tuple[bool, bool]:
 
 
 @kernel
-def sight(matrix: Doubles, height: int, width: int, reach: float) -> Doubles:
+def view_bounds(matrix: Doubles, height: int, width: int, reach: float) -> Doubles:
     """Lines (5, 3) that bound what a frame shows of the source plane.
 
     The product with (u, v, 1) is negative outside a line: left, right, above, below and behind.
@@ -160,9 +160,9 @@ def sight(matrix: Doubles, height: int, width: int, reach: float) -> Doubles:
     return lines
 
 
-def sight_of(matrix: Doubles, frame: tuple[int, int], reach: float) -> Doubles:
-    """Return `sight` from Python: five lines are not worth machine code."""
-    return np.asarray(unwrap(sight)(matrix, *frame, reach))
+def view_bounds_of(matrix: Doubles, frame: tuple[int, int], reach: float) -> Doubles:
+    """Return `view_bounds` from Python: five lines are not worth machine code."""
+    return np.asarray(unwrap(view_bounds)(matrix, *frame, reach))
 
 
 @kernel
@@ -354,7 +354,7 @@ def split_plane(
     # Prepare the frustum's lines, growing results, and a stack for a depth-first descent.
     height, width = frame
     left_over = MOST_SPLITS + PER_PIXEL * height * width  # rectangles that may be visited
-    lines, cut = sight(matrix, height, width, reach), Cut(quality, largest)
+    lines, cut = view_bounds(matrix, height, width, reach), Cut(quality, largest)
     found = np.empty((256, 2, 6), np.int64), np.empty((256, 4), np.int64), 0
     stack = np.zeros((256, 2, 4), np.int64)
     block, box = np.empty((2, 6), np.int64), np.empty(4)

@@ -14,7 +14,7 @@ from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.vectors import Vector, combine, dot, matrix_of, multiply, scaled
 from resample.types import ADDITIVE, COMPOSITE, FIRST_HIT, MAXIMUM, Doubles, Floats, Lamp, View
 
-UNSEEN = 1e-7  # transmittance at which a ray ends
+LEAST_TRANSMITTANCE = 1e-7  # transmittance at which a ray ends
 HALVINGS = 40  # bisections of the step in which a surface lies
 LEAST_DENSITY = 0.5  # kernels' sum below which values fade to the field's low
 
@@ -314,7 +314,7 @@ def _composite(ray: Ray, content: Content, plan: Plan) -> Result:
     passed = 1.0
     # Step through occupied bricks until the ray leaves or is opaque.
     step = _next_step(ray, 0, grid)
-    while step < ray.steps and passed > UNSEEN:
+    while step < ray.steps and passed > LEAST_TRANSMITTANCE:
         depth = ray.enter + (step + 0.5) * ray.thickness
         sums = _sums(ray, depth, grid)
         if sums[0] > 0.0:

@@ -215,7 +215,9 @@ def _facing(eye: Eye, place: Vector, a: Vector, b: Vector) -> float:
 
 
 @kernel
-def _see(position: Floats, axes: Floats, color: Floats, n: int, eye: Eye, record: Record) -> None:
+def _project_disc(
+    position: Floats, axes: Floats, color: Floats, n: int, eye: Eye, record: Record
+) -> None:
     """Fill in a disc's record; bounds with left > right mean that it is culled."""
     # Cull discs in front of the near plane.
     record["left"], record["right"] = np.float32(1), np.float32(-1)
@@ -258,17 +260,17 @@ def _see(position: Floats, axes: Floats, color: Floats, n: int, eye: Eye, record
 
 
 @kernel
-def _see_chunk(
+def _project_chunk(
     position: Floats, axes: Floats, color: Floats, eye: Eye, records: Records, chunk: int
 ) -> None:
     """Project the discs of a chunk."""
     start = int(np.int64(chunk)) * CHUNK
     for n in range(start, min(start + CHUNK, position.shape[0])):
-        _see(position, axes, color, n, eye, records[n])
+        _project_disc(position, axes, color, n, eye, records[n])
 
 
 @parallel_kernel
-def see(
+def project_discs(
     counter: Counter, position: Floats, axes: Floats, color: Floats, eye: Eye, records: Records
 ) -> None:
     """Project all discs.
@@ -283,4 +285,4 @@ def see(
         (N,) of `SURFEL`, filled.
     """
     for chunk in tasks(counter, (position.shape[0] + CHUNK - 1) // CHUNK):
-        _see_chunk(position, axes, color, eye, records, chunk)
+        _project_chunk(position, axes, color, eye, records, chunk)

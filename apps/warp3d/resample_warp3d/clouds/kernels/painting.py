@@ -232,7 +232,7 @@ def _add(discs: Discs, member: int, block: Block) -> None:
 @plays(write, CloudPicture)
 def _write(picture: CloudPicture, block: Block) -> None:
     """Average each pixel's sub-pixels, and write color and depths."""
-    seen, fine = block.seen, block.subpixels
+    seen, fine = block.visible, block.subpixels
     rgba = picture.rgba
     rows, columns = block.floor.shape
     scale = block.step[0] / (fine * fine)

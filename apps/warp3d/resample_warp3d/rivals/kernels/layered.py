@@ -14,7 +14,7 @@ from resample_warp3d.rivals.kernels.mcmillan import (
     Walks,
     changed,
     expansion,
-    seen,
+    projected,
     tangents,
 )
 from resample_warp3d.types import Equation, Rendered, Source
@@ -200,7 +200,7 @@ def _splat_row(
     height, width = rendered.coverage.shape
 
     # Walk along the row: the warp is linear before the division, so that additions move it.
-    x, y, w = seen(equation, (walk[0] + 0.5, row + 0.5), 0.0)
+    x, y, w = projected(equation, (walk[0] + 0.5, row + 0.5), 0.0)
     for column in range(walk[0], walk[1], step):
         pixel = row * layers.width + column
         # Draw the pixel's samples back to front.

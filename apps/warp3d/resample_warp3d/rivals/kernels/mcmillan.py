@@ -13,7 +13,7 @@ Walks = NDArray[np.int64]  # (2, 2, 3) of rows and of columns, two walks each: f
 
 
 @kernel
-def seen(equation: Equation, place: Pair, nearness: float) -> Homogeneous:
+def projected(equation: Equation, place: Pair, nearness: float) -> Homogeneous:
     """Place of a source point in the target, homogeneous."""
     m, e = equation.matrix, equation.epipole
     return (
@@ -70,7 +70,7 @@ def tangents(
     across = _step_of(place, row, column, 0, 1)
     down = _step_of(place, row, column, 1, 0)
     return (
-        seen(equation, place_of(place, row, column), source.nearness[row, column]),
+        projected(equation, place_of(place, row, column), source.nearness[row, column]),
         changed(equation, across, slope[row, column, 0]),
         changed(equation, down, slope[row, column, 1]),
     )
@@ -117,11 +117,11 @@ def _place_row(
     is_regular, is_ordered = place.shape[0] == 0, nearest.shape[0] == 0
 
     # Start at the first sample; on a regular lattice additions move the warp along the row.
-    x, y, w = seen(equation, (walk[0] + 0.5, row + 0.5), 0.0)
+    x, y, w = projected(equation, (walk[0] + 0.5, row + 0.5), 0.0)
     for column in range(walk[0], walk[1], step):
         nearness = np.float64(values[row, column])
         if not is_regular:
-            x, y, w = seen(equation, place_of(place, row, column), 0.0)
+            x, y, w = projected(equation, place_of(place, row, column), 0.0)
         # Skip samples without depth or behind the camera.
         scale = w + nearness * e[2]
         if nearness > 0.0 and scale > 0.0:
@@ -184,7 +184,7 @@ def _copy_row(
         rendered.nearness[row, column], rendered.magnification[row, column] = 0.0, 0.0
         # Compute depth and magnification of what is visible.
         if is_seen:
-            w = seen(equation, place_of(source.place, r, c), source.nearness[r, c])[2]
+            w = projected(equation, place_of(source.place, r, c), source.nearness[r, c])[2]
             rendered.nearness[row, column] = source.nearness[r, c] / w
             rendered.magnification[row, column] = magnification_of(source, equation, r, c)
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Floats
-from resample_warp3d.rivals.kernels.mcmillan import place_of, seen
+from resample_warp3d.rivals.kernels.mcmillan import place_of, projected
 from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, Equation, Rendered, Source
 
 Parts = NDArray[np.uint16]
@@ -69,7 +69,7 @@ def _project_row(source: Source, equation: Equation, row: int, vertex: Floats) -
     """Project a row of samples; see `project_rows`."""
     for column in range(vertex.shape[1]):
         nearness = np.float64(source.nearness[row, column])
-        x, y, w = seen(equation, place_of(source.place, row, column), nearness)
+        x, y, w = projected(equation, place_of(source.place, row, column), nearness)
         # Mark samples without depth, behind the camera or far outside as not visible.
         inverse = 1.0 / w if w > 0.0 and nearness > 0.0 else 0.0
         if not (abs(x * inverse) < BEYOND and abs(y * inverse) < BEYOND):

@@ -212,7 +212,7 @@ def on_lattice(place: Doubles, x: float, y: float) -> tuple[float, float]:
 
 
 @kernel
-def looked_back(
+def back_projected(
     back: Doubles, origin: Doubles, x: float, y: float, near: float
 ) -> tuple[float, float]:
     """Project a target point into the source; NaN behind the source's camera."""
@@ -240,12 +240,12 @@ def _explain_hole(
     # Without distortion, the loop stays free of branches.
     if place.size == 0:
         for column in range(begin, end):
-            u, v = looked_back(back, origin, column + 0.5, row + 0.5, near)
+            u, v = back_projected(back, origin, column + 0.5, row + 0.5, near)
             holes[row, column] = _reason(known, u, v)
         return
     # With distortion, find the place on the lattice first.
     for column in range(begin, end):
-        u, v = looked_back(back, origin, column + 0.5, row + 0.5, near)
+        u, v = back_projected(back, origin, column + 0.5, row + 0.5, near)
         if abs(u) < 1e6 and abs(v) < 1e6:
             u, v = on_lattice(place, u, v)
         holes[row, column] = _reason(known, u, v)

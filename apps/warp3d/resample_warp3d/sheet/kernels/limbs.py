@@ -14,7 +14,7 @@ import numpy as np
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Doubles, Floats
 from resample_warp3d.depth.kernels.outlines import CLEAR, limb
-from resample_warp3d.sheet.kernels.screen import Indices, seen_at
+from resample_warp3d.sheet.kernels.screen import Indices, projected
 from resample_warp3d.types import DOWN, LEFT, RIGHT, TURNS, UP, Links
 
 FARTHEST = 1.5  # samples from the last one to a surface's end, at most, as its depth predicts it
@@ -227,14 +227,14 @@ def _project_end(
 ) -> None:
     """Project one corner; see `project_ends`."""
     x, y, near = float(corner[0]), float(corner[1]), float(corner[2])
-    seen_x, seen_y, seen = seen_at(matrix, epipole, x, y, near)
+    seen_x, seen_y, seen = projected(matrix, epipole, x, y, near)
     # Move the corner inward along the curved surface, to the target's silhouette.
     if seen > 0:
         rise = rise_of(matrix, epipole, corner, roundness, (seen_x, seen_y))
         squared = roundness[0] * roundness[0] + roundness[1] * roundness[1]
         back = rise * rise / squared
         x, y = x - back * roundness[0], y - back * roundness[1]
-        seen_x, seen_y, seen = seen_at(matrix, epipole, x, y, near + rise)
+        seen_x, seen_y, seen = projected(matrix, epipole, x, y, near + rise)
     screen[0], screen[1], screen[2] = seen_x, seen_y, seen
 
 

@@ -28,7 +28,7 @@ class Screen(NamedTuple):
 
 
 @kernel
-def seen_at(
+def projected(
     matrix: Doubles, epipole: Doubles, x: float, y: float, nearness: float
 ) -> tuple[Single, Single, Single]:
     """Project a point by the warping equation: place, and nearness, −1 if nowhere.
@@ -65,7 +65,7 @@ def _project_row(
         # Undo lens distortion.
         if is_bent:
             x, y = place[row, column, 0], place[row, column, 1]
-        screen[0, row, column], screen[1, row, column], screen[2, row, column] = seen_at(
+        screen[0, row, column], screen[1, row, column], screen[2, row, column] = projected(
             matrix, epipole, x, y, float(vertex[row, column])
         )
 
@@ -105,7 +105,9 @@ def _project_corners(
     for n in range(block * BLOCK, min(corner.shape[0], (block + 1) * BLOCK)):
         for k in range(4):
             x, y, near = float(corner[n, k, 0]), float(corner[n, k, 1]), float(corner[n, k, 2])
-            screen[n, k, 0], screen[n, k, 1], screen[n, k, 2] = seen_at(matrix, epipole, x, y, near)
+            screen[n, k, 0], screen[n, k, 1], screen[n, k, 2] = projected(
+                matrix, epipole, x, y, near
+            )
 
 
 @parallel_kernel

@@ -36,7 +36,7 @@ NOWHERE: Single = np.float32(-1)  # nearness
 SHARED = -1  # in a sheet's index: a cell whose corners are the lattice's
 WASTE = 4  # slots of a run's cells per pixel that they may meet, at most
 
-UNSEEN, WHOLE, UPRIGHT, PARTS = range(4)  # how a cell is painted: not, in one color, as a box, cut
+HIDDEN, WHOLE, UPRIGHT, PARTS = range(4)  # how a cell is painted: not, in one color, as a box, cut
 
 # Rows of numbers. Corners top left, top right, bottom left, bottom right: x, y and nearness.
 P_X, P_Y, P_NEAR, Q_X, Q_Y, Q_NEAR = _rows(0, 6)
@@ -198,7 +198,7 @@ def _choose_ways(count: int, frame: Frame, numbers: Floats, places: Indices) -> 
         longest = max(ax * ax + ay * ay, bx * bx + by * by)
         is_whole = longest <= (small if is_upright else whole)
         way = WHOLE if is_whole else UPRIGHT if is_upright else PARTS
-        places[WAY + m] = np.int32(way if is_seen else UNSEEN)
+        places[WAY + m] = np.int32(way if is_seen else HIDDEN)
 
 
 @inner_kernel
@@ -219,12 +219,12 @@ def _find_runs(count: int, places: Indices) -> int:
             width = int(places[TO_COLUMN + m] - places[FROM_COLUMN + m])
             most_rows, most_columns = max(rows, height), max(columns, width)
             slots = most_rows * most_columns * (n + 1 - begin)
-            if way != UNSEEN and slots > WASTE * (met + height * width):
+            if way != HIDDEN and slots > WASTE * (met + height * width):
                 break
             rows, columns, met = most_rows, most_columns, met + height * width
             n += 1
         # Store the run, unless its cells are culled.
-        if way != UNSEEN:
+        if way != HIDDEN:
             k = np.uint64(runs)
             places[BEGIN + k], places[END + k] = begin, n
             places[ROWS + k], places[COLUMNS + k] = rows, columns

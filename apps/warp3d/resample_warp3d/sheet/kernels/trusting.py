@@ -4,7 +4,7 @@ import math
 
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Doubles, Floats
-from resample_warp3d.sheet.kernels.bridging import looked_back, on_lattice
+from resample_warp3d.sheet.kernels.bridging import back_projected, on_lattice
 
 
 @kernel
@@ -21,7 +21,7 @@ def _look_up_row(
         if not near > 0.0:
             continue
         # Project the pixel back into the source; undo lens distortion.
-        u, v = looked_back(back, origin, column + 0.5, row + 0.5, near)
+        u, v = back_projected(back, origin, column + 0.5, row + 0.5, near)
         if not (abs(u) < 1e6 and abs(v) < 1e6):
             continue
         if place.size > 0:

@@ -45,7 +45,7 @@ class RayCamera(NamedTuple):
     shape: NDArray[np.int64]  # (2,) height and width, px
 
 
-class Sight(NamedTuple):
+class VisibleShare(NamedTuple):
     """Visibility of pixels in another camera."""
 
     fraction: Floats  # (H, W) of a pixel's rays, 0..1
@@ -290,7 +290,7 @@ def render_rows(
 
 
 @kernel
-def _sees(
+def _is_visible(
     objects: Objects,
     other: RayCamera,
     n: int,
@@ -317,10 +317,10 @@ def _sees(
 
 
 @kernel
-def _look_row(
-    objects: Objects, eye: RayCamera, other: RayCamera, row: int, rays: int, sight: Sight
+def _trace_visibility_row(
+    objects: Objects, eye: RayCamera, other: RayCamera, row: int, rays: int, sight: VisibleShare
 ) -> None:
-    """Measure the visibility of a row; see `look_rows`."""
+    """Measure the visibility of a row; see `trace_visibility`."""
     candidates = np.empty((2, objects.pattern.size), np.int64)
     for column in range(sight.fraction.shape[1]):
         count = _find_candidates(eye, row, column, candidates[0])
@@ -333,16 +333,21 @@ def _look_row(
             nearest, farthest = min(nearest, t), max(farthest, t)
             if n >= 0:
                 px, py, pz = eye.place[0] + t * x, eye.place[1] + t * y, eye.place[2] + t * z
-                seen += _sees(objects, other, n, px, py, pz, candidates[1])
+                seen += _is_visible(objects, other, n, px, py, pz, candidates[1])
         sight.fraction[row, column] = np.float32(seen / (rays * rays))
         sight.nearest[row, column] = nearest
         sight.farthest[row, column] = farthest
 
 
 @parallel_kernel
-def look_rows(
-    counter: Counter, objects: Objects, eye: RayCamera, other: RayCamera, rays: int, sight: Sight
+def trace_visibility(
+    counter: Counter,
+    objects: Objects,
+    eye: RayCamera,
+    other: RayCamera,
+    rays: int,
+    sight: VisibleShare,
 ) -> None:
     """Measure the share of each pixel that another camera sees, and the depths in it."""
     for row in tasks(counter, sight.fraction.shape[0]):
-        _look_row(objects, eye, other, row, rays, sight)
+        _trace_visibility_row(objects, eye, other, row, rays, sight)
