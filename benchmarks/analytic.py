@@ -8,7 +8,7 @@ import numpy as np
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Orbit, Sphere, camera_from
 from resample.types import Doubles, Floats, Indices
-from resample_volume.looks.transfer import from_points
+from resample_volume.classification.transfer import from_points
 from resample_volume.types import Volume
 from resample_volume.voxels.shading import Light
 
@@ -167,7 +167,7 @@ def _composited(formula: Formula, rays: Rays, light: Light | None) -> Doubles:
         if not left.size:
             break
         place = rays.at(left, rays.enter[left] + (step + 0.5) * STEP)
-        color, opacity = TRANSFER.looks(formula(*place), None, (0.0, 255.0), 1.0)
+        color, opacity = TRANSFER.classify(formula(*place), None, (0.0, 255.0), 1.0)
         if light is not None:
             color = _lit(color, formula, place, -rays.way[left], light)
         share = passed[left] * -np.expm1(np.log1p(-opacity) * STEP)

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from resample.measuring.quality import psnr
+from resample_volume.classification.materials import Windowed
+from resample_volume.classification.presets import transfer_for
 from resample_volume.files.source import open_recording
 from resample_volume.files.stores.reader import Zarr
 from resample_volume.files.stores.writing import Layered, write_store
-from resample_volume.looks.materials import Windowed
-from resample_volume.looks.presets import transfer_for
 from resample_volume.media.appearance import Appearance
 from resample_volume.scenes import Scene
 from resample_volume.voxels.visible import finite_range

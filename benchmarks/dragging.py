@@ -22,7 +22,7 @@ from benchmarks.contest import AbsentError
 from benchmarks.tables import Row
 from resample.colors import to_srgb
 from resample_volume import open_volume
-from resample_volume.looks.presets import load_transfer
+from resample_volume.classification.presets import load_transfer
 
 BROWSERS = ("chromium", "chromium-browser", "chrome")
 PICTURE = 1500  # bytes above which a message is a picture
@@ -201,7 +201,7 @@ def _write(volume: str, look: str, path: str) -> None:
     given = open_volume(volume)
     low, high = float(given.values.min()), float(given.values.max())
     value = np.linspace(low, high, 256)
-    color, opacity = load_transfer(look).looks(value, None, (low, high), 1.0)
+    color, opacity = load_transfer(look).classify(value, None, (low, high), 1.0)
     np.savez(
         path, values=given.values, spacing=given.spacing, color=to_srgb(color), opacity=opacity
     )

@@ -34,7 +34,7 @@ from resample.painting.choices import Projection
 from resample.profiles.orders import ImageSheets, Rays
 from resample.resampler import Resampler
 from resample.types import Doubles, Floats
-from resample_volume.looks.transfer import from_points
+from resample_volume.classification.transfer import from_points
 from resample_volume.media.appearance import BY_DEFAULT, Appearance, Classification
 from resample_volume.rendering import Subject
 from resample_volume.rivals.peers import Peer, VtkRenderer

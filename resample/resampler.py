@@ -48,10 +48,10 @@ from resample.painting.scenes.plans import (
 from resample.painting.scenes.scene import (
     Painted,
     Scene,
+    alike_classifier,
     check_samples,
     ellipsoid_of,
     field_alike,
-    look_alike,
     nothing_painted,
     planes_of,
     samples_of,
@@ -586,7 +586,7 @@ class Resampler:
         """Scene of a picture that was planned, and how its samples are painted step by step."""
         none = np.zeros((0, 3), np.float32)
         nothing = Samples(none, none, none[:, 0], source.lattice)
-        look = None if source.classifier is None else look_alike(source.classifier)
+        look = None if source.classifier is None else alike_classifier(source.classifier)
         scene = self._scene(nothing, camera.view(), plan.size, look, clip)
         scene = replace(scene, layers=plan.layers, plan=plan, window=window)
         if not self._is_streamed(scene):
@@ -853,7 +853,7 @@ def _position(iso: float, look: Classifier) -> float:
 def _checked(samples: Samples | Field) -> tuple[Samples, Classifier | None]:
     """Samples for the painters, and what a field looks like."""
     if isinstance(samples, Field):
-        return samples_of(samples), look_alike(samples.classifier)
+        return samples_of(samples), alike_classifier(samples.classifier)
     return check_samples(samples), None
 
 

@@ -169,7 +169,7 @@ class LatticeField(NamedTuple):
     classifier: Classifier
     reached: Reached = UNBLOCKED
     mesh: Triangles = NO_TRIANGLES  # meshes in the field
-    looks: int = 1  # number of looks side by side in the rows of the classifier's table
+    classifiers: int = 1  # number of looks side by side in the rows of the classifier's table
     tint: Tint = UNTINTED
 
 

@@ -14,10 +14,10 @@ from cyclopts import Parameter
 from pydantic import BaseModel
 
 
-class About(Enum):
-    """Category of an option. All but `LOOK` must be set by the user."""
+class OptionTopic(Enum):
+    """Category of an option. All but `APPEARANCE` must be set by the user."""
 
-    LOOK = "look"  # appearance of the picture
+    APPEARANCE = "look"  # appearance of the picture
     SOURCE = "source"  # other files that are read
     TARGET = "target"  # files that are written, addresses that are served or called
     RESOURCE = "resource"  # memory, threads and processes
@@ -25,12 +25,12 @@ class About(Enum):
 
 
 class Inline(NamedTuple):
-    """A `LOOK` if the value matches a pattern, otherwise the name of a file."""
+    """A `APPEARANCE` if the value matches a pattern, otherwise the name of a file."""
 
     form: re.Pattern[str]
 
 
-Mark = About | Inline
+Mark = OptionTopic | Inline
 Marks = Mapping[str, Mark | None]  # marks of options, by name
 
 _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
@@ -47,12 +47,12 @@ def words(*known: str, or_numbers: bool = False) -> Inline:
     return Inline(re.compile("|".join(forms), re.ASCII))
 
 
-def about(mark: Mark | None, value: object) -> About | None:
+def about(mark: Mark | None, value: object) -> OptionTopic | None:
     """Category of an option's value; None if the option states none."""
     if not isinstance(mark, Inline):
         return mark
     names_a_file = isinstance(value, str) and mark.form.fullmatch(value) is None
-    return About.SOURCE if names_a_file else About.LOOK
+    return OptionTopic.SOURCE if names_a_file else OptionTopic.APPEARANCE
 
 
 def marks_of(command: Callable[..., Any]) -> Marks:
@@ -102,4 +102,4 @@ def _marks_of_fields(model: type[BaseModel]) -> Iterator[tuple[str, Mark | None]
 
 
 def _mark_in(metadata: Any) -> Mark | None:
-    return next((part for part in metadata if isinstance(part, About | Inline)), None)
+    return next((part for part in metadata if isinstance(part, OptionTopic | Inline)), None)

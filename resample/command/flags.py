@@ -6,7 +6,7 @@ from typing import Annotated, Literal, TypeVar
 from cyclopts import Group, Parameter
 
 from resample.command.about import CAMERA as ANGLES
-from resample.command.about import About
+from resample.command.about import OptionTopic
 from resample.command.settings import CAMERA, HEADINGS, SIZE
 
 
@@ -16,13 +16,15 @@ def under(heading: str) -> Parameter:
 
 
 T = TypeVar("T")
-Look = Annotated[T, About.LOOK]  # options that belong to no model and affect the look
+AppearanceFlag = Annotated[
+    T, OptionTopic.APPEARANCE
+]  # options that belong to no model and affect the look
 Flat = Parameter(name="*")  # the model's fields are flags themselves
 Hyphen = Parameter(allow_leading_hyphen=True)  # values may begin with a hyphen, such as -1,0,0
 Switch = Parameter(negative="")  # no --no-... flag
 
-Output = Annotated[Path, About.TARGET, Parameter(alias="-o")]
-OptionalOutput = Annotated[Path | None, About.TARGET, Parameter(alias="-o")]
+Output = Annotated[Path, OptionTopic.TARGET, Parameter(alias="-o")]
+OptionalOutput = Annotated[Path | None, OptionTopic.TARGET, Parameter(alias="-o")]
 FrameOutput = Annotated[
     Output, Parameter(help="Written to: .png, or .exr with linear RGBA, depth (Z) and coverage.")
 ]
@@ -32,13 +34,13 @@ FilmOutput = Annotated[
 ]
 DemoOutput = Annotated[Output, Parameter(help="Written to: folder; created if missing.")]
 Stats = Annotated[
-    Path | None, About.TARGET, Parameter(help="Also write sizes, counts and times (.json).")
+    Path | None, OptionTopic.TARGET, Parameter(help="Also write sizes, counts and times (.json).")
 ]
-Source = Annotated[Path | None, About.SOURCE]
-Target = Annotated[Path | None, About.TARGET]
+Source = Annotated[Path | None, OptionTopic.SOURCE]
+Target = Annotated[Path | None, OptionTopic.TARGET]
 Json = Annotated[
     bool,
-    About.LOOK,
+    OptionTopic.APPEARANCE,
     Parameter(
         name="--json",
         negative="",
@@ -46,12 +48,14 @@ Json = Annotated[
     ),
 ]
 
-Size = Annotated[str, About.LOOK, Parameter(help=SIZE)]
-FilmBackground = Annotated[str, About.LOOK, Parameter(help="Background: black, white or #rrggbb.")]
-FramesPerSecond = Annotated[float, About.LOOK, Parameter(help="Frames per second.")]
+Size = Annotated[str, OptionTopic.APPEARANCE, Parameter(help=SIZE)]
+FilmBackground = Annotated[
+    str, OptionTopic.APPEARANCE, Parameter(help="Background: black, white or #rrggbb.")
+]
+FramesPerSecond = Annotated[float, OptionTopic.APPEARANCE, Parameter(help="Frames per second.")]
 Resume = Annotated[
     bool,
-    About.TARGET,
+    OptionTopic.TARGET,
     Switch,
     Parameter(help="Keep the frames that an interrupted run has written."),
 ]
@@ -69,13 +73,13 @@ Viewed = Annotated[
 ]
 FieldOfView = Annotated[
     float,
-    About.LOOK,
+    OptionTopic.APPEARANCE,
     under(CAMERA),
     Parameter(help="Field of view along the shorter side in degrees; 0: parallel projection."),
 ]
 Up = Annotated[
     Literal["x", "y", "z", "-x", "-y", "-z"],
-    About.LOOK,
+    OptionTopic.APPEARANCE,
     Hyphen,
     under(CAMERA),
     Parameter(help="Axis that points up."),

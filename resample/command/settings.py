@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
-from resample.command.about import About
+from resample.command.about import OptionTopic
 from resample.console.backgrounds import SPLAT_COLOR, Color, linear_color
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ HEADINGS = (  # in the order of the help
 Convention = Literal["corner", "opencv"]
 Threads = Annotated[
     int | None,
-    About.RESOURCE,
+    OptionTopic.RESOURCE,
     Field(ge=1, description="Number of threads at most; pixels do not depend on it."),
 ]
 MethodsFilter = Annotated[
@@ -90,7 +90,7 @@ class Choices(BaseModel):
     """Immutable choices of a user; unknown names are rejected."""
 
     heading: ClassVar[str]  # heading of these options in the help
-    about: ClassVar[About]  # category of options that state none themselves
+    about: ClassVar[OptionTopic]  # category of options that state none themselves
 
     # Validators are built on first use: most commands need few of them.
     model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)
@@ -105,7 +105,7 @@ class Resampling(Choices):
     """How samples become a picture."""
 
     heading: ClassVar[str] = "Method"
-    about: ClassVar[About] = About.LOOK
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     method: Annotated[
         Literal["hybrid", "points", "splats", "paper", "inflate", "ewa"] | None,
@@ -205,7 +205,7 @@ class PictureFormat(Choices):
     """Format of the picture to write."""
 
     heading: ClassVar[str] = "Picture"
-    about: ClassVar[About] = About.LOOK
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     size: Annotated[str, Field(description=SIZE)] = "400"
     background: Annotated[
@@ -249,7 +249,7 @@ class Sharing(Choices):
     """Workers of a command: local processes or a dask cluster."""
 
     heading: ClassVar[str] = "Workers"
-    about: ClassVar[About] = About.RESOURCE
+    about: ClassVar[OptionTopic] = OptionTopic.RESOURCE
 
     workers: Annotated[
         int | None,
@@ -262,7 +262,7 @@ class Sharing(Choices):
     ] = None
     scheduler: Annotated[
         str | None,
-        About.TARGET,
+        OptionTopic.TARGET,
         Field(
             description="Address of a dask scheduler whose workers do the work, such as "
             "tcp://10.0.0.1:8786; they must see the same files under the same names."
@@ -286,7 +286,7 @@ class Serving(Choices):
     """Address of a viewer's page."""
 
     heading: ClassVar[str] = "Page"
-    about: ClassVar[About] = About.TARGET
+    about: ClassVar[OptionTopic] = OptionTopic.TARGET
 
     host: Annotated[
         str, Field(description="Address to listen at; warns if other machines can reach it.")
@@ -301,7 +301,7 @@ class Written(Choices):
     """Format of a written picture of any kind."""
 
     heading: ClassVar[str] = "Picture"
-    about: ClassVar[About] = About.LOOK
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     background: Annotated[
         str | None,

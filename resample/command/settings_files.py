@@ -19,7 +19,7 @@ from cyclopts.config import Dict
 from pydantic import BaseModel, TypeAdapter
 
 from resample import memory as memories
-from resample.command.about import About, Marks, about, marks_of, model_in, name_of
+from resample.command.about import Marks, OptionTopic, about, marks_of, model_in, name_of
 from resample.command.flags import Switch, under
 from resample.command.settings import LIMITS, MEMORY, SETTINGS, Choices
 from resample.command.threads import at_most
@@ -38,7 +38,7 @@ LOG = logging.getLogger("resample")
 OWN = ("settings", "settings-trusted", "save-settings")
 Given = Annotated[
     Path | None,
-    About.TRUST,
+    OptionTopic.TRUST,
     under(SETTINGS),
     Parameter(
         help="Read the look from a .toml, or from a PNG or EXR that this command made; options on "
@@ -47,7 +47,7 @@ Given = Annotated[
 ]
 Trusted = Annotated[
     Path | None,
-    About.TRUST,
+    OptionTopic.TRUST,
     under(SETTINGS),
     Parameter(
         help="Like --settings, for a .toml that you wrote yourself: it may also set inputs, "
@@ -56,14 +56,14 @@ Trusted = Annotated[
 ]
 Saved = Annotated[
     Path | None,
-    About.TRUST,
+    OptionTopic.TRUST,
     under(SETTINGS),
     Parameter(help="Also write the look, without inputs and outputs (.toml)."),
 ]
-Memory = Annotated[str | None, About.RESOURCE, under(LIMITS), Parameter(help=MEMORY + ".")]
+Memory = Annotated[str | None, OptionTopic.RESOURCE, under(LIMITS), Parameter(help=MEMORY + ".")]
 Limit = Annotated[
     str | None,
-    About.TRUST,
+    OptionTopic.TRUST,
     under(LIMITS),
     Parameter(
         help="Limits on untrusted files: unpacked=8GiB,ratio=5000; of text, tree, depth, items, "
@@ -72,7 +72,7 @@ Limit = Annotated[
 ]
 Outside = Annotated[
     bool,
-    About.TRUST,
+    OptionTopic.TRUST,
     Switch,
     under(LIMITS),
     Parameter(help="Allow files to refer to files outside their folder."),
@@ -123,11 +123,11 @@ def schema_of(name: str, command: App) -> dict[str, Any]:
     marks = marks_of(command.default_command)
     for key, argument in options_of(command).items():
         mark = marks[key]
-        if mark is About.TRUST:
+        if mark is OptionTopic.TRUST:
             continue
         adapter: TypeAdapter[Any] = TypeAdapter(argument.field_info.annotation)
         described = adapter.json_schema()
-        described["about"] = mark.value if isinstance(mark, About) else "look, or source"
+        described["about"] = mark.value if isinstance(mark, OptionTopic) else "look, or source"
         default = argument.field_info.default
         if default not in (None, inspect.Parameter.empty):
             described["default"] = adapter.dump_python(default, mode="json")
@@ -196,16 +196,16 @@ def read_settings(
     return content
 
 
-def look_of(settings: Settings, marks: Marks) -> Settings:
+def appearance_settings(settings: Settings, marks: Marks) -> Settings:
     """Select the settings that affect the look: these are saved in files."""
     return {key: value for key, value in settings.items() if _may_say(about(marks.get(key), value))}
 
 
-def _may_say(subject: About | None, *, is_trusted: bool = False) -> bool:
+def _may_say(subject: OptionTopic | None, *, is_trusted: bool = False) -> bool:
     """Whether a file may set an option of this category."""
     if is_trusted:
-        return subject is not None and subject is not About.TRUST
-    return subject is About.LOOK
+        return subject is not None and subject is not OptionTopic.TRUST
+    return subject is OptionTopic.APPEARANCE
 
 
 def _left_out(keys: list[str], *, is_picture: bool) -> str:
@@ -292,7 +292,7 @@ def _keeping(name: str, command: Command) -> Command:
     ) -> Any:
         marks = marks_of(command)
         chosen = dict(_chosen(command, signature, options))
-        text = as_toml(name, look_of(chosen, marks))
+        text = as_toml(name, appearance_settings(chosen, marks))
         with (
             memories.allowing(memory),
             at_most(chosen.get("threads")),
@@ -305,7 +305,7 @@ def _keeping(name: str, command: Command) -> Command:
             result = command(*inputs, **options)
         with replacing(save_settings) as temporary:
             temporary.write_bytes(text.encode())
-        if read := [key for key in chosen if about(marks[key], chosen[key]) is About.SOURCE]:
+        if read := [key for key in chosen if about(marks[key], chosen[key]) is OptionTopic.SOURCE]:
             LOG.warning("%s: %s", save_settings, _unsaid(read))
         return result
 

@@ -29,10 +29,10 @@ from resample.types import (
 from resample.watching import Progress, told
 
 if TYPE_CHECKING:
-    from resample.engine.rays.looks import SummedLook
+    from resample.engine.rays.classifiers import SummedClassifier
+    from resample.engine.rays.integrators import Way
     from resample.engine.rays.marching import Bricks
     from resample.engine.rays.media import Medium
-    from resample.engine.rays.seeing import Way
 
 LARGE_TILE, TILE, SMALL_TILE = 64, 32, 16  # px, side of a tile
 MANY = 32  # large tiles, enough for all threads
@@ -259,9 +259,9 @@ def _corners(field: LatticeField) -> Doubles:
 
 
 def _way(field: LatticeField, how: Gathering) -> "Way":
-    from resample.engine.rays.seeing import Composite, Extreme, Mean, Surface
+    from resample.engine.rays.integrators import Composite, Extreme, Mean, Surface
 
-    look, style = field.classifier, how.style
+    classifier, style = field.classifier, how.style
     voxel = float(np.cbrt(abs(np.linalg.det(field.lattice))))
     if style.projection in (MAXIMUM, MINIMUM):
         is_within = how.interpolation == MONOTONE
@@ -269,9 +269,11 @@ def _way(field: LatticeField, how: Gathering) -> "Way":
     if style.projection in (AVERAGE, ADDITIVE):
         return Mean(voxel, style.projection == ADDITIVE)
     if style.projection == FIRST_HIT:
-        return Surface(style.iso * (look.table.shape[1] // field.looks - 1))
-    is_lit = bool(look.lamp.diffuse > 0 or look.lamp.specular > 0 or field.reached.share.size)
-    has_regions = look.table.shape[0] > 1
+        return Surface(style.iso * (classifier.table.shape[1] // field.classifiers - 1))
+    is_lit = bool(
+        classifier.lamp.diffuse > 0 or classifier.lamp.specular > 0 or field.reached.share.size
+    )
+    has_regions = classifier.table.shape[0] > 1
     return Composite(OPAQUE, is_lit, has_regions)
 
 
@@ -281,9 +283,9 @@ def _medium(field: LatticeField, view: View, how: Gathering) -> "Medium":
     from resample.engine.rays.media import Medium
     from resample.engine.rays.splines import PAD
 
-    look, spline, lattice = field.classifier, field.spline, field.lattice
-    columns = look.table.shape[1] // field.looks - 1
-    per_value = columns / (look.high - look.low)
+    classifier, spline, lattice = field.classifier, field.spline, field.lattice
+    columns = classifier.table.shape[1] // field.classifiers - 1
+    per_value = columns / (classifier.high - classifier.low)
     to_nodes = np.linalg.inv(lattice)
     origin = field.origin - lattice @ np.full(3, PAD - 1.0)
     eye = -view.rotation.T @ view.translation
@@ -296,18 +298,18 @@ def _medium(field: LatticeField, view: View, how: Gathering) -> "Medium":
     )
     scaled = spline._replace(
         scale=spline.scale * per_value,
-        zero=(spline.zero - look.low) * per_value,
-        floor=(spline.floor - look.low) * per_value,
-        ceiling=(spline.ceiling - look.low) * per_value,
+        zero=(spline.zero - classifier.low) * per_value,
+        floor=(spline.floor - classifier.low) * per_value,
+        ceiling=(spline.ceiling - classifier.low) * per_value,
     )
     if how.interpolation != MONOTONE:
         scaled = scaled._replace(floor=-math.inf, ceiling=math.inf)
-    columnwise = [_columnwise(bound, look.low, per_value) for bound in field.bounds]
+    columnwise = [_columnwise(bound, classifier.low, per_value) for bound in field.bounds]
     return Medium(
         scaled,
         _bricks(Bounds(*columnwise), field, how.style),
         space,
-        _look(look, field.looks),
+        _summed_classifier(classifier, field.classifiers),
         np.ascontiguousarray(lattice),
         origin,
         np.ascontiguousarray(to_nodes.T / per_value),
@@ -316,7 +318,7 @@ def _medium(field: LatticeField, view: View, how: Gathering) -> "Medium":
         field.known,
         field.tint,
         _bent(field, view, how) * columns,
-        _is_from_eye(look, eye, view),
+        _is_from_eye(classifier, eye, view),
         field.reached,
         field.mesh,
     )
@@ -331,9 +333,9 @@ def _bent(field: LatticeField, view: View, how: Gathering) -> float:
     return bent * min(MOST_BENT, max(1.0, CLOSE / spacing))
 
 
-def _is_from_eye(look: Classifier, eye: Doubles, view: View) -> bool:
+def _is_from_eye(classifier: Classifier, eye: Doubles, view: View) -> bool:
     """Whether the lamp's viewer is the eye, so that a ray has one direction for it."""
-    viewer = look.lamp.viewer
+    viewer = classifier.lamp.viewer
     return bool(viewer[3] == 0 or (view.perspective and np.allclose(viewer[:3], eye, 1e-9, 1e-9)))
 
 
@@ -351,30 +353,30 @@ def _cuts(clip: ArrayLike | None, lattice: Doubles) -> Doubles:
     return np.asarray(given / np.linalg.norm(given[:, :3] @ lattice, axis=1)[:, None])
 
 
-def _look(look: Classifier, count: int) -> "SummedLook":
-    from resample.engine.rays.looks import SummedLook
+def _summed_classifier(classifier: Classifier, count: int) -> "SummedClassifier":
+    from resample.engine.rays.classifiers import SummedClassifier
 
-    table = np.ascontiguousarray(look.table)
+    table = np.ascontiguousarray(classifier.table)
     most = table[0] if len(table) == 1 else _most(table)
     product = most.astype(np.float64)
     product[:, :3] *= product[:, 3:]
     total, bend = np.zeros((2, *product.shape))
     np.cumsum(0.5 * (product[1:] + product[:-1]), axis=0, out=total[1:])
     bend[:-1] = 0.5 * np.diff(product, axis=0)
-    per_slope = (len(table) - 1) / look.steep
-    return SummedLook(
+    per_slope = (len(table) - 1) / classifier.steep
+    return SummedClassifier(
         np.ascontiguousarray(np.hstack([total, product, bend])),
         len(most) // count,
         np.concatenate([[0], np.cumsum(_thickest(most[:, 3], count) > 0)]),
-        look.lamp.specular * np.linspace(0.0, 1.0, HIGHLIGHTS) ** look.lamp.shininess,
+        classifier.lamp.specular * np.linspace(0.0, 1.0, HIGHLIGHTS) ** classifier.lamp.shininess,
         table,
-        look.low,
-        (look.high - look.low) / (len(most) // count - 1),
+        classifier.low,
+        (classifier.high - classifier.low) / (len(most) // count - 1),
         per_slope,
-        look.lamp,
-        look.near,
-        look.far,
-        look.dimmed,
+        classifier.lamp,
+        classifier.near,
+        classifier.far,
+        classifier.dimmed,
     )
 
 
@@ -397,9 +399,9 @@ def _bricks(bounds: Bounds, field: LatticeField, style: Style) -> "Bricks":
     from resample.engine.rays.marching import Bricks
 
     table = field.classifier.table
-    columns = table.shape[1] // field.looks
+    columns = table.shape[1] // field.classifiers
     if style.projection == COMPOSITE:
-        seen = _visible(bounds, _thickest(table[..., 3], field.looks).max(axis=0))
+        seen = _visible(bounds, _thickest(table[..., 3], field.classifiers).max(axis=0))
     elif style.projection == FIRST_HIT:
         seen = bounds.greatest >= style.iso * (columns - 1)
     else:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from resample.cameras.viewpoints import Orbit, viewpoint_of
-from resample.command.settings_files import as_toml, look_of
+from resample.command.settings_files import appearance_settings, as_toml
 from resample.view.views import Settings, Size, marks_in
 
 ORBITING = {"file": "keyframes.toml", "steered": ["camera", "fov", "up"]}  # films that orbit
@@ -48,7 +48,7 @@ def exports_of(
         film = {"keyframes": keyframes, "film": _film(about, whole, len(cameras))}
     return {
         "command": shlex.join([*words, "-o", "picture.png"]),
-        "settings": as_toml(command, look_of(whole, marks_in(command))),
+        "settings": as_toml(command, appearance_settings(whole, marks_in(command))),
         "python": python + 'shown.save("picture.png")\n',
         "notebook": python + "shown\n",
         **film,

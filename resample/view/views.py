@@ -12,7 +12,7 @@ from cyclopts.argument import Argument
 from numpy.typing import NDArray
 
 from resample import registry
-from resample.command.about import About, Marks, about, marks_of, name_of
+from resample.command.about import Marks, OptionTopic, about, marks_of, name_of
 from resample.command.settings import Choices
 from resample.command.settings_files import options_of, schema_of
 from resample.watching import Cancel, Progress
@@ -128,7 +128,7 @@ def controls_of(name: str, command: App, left_out: Sequence[str] = ()) -> list[d
         if key not in schema or key in left_out:
             continue
         described = dict(schema[key])
-        if About.LOOK.value not in described.pop("about"):
+        if OptionTopic.APPEARANCE.value not in described.pop("about"):
             continue
         found.append(
             {
@@ -178,7 +178,7 @@ def check_said(command: str, said: Settings, begun: Settings) -> None:
     marks = marks_in(command)
     for key, value in said.items():
         is_known = key in begun and begun[key] == value
-        if key in marks and not is_known and about(marks[key], value) is not About.LOOK:
+        if key in marks and not is_known and about(marks[key], value) is not OptionTopic.APPEARANCE:
             raise ValueError(
                 f"{key} {value!r:.60}: a page only changes the look; give what is read or "
                 "written on the command line, or in Python"

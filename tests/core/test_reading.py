@@ -26,9 +26,9 @@ from resample.reading.texts import json_of, toml_of
 from resample.words import one_line, visible
 from resample_texture.geometry.maps import read_map
 from resample_texture.mesh.files import load_mesh
+from resample_volume.classification.files import read_transfer
 from resample_volume.files.readers import MetaImage, Nifti, Npy, Nrrd, Raw, Vti
 from resample_volume.files.stores.reader import Zarr
-from resample_volume.looks.files import read_transfer
 from resample_volume.surfaces.meshes import read_mesh
 from resample_warp3d.clouds.files import read_cloud
 from resample_warp3d.depth.files import read_depth

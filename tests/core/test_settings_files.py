@@ -11,7 +11,7 @@ import pytest
 
 from resample import registry
 from resample.cli import app
-from resample.command.about import About, marks_of
+from resample.command.about import OptionTopic, marks_of
 from resample.command.settings_files import as_toml, options_of, read_settings
 from resample.files.facts.origin import settings_in, state, stating
 from resample.files.images import read_channels
@@ -182,7 +182,9 @@ def test_the_schema_of_every_command_knows_its_options(application, capsys):
         assert ended("schema", f"resample-{application}", name) == 0
         schema = commands.strict_json(capsys.readouterr().out)
         marks = marks_of(commands_of[name].default_command)
-        known = {key for key in options_of(commands_of[name]) if marks[key] is not About.TRUST}
+        known = {
+            key for key in options_of(commands_of[name]) if marks[key] is not OptionTopic.TRUST
+        }
         assert set(schema["properties"]) == known | {"command"}
 
 

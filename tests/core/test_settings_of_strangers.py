@@ -19,14 +19,14 @@ from resample.cameras.files import viewpoint
 from resample.cameras.viewpoints import NAMED, Orbit
 from resample.cli import app
 from resample.command import about as abouts
-from resample.command.about import About, Inline, about, marks_of
+from resample.command.about import Inline, OptionTopic, about, marks_of
 from resample.command.settings import Choices
 from resample.command.settings_files import OWN, options_of, read_settings
 from resample.files.facts.origin import KEY, settings_in
 from resample_texture.geometry.matrices import parse_matrix
 from resample_texture.showing import scenes
+from resample_volume.classification.presets import is_file
 from resample_volume.command import animation as volume_films
-from resample_volume.looks.presets import is_file
 from resample_warp3d.command import animation as depth_films
 from resample_warp3d.command import clouds
 from resample_warp3d.command.cameras.intrinsics import with_intrinsics
@@ -143,7 +143,7 @@ def test_of_all_options_files_say_the_look_alone(name, command):
     beyond = [
         key
         for key, mark in marks.items()
-        if mark is not About.LOOK and not isinstance(mark, Inline) and key not in OWN
+        if mark is not OptionTopic.APPEARANCE and not isinstance(mark, Inline) and key not in OWN
     ]
     files = [key for key, mark in marks.items() if isinstance(mark, Inline)]
     text = "".join(f'{key} = "http://x/y.toml"\n' for key in (*beyond, *files))
@@ -160,7 +160,7 @@ def test_every_model_says_what_its_options_are_about():
         left += left.pop().__subclasses__()
     for model in models:
         if model.__module__.startswith("resample"):
-            assert isinstance(model.about, About), model
+            assert isinstance(model.about, OptionTopic), model
 
 
 def test_values_that_say_the_look_are_never_taken_for_files():
@@ -195,13 +195,13 @@ def test_values_that_say_the_look_are_never_taken_for_files():
     ],
 )
 def test_forms_of_values_tell_looks_from_files(mark, looks, files):
-    assert [about(mark, text) for text in looks] == [About.LOOK] * len(looks)
-    assert [about(mark, text) for text in files] == [About.SOURCE] * len(files)
+    assert [about(mark, text) for text in looks] == [OptionTopic.APPEARANCE] * len(looks)
+    assert [about(mark, text) for text in files] == [OptionTopic.SOURCE] * len(files)
 
 
 def test_a_long_value_is_told_from_a_file_at_once():
     for mark in (abouts.CAMERA, abouts.NUMBERS, abouts.TRANSFER):
-        assert about(mark, "1" * 10**6 + "/x.json") is About.SOURCE
+        assert about(mark, "1" * 10**6 + "/x.json") is OptionTopic.SOURCE
 
 
 def test_words_of_paths_are_those_that_there_are():
@@ -214,8 +214,8 @@ def test_words_of_paths_are_those_that_there_are():
     for (application, command, option), names in known.items():
         home = import_module(f"resample_{application}.cli").app
         mark = marks_of(home[command].default_command)[option]
-        assert [about(mark, name) for name in names] == [About.LOOK] * len(names)
-        assert about(mark, "poses.toml") is About.SOURCE
+        assert [about(mark, name) for name in names] == [OptionTopic.APPEARANCE] * len(names)
+        assert about(mark, "poses.toml") is OptionTopic.SOURCE
 
 
 def test_what_is_read_is_not_kept_which_is_said(capsys):

@@ -16,8 +16,8 @@ from resample.painting.choices import Primitive, Projection
 from resample.profiles.orders import AxisSheets, ImageSheets, Rays
 from resample.resampler import Resampler
 from resample_texture import BackwardMap, Homography, warp
+from resample_volume.classification.transfer import from_points
 from resample_volume.inputs import as_volume
-from resample_volume.looks.transfer import from_points
 from resample_volume.media.appearance import Appearance, Classification
 from resample_volume.rendering import Subject
 from resample_warp3d import Cloud, render_cloud

@@ -20,11 +20,11 @@ from resample.console.backgrounds import linear_color
 from resample.files.images import screen_levels
 from resample.view.views import controls_of
 from resample_volume import viewing
+from resample_volume.classification.materials import spread
+from resample_volume.classification.presets import load_transfer
 from resample_volume.cli import app
-from resample_volume.command.choices import Look
+from resample_volume.command.choices import AppearanceChoices
 from resample_volume.editing import MOST, points_of, spelled
-from resample_volume.looks.materials import spread
-from resample_volume.looks.presets import load_transfer
 from resample_volume.media.appearance import transfer_of
 from resample_volume.viewing import VolumePainter, VolumeView, picture, suits
 from tests.commands import ended
@@ -47,7 +47,9 @@ WISHES: dict[str, dict[str, Any]] = {
 
 @pytest.fixture(scope="module")
 def place() -> Iterator[Served]:
-    with served(VolumeView(BOX, begin=(Look(transfer="checker"),), controls=CONTROLS)) as address:
+    with served(
+        VolumeView(BOX, begin=(AppearanceChoices(transfer="checker"),), controls=CONTROLS)
+    ) as address:
         yield address
 
 
@@ -176,7 +178,7 @@ def test_points_come_close_to_looks_of_any_kind(name: str) -> None:
     assert len(points) <= MOST
     value = np.linspace(-10, 300, 777)
     slopes = np.full(value.size, 1e30, np.float32)
-    color, opacity = spread(transfer, (-10.0, 300.0)).looks(value, slopes, (-10.0, 300.0), 1.0)
+    color, opacity = spread(transfer, (-10.0, 300.0)).classify(value, slopes, (-10.0, 300.0), 1.0)
     made, thick = load_transfer(spelled(points))(value, (-10.0, 300.0))
     # 14 lines instead of three regions' ramps; a step falls between two of 512 places
     assert np.percentile(np.abs(opacity - thick), 98) < 0.04

@@ -18,7 +18,7 @@ from resample.command.settings import PictureFormat
 from resample.view.views import controls_of
 from resample.watching import Cancel
 from resample_volume.cli import app
-from resample_volume.command.choices import Look
+from resample_volume.command.choices import AppearanceChoices
 from resample_volume.viewing import VolumeView
 from tests.commands import ended
 from tests.view.conftest import served
@@ -29,7 +29,10 @@ pytestmark = pytest.mark.skipif(
     BROWSER is None, reason="no Chromium: apt install chromium, or another that is in the PATH"
 )
 TIME = 60_000  # ms; kernels may have to be compiled
-BEGIN = Look(transfer="vessels"), PictureFormat(background="#203040")  # nothing shows through
+BEGIN = (
+    AppearanceChoices(transfer="vessels"),
+    PictureFormat(background="#203040"),
+)  # nothing shows through
 SHOWN = """() => {
   const image = document.querySelector('.canvas img'), canvas = document.createElement('canvas');
   canvas.width = image.naturalWidth;

@@ -7,13 +7,13 @@ from resample.command.settings import Resampling
 from resample.painting.choices import MEASURING, Primitive, Projection
 from resample.profiles.orders import ImageSheets, Rays
 from resample.resampler import Resampler
-from resample_volume.command.choices import Look, Projecting, Source
+from resample_volume.classification.automatic import LEVELS
+from resample_volume.classification.labels import Rule
+from resample_volume.classification.materials import spread
+from resample_volume.classification.presets import load_transfer
+from resample_volume.command.choices import AppearanceChoices, Projecting, Source
 from resample_volume.command.inputs import opened
 from resample_volume.files.generated import checker_box
-from resample_volume.looks.automatic import LEVELS
-from resample_volume.looks.labels import Rule
-from resample_volume.looks.materials import spread
-from resample_volume.looks.presets import load_transfer
 from resample_volume.media.appearance import BY_DEFAULT, Appearance
 from resample_volume.media.xrays import XRay
 from resample_volume.voxels.shading import DepthCue, Light
@@ -22,13 +22,13 @@ BOX = checker_box(4, 2)
 
 
 def test_the_defaults_are_those_of_the_library():
-    look = Look()
+    look = AppearanceChoices()
     assert look.appearance(BOX) == Appearance(load_transfer("checker"))
     assert look.viewpoint() == Orbit()
 
 
 def test_every_choice_arrives():
-    look = Look(
+    look = AppearanceChoices(
         transfer="gray",
         opacity_unit=2.5,
         camera="10/20/3",
@@ -48,18 +48,18 @@ def test_every_choice_arrives():
 def test_auto_is_gray_levels_where_values_are_projected():
     for projection in MEASURING:
         resampler = Resampler(order=Rays(), projection=projection)
-        transfer = Look().appearance(BOX, resampler).transfer
+        transfer = AppearanceChoices().appearance(BOX, resampler).transfer
         # The means along the box's axes are all the same: they have no range of their own.
         span = (64.0, 192.0) if projection is Projection.AVERAGE else None
         assert transfer == (LEVELS if span is None else spread(LEVELS, span))
-        named = Look(transfer="bone").appearance(BOX, resampler)
+        named = AppearanceChoices(transfer="bone").appearance(BOX, resampler)
         assert named.transfer == load_transfer("bone")
 
 
 def test_cuts_labels_and_depth_cues_arrive(tmp_path):
     labels = np.arange(64, dtype=np.uint8).reshape(4, 4, 4)
     np.save(tmp_path / "labels.npy", labels)
-    look = Look(
+    look = AppearanceChoices(
         labels=str(tmp_path / "labels.npy"),
         label=("1:hidden", "-0:color=red"),
         crop="1:,:,:",
@@ -76,10 +76,10 @@ def test_cuts_labels_and_depth_cues_arrive(tmp_path):
 
 
 def test_fields_are_gathered_along_rays_unless_an_order_is_chosen():
-    post = Look(classify="post")
+    post = AppearanceChoices(classify="post")
     assert post.renderer(Resampling()).order == Rays()
     maximum = Projecting(projection="maximum").resampling()
-    assert Look().renderer(maximum).order == Rays(quality="usual")
+    assert AppearanceChoices().renderer(maximum).order == Rays(quality="usual")
     assert post.renderer(maximum).order == Rays()
     assert post.renderer(Resampling(order="image-sheets:thickness=2")).order == ImageSheets(2)
     assert Projecting(projection="maximum").resampling() == Resampling(projection="maximum")
@@ -97,20 +97,20 @@ def test_fields_are_gathered_along_rays_unless_an_order_is_chosen():
 )
 def test_what_does_not_go_together_is_refused_without_a_volume(look, resampling, complaint):
     with pytest.raises(ValueError, match=complaint):
-        Look(**look).renderer(Resampling(**resampling))
+        AppearanceChoices(**look).renderer(Resampling(**resampling))
 
 
 def test_light_is_chosen():
-    look = Look(ambient=0.5, diffuse=0.25, specular=0, shininess=8, light="0/0/1")
+    look = AppearanceChoices(ambient=0.5, diffuse=0.25, specular=0, shininess=8, light="0/0/1")
     assert look.appearance(BOX).light == Light((0, 0, 1), 0.5, 0.25, 0.0, 8.0)
 
 
 def test_a_window_spreads_fractions():
-    appearance = Look(transfer="gray", window="40/400").appearance(BOX)
+    appearance = AppearanceChoices(transfer="gray", window="40/400").appearance(BOX)
     assert appearance.transfer == spread(load_transfer("gray"), (-160.0, 240.0))
     for projection in MEASURING:
         resampler = Resampler(order=Rays(), projection=projection)
-        made = Look(window="40/400").appearance(BOX, resampler)
+        made = AppearanceChoices(window="40/400").appearance(BOX, resampler)
         if projection is Projection.XRAY:
             assert made.xray == XRay(window=(-160.0, 240.0))  # of its line integrals
         else:
@@ -130,12 +130,12 @@ def test_a_window_spreads_fractions():
 )
 def test_a_window_that_makes_no_sense_is_refused(window, transfer, complaint):
     with pytest.raises(ValueError, match=complaint):
-        Look(window=window, transfer=transfer).appearance(BOX)
+        AppearanceChoices(window=window, transfer=transfer).appearance(BOX)
 
 
 def test_without_shading_there_is_no_light():
-    assert Look(shading=False).appearance(BOX).light is None
-    assert Look(shading=False, light="1/0/0").appearance(BOX).light is None
+    assert AppearanceChoices(shading=False).appearance(BOX).light is None
+    assert AppearanceChoices(shading=False, light="1/0/0").appearance(BOX).light is None
 
 
 @pytest.mark.parametrize(
@@ -151,19 +151,19 @@ def test_without_shading_there_is_no_light():
 )
 def test_what_is_not_allowed_is_refused(choice):
     with pytest.raises(ValidationError, match=next(iter(choice))):
-        Look(**choice)
+        AppearanceChoices(**choice)
 
 
 @pytest.mark.parametrize("light", ["sun", "1/2", "1/2/3/4", "", "0/0/0", "1/nan/0"])
 def test_a_light_is_a_direction(light):
     with pytest.raises(ValueError, match="light"):
-        Look(light=light).appearance(BOX)
+        AppearanceChoices(light=light).appearance(BOX)
 
 
 @pytest.mark.parametrize("ramp", ["0.5", "a/b", "0.1/0.2/0.3"])
 def test_a_ramp_is_two_numbers(ramp):
     with pytest.raises(ValueError, match=r"gradient-opacity .*; give 2 numbers as a/b"):
-        Look(gradient_opacity=ramp).appearance(BOX)
+        AppearanceChoices(gradient_opacity=ramp).appearance(BOX)
 
 
 def test_a_raw_file_is_told_its_shape_type_and_spacing(tmp_path):

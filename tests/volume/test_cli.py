@@ -10,11 +10,11 @@ import pytest
 from resample.command.session import libraries
 from resample.files.images import read_channels, read_image
 from resample_volume import cli
+from resample_volume.classification import names
+from resample_volume.classification.names import TISSUES
+from resample_volume.classification.presets import PRESETS
+from resample_volume.classification.tissues import POINTS
 from resample_volume.files.source import open_volume
-from resample_volume.looks import names
-from resample_volume.looks.names import TISSUES
-from resample_volume.looks.presets import PRESETS
-from resample_volume.looks.tissues import POINTS
 from tests import commands
 
 BOX = "checker-box:size=16,block=4"

@@ -10,7 +10,7 @@ import pytest
 from resample.files.images import read_image
 from resample.resampler import Resampler
 from resample_volume import cli
-from resample_volume.command.choices import Added, Look, Source
+from resample_volume.command.choices import Added, AppearanceChoices, Source
 from resample_volume.command.inputs import held
 from resample_volume.command.media import media, others
 from resample_volume.files.generated import vessel_tree
@@ -37,7 +37,9 @@ def files(tmp_path, monkeypatch):
 
 
 def scene(name, source=None, **added):
-    return media(source or Source(), name, Look(shading=False), Added(**added), Resampler())
+    return media(
+        source or Source(), name, AppearanceChoices(shading=False), Added(**added), Resampler()
+    )
 
 
 def test_also_shows_another_volume_where_its_file_says():
@@ -74,7 +76,7 @@ def test_what_is_said_of_another_volume_is_read():
     (other,) = others([text])
     assert other.name == "vessel-tree:size=16"
     assert (other.source.channel, other.source.units) == (0, "none")
-    assert other.look == {"window": "40/80", "transfer": "skin:opacity=0.1+bone"}
+    assert other.classifier == {"window": "40/80", "transfer": "skin:opacity=0.1+bone"}
     assert others(["b.nrrd"]) == [("b.nrrd", Source(), {})]
 
 

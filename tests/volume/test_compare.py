@@ -11,7 +11,7 @@ from resample.painting.choices import Footprint, Primitive
 from resample.profiles.filters import Gaussian
 from resample.profiles.orders import ImageSheets
 from resample.resampler import Resampler
-from resample_volume.command.choices import Look
+from resample_volume.command.choices import AppearanceChoices
 from resample_volume.files.generated import checker_box
 from resample_volume.rendering import Subject
 from resample_volume.showing.compare import Contest, variants
@@ -20,7 +20,7 @@ from resample_volume.voxels.framing import centered
 SPLATS = Resampler(primitive=Primitive.SPLATS)
 
 
-BOX, LOOK, SIZE = checker_box(16, 4), Look(camera="30/20/0.5"), (24, 32)
+BOX, LOOK, SIZE = checker_box(16, 4), AppearanceChoices(camera="30/20/0.5"), (24, 32)
 
 
 def contest(rays: int, resampler: Resampler = SPLATS) -> Contest:

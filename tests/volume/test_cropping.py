@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from resample_volume.looks.transfer import from_points
+from resample_volume.classification.transfer import from_points
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import inside, keep, planes
 from resample_volume.voxels.visible import classify, lattice_of

@@ -15,10 +15,10 @@ from resample.files.images import read_image
 from resample.painting.rays import spacing_of
 from resample.resampler import Resampler
 from resample_volume import Appearance, Scene, as_volume, render
+from resample_volume.classification.labels import Labels, Rule
 from resample_volume.cli import app
 from resample_volume.command.rendering import scene_of
 from resample_volume.files.generated import vessel_tree
-from resample_volume.looks.labels import Labels, Rule
 from resample_volume.media.appearance import BY_DEFAULT
 from resample_volume.rendering import Subject
 from resample_volume.voxels.streaming import TooManyVoxelsError

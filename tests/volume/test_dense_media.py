@@ -9,8 +9,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from resample import Resampler
-from resample_volume.looks.labels import Labels, Rule
-from resample_volume.looks.regions import Region, RegionTransfer
+from resample_volume.classification.labels import Labels, Rule
+from resample_volume.classification.regions import Region, RegionTransfer
 from resample_volume.media import resampling
 from resample_volume.media.appearance import Appearance
 from resample_volume.media.lattices import common_lattice, first_in

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from resample_volume import Appearance, as_volume, open_volume, render
-from resample_volume.looks.transfer import from_points
+from resample_volume.classification.transfer import from_points
 
 VALUES = np.arange(120, dtype=np.float32).reshape(4, 5, 6)  # (Z, Y, X)
 AFFINE = np.array([[0, -2, 0, 5], [1.5, 0, 0, 6], [0, 0, 3, 7], [0, 0, 0, 1.0]])

@@ -10,10 +10,10 @@ from resample.painting.choices import Projection
 from resample.profiles.orders import ImageSheets
 from resample.resampler import Resampler
 from resample.types import Field, Frame
+from resample_volume.classification.automatic import LEVELS
+from resample_volume.classification.presets import load_transfer
+from resample_volume.classification.transfer import TransferFunction, from_points
 from resample_volume.files.generated import vessel_tree
-from resample_volume.looks.automatic import LEVELS
-from resample_volume.looks.presets import load_transfer
-from resample_volume.looks.transfer import TransferFunction, from_points
 from resample_volume.types import Volume
 from resample_volume.voxels.fields import FieldVoxels, field_voxels, framed, lit_field
 from resample_volume.voxels.framing import centered, sphere_around
@@ -48,7 +48,7 @@ def painted(voxels: FieldVoxels, resampler: Resampler, light: Light | None) -> F
 def test_a_composite_of_the_kept_voxels_is_that_of_all(transfer, thickness):
     resampler = replace(SLABS, order=ImageSheets(thickness))
     kept = field_voxels(TREE, transfer, resampler, "central")
-    every = whole(TREE, transfer, "central")._replace(looks=kept.looks)
+    every = whole(TREE, transfer, "central")._replace(table=kept.table)
     assert 0 < len(kept.value) < len(every.value)
     some, all_ = (painted(voxels, resampler, Light()).rgba for voxels in (kept, every))
     assert some[..., 3].max() > 0.3
@@ -111,7 +111,7 @@ def test_positions_values_and_gradients_belong_together():
 
 
 def test_whole_numbers_fall_on_columns_of_the_table():
-    looks = whole(TREE, LATE, None).looks
+    looks = whole(TREE, LATE, None).table
     step = (looks.table.shape[1] - 1) / (looks.high - looks.low)
     assert step == int(step)
     opacity = LATE.opacities(np.arange(193), (0, 192))

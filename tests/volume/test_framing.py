@@ -9,9 +9,9 @@ from resample.cameras.viewpoints import Orbit, Sphere, Spot
 from resample.command.settings import Resampling
 from resample.files.images import read_image
 from resample_volume import cli
-from resample_volume.command.choices import Look
+from resample_volume.classification.presets import load_transfer
+from resample_volume.command.choices import AppearanceChoices
 from resample_volume.inputs import as_volume
-from resample_volume.looks.presets import load_transfer
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import Subject, render
 from resample_volume.voxels.framing import filling, sphere_around
@@ -257,7 +257,7 @@ def balls(transfer, values):
     found = []
     for classify_ in ("pre", "post"):
         for resampling in chosen[: 5 if classify_ == "pre" else 1]:
-            look = Look(transfer=transfer, classify=classify_)
+            look = AppearanceChoices(transfer=transfer, classify=classify_)
             resampler = look.renderer(resampling)
             found.append(Subject.of(volume, look.appearance(volume, resampler), resampler).sphere)
     return found

@@ -11,8 +11,8 @@ from resample.colors import from_srgb, to_srgb
 from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
 from resample.resampler import Resampler
+from resample_volume.classification.transfer import from_points
 from resample_volume.inputs import as_volume
-from resample_volume.looks.transfer import from_points
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import Subject, render
 from resample_volume.scenes import Scene
@@ -150,7 +150,7 @@ def test_a_window_that_is_not_given_is_the_range_without_padding():
 
 
 def test_windows_and_surfaces_on_a_scale_are_of_values():
-    from resample_volume.looks.scales import scaled
+    from resample_volume.classification.scales import scaled
 
     ramp = as_volume(10.0 ** np.linspace(0, 3, 16) * np.ones((12, 12, 1)))
     volume = scaled(ramp, "log")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from resample.cameras.viewpoints import Orbit
 from resample_volume import as_volume, render
-from resample_volume.looks.transfer import from_points
+from resample_volume.classification.transfer import from_points
 
 PLAIN = (100 * np.random.default_rng(0).random((6, 7, 8))).astype(np.float32)
 LOOK = from_points([(20.0, (1.0, 0.5, 0.1), 0.0), (100.0, (0.2, 0.5, 1.0), 0.8)])

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from resample.cameras.viewpoints import Orbit
+from resample_volume.classification.labels import Labels, Rule
 from resample_volume.data.recordings import volume_at
 from resample_volume.files.source import open_streamed
 from resample_volume.files.stores import kept
 from resample_volume.files.stores.chunks import Single
 from resample_volume.files.stores.writing import Layered, write_store
-from resample_volume.looks.labels import Labels, Rule
 from resample_volume.outofcore import known, windowed
 from resample_volume.outofcore.known import known_of, looked_at_before
 from resample_volume.types import Recording

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from resample_volume.classification.hounsfield import Units
+from resample_volume.classification.materials import Materials, Windowed, spread
+from resample_volume.classification.presets import PRESETS, load_transfer, transfer_for
+from resample_volume.classification.regions import Faded
+from resample_volume.classification.surveys import survey
+from resample_volume.classification.tissues import POINTS, tissue
+from resample_volume.classification.transfer import from_points
 from resample_volume.inputs import as_volume
-from resample_volume.looks.hounsfield import Units
-from resample_volume.looks.materials import Materials, Windowed, spread
-from resample_volume.looks.presets import PRESETS, load_transfer, transfer_for
-from resample_volume.looks.regions import Faded
-from resample_volume.looks.surveys import survey
-from resample_volume.looks.tissues import POINTS, tissue
-from resample_volume.looks.transfer import from_points
 
 RED, BLUE = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 VALUES = np.arange(-1000, 3000, 7).astype(np.float32)
@@ -29,7 +29,7 @@ def head(added=0.0):
 
 def test_transparencies_of_materials_multiply_and_colors_are_weighted():
     both = Materials((from_points([(0, RED, 0.5)]), from_points([(0, BLUE, 0.25)])))
-    color, opacity = both.looks(np.zeros(1, np.float32), None, BYTE, 1.0)
+    color, opacity = both.classify(np.zeros(1, np.float32), None, BYTE, 1.0)
     assert opacity == pytest.approx([1 - 0.5 * 0.75])
     assert color[0] == pytest.approx([2 / 3, 0, 1 / 3])
     assert both.opacities([0.0], BYTE) == pytest.approx(opacity)
@@ -40,7 +40,7 @@ def test_the_order_of_materials_does_not_matter():
         load_transfer(name) for name in ("skin:opacity=0.1+bone", "bone+skin:opacity=0.1")
     )
     for a, b in zip(
-        one.looks(VALUES, None, BYTE, 1), other.looks(VALUES, None, BYTE, 1), strict=True
+        one.classify(VALUES, None, BYTE, 1), other.classify(VALUES, None, BYTE, 1), strict=True
     ):
         np.testing.assert_allclose(a, b, atol=1e-6)
 
@@ -49,8 +49,8 @@ def test_where_one_material_is_seen_it_looks_as_it_does_alone():
     both = load_transfer("skin:opacity=0.1+metal")
     metal = tissue("metal")
     value = np.array([2600, 3000], np.float32)
-    alone = metal.looks(value, None, BYTE, 1)[1]
-    skin = tissue("skin").thinned(0.1).looks(value, None, BYTE, 1)[1]
+    alone = metal.classify(value, None, BYTE, 1)[1]
+    skin = tissue("skin").thinned(0.1).classify(value, None, BYTE, 1)[1]
     np.testing.assert_allclose(both.opacities(value, BYTE), 1 - (1 - alone) * (1 - skin), atol=1e-6)
 
 
@@ -81,12 +81,12 @@ def test_a_range_of_values_is_a_material(name, value, opacity):
 
 
 def test_a_material_has_a_color_of_its_own():
-    color, _ = load_transfer("300..900:color=red,opacity=0.4").looks(
+    color, _ = load_transfer("300..900:color=red,opacity=0.4").classify(
         np.array([600.0]), None, BYTE, 1
     )
     assert color[0] == pytest.approx(RED)
     for name in ("bone", "surfaces", "viridis"):
-        color, opacity = load_transfer(f"{name}:color=red").looks(
+        color, opacity = load_transfer(f"{name}:color=red").classify(
             np.linspace(0, 255, 99), np.full(99, 9, np.float32), BYTE, 9.0
         )
         np.testing.assert_allclose(color[opacity > 0], np.tile(RED, ((opacity > 0).sum(), 1)))
@@ -96,11 +96,11 @@ def test_a_material_keeps_its_surfaces_alone():
     surfaces = load_transfer("engine:gradient=0.2/0.5,opacity=0.5")
     assert isinstance(surfaces, Materials)
     value = np.full(3, 200.0)
-    _, opacity = surfaces.looks(value, np.array([0.0, 3.5, 9.0], np.float32), BYTE, 10.0)
+    _, opacity = surfaces.classify(value, np.array([0.0, 3.5, 9.0], np.float32), BYTE, 10.0)
     assert opacity == pytest.approx([0, 0.175, 0.35])
     faded = Faded(load_transfer("engine:opacity=0.5"), (0.2, 0.5))
     np.testing.assert_array_equal(
-        opacity, faded.looks(value, np.array([0.0, 3.5, 9.0], np.float32), BYTE, 10.0)[1]
+        opacity, faded.classify(value, np.array([0.0, 3.5, 9.0], np.float32), BYTE, 10.0)[1]
     )
 
 
@@ -127,8 +127,8 @@ def test_a_window_moves_fractions(name):
     moved = spread(transfer, (100.0, 500.0))
     assert not moved.normalized
     value, slope = np.linspace(50, 550, 999), np.linspace(0, 9, 999, dtype=np.float32)
-    looks = moved.looks(value, slope, (-1e6, 1e6), 5.0)
-    for a, b in zip(looks, transfer.looks(value, slope, (100.0, 500.0), 5.0), strict=True):
+    looks = moved.classify(value, slope, (-1e6, 1e6), 5.0)
+    for a, b in zip(looks, transfer.classify(value, slope, (100.0, 500.0), 5.0), strict=True):
         np.testing.assert_allclose(a, b, atol=2e-5)  # positions are float64, rounded otherwise
 
 
@@ -151,8 +151,8 @@ def test_a_windowed_function_can_be_changed_like_any():
 def test_tissues_are_where_hounsfield_units_are(name, added):
     volume = head(added)._replace(units="hu+1024" if added else "hu")
     assert survey(volume).units == Units(added)
-    at_zero = tissue(name).looks(VALUES, None, BYTE, 1)
-    looks = transfer_for(name, volume).looks(VALUES + added, None, BYTE, 1)
+    at_zero = tissue(name).classify(VALUES, None, BYTE, 1)
+    looks = transfer_for(name, volume).classify(VALUES + added, None, BYTE, 1)
     for a, b in zip(looks, at_zero, strict=True):
         np.testing.assert_allclose(a, b, atol=1e-6)
 

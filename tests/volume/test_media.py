@@ -9,10 +9,10 @@ from resample.cameras.viewpoints import Orbit
 from resample.painting.choices import Projection
 from resample.profiles.orders import ImageSheets, Rays
 from resample.resampler import Resampler
+from resample_volume.classification.labels import Labels
+from resample_volume.classification.transfer import TransferFunction, from_points
 from resample_volume.data import memory
 from resample_volume.files.generated import vessel_tree
-from resample_volume.looks.labels import Labels
-from resample_volume.looks.transfer import TransferFunction, from_points
 from resample_volume.media.appearance import Appearance, Classification
 from resample_volume.media.lattices import common_lattice, onto
 from resample_volume.media.mixing import mixed

@@ -16,7 +16,7 @@ from resample.cameras.viewpoints import Orbit
 from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
 from resample_volume import Appearance, Scene
-from resample_volume.looks.transfer import from_points
+from resample_volume.classification.transfer import from_points
 from resample_volume.rendering import Subject
 from resample_volume.types import Volume
 from resample_volume.voxels.visible import Voxels

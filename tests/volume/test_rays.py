@@ -13,8 +13,8 @@ from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
 from resample.resampler import Resampler
 from resample.types import Frame
+from resample_volume.classification.transfer import from_points
 from resample_volume.inputs import as_volume
-from resample_volume.looks.transfer import from_points
 from resample_volume.media.appearance import Appearance, Classification
 from resample_volume.rendering import Subject
 from resample_volume.types import Volume

@@ -9,8 +9,8 @@ from resample.cameras.viewpoints import Orbit
 from resample.painting.choices import Projection
 from resample.profiles.orders import ImageSheets, Rays
 from resample.resampler import Resampler
+from resample_volume.classification.transfer import from_points
 from resample_volume.inputs import as_volume
-from resample_volume.looks.transfer import from_points
 from resample_volume.media.appearance import Appearance, Classification
 from resample_volume.rendering import Subject, render
 from resample_volume.voxels import reaching

@@ -10,6 +10,7 @@ from resample.cameras.viewpoints import Orbit
 from resample.colors import from_srgb
 from resample.profiles.orders import ImageSheets
 from resample.resampler import Resampler
+from resample_volume.classification.transfer import from_points
 from resample_volume.data.recordings import (
     linear_colors,
     volume_at,
@@ -19,7 +20,6 @@ from resample_volume.files.labels import read_labels
 from resample_volume.files.readers import MetaImage, Nifti, Npy, Nrrd, TiffStack
 from resample_volume.files.source import open_recording, open_volume
 from resample_volume.inputs import as_volume
-from resample_volume.looks.transfer import from_points
 from resample_volume.media.appearance import Appearance, Classification
 from resample_volume.media.lattices import common_lattice, onto
 from resample_volume.rendering import Subject, render

@@ -9,10 +9,10 @@ import pytest
 
 from resample.colors import from_srgb
 from resample.types import Floats
-from resample_volume.looks.files import save_transfer
-from resample_volume.looks.presets import PRESETS, load_transfer
-from resample_volume.looks.regions import Faded, Region, RegionTransfer
-from resample_volume.looks.transfer import MOST_OPAQUE, from_points, tabulated
+from resample_volume.classification.files import save_transfer
+from resample_volume.classification.presets import PRESETS, load_transfer
+from resample_volume.classification.regions import Faded, Region, RegionTransfer
+from resample_volume.classification.transfer import MOST_OPAQUE, from_points, tabulated
 from resample_volume.types import Volume
 from resample_volume.voxels.visible import classify, steepness
 
@@ -29,7 +29,7 @@ def one(*regions: Region, **options: object) -> RegionTransfer:
 
 def opacities(transfer: RegionTransfer, values: object, slopes: object) -> list[float]:
     value, slope = np.array(values, float), np.array(slopes, np.float32)
-    opacity = transfer.looks(value, slope, BYTE, 20.0)[1]
+    opacity = transfer.classify(value, slope, BYTE, 20.0)[1]
     return [round(float(share), 6) for share in opacity]
 
 
@@ -86,18 +86,20 @@ def test_normalized_gradients_are_fractions_of_a_full_surface_s() -> None:
 
 def test_an_even_volume_has_gradients_of_0() -> None:
     inner = one(Region((0, 1), RED, 0.5, (0, 0.5)), normalized=True)
-    _, opacity = inner.looks(np.ones(2), np.array([0, 1], np.float32), BYTE, 0.0)
+    _, opacity = inner.classify(np.ones(2), np.array([0, 1], np.float32), BYTE, 0.0)
     assert opacity.tolist() == [0.5, 0]
 
 
 def test_constant_data_are_at_the_top_of_normalized_values() -> None:
     top = one(Region((0.9, 1), RED, 0.5), normalized=True)
-    assert top.looks(np.full(1, 3.0), np.zeros(1, np.float32), (3.0, 3.0), 1.0)[1] == 0.5
+    assert top.classify(np.full(1, 3.0), np.zeros(1, np.float32), (3.0, 3.0), 1.0)[1] == 0.5
 
 
 def test_nan_is_transparent_and_black() -> None:
     for transfer in (one(BOX, SOFT), PRESETS["surfaces"]()):
-        color, opacity = transfer.looks(np.array([np.nan]), np.full(1, 20, np.float32), BYTE, 20.0)
+        color, opacity = transfer.classify(
+            np.array([np.nan]), np.full(1, 20, np.float32), BYTE, 20.0
+        )
         assert opacity == 0
         assert (color == 0).all()
         assert transfer.opacities([np.nan], BYTE) == 0
@@ -106,7 +108,7 @@ def test_nan_is_transparent_and_black() -> None:
 def test_regions_that_overlap_agree_with_the_obvious_loop(rng: np.random.Generator) -> None:
     transfer = one(BOX, SOFT, Region((100, 200), WHITE, 0.3, (0, 20)))
     value, slope = rng.uniform(30, 220, 400), rng.uniform(0, 50, 400).astype(np.float32)
-    color, opacity = transfer.looks(value, slope, BYTE, 20.0)
+    color, opacity = transfer.classify(value, slope, BYTE, 20.0)
     for n in range(400):
         wanted, share = naive_looks(transfer, value[n], float(slope[n]))
         assert opacity[n] == pytest.approx(share, abs=1e-6)
@@ -115,8 +117,8 @@ def test_regions_that_overlap_agree_with_the_obvious_loop(rng: np.random.Generat
 
 def test_the_order_of_regions_does_not_matter(rng: np.random.Generator) -> None:
     value, slope = rng.uniform(0, 255, 99), rng.uniform(0, 50, 99).astype(np.float32)
-    some = one(BOX, SOFT).looks(value, slope, BYTE, 1.0)
-    other = one(SOFT, BOX).looks(value, slope, BYTE, 1.0)
+    some = one(BOX, SOFT).classify(value, slope, BYTE, 1.0)
+    other = one(SOFT, BOX).classify(value, slope, BYTE, 1.0)
     for left, right in zip(some, other, strict=True):
         np.testing.assert_allclose(left, right, atol=1e-6)
 
@@ -125,9 +127,9 @@ def test_many_values_are_looked_at_in_chunks(
     rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     value, slope = rng.uniform(0, 255, 99), rng.uniform(0, 50, 99).astype(np.float32)
-    whole = one(BOX, SOFT).looks(value, slope, BYTE, 1.0)
-    monkeypatch.setattr("resample_volume.looks.regions.CHUNK", 10)
-    for left, right in zip(one(BOX, SOFT).looks(value, slope, BYTE, 1.0), whole, strict=True):
+    whole = one(BOX, SOFT).classify(value, slope, BYTE, 1.0)
+    monkeypatch.setattr("resample_volume.classification.regions.CHUNK", 10)
+    for left, right in zip(one(BOX, SOFT).classify(value, slope, BYTE, 1.0), whole, strict=True):
         np.testing.assert_array_equal(left, right)
 
 
@@ -137,7 +139,7 @@ def test_no_slope_makes_a_value_more_opaque_than_was_said(
 ) -> None:
     transfer = {"box": one(BOX), "soft": one(BOX, SOFT), "surfaces": PRESETS["surfaces"]()}[name]
     value, slope = rng.uniform(0, 255, 999), rng.uniform(0, 50, 999).astype(np.float32)
-    assert (transfer.looks(value, slope, BYTE, 30.0)[1] <= transfer.opacities(value, BYTE)).all()
+    assert (transfer.classify(value, slope, BYTE, 30.0)[1] <= transfer.opacities(value, BYTE)).all()
 
 
 def test_thinned_regions_have_a_share_of_their_opacity() -> None:
@@ -161,7 +163,7 @@ def test_classified_voxels_are_those_that_regions_show(kind: str, rng: np.random
     voxels = classify(volume, transfer)
     whole = classify(volume, from_points([(0, WHITE, 0.5)]))
     length = np.linalg.norm(whole.gradient, axis=1)
-    color, opacity = transfer.looks(volume.values.ravel(), length, BYTE, 0.0)
+    color, opacity = transfer.classify(volume.values.ravel(), length, BYTE, 0.0)
     is_seen = opacity > 0
     assert 0 < is_seen.sum() < is_seen.size
     np.testing.assert_array_equal(voxels.position, whole.position[is_seen])
@@ -296,7 +298,7 @@ def test_a_table_looks_like_the_function_at_any_slope(
     looks = tabulated(transfer, BYTE, 50.0, 1.0, (512, 1024))
     value, slope = rng.uniform(0, 255, 500), rng.uniform(0, 90, 500).astype(np.float32)
     row, column = slope / looks.steep * 511, value / 255 * 1023
-    wanted = transfer.looks(value, slope, BYTE, 50.0)[1]
+    wanted = transfer.classify(value, slope, BYTE, 50.0)[1]
     found = 1 - np.exp(-interpolated(looks.table, row, column))
     np.testing.assert_allclose(found, wanted, atol=0.01)  # cells of 0.25 and 0.1, ramps of 10
 

@@ -11,10 +11,10 @@ from resample.cameras.poses import look_at
 from resample.cameras.viewpoints import Orbit
 from resample.painting.choices import Primitive
 from resample.resampler import Resampler
+from resample_volume.classification.presets import PRESETS, load_transfer
+from resample_volume.classification.transfer import from_points
 from resample_volume.files.generated import checker_box, vessel_tree
 from resample_volume.inputs import as_volume
-from resample_volume.looks.presets import PRESETS, load_transfer
-from resample_volume.looks.transfer import from_points
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import render
 from resample_volume.types import Volume
@@ -80,7 +80,12 @@ def test_rendering_loads_no_forms_of_files_that_are_not_read():
     imported = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     ).stdout.split()
-    unused = {"pydantic", "numba", "resample.files.animations", "resample_volume.looks.files"}
+    unused = {
+        "pydantic",
+        "numba",
+        "resample.files.animations",
+        "resample_volume.classification.files",
+    }
     assert unused & set(imported) == set()
 
 

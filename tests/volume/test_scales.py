@@ -8,13 +8,13 @@ from matplotlib.colors import LogNorm, SymLogNorm
 
 from resample.command.settings import Resampling
 from resample_volume import cli
-from resample_volume.command.choices import Look, Source
+from resample_volume.classification.presets import transfer_for
+from resample_volume.classification.scales import Scale, edges_of, on_scale, scale_named, scaled
+from resample_volume.classification.surveys import survey
+from resample_volume.command.choices import AppearanceChoices, Source
 from resample_volume.command.inputs import prepared
 from resample_volume.files.source import describe
 from resample_volume.inputs import as_volume
-from resample_volume.looks.presets import transfer_for
-from resample_volume.looks.scales import Scale, edges_of, on_scale, scale_named, scaled
-from resample_volume.looks.surveys import survey
 from resample_volume.media.appearance import Appearance
 from resample_volume.picking import picked
 from resample_volume.rendering import render
@@ -121,19 +121,23 @@ def test_points_of_a_look_are_in_the_units_of_values():
 
 def test_a_window_and_a_surface_are_in_the_units_of_values():
     volume = scaled(as_volume(galaxy()), "log")
-    look = Look(transfer="gray", window="1e-26..1e-22").appearance(volume)
+    look = AppearanceChoices(transfer="gray", window="1e-26..1e-22").appearance(volume)
     np.testing.assert_allclose(look.transfer.value, [-26, -22])
     with pytest.raises(ValueError, match="the window's end -160 has no logarithm"):
-        Look(window="40/400").appearance(volume)
+        AppearanceChoices(window="40/400").appearance(volume)
     plain = as_volume(galaxy())
-    assert Look(window="1..5").appearance(plain) == Look(window="3/4").appearance(plain)
+    assert AppearanceChoices(window="1..5").appearance(plain) == AppearanceChoices(
+        window="3/4"
+    ).appearance(plain)
 
 
 @pytest.mark.parametrize("projection", ["maximum", "first-hit"])
 def test_projections_are_of_logarithms(file, projection):
     volume = prepared(Source(scale="log"), file)
     iso = 1e-24 if projection == "first-hit" else None
-    resampler = Look().renderer(Resampling(projection=projection, iso=iso), volume.scale)
+    resampler = AppearanceChoices().renderer(
+        Resampling(projection=projection, iso=iso), volume.scale
+    )
     frame = render(volume, Appearance("gray"), (0, 0), resampler=resampler, **SIZE)
     if projection == "maximum":
         logs = as_volume(volume.values)

@@ -13,9 +13,9 @@ from resample.cameras.poses import look_at
 from resample.cameras.viewpoints import Orbit
 from resample.measuring.quality import psnr
 from resample_volume import Appearance, Scene, render
+from resample_volume.classification.labels import Labels, Rule
+from resample_volume.classification.transfer import from_points
 from resample_volume.inputs import as_volume
-from resample_volume.looks.labels import Labels, Rule
-from resample_volume.looks.transfer import from_points
 from resample_volume.media.appearance import Classification
 from resample_volume.previews import merged
 from resample_volume.types import Volume

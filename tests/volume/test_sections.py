@@ -13,7 +13,7 @@ from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
 from resample.resampler import Resampler
 from resample_volume import Appearance, Scene, Volume, XRay, cli, render
-from resample_volume.command.choices import Look
+from resample_volume.command.choices import AppearanceChoices
 from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Classification
 from resample_volume.outofcore.dense import check_windows
@@ -119,7 +119,7 @@ def test_what_is_no_slab_is_refused_without_a_volume(text, complaint):
         with pytest.raises(ValueError, match=f"slab .*{complaint}"):
             given(text)
     with pytest.raises(ValueError, match=complaint):
-        Look(slab=text).renderer(Resampling())
+        AppearanceChoices(slab=text).renderer(Resampling())
 
 
 def test_a_slab_across_the_view_is_not_painted_window_by_window():

@@ -11,11 +11,11 @@ from resample.cameras.viewpoints import Orbit
 from resample.files.images import read_image
 from resample.resampler import Resampler
 from resample_volume import cli
+from resample_volume.classification.transfer import from_points
 from resample_volume.command.animation import Course, around
-from resample_volume.command.choices import Look, Source
+from resample_volume.command.choices import AppearanceChoices, Source
 from resample_volume.command.inputs import held
-from resample_volume.command.media import labelled, look_over_time, times_of
-from resample_volume.looks.transfer import from_points
+from resample_volume.command.media import appearance_over_time, labelled, times_of
 from resample_volume.media.series import Series
 from resample_volume.rendering import Subject
 from resample_volume.types import Recording
@@ -73,7 +73,7 @@ def still_ones(subject):
 )
 def test_what_does_not_change_looks_the_same_at_all_times(look):
     series = Series.of(BEATS)
-    own = series.look(look)
+    own = series.classifier(look)
     first, *others = (still_ones(Subject.of(volume, own)) for volume in series)
     assert len(first[0]) > 30
     for other in others:
@@ -86,7 +86,7 @@ def test_what_does_not_change_looks_the_same_at_all_times(look):
 def test_looks_are_of_the_range_of_all_times():
     series = Series.of(BEATS)
     assert series.known.span == (0, pytest.approx(BEATS.values.max()))
-    brightest = series.look(of_voxels(RAMP)).transfer.looks(
+    brightest = series.classifier(of_voxels(RAMP)).transfer.classify(
         np.array([series.known.high]), None, (0, 1), 0
     )
     assert brightest[1][0] == pytest.approx(0.9, abs=1e-3)
@@ -104,7 +104,7 @@ def test_padding_is_that_of_all_times():
 
 def test_a_camera_sees_the_ball_around_all_times():
     series = Series.of(BEATS)
-    look = series.look(of_voxels(RAMP))
+    look = series.classifier(of_voxels(RAMP))
     course = Course(len(series), lambda n: Subject.of(series[n], look))
     for n in range(TIMES):
         away = np.linalg.norm(course[n].voxels.position - course.sphere.center, axis=1)
@@ -120,7 +120,7 @@ def test_times_without_anything_to_see_do_not_frame():
     values = BEATS.values.copy()
     values[1:] = 0
     series = Series.of(BEATS._replace(values=values))
-    look = series.look(of_voxels(from_points([(5, (1, 1, 1), 0.0), (50, (1, 1, 1), 0.5)])))
+    look = series.classifier(of_voxels(from_points([(5, (1, 1, 1), 0.0), (50, (1, 1, 1), 0.5)])))
     course = Course(len(series), lambda n: Subject.of(series[n], look))
     assert course.sphere.radius == pytest.approx(Subject.of(series[0], look).sphere.radius)
 
@@ -182,8 +182,10 @@ def test_labels_are_of_the_voxels_of_each_time():
     labels[:, :, 8:] = 1
     np.save("labels.npy", labels)
     series = Series.of(BEATS)
-    words = Look(labels="labels.npy", label=("1:hidden",), shading=False, classify="pre")
-    look = labelled(look_over_time(series, words, Resampler()), series, words)
+    words = AppearanceChoices(
+        labels="labels.npy", label=("1:hidden",), shading=False, classify="pre"
+    )
+    look = labelled(appearance_over_time(series, words, Resampler()), series, words)
     for volume in series:
         subject = Subject.of(volume, look)
         assert (subject.voxels.position + subject.middle)[:, 0].max() < 8
@@ -196,7 +198,7 @@ def test_colors_of_several_times_are_filmed():
     known = BEATS._replace(values=values, is_color=True)
     series = Series.of(known)
     assert len(series) == 3
-    look = series.look(of_voxels(light=None))
+    look = series.classifier(of_voxels(light=None))
     for n, volume in enumerate(series):
         color = Subject.of(volume, look).voxels.color
         np.testing.assert_allclose(color, np.tile(np.eye(3)[n], (len(color), 1)), atol=1e-6)

@@ -268,7 +268,7 @@ def test_an_impossible_depth_cue_is_refused(share: float) -> None:
 
 def test_the_modules_load_without_numba_and_matplotlib() -> None:
     code = (
-        "import sys, resample_volume.voxels.shading, resample_volume.looks.transfer;"
+        "import sys, resample_volume.voxels.shading, resample_volume.classification.transfer;"
         "import resample_volume.voxels.visible;"
         "sys.exit(', '.join({'numba', 'matplotlib'} & set(sys.modules)) or 0)"
     )

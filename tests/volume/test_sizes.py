@@ -5,8 +5,8 @@ import pytest
 
 from resample.cameras.viewpoints import Orbit
 from resample_volume import Appearance, as_volume, render
-from resample_volume.looks.labels import Labels, Rule
-from resample_volume.looks.transfer import from_points
+from resample_volume.classification.labels import Labels, Rule
+from resample_volume.classification.transfer import from_points
 from resample_volume.rendering import Subject
 
 WIDE, PARTS = 36.0, 4  # diameter of a sphere; parts of a voxel's side whose means it is of

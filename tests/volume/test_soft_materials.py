@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
+from resample_volume.classification.automatic import VEIL
+from resample_volume.classification.presets import load_transfer, transfer_for
+from resample_volume.classification.surveys import survey
 from resample_volume.data.thresholds import Levels, peak_between
 from resample_volume.inputs import as_volume
-from resample_volume.looks.automatic import VEIL
-from resample_volume.looks.presets import load_transfer, transfer_for
-from resample_volume.looks.surveys import survey
 
 SIDE = 48
 

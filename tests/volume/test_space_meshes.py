@@ -10,7 +10,7 @@ from resample.colors import from_srgb
 from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
 from resample.resampler import Resampler
-from resample_volume.looks.transfer import from_points
+from resample_volume.classification.transfer import from_points
 from resample_volume.media.appearance import Appearance, Classification
 from resample_volume.rendering import Subject, as_volume, render
 from resample_volume.surfaces.meshes import read_mesh, scene_mesh

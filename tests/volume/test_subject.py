@@ -11,8 +11,8 @@ from resample.painting.choices import Projection
 from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
 from resample.resampler import Resampler
 from resample.types import Field, Samples
+from resample_volume.classification.labels import Labels, Rule
 from resample_volume.files.generated import checker_box, vessel_tree
-from resample_volume.looks.labels import Labels, Rule
 from resample_volume.media.appearance import Appearance, Classification
 from resample_volume.rendering import Subject, render
 from resample_volume.voxels.fields import FieldVoxels

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from resample_volume.classification.surveys import ends, findings, survey, without_padding
 from resample_volume.data.thresholds import Levels, otsu
 from resample_volume.inputs import as_volume
-from resample_volume.looks.surveys import ends, findings, survey, without_padding
 
 
 def ball(rng, dtype=np.int16):

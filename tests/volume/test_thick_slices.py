@@ -10,7 +10,7 @@ from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
 from resample.resampler import Resampler
 from resample_volume import Appearance, render
-from resample_volume.looks.labels import Labels
+from resample_volume.classification.labels import Labels
 from resample_volume.rendering import Subject
 from resample_volume.voxels.slices.thin import SAME, Thin, thin_of, thinned, voxels_of
 

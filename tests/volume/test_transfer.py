@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from resample.colors import from_srgb
-from resample_volume.looks.files import save_transfer
-from resample_volume.looks.presets import PRESETS, load_transfer
-from resample_volume.looks.transfer import (
+from resample_volume.classification.files import save_transfer
+from resample_volume.classification.presets import PRESETS, load_transfer
+from resample_volume.classification.transfer import (
     MOST_OPAQUE,
     TransferFunction,
     evaluated,

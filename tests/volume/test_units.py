@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 import SimpleITK
 
+from resample_volume.classification.hounsfield import Units, units_of
+from resample_volume.classification.surveys import survey
 from resample_volume.command.choices import Source
 from resample_volume.command.inputs import opened
 from resample_volume.files.readers import Dicom, Nifti, Nrrd
 from resample_volume.inputs import as_volume
-from resample_volume.looks.hounsfield import Units, units_of
-from resample_volume.looks.surveys import survey
 
 NRRD = """NRRD0004
 type: short

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from resample.profiles.reconstruction import GaussianKernel
 from resample.types import Doubles
-from resample_volume.looks.presets import load_transfer
-from resample_volume.looks.transfer import Looks, from_points, tabulated
+from resample_volume.classification.presets import load_transfer
+from resample_volume.classification.transfer import TransferTable, from_points, tabulated
 from resample_volume.types import Volume
 from resample_volume.voxels.visible import (
     GRADIENTS,
@@ -381,12 +381,12 @@ def smooth(kind: str, rng: np.random.Generator) -> np.ndarray:
     return values.astype(kind)
 
 
-def looks_of(points: list, columns: int = 100) -> Looks:
+def looks_of(points: list, columns: int = 100) -> TransferTable:
     return tabulated(from_points(points), (0.0, 99.0), 0.0, 1.0, (1, columns))
 
 
 def reconstructed(
-    values: np.ndarray, index: np.ndarray, looks: Looks, place: np.ndarray
+    values: np.ndarray, index: np.ndarray, looks: TransferTable, place: np.ndarray
 ) -> np.ndarray:
     """Optical depth per length at places (P, 3) of a field made of some of the voxels.
 

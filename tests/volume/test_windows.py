@@ -14,15 +14,15 @@ from resample.command.settings import Sharing
 from resample.command.workers import at_work
 from resample.profiles.orders import AxisSheets, ImageSheets
 from resample_volume import windows
+from resample_volume.classification.labels import Labels, Rule
+from resample_volume.classification.materials import Windowed
+from resample_volume.classification.regions import Region, RegionTransfer
+from resample_volume.classification.transfer import visible_places
 from resample_volume.data.bricks import Bricks
 from resample_volume.data.recordings import volume_at
 from resample_volume.files.source import open_streamed
 from resample_volume.files.stores.chunks import Single
 from resample_volume.files.stores.writing import Layered, write_store
-from resample_volume.looks.labels import Labels, Rule
-from resample_volume.looks.materials import Windowed
-from resample_volume.looks.regions import Region, RegionTransfer
-from resample_volume.looks.transfer import visible_places
 from resample_volume.media.appearance import Appearance, Classification
 from resample_volume.outofcore import windowed
 from resample_volume.outofcore.passes import Looking, passed

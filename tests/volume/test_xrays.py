@@ -16,7 +16,7 @@ from resample.profiles.orders import ImageSheets, Rays
 from resample.resampler import Resampler
 from resample.types import Frame
 from resample_volume import Appearance, Scene, Volume, XRay, cli, render
-from resample_volume.command.choices import Look, Projecting
+from resample_volume.command.choices import AppearanceChoices, Projecting
 from resample_volume.inputs import as_volume
 from resample_volume.media.series import Series
 from resample_volume.rendering import Subject
@@ -178,7 +178,7 @@ def test_all_times_share_a_window():
     values = np.stack([ball(inside=hu).values for hu in (WATER, BONE)])[:, None]
     recording = Recording(values, np.ones(3), np.zeros(3), np.eye(3), "times", "hu")
     series = Series.of(recording)
-    look = series.look(Appearance(), Projection.XRAY)
+    look = series.classifier(Appearance(), Projection.XRAY)
     assert look.xray.added == 0
     assert look.xray.window[1] == pytest.approx(2 * MU * 2 * RADIUS, rel=0.02)
 
@@ -244,7 +244,7 @@ def test_x_rays_are_of_their_projection():
     with pytest.raises(ValueError, match="need the projection xray, not maximum"):
         render(ball(), look, resampler=maximum)
     with pytest.raises(ValueError, match="need the projection xray, not composite"):
-        Look(mu_water=0.03).renderer(Projecting().resampling())
+        AppearanceChoices(mu_water=0.03).renderer(Projecting().resampling())
 
 
 def test_what_is_composited_has_no_negative():

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, NoReturn
 from cyclopts import App
 
 from resample.command import flags
-from resample.command.about import About, words
+from resample.command.about import OptionTopic, words
 from resample.command.options import run
 from resample.command.settings import Serving, Written, height_and_width, method_names
 from resample.command.settings_files import with_settings
@@ -126,9 +126,9 @@ def rectify(
     photo: Picture,
     /,
     *,
-    corners: Annotated[str, About.LOOK, flags.Hyphen],
+    corners: Annotated[str, OptionTopic.APPEARANCE, flags.Hyphen],
     output: flags.Output,
-    size: flags.Look[str | None] = None,
+    size: flags.AppearanceFlag[str | None] = None,
     warping: Annotated[Filling, flags.Flat] = PAGE,
     written: Annotated[Written, flags.Flat] = WRITTEN,
 ) -> None:
@@ -219,13 +219,13 @@ def compare(
     /,
     *,
     scene: Annotated[str, words(*SCENES, or_numbers=True), flags.Hyphen] = "floor",
-    methods: flags.Look[str] = COMPARED,
+    methods: flags.AppearanceFlag[str] = COMPARED,
     output: flags.OptionalOutput = None,
     as_json: flags.Json = False,
-    truth_filter: flags.Look[Literal["box", "gaussian"]] = "box",
-    linear: flags.Look[bool] = True,
-    edge: flags.Look[Edges] = "transparent",
-    size: flags.Look[str | None] = None,
+    truth_filter: flags.AppearanceFlag[Literal["box", "gaussian"]] = "box",
+    linear: flags.AppearanceFlag[bool] = True,
+    edge: flags.AppearanceFlag[Edges] = "transparent",
+    size: flags.AppearanceFlag[str | None] = None,
 ) -> None:
     """Compare methods on a picture, separately where texels shrink and where they grow.
 
@@ -292,12 +292,12 @@ def animate(
     /,
     *,
     output: flags.FilmOutput,
-    path: flags.Look[Literal["fly", "turn"]] = "fly",
-    frames: flags.Look[int] = 48,
+    path: flags.AppearanceFlag[Literal["fly", "turn"]] = "fly",
+    frames: flags.AppearanceFlag[int] = 48,
     fps: flags.FramesPerSecond = 24.0,
     size: flags.Size = "426x240",
-    method: flags.Look[str] = "hybrid",
-    edge: flags.Look[Edges] = "transparent",
+    method: flags.AppearanceFlag[str] = "hybrid",
+    edge: flags.AppearanceFlag[Edges] = "transparent",
     background: flags.FilmBackground = "#9dbbd8",
     resume: flags.Resume = False,
 ) -> None:
@@ -358,7 +358,7 @@ def fetch(name: str | None = None, /, *, folder: flags.Target = None) -> None:
 
 @app.command
 def figures(
-    *, output: flags.Output = FIGURES, image: Annotated[Picture | None, About.SOURCE] = None
+    *, output: flags.Output = FIGURES, image: Annotated[Picture | None, OptionTopic.SOURCE] = None
 ) -> None:
     """Reproduce the paper's Figure 5: a floor by points, by the hybrid, and backward.
 

@@ -15,11 +15,11 @@ except ModuleNotFoundError as error:
 
 if TYPE_CHECKING:
     from resample.cameras.viewpoints import Orbit
+    from resample_volume.classification.presets import load_transfer
+    from resample_volume.classification.transfer import TransferFunction
     from resample_volume.data.rectilinear import rectilinear
     from resample_volume.files.source import open_volume
     from resample_volume.inputs import as_volume
-    from resample_volume.looks.presets import load_transfer
-    from resample_volume.looks.transfer import TransferFunction
     from resample_volume.media.appearance import Appearance
     from resample_volume.media.xrays import XRay
     from resample_volume.notebooks import view
@@ -43,12 +43,12 @@ _HOMES = {
     "Orbit": "resample.cameras.viewpoints",
     "Scene": "scenes",
     "SceneMesh": "surfaces.meshes",
-    "TransferFunction": "looks.transfer",
+    "TransferFunction": "classification.transfer",
     "Volume": "types",
     "XRay": "media.xrays",
     "annotate": "space.annotations",
     "as_volume": "inputs",
-    "load_transfer": "looks.presets",
+    "load_transfer": "classification.presets",
     "measure": "space.measuring",
     "open_volume": "files.source",
     "read_mesh": "surfaces.meshes",

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, NoReturn
 from cyclopts import App, Parameter
 
 from resample.command import flags
-from resample.command.about import About, words
+from resample.command.about import OptionTopic, words
 from resample.command.options import run
 from resample.command.settings import (
     PictureFormat,
@@ -23,9 +23,9 @@ from resample.console.backgrounds import linear_color
 from resample.lazy import installed_version
 from resample_volume.command.choices import (
     Added,
+    AppearanceChoices,
     Beside,
     BesidePicture,
-    Look,
     Projecting,
     Source,
 )
@@ -47,12 +47,12 @@ app = App(
 )
 app.register_install_completion_command()
 
-LOOK, RESAMPLING, PICTURE = Look.usual(), Resampling.usual(), PictureFormat.usual()
+VOXELS, RESAMPLING, PICTURE = AppearanceChoices.usual(), Resampling.usual(), PictureFormat.usual()
 SOURCE, PROJECTING, ADDED = Source.usual(), Projecting.usual(), Added.usual()
 BESIDE, BESIDE_PICTURE = Beside.usual(), BesidePicture.usual()
 SERVING, SHARING = Serving.usual(), Sharing.usual()
 # In a small picture voxels are small, and primitives differ.
-FAR_LOOK = LOOK.model_copy(update={"camera": "30/20/0.8"})
+FAR_APPEARANCE = VOXELS.model_copy(update={"camera": "30/20/0.8"})
 MOST_RAYS = 32
 BAR = 40  # characters of the longest histogram bar
 UNLISTED = ("histogram", "thresholds", "findings", "levels")  # which are shown in another way
@@ -70,7 +70,7 @@ def render(
     /,
     *,
     output: PictureOutput,
-    look: Annotated[Look, flags.Flat] = LOOK,
+    look: Annotated[AppearanceChoices, flags.Flat] = VOXELS,
     resampling: Annotated[Resampling, flags.Flat] = RESAMPLING,
     picture: Annotated[PictureFormat, flags.Flat] = PICTURE,
     source: Annotated[Source, flags.Flat] = SOURCE,
@@ -141,16 +141,16 @@ def compare(
     volume: str,
     /,
     *,
-    methods: flags.Look[str] = "points,splats,hybrid",
-    footprints: Annotated[str, About.LOOK, Unshown] = "",
-    orders: Annotated[str, About.LOOK, Unshown] = "",
-    peer: Annotated[Literal["vtk"] | None, About.LOOK, flags.Switch] = None,
-    reference: flags.Look[Literal["splats", "rays"]] = "splats",
+    methods: flags.AppearanceFlag[str] = "points,splats,hybrid",
+    footprints: Annotated[str, OptionTopic.APPEARANCE, Unshown] = "",
+    orders: Annotated[str, OptionTopic.APPEARANCE, Unshown] = "",
+    peer: Annotated[Literal["vtk"] | None, OptionTopic.APPEARANCE, flags.Switch] = None,
+    reference: flags.AppearanceFlag[Literal["splats", "rays"]] = "splats",
     output: flags.OptionalOutput = None,
-    difference: Annotated[bool, About.LOOK, flags.Switch] = False,
-    rays: flags.Look[int] = 8,
+    difference: Annotated[bool, OptionTopic.APPEARANCE, flags.Switch] = False,
+    rays: flags.AppearanceFlag[int] = 8,
     as_json: flags.Json = False,
-    look: Annotated[Look, flags.Flat] = FAR_LOOK,
+    look: Annotated[AppearanceChoices, flags.Flat] = FAR_APPEARANCE,
     projection: Annotated[Projecting, flags.Flat] = PROJECTING,
     size: flags.Size = "96",
     source: Annotated[Source, flags.Flat] = SOURCE,
@@ -234,13 +234,13 @@ def animate(
     *,
     output: flags.FilmOutput,
     path: Annotated[str, words("orbit", "zoom", "threshold", "still")] = "orbit",
-    frames: flags.Look[int | None] = None,
+    frames: flags.AppearanceFlag[int | None] = None,
     fps: flags.FramesPerSecond = 24.0,
-    look: Annotated[Look, flags.Flat] = LOOK,
+    look: Annotated[AppearanceChoices, flags.Flat] = VOXELS,
     resampling: Annotated[Resampling, flags.Flat] = RESAMPLING,
     size: flags.Size = "400",
     background: flags.FilmBackground = "black",
-    threads: Annotated[int | None, About.RESOURCE] = None,
+    threads: Annotated[int | None, OptionTopic.RESOURCE] = None,
     source: Annotated[Source, flags.Flat] = SOURCE,
     added: Annotated[Added, flags.Flat] = ADDED,
     beside: Annotated[Beside, flags.Flat] = BESIDE,
@@ -297,7 +297,7 @@ def view(
     volume: str,
     /,
     *,
-    look: Annotated[Look, flags.Flat] = LOOK,
+    look: Annotated[AppearanceChoices, flags.Flat] = VOXELS,
     resampling: Annotated[Resampling, flags.Flat] = RESAMPLING,
     source: Annotated[Source, flags.Flat] = SOURCE,
     beside: Annotated[Beside, flags.Flat] = BESIDE,
@@ -328,8 +328,8 @@ def info(
     volume: str,
     /,
     *,
-    bins: flags.Look[int] = 32,
-    as_json: Annotated[bool, About.LOOK, Parameter(name="--json", negative="")] = False,
+    bins: flags.AppearanceFlag[int] = 32,
+    as_json: Annotated[bool, OptionTopic.APPEARANCE, Parameter(name="--json", negative="")] = False,
     source: Annotated[Source, flags.Flat] = SOURCE,
 ) -> None:
     """Print a volume's size, spacing, values, histogram and thresholds found in the histogram.
@@ -383,10 +383,10 @@ def convert(
     output: Path,
     /,
     *,
-    chunk: flags.Look[int] = 64,
-    shard: flags.Look[int | None] = None,
-    compression: flags.Look[Literal["zstd", "blosc", "none"]] = "zstd",
-    levels: flags.Look[bool] = True,
+    chunk: flags.AppearanceFlag[int] = 64,
+    shard: flags.AppearanceFlag[int | None] = None,
+    compression: flags.AppearanceFlag[Literal["zstd", "blosc", "none"]] = "zstd",
+    levels: flags.AppearanceFlag[bool] = True,
     source: Annotated[Source, flags.Flat] = SOURCE,
 ) -> None:
     """Write any volume as OME-Zarr 0.5, brick by brick, with coarser levels of exact means.
@@ -454,7 +454,9 @@ def fetch(name: str | None = None, /, *, folder: flags.Target = None) -> None:
 def figures(
     *,
     output: flags.Output = FIGURES,
-    figure: Annotated[tuple[str, ...], About.LOOK, Parameter(negative="", show_default=False)] = (),
+    figure: Annotated[
+        tuple[str, ...], OptionTopic.APPEARANCE, Parameter(negative="", show_default=False)
+    ] = (),
     data: flags.Source = None,
 ) -> None:
     """Reproduce the paper's Figures 1 to 4 and 7 to 9, as pictures and tables.
@@ -488,7 +490,7 @@ def demo(*, output: flags.DemoOutput = DEMO_FOLDER) -> None:
     output.mkdir(parents=True, exist_ok=True)
     for name, (camera_angles, side) in DEMO.items():
         session, size, pictures = Session(), (side, side), {}
-        volume, look = generated(name), Look(camera=camera_angles)
+        volume, look = generated(name), AppearanceChoices(camera=camera_angles)
         subject = subject_of(session, volume, look.appearance(volume), Resampling().resampler())
         camera = subject.camera(look.viewpoint(), *size)
         for method in ("hybrid", "points", "splats"):
@@ -527,7 +529,7 @@ def _listed(facts: dict[str, Any]) -> str:
 
 def _bars(facts: dict[str, Any]) -> list[str]:
     """Format a histogram as bars on a logarithmic scale, so that rare values show."""
-    from resample_volume.looks.scales import edges_of
+    from resample_volume.classification.scales import edges_of
 
     counts, (two, three) = facts["histogram"], facts["thresholds"].values()
     low, high = facts["robust_range"] or (0.0, 0.0)

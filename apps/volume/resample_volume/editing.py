@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import to_srgb
-from resample_volume.looks.materials import spread
-from resample_volume.looks.transfer import DataRange, Transfer, TransferFunction
+from resample_volume.classification.materials import spread
+from resample_volume.classification.transfer import DataRange, Transfer, TransferFunction
 
 MOST = 14  # points
 STEPS = 512  # samples of the range at which a transfer function is evaluated
@@ -39,7 +39,7 @@ def points_of(transfer: Transfer, data_range: DataRange) -> list[tuple[float, st
         return _told(placed.value, curve)
     value = np.linspace(*data_range, STEPS)
     slope = np.full(STEPS, STEEP, np.float32)
-    color, opacity = placed.looks(value, slope, data_range, 1.0)
+    color, opacity = placed.classify(value, slope, data_range, 1.0)
     curve = np.column_stack([to_srgb(color), opacity])
     kept = _bends(curve)
     return _told(value[kept], curve[kept])

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 from resample.memory.alike import alike
 from resample.painting.scenes.scene import check_lattice, check_places
 from resample.types import Doubles
+from resample_volume.classification.scales import LINEAR, scaled
 from resample_volume.data.bricks import Bricks
 from resample_volume.data.recordings import in_color, is_color
 from resample_volume.exchange.parts import Part, check_whole
 from resample_volume.exchange.taking import taker_of
 from resample_volume.files.parsing.headers import KEPT
 from resample_volume.files.source import open_volume
-from resample_volume.looks.scales import LINEAR, scaled
 from resample_volume.types import Volume
 
 TAKEN = (

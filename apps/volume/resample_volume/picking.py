@@ -11,7 +11,7 @@ from resample.painting.choices import Projection
 from resample.profiles.reconstruction import footprint_table
 from resample.resampler import Resampler
 from resample.types import Doubles, View
-from resample_volume.looks.scales import value_at
+from resample_volume.classification.scales import value_at
 from resample_volume.rendering import Subject
 from resample_volume.surfaces.image_planes import settled
 from resample_volume.types import Volume
@@ -20,7 +20,7 @@ from resample_volume.voxels.slices.thin import SAME, of_samples, voxels_of
 from resample_volume.voxels.visible import Voxels, lattice_of
 
 if TYPE_CHECKING:
-    from resample_volume.voxels.kernels.picking import Looked, Rays, Splatted
+    from resample_volume.voxels.kernels.picking import PickedField, Rays, Splatted
 
 HALF = 0.5  # accumulated opacity at which a voxel counts as the visible one
 
@@ -99,7 +99,7 @@ def voxels_at(
     else:
         depth, shown = _on_planes(subject, volume, camera.view(), pixels, level)
         rays = rays._replace(last=np.maximum(rays.first, np.minimum(rays.last, depth)))
-        find_in_field(_looked(voxels, resampler), rays, level, voxel, kept)
+        find_in_field(_picked_field(voxels, resampler), rays, level, voxel, kept)
         voxel = voxels_of(voxel, scene.values.shape, thin)
         is_plane = (voxel < 0) & np.isfinite(depth)
         voxel[is_plane], kept[is_plane] = shown[is_plane], 0.0
@@ -202,11 +202,11 @@ def _splatted(voxels: Voxels, scene: Volume, view: View, resampler: Resampler) -
     )
 
 
-def _looked(field: Gathered, resampler: Resampler) -> "Looked":
-    from resample_volume.voxels.kernels.picking import Looked
+def _picked_field(field: Gathered, resampler: Resampler) -> "PickedField":
+    from resample_volume.voxels.kernels.picking import PickedField
 
-    looks = field.looks
-    return Looked(
+    looks = field.table
+    return PickedField(
         field.spline,
         field.known,
         field.each,

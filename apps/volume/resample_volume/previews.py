@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from resample.cameras.models import AnyCamera
 from resample.painting import previews
 from resample.types import Frame, View
+from resample_volume.classification.labels import Labels
 from resample_volume.data.bricks import Bricks
-from resample_volume.looks.labels import Labels
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import planes
 from resample_volume.voxels.framing import centered

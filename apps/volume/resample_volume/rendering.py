@@ -27,13 +27,13 @@ from resample.types import (
     View,
 )
 from resample.watching import Progress
+from resample_volume.classification.automatic import LEVELS
+from resample_volume.classification.materials import Windowed
+from resample_volume.classification.regions import Faded
+from resample_volume.classification.surveys import survey, without_padding
 from resample_volume.data.bricks import Bricks, Values, as_array
 from resample_volume.data.recordings import how
 from resample_volume.inputs import as_volume
-from resample_volume.looks.automatic import LEVELS
-from resample_volume.looks.materials import Windowed
-from resample_volume.looks.regions import Faded
-from resample_volume.looks.surveys import survey, without_padding
 from resample_volume.media.appearance import (
     BY_DEFAULT,
     Appearance,
@@ -134,7 +134,7 @@ def _beside(parts: Sequence[Voxels], volume: Volume) -> Volume:
     return volume._replace(values=bricks)
 
 
-def kept_look(volume: Volume, look: Appearance) -> Appearance:
+def resampled_appearance(volume: Volume, look: Appearance) -> Appearance:
     """Return the look that a volume keeps when it is resampled."""
     if look.labels is not None:
         raise ValueError(
@@ -353,7 +353,7 @@ class Subject:
         parts: list[Voxels] = []
         for volume, look in place.media:
             there = _onto(volume, whole, parts)
-            own = look if there is volume else kept_look(volume, look)
+            own = look if there is volume else resampled_appearance(volume, look)
             own = replace(own, transfer=transfer_of(there, own), light=appearance.light)
             found = visible_voxels(_beside(parts, there), own)
             parts.append(faced(keep(found, clip, radius), clip))

@@ -14,15 +14,15 @@ from resample.painting.scenes.plans import shape_of
 from resample.resampler import Resampler
 from resample.types import Frame
 from resample.watching import Cancel, Progress, cancellable
+from resample_volume.classification.surveys import survey, without_padding
 from resample_volume.data.bricks import as_array
 from resample_volume.data.keeping import Kept, keeping
 from resample_volume.inputs import as_volume
-from resample_volume.looks.surveys import survey, without_padding
 from resample_volume.media.appearance import Appearance, Classification, of_voxels, resampler_for
 from resample_volume.media.xrays import XRay, settled
 from resample_volume.picking import Behind, Picked, picked, voxels_at
 from resample_volume.previews import PER, Shrunk, enlarged, kept_cuts, merged, merged_labels
-from resample_volume.rendering import Fit, Subject, kept_look
+from resample_volume.rendering import Fit, Subject, resampled_appearance
 from resample_volume.surfaces.image_planes import settled as settled_plane
 from resample_volume.types import Volume
 
@@ -282,7 +282,7 @@ class Scene:
             self._coarse = merged(self.volume, per)
         if paint.projection is Projection.XRAY:
             look = replace(look, xray=settled(look.xray or XRay(), self.volume))
-        kept = kept_look(self.volume, replace(look, labels=None))
+        kept = resampled_appearance(self.volume, replace(look, labels=None))
         pictures = tuple(settled_plane(plane, self.volume) for plane in look.planes)
         labels = None if look.labels is None else merged_labels(look.labels, per)
         cuts = kept_cuts(self.volume, self._coarse, look.crop, look.cuts)

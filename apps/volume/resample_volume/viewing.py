@@ -23,16 +23,16 @@ from resample.view.exports import ORBITING, keyframes_as_toml
 from resample.view.files import file_of
 from resample.view.views import Painting, Settings, Size, chosen, settings_of
 from resample.watching import Cancel, Progress
+from resample_volume.classification.names import PRESETS, TISSUES
+from resample_volume.classification.scales import scale_named, value_at
+from resample_volume.classification.surveys import survey
 from resample_volume.command.animation import Paint, cameras_of, drawing, flight_of, shots
-from resample_volume.command.choices import Beside, Look, Source
+from resample_volume.command.choices import AppearanceChoices, Beside, Source
 from resample_volume.command.inputs import prepared
 from resample_volume.data.keeping import Kept, keeping
 from resample_volume.editing import points_of, spelled
 from resample_volume.files.generated import GENERATED
 from resample_volume.files.source import find_reader
-from resample_volume.looks.names import PRESETS, TISSUES
-from resample_volume.looks.scales import scale_named, value_at
-from resample_volume.looks.surveys import survey
 from resample_volume.media.appearance import Appearance, transfer_of
 from resample_volume.picking import Picked
 from resample_volume.rendering import Subject
@@ -51,12 +51,20 @@ VTK = "VTK"  # other renderers of the same
 COMMAND, FILM = "resample-volume render", "resample-volume animate"
 FILMED, RATE = ".mp4", 24.0  # as the command writes, frames per second
 NAMED = {"order": "orders", "filter": "filters", "kernel": "reconstructions"}  # plugins of options
-SHOWN = (Look, Resampling, Beside, PictureFormat)  # models of options that a page changes
+SHOWN = (
+    AppearanceChoices,
+    Resampling,
+    Beside,
+    PictureFormat,
+)  # models of options that a page changes
 LEFT_OUT = (
     *("reader", "shape", "dtype", "endian", "spacing", "level", "units", "time"),
     *("channel", "channels", "scale", "size", "bits", "color-bar", "deep", "zoom-in"),
 )
-STILL, STEERED = Look(), ("camera", "fov", "up", "fit")  # options that only move the camera
+STILL, STEERED = (
+    AppearanceChoices(),
+    ("camera", "fov", "up", "fit"),
+)  # options that only move the camera
 BINS = 256
 LITTLE = 16  # voxels and px per side of pictures that warm up kernels
 KINDS: Sequence[Settings] = (  # with kernels of their own
@@ -65,13 +73,13 @@ KINDS: Sequence[Settings] = (  # with kernels of their own
     {"projection": "average"},
     {"projection": "first-hit", "iso": LITTLE / 2},
 )
-LOOKS = 2  # that are compared
+MOST_COMPARED = 2  # that are compared
 
 
 class _Wish(NamedTuple):
     """A request, parsed from options."""
 
-    look: Look
+    choices: AppearanceChoices
     appearance: Appearance
     resampler: Resampler
     beside: Beside
@@ -93,7 +101,7 @@ class VolumePainter:
     _resamplers: dict[Resampler, Resampler] = field(default_factory=dict)  # which keep tables
 
     _found: Kept = field(default_factory=dict)
-    _looks: dict[Any, Appearance] = field(default_factory=dict)  # the last request
+    _appearances: dict[Any, Appearance] = field(default_factory=dict)  # the last request
     _picks: tuple[Picked, ...] = ()  # the last picks, from which the next is measured
     _vtk: "VtkBeside | None" = None
 
@@ -123,7 +131,7 @@ class VolumePainter:
 
     def check(self, settings: Settings) -> None:
         """Reject options that are not allowed; errors as of `frame`."""
-        self._wish(settings).look.viewpoint()
+        self._wish(settings).choices.viewpoint()
 
     def save(self, settings: Settings, size: Size, path: Path) -> None:
         """Write the picture as the command does."""
@@ -150,8 +158,8 @@ class VolumePainter:
         cancel: Cancel | None = None,
     ) -> Frame:
         """Render the picture for a file of this suffix."""
-        view = wish.look.viewpoint()
-        choices: dict[str, Any] = {"resampler": wish.resampler, "fit": wish.look.fit}
+        view = wish.choices.viewpoint()
+        choices: dict[str, Any] = {"resampler": wish.resampler, "fit": wish.choices.fit}
         frame = self._scene.render(
             wish.appearance, view, size=size, quality=quality, cancel=cancel, **choices
         )
@@ -185,9 +193,9 @@ class VolumePainter:
         with TemporaryDirectory(prefix="film-") as folder:
             file = Path(folder) / "keyframes.toml"
             file.write_text(keyframes, encoding="utf-8")
-            flight = flight_of(str(file), None, RATE, wish.look.viewpoint())
+            flight = flight_of(str(file), None, RATE, wish.choices.viewpoint())
         medium = self.volume, wish.appearance
-        subject = Subject.of_several([medium], wish.resampler, wish.look.fit)
+        subject = Subject.of_several([medium], wish.resampler, wish.choices.fit)
         behind = wish.picture.behind(FILMED) or (0.0, 0.0, 0.0)
         drawn = drawing(self.volume, subject, wish.beside.annotations(behind))
         paint = Paint(wish.resampler, (height, width), behind, None, drawn)
@@ -199,11 +207,11 @@ class VolumePainter:
     ) -> "tuple[AnyCamera, Volume]":
         """Return the camera and the volume placed before it."""
         return self._scene.standing(
-            *(wish.appearance, wish.look.viewpoint()),
+            *(wish.appearance, wish.choices.viewpoint()),
             size=size,
             resampler=wish.resampler,
             quality=quality,
-            fit=wish.look.fit,
+            fit=wish.choices.fit,
         )
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
@@ -214,10 +222,10 @@ class VolumePainter:
         """
         wish = self._wish(settings)
         found = self._scene.pick(
-            *(x, y, wish.appearance, wish.look.viewpoint()),
+            *(x, y, wish.appearance, wish.choices.viewpoint()),
             size=size,
             resampler=wish.resampler,
-            fit=wish.look.fit,
+            fit=wish.choices.fit,
         )
         if found is None:
             self._picks = ()
@@ -249,17 +257,21 @@ class VolumePainter:
         appearance = self._appearance(look, resampler, beside)
         return _Wish(look, appearance, resampler, beside, picture)
 
-    def _appearance(self, look: Look, resampler: Resampler, beside: Beside) -> Appearance:
+    def _appearance(
+        self, look: AppearanceChoices, resampler: Resampler, beside: Beside
+    ) -> Appearance:
         """Return the look of the voxels, cached while only the camera moves."""
         still = {name: getattr(STILL, name) for name in STEERED}
         key = look.model_copy(update=still), resampler, beside.mesh, beside.plane, beside.surface
-        appearance = self._looks.get(key)
+        appearance = self._appearances.get(key)
         if appearance is None:
             with keeping(self._found):
                 appearance = look.appearance(self.volume, resampler)
             appearance = beside.met(look, resampler).beside(appearance)
-            before = list(self._looks.items())[1 - LOOKS :]  # replaced whole: picks ask meanwhile
-            self._looks = {**dict(before), key: appearance}
+            before = list(self._appearances.items())[
+                1 - MOST_COMPARED :
+            ]  # replaced whole: picks ask meanwhile
+            self._appearances = {**dict(before), key: appearance}
         return appearance
 
 

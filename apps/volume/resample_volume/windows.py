@@ -56,10 +56,10 @@ class Spent(NamedTuple):
     executor: Executor | None = None  # of threads or processes; None: this one
 
 
-class Sighting(NamedTuple):
+class ViewSetup(NamedTuple):
     """Camera, light and clipping that windows of a picture share."""
 
-    look: Appearance  # of the first, whose light is that of all
+    appearance: Appearance  # of the first, whose light is that of all
     camera: AnyCamera
     clip: Doubles  # (M, 4) planes
     cue: tuple[float, float]  # depths between which light fades, scene units
@@ -166,7 +166,7 @@ def paint_streamed(
     work = Work(
         scene,
         dense,
-        partial(_lit, Sighting(media[0][1], camera, subject.clip, cue, reaching)),
+        partial(_lit, ViewSetup(media[0][1], camera, subject.clip, cue, reaching)),
         painter,
         camera,
         size,
@@ -218,7 +218,7 @@ def _outline(seen: ToSee, dense: Dense, looking: Looking) -> Outline:
     return found
 
 
-def _lit(shown: Sighting, place: Indices, voxels: Voxels | Mixed, steeps: Steeps) -> Samples:
+def _lit(shown: ViewSetup, place: Indices, voxels: Voxels | Mixed, steeps: Steeps) -> Samples:
     """Return shaded voxels, given the steepest gradient of all."""
     look, camera, clip, (near, far), reaching = shown
     lit, parts = [], voxels.parts

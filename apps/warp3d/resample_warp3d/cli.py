@@ -8,7 +8,7 @@ from typing import Annotated, Literal, NoReturn
 from cyclopts import App, Parameter
 
 from resample.command import flags
-from resample.command.about import About, words
+from resample.command.about import OptionTopic, words
 from resample.command.options import run
 from resample.command.settings import Serving, Sharing, Written, height_and_width, method_names
 from resample.command.settings_files import with_settings
@@ -59,7 +59,7 @@ def render(
     eye: Annotated[SourceCamera, flags.Flat] = EYE,
     meaning: Annotated[Depth, flags.Flat] = DEPTH,
     aim: Annotated[Aim, flags.Flat] = AIM,
-    view: Annotated[list[str] | None, About.SOURCE, flags.Switch] = None,
+    view: Annotated[list[str] | None, OptionTopic.SOURCE, flags.Switch] = None,
     joint: Annotated[Joint, flags.Flat] = JOINT,
     warping: Annotated[Warping, flags.Flat] = WARPING,
     written: Annotated[Written, flags.Flat] = WRITTEN,
@@ -143,12 +143,14 @@ def stereo(
     /,
     *,
     output: flags.Output,
-    disparity_scale: flags.Look[float | None] = None,
+    disparity_scale: flags.AppearanceFlag[float | None] = None,
     eye: Annotated[SourceCamera, flags.Flat] = EYE,
     meaning: Annotated[PairDepth, flags.Flat] = PAIR_DEPTH,
     parallax: Annotated[Parallax, flags.Flat] = PARALLAX,
-    fraction: Annotated[float, About.LOOK, flags.Hyphen] = 1.0,
-    given: Annotated[Literal["left", "right"], About.LOOK, Parameter(name="--from")] = "left",
+    fraction: Annotated[float, OptionTopic.APPEARANCE, flags.Hyphen] = 1.0,
+    given: Annotated[
+        Literal["left", "right"], OptionTopic.APPEARANCE, Parameter(name="--from")
+    ] = "left",
     warping: Annotated[Warping, flags.Flat] = WARPING,
     written: Annotated[Written, flags.Flat] = WRITTEN,
     holes: flags.Target = None,
@@ -351,7 +353,7 @@ def view(
     meaning: Annotated[Depth, flags.Flat] = DEPTH,
     aim: Annotated[Aim, flags.Flat] = AIM,
     further: Annotated[
-        list[str] | None, About.SOURCE, Parameter(name="--view"), flags.Switch
+        list[str] | None, OptionTopic.SOURCE, Parameter(name="--view"), flags.Switch
     ] = None,
     warping: Annotated[Warping, flags.Flat] = WARPING,
     start: Annotated[CloudStart, flags.Flat] = CLOUD_START,
@@ -400,7 +402,7 @@ def animate_cloud(
     *,
     output: flags.FilmOutput,
     path: Annotated[str, words("orbit", "sway")] = "orbit",
-    frames: flags.Look[int | None] = None,
+    frames: flags.AppearanceFlag[int | None] = None,
     start: Annotated[CloudStart, flags.Flat] = CLOUD_START,
     fps: flags.FramesPerSecond = 24.0,
     size: flags.Size = "640x480",
@@ -453,15 +455,15 @@ def compare(
     depth: str | None = None,
     /,
     *,
-    scene: flags.Look[Literal["generated"] | None] = None,
+    scene: flags.AppearanceFlag[Literal["generated"] | None] = None,
     truth: flags.Source = None,
     mask: flags.Source = None,
     eye: Annotated[SourceCamera, flags.Flat] = EYE,
     meaning: Annotated[Depth, flags.Flat] = DEPTH,
     aim: Annotated[Aim, flags.Flat] = AIM,
-    views: flags.Look[str] = VIEWS,
-    methods: flags.Look[str] = COMPARED,
-    refine: flags.Look[Refine] = "auto",
+    views: flags.AppearanceFlag[str] = VIEWS,
+    methods: flags.AppearanceFlag[str] = COMPARED,
+    refine: flags.AppearanceFlag[Refine] = "auto",
     output: flags.OptionalOutput = None,
     as_json: flags.Json = False,
 ) -> None:
@@ -548,9 +550,9 @@ def figures(
     eye: Annotated[SourceCamera, flags.Flat] = EYE,
     meaning: Annotated[Depth, flags.Flat] = DEPTH,
     aim: Annotated[Aim, flags.Flat] = AIM,
-    views: flags.Look[str] = "oblique",
-    methods: flags.Look[str] = "hybrid,mcmillan",
-    refine: flags.Look[Refine] = "auto",
+    views: flags.AppearanceFlag[str] = "oblique",
+    methods: flags.AppearanceFlag[str] = "hybrid,mcmillan",
+    refine: flags.AppearanceFlag[Refine] = "auto",
 ) -> None:
     """Reproduce the paper's Figure 6: a picture, and a view by the hybrid and by McMillan.
 

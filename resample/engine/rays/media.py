@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 from resample.engine.jit import inner_step
-from resample.engine.rays.looks import Light, SummedLook, highlight_of
+from resample.engine.rays.classifiers import Light, SummedClassifier, highlight_of
 from resample.engine.rays.marching import Bricks, SampleSpace
 from resample.engine.slabs.lighting import length_of
 from resample.engine.vectors import Vector, combine, dot, matrix_of, multiply, scaled
@@ -20,7 +20,7 @@ class Medium(NamedTuple):
     spline: Spline
     bricks: Bricks
     space: SampleSpace
-    look: SummedLook
+    classifier: SummedClassifier
     lattice: Doubles  # (3, 3) scene units per sample
     origin: Doubles  # (3,) scene position of sample position 0
     to_slope: Doubles  # (3, 3) from columns per sample to data units per scene unit
@@ -50,13 +50,13 @@ def position(medium: Medium, place: Vector) -> Vector:
 
 
 @inner_step
-def kept_at(look: SummedLook, depth: float) -> float:
+def kept_at(classifier: SummedClassifier, depth: float) -> float:
     """Share of the light that depth cueing leaves."""
-    if look.dimmed == 0.0:
+    if classifier.dimmed == 0.0:
         return 1.0
     # Falls linearly from the near to the far depth.
-    far = max(0.0, min(1.0, (depth - look.near) / (look.far - look.near)))
-    return 1.0 - look.dimmed * far
+    far = max(0.0, min(1.0, (depth - classifier.near) / (classifier.far - classifier.near)))
+    return 1.0 - classifier.dimmed * far
 
 
 @inner_step
@@ -102,7 +102,7 @@ def number_at(medium: Medium, place: Vector) -> int:
     if not is_known(medium, place):
         return -1
     # Flags only tell present from missing samples where there is a single look.
-    if medium.look.column.shape[0] == medium.look.columns:
+    if medium.classifier.column.shape[0] == medium.classifier.columns:
         return 0
     # Sum the weights of each look among the eight samples, and keep the heaviest.
     first, away = _stored(medium, place)
@@ -157,7 +157,7 @@ def faced(medium: Medium, place: Vector, slope: Vector) -> Vector:
         across = (medium.cuts[n, 0], medium.cuts[n, 1], medium.cuts[n, 2])
         away = dot(across, at) + medium.cuts[n, 3]
         if away < nearest:
-            length = max(length_of(slope), 2.0 * medium.look.lamp.flat) / length_of(across)
+            length = max(length_of(slope), 2.0 * medium.classifier.lamp.flat) / length_of(across)
             nearest, normal = away, scaled(length, across)
     return normal
 
@@ -203,10 +203,10 @@ def reaching(medium: Medium, place: Vector) -> tuple[float, float]:
 
 
 @inner_step
-def aims_at(place: Vector, look: SummedLook) -> Aims:
+def aims_at(place: Vector, classifier: SummedClassifier) -> Aims:
     """Direction to the light and halfway vector at a scene position."""
     # The viewer is a position or, for parallel rays, a direction.
-    lamp = look.lamp
+    lamp = classifier.lamp
     eye = (lamp.viewer[0], lamp.viewer[1], lamp.viewer[2])
     light = (lamp.toward[0], lamp.toward[1], lamp.toward[2])
     if lamp.viewer[3] != 0.0:
@@ -220,19 +220,19 @@ def aims_at(place: Vector, look: SummedLook) -> Aims:
 
 
 @inner_step
-def reflect(normal: Vector, aims: Aims, look: SummedLook) -> tuple[float, float]:
+def reflect(normal: Vector, aims: Aims, classifier: SummedClassifier) -> tuple[float, float]:
     """As `lighting.reflect`, without ambient light, and with tabulated highlights."""
-    diffuse = look.lamp.diffuse * abs(dot(normal, aims.light))
-    return diffuse, highlight_of(look, abs(dot(normal, aims.halfway)))
+    diffuse = classifier.lamp.diffuse * abs(dot(normal, aims.light))
+    return diffuse, highlight_of(classifier, abs(dot(normal, aims.halfway)))
 
 
 @inner_step
 def reflected(medium: Medium, place: Vector, slope: Vector, aims: Aims) -> tuple[float, float]:
     """Factor of a surface's own color, and its white highlight (Blinn-Phong)."""
-    lamp, length = medium.look.lamp, length_of(slope)
+    lamp, length = medium.classifier.lamp, length_of(slope)
     of_lamp, of_all = reaching(medium, place)
     # Shade by the normal where the gradient is steep enough for a surface.
     own, highlight = lamp.diffuse, 0.0
     if length > lamp.flat:
-        own, highlight = reflect(scaled(1.0 / length, slope), aims, medium.look)
+        own, highlight = reflect(scaled(1.0 / length, slope), aims, medium.classifier)
     return of_all * lamp.ambient + of_lamp * own, of_lamp * highlight

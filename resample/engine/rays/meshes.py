@@ -8,10 +8,10 @@ import math
 
 from resample.engine.jit import inner_step
 from resample.engine.over import VISIBLE
-from resample.engine.rays.looks import Light
+from resample.engine.rays.classifiers import Light
+from resample.engine.rays.integrators import NOTHING, Result, Way, integrate
 from resample.engine.rays.marching import ray_at
 from resample.engine.rays.media import Medium, aims_at, kept_at, reaching, reflect
-from resample.engine.rays.seeing import NOTHING, Result, Way, seen
 from resample.engine.vectors import Vector, combine, cross, dot, scaled
 from resample.types import Doubles, Triangles, View
 
@@ -150,20 +150,22 @@ def _sent(medium: Medium, hit: Hit, at: Vector, place: Vector) -> Light:
 
     It is lit as the field is; a mesh without normals keeps its own color.
     """
-    mesh, lamp, cells = medium.mesh, medium.look.lamp, medium.space.cells
+    mesh, lamp, cells = medium.mesh, medium.classifier.lamp, medium.space.cells
     # Interpolate normal and color; without a normal there is no shading.
     normal, color = _mean(mesh.normal, mesh, hit), _mean(mesh.color, mesh, hit)
     length = math.sqrt(dot(normal, normal))
     if length == 0.0:
         return color[0], color[1], color[2], mesh.opacity[hit[1]]
     # Shade with the lamp's diffuse and specular terms.
-    own, highlight = reflect(scaled(1.0 / length, normal), aims_at(at, medium.look), medium.look)
+    own, highlight = reflect(
+        scaled(1.0 / length, normal), aims_at(at, medium.classifier), medium.classifier
+    )
     of_lamp, of_all = 1.0, 1.0
     # Shadows are known within the field alone.
     if 0.0 < place[0] < cells[0] and 0.0 < place[1] < cells[1] and 0.0 < place[2] < cells[2]:
         of_lamp, of_all = reaching(medium, place)
     # Combine ambient, diffuse and specular light, dimmed by depth.
-    kept = kept_at(medium.look, hit[0])
+    kept = kept_at(medium.classifier, hit[0])
     own, high = kept * (of_all * lamp.ambient + of_lamp * own), kept * of_lamp * highlight
     red, green, blue = own * color[0] + high, own * color[1] + high, own * color[2] + high
     return red, green, blue, mesh.opacity[hit[1]]
@@ -208,7 +210,7 @@ def _with_surface(result: Result, light: Light, depth: float) -> Result:
 
 
 @inner_step
-def seen_with_mesh(x: float, y: float, way: Way, medium: Medium, view: View) -> Result:
+def integrate_with_mesh(x: float, y: float, way: Way, medium: Medium, view: View) -> Result:
     """Cast a ray through a screen point, px, through a field and the meshes in it."""
     mesh, result, after = medium.mesh, NOTHING, view.near
     # Trace from surface to surface: the field in between, then the surface.
@@ -218,7 +220,7 @@ def seen_with_mesh(x: float, y: float, way: Way, medium: Medium, view: View) -> 
         hit = next_hit(mesh, start, toward, (after, view.far))
         ray = ray_at(x, y, medium.space, view, (after, hit[0]))
         if ray.steps > 0:
-            result = _behind(result, seen(way, ray, medium))
+            result = _behind(result, integrate(way, ray, medium))
         # Stop behind the last surface, or once the ray is opaque.
         if hit[1] < 0 or 1.0 - result[3] <= OPAQUE:
             break

@@ -6,9 +6,9 @@ import numpy as np
 
 from resample.engine.canvas import Home, pixel_weights
 from resample.engine.jit import Counter, inner_kernel, kernel, packed_kernel, tasks
+from resample.engine.rays.integrators import Way
 from resample.engine.rays.media import Medium
-from resample.engine.rays.meshes import is_on_mesh, seen_with_mesh
-from resample.engine.rays.seeing import Way
+from resample.engine.rays.meshes import integrate_with_mesh, is_on_mesh
 from resample.engine.rays.sparing import (
     ALPHA,
     COVER,
@@ -56,7 +56,7 @@ def _cast(
 ) -> None:  # fmt: skip
     """Cast the ray of a sub-pixel, and store its result in `here` (NUMBERS,)."""
     x, y = _point(output, home, n, row, column)
-    result = seen_with_mesh(x, y, way, medium, output.camera)
+    result = integrate_with_mesh(x, y, way, medium, output.camera)
     here[0], here[1], here[2] = result[0], result[1], result[2]
     here[ALPHA], here[DEEP], here[FIRST] = result[3], result[4], result[5]
     here[COVER], here[VALUE], here[PRESENCE] = result[6], result[7], result[8]
@@ -82,7 +82,7 @@ def _spared(
 
 
 @inner_kernel
-def _look(way: Way, medium: Medium, output: Output, home: Home, n: int, fine: Floats) -> None:
+def _cast_rays(way: Way, medium: Medium, output: Output, home: Home, n: int, fine: Floats) -> None:
     """Sample the sub-pixels (R, C, NUMBERS) of a tile adaptively.
 
     First cast rays `apart`. Then, at half that distance, fill in those in the middle of four, and
@@ -164,7 +164,7 @@ def _paint(tile: int, n: int, way: Way, medium: Medium, output: Output) -> None:
     columns = (min(size, width - home.left) + 2 * margin) * n
     # Sample its sub-pixels, then filter them to pixels.
     fine = np.empty((rows, columns, NUMBERS), np.float32)
-    _look(way, medium, output, home, n, fine)
+    _cast_rays(way, medium, output, home, n, fine)
     _resolve(fine, n, pixel_weights(output.tables, n), home, output)
 
 

@@ -48,7 +48,7 @@ class Mixed(NamedTuple):
 class Values(NamedTuple):
     """Samples of a field, which are classified by the mean of a slab, or measured."""
 
-    look: Classifier
+    classifier: Classifier
     projection: int  # COMPOSITE, MAXIMUM, AVERAGE, ADDITIVE or FIRST_HIT
     iso: float  # value of the first hit, 0..1 between the classifier's low and high
     is_linear: bool

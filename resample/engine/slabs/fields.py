@@ -17,7 +17,7 @@ from resample.engine.ellipsoids.splats import clipped_span
 from resample.engine.jit import kernel
 from resample.engine.over import VISIBLE
 from resample.engine.slabs.blends import Values
-from resample.engine.slabs.lighting import length_of, looked_up, shaded_color
+from resample.engine.slabs.lighting import classified, length_of, shaded_color
 from resample.engine.slabs.sums import PLANES, Canvas, Cutting, Ring, Slab, clean, stride_of, sum_at
 from resample.engine.vectors import Vector
 from resample.types import (
@@ -152,7 +152,7 @@ def _classify_mean(
 ) -> None:
     """Classify a slab's mean, or update the maximum or the search for a surface by it."""
     # Clip the slab to the visible part of the ray.
-    rows, state, look = canvas.rows, canvas.state, blend.look
+    rows, state, classifier = canvas.rows, canvas.state, blend.classifier
     weight, k = found.weight, index_of(row, column)
     front = max(slab.front, float(state[row, column, START]))
     back = min(slab.back, float(state[row, column, END]))
@@ -174,10 +174,10 @@ def _classify_mean(
         _find_hit(blend, canvas, row, column, value, slope, middle, front, slab, cutting)
         return
     # Composite: classify the mean value and gradient, shade, and convert length to opacity.
-    red, green, blue, extinction = looked_up(look, value, length_of(slope))
+    red, green, blue, extinction = classified(classifier, value, length_of(slope))
     if extinction > 0.0:
         at = place_at(row, column, middle, cutting.place, cutting.camera)
-        light = shaded_color((red, green, blue), slope, at, middle, look)
+        light = shaded_color((red, green, blue), slope, at, middle, classifier)
         alpha = -math.expm1(-extinction * weight)
         if blend.is_linear:
             of_layer = -math.expm1(-extinction * blend.layer)
@@ -203,7 +203,7 @@ def _find_hit(
     A ray that enters the field at or above the value, at a clip plane, hits the surface there.
     """
     # Compare with the slab just in front, if the ray has met it.
-    state, look, number = canvas.state[row, column], blend.look, np.float32(slab.number)
+    state, classifier, number = canvas.state[row, column], blend.classifier, np.float32(slab.number)
     before, at_depth, share = 0.0, front, 1.0
     is_next = state[PRESENCE] > 0.0 and state[SLAB] == number - np.float32(1.0)
     if is_next:
@@ -219,9 +219,9 @@ def _find_hit(
                 state[SLOPE + 2] * (1.0 - share) + slope[2] * share,
             )
         # Shade the hit, and paint it opaque.
-        red, green, blue, _ = looked_up(look, blend.iso, length_of(slope))
+        red, green, blue, _ = classified(classifier, blend.iso, length_of(slope))
         at = place_at(row, column, at_depth, cutting.place, cutting.camera)
-        light = shaded_color((red, green, blue), slope, at, at_depth, look)
+        light = shaded_color((red, green, blue), slope, at, at_depth, classifier)
         _put_behind(canvas.rows, index_of(row, column), 1.0, light, at_depth)
         return
     # Else keep this slab's values for the next one.
@@ -237,8 +237,8 @@ def develop(blend: Values, canvas: Canvas) -> None:
 
     Colors are as opaque as a voxel of that value, where the field is at least a voxel long.
     """
-    look, voxel = blend.look, blend.voxel
-    span = look.high - look.low
+    classifier, voxel = blend.classifier, blend.voxel
+    span = classifier.high - classifier.low
     for row in range(canvas.height):
         for column in range(canvas.width):
             state = canvas.state[row, column]
@@ -250,14 +250,14 @@ def develop(blend: Values, canvas: Canvas) -> None:
             value, depth = float(state[VALUE]), float(state[AT_DEPTH])
             # An integral keeps its value, without a color.
             if blend.projection == ADDITIVE:
-                state[VALUE] = look.low * presence + span * value
+                state[VALUE] = classifier.low * presence + span * value
                 light = (0.0, 0.0, 0.0)
             else:
                 # Others are classified, and as opaque as one voxel.
-                red, green, blue, extinction = looked_up(look, value, 0.0)
+                red, green, blue, extinction = classified(classifier, value, 0.0)
                 seen = -math.expm1(-extinction * voxel)
                 light = (red, green, blue)
-                state[VALUE] = look.low + span * value
+                state[VALUE] = classifier.low + span * value
             # Composite the color by the length of the field on the ray.
             state[PRESENCE] = alpha
             _put_behind(canvas.rows, index_of(row, column), alpha * seen, light, depth)

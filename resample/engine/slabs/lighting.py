@@ -53,13 +53,13 @@ def lit(color: Vector, slope: Vector, place: Vector, lamp: Lamp) -> Vector:
 
 @kernel
 def shaded_color(
-    color: Vector, slope: Vector, at: Vector, depth: float, look: Classifier
+    color: Vector, slope: Vector, at: Vector, depth: float, classifier: Classifier
 ) -> Vector:
     """Light of a surface with depth cueing."""
-    light = lit(color, slope, at, look.lamp)
+    light = lit(color, slope, at, classifier.lamp)
     # Light falls linearly from the near to the far depth.
-    far = max(0.0, min(1.0, (depth - look.near) / (look.far - look.near)))
-    kept = 1.0 - look.dimmed * far
+    far = max(0.0, min(1.0, (depth - classifier.near) / (classifier.far - classifier.near)))
+    kept = 1.0 - classifier.dimmed * far
     return (kept * light[0], kept * light[1], kept * light[2])
 
 
@@ -87,11 +87,13 @@ def _between(
 
 
 @kernel
-def looked_up(look: Classifier, value: float, gradient: float) -> tuple[float, float, float, float]:
+def classified(
+    classifier: Classifier, value: float, gradient: float
+) -> tuple[float, float, float, float]:
     """Color and extinction, by a value 0..1 between low and high and a gradient; bilinear."""
     # Locate the cell of the table, clamped to its edges.
-    table = look.table
-    row = max(0.0, min(1.0, gradient / look.steep)) * (table.shape[0] - 1)
+    table = classifier.table
+    row = max(0.0, min(1.0, gradient / classifier.steep)) * (table.shape[0] - 1)
     column = max(0.0, min(1.0, value)) * (table.shape[1] - 1)
     r = min(int(row), max(0, table.shape[0] - 2))
     c = min(int(column), max(0, table.shape[1] - 2))

@@ -163,7 +163,7 @@ def samples_of(field: Field) -> Samples:
     return check_samples(samples)._replace(extinction=position.astype(np.float32))
 
 
-def look_alike(look: Classifier) -> Classifier:
+def alike_classifier(look: Classifier) -> Classifier:
     """Classifier with the array and number types that kernels are compiled for."""
     lamp = look.lamp
     toward, viewer = alike(lamp.toward, np.float64), alike(lamp.viewer, np.float64)
@@ -184,7 +184,7 @@ def field_alike(field: LatticeField) -> LatticeField:
     return field._replace(
         lattice=alike(field.lattice, np.float64),
         origin=alike(field.origin, np.float64),
-        classifier=look_alike(field.classifier),
+        classifier=alike_classifier(field.classifier),
     )
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 from cyclopts import Parameter
 from pydantic import Field
 
-from resample.command.about import NUMBERS, About
+from resample.command.about import NUMBERS, OptionTopic
 from resample.command.flags import Hyphen, Switch
 from resample.command.settings import CALIBRATED, SIZE, Choices, height_and_width
 from resample.words import numbers_in
@@ -23,7 +23,7 @@ class NewSize(Choices):
     """The new size of a picture."""
 
     heading: ClassVar[str] = "Target"
-    about: ClassVar[About] = About.LOOK
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     size: Annotated[
         str | None,
@@ -79,7 +79,7 @@ class Factor(Choices):
     """The factor by which a picture is scaled."""
 
     heading: ClassVar[str] = "Target"
-    about: ClassVar[About] = About.LOOK
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     factor: Annotated[
         str, Hyphen, Field(description="For both sides, such as 0.5, or x,y, such as 0.5,0.25.")
@@ -116,7 +116,7 @@ class Turn(Choices):
     """The angle by which a picture is rotated."""
 
     heading: ClassVar[str] = "Target"
-    about: ClassVar[About] = About.LOOK
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     degrees: Annotated[
         float,
@@ -142,7 +142,7 @@ class Undistortion(Choices):
     """The lens whose distortion is removed, and the pinhole camera to rectify for."""
 
     heading: ClassVar[str] = "Target"
-    about: ClassVar[About] = About.LOOK
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     lens: Annotated[
         str, NUMBERS, Hyphen, Field(description=f"{CALIBRATED}. Its distortion is removed.")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 from cyclopts import Parameter, Token
 from pydantic import BeforeValidator, Field
 
-from resample.command.about import NUMBERS, About
+from resample.command.about import NUMBERS, OptionTopic
 from resample.command.flags import FieldOfView, Hyphen, Switch, Up, Viewed
 from resample.command.settings import (
     CALIBRATED,
@@ -47,7 +47,7 @@ class Place(Choices):
     """The target of a warp, given by one of matrix, corners, map, flow and lens."""
 
     heading: ClassVar[str] = "Target"
-    about: ClassVar[About] = About.LOOK
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     matrix: Annotated[
         str | None,
@@ -68,7 +68,7 @@ class Place(Choices):
     ] = None
     map: Annotated[
         Path | None,
-        About.SOURCE,
+        OptionTopic.SOURCE,
         Field(
             description="File of the source coordinates of every target pixel: .npy (H, W, 2), "
             ".npz with x and y, or a picture of two channels; pixel centers at + 0.5."
@@ -76,7 +76,7 @@ class Place(Choices):
     ] = None
     flow: Annotated[
         Path | None,
-        About.SOURCE,
+        OptionTopic.SOURCE,
         Field(
             description="Displacement of every source pixel: a .flo file, or a file as for --map."
         ),
@@ -127,7 +127,7 @@ class Warping(Choices):
     """How a picture is warped."""
 
     heading: ClassVar[str] = "Method"
-    about: ClassVar[About] = About.LOOK
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     method: Annotated[
         str,
@@ -183,11 +183,11 @@ class Besides(Choices):
     """Which part of a warp is written, and which files besides it."""
 
     heading: ClassVar[str] = "Further outputs"
-    about: ClassVar[About] = About.TARGET
+    about: ClassVar[OptionTopic] = OptionTopic.TARGET
 
     roi: Annotated[
         str | None,
-        About.LOOK,
+        OptionTopic.APPEARANCE,
         Field(description="Write only this part of the target: left,top,width,height in px."),
     ] = None
     coverage: Annotated[
@@ -203,7 +203,7 @@ class MeshView(Choices):
     """Camera and lighting of a mesh."""
 
     heading: ClassVar[str] = "Look"
-    about: ClassVar[About] = About.LOOK
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     camera: Viewed = "30/20/1"
     fov: FieldOfView = 30.0
@@ -234,7 +234,7 @@ class MeshDrawing(Choices):
     """Interpolation and pixel filter of a mesh."""
 
     heading: ClassVar[str] = "Method"
-    about: ClassVar[About] = About.LOOK
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     interpolation: Annotated[
         str,
@@ -267,12 +267,12 @@ class MeshFormat(Choices):
     """Size, texture, background and bits of a mesh's picture."""
 
     heading: ClassVar[str] = "Picture"
-    about: ClassVar[About] = About.LOOK
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     size: Annotated[str, Field(description=SIZE)] = "512"
     texture: Annotated[
         Path | None,
-        About.SOURCE,
+        OptionTopic.SOURCE,
         Field(description="Picture to use in place of the textures that the file names."),
     ] = None
     background: Annotated[

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 from cyclopts import Parameter
 from pydantic import Field
 
-from resample.command.about import TRANSFER, About
+from resample.command.about import TRANSFER, OptionTopic
 from resample.command.flags import FieldOfView, Hyphen, Switch, Up, Viewed, under
 from resample.command.settings import (
     CAMERA,
@@ -19,7 +19,7 @@ from resample.command.settings import (
     Shown,
 )
 from resample.console.backgrounds import Color
-from resample_volume.looks.names import PRESETS, TISSUES
+from resample_volume.classification.names import PRESETS, TISSUES
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -39,7 +39,7 @@ class Source(Choices):
     """How the input is read, where the file alone does not tell."""
 
     heading: ClassVar[str] = "Input"
-    about: ClassVar[About] = About.LOOK
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     reader: Annotated[
         str | None,
@@ -65,7 +65,7 @@ class Source(Choices):
     ] = None
     memory: Annotated[
         str | None,
-        About.RESOURCE,
+        OptionTopic.RESOURCE,
         Field(
             description=f"{MEMORY}; the voxels of a chunked volume (OME-Zarr, zarr) may take that, "
             "or half of the free memory."
@@ -112,11 +112,11 @@ class Added(Choices):
     """Further volumes in the scene."""
 
     heading: ClassVar[str] = "Further volumes"
-    about: ClassVar[About] = About.LOOK
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     also: Annotated[
         tuple[str, ...],
-        About.SOURCE,
+        OptionTopic.SOURCE,
         Several,
         Field(
             description="Another volume in the scene, placed by its file: pet.nrrd, or "
@@ -129,17 +129,17 @@ class Added(Choices):
         str | None,
         TRANSFER,
         Field(
-            description="Look of each channel of the file: a color, a transfer function or none "
+            description="AppearanceChoices of each channel of the file: a color, a transfer function or none "
             "(hidden), such as red,#00ff80,none or gray,300..900,auto:opacity=0.2."
         ),
     ] = None
 
 
-class Look(Choices):
+class AppearanceChoices(Choices):
     """Appearance of voxels, and the viewpoint."""
 
     heading: ClassVar[str] = "Look"
-    about: ClassVar[About] = About.LOOK
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     transfer: Annotated[
         str,
@@ -235,13 +235,13 @@ class Look(Choices):
     ] = "auto"
     labels: Annotated[
         str | None,
-        About.SOURCE,
+        OptionTopic.SOURCE,
         Field(description="Volume of integers: the label of each voxel."),
     ] = None
     label: Annotated[
         tuple[str, ...],
         Several,
-        Field(description="Look of a label: 1:color=tomato,opacity=0.5 or 2:hidden."),
+        Field(description="AppearanceChoices of a label: 1:color=tomato,opacity=0.5 or 2:hidden."),
     ] = ()
     crop: Annotated[
         str | None,
@@ -283,7 +283,7 @@ class Look(Choices):
         Field(ge=0, le=1, description="Fraction of the light lost at the far end."),
     ] = None
 
-    def of_voxels(self) -> "Look":
+    def of_voxels(self) -> "AppearanceChoices":
         """Return this look with classification pre, unless post was chosen."""
         return self if self.classify == "post" else self.model_copy(update={"classify": "pre"})
 
@@ -295,7 +295,7 @@ class Look(Choices):
         ValueError, LookupError
             A choice is unknown or not allowed, or two exclude each other.
         """
-        from resample_volume.looks.scales import scale_named
+        from resample_volume.classification.scales import scale_named
         from resample_volume.media.appearance import Classification, check_together
         from resample_volume.surfaces.sections import Section
 
@@ -382,7 +382,7 @@ class Look(Choices):
 
     def _window(self, scale: str) -> tuple[float, float] | None:
         """Return the least and greatest value of the window, on a scale."""
-        from resample_volume.looks.scales import scale_named
+        from resample_volume.classification.scales import scale_named
 
         if self.window is None:
             return None
@@ -408,7 +408,7 @@ class Beside(Choices):
     """Annotations, meshes and planes in the volume's scene."""
 
     heading: ClassVar[str] = "Annotations and objects"
-    about: ClassVar[About] = About.LOOK
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     axes: Annotated[
         bool, Switch, Field(description="Draw the scene's axes x, y and z at the volume's corner.")
@@ -438,7 +438,7 @@ class Beside(Choices):
     ] = False
     mesh: Annotated[
         tuple[str, ...],
-        About.SOURCE,
+        OptionTopic.SOURCE,
         Several,
         Field(
             description="Mesh in the scene: stent.ply:color=tomato,opacity=1 (.ply, .obj, .stl, "
@@ -472,7 +472,7 @@ class Beside(Choices):
         is_dark = background is not None and ink_on(background) == DARK
         return Annotations(self.axes, self.box, self.cube, self.scale_bar, is_dark)
 
-    def met(self, look: Look, resampler: "Resampler") -> "Met":
+    def met(self, look: AppearanceChoices, resampler: "Resampler") -> "Met":
         """Read meshes and planes for a renderer that shows them.
 
         Raises
@@ -519,7 +519,7 @@ class BesidePicture(Beside):
         ),
     ] = None
 
-    def fit(self, look: Look) -> "Fitted":
+    def fit(self, look: AppearanceChoices) -> "Fitted":
         """Return what the camera is fitted to."""
         return "picture" if self.zoom_in else look.fit
 
@@ -553,7 +553,7 @@ class Projecting(Choices):
     """The projection: what a pixel shows."""
 
     heading: ClassVar[str] = "Projection"
-    about: ClassVar[About] = About.LOOK
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     projection: Shown = "composite"
     iso: Iso = None
@@ -570,7 +570,7 @@ class Projecting(Choices):
             raise ValueError("compare measures plain sums; take the projection additive")
         return Resampling(projection=self.projection, iso=self.iso)
 
-    def painting(self, look: Look) -> Resampling:
+    def painting(self, look: AppearanceChoices) -> Resampling:
         """The same for painters of samples, also of fields."""
         is_of_field = look.classify == "post" or self.projection != "composite"
         thickness = 1 if self.projection == "maximum" else 0.5

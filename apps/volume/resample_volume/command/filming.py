@@ -19,6 +19,7 @@ from resample.memory import available_memory, bytes_of
 from resample.profiles.orders import Summing
 from resample.resampler import Resampler
 from resample.watching import Crew, Executor, told
+from resample_volume.classification.surveys import NO_LEVELS, Survey
 from resample_volume.command.animation import (
     Course,
     Flight,
@@ -31,15 +32,15 @@ from resample_volume.command.animation import (
     shots,
     shots_over_time,
 )
-from resample_volume.command.choices import Added, Beside, Look, Source
+from resample_volume.command.choices import Added, AppearanceChoices, Beside, Source
 from resample_volume.command.inputs import allowed_memory, read_as_whole, with_memory
 from resample_volume.command.inputs import over_time as read_over_time
 from resample_volume.command.media import (
+    appearance_over_time,
     beside,
     can_stream,
     filmed,
     labelled,
-    look_over_time,
     media,
     others,
     times_of,
@@ -48,7 +49,6 @@ from resample_volume.command.media import (
 from resample_volume.command.needs import is_in_bricks
 from resample_volume.command.rendering import say_lost_field, say_missed, scene_of, spent_here
 from resample_volume.data.bricks import Bricks, Values
-from resample_volume.looks.surveys import NO_LEVELS, Survey
 from resample_volume.media.appearance import Appearance, Medium, transfer_of
 from resample_volume.media.series import Ready, Series, is_chunked, whole
 from resample_volume.rendering import Fit, Subject
@@ -69,7 +69,7 @@ class Script(NamedTuple):
 
     volume: str
     source: Source
-    look: Look
+    appearance: AppearanceChoices
     added: Added
     beside: Beside
     resampling: Resampling
@@ -88,7 +88,7 @@ class KnownOfTimes(NamedTuple):
     """Statistics over all times of a volume."""
 
     survey: Survey  # without its levels
-    look: Appearance  # without labels, meshes and planes
+    appearance: Appearance  # without labels, meshes and planes
     sphere: Sphere
 
 
@@ -165,7 +165,7 @@ def _film_of_times(
     count = 0 if every is None else prod(every.count)
     with progress_bar("scanning bricks", count) as progress, told(progress):
         series = Series.of(times, ready)
-    look = look_over_time(series, script.look, paint.resampler)
+    look = appearance_over_time(series, script.appearance, paint.resampler)
     scenes = _scenes(script, series, look, paint.resampler)
     say_lost_field(scenes.at(0), paint.resampler)
     course = filmed(scenes.subject, len(series))
@@ -177,7 +177,7 @@ def _film_of_times(
         say_missed(scenes.at(0), course[0], camera)
     if scenes.dense:
         say("the visible voxels do not fit in memory: frames are painted window by window")
-        about = {**about, "values": _mark(series.all(), scenes.look)}
+        about = {**about, "values": _mark(series.all(), scenes.appearance)}
     frames = _frames_over(course, scenes, cameras, paint)
     made = shots_over_time(course, cameras, paint, frames, about)
     return ReadyFilm(made, cameras, paint, is_chunked(times), course[0].is_of_field, known)
@@ -188,9 +188,9 @@ def _read(script: Script, times: Recording, hire: Hire | None) -> tuple[Recordin
 
     Fields need arrays, and so do several volumes.
     """
-    resampler = script.look.renderer(script.resampling, script.source.scale)
+    resampler = script.appearance.renderer(script.resampling, script.source.scale)
     is_alone = not script.added.also and script.added.channels is None
-    if is_chunked(times) and not (is_alone and can_stream(script.look, resampler)):
+    if is_chunked(times) and not (is_alone and can_stream(script.appearance, resampler)):
         times = read_as_whole(times, script.source)
     if is_chunked(times):
         count, *_, deep, down, across = times.values.shape
@@ -205,7 +205,7 @@ class TimeScenes:
     """The scene of a script at each time; the last one is cached."""
 
     series: Series
-    look: Appearance  # of all times
+    appearance: Appearance  # of all times
     further: list[Medium]  # volumes that do not change
     resampler: Resampler
     fit: Fit
@@ -216,7 +216,7 @@ class TimeScenes:
         """Return the volumes of a time with their looks."""
         if self.last is None or self.last[0] != time:
             self.last = None  # two of them need not fit in memory
-            self.last = time, [(self.series[time], self.look), *self.further]
+            self.last = time, [(self.series[time], self.appearance), *self.further]
         return self.last[1]
 
     def subject(self, time: int) -> Subject:
@@ -231,10 +231,10 @@ class TimeScenes:
 
 def _scenes(script: Script, series: Series, look: Appearance, resampler: Resampler) -> TimeScenes:
     """Return the scenes of a script, all under one look."""
-    met = script.beside.met(script.look, resampler).within(series.known.span)
-    own = met.beside(labelled(look, series, script.look))
-    further = beside(others(script.added.also, script.source), script.look, resampler)
-    return TimeScenes(series, own, further, resampler, script.look.fit)
+    met = script.beside.met(script.appearance, resampler).within(series.known.span)
+    own = met.beside(labelled(look, series, script.appearance))
+    further = beside(others(script.added.also, script.source), script.appearance, resampler)
+    return TimeScenes(series, own, further, resampler, script.appearance.fit)
 
 
 def _frames_over(
@@ -256,7 +256,10 @@ def scene_for(
     script: Script, size: Size, recording: Recording | None = None, hire: Hire | None = None
 ) -> ReadScene:
     """Return the scene of a script for frames (height, width); errors as of `film_of`."""
-    look, resampler = script.look, script.look.renderer(script.resampling, script.source.scale)
+    look, resampler = (
+        script.appearance,
+        script.appearance.renderer(script.resampling, script.source.scale),
+    )
     met = script.beside.met(look, resampler)
     words = (script.source, script.volume, look, script.added, resampler)
     given = media(*words, recording=recording, hire=hire)
@@ -286,7 +289,7 @@ def _frames_of_times(
         raise OSError(f"{script.volume} changed while it was filmed; try again")
     times, ready = _read(script, times, None)
     series, paint = Series.again(times, known.survey, ready), replace(paint, threads=threads)
-    scenes = _scenes(script, series, known.look, paint.resampler)
+    scenes = _scenes(script, series, known.appearance, paint.resampler)
     course = Course(len(series), scenes.subject, sphere=known.sphere)
     return _frames_over(course, scenes, cameras, paint)
 
@@ -323,7 +326,7 @@ def _mark(volume: Volume, look: Appearance) -> str:
     slopes = np.linspace(0, SLOPES * transfer.steepest(1.0), ROWS if transfer.needs_gradient else 1)
     some = np.linspace(low, high, 1 << 12).astype(values.dtype)
     every, of_each = np.tile(some, slopes.size), np.repeat(slopes.astype(np.float32), some.size)
-    looks = transfer.looks(every, of_each, (low, high), 1.0)
+    looks = transfer.classify(every, of_each, (low, high), 1.0)
     marks = [_mark_of(values), fingerprint(*looks), look.gradient, repr(look.gradient_opacity)]
     if look.labels is not None:
         marks += [_mark_of(look.labels.values), repr(sorted(look.labels.rules.items()))]
@@ -353,24 +356,24 @@ def shared_by(crew: Crew | None, script: Script, film: ReadyFilm) -> tuple[Shots
 
 def _decided(script: Script, film: ReadyFilm) -> Script:
     """Resolve `auto`, which a worker with less memory might resolve otherwise."""
-    look, resampling = script.look, script.resampling
+    look, resampling = script.appearance, script.resampling
     if look.classify != "auto":
         return script
     if not film.is_of_field:
         order = None if _is_by_rays(script) else resampling.order
         return script._replace(
-            look=look.of_voxels(), resampling=resampling.model_copy(update={"order": order})
+            appearance=look.of_voxels(), resampling=resampling.model_copy(update={"order": order})
         )
     order = resampling.order or "rays:quality=usual"
     return script._replace(
-        look=look.model_copy(update={"classify": "post"}),
+        appearance=look.model_copy(update={"classify": "post"}),
         resampling=resampling.model_copy(update={"order": order}),
     )
 
 
 def _is_by_rays(script: Script) -> bool:
     """Whether the renderer that a script names gathers along rays."""
-    resampler = script.look.renderer(script.resampling, script.source.scale)
+    resampler = script.appearance.renderer(script.resampling, script.source.scale)
     return resampler.order.summing is Summing.RAYS
 
 

@@ -14,6 +14,8 @@ from resample.console.messages import progress_bar, say
 from resample.memory import allow, amount, available_memory, bytes_of, give_back
 from resample.memory.mapped import is_in_file
 from resample.watching import told
+from resample_volume.classification.scales import LINEAR, scaled
+from resample_volume.classification.surveys import Survey, findings, survey, without_padding
 from resample_volume.command.choices import Source
 from resample_volume.data.bricks import Bricks, Values, as_array
 from resample_volume.data.glances.looking import Helpers
@@ -31,8 +33,6 @@ from resample_volume.files.source import (
 from resample_volume.files.stores import kept
 from resample_volume.files.stores.chunks import Single
 from resample_volume.files.stores.reader import with_level
-from resample_volume.looks.scales import LINEAR, scaled
-from resample_volume.looks.surveys import Survey, findings, survey, without_padding
 from resample_volume.media.series import whole
 from resample_volume.types import Recording, Volume
 

@@ -9,7 +9,10 @@ from resample.command.workers import Hire
 from resample.console.messages import progress_bar, say
 from resample.painting.choices import Projection
 from resample.resampler import Resampler
-from resample_volume.command.choices import Added, Look, Source
+from resample_volume.classification.presets import PRESETS
+from resample_volume.classification.scales import scaled
+from resample_volume.classification.surveys import findings
+from resample_volume.command.choices import Added, AppearanceChoices, Source
 from resample_volume.command.inputs import (
     allowed_memory,
     announced,
@@ -23,9 +26,6 @@ from resample_volume.command.inputs import (
 from resample_volume.data.recordings import volume_at, with_times_first
 from resample_volume.files.labels import read_labels
 from resample_volume.files.stores.chunks import Chunked
-from resample_volume.looks.presets import PRESETS
-from resample_volume.looks.scales import scaled
-from resample_volume.looks.surveys import findings
 from resample_volume.media.appearance import Appearance, Medium, Met
 from resample_volume.media.series import Series
 from resample_volume.rendering import Subject
@@ -45,7 +45,7 @@ class Other(NamedTuple):
 
     name: str
     source: Source
-    look: dict[str, str]  # what of the look is its own
+    appearance: dict[str, str]  # what of the look is its own
 
 
 def others(texts: tuple[str, ...], source: Source | None = None) -> list[Other]:
@@ -63,7 +63,7 @@ def others(texts: tuple[str, ...], source: Source | None = None) -> list[Other]:
     return [one._replace(source=one.source.model_copy(update=memory)) for one in found]
 
 
-def can_stream(look: Look, resampler: Resampler) -> bool:
+def can_stream(look: AppearanceChoices, resampler: Resampler) -> bool:
     """Return whether a picture needs only the visible voxels of a volume."""
     return resampler.projection is Projection.COMPOSITE and look.classify != "post"
 
@@ -71,7 +71,7 @@ def can_stream(look: Look, resampler: Resampler) -> bool:
 def media(
     source: Source,
     name: str,
-    look: Look,
+    look: AppearanceChoices,
     added: Added,
     resampler: Resampler,
     *,
@@ -85,7 +85,7 @@ def media(
     Raises
     ------
     ValueError, LookupError, OSError
-        See `inputs.opened` and `Look.appearance`.
+        See `inputs.opened` and `AppearanceChoices.appearance`.
     """
     further = others(added.also, source)
     if added.channels is None:
@@ -100,12 +100,12 @@ def media(
     return first + beside(further, look, resampler)
 
 
-def beside(further: list[Other], look: Look, resampler: Resampler) -> list[Medium]:
+def beside(further: list[Other], look: AppearanceChoices, resampler: Resampler) -> list[Medium]:
     """Read the further volumes with their looks."""
     found = []
     for other in further:
         volume = prepared(other.source, other.name, streamed=can_stream(look, resampler))
-        own = _alone(look, other.look.get("transfer", "auto"), other.look.get("window"))
+        own = _alone(look, other.appearance.get("transfer", "auto"), other.appearance.get("window"))
         found.append((volume, own.appearance(volume, resampler)))
     return found
 
@@ -144,16 +144,18 @@ def filmed(subject: Callable[[int], Subject], times: int) -> "Course":
         return Course(times, subject, progress)
 
 
-def look_over_time(series: Series, look: Look, resampler: Resampler) -> Appearance:
+def appearance_over_time(
+    series: Series, look: AppearanceChoices, resampler: Resampler
+) -> Appearance:
     """Return one look for all times of a series, without labels; print the statistics."""
     for line in findings(series.known):
         say(line)
     bare = look.model_copy(update={"labels": None, "label": ()})
     chosen = bare.appearance(series.all(), resampler)
-    return series.look(chosen, resampler.projection)
+    return series.appearance(chosen, resampler.projection)
 
 
-def labelled(own: Appearance, series: Series, look: Look) -> Appearance:
+def labelled(own: Appearance, series: Series, look: AppearanceChoices) -> Appearance:
     """Return the look of all times with the labels of another look, if it has some."""
     if look.labels is None:
         return own
@@ -161,7 +163,7 @@ def labelled(own: Appearance, series: Series, look: Look) -> Appearance:
 
 
 def _channels(
-    source: Source, name: str, look: Look, text: str, resampler: Resampler
+    source: Source, name: str, look: AppearanceChoices, text: str, resampler: Resampler
 ) -> list[Medium]:
     """Return the channels of a file, each with its look."""
     if source.channel is not None:
@@ -196,14 +198,14 @@ def _channels(
     return found
 
 
-def _alone(look: Look, transfer: str, window: str | None) -> Look:
+def _alone(look: AppearanceChoices, transfer: str, window: str | None) -> AppearanceChoices:
     """Return the look of a further volume: without labels, with its own colors."""
     own = {"transfer": transfer, "window": window, "labels": None, "label": ()}
     return look.model_copy(update=own)
 
 
 def _is_color(word: str) -> bool:
-    from resample_volume.looks.files import displayed_color
+    from resample_volume.classification.files import displayed_color
 
     if word in PRESETS:
         return False

@@ -68,7 +68,7 @@ def _bytes_per_visible(voxels: object, fit: Fit) -> int:
     """Bytes per visible voxel; a field needs these only to place a camera and for slopes."""
     if not isinstance(voxels, Gathered):
         return VISIBLE
-    return VISIBLE_OF_FIELD if fit == "visible" or len(voxels.looks.table) > 1 else 0
+    return VISIBLE_OF_FIELD if fit == "visible" or len(voxels.table.table) > 1 else 0
 
 
 def is_in_bricks(volume: Volume) -> bool:

@@ -25,10 +25,10 @@ from resample.profiles.orders import Summing
 from resample.resampler import Resampler
 from resample.types import Doubles, Field, Frame, LatticeField, Samples
 from resample.watching import told
+from resample_volume.classification.surveys import survey
 from resample_volume.command import needs
 from resample_volume.command.filling import Fitted, ball_fit, filled, whole_fit
 from resample_volume.data.bricks import Bricks, Values
-from resample_volume.looks.surveys import survey
 from resample_volume.media.appearance import (
     Appearance,
     Classification,

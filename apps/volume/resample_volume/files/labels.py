@@ -2,10 +2,10 @@
 
 from collections.abc import Sequence
 
+from resample_volume.classification.labels import Labels, check_known, parse_rules
 from resample_volume.data.bricks import Bricks
 from resample_volume.data.recordings import volume_at
 from resample_volume.files.source import open_streamed, open_volume
-from resample_volume.looks.labels import Labels, check_known, parse_rules
 from resample_volume.types import Volume
 
 

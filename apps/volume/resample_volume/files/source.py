@@ -11,14 +11,14 @@ from resample import registry
 from resample.files.stores.addresses import Address, is_address
 from resample.files.stores.opening import is_store
 from resample.samples.finding import PREFIX, sample_path
+from resample_volume.classification.scales import LINEAR, value_at
+from resample_volume.classification.surveys import findings, survey
 from resample_volume.data.bricks import Values, parts
 from resample_volume.data.recordings import volume_at
 from resample_volume.data.thresholds import otsu
 from resample_volume.files.generated import GENERATED
 from resample_volume.files.readers import Reader, Recorder, Streamer
 from resample_volume.files.stacks.dicom import is_dicom
-from resample_volume.looks.scales import LINEAR, value_at
-from resample_volume.looks.surveys import findings, survey
 from resample_volume.types import Recording, Volume
 
 if TYPE_CHECKING:

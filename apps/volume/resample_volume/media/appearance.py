@@ -10,12 +10,12 @@ from resample.painting.choices import MEASURING, Projection
 from resample.painting.splines import LARGEST, bytes_of_field
 from resample.profiles.orders import OF_FIELDS, EverySample, Rays, Summing
 from resample.resampler import Resampler
+from resample_volume.classification.automatic import levels
+from resample_volume.classification.labels import MOST_RULES
+from resample_volume.classification.presets import Window, transfer_for
+from resample_volume.classification.surveys import survey
+from resample_volume.classification.transfer import Transfer
 from resample_volume.data.bricks import Bricks, Values
-from resample_volume.looks.automatic import levels
-from resample_volume.looks.labels import MOST_RULES
-from resample_volume.looks.presets import Window, transfer_for
-from resample_volume.looks.surveys import survey
-from resample_volume.looks.transfer import Transfer
 from resample_volume.media.xrays import XRay
 from resample_volume.surfaces.image_planes import ImagePlane
 from resample_volume.surfaces.iso_surfaces import IsoSurface
@@ -26,7 +26,7 @@ from resample_volume.voxels.shading import DepthCue, Light
 from resample_volume.voxels.visible import finite_range
 
 if TYPE_CHECKING:
-    from resample_volume.looks.labels import Labels
+    from resample_volume.classification.labels import Labels
 
 # Each keeps its own tables.
 OF_VOXELS, ALONG_RAYS = Resampler(), Resampler(order=Rays())

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 
 from resample.painting.choices import Projection
+from resample_volume.classification.materials import Windowed
+from resample_volume.classification.regions import Faded
+from resample_volume.classification.surveys import Survey, survey, without_padding
+from resample_volume.classification.transfer import DataRange, Transfer
 from resample_volume.data.bricks import Bricks
 from resample_volume.data.recordings import alone, volume_at, with_times_first
 from resample_volume.files.stores.chunks import Chunked, Single
-from resample_volume.looks.materials import Windowed
-from resample_volume.looks.regions import Faded
-from resample_volume.looks.surveys import Survey, survey, without_padding
-from resample_volume.looks.transfer import DataRange, Transfer
 from resample_volume.media.appearance import Appearance, named_or_own, transfer_of
 from resample_volume.media.xrays import XRay, settled
 from resample_volume.types import Recording, Volume
@@ -84,7 +84,9 @@ class Series:
             return self.together
         return without_padding(whole(self.recording), self.known)
 
-    def look(self, look: Appearance, projection: Projection = Projection.COMPOSITE) -> Appearance:
+    def appearance(
+        self, look: Appearance, projection: Projection = Projection.COMPOSITE
+    ) -> Appearance:
         """Return a look for all times, with ranges and slopes over all of them."""
         together = self.all()
         if projection is Projection.XRAY:

@@ -11,12 +11,12 @@ from resample.colors import from_srgb, to_srgb
 from resample.memory.mapped import array_like, most_of
 from resample.painting.choices import Projection
 from resample.types import Frame
+from resample_volume.classification.automatic import BRIGHT
+from resample_volume.classification.surveys import Survey, survey
 from resample_volume.data.keeping import found_once
 from resample_volume.data.memory import require_memory
 from resample_volume.data.parts import slabs
 from resample_volume.data.recordings import how
-from resample_volume.looks.automatic import BRIGHT
-from resample_volume.looks.surveys import Survey, survey
 from resample_volume.types import Volume
 
 # Of water, per mm, near 70 keV. NIST's tables (Hubbell and Seltzer, NISTIR 5632, 2004) have 0.0206

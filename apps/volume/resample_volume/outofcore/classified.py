@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from resample_volume.classification.transfer import DataRange, Transfer, extinction
 from resample_volume.data.bricks import Box
 from resample_volume.data.recordings import linear_colors
-from resample_volume.looks.transfer import DataRange, Transfer, extinction
 from resample_volume.types import Volume
 from resample_volume.voxels.streaming import (
     BrickClassifier,
@@ -19,17 +19,17 @@ from resample_volume.voxels.streaming import (
 from resample_volume.voxels.visible import (
     Indices,
     Voxels,
+    classify_values,
     extinctions_of,
     finite_range,
     lattice_of,
-    looks_of,
     positions_at,
     to_scene_of,
     unit_of,
 )
 
 if TYPE_CHECKING:
-    from resample_volume.looks.labels import Labels
+    from resample_volume.classification.labels import Labels
 
 R = TypeVar("R")
 
@@ -107,7 +107,7 @@ def classified(
     transfer, unit = by.transfer, unit_of(by.transfer, volume)
     seen = near_to_each_other(found, box, volume.values.shape)
     length = np.linalg.norm(seen.slope, axis=1) if transfer.needs_gradient else None
-    color, opacity = looks_of(transfer, seen.value, length, data_range, by.steep)
+    color, opacity = classify_values(transfer, seen.value, length, data_range, by.steep)
     if volume.colors is not None:
         color = linear_colors(volume.colors.reshape(-1, volume.colors.shape[-1])[seen.place])
     if by.labels is not None:

@@ -6,10 +6,10 @@ from typing import Any
 
 from resample.resampler import Resampler
 from resample.types import Doubles, Indices
+from resample_volume.classification.labels import Labels
+from resample_volume.classification.regions import Faded
 from resample_volume.data.bricks import Bricks, Step
 from resample_volume.data.glances.shelves import Recent
-from resample_volume.looks.labels import Labels
-from resample_volume.looks.regions import Faded
 from resample_volume.media.appearance import Appearance, Classification, Medium, transfer_of
 from resample_volume.media.lattices import Lattice, common_lattice, first_in
 from resample_volume.outofcore.classified import Classifying, classified_by_bricks
@@ -24,7 +24,7 @@ from resample_volume.outofcore.together import (
     mixed_by_bricks,
     resampled_bricks,
 )
-from resample_volume.rendering import kept_look, placement
+from resample_volume.rendering import placement, resampled_appearance
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import chosen as chosen_of
 from resample_volume.voxels.cropping import kept_index, planes
@@ -154,7 +154,7 @@ def _on_lattice(medium: Medium, lattice: Lattice, most: int) -> Medium:
         return resampled_bricks(volume, lattice, most)
 
     there = known_of(volume, ("resampled", volume.values, lattice), make)
-    return there, kept_look(volume, look)
+    return there, resampled_appearance(volume, look)
 
 
 def _together(placed: Sequence[Medium], lattice: Lattice) -> Volume:

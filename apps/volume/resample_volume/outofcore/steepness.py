@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Floats
+from resample_volume.classification.transfer import Transfer
 from resample_volume.data.bricks import Box, Bricks
-from resample_volume.looks.transfer import Transfer
 from resample_volume.outofcore.classified import candidates_by_bricks
 from resample_volume.outofcore.passes import Looking, between, passed
 from resample_volume.types import Volume

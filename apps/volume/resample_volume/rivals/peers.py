@@ -34,7 +34,7 @@ from resample.cameras.models import AnyCamera
 from resample.painting.choices import Projection
 from resample.reading.silence import suppressed_output
 from resample.types import Doubles, Floats, View
-from resample_volume.looks.transfer import Transfer
+from resample_volume.classification.transfer import Transfer
 from resample_volume.types import Volume
 from resample_volume.voxels.shading import Light
 from resample_volume.voxels.visible import finite_range
@@ -263,7 +263,7 @@ def _dress(prop: Any, volume: Volume, transfer: Transfer, light: Light | None) -
 
     low, high = data_range = finite_range(volume.values)
     table = _values(volume.values.dtype, low, high)
-    color, opacity = transfer.looks(table, None, data_range, 1.0)
+    color, opacity = transfer.classify(table, None, data_range, 1.0)
     colors, opacities = vtkColorTransferFunction(), vtkPiecewiseFunction()
     ends = (float(table[0]), float(table[-1]), table.size)
     colors.BuildFunctionFromTable(*ends, color.ravel().tolist())

@@ -25,14 +25,14 @@ from resample.watching import Progress
 from resample_volume.data.memory import require_memory
 
 if TYPE_CHECKING:
-    from resample_volume.rivals.kernels.raycasting import FieldLook, Grid, Plan
+    from resample_volume.rivals.kernels.raycasting import FieldClassifier, Grid, Plan
 
 NO_LAMP = Lamp(np.zeros(3), np.zeros(4), 1.0, 0.0, 0.0, 1.0, 0.0)
 NO_CLASSIFIER = Classifier(np.zeros((1, 1, 4), np.float32), 0.0, 1.0, 1.0, NO_LAMP, 0.0, 1.0, 0.0)
 TABLE = 4096  # steps of the kernel's table; linear between them, it errs by under 2e-7 of the peak
 QUADRATURE = np.polynomial.legendre.leggauss(200)
 OFF_LATTICE = 0.02  # voxels; float32 keeps positions to 1/1000 of a voxel up to 10000 voxels away
-ROWS_PER_LOOK = 8  # between two updates of progress, which also handle Ctrl-C
+ROWS_PER_CHECK = 8  # between two updates of progress, which also handle Ctrl-C
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,10 +170,10 @@ def _cast(
     from resample_volume.rivals.kernels.raycasting import Content, cast_rows
 
     grid, plan = _grid(source, view, look.reconstruction), _plan(source, view, look)
-    content = Content(grid, _look(source.classifier), _lamp(source.classifier.lamp))
+    content = Content(grid, _field_classifier(source.classifier), _lamp(source.classifier.lamp))
     height = len(picture)
-    for first in range(0, height, ROWS_PER_LOOK):
-        count = min(ROWS_PER_LOOK, height - first)
+    for first in range(0, height, ROWS_PER_CHECK):
+        count = min(ROWS_PER_CHECK, height - first)
         cast_rows(first, count, view, content, plan, picture)
         if progress is not None:
             progress((first + count) / height)
@@ -340,11 +340,11 @@ def _plan(source: _RaySource, view: View, look: Casting) -> "Plan":
     )
 
 
-def _look(classifier: Classifier) -> "FieldLook":
-    from resample_volume.rivals.kernels.raycasting import FieldLook
+def _field_classifier(classifier: Classifier) -> "FieldClassifier":
+    from resample_volume.rivals.kernels.raycasting import FieldClassifier
 
     table = np.ascontiguousarray(classifier.table, np.float32)
-    return FieldLook(table, *map(float, classifier[1:4]), *map(float, classifier[5:]))
+    return FieldClassifier(table, *map(float, classifier[1:4]), *map(float, classifier[5:]))
 
 
 def _lamp(lamp: Lamp) -> Lamp:

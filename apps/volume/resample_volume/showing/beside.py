@@ -7,7 +7,7 @@ from typing import Any
 from resample.cameras.models import AnyCamera
 from resample.resampler import Resampler
 from resample.types import Floats
-from resample_volume.looks.transfer import Transfer
+from resample_volume.classification.transfer import Transfer
 from resample_volume.media.appearance import Appearance, transfer_of
 from resample_volume.rivals.peers import Peer, VtkRenderer
 from resample_volume.showing.compare import check_vtk

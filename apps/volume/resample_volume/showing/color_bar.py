@@ -24,9 +24,14 @@ from resample.measuring.color_bars import (
 from resample.painting.choices import MEASURING, Projection
 from resample.resampler import Resampler
 from resample.types import Floats, Frame
-from resample_volume.looks.scales import scale_named
-from resample_volume.looks.surveys import survey
-from resample_volume.looks.transfer import DataRange, Transfer, TransferFunction, from_points
+from resample_volume.classification.scales import scale_named
+from resample_volume.classification.surveys import survey
+from resample_volume.classification.transfer import (
+    DataRange,
+    Transfer,
+    TransferFunction,
+    from_points,
+)
 from resample_volume.media.appearance import Appearance, transfer_of
 from resample_volume.media.xrays import AS_IT_IS, Tone, negative
 from resample_volume.types import Volume
@@ -103,7 +108,7 @@ def _draw_strip(
 ) -> None:
     """Draw colors by value, and the curve of opacities."""
     value = page.values(FINE)
-    color, opacity = transfer.looks(value, None, data_range, 0.0)
+    color, opacity = transfer.classify(value, None, data_range, 0.0)
     across = round(page.bar[1] - page.bar[0])
     colors = np.repeat(color.reshape(-1, FINE, 1, 3), across, axis=2)
     shares = np.repeat(opacity.reshape(-1, FINE, 1), across, axis=2)
@@ -133,7 +138,7 @@ def _draw_plane(
     value, across = page.values(FAIR), round(page.bar[1] - page.bar[0])
     slope = (np.arange(across) + 0.5) / across * end
     values, slopes = np.repeat(value, across), np.tile(slope.astype(np.float32), value.size)
-    color, opacity = transfer.looks(values, slopes, data_range, steep)
+    color, opacity = transfer.classify(values, slopes, data_range, steep)
     shape = (value.size // FAIR, FAIR, across)
     _show_over_squares(axes, page, color.reshape(*shape, 3), opacity.reshape(shape), ink)
     name(axes, page, page.bar, ("0", "gradient", f"{end:.3g}"), ink)
@@ -182,7 +187,7 @@ def with_bar(
 def _negative(transfer: Transfer, extent: DataRange) -> Transfer:
     """Return displayed colors with black and white swapped, over black."""
     value = np.linspace(*extent, 256)
-    color, opacity = transfer.looks(value, None, extent, 0.0)
+    color, opacity = transfer.classify(value, None, extent, 0.0)
     shown = to_srgb(negative(color * opacity[:, np.newaxis]))
     return TransferFunction(value, shown, np.ones(value.size))
 

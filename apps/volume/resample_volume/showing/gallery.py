@@ -12,7 +12,7 @@ from resample.measuring.compare import contact_sheet
 from resample.painting.choices import Primitive
 from resample.resampler import Resampler
 from resample.types import Frame
-from resample_volume.looks.transfer import from_points
+from resample_volume.classification.transfer import from_points
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import render
 from resample_volume.showing.data import Shelf, Subject, missing

@@ -18,9 +18,9 @@ from resample.painting.choices import Primitive
 from resample.profiles.orders import AxisSheets, ImageSheets
 from resample.resampler import Resampler
 from resample.types import Floats, Samples
+from resample_volume.classification.presets import load_transfer
+from resample_volume.classification.transfer import TransferFunction, from_points
 from resample_volume.files.source import generate
-from resample_volume.looks.presets import load_transfer
-from resample_volume.looks.transfer import TransferFunction, from_points
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import visible_voxels
 from resample_volume.rivals.peers import Peer, VtkRenderer

@@ -8,7 +8,7 @@ import numpy as np
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Orbit, Spelled, Sphere, camera_from, viewpoint_of
 from resample.types import Doubles, Floats, Frame, View
-from resample_volume.looks.surveys import survey, without_padding
+from resample_volume.classification.surveys import survey, without_padding
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import Subject
 from resample_volume.space.cube import AXES, PATIENT, cube_picture

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from resample.types import Doubles
-from resample_volume.looks.presets import colormap
-from resample_volume.looks.scales import scale_named
-from resample_volume.looks.surveys import survey
-from resample_volume.looks.transfer import TransferFunction, from_points
+from resample_volume.classification.presets import colormap
+from resample_volume.classification.scales import scale_named
+from resample_volume.classification.surveys import survey
+from resample_volume.classification.transfer import TransferFunction, from_points
 from resample_volume.surfaces.meshes import choices_of, chosen_opacity
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import planes

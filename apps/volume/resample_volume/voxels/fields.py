@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from resample.painting.choices import SUMS, Projection
 from resample.resampler import Resampler
 from resample.types import Classifier, Doubles, Field, Floats
+from resample_volume.classification.surveys import survey
+from resample_volume.classification.transfer import Transfer, TransferTable, tabulated
 from resample_volume.data.memory import require_memory
-from resample_volume.looks.surveys import survey
-from resample_volume.looks.transfer import Looks, Transfer, tabulated
 from resample_volume.types import Volume
 from resample_volume.voxels.shading import Light, lamp_of
 from resample_volume.voxels.visible import (
@@ -45,7 +45,7 @@ class FieldVoxels(NamedTuple):
     value: Floats  # (N,) data units
     gradient: Floats  # (N, 3) data units per scene unit, along the scene's axes; or (0, 3)
     lattice: Doubles  # (3, 3) columns are the steps from a voxel to its neighbours, scene units
-    looks: Looks  # what values look like
+    table: TransferTable  # what values look like
 
 
 def field_voxels(
@@ -74,7 +74,7 @@ def field_voxels(
     data_range, unit = finite_range(volume.values), unit_of(transfer, volume)
     check_iso(resampler.iso, volume, data_range)
     if not transfer.normalized and resampler.iso is None:
-        data_range = range_of_looks(volume, transfer, data_range)
+        data_range = table_range(volume, transfer, data_range)
     shape = (64 if transfer.needs_gradient else 1, columns_of(volume, data_range))
     looks = tabulated(transfer, data_range, 1.0, unit, shape)
     voxel = _needed(volume, looks, resampler)
@@ -95,7 +95,7 @@ def framed(voxels: FieldVoxels, resampler: Resampler) -> FieldVoxels:
 
     A camera frames these. If there are none, all are returned.
     """
-    looks, iso = voxels.looks, resampler.iso
+    looks, iso = voxels.table, resampler.iso
     if iso is not None:
         seen = voxels.value >= iso
     elif resampler.projection in CLASSIFYING:
@@ -128,7 +128,7 @@ def lit_field(
         Depths at which fading begins and ends, and the fraction lost at the end.
     """
     lamp = lamp_of(light or UNLIT, viewer, voxels.gradient)
-    classifier = Classifier(*voxels.looks, lamp, *cue)
+    classifier = Classifier(*voxels.table, lamp, *cue)
     return Field(voxels.position, voxels.value, voxels.gradient, voxels.lattice, classifier)
 
 
@@ -141,7 +141,7 @@ def check_iso(iso: float | None, volume: Volume, data_range: tuple[float, float]
         )
 
 
-def range_of_looks(
+def table_range(
     volume: Volume, transfer: Transfer, data_range: tuple[float, float]
 ) -> tuple[float, float]:
     """Return the range of a table of looks: without outliers if these look like its ends."""
@@ -150,7 +150,7 @@ def range_of_looks(
         return data_range
     value = np.concatenate([np.linspace(least, low, BEYOND), np.linspace(high, greatest, BEYOND)])
     flat = np.zeros(value.size, np.float32) if transfer.needs_gradient else None
-    color, opacity = transfer.looks(value, flat, data_range, 1.0)
+    color, opacity = transfer.classify(value, flat, data_range, 1.0)
     look = np.column_stack([color, opacity]).reshape(2, BEYOND, 4)
     same = (look[0] == look[0, -1]).all() and (look[1] == look[1, 0]).all()
     return (low, high) if same else data_range
@@ -164,7 +164,7 @@ def columns_of(volume: Volume, data_range: tuple[float, float]) -> int:
     return int(span) * max(1, COLUMNS // int(span)) + 1
 
 
-def _needed(volume: Volume, looks: Looks, resampler: Resampler) -> Indices:
+def _needed(volume: Volume, looks: TransferTable, resampler: Resampler) -> Indices:
     """Return flat indices of the voxels that a projection depends on."""
     values, projection = volume.values, resampler.projection
     if projection in CLASSIFYING:
@@ -179,7 +179,7 @@ def _needed(volume: Volume, looks: Looks, resampler: Resampler) -> Indices:
     return np.flatnonzero(needed)
 
 
-def _opaque_from(looks: Looks, value: float) -> Floats:
+def _opaque_from(looks: TransferTable, value: float) -> Floats:
     """Return the table of a function that is opaque at and above a value."""
     column = np.linspace(looks.low, looks.high, looks.table.shape[1])
     table = np.zeros_like(looks.table)

@@ -13,9 +13,9 @@ from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import MARGIN, Orbit, Sphere
 from resample.memory import require_memory
 from resample.types import Doubles, Floats, View
+from resample_volume.classification.surveys import ends
+from resample_volume.classification.transfer import Transfer, visible_places
 from resample_volume.data.parts import slabs
-from resample_volume.looks.surveys import ends
-from resample_volume.looks.transfer import Transfer, visible_places
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import inside
 from resample_volume.voxels.visible import finite_range, lattice_of, positions_at

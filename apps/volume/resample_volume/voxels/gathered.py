@@ -25,15 +25,20 @@ from resample.types import (
     Spline,
     Tint,
 )
+from resample_volume.classification.labels import Labels, Ruled
+from resample_volume.classification.surveys import counted
+from resample_volume.classification.transfer import (
+    Transfer,
+    TransferTable,
+    tabulated,
+    visible_places,
+)
 from resample_volume.data.glances.looking import are_few
 from resample_volume.data.keeping import found_once
 from resample_volume.data.memory import require_memory
 from resample_volume.data.parts import slabs
-from resample_volume.looks.labels import Labels, Ruled
-from resample_volume.looks.surveys import counted
-from resample_volume.looks.transfer import Looks, Transfer, tabulated, visible_places
 from resample_volume.types import Volume
-from resample_volume.voxels.fields import UNLIT, check_iso, columns_of, range_of_looks
+from resample_volume.voxels.fields import UNLIT, check_iso, columns_of, table_range
 from resample_volume.voxels.reaching import field_reached
 from resample_volume.voxels.shading import Light, lamp_of
 from resample_volume.voxels.slices.thin import (
@@ -69,7 +74,7 @@ class Gathered(NamedTuple):
     known: Flags  # as of `LatticeField`
     lattice: Doubles  # (3, 3) columns are the steps from a voxel to its neighbours, scene units
     origin: Doubles  # (3,) scene position of the first voxel
-    looks: Looks
+    table: TransferTable
     steepest: float  # data units per scene unit, approximate greatest gradient
     visible: int  # visible voxels, regardless of labels
     each: int = 1  # looks side by side in the table: of voxels, and of labels
@@ -114,7 +119,7 @@ def gathered(
     data_range, unit = finite_range(volume.values), unit_of(transfer, volume)
     check_iso(resampler.iso, volume, data_range)
     if not transfer.normalized and resampler.iso is None:
-        data_range = range_of_looks(volume, transfer, data_range)
+        data_range = table_range(volume, transfer, data_range)
     is_plain = getattr(resampler.order, "interpolation", MONOTONE) != MONOTONE
     thin = thin_that_fits(volume, resampler.projection, stays=is_plain or labels is not None)
     samples = of_samples(volume, thin)
@@ -159,7 +164,7 @@ def gathered(
     )
 
 
-def _cut_between(looks: Looks, two: Doubles, count: int) -> Looks:
+def _cut_between(looks: TransferTable, two: Doubles, count: int) -> TransferTable:
     """Return looks that switch halfway between the only two values."""
     table = looks.table.reshape(len(looks.table), count, -1, 4)
     value = np.linspace(looks.low, looks.high, table.shape[2])
@@ -169,7 +174,7 @@ def _cut_between(looks: Looks, two: Doubles, count: int) -> Looks:
     return looks._replace(table=np.ascontiguousarray(cut.reshape(looks.table.shape)))
 
 
-def _of_either(looks: Looks, two: Doubles) -> Looks:
+def _of_either(looks: TransferTable, two: Doubles) -> TransferTable:
     """Return the looks of two values side by side, each over the field's range."""
     value = np.linspace(looks.low, looks.high, looks.table.shape[1])
     margin = BESIDE * (two[1] - two[0])
@@ -193,7 +198,7 @@ def lit_lattice(
     """Shade a field; parameters as of `fields.lit_field`."""
     steepest = np.full((1, 3), field.steepest, np.float32)
     lamp = lamp_of(light or UNLIT, viewer, steepest)
-    classifier = Classifier(*field.looks, lamp, *cue)
+    classifier = Classifier(*field.table, lamp, *cue)
     return LatticeField(
         field.spline,
         field.bounds,
@@ -202,7 +207,7 @@ def lit_lattice(
         field.origin,
         classifier,
         field.reached,
-        looks=field.each,
+        classifiers=field.each,
         tint=field.tint,
     )
 
@@ -238,7 +243,7 @@ def with_reached(
 
 def _extinctions(field: Gathered, volume: Volume, iso: float | None) -> Iterator[Floats]:
     """Yield optical depths per scene unit of voxels, some slices at a time."""
-    looks, voxel = field.looks, float(np.cbrt(abs(np.linalg.det(field.lattice))))
+    looks, voxel = field.table, float(np.cbrt(abs(np.linalg.det(field.lattice))))
     first, plane = 0, volume.values[0].size
     padded = [count + 2 * PAD for count in volume.values.shape]
     known = field.known.reshape(padded) if field.known.size else field.known

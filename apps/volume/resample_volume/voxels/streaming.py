@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from resample import memory
 from resample.types import Doubles, Floats
 from resample.watching import look
+from resample_volume.classification.transfer import DataRange, Transfer, visible_places
 from resample_volume.data.bricks import Box, Bricks, Step, held_together, with_neighbours
 from resample_volume.data.glances.looking import are_few
 from resample_volume.data.parts import layers_alike, side_by_side, threads_at_work
-from resample_volume.looks.transfer import DataRange, Transfer, visible_places
 
 BYTES_PER_VOXEL = 100  # bytes of a possibly visible voxel, from here to the picture, at most
 BYTES_OF_SLOPE = 16  # additional bytes where its look depends on its slope

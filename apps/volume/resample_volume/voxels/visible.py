@@ -6,20 +6,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Doubles, Floats
+from resample_volume.classification.regions import Faded
+from resample_volume.classification.transfer import (
+    DataRange,
+    Transfer,
+    TransferTable,
+    evaluated,
+    extinction,
+    visible_places,
+)
 from resample_volume.data.bricks import Bricks, Values
 from resample_volume.data.keeping import found_once
 from resample_volume.data.memory import require_memory
 from resample_volume.data.parts import side_by_side, slabs
 from resample_volume.data.recordings import linear_colors
-from resample_volume.looks.regions import Faded
-from resample_volume.looks.transfer import (
-    DataRange,
-    Looks,
-    Transfer,
-    evaluated,
-    extinction,
-    visible_places,
-)
 from resample_volume.types import Volume
 from resample_volume.voxels.streaming import (
     BrickClassifier,
@@ -29,7 +29,7 @@ from resample_volume.voxels.streaming import (
 )
 
 if TYPE_CHECKING:
-    from resample_volume.looks.labels import Labels
+    from resample_volume.classification.labels import Labels
 
 GRADIENTS = {"central": 0, "sobel": 1}  # voxels on each side over which slopes are smoothed
 STEEP = 99  # percentile of the gradients' lengths that counts as a full surface
@@ -99,7 +99,7 @@ def classify(
     seen = visible_with_slopes(volume, whole, data_range, gradient)
     slope = seen.slope
     length = np.linalg.norm(slope, axis=1) if whole.needs_gradient else None
-    color, opacity = looks_of(whole, seen.value, length, data_range, steepness(length))
+    color, opacity = classify_values(whole, seen.value, length, data_range, steepness(length))
     if volume.colors is not None:
         color = linear_colors(volume.colors.reshape(-1, volume.colors.shape[-1])[seen.place])
     if labels is not None:
@@ -127,7 +127,7 @@ def extinctions_of(
     """Return optical depths (N,) per scene unit of values, independent of slopes."""
 
     def thickness(values: NDArray[Any], data_range: DataRange) -> Floats:
-        return extinction(transfer.looks(values, None, data_range, 0.0)[1], unit)
+        return extinction(transfer.classify(values, None, data_range, 0.0)[1], unit)
 
     found = np.empty(value.size, np.float32)
 
@@ -138,7 +138,7 @@ def extinctions_of(
     return found
 
 
-def looks_of(
+def classify_values(
     transfer: Transfer,
     value: NDArray[Any],
     length: Floats | None,
@@ -150,7 +150,7 @@ def looks_of(
 
     def find(share: slice) -> None:
         slopes = None if length is None else length[share]
-        color[share], opacity[share] = transfer.looks(value[share], slopes, data_range, steep)
+        color[share], opacity[share] = transfer.classify(value[share], slopes, data_range, steep)
 
     side_by_side(find, value.size)
     return color, opacity
@@ -245,7 +245,7 @@ def positions_at(volume: Volume, voxel: Indices) -> Floats:
     return position
 
 
-def reachable(volume: Volume, looks: Looks, radius: float = 2.0) -> Indices:
+def reachable(volume: Volume, looks: TransferTable, radius: float = 2.0) -> Indices:
     """Return the flat indices (N,) of the voxels that affect the visible field.
 
     The value at a point is a mean of those around it or, at the volume's border, lies between that
@@ -276,7 +276,7 @@ def reachable(volume: Volume, looks: Looks, radius: float = 2.0) -> Indices:
     return np.flatnonzero(is_known & (_nearer(is_beyond, 2 * radius) > 0))
 
 
-def _transparent_up_to(looks: Looks) -> np.float64:
+def _transparent_up_to(looks: TransferTable) -> np.float64:
     """Return the upper end of the transparent range that begins at the lowest value."""
     seen = np.flatnonzero(looks.table[..., 3].max(axis=0) > 0)
     if not seen.size:

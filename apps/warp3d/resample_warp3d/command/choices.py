@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from resample.command.about import NUMBERS, About, words
+from resample.command.about import NUMBERS, OptionTopic, words
 from resample.command.flags import Hyphen, Stats, Switch
 from resample.command.settings import (
     Choices,
@@ -31,7 +31,7 @@ class Depth(Choices):
     """Meaning of the depth file's numbers."""
 
     heading: ClassVar[str] = "Input"
-    about: ClassVar[About] = About.LOOK
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     depth_kind: Annotated[
         Literal["z", "ray", "inverse", "disparity", "relative", "relative-z"],
@@ -75,7 +75,7 @@ class Depth(Choices):
     ] = None
     depth_pose: Annotated[
         str | None,
-        About.SOURCE,
+        OptionTopic.SOURCE,
         Field(
             description="Pose of the depth camera: file or file:frame, as for --pose. Default: "
             "the picture's."
@@ -188,7 +188,7 @@ class Parallax(Choices):
     """Geometry and layout of a stereo pair."""
 
     heading: ClassVar[str] = "Stereo"
-    about: ClassVar[About] = About.LOOK
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     eyes: Annotated[
         float | None,
@@ -231,7 +231,7 @@ class Warping(Choices):
     """How pictures are warped."""
 
     heading: ClassVar[str] = "Method"
-    about: ClassVar[About] = About.LOOK
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     method: Annotated[
         str,
@@ -313,7 +313,7 @@ class Joint(Choices):
     """Options of combining several views."""
 
     heading: ClassVar[str] = "Several sources"
-    about: ClassVar[About] = About.LOOK
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     blend: Annotated[
         Literal["feathered", "confident", "best"],
@@ -361,7 +361,7 @@ class Showing(Choices):
     """Which result of a warp is written."""
 
     heading: ClassVar[str] = "Picture"
-    about: ClassVar[About] = About.LOOK
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     show: Annotated[
         Literal["picture", "holes", "depth", "coverage", "magnification", "confidence"],
@@ -394,7 +394,7 @@ class Extras(Choices):
     """Files to write beside the picture."""
 
     heading: ClassVar[str] = "Further outputs"
-    about: ClassVar[About] = About.TARGET
+    about: ClassVar[OptionTopic] = OptionTopic.TARGET
 
     holes: Annotated[
         Path | None,
@@ -420,7 +420,7 @@ class Extras(Choices):
         Field(description="Also write the source as a colored mesh or points (.ply, .glb)."),
     ] = None
     export_as: Annotated[
-        Literal["mesh", "points"], About.LOOK, Field(description="Geometry to export.")
+        Literal["mesh", "points"], OptionTopic.APPEARANCE, Field(description="Geometry to export.")
     ] = "mesh"
     stats: Stats = None
 
@@ -433,7 +433,7 @@ class Travel(Choices):
     """Camera path of an animation."""
 
     heading: ClassVar[str] = "Camera"
-    about: ClassVar[About] = About.LOOK
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     path: Annotated[
         str,

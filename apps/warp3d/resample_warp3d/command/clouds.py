@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 from cyclopts import Parameter
 from pydantic import BeforeValidator, Field
 
-from resample.command.about import NUMBERS, About
+from resample.command.about import NUMBERS, OptionTopic
 from resample.command.flags import Hyphen, Switch, Up, Viewed
 from resample.command.settings import (
     CAMERA,
@@ -46,7 +46,7 @@ class CloudLook(Choices):
     """Look of a point cloud."""
 
     heading: ClassVar[str] = "Look"
-    about: ClassVar[About] = About.LOOK
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     color_by: Annotated[
         str | None,
@@ -103,7 +103,7 @@ class CloudLook(Choices):
     ] = 0
     no_cache: Annotated[
         bool,
-        About.RESOURCE,
+        OptionTopic.RESOURCE,
         Switch,
         Field(description="Do not use the disk cache of the points' neighbours."),
     ] = False
@@ -142,7 +142,7 @@ class CloudStart(Choices):
     """Camera around a point cloud."""
 
     heading: ClassVar[str] = CAMERA
-    about: ClassVar[About] = About.LOOK
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     camera: Viewed = "30/20/1"
     up: Up = "z"
@@ -161,7 +161,7 @@ class CloudAim(CloudStart):
 
     pose: Annotated[
         str | None,
-        About.SOURCE,
+        OptionTopic.SOURCE,
         Field(description="File or file:frame of a pose; instead of --camera, needs --intrinsics."),
     ] = None
     intrinsics: Annotated[
@@ -197,7 +197,7 @@ class CloudFormat(Choices):
     """Size, background and bits of a cloud's picture."""
 
     heading: ClassVar[str] = "Picture"
-    about: ClassVar[About] = About.LOOK
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     size: Annotated[str, Field(description=SIZE)] = "640x480"
     background: Annotated[

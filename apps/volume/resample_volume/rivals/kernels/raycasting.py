@@ -42,7 +42,7 @@ class Grid(NamedTuple):
     turn: Doubles  # (3, 3) from camera axes to sample coordinates
 
 
-class FieldLook(NamedTuple):
+class FieldClassifier(NamedTuple):
     """Transfer function of a field as numbers; see `resample.types.Classifier`."""
 
     table: Floats  # (G, K, 4)
@@ -58,7 +58,7 @@ class Content(NamedTuple):
     """Samples, transfer function and light that rays pass through."""
 
     grid: Grid
-    look: FieldLook
+    classifier: FieldClassifier
     lamp: Lamp
 
 
@@ -213,7 +213,7 @@ def _wall(ray: Ray, axis: int, brick: int, grid: Grid) -> float:
 
 
 @kernel
-def _value(sums: Sums, look: FieldLook) -> float:
+def _value(sums: Sums, look: FieldClassifier) -> float:
     """Value of the field; it fades to the lowest where samples end."""
     return look.low + sums[1] / max(sums[0], LEAST_DENSITY)
 
@@ -234,7 +234,7 @@ def _cell(place: float, count: int) -> tuple[int, float]:
 
 
 @kernel
-def _classified(value: float, slope: float, look: FieldLook) -> Light:
+def _classified(value: float, slope: float, look: FieldClassifier) -> Light:
     """Look up color and extinction by a value and the length of its gradient."""
     rows, columns, _ = look.table.shape
     # Find the cell of the table.
@@ -277,7 +277,7 @@ def _surface(
     ray: Ray,
     depth: float,
     grid: Grid,
-    look: FieldLook,
+    look: FieldClassifier,
     lamp: Lamp,
 ) -> Light:
     """Shade the field at a point: classified, lit and dimmed by its depth."""
@@ -335,7 +335,7 @@ def _composite(ray: Ray, content: Content, plan: Plan) -> Result:
 
 
 @kernel
-def _measure(ray: Ray, grid: Grid, look: FieldLook, plan: Plan) -> Result:
+def _measure(ray: Ray, grid: Grid, look: FieldClassifier, plan: Plan) -> Result:
     """Largest value, mean or integral along a ray, and the color of the former two.
 
     Values are weighed by the length within samples, in voxels and at most 1; colors are as opaque
@@ -383,7 +383,7 @@ def _measure(ray: Ray, grid: Grid, look: FieldLook, plan: Plan) -> Result:
 
 
 @kernel
-def _is_within(ray: Ray, depth: float, grid: Grid, look: FieldLook, iso: float) -> bool:
+def _is_within(ray: Ray, depth: float, grid: Grid, look: FieldClassifier, iso: float) -> bool:
     """Whether the field is at least `iso` at a depth of a ray."""
     return _value(_sums(ray, depth, grid), look) >= iso
 
@@ -420,7 +420,7 @@ def _cast(ray: Ray, content: Content, plan: Plan) -> Result:
         return _composite(ray, content, plan)
     if plan.projection == FIRST_HIT:
         return _first_hit(ray, content, plan)
-    return _measure(ray, content.grid, content.look, plan)
+    return _measure(ray, content.grid, content.classifier, plan)
 
 
 @kernel

@@ -43,12 +43,12 @@ class Splatted(NamedTuple):
     radius: float  # voxels
 
 
-class Looked(NamedTuple):
+class PickedField(NamedTuple):
     """A field, and what is picked in it."""
 
     spline: Spline
     known: Flags  # as of `LatticeField`
-    looks: int  # transfer functions beside each other in the table
+    classifiers: int  # transfer functions beside each other in the table
     table: Floats  # (G, L K, 4) as of `Looks`
     low: float
     high: float
@@ -204,7 +204,7 @@ def find_among_voxels(
 
 
 @kernel
-def _extinction(looked: Looked, number: int, value: float, slope: Vector) -> float:
+def _extinction(looked: PickedField, number: int, value: float, slope: Vector) -> float:
     """Optical depth per scene unit of a value and its slope per voxel.
 
     `number` selects the transfer function.
@@ -212,7 +212,7 @@ def _extinction(looked: Looked, number: int, value: float, slope: Vector) -> flo
     if number < 0:
         return 0.0
     # Find the column by the value.
-    rows, columns = looked.table.shape[0] - 1, looked.table.shape[1] // looked.looks - 1
+    rows, columns = looked.table.shape[0] - 1, looked.table.shape[1] // looked.classifiers - 1
     place = (value - looked.low) / (looked.high - looked.low) * columns
     place = min(max(place, 0.0), float(columns))
     # Find the row by the gradient's length.
@@ -229,7 +229,7 @@ def _extinction(looked: Looked, number: int, value: float, slope: Vector) -> flo
 
 
 @kernel
-def _number_at(looked: Looked, place: Vector) -> int:
+def _number_at(looked: PickedField, place: Vector) -> int:
     """Transfer function of the voxel at a place; below 0 if the voxel is missing."""
     if looked.known.size == 0:
         return 0
@@ -247,7 +247,7 @@ def _voxel_at(place: Vector, shape: Size) -> int:
 
 
 @kernel
-def _in_field(looked: Looked, rays: Rays, n: int, level: float) -> Found:
+def _in_field(looked: PickedField, rays: Rays, n: int, level: float) -> Found:
     """Voxel around which ray n meets what is picked."""
     # Step along the ray, several times per voxel.
     origin, direction = _vector(rays.origin, n), _vector(rays.direction, n)
@@ -279,7 +279,7 @@ def _in_field(looked: Looked, rays: Rays, n: int, level: float) -> Found:
 
 @parallel_kernel
 def find_in_field(
-    counter: Counter, looked: Looked, rays: Rays, level: float, voxel: Indices, kept: Doubles
+    counter: Counter, looked: PickedField, rays: Rays, level: float, voxel: Indices, kept: Doubles
 ) -> None:
     """Return `find_among_voxels` for a field: voxels around which it is found."""
     for chunk in tasks(counter, (voxel.size + CHUNK - 1) // CHUNK):

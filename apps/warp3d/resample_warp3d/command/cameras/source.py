@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from resample.command.about import NUMBERS, About
+from resample.command.about import NUMBERS, OptionTopic
 from resample.command.flags import Hyphen
 from resample.command.settings import CALIBRATED, COUNTED, Choices, Convention
 from resample.words import numbers_in
@@ -27,7 +27,7 @@ class SourceCamera(Choices):
     """The camera of the source picture."""
 
     heading: ClassVar[str] = "Source camera"
-    about: ClassVar[About] = About.LOOK
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     intrinsics: Annotated[
         str | None,
@@ -50,7 +50,7 @@ class SourceCamera(Choices):
     convention: Annotated[Convention, Field(description=f"{COUNTED} cx and cy.")] = "corner"
     source_pose: Annotated[
         str | None,
-        About.SOURCE,
+        OptionTopic.SOURCE,
         Field(
             description="Pose of the picture's camera: file or file:frame, as for --pose; may "
             "contain intrinsics. Default: the identity."

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from resample.command.about import NUMBERS, About
+from resample.command.about import NUMBERS, OptionTopic
 from resample.command.flags import Hyphen
 from resample.command.settings import SIZE, Choices, height_and_width
 from resample.words import numbers_in
@@ -20,7 +20,7 @@ class TargetCamera(Choices):
     """Projection, intrinsics and size of the new picture."""
 
     heading: ClassVar[str] = "Camera"
-    about: ClassVar[About] = About.LOOK
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     target_intrinsics: Annotated[
         str | None,
@@ -152,7 +152,7 @@ class Aim(TargetCamera):
 
     pose: Annotated[
         str | None,
-        About.SOURCE,
+        OptionTopic.SOURCE,
         Field(
             description="File or file:frame of a pose: 4 x 4 numbers that map world to camera, or "
             "poses of TUM, Open3D (.log, .json), NeRF (.json), COLMAP (images.txt, images.bin) or "

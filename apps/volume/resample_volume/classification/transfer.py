@@ -38,7 +38,7 @@ class Transfer(Protocol):
     def opacities(self, values: ArrayLike, data_range: DataRange) -> Floats:
         """Return the greatest opacity (N,) of values at any slope; 0 for NaN."""
 
-    def looks(
+    def classify(
         self, values: NDArray[Any], slopes: Floats | None, data_range: DataRange, steep: float
     ) -> tuple[Floats, Floats]:
         """Return color (N, 3) in linear light and opacity (N,) by value and gradient length.
@@ -84,7 +84,7 @@ class TransferFunction:
     >>> from resample_volume import TransferFunction
     >>> color = np.array([[0, 0, 0], [1, 0.8, 0.2]])
     >>> ramp = TransferFunction(np.array([100.0, 300.0]), color, np.array([0.0, 0.5]))
-    >>> _, opacity = ramp.looks(np.array([0.0, 200.0, 900.0]), None, (0.0, 1000.0), 0.0)
+    >>> _, opacity = ramp.classify(np.array([0.0, 200.0, 900.0]), None, (0.0, 1000.0), 0.0)
     >>> opacity
     array([0.  , 0.25, 0.5 ], dtype=float32)
     """
@@ -146,7 +146,7 @@ class TransferFunction:
     def needs_gradient(self) -> bool:
         return False
 
-    def looks(
+    def classify(
         self, values: NDArray[Any], slopes: Floats | None, data_range: DataRange, steep: float
     ) -> tuple[Floats, Floats]:
         del slopes, steep
@@ -184,7 +184,7 @@ class TransferFunction:
         return (*arrays, self.opacity_unit, self.normalized)
 
 
-class Looks(NamedTuple):
+class TransferTable(NamedTuple):
     """A transfer function as a table; the first fields of `resample.types.Classifier`."""
 
     table: Floats  # (G, K, 4) straight linear RGB, and optical depth per scene unit
@@ -199,7 +199,7 @@ def tabulated(
     steep: float,
     unit: float,
     shape: tuple[int, int] = (64, 4096),
-) -> Looks:
+) -> TransferTable:
     """Tabulate looks by value and slope.
 
     Parameters
@@ -222,9 +222,9 @@ def tabulated(
     rows = shape[0] if transfer.needs_gradient else 1
     value, slope = np.linspace(low, high, shape[1]), np.linspace(0, end, rows, dtype=np.float32)
     values, slopes = np.tile(value, rows), np.repeat(slope, shape[1])
-    color, opacity = transfer.looks(values, slopes, data_range, steep)
+    color, opacity = transfer.classify(values, slopes, data_range, steep)
     columns = np.column_stack([color, extinction(opacity, unit)])
-    return Looks(
+    return TransferTable(
         np.ascontiguousarray(columns.reshape(rows, shape[1], 4)),
         low,
         _above(low, high),

@@ -43,15 +43,15 @@ def units_of(volume: Volume, levels: Levels) -> Units:
     kind = volume.values.dtype
     if kind.itemsize == 1 or not levels.value.size:
         return Units()
-    if looks_like_ct(levels, 0.0):
+    if resembles_ct(levels, 0.0):
         return Units(0.0, is_assumed=True)
     # Unsigned values may be anything: there, tissue must stand out.
-    if kind.kind in "iu" and looks_like_ct(levels, STORED, 2 * PEAKED):
+    if kind.kind in "iu" and resembles_ct(levels, STORED, 2 * PEAKED):
         return Units(STORED, is_assumed=True)
     return Units()
 
 
-def looks_like_ct(levels: Levels, added: float, peaked: float = PEAKED) -> bool:
+def resembles_ct(levels: Levels, added: float, peaked: float = PEAKED) -> bool:
     """Return whether there are peaks of air and tissue at their Hounsfield units."""
     low, high = levels.value[0] - added, levels.value[-1] - added
     if not (LEAST[0] <= low <= LEAST[1] and GREATEST[0] <= high <= GREATEST[1]):

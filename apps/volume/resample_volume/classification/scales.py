@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from resample.memory.mapped import array_like
 from resample.types import Doubles
+from resample_volume.classification.materials import Materials
+from resample_volume.classification.regions import Faded, RegionTransfer
+from resample_volume.classification.surveys import findings, survey, without_padding
+from resample_volume.classification.transfer import Transfer, TransferFunction
 from resample_volume.data.bricks import as_array
 from resample_volume.data.parts import slabs
-from resample_volume.looks.materials import Materials
-from resample_volume.looks.regions import Faded, RegionTransfer
-from resample_volume.looks.surveys import findings, survey, without_padding
-from resample_volume.looks.transfer import Transfer, TransferFunction
 from resample_volume.types import Volume
 
 LINEAR, LOG, SYMLOG = "linear", "log", "symlog"

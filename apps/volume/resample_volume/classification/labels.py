@@ -9,11 +9,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample.colors import from_srgb
 from resample.types import Flags, Floats
+from resample_volume.classification.surveys import counted
+from resample_volume.classification.transfer import Color, DataRange, Transfer
 from resample_volume.data.bricks import Bricks, Values
 from resample_volume.data.glances.looking import are_few
 from resample_volume.data.parts import slabs
-from resample_volume.looks.surveys import counted
-from resample_volume.looks.transfer import Color, DataRange, Transfer
 from resample_volume.types import Volume
 
 LISTED = 16  # labels listed in an error message
@@ -129,10 +129,10 @@ class Ruled:
         opacity = self.transfer.opacities(values, data_range) * self.rule.opacity
         return np.asarray(np.minimum(opacity, 1), np.float32)
 
-    def looks(
+    def classify(
         self, values: NDArray[Any], slopes: Floats | None, data_range: DataRange, steep: float
     ) -> tuple[Floats, Floats]:
-        color, opacity = self.transfer.looks(values, slopes, data_range, steep)
+        color, opacity = self.transfer.classify(values, slopes, data_range, steep)
         return self.rule.applied(color, opacity)
 
     def steepest(self, steep: float) -> float:
@@ -166,7 +166,7 @@ def parse_rules(rules: Sequence[str]) -> dict[int, Rule]:
 
 
 def _rule(text: str) -> tuple[int, Rule]:
-    from resample_volume.looks.files import displayed_color
+    from resample_volume.classification.files import displayed_color
 
     name, _, changes = text.partition(":")
     try:

@@ -9,14 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from resample_volume.looks.automatic import automatic, ramp, tomographic
-from resample_volume.looks.materials import Materials, spread
-from resample_volume.looks.names import TISSUES
-from resample_volume.looks.regions import Faded, Region, RegionTransfer
-from resample_volume.looks.scales import on_scale
-from resample_volume.looks.surveys import Survey, survey
-from resample_volume.looks.tissues import tissue
-from resample_volume.looks.transfer import SUFFIXES, Transfer, TransferFunction, from_points
+from resample_volume.classification.automatic import automatic, ramp, tomographic
+from resample_volume.classification.materials import Materials, spread
+from resample_volume.classification.names import TISSUES
+from resample_volume.classification.regions import Faded, Region, RegionTransfer
+from resample_volume.classification.scales import on_scale
+from resample_volume.classification.surveys import Survey, survey
+from resample_volume.classification.tissues import tissue
+from resample_volume.classification.transfer import (
+    SUFFIXES,
+    Transfer,
+    TransferFunction,
+    from_points,
+)
 from resample_volume.types import Volume
 
 BLACK, WHITE, RED = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (0.85, 0.12, 0.08)
@@ -251,7 +256,7 @@ def is_file(name: str) -> bool:
 
 
 def _read(name: str) -> Transfer:
-    from resample_volume.looks.files import read_transfer
+    from resample_volume.classification.files import read_transfer
 
     return read_transfer(Path(name))
 
@@ -280,7 +285,7 @@ def _of_range(name: str, least: str | None, greatest: str | None) -> TransferFun
 
 def _of_points(name: str) -> TransferFunction:
     """Parse control points of the command line."""
-    from resample_volume.looks.files import displayed_color
+    from resample_volume.classification.files import displayed_color
 
     points = []
     for part in name.split(","):
@@ -363,7 +368,7 @@ def _cut(transfer: Transfer, given: str) -> Transfer:
 
 
 def _colored(transfer: Transfer, given: str) -> Transfer:
-    from resample_volume.looks.files import displayed_color
+    from resample_volume.classification.files import displayed_color
 
     color = displayed_color(given)
     if isinstance(transfer, RegionTransfer):

@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.painting.choices import Projection
+from resample_volume.classification.materials import spread
+from resample_volume.classification.surveys import Survey, rim
+from resample_volume.classification.tissues import LUNG, tissue, with_lungs
+from resample_volume.classification.transfer import Color, Transfer, TransferFunction, from_points
 from resample_volume.data.bricks import sampled
 from resample_volume.data.glances.looking import are_few, step_of
 from resample_volume.data.thresholds import Peak, peak_between
-from resample_volume.looks.materials import spread
-from resample_volume.looks.surveys import Survey, rim
-from resample_volume.looks.tissues import LUNG, tissue, with_lungs
-from resample_volume.looks.transfer import Color, Transfer, TransferFunction, from_points
 from resample_volume.types import Volume
 
 WHITE, SAND, CLAY = (1.0, 1.0, 1.0), (0.95, 0.85, 0.6), (0.7, 0.5, 0.35)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.types import Floats
-from resample_volume.looks.transfer import DataRange, Transfer, TransferFunction
+from resample_volume.classification.transfer import DataRange, Transfer, TransferFunction
 
 TINY = 1e-30  # opacity too small to affect color
 
@@ -52,13 +52,13 @@ class Materials:
             transparency *= 1 - part.opacities(values, data_range)
         return np.asarray(1 - transparency, np.float32)
 
-    def looks(
+    def classify(
         self, values: NDArray[Any], slopes: Floats | None, data_range: DataRange, steep: float
     ) -> tuple[Floats, Floats]:
         color = np.zeros((values.size, 3), np.float32)
         weight, transparency = np.zeros(values.size, np.float32), np.ones(values.size)
         for part in self.parts:
-            own, opacity = part.looks(values, slopes, data_range, steep)
+            own, opacity = part.classify(values, slopes, data_range, steep)
             color += opacity[:, np.newaxis] * own
             weight += opacity
             transparency *= 1 - opacity.astype(np.float64)
@@ -100,11 +100,11 @@ class Windowed:
         del data_range
         return self.transfer.opacities(values, self.span)
 
-    def looks(
+    def classify(
         self, values: NDArray[Any], slopes: Floats | None, data_range: DataRange, steep: float
     ) -> tuple[Floats, Floats]:
         del data_range
-        return self.transfer.looks(values, slopes, self.span, self._steep(steep))
+        return self.transfer.classify(values, slopes, self.span, self._steep(steep))
 
     def steepest(self, steep: float) -> float:
         return self.transfer.steepest(self._steep(steep))

@@ -5,7 +5,7 @@ contrast agent at 150 to 450, spongy bone at 150 to 400 and compact bone from 50
 above 2500.
 """
 
-from resample_volume.looks.transfer import Point, TransferFunction, from_points
+from resample_volume.classification.transfer import Point, TransferFunction, from_points
 
 METAL = 2500.0  # HU; denser than any tissue
 

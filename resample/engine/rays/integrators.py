@@ -14,12 +14,12 @@ import numpy as np
 from resample.engine.jit import inner_step
 from resample.engine.lookup import absorbed
 from resample.engine.over import VISIBLE
-from resample.engine.rays.looks import (
+from resample.engine.rays.classifiers import (
     Light,
-    SummedLook,
+    SummedClassifier,
     clamped,
+    classified,
     light_between,
-    look_of,
     value_of,
 )
 from resample.engine.rays.marching import (
@@ -98,7 +98,7 @@ class End(NamedTuple):
     slope: Vector  # gradient, per sample
 
 
-class Part(NamedTuple):
+class RaySegment(NamedTuple):
     """Visible part of a ray: a step, or half of one."""
 
     begin: float  # steps
@@ -108,7 +108,7 @@ class Part(NamedTuple):
     back: End
 
 
-class Gaze(NamedTuple):
+class RayContext(NamedTuple):
     """A field, and the directions of its light along a ray from the eye."""
 
     medium: Medium
@@ -128,7 +128,7 @@ NOTHING = (0.0, 0.0, 0.0, 0.0, 0.0, math.inf, 0.0, 0.0, 0.0)
 
 
 @called_role
-def seen(way: Way, ray: Ray, medium: Medium) -> Result:
+def integrate(way: Way, ray: Ray, medium: Medium) -> Result:
     """Integrate the field along a ray that meets it."""
     raise NotImplementedError
 
@@ -169,19 +169,19 @@ def _value_between(front: End, back: End, t: float) -> float:
 
 
 @inner_step
-def _shows(look: SummedLook, least: float, most: float) -> bool:
+def _shows(classifier: SummedClassifier, least: float, most: float) -> bool:
     """Whether any value between two is visible."""
     # Prefix counts of visible columns: compare those at both ends.
-    first, last = int(clamped(look, least)), math.ceil(clamped(look, most))
-    return bool(look.visible[np.uint64(last + 1)] > look.visible[np.uint64(first)])
+    first, last = int(clamped(classifier, least)), math.ceil(clamped(classifier, most))
+    return bool(classifier.visible[np.uint64(last + 1)] > classifier.visible[np.uint64(first)])
 
 
 @inner_step
-def _may_be_seen(look: SummedLook, front: End, back: End) -> bool:
+def _may_be_visible(classifier: SummedClassifier, front: End, back: End) -> bool:
     """Whether a step's cubic may be visible, by its Bézier control values, which enclose it."""
     a, b = front.value, back.value
     one, two = a + THIRD * front.rise, b - THIRD * back.rise
-    return _shows(look, min(a, b, one, two), max(a, b, one, two))
+    return _shows(classifier, min(a, b, one, two), max(a, b, one, two))
 
 
 @inner_step
@@ -198,7 +198,7 @@ def _halved(end: End) -> End:
 
 
 @inner_step
-def _slope_in(part: Part, t: float, medium: Medium) -> Vector:
+def _slope_in(part: RaySegment, t: float, medium: Medium) -> Vector:
     """Gradient 0..1 of the way through a part, data units per scene unit.
 
     It is on the parabolas through the gradients at both ends and in the middle.
@@ -213,17 +213,17 @@ def _slope_in(part: Part, t: float, medium: Medium) -> Vector:
 
 
 @inner_step
-def _shine_at(way: Composite, ray: Ray, step: float, slope: Vector, gaze: Gaze) -> Shine:
+def _shine_at(way: Composite, ray: Ray, step: float, slope: Vector, context: RayContext) -> Shine:
     """Shade a position whose gradient is known."""
-    medium, depth, own, highlight = gaze.medium, depth_at(ray, step), 1.0, 0.0
+    medium, depth, own, highlight = context.medium, depth_at(ray, step), 1.0, 0.0
     # The directions of the light differ along the ray where they depend on the position.
     if way.is_lit:
-        place, aims = place_at(ray, step), gaze.aims
+        place, aims = place_at(ray, step), context.aims
         if not medium.is_from_eye:
-            aims = aims_at(position(medium, place), medium.look)
+            aims = aims_at(position(medium, place), medium.classifier)
         # Apply depth cueing.
         own, highlight = reflected(medium, place, faced(medium, place, slope), aims)
-    kept = kept_at(medium.look, depth)
+    kept = kept_at(medium.classifier, depth)
     return Shine(kept * own, kept * highlight)
 
 
@@ -235,24 +235,27 @@ def _light_of(
 
     `number` picks the look; samples around the position may have colors of their own.
     """
-    look = medium.look
+    classifier = medium.classifier
     # Without regions, take the pre-integrated mean between the two ends.
-    column = float(number * look.columns)
+    column = float(number * classifier.columns)
     if not way.has_regions:
-        first, last = column + clamped(look, values[0]), column + clamped(look, values[2])
-        return tinted(medium, place, light_between(look, first, last))
+        first, last = (
+            column + clamped(classifier, values[0]),
+            column + clamped(classifier, values[2]),
+        )
+        return tinted(medium, place, light_between(classifier, first, last))
     # With regions, classify the middle by its value and gradient magnitude.
-    middle = column + clamped(look, values[1])
-    red, green, blue, thick = look_of(look, middle, length_of(slope))
+    middle = column + clamped(classifier, values[1])
+    red, green, blue, thick = classified(classifier, middle, length_of(slope))
     return tinted(medium, place, (thick * red, thick * green, thick * blue, thick))
 
 
 @inner_step
 def _put_half(
-    result: Result, way: Composite, ray: Ray, half: int, part: Part, gaze: Gaze
+    result: Result, way: Composite, ray: Ray, half: int, part: RaySegment, context: RayContext
 ) -> Result:
     """Composite one half of a part, in several pieces if it is optically thick."""
-    medium, begin, at = gaze.medium, 0.5 * half, 0.25
+    medium, begin, at = context.medium, 0.5 * half, 0.25
     # Pick the half's ends, and the look in its middle; skip missing samples.
     front, back = _halved(part.front), _halved(part.middle)
     if half == 1:
@@ -281,7 +284,7 @@ def _put_half(
             light = _light_of(way, medium, number, place, values, slope)
         if light[3] > 0.0:
             step = part.begin + part.share * (begin + at)
-            shine = _shine_at(way, ray, step, slope, gaze)
+            shine = _shine_at(way, ray, step, slope, context)
             result = _put(result, light, shine, share * length, depth_at(ray, step))
             # Early ray termination.
             if 1.0 - result[3] <= way.opaque:
@@ -290,15 +293,17 @@ def _put_half(
 
 
 @inner_step
-def _put_part(result: Result, way: Composite, ray: Ray, part: Part, gaze: Gaze) -> Result:
+def _put_part(
+    result: Result, way: Composite, ray: Ray, part: RaySegment, context: RayContext
+) -> Result:
     """Composite a step or half of one, if it is visible."""
     # Cull by the three samples, which are known.
-    medium, a, m, b = gaze.medium, part.front.value, part.middle.value, part.back.value
-    if not _shows(medium.look, min(a, m, b), max(a, m, b)):
+    medium, a, m, b = context.medium, part.front.value, part.middle.value, part.back.value
+    if not _shows(medium.classifier, min(a, m, b), max(a, m, b)):
         return result
     # Composite the front half, then the back half.
     for half in range(2):
-        result = _put_half(result, way, ray, half, part, gaze)
+        result = _put_half(result, way, ray, half, part, context)
     # Add the visible length.
     red, green, blue, alpha, deep, first, cover, value, presence = result
     cover += part.share * ray.thickness * ray.length * medium.per_voxel
@@ -307,31 +312,31 @@ def _put_part(result: Result, way: Composite, ray: Ray, part: Part, gaze: Gaze) 
 
 @inner_step
 def _put_step(
-    result: Result, way: Composite, ray: Ray, step: int, ends: tuple[End, End], gaze: Gaze
+    result: Result, way: Composite, ray: Ray, step: int, ends: tuple[End, End], context: RayContext
 ) -> Result:
     """Composite a step; if the field bends in it, each half with its own middle sample."""
     # Cull by the ends before the middle is sampled.
-    medium, (front, back) = gaze.medium, ends
-    if not _may_be_seen(medium.look, front, back):
+    medium, (front, back) = context.medium, ends
+    if not _may_be_visible(medium.classifier, front, back):
         return result
     # A step that is nearly straight is one part.
     middle = _end_at(ray, step + 0.5, medium)
     if not _is_bent(front, back, medium):
-        return _put_part(result, way, ray, Part(step, 1.0, front, middle, back), gaze)
+        return _put_part(result, way, ray, RaySegment(step, 1.0, front, middle, back), context)
     # Split the others in half, and sample the middle of each visible half.
     middle, last = _halved(middle), _halved(back)
     front, back = _halved(front), middle
     for half in range(2):
-        if _may_be_seen(medium.look, front, back):
+        if _may_be_visible(medium.classifier, front, back):
             begin = step + 0.5 * half
             quarter = _halved(_end_at(ray, begin + 0.25, medium))
-            part = Part(begin, 0.5, front, quarter, back)
-            result = _put_part(result, way, ray, part, gaze)
+            part = RaySegment(begin, 0.5, front, quarter, back)
+            result = _put_part(result, way, ray, part, context)
         front, back = middle, last
     return result
 
 
-@plays(seen, of=Composite)
+@plays(integrate, of=Composite)
 def _(way: Composite, ray: Ray, medium: Medium) -> Result:
     # Skip to the first visible step.
     bricks = medium.bricks
@@ -340,12 +345,12 @@ def _(way: Composite, ray: Ray, medium: Medium) -> Result:
         return result
     # One direction of light serves the whole ray where the light comes from the eye.
     far = position(medium, place_at(ray, ray.steps))
-    gaze = Gaze(medium, aims_at(far, medium.look))
+    context = RayContext(medium, aims_at(far, medium.classifier))
     # March front to back; each step hands its back end on as the next one's front.
     front = _end_at(ray, step, medium)
     while step < ray.steps:
         back = _end_at(ray, step + 1, medium)
-        result = _put_step(result, way, ray, step, (front, back), gaze)
+        result = _put_step(result, way, ray, step, (front, back), context)
         # Early ray termination.
         if 1.0 - result[3] <= way.opaque:
             break
@@ -364,12 +369,12 @@ def _(way: Composite, ray: Ray, medium: Medium) -> Result:
 def _measured(ray: Ray, medium: Medium, value: float, depth: float, voxel: float) -> Result:
     """Classify a value; it is as opaque as a voxel where the field is at least a voxel long."""
     # Clamp to the samples' range, which splines overshoot.
-    look, spline = medium.look, medium.spline
+    classifier, spline = medium.classifier, medium.spline
     value = min(max(value, spline.floor), spline.ceiling)
     # Weigh by the length of the field on this ray, at most one voxel.
     presence = min(1.0, ray.steps * ray.thickness * ray.length / voxel)
     # Classify, and compute the opacity of one voxel.
-    red, green, blue, extinction = look_of(look, clamped(look, value), 0.0)
+    red, green, blue, extinction = classified(classifier, clamped(classifier, value), 0.0)
     alpha = presence * -math.expm1(-extinction * voxel)
     first = depth if alpha > VISIBLE else math.inf
     return (
@@ -380,7 +385,7 @@ def _measured(ray: Ray, medium: Medium, value: float, depth: float, voxel: float
         alpha * depth,
         first,
         presence,
-        value_of(look, value),
+        value_of(classifier, value),
         presence,
     )
 
@@ -410,7 +415,7 @@ def _signed_if_known(way: Extreme, medium: Medium, place: Vector, best: float) -
     return _signed(way, medium, place, best) if is_known(medium, place) else -math.inf
 
 
-@plays(seen, of=Extreme)
+@plays(integrate, of=Extreme)
 def _(way: Extreme, ray: Ray, medium: Medium) -> Result:
     # March over the step ends, with negated values for a minimum.
     best, at, step = -math.inf, 0, 0
@@ -442,7 +447,7 @@ def _(way: Extreme, ray: Ray, medium: Medium) -> Result:
     return _measured(ray, medium, value, depth_at(ray, at), way.voxel)
 
 
-@plays(seen, of=Mean)
+@plays(integrate, of=Mean)
 def _(way: Mean, ray: Ray, medium: Medium) -> Result:
     # Sum the values in the middle of each step.
     spline, bricks = medium.spline, medium.bricks
@@ -484,7 +489,7 @@ def _(way: Mean, ray: Ray, medium: Medium) -> Result:
         depth,
         first,
         presence,
-        value_of(medium.look, mean) * length,
+        value_of(medium.classifier, mean) * length,
         presence,
     )
 
@@ -509,10 +514,10 @@ def _crossing(ray: Ray, spline: Spline, step: int, ends: tuple[float, float], is
     return middle
 
 
-@plays(seen, of=Surface)
+@plays(integrate, of=Surface)
 def _(way: Surface, ray: Ray, medium: Medium) -> Result:
     # Start at the first visible brick; the ray may enter above the value already.
-    spline, bricks, look = medium.spline, medium.bricks, medium.look
+    spline, bricks, classifier = medium.spline, medium.bricks, medium.classifier
     step, hit = next_step(ray, 0, bricks), -1.0
     if step < ray.steps:
         first = place_at(ray, step)
@@ -539,11 +544,11 @@ def _(way: Surface, ray: Ray, medium: Medium) -> Result:
     _, per_sample = value_and_slope_at(spline, place)
     slope = faced(medium, place, multiply(matrix_of(medium.to_slope), per_sample))
     # Shade the surface and dim it by depth.
-    aims = aims_at(position(medium, place), look)
+    aims = aims_at(position(medium, place), classifier)
     own, highlight = reflected(medium, place, slope, aims)
-    red, green, blue, _ = look_of(look, clamped(look, way.iso), length_of(slope))
-    kept = kept_at(look, depth)
+    red, green, blue, _ = classified(classifier, clamped(classifier, way.iso), length_of(slope))
+    kept = kept_at(classifier, depth)
     own, highlight = kept * own, kept * highlight
     color = (own * red + highlight, own * green + highlight, own * blue + highlight)
-    iso = value_of(look, way.iso)
+    iso = value_of(classifier, way.iso)
     return color[0], color[1], color[2], 1.0, depth, depth, 1.0, iso, 1.0

@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 
 from resample.memory.mapped import array_like
 from resample.types import Doubles
+from resample_volume.classification.hounsfield import Units, resembles_ct, units_of
+from resample_volume.classification.tissues import METAL
 from resample_volume.data.bricks import Bricks, Values, parts, sampled
 from resample_volume.data.glances.looking import are_few, count_codes, step_of
 from resample_volume.data.keeping import found_once
 from resample_volume.data.parts import slabs
 from resample_volume.data.thresholds import Counts, Levels
-from resample_volume.looks.hounsfield import Units, looks_like_ct, units_of
-from resample_volume.looks.tissues import METAL
 from resample_volume.types import Volume
 
 STRAY_SHARE = 2e-5  # greatest share of voxels that are outliers, if far from all others
@@ -224,7 +224,7 @@ def _is_padding(levels: Levels, end: int, most: int) -> bool:
         return False
     low, high = bulk.value[0], bulk.value[-1]
     gap = low - levels.value[0] if end == 0 else levels.value[-1] - high
-    least = CT_PADDING_GAP if looks_like_ct(bulk, 0.0) else PADDING_GAP
+    least = CT_PADDING_GAP if resembles_ct(bulk, 0.0) else PADDING_GAP
     return bool(gap > least * (high - low))
 
 

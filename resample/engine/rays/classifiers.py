@@ -17,7 +17,7 @@ EVEN = 1e-3  # columns; values that are closer are classified by their mean
 Light = tuple[float, float, float, float]  # red, green, blue, and extinction
 
 
-class SummedLook(NamedTuple):
+class SummedClassifier(NamedTuple):
     """A classifier for rays; values are counted in columns."""
 
     column: Doubles  # (L K, 12) sums up to a column, their rise to the next, and its bend
@@ -36,32 +36,32 @@ class SummedLook(NamedTuple):
 
 
 @inner_step
-def value_of(look: SummedLook, place: float) -> float:
+def value_of(classifier: SummedClassifier, place: float) -> float:
     """Value of a column, data units."""
-    return look.low + place * look.per_column
+    return classifier.low + place * classifier.per_column
 
 
 @inner_step
-def clamped(look: SummedLook, place: float) -> float:
+def clamped(classifier: SummedClassifier, place: float) -> float:
     """Column of a value, clamped to the table; NaN becomes a column too."""
-    return float(min(max(0.0, place), look.columns - 1.0))
+    return float(min(max(0.0, place), classifier.columns - 1.0))
 
 
 @inner_step
-def highlight_of(look: SummedLook, cosine: float) -> float:
+def highlight_of(classifier: SummedClassifier, cosine: float) -> float:
     """White highlight, interpolated in a table."""
-    place = min(1.0, cosine) * (look.highlight.size - 1)
-    n = np.uint64(min(int(place), look.highlight.size - 2))
-    below = look.highlight[n]
-    return float(below + (place - n) * (look.highlight[n + np.uint64(1)] - below))
+    place = min(1.0, cosine) * (classifier.highlight.size - 1)
+    n = np.uint64(min(int(place), classifier.highlight.size - 2))
+    below = classifier.highlight[n]
+    return float(below + (place - n) * (classifier.highlight[n + np.uint64(1)] - below))
 
 
 @inner_step
-def _sums_at(look: SummedLook, place: float) -> Light:
+def _sums_at(classifier: SummedClassifier, place: float) -> Light:
     """Integrals from column 0 to a place of color × extinction, and of extinction."""
     # Between columns the integrals are quadratic.
-    k = np.uint64(min(int(place), look.column.shape[0] - 2))
-    f, c = place - k, look.column
+    k = np.uint64(min(int(place), classifier.column.shape[0] - 2))
+    f, c = place - k, classifier.column
     return (
         c[k, 0] + f * (c[k, 4] + f * c[k, 8]),
         c[k, 1] + f * (c[k, 5] + f * c[k, 9]),
@@ -71,13 +71,13 @@ def _sums_at(look: SummedLook, place: float) -> Light:
 
 
 @inner_step
-def light_between(look: SummedLook, a: float, b: float) -> Light:
+def light_between(classifier: SummedClassifier, a: float, b: float) -> Light:
     """Mean color × extinction and mean extinction between two values."""
     # Close values: the derivative in their middle, as the difference quotient would cancel.
     if abs(b - a) < EVEN:
         place = 0.5 * (a + b)
-        k = np.uint64(min(int(place), look.column.shape[0] - 2))
-        f, c = 2.0 * (place - k), look.column
+        k = np.uint64(min(int(place), classifier.column.shape[0] - 2))
+        f, c = 2.0 * (place - k), classifier.column
         return (
             c[k, 4] + f * c[k, 8],
             c[k, 5] + f * c[k, 9],
@@ -85,7 +85,7 @@ def light_between(look: SummedLook, a: float, b: float) -> Light:
             c[k, 7] + f * c[k, 11],
         )
     # Others: the difference of the integrals over the distance.
-    per, before, behind = 1.0 / (b - a), _sums_at(look, a), _sums_at(look, b)
+    per, before, behind = 1.0 / (b - a), _sums_at(classifier, a), _sums_at(classifier, b)
     return (
         per * (behind[0] - before[0]),
         per * (behind[1] - before[1]),
@@ -96,31 +96,31 @@ def light_between(look: SummedLook, a: float, b: float) -> Light:
 
 @inner_step
 def _between_rows(
-    look: SummedLook, rows: tuple[int, int], down: float, place: float, n: int
+    classifier: SummedClassifier, rows: tuple[int, int], down: float, place: float, n: int
 ) -> float:
     # Interpolate along values in both rows, then between the rows of gradients.
-    k = min(int(place), look.table.shape[1] - 2)
+    k = min(int(place), classifier.table.shape[1] - 2)
     right, upper, lower = place - k, rows[0], rows[1]
-    above = look.table[upper, k, n] + right * (
-        look.table[upper, k + 1, n] - look.table[upper, k, n]
+    above = classifier.table[upper, k, n] + right * (
+        classifier.table[upper, k + 1, n] - classifier.table[upper, k, n]
     )
-    below = look.table[lower, k, n] + right * (
-        look.table[lower, k + 1, n] - look.table[lower, k, n]
+    below = classifier.table[lower, k, n] + right * (
+        classifier.table[lower, k + 1, n] - classifier.table[lower, k, n]
     )
     return float(above + down * (below - above))
 
 
 @inner_step
-def look_of(look: SummedLook, place: float, slope: float) -> Light:
+def classified(classifier: SummedClassifier, place: float, slope: float) -> Light:
     """Color and extinction, by value and gradient magnitude; bilinear in the table."""
     # Locate the two rows of gradients.
-    last = look.table.shape[0] - 1
-    row = min(float(last), slope * look.per_slope)
+    last = classifier.table.shape[0] - 1
+    row = min(float(last), slope * classifier.per_slope)
     r = min(int(row), max(0, last - 1))
     rows, down = (r, min(r + 1, last)), row - r
     return (
-        _between_rows(look, rows, down, place, 0),
-        _between_rows(look, rows, down, place, 1),
-        _between_rows(look, rows, down, place, 2),
-        _between_rows(look, rows, down, place, 3),
+        _between_rows(classifier, rows, down, place, 0),
+        _between_rows(classifier, rows, down, place, 1),
+        _between_rows(classifier, rows, down, place, 2),
+        _between_rows(classifier, rows, down, place, 3),
     )

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample.colors import from_srgb
 from resample.types import Doubles, Floats
-from resample_volume.looks.transfer import Color, DataRange, Transfer
+from resample_volume.classification.transfer import Color, DataRange, Transfer
 
 BEYOND = 1 + 1e-6  # borders are inclusive
 CHUNK = 1 << 20  # values processed together
@@ -83,7 +83,7 @@ class RegionTransfer:
             transparency *= 1 - region.opacity * self._share_by_value(region, place)
         return np.asarray(1 - transparency, np.float32)
 
-    def looks(
+    def classify(
         self, values: NDArray[Any], slopes: Floats | None, data_range: DataRange, steep: float
     ) -> tuple[Floats, Floats]:
         if slopes is None:
@@ -183,12 +183,12 @@ class Faded:
     def opacities(self, values: ArrayLike, data_range: DataRange) -> Floats:
         return self.transfer.opacities(values, data_range)
 
-    def looks(
+    def classify(
         self, values: NDArray[Any], slopes: Floats | None, data_range: DataRange, steep: float
     ) -> tuple[Floats, Floats]:
         if slopes is None:
             raise ValueError("gradient_opacity needs gradients")
-        color, opacity = self.transfer.looks(values, slopes, data_range, steep)
+        color, opacity = self.transfer.classify(values, slopes, data_range, steep)
         share = np.interp(slopes, steep * np.array(self.ramp), [0, 1])
         return color, (opacity * share).astype(np.float32)
 

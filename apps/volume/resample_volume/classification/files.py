@@ -12,8 +12,14 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from resample.files.writing import replacing
 from resample.reading.limits import check_size
 from resample.reading.texts import json_of, toml_of
-from resample_volume.looks.regions import Region, RegionTransfer
-from resample_volume.looks.transfer import SUFFIXES, Color, Transfer, TransferFunction, from_points
+from resample_volume.classification.regions import Region, RegionTransfer
+from resample_volume.classification.transfer import (
+    SUFFIXES,
+    Color,
+    Transfer,
+    TransferFunction,
+    from_points,
+)
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
