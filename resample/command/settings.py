@@ -13,7 +13,7 @@ from resample.command.about import OptionTopic
 from resample.console.backgrounds import SPLAT_COLOR, Color, linear_color
 
 if TYPE_CHECKING:
-    from resample.files.pictures import Look
+    from resample.files.pictures import WriteOptions
     from resample.resampler import Resampler
 
 OF_SAMPLES = ("method", "footprint", "threshold", "kernel", "opacity", "color_by")
@@ -315,7 +315,7 @@ class Written(Choices):
         Field(description="Bits per channel: PNG 8 or 16, TIFF also 32. Default: as the source."),
     ] = None
 
-    def look(self) -> "Look":
+    def options(self) -> "WriteOptions":
         """Options of the picture writer.
 
         Raises
@@ -323,10 +323,10 @@ class Written(Choices):
         ValueError
             The background is not a color.
         """
-        from resample.files.pictures import Look
+        from resample.files.pictures import WriteOptions
 
         behind = None if self.background is None else linear_color(self.background)
-        return Look(self.bits, behind)
+        return WriteOptions(self.bits, behind)
 
 
 def height_and_width(size: str) -> tuple[int, int]:

@@ -222,7 +222,7 @@ def with_gaps(data: Floats, kind: Kind, about: About) -> Floats:
     return np.where(gaps, np.float32(0.0 if kind.has_alpha else np.nan), data)
 
 
-class Look(NamedTuple):
+class WriteOptions(NamedTuple):
     """Options for writing a picture."""
 
     bits: int | None = None  # 8, 16 or 32 per channel; None: what fits format and source
@@ -230,7 +230,7 @@ class Look(NamedTuple):
     is_light: bool = True  # otherwise numbers, which are not encoded
 
 
-def check_output(path: Path, look: Look, *, transparent: bool) -> None:
+def check_output(path: Path, look: WriteOptions, *, transparent: bool) -> None:
     """Reject a target that `write_picture` would reject, before any work is done.
 
     Raises
@@ -275,7 +275,7 @@ def flattened(picture: Picture, background: Color) -> Picture:
     return Picture(np.asarray(flat, np.float32), kind._replace(channels=names), about)
 
 
-def write_picture(path: Path, picture: Picture, look: Look) -> None:
+def write_picture(path: Path, picture: Picture, look: WriteOptions) -> None:
     """Write a picture in the format of its suffix.
 
     Parameters
@@ -297,7 +297,7 @@ def write_picture(path: Path, picture: Picture, look: Look) -> None:
     write_pages(path, [picture], look)
 
 
-def write_pages(path: Path, pictures: Iterable[Picture], look: Look) -> None:
+def write_pages(path: Path, pictures: Iterable[Picture], look: WriteOptions) -> None:
     """Write a sequence of pictures to one file; several need TIFF.
 
     Parameters
@@ -366,7 +366,7 @@ class StoredPage(NamedTuple):
         return data.view(np.float32) if data.dtype.name in AS_FLOATS else data
 
 
-def page_of(path: Path, picture: Picture, look: Look, *, tells: bool = True) -> StoredPage:
+def page_of(path: Path, picture: Picture, look: WriteOptions, *, tells: bool = True) -> StoredPage:
     """Convert a picture to stored form; warn about lost metadata.
 
     Raises
@@ -403,7 +403,7 @@ def _integers(picture: Picture, form: str, is_light: bool) -> NDArray[Any]:
     return levels(picture.data, form, has_alpha=picture.kind.has_alpha, is_light=is_light)
 
 
-def check_source(path: Path, picture: Picture, look: Look) -> None:
+def check_source(path: Path, picture: Picture, look: WriteOptions) -> None:
     """Reject a target that cannot store a picture's numbers (not light).
 
     Raises
@@ -421,14 +421,16 @@ def check_source(path: Path, picture: Picture, look: Look) -> None:
         raise ValueError(f"{path}: numbers of {number} are not written in {look.bits} bits")
 
 
-def holds_gaps(path: Path, picture: Picture, look: Look) -> bool:
+def holds_gaps(path: Path, picture: Picture, look: WriteOptions) -> bool:
     """Whether a file marks missing values and the picture has some; always for numbers."""
     data, kind, about = picture
     has_nans = not about.number and not kind.has_alpha and bool(np.isnan(data).any())
     return holds_missing(path, kind, about, look, has_nans=has_nans)
 
 
-def holds_missing(path: Path, kind: Kind, about: About, look: Look, *, has_nans: bool) -> bool:
+def holds_missing(
+    path: Path, kind: Kind, about: About, look: WriteOptions, *, has_nans: bool
+) -> bool:
     """As `holds_gaps`, for a picture with or without NaN."""
     if look.background is not None or kind.has_alpha:
         return False
@@ -441,7 +443,7 @@ def holds_missing(path: Path, kind: Kind, about: About, look: Look, *, has_nans:
     return has_nans and form == "float32" and suffix in (".exr", *TIFF)
 
 
-def _form(suffix: str, kind: Kind, about: About, look: Look) -> str:
+def _form(suffix: str, kind: Kind, about: About, look: WriteOptions) -> str:
     """Type of a file's values."""
     if about.number and suffix != ".exr" and look.bits != 32:
         return about.number

@@ -30,8 +30,8 @@ from resample.files.films import (
 from resample.files.levels import levels
 from resample.files.pictures import (
     Kind,
-    Look,
     Picture,
+    WriteOptions,
     check_output,
     flattened,
     read_picture,
@@ -93,7 +93,7 @@ def frames_of(path: Place) -> Frames | None:
     return Frames(path, (USUAL,) * len(pages), pages) if len(pages) > 1 else None
 
 
-def check_frames(path: Path, frames: Frames, look: Look) -> None:
+def check_frames(path: Path, frames: Frames, look: WriteOptions) -> None:
     """Reject a target that `write_frames` would reject, before any work is done.
 
     Raises
@@ -116,7 +116,7 @@ def check_frames(path: Path, frames: Frames, look: Look) -> None:
 
 
 def write_frames(
-    path: Path, pictures: Iterable[Picture], seconds: Sequence[float], look: Look
+    path: Path, pictures: Iterable[Picture], seconds: Sequence[float], look: WriteOptions
 ) -> None:
     """Write a sequence of pictures to one file.
 
@@ -243,7 +243,7 @@ def _colors_of(frame: Any) -> dict[str, Any]:
     return {"src_colorspace": Colorspace.ITU709 if frame.height >= 720 else Colorspace.ITU601}
 
 
-def _screen(path: Path, picture: Picture, look: Look) -> NDArray[np.uint8]:
+def _screen(path: Path, picture: Picture, look: WriteOptions) -> NDArray[np.uint8]:
     """Display levels (H, W, 3 or 4) of a picture."""
     if look.background is not None:
         picture = flattened(picture, look.background)

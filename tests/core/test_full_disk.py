@@ -21,8 +21,8 @@ from resample.files.painted.deep import Slab, write_deep
 from resample.files.painted.tiles import keep_tile
 from resample.files.pictures import (
     Kind,
-    Look,
     Picture,
+    WriteOptions,
     page_of,
     spec_of,
     write_pages,
@@ -72,17 +72,17 @@ def room(most: int) -> Iterator[None]:
 
 
 def picture(path: Path) -> None:
-    write_picture(path, COLORS, Look())
+    write_picture(path, COLORS, WriteOptions())
 
 
 def rows(path: Path) -> None:
-    with writing_rows(path, 40, Look()) as put:
+    with writing_rows(path, 40, WriteOptions()) as put:
         for part in np.split(COLORS.data, [24]):
             put(COLORS._replace(data=part))
 
 
 def frames(path: Path) -> None:
-    write_frames(path, SHADES, [0.1, 0.2, 0.1], Look())
+    write_frames(path, SHADES, [0.1, 0.2, 0.1], WriteOptions())
 
 
 def film(path: Path) -> None:
@@ -112,7 +112,7 @@ WRITERS = {
     "deep.exr": partial(write_deep, slabs=[Slab(0, 1, NOISE)]),
     **{f"picture{suffix}": picture for suffix in (".png", ".jpg", ".jpeg", ".tif", ".exr")},
     **{f"rows{suffix}": rows for suffix in (".png", ".jpg", ".tif", ".exr")},
-    "pages.tif": partial(write_pages, pictures=SHADES, look=Look()),
+    "pages.tif": partial(write_pages, pictures=SHADES, look=WriteOptions()),
     **{f"frames{suffix}": frames for suffix in (".gif", ".webp", ".apng", ".mp4")},
     **{f"film{suffix}": film for suffix in (".gif", ".webp", ".apng", ".mp4")},
     "facts.json": partial(write_json, content={"a": [1, 2, 3]}),
@@ -164,7 +164,7 @@ def test_no_writer_loses_what_a_full_disk_does_not_take(name):
 
 
 STORES = {
-    "pictures": lambda path: write_picture(path, SHADES[0], Look()),
+    "pictures": lambda path: write_picture(path, SHADES[0], WriteOptions()),
     "rows": rows,
     "volumes": lambda path: write_store(
         path, Recording(VALUES[None, None], *PLACE, "noise"), Layered(chunk=8)
@@ -193,7 +193,7 @@ def test_a_film_that_cannot_be_begun_leaves_no_folder():
 
 def jpeg(path: Path) -> None:
     """Write a JPEG strip by strip to a file that is there."""
-    page = page_of(Path("a.jpg"), COLORS, Look())
+    page = page_of(Path("a.jpg"), COLORS, WriteOptions())
     target = HeldJpeg(path, spec_of(".jpg", page, 40))
     assert target.write_scanlines(0, 24, 0, page.pixels[:24])
     assert target.write_scanlines(24, 40, 0, page.pixels[24:])
@@ -219,7 +219,7 @@ def test_a_jpeg_is_the_same_where_the_system_has_no_files_in_memory(monkeypatch)
 
 def test_no_jpeg_is_larger_than_the_room_that_it_asks_for():
     hard = (RANDOM.random((64, 64, 3)) > 0.5).astype(np.float32)
-    write_picture(path := Path("a.jpg"), Picture(hard, RGB), Look())
+    write_picture(path := Path("a.jpg"), Picture(hard, RGB), WriteOptions())
     assert path.stat().st_size < held.MOST * hard.size // 2
 
 

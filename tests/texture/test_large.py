@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from resample.files.images import read_channels
-from resample.files.pictures import Kind, Look, Picture, has_levels
+from resample.files.pictures import Kind, Picture, WriteOptions, has_levels
 from resample.files.strips.writing import writing_rows
 from resample_texture import cli
 from resample_texture.command import large
@@ -177,7 +177,7 @@ def rows(count, width=5):
 )
 def test_rows_that_make_no_picture_leave_no_file(parts, complaint):
     def write():
-        with writing_rows(Path("a.png"), 8, Look()) as put:
+        with writing_rows(Path("a.png"), 8, WriteOptions()) as put:
             for part in parts:
                 put(part)
 

@@ -19,7 +19,13 @@ from resample_warp3d.clouds.files import read_cloud
 from resample_warp3d.clouds.framing import ball_around, framed, framed_together
 from resample_warp3d.clouds.rendering import CloudStyle, render_cloud
 from resample_warp3d.clouds.spacing import prepare_cloud
-from resample_warp3d.command.clouds import CloudLook, film_of, frames_of, memory_of_each, scene_of
+from resample_warp3d.command.clouds import (
+    CloudOptions,
+    film_of,
+    frames_of,
+    memory_of_each,
+    scene_of,
+)
 from tests import commands
 from tests.bits import assert_same
 
@@ -312,7 +318,7 @@ def test_a_command_says_that_memory_does_not_hold_a_cloud_and_paints_it(
 
 
 def test_frames_that_are_made_elsewhere_keep_to_their_share_of_memory(scan, monkeypatch, caplog):
-    scene = scene_of(Session(), scan, CloudLook(no_cache=True))
+    scene = scene_of(Session(), scan, CloudOptions(no_cache=True))
     cameras = [framed(scene.surfels, size=(32, 24), azimuth=angle) for angle in (0, 90)]
     film = film_of(scene, cameras, (24, 32), (0.0, 0.0, 0.0))
     monkeypatch.setattr(parts, "PER_POINT", 10**6)
@@ -321,7 +327,7 @@ def test_frames_that_are_made_elsewhere_keep_to_their_share_of_memory(scan, monk
         assert share == 1 << 30
         assert memory_of_each(0) == share  # from now on
     with caplog.at_level("INFO", "resample"):
-        elsewhere = frames_of(scan, scene.look, cameras, (24, 32), (0.0, 0.0, 0.0), share, 1)
+        elsewhere = frames_of(scan, scene.options, cameras, (24, 32), (0.0, 0.0, 0.0), share, 1)
     assert "and 1.00 GiB may be used: they are in files" in caplog.text
     for n in range(2):
         assert np.array_equal(elsewhere(n), film.frame(n))

@@ -10,7 +10,7 @@ import pytest
 
 from resample.cameras.panoramic import Equirectangular
 from resample.files.images import read_channels, read_image
-from resample.files.pictures import Kind, Look, Picture, write_picture
+from resample.files.pictures import Kind, Picture, WriteOptions, write_picture
 from resample.measuring.quality import psnr
 from resample_warp3d import cli
 from tests import commands
@@ -27,7 +27,7 @@ ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli
 def store(name, camera, shape):
     """Write a picture and depth; returns them."""
     color, depth = traced(THINGS, camera, shape)
-    write_picture(name, Picture(color, Kind(("R", "G", "B"), 32, is_encoded=False)), Look())
+    write_picture(name, Picture(color, Kind(("R", "G", "B"), 32, is_encoded=False)), WriteOptions())
     np.save(name.with_suffix(".npy"), depth)
     np.savetxt(name.with_suffix(".txt"), camera.world_to_camera)
     return color, depth

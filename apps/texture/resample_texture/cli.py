@@ -165,14 +165,14 @@ def rectify(
     ordered = order_corners(parse_points(corners))
     shape = rectified_shape(ordered) if size is None else height_and_width(size)
     target = Target(from_corners(ordered, page_corners(shape)), shape)
-    job = Job(lambda _: target, warping, written.look())
-    check_output(output, job.look, transparent=False)
+    job = Job(lambda _: target, warping, written.options())
+    check_output(output, job.options, transparent=False)
     check_targets(output)
     job.check_memory(photo, output)
     picture = read_picture(photo, as_data=True)
     job.check(picture, target, output)
     page, _ = job.warped(Session(), picture, target, output)
-    write_picture(output, page, job.look)
+    write_picture(output, page, job.options)
 
 
 @app.command

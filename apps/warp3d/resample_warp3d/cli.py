@@ -26,7 +26,7 @@ from resample_warp3d.command.choices import (
     Travel,
     Warping,
 )
-from resample_warp3d.command.clouds import CloudAim, CloudFormat, CloudLook, CloudStart
+from resample_warp3d.command.clouds import CloudAim, CloudFormat, CloudOptions, CloudStart
 
 app = App(
     name="resample-warp3d",
@@ -38,7 +38,12 @@ app = App(
 app.register_install_completion_command()
 
 EYE, DEPTH, AIM, WARPING = SourceCamera.usual(), Depth.usual(), Aim.usual(), Warping.usual()
-WRITTEN, EXTRAS, TRAVEL, CLOUD = Written.usual(), Extras.usual(), Travel.usual(), CloudLook.usual()
+WRITTEN, EXTRAS, TRAVEL, CLOUD = (
+    Written.usual(),
+    Extras.usual(),
+    Travel.usual(),
+    CloudOptions.usual(),
+)
 TARGET, SHOWING = TargetCamera.usual(), Showing.usual()
 JOINT, SERVING, SHARING = Joint.usual(), Serving.usual(), Sharing.usual()
 PAIR_DEPTH, PARALLAX = PairDepth.usual(), Parallax.usual()
@@ -85,7 +90,7 @@ def render(
         Another view of the same scene: COLOR,DEPTH,POSE or sample:room,POSE; repeatable.
     """
     from resample.command.session import Session
-    from resample.files.pictures import Look, check_output, write_picture
+    from resample.files.pictures import WriteOptions, check_output, write_picture
     from resample.files.writing import check_targets, write_json
     from resample_warp3d.command.export import write_geometry
     from resample_warp3d.command.films import film_with_depth, render_film
@@ -104,7 +109,7 @@ def render(
     showing.check(unmixed=warping.unmixed)
     reader = Reader.checked(eye, meaning, labels=warping.unmixed)
     warping.built()
-    look = Look(written.bits, is_light=False) if warping.unmixed else written.look()
+    look = WriteOptions(written.bits, is_light=False) if warping.unmixed else written.options()
     further = [view_names(text) for text in view or []]
     film = film_with_depth(color, depth, extras, further, showing)
     if film is not None:
@@ -196,7 +201,7 @@ def stereo(
     is_pair = meaning.depth_kind == "pair"
     reader = None if is_pair else Reader.checked(eye.guessed(), meaning)
     warping.built()
-    look = written.look()
+    look = written.options()
     check_output(output, look, transparent=not warping.fill)
     check_targets(output, holes, coverage)
     session = Session()
@@ -308,7 +313,7 @@ def cloud(
     *,
     output: flags.FrameOutput,
     aim: Annotated[CloudAim, flags.Flat] = CLOUD_AIM,
-    look: Annotated[CloudLook, flags.Flat] = CLOUD,
+    look: Annotated[CloudOptions, flags.Flat] = CLOUD,
     form: Annotated[CloudFormat, flags.Flat] = CLOUD_FORMAT,
 ) -> None:
     """Render a point cloud, with its colors and normals if it has them.
@@ -406,7 +411,7 @@ def animate_cloud(
     start: Annotated[CloudStart, flags.Flat] = CLOUD_START,
     fps: flags.FramesPerSecond = 24.0,
     size: flags.Size = "640x480",
-    look: Annotated[CloudLook, flags.Flat] = CLOUD,
+    look: Annotated[CloudOptions, flags.Flat] = CLOUD,
     background: flags.FilmBackground = "black",
     resume: flags.Resume = False,
     sharing: Annotated[Sharing, flags.Flat] = SHARING,

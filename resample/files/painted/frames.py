@@ -23,7 +23,7 @@ def check_frame(path: Path, bits: int, background: Color | None) -> None:
     if suffix not in SUFFIXES:
         raise ValueError(f"{path}: pictures are written as {', '.join(SUFFIXES)}")
     if suffix in PICTURES:
-        pictures.check_output(path, pictures.Look(bits, background), transparent=True)
+        pictures.check_output(path, pictures.WriteOptions(bits, background), transparent=True)
     elif suffix == ".png" and bits not in (8, 16):
         raise ValueError(f"{path}: PNG has 8 or 16 bits per channel, not {bits}")
 
@@ -54,5 +54,5 @@ def write_frame(path: Path, frame: Frame[Any], bits: int, background: Color | No
         images.write_frame(path, frame, bits=bits, background=background)
         return
     kind = pictures.Kind(("R", "G", "B", "A"), bits, is_encoded=bits != 32)
-    look = pictures.Look(bits, background)
+    look = pictures.WriteOptions(bits, background)
     pictures.write_picture(path, pictures.Picture(frame.rgba, kind), look)

@@ -8,14 +8,14 @@ from typing import Any
 from resample.files.chunked import SUFFIX as STORE
 from resample.files.chunked import writing_store
 from resample.files.facts.metadata import About, Stored
-from resample.files.pictures import Look, Picture, complaint_of, finish, opened, page_of
+from resample.files.pictures import Picture, WriteOptions, complaint_of, finish, opened, page_of
 from resample.files.writing import refused, replacing
 
 Put = Callable[[Picture], None]
 
 
 @contextmanager
-def writing_rows(path: Path, height: int, look: Look) -> Iterator[Put]:
+def writing_rows(path: Path, height: int, look: WriteOptions) -> Iterator[Put]:
     """Write a picture of `height` rows; the file appears when the block succeeds.
 
     Parameters
@@ -50,15 +50,15 @@ def writing_rows(path: Path, height: int, look: Look) -> Iterator[Put]:
 class _Rows:
     """A file being written."""
 
-    def __init__(self, path: Path, temporary: Path, height: int, look: Look) -> None:
-        self.path, self.temporary, self.height, self.look = path, temporary, height, look
+    def __init__(self, path: Path, temporary: Path, height: int, look: WriteOptions) -> None:
+        self.path, self.temporary, self.height, self.options = path, temporary, height, look
         self.target: Any = None
         self.done = 0
         self.stored = Stored(About(), (), "")
 
     def put(self, picture: Picture) -> None:
         """Write the next rows."""
-        page = page_of(self.path, picture, self.look, tells=self.target is None)
+        page = page_of(self.path, picture, self.options, tells=self.target is None)
         shape = self.height, *page.data.shape[1:]
         if self.target is None:
             self.stored = Stored(page.about, shape, page.data.dtype.name)

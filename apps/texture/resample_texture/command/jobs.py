@@ -15,8 +15,8 @@ from resample.console.messages import Progress, progress_bar, say
 from resample.files.batches import batch_of, is_batch
 from resample.files.facts.metadata import About
 from resample.files.pictures import (
-    Look,
     Picture,
+    WriteOptions,
     check_output,
     check_source,
     coverage_picture,
@@ -46,7 +46,7 @@ class Job:
 
     aim: Aim
     warping: Warping
-    look: Look
+    options: WriteOptions
     roi: tuple[int, int, int, int] | None = None
 
     def target(self, picture: Picture) -> Target:
@@ -84,7 +84,7 @@ class Job:
         ValueError
             The file cannot hold it.
         """
-        gaps = holds_gaps(output, picture, self.look)
+        gaps = holds_gaps(output, picture, self.options)
         return warped(session, picture, target, self.warping, self.roi, keeps_gaps=gaps, bar=bar)
 
     def check(self, picture: Picture, target: Target, output: Path) -> None:
@@ -95,12 +95,12 @@ class Job:
         ValueError
             The file cannot hold the picture.
         """
-        check_source(output, picture, self.look)
+        check_source(output, picture, self.options)
         is_open = self.warping.edge == "transparent" and not self.warping.total
-        if is_open and not holds_gaps(output, picture, self.look):
+        if is_open and not holds_gaps(output, picture, self.options):
             shape = picture.data.shape[0], picture.data.shape[1]
             is_open = not covers_all(target, shape, self.roi)
-        check_output(output, self.look, transparent=picture.kind.has_alpha or is_open)
+        check_output(output, self.options, transparent=picture.kind.has_alpha or is_open)
 
 
 def warp_all(
@@ -121,10 +121,10 @@ def warp_all(
     """
     warping.check()
     # Pictures of the same size share a target, whose files are read once.
-    job = Job(lru_cache(maxsize=1)(aim), warping, written.look(), region(besides.roi))
+    job = Job(lru_cache(maxsize=1)(aim), warping, written.options(), region(besides.roi))
     coverage, stats = besides.coverage, besides.stats
     if coverage is not None:
-        check_output(coverage, Look(is_light=False), transparent=False)
+        check_output(coverage, WriteOptions(is_light=False), transparent=False)
     if is_batch(images, output):
         if coverage is not None:
             raise ValueError("--coverage works with one picture only; leave it out")
@@ -197,10 +197,10 @@ def _warp(session: Session, source: Place, output: Path, job: Job) -> dict[str, 
 def _warp_frames(
     session: Session, frames: Frames, output: Path, job: Job, progress: Progress | None
 ) -> dict[str, Any]:
-    check_frames(output, frames, job.look)
+    check_frames(output, frames, job.options)
     check_targets(output)
     pictures = _warped_frames(session, frames, output, job, progress)
-    write_frames(output, pictures, frames.seconds, job.look)
+    write_frames(output, pictures, frames.seconds, job.options)
     return {"frames": len(frames.seconds), "seconds": session.times()}
 
 
@@ -212,10 +212,10 @@ def _warp_picture(
     coverage: Path | None = None,
     bar: str | None = None,
 ) -> dict[str, Any]:
-    check_output(output, job.look, transparent=False)
+    check_output(output, job.options, transparent=False)
     check_targets(output, coverage)
     with session.stage("read"):
-        written = Destination(output, job.look)
+        written = Destination(output, job.options)
         large = large_picture(source, job.aim, job.warping, job.roi, written)
     if large is not None:
         return _warp_large(session, large, output, job, coverage, bar)
@@ -227,9 +227,9 @@ def _warp_picture(
     result, share = job.warped(session, picture, target, output, bar)
     _say_lost(picture.about, result.about, output, has_nans=bool(np.isnan(result.data).any()))
     with session.stage("write"):
-        write_picture(output, result, job.look)
+        write_picture(output, result, job.options)
         if coverage is not None:
-            write_picture(coverage, coverage_picture(share), Look(is_light=False))
+            write_picture(coverage, coverage_picture(share), WriteOptions(is_light=False))
     return report(session, picture.data.shape, result.data.shape, result.kind, job.warping)
 
 
@@ -238,16 +238,16 @@ def _warp_large(
 ) -> dict[str, Any]:
     """Warp a picture strip by strip; the output is the same."""
     kept = large.kept
-    check_source(output, Picture(NOTHING, kept.kind, kept.about), job.look)
-    check_output(output, job.look, transparent=large.kind.has_alpha)
+    check_source(output, Picture(NOTHING, kept.kind, kept.about), job.options)
+    check_output(output, job.options, transparent=large.kind.has_alpha)
     height, width = large.shape
     check_memory(large.form.shape, large.shape, job.warping, output, in_strips=large.in_strips)
     has_nans = False
     with ExitStack() as files:
-        put = files.enter_context(writing_rows(output, height, job.look))
+        put = files.enter_context(writing_rows(output, height, job.options))
         put_share = None
         if coverage is not None:
-            look = Look(is_light=False)
+            look = WriteOptions(is_light=False)
             put_share = files.enter_context(writing_rows(coverage, height, look))
         progress = files.enter_context(session.stage("warp and write", bar=bar))
         for done, (strip, share) in large.strips():

@@ -11,7 +11,7 @@ import numpy as np
 
 from resample.colors import to_srgb
 from resample.files.facts.metadata import About
-from resample.files.pictures import Kind, Look, Picture, holds_missing
+from resample.files.pictures import Kind, Picture, WriteOptions, holds_missing
 from resample.files.stores.addresses import Place
 from resample.files.strips.reading import Keepable, KeptPicture, keepable
 from resample.memory import ALLOWED, GIB
@@ -47,7 +47,7 @@ class Destination(NamedTuple):
     """Output file of a large picture, and its format."""
 
     path: Path
-    look: Look
+    options: WriteOptions
 
 
 def large_picture(

@@ -196,5 +196,5 @@ def _checked(settings: Settings) -> list[Any]:
 def _written(path: Path, settings: Settings, suffix: str) -> bytes:
     """Return the file that the command writes of a picture."""
     place, warping, written, besides = _checked(settings)
-    job = Job(partial(target_of, place), warping, written.look(), region(besides.roi))
+    job = Job(partial(target_of, place), warping, written.options(), region(besides.roi))
     return file_of(lambda target: warp_file(path, target, job), suffix)

@@ -42,7 +42,7 @@ SWAY = 20.0  # degrees to each side
 FAR = 100.0  # times its extent from which a cloud's distance to the origin is reported
 
 
-class CloudLook(Choices):
+class CloudOptions(Choices):
     """Look of a point cloud."""
 
     heading: ClassVar[str] = "Look"
@@ -250,14 +250,14 @@ class CloudScene(NamedTuple):
     """A cloud, ready to be rendered."""
 
     surfels: "Surfels"
-    look: CloudLook
+    options: CloudOptions
     scale: "Scale | None"  # scale of its colors
 
     def picture(self, camera: "Camera | Calibration", shape: Shape) -> Any:
         """Render a frame."""
         from resample_warp3d.clouds.rendering import render_cloud
 
-        look = self.look
+        look = self.options
         return render_cloud(
             self.surfels,
             _sized(camera, shape),
@@ -271,7 +271,7 @@ class CloudScene(NamedTuple):
         """Return the color bar, if requested."""
         from resample.measuring.color_bars import plain_bar
 
-        if self.scale is None or not self.look.color_bar:
+        if self.scale is None or not self.options.color_bar:
             return None
         colors, span, name = self.scale.colors(), self.scale.span, self.scale.name
         behind = background or (0.0, 0.0, 0.0)
@@ -285,7 +285,7 @@ def beside(rgba: "Floats", bar: "Floats | None", background: Any) -> "Floats":
     return rgba if bar is None else with_color_bar(rgba, bar, background)
 
 
-def scene_of(session: "Session", file: Path, look: CloudLook) -> CloudScene:
+def scene_of(session: "Session", file: Path, look: CloudOptions) -> CloudScene:
     """Read, color and prepare the cloud of a file.
 
     Raises
@@ -488,7 +488,7 @@ def film_of(scene: CloudScene, cameras: Sequence[Any], shape: Shape, background:
             np.stack([camera.world_to_camera for camera in cameras]),
         ),
         "size": list(shape),
-        "look": scene.look.model_dump(exclude={"threads", "no_cache"}),
+        "look": scene.options.model_dump(exclude={"threads", "no_cache"}),
         "background": list(background),
         "version": installed_version(),
     }
@@ -497,7 +497,7 @@ def film_of(scene: CloudScene, cameras: Sequence[Any], shape: Shape, background:
 
 def frames_of(
     file: Path,
-    look: CloudLook,
+    look: CloudOptions,
     cameras: Sequence[Any],
     shape: Shape,
     background: Any,

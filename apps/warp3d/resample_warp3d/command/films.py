@@ -10,7 +10,7 @@ import numpy as np
 
 from resample.colors import to_srgb
 from resample.command.session import Session
-from resample.files.pictures import Look, Picture
+from resample.files.pictures import Picture, WriteOptions
 from resample.files.sequences import Frames, check_frames, frames_of, write_frames
 from resample.files.writing import check_targets
 from resample.types import Floats
@@ -111,7 +111,7 @@ def film_with_depth(
 
 
 def render_film(
-    film: DepthFilm, output: Path, reader: Reader, aim: Aim, warping: Warping, look: Look,
+    film: DepthFilm, output: Path, reader: Reader, aim: Aim, warping: Warping, look: WriteOptions,
     depth_output: Path | None = None,
 ) -> None:  # fmt: skip
     """Write a film from another viewpoint, and its depth if requested.

@@ -10,8 +10,8 @@ from resample.console.messages import say
 from resample.files.exchange.results import light_of
 from resample.files.pictures import (
     Kind,
-    Look,
     Picture,
+    WriteOptions,
     check_output,
     coverage_picture,
     write_picture,
@@ -83,7 +83,7 @@ def check_extras(extras: Extras, eye: SourceCamera | None = None) -> None:
     if extras.holes is not None:
         check_holes(extras.holes)
     if extras.coverage is not None:
-        check_output(extras.coverage, Look(is_light=False), transparent=False)
+        check_output(extras.coverage, WriteOptions(is_light=False), transparent=False)
     if extras.depth_output is not None:
         check_depth(extras.depth_output)
     if extras.export is not None:
@@ -112,7 +112,9 @@ def write_extras(extras: Extras, warped: Warped, scale: float | None) -> None:
     if extras.holes is not None:
         write_holes(extras.holes, warped.holes)
     if extras.coverage is not None:
-        write_picture(extras.coverage, coverage_picture(warped.coverage), Look(is_light=False))
+        write_picture(
+            extras.coverage, coverage_picture(warped.coverage), WriteOptions(is_light=False)
+        )
     if extras.depth_output is not None:
         path, scale = extras.depth_output, MILLIMETERS if scale is None else scale
         lost = write_depth(path, warped.depth, scale)
@@ -186,13 +188,15 @@ def write_depth(path: Path, depth: Floats, scale: float = MILLIMETERS) -> int:
             save_array(temporary, np.asarray(depth, np.float32))
     elif suffix == ".exr":
         plane = np.asarray(depth, np.float32)[..., None]
-        write_picture(path, Picture(plane, Kind(("Z",), 32, is_encoded=False)), Look())
+        write_picture(path, Picture(plane, Kind(("Z",), 32, is_encoded=False)), WriteOptions())
     else:
         levels = np.floor(np.where(np.isfinite(depth), depth, 0.0) * float(scale) + 0.5)
         lost = int((levels > 65535).sum())
         share = np.where(levels > 65535, 0.0, levels) / 65535.0
         plane = np.asarray(share, np.float32)[..., None]
         write_picture(
-            path, Picture(plane, Kind(("Y",), 16, is_encoded=False)), Look(16, is_light=False)
+            path,
+            Picture(plane, Kind(("Y",), 16, is_encoded=False)),
+            WriteOptions(16, is_light=False),
         )
     return lost

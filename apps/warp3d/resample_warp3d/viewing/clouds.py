@@ -26,7 +26,7 @@ from resample_warp3d.clouds.spacing import Surfels
 from resample_warp3d.command.clouds import (
     CloudAim,
     CloudFormat,
-    CloudLook,
+    CloudOptions,
     CloudScene,
     cameras_of,
     film_of,
@@ -40,10 +40,10 @@ if TYPE_CHECKING:
 
 COMMAND, FILM = "resample-warp3d cloud", "resample-warp3d animate-cloud"
 RATE = 24.0  # frames per second, of the command
-SHOWN = (CloudLook, CloudAim, CloudFormat)  # options that a page can change
+SHOWN = (CloudOptions, CloudAim, CloudFormat)  # options that a page can change
 LEFT_OUT = ("size", "bits", "color-bar")
 OF_FILMS = [  # options that pictures and films share
-    *(option_of(CloudLook, field) for field in CloudLook.model_fields),
+    *(option_of(CloudOptions, field) for field in CloudOptions.model_fields),
     *("steady", "size", "background"),
 ]
 PER = 2  # px of the picture per px of its preview, along each axis
@@ -61,7 +61,7 @@ PREPARED = (
 class _CloudWish(NamedTuple):
     """Checked options of a page."""
 
-    look: CloudLook
+    options: CloudOptions
     aim: CloudAim
     form: CloudFormat
 
@@ -126,26 +126,26 @@ class CloudPainter:
             file = Path(folder) / "keyframes.toml"
             file.write_text(keyframes, encoding="utf-8")
             viewpoints = path_of(str(file), None, RATE, start_of(wish.aim.camera, wish.aim.up))
-        scene = self._scene(wish.look)[0]._replace(look=wish.look)
+        scene = self._scene(wish.options)[0]._replace(options=wish.options)
         cameras = cameras_of(scene.surfels, viewpoints, shape, steady=wish.aim.steady)
         behind = wish.form.behind() or (0.0, 0.0, 0.0)
         write_film(path, film_of(scene, cameras, shape, behind), RATE, progress=progress)
 
     def surfels(self, settings: Settings) -> Surfels:
         """Return the prepared cloud; raises as `save` does."""
-        return self._scene(_checked(settings).look)[0].surfels
+        return self._scene(_checked(settings).options)[0].surfels
 
     def _placed(
         self, settings: Settings, size: Size, *, quick: bool = False
     ) -> tuple[_CloudWish, CloudScene, Camera]:
         """Return the options, the cloud or its preview, and the camera."""
         wish = _checked({**settings, "size": f"{size[0]}x{size[1]}"})
-        whole, few = self._scene(wish.look)
+        whole, few = self._scene(wish.options)
         camera = wish.aim.camera_for(whole.surfels, size[::-1])
         scene = few if quick else whole
-        return wish, scene._replace(look=wish.look), camera
+        return wish, scene._replace(options=wish.options), camera
 
-    def _scene(self, look: CloudLook) -> tuple[CloudScene, CloudScene]:
+    def _scene(self, look: CloudOptions) -> tuple[CloudScene, CloudScene]:
         """Return the prepared cloud and its preview, cached until their options change."""
         key = tuple(getattr(look, name) for name in PREPARED)
         if self._kept is None or self._kept[0] != key:
@@ -238,7 +238,7 @@ def _checked(settings: Settings) -> _CloudWish:
     """Return the options, checked."""
     wish = _CloudWish(*chosen(settings, SHOWN))
     wish.aim.check()
-    wish.look.check(Path("picture.png"), wish.form.height_and_width()[0])
+    wish.options.check(Path("picture.png"), wish.form.height_and_width()[0])
     return wish
 
 

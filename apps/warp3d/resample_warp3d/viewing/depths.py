@@ -14,7 +14,7 @@ import numpy as np
 
 from resample.command.session import Session
 from resample.command.settings import Written
-from resample.files.pictures import Kind, Look, Picture, page_of, write_picture
+from resample.files.pictures import Kind, Picture, WriteOptions, page_of, write_picture
 from resample.view.files import file_of, levels_in, shown
 from resample.view.views import Painting, Settings, Size, chosen, settings_of
 from resample.watching import Cancel, Progress, cancellable
@@ -58,11 +58,11 @@ class _DepthWish(NamedTuple):
     showing: Showing
 
     @property
-    def look(self) -> Look:
+    def options(self) -> WriteOptions:
         """Format of the picture to write."""
         if self.warping.unmixed:
-            return Look(self.written.bits, is_light=False)
-        return self.written.look()
+            return WriteOptions(self.written.bits, is_light=False)
+        return self.written.options()
 
 
 class _Ready(NamedTuple):
@@ -111,7 +111,7 @@ class DepthPainter:
                 seen = self._rendered(settings, (-(-width // PER), -(-height // PER)))
             else:
                 seen = self._last = self._rendered(settings, size)
-            page = page_of(Path("picture.png"), seen.picture(), seen.wish.look)
+            page = page_of(Path("picture.png"), seen.picture(), seen.wish.options)
         return Painting(shown(page.data), quick)
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
@@ -140,7 +140,7 @@ class DepthPainter:
             An option is not allowed, or a file cannot be read or written.
         """
         seen = self._rendered(settings, size)
-        write_picture(path, seen.picture(), seen.wish.look)
+        write_picture(path, seen.picture(), seen.wish.options)
 
     def keyframes(self, cameras: Sequence[str], settings: Settings) -> str:
         """Return a file of poses, see `resample.view.views.Filming`."""
