@@ -76,7 +76,7 @@ KINDS: Sequence[Settings] = (  # with kernels of their own
 MOST_COMPARED = 2  # that are compared
 
 
-class _Wish(NamedTuple):
+class _VolumeRequest(NamedTuple):
     """A request, parsed from options."""
 
     choices: AppearanceChoices
@@ -110,15 +110,15 @@ class VolumePainter:
 
     def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> Painting:
         """Render with these options, see `resample.view.views.Painter`."""
-        wish = self._wish(settings)
+        request = self._request(settings)
         quality: Quality = "preview" if quick else "final"
-        frame = self._frame(wish, size, ".png", quality, cancel)
-        levels = levels_of(frame, "color", background=wish.picture.behind(".png"))
-        return Painting(levels, quick, {"view": self._view(wish, size, quality)})
+        frame = self._frame(request, size, ".png", quality, cancel)
+        levels = levels_of(frame, "color", background=request.picture.behind(".png"))
+        return Painting(levels, quick, {"view": self._view(request, size, quality)})
 
-    def _view(self, wish: _Wish, size: Size, quality: Quality) -> dict[str, Any]:
+    def _view(self, request: _VolumeRequest, size: Size, quality: Quality) -> dict[str, Any]:
         """Return the projection from points around the volume's center, scene units, to pixels."""
-        camera, volume = self._standing(wish, size, quality)
+        camera, volume = self._standing(request, size, quality)
         view, middle = camera.view(), centered(volume)[1]
         return {
             "rotation": view.rotation.tolist(),
@@ -131,13 +131,13 @@ class VolumePainter:
 
     def check(self, settings: Settings) -> None:
         """Reject options that are not allowed; errors as of `frame`."""
-        self._wish(settings).choices.viewpoint()
+        self._request(settings).choices.viewpoint()
 
     def save(self, settings: Settings, size: Size, path: Path) -> None:
         """Write the picture as the command does."""
-        wish = self._wish(settings)
-        frame = self._frame(wish, size, path.suffix)
-        write_frame(path, frame, 8, wish.picture.behind(path.suffix))
+        request = self._request(settings)
+        frame = self._frame(request, size, path.suffix)
+        write_frame(path, frame, 8, request.picture.behind(path.suffix))
 
     def frame(self, settings: Settings, size: Size) -> Frame:
         """Render as the command does for a PNG, but without background.
@@ -147,26 +147,26 @@ class VolumePainter:
         ValueError, LookupError, OSError
             An option is not allowed, or a file of one cannot be read.
         """
-        return self._frame(self._wish(settings), size, ".png")
+        return self._frame(self._request(settings), size, ".png")
 
     def _frame(
         self,
-        wish: _Wish,
+        request: _VolumeRequest,
         size: Size,
         suffix: str,
         quality: Quality = "final",
         cancel: Cancel | None = None,
     ) -> Frame:
         """Render the picture for a file of this suffix."""
-        view = wish.choices.viewpoint()
-        choices: dict[str, Any] = {"resampler": wish.resampler, "fit": wish.choices.fit}
+        view = request.choices.viewpoint()
+        choices: dict[str, Any] = {"resampler": request.resampler, "fit": request.choices.fit}
         frame = self._scene.render(
-            wish.appearance, view, size=size, quality=quality, cancel=cancel, **choices
+            request.appearance, view, size=size, quality=quality, cancel=cancel, **choices
         )
-        marks = wish.beside.annotations(wish.picture.behind(suffix))
+        marks = request.beside.annotations(request.picture.behind(suffix))
         if not marks.is_any:
             return frame
-        camera, volume = self._standing(wish, size)
+        camera, volume = self._standing(request, size)
         return annotated(frame, camera, volume, marks)
 
     def beside(self, rival: str, settings: Settings, size: Size) -> Painting:
@@ -175,11 +175,11 @@ class VolumePainter:
 
         if rival != VTK:
             raise ValueError(f"{rival!r:.40} is not known; a page can compare with {VTK}")
-        wish = self._wish(settings)
-        camera, volume = self._standing(wish, size)
+        request = self._request(settings)
+        camera, volume = self._standing(request, size)
         self._vtk = self._vtk or VtkBeside()
-        light = self._vtk.picture(volume, wish.appearance, wish.resampler, camera, size)
-        return Painting(screen_levels(light, background=wish.picture.behind(".png")), False)
+        light = self._vtk.picture(volume, request.appearance, request.resampler, camera, size)
+        return Painting(screen_levels(light, background=request.picture.behind(".png")), False)
 
     def keyframes(self, cameras: Sequence[str], settings: Settings) -> str:
         """Return a file of cameras around the volume, see `resample.view.views.Filming`."""
@@ -189,29 +189,29 @@ class VolumePainter:
         self, settings: Settings, size: Size, keyframes: str, path: Path, progress: Progress
     ) -> None:
         """Write a film through keyframes as `animate` does, see `resample.view.views.Filming`."""
-        wish, (width, height) = self._wish(settings), size
+        request, (width, height) = self._request(settings), size
         with TemporaryDirectory(prefix="film-") as folder:
             file = Path(folder) / "keyframes.toml"
             file.write_text(keyframes, encoding="utf-8")
-            flight = flight_of(str(file), None, RATE, wish.choices.viewpoint())
-        medium = self.volume, wish.appearance
-        subject = Subject.of_several([medium], wish.resampler, wish.choices.fit)
-        behind = wish.picture.behind(FILMED) or (0.0, 0.0, 0.0)
-        drawn = drawing(self.volume, subject, wish.beside.annotations(behind))
-        paint = Paint(wish.resampler, (height, width), behind, None, drawn)
+            flight = flight_of(str(file), None, RATE, request.choices.viewpoint())
+        medium = self.volume, request.appearance
+        subject = Subject.of_several([medium], request.resampler, request.choices.fit)
+        behind = request.picture.behind(FILMED) or (0.0, 0.0, 0.0)
+        drawn = drawing(self.volume, subject, request.beside.annotations(behind))
+        paint = Paint(request.resampler, (height, width), behind, None, drawn)
         cameras = cameras_of(subject, flight, paint.size)
         write_film(path, shots(subject, cameras, paint), RATE, progress=progress)
 
     def _standing(
-        self, wish: _Wish, size: Size, quality: Quality = "final"
+        self, request: _VolumeRequest, size: Size, quality: Quality = "final"
     ) -> "tuple[AnyCamera, Volume]":
         """Return the camera and the volume placed before it."""
         return self._scene.standing(
-            *(wish.appearance, wish.choices.viewpoint()),
+            *(request.appearance, request.choices.viewpoint()),
             size=size,
-            resampler=wish.resampler,
+            resampler=request.resampler,
             quality=quality,
-            fit=wish.choices.fit,
+            fit=request.choices.fit,
         )
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
@@ -220,12 +220,12 @@ class VolumePainter:
         Also tells the distance from the last pick and the angle at that to the one before; a pick
         beside the volume resets this.
         """
-        wish = self._wish(settings)
+        request = self._request(settings)
         found = self._scene.pick(
-            *(x, y, wish.appearance, wish.choices.viewpoint()),
+            *(x, y, request.appearance, request.choices.viewpoint()),
             size=size,
-            resampler=wish.resampler,
-            fit=wish.choices.fit,
+            resampler=request.resampler,
+            fit=request.choices.fit,
         )
         if found is None:
             self._picks = ()
@@ -242,20 +242,20 @@ class VolumePainter:
         """`points` of the look, see `resample.view.views.Knowing`."""
         if what != "points":
             raise ValueError(f"{what!r:.40} is not known; a page can ask for points")
-        wish = self._wish(settings)
-        transfer = transfer_of(self.volume, wish.appearance, wish.resampler.projection)
+        request = self._request(settings)
+        transfer = transfer_of(self.volume, request.appearance, request.resampler.projection)
         points = [
             (float(value_at(place, self.volume.scale)), color, opacity)
             for place, color, opacity in points_of(transfer, survey(self.volume).span)
         ]
         return {"points": points, "transfer": spelled(points), "unit": transfer.opacity_unit}
 
-    def _wish(self, settings: Settings) -> _Wish:
+    def _request(self, settings: Settings) -> _VolumeRequest:
         look, resampling, beside, picture = chosen(settings, SHOWN)
         resampler = look.renderer(resampling, self.volume.scale)
         resampler = self._resamplers.setdefault(resampler, resampler)
         appearance = self._appearance(look, resampler, beside)
-        return _Wish(look, appearance, resampler, beside, picture)
+        return _VolumeRequest(look, appearance, resampler, beside, picture)
 
     def _appearance(
         self, look: AppearanceChoices, resampler: Resampler, beside: Beside

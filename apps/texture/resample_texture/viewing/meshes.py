@@ -32,7 +32,7 @@ LEFT_OUT = ("size", "bits")
 PER = 2  # px of the picture per px of its preview, along each axis
 
 
-class _Wish(NamedTuple):
+class _MeshRequest(NamedTuple):
     """Checked options of a page."""
 
     view: MeshView
@@ -56,10 +56,10 @@ class ModelPainter:
     def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> Painting:
         """Picture of these options, see `resample.view.views.Painter`."""
         width, height = size
-        wish = _checked(settings)
+        request = _checked(settings)
         with cancellable(cancel):
-            seen = self._rendered(wish, (-(-width // PER), -(-height // PER)) if quick else size)
-        return Painting(screen_levels(seen.rgba, background=wish.form.behind()), quick)
+            seen = self._rendered(request, (-(-width // PER), -(-height // PER)) if quick else size)
+        return Painting(screen_levels(seen.rgba, background=request.form.behind()), quick)
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
         """Return the depth at a pixel, see `resample.view.views.Painter`."""
@@ -75,9 +75,9 @@ class ModelPainter:
         ValueError, LookupError, OSError
             An option is not allowed, or a file cannot be read or written.
         """
-        wish = _checked(settings)
-        seen = self._rendered(wish, size)
-        write_frame(path, seen, bits=wish.form.bits, background=wish.form.behind())
+        request = _checked(settings)
+        seen = self._rendered(request, size)
+        write_frame(path, seen, bits=request.form.bits, background=request.form.behind())
 
     def mesh(self, texture: Path | None = None) -> Mesh:
         """Return the mesh, read again only for another texture; raises as `save` does."""
@@ -85,10 +85,12 @@ class ModelPainter:
             self._kept = texture, load_mesh(self.path, texture)
         return self._kept[1]
 
-    def _rendered(self, wish: _Wish, size: Size) -> Frame[Any]:
-        mesh = self.mesh(wish.form.texture)
-        camera = wish.view.placed(mesh, size[::-1])
-        return render_mesh(mesh, camera, size=size, style=wish.drawing.style(wish.view.shading))
+    def _rendered(self, request: _MeshRequest, size: Size) -> Frame[Any]:
+        mesh = self.mesh(request.form.texture)
+        camera = request.view.placed(mesh, size[::-1])
+        return render_mesh(
+            mesh, camera, size=size, style=request.drawing.style(request.view.shading)
+        )
 
 
 @dataclass
@@ -169,8 +171,8 @@ def mesh_picture(path: str | Path, settings: Mapping[str, Any]) -> "Image":
     return Image.fromarray(levels_in(file))
 
 
-def _checked(settings: Settings) -> _Wish:
+def _checked(settings: Settings) -> _MeshRequest:
     """Return the options, checked."""
-    wish = _Wish(*chosen(settings, SHOWN))
-    wish.view.viewpoint()
-    return wish
+    request = _MeshRequest(*chosen(settings, SHOWN))
+    request.view.viewpoint()
+    return request

@@ -58,7 +58,7 @@ PREPARED = (
 )  # options that a prepared scene depends on
 
 
-class _CloudWish(NamedTuple):
+class _CloudRequest(NamedTuple):
     """Checked options of a page."""
 
     options: CloudOptions
@@ -85,9 +85,9 @@ class CloudPainter:
         if quick:
             size = -(-width // PER), -(-height // PER)
         with cancellable(cancel):
-            wish, scene, camera = self._placed(settings, size, quick=quick)
-            frame = wish.form.shown(scene.picture(camera, size[::-1]), scene)
-        return Painting(screen_levels(frame.rgba, background=wish.form.behind()), quick)
+            request, scene, camera = self._placed(settings, size, quick=quick)
+            frame = request.form.shown(scene.picture(camera, size[::-1]), scene)
+        return Painting(screen_levels(frame.rgba, background=request.form.behind()), quick)
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
         """Return the position seen at a pixel, see `resample.view.views.Painter`."""
@@ -108,8 +108,8 @@ class CloudPainter:
         ValueError, LookupError, OSError
             An option is not allowed, or a file cannot be read or written.
         """
-        wish, scene, camera = self._placed(settings, size)
-        wish.form.write(path, scene.picture(camera, size[::-1]), scene)
+        request, scene, camera = self._placed(settings, size)
+        request.form.write(path, scene.picture(camera, size[::-1]), scene)
 
     def keyframes(self, cameras: Sequence[str], settings: Settings) -> str:
         """Return a keyframe file of cameras around the cloud, see `resample.view.views.Filming`."""
@@ -121,14 +121,16 @@ class CloudPainter:
         """Write a film as `animate-cloud` does, see `resample.view.views.Filming`."""
         if unknown := [key for key in settings if key not in (*ORBITING["steered"], *OF_FILMS)]:
             raise ValueError(f"films have no {', '.join(unknown)}; leave that out")
-        wish, shape = _checked(settings), size[::-1]
+        request, shape = _checked(settings), size[::-1]
         with TemporaryDirectory(prefix="film-") as folder:
             file = Path(folder) / "keyframes.toml"
             file.write_text(keyframes, encoding="utf-8")
-            viewpoints = path_of(str(file), None, RATE, start_of(wish.aim.camera, wish.aim.up))
-        scene = self._scene(wish.options)[0]._replace(options=wish.options)
-        cameras = cameras_of(scene.surfels, viewpoints, shape, steady=wish.aim.steady)
-        behind = wish.form.behind() or (0.0, 0.0, 0.0)
+            viewpoints = path_of(
+                str(file), None, RATE, start_of(request.aim.camera, request.aim.up)
+            )
+        scene = self._scene(request.options)[0]._replace(options=request.options)
+        cameras = cameras_of(scene.surfels, viewpoints, shape, steady=request.aim.steady)
+        behind = request.form.behind() or (0.0, 0.0, 0.0)
         write_film(path, film_of(scene, cameras, shape, behind), RATE, progress=progress)
 
     def surfels(self, settings: Settings) -> Surfels:
@@ -137,13 +139,13 @@ class CloudPainter:
 
     def _placed(
         self, settings: Settings, size: Size, *, quick: bool = False
-    ) -> tuple[_CloudWish, CloudScene, Camera]:
+    ) -> tuple[_CloudRequest, CloudScene, Camera]:
         """Return the options, the cloud or its preview, and the camera."""
-        wish = _checked({**settings, "size": f"{size[0]}x{size[1]}"})
-        whole, few = self._scene(wish.options)
-        camera = wish.aim.camera_for(whole.surfels, size[::-1])
+        request = _checked({**settings, "size": f"{size[0]}x{size[1]}"})
+        whole, few = self._scene(request.options)
+        camera = request.aim.camera_for(whole.surfels, size[::-1])
         scene = few if quick else whole
-        return wish, scene._replace(options=wish.options), camera
+        return request, scene._replace(options=request.options), camera
 
     def _scene(self, look: CloudOptions) -> tuple[CloudScene, CloudScene]:
         """Return the prepared cloud and its preview, cached until their options change."""
@@ -234,12 +236,12 @@ def cloud_picture(path: str | Path, settings: Mapping[str, Any]) -> "Image":
     return Image.fromarray(levels_in(file))
 
 
-def _checked(settings: Settings) -> _CloudWish:
+def _checked(settings: Settings) -> _CloudRequest:
     """Return the options, checked."""
-    wish = _CloudWish(*chosen(settings, SHOWN))
-    wish.aim.check()
-    wish.options.check(Path("picture.png"), wish.form.height_and_width()[0])
-    return wish
+    request = _CloudRequest(*chosen(settings, SHOWN))
+    request.aim.check()
+    request.options.check(Path("picture.png"), request.form.height_and_width()[0])
+    return request
 
 
 def _fewer(surfels: Surfels) -> Surfels:

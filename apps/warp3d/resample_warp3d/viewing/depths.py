@@ -46,7 +46,7 @@ HOLES = {
 }
 
 
-class _DepthWish(NamedTuple):
+class _DepthRequest(NamedTuple):
     """Checked options of a page."""
 
     eye: SourceCamera
@@ -75,14 +75,14 @@ class _Ready(NamedTuple):
 class _Rendering(NamedTuple):
     """A rendered view and its options."""
 
-    wish: _DepthWish
+    request: _DepthRequest
     kind: Kind
     warped: Warped
 
     def picture(self) -> Picture:
         """Return the picture to write."""
-        wish = self.wish
-        return made_of(self.warped, self.kind, wish.warping, wish.showing.show)
+        request = self.request
+        return made_of(self.warped, self.kind, request.warping, request.showing.show)
 
 
 @dataclass
@@ -111,7 +111,7 @@ class DepthPainter:
                 seen = self._rendered(settings, (-(-width // PER), -(-height // PER)))
             else:
                 seen = self._last = self._rendered(settings, size)
-            page = page_of(Path("picture.png"), seen.picture(), seen.wish.options)
+            page = page_of(Path("picture.png"), seen.picture(), seen.request.options)
         return Painting(shown(page.data), quick)
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
@@ -140,7 +140,7 @@ class DepthPainter:
             An option is not allowed, or a file cannot be read or written.
         """
         seen = self._rendered(settings, size)
-        write_picture(path, seen.picture(), seen.wish.options)
+        write_picture(path, seen.picture(), seen.request.options)
 
     def keyframes(self, cameras: Sequence[str], settings: Settings) -> str:
         """Return a file of poses, see `resample.view.views.Filming`."""
@@ -159,16 +159,16 @@ class DepthPainter:
         return self._sources(_checked(settings)).taken
 
     def _rendered(self, settings: Settings, size: Size) -> _Rendering:
-        wish = _checked({**settings, "size": f"{size[0]}x{size[1]}"})
-        taken, sources = self._sources(wish)
-        target = wish.aim.sight(taken.camera, taken.shape, wish.eye.convention)
-        joining = joining_of(taken, wish.joint.joining(unmixed=wish.warping.unmixed))
-        together = joined(Session(), sources, target, size[::-1], wish.warping, joining)
-        return _Rendering(wish, taken.picture.kind, together.warped)
+        request = _checked({**settings, "size": f"{size[0]}x{size[1]}"})
+        taken, sources = self._sources(request)
+        target = request.aim.sight(taken.camera, taken.shape, request.eye.convention)
+        joining = joining_of(taken, request.joint.joining(unmixed=request.warping.unmixed))
+        together = joined(Session(), sources, target, size[::-1], request.warping, joining)
+        return _Rendering(request, taken.picture.kind, together.warped)
 
-    def _sources(self, wish: _DepthWish) -> _Ready:
+    def _sources(self, request: _DepthRequest) -> _Ready:
         """Return the sources, cached while only the camera moves."""
-        eye, meaning, warping = wish.eye, wish.meaning, wish.warping
+        eye, meaning, warping = request.eye, request.meaning, request.warping
         key = eye, meaning, warping.noise, warping.refine, warping.unmixed, warping.has_layer
         if self._ready is None or self._ready[0] != key:
             reader = Reader.checked(eye, meaning, labels=warping.unmixed)
@@ -279,10 +279,10 @@ def picture(color: str | Path, depth: str | Path, settings: Mapping[str, Any]) -
     return Image.fromarray(levels_in(file))
 
 
-def _checked(settings: Settings) -> _DepthWish:
+def _checked(settings: Settings) -> _DepthRequest:
     """Return the options, checked."""
-    wish = _DepthWish(*chosen(settings, SHOWN))
-    wish.aim.check()
-    wish.showing.check(unmixed=wish.warping.unmixed)
-    wish.warping.built()
-    return wish
+    request = _DepthRequest(*chosen(settings, SHOWN))
+    request.aim.check()
+    request.showing.check(unmixed=request.warping.unmixed)
+    request.warping.built()
+    return request
