@@ -17,7 +17,7 @@ from resample_volume.media.appearance import Appearance, Classification
 from resample_volume.rendering import Subject
 from resample_volume.rivals.peers import Peer, VtkRenderer
 from resample_volume.showing import timing
-from resample_volume.showing.data import Shelf
+from resample_volume.showing.data import VolumeFolder
 from resample_volume.voxels.shading import Light
 from tests.benchmarks.volume_scenes import object_psnr
 
@@ -160,7 +160,7 @@ class View:
 @cache
 def _case(name: str, options: Options) -> timing.Case:
     folder = options.volumes
-    shelf = Shelf(folder if folder.is_dir() else None)
+    shelf = VolumeFolder(folder if folder.is_dir() else None)
     choices = timing.QUICK if options.quick else timing.Effort()
     case = timing.case_of(name, shelf, choices)
     if case is None:

@@ -137,9 +137,9 @@ def aged(path, hours):
 def looks(place, count=2):
     """How many bricks each command reads that looks at a store; all find the same."""
     every = [open_streamed(place).values[0, 0] for _ in range(count)]
-    first = every[0].glance
+    first = every[0].statistics
     for found in every[1:]:
-        assert all(np.array_equal(a, b) for a, b in zip(found.glance, first, strict=True))
+        assert all(np.array_equal(a, b) for a, b in zip(found.statistics, first, strict=True))
     return [one.reads for one in every]
 
 
@@ -220,10 +220,10 @@ def test_of_times_and_channels_those_alone_are_asked_about_that_are_looked_at(rn
     zarr.create_array(server.folder / "a.zarr", data=several, chunks=(1, 2, 8, 8, 8))
     server.tells = "tag"
     part = open_streamed(f"{server.url}a.zarr").values[1, 2]
-    assert part.glance.codes.sum() == 8**3
+    assert part.statistics.codes.sum() == 8**3
     server.asked.clear()
     again = open_streamed(f"{server.url}a.zarr").values[1, 2]
-    assert np.array_equal(again.glance.codes, part.glance.codes)
+    assert np.array_equal(again.statistics.codes, part.statistics.codes)
     assert [name for name in server.asked if "/c/" in name] == ["/a.zarr/c/1/1/0/0/0"]
 
 

@@ -14,7 +14,7 @@ from resample.resampler import Resampler
 from resample_volume.files.source import generate
 from resample_volume.files.writing import write_volume
 from resample_volume.showing import data, figures, footprints, gallery, popping, schematic, timing
-from resample_volume.showing.data import Shelf
+from resample_volume.showing.data import VolumeFolder
 from resample_volume.showing.footprints import Sphere
 from resample_volume.showing.writing import write_numbers
 
@@ -37,7 +37,7 @@ def shelf(nothing_fetched):
     folder.mkdir()
     for name in ("engine", "vis_male"):
         write_volume(folder / f"{name}.nrrd", generate(SMALL))
-    return Shelf(folder)
+    return VolumeFolder(folder)
 
 
 def numbers(folder, name):
@@ -80,7 +80,7 @@ def test_a_volume_of_the_folder_is_shown_as_itself(shelf):
 
 def test_a_downloaded_volume_needs_no_folder(shelf, monkeypatch):
     monkeypatch.setenv("HYBRID_RESAMPLE_DATA", str(shelf.folder))
-    assert Shelf().subject("engine").name == "engine"
+    assert VolumeFolder().subject("engine").name == "engine"
 
 
 def test_a_stand_in_says_what_it_stands_in_for(shelf):
@@ -100,7 +100,7 @@ def test_the_skull_itself_is_shown_where_it_is(shelf):
 
 @pytest.mark.usefixtures("nothing_fetched")
 def test_a_volume_without_stand_in_is_missing():
-    assert Shelf().subject("lobster") is None
+    assert VolumeFolder().subject("lobster") is None
 
 
 # Files.
@@ -155,7 +155,7 @@ def test_figures_1_and_2_count_what_they_draw(shelf, tmp_path):
 
 @pytest.mark.usefixtures("nothing_fetched")
 def test_figure_2_says_that_it_shows_another_volume(tmp_path):
-    said = schematic.make(tmp_path, Shelf(), quick=True)
+    said = schematic.make(tmp_path, VolumeFolder(), quick=True)
     assert "Engine is not there" in said
 
 
@@ -250,7 +250,7 @@ def test_pictures_err_as_the_rays_say(errors, model):
 
 
 def test_figures_3_and_4_write_the_errors(tmp_path):
-    footprints.make(tmp_path, Shelf(), quick=True)
+    footprints.make(tmp_path, VolumeFolder(), quick=True)
     rows, content = numbers(tmp_path, "figure-3-4")
     assert {row["model"] for row in rows} == set(footprints.COLORS)
     assert content["ellipse"]["largest_error_at_tangent_rays"] < 1e-6  # float32 records
@@ -290,7 +290,7 @@ def test_axis_sheets_pop_at_45_degrees(scene):
 def test_figure_7_writes_views_of_every_order(tmp_path, monkeypatch):
     short = replace(popping.QUICK, first=44.0, last=46.0)
     monkeypatch.setattr(popping, "QUICK", short)
-    said = popping.make(tmp_path, Shelf(), quick=True)
+    said = popping.make(tmp_path, VolumeFolder(), quick=True)
     rows, content = numbers(tmp_path, "figure-7")
     assert {row["order"] for row in rows} == set(popping.ORDERS) == set(content["orders"])
     names = {
@@ -324,7 +324,7 @@ def test_pictures_of_figure_8_are_opaque_squares(shelf, tmp_path):
 @pytest.mark.sweep(kept_by="test_figure_8_shows_what_is_there_and_says_what_is_not")
 @pytest.mark.slow
 def test_figure_8a_marks_splats_in_red_and_has_points_too(volumes, tmp_path):
-    gallery.make(tmp_path, Shelf(volumes))
+    gallery.make(tmp_path, VolumeFolder(volumes))
     rows, _ = numbers(tmp_path, "figure-8")
     marked = rows[0]
     assert min(int(marked["points"]), int(marked["splats"])) > 0.2 * int(marked["samples"])
@@ -335,7 +335,7 @@ def test_figure_8a_marks_splats_in_red_and_has_points_too(volumes, tmp_path):
 
 @pytest.fixture(scope="module")
 def box():
-    return timing.case_of("checker-box", Shelf(), timing.QUICK)
+    return timing.case_of("checker-box", VolumeFolder(), timing.QUICK)
 
 
 def share_of_splats(case, zoom, side):
@@ -387,7 +387,7 @@ def test_figure_9_says_why_there_is_no_time_of_vtk(tmp_path, monkeypatch):
 
     monkeypatch.setattr(timing, "VtkRenderer", refuse)
     monkeypatch.setattr(timing, "PAPER", {"checker-box": timing.PAPER["checker-box"]})
-    said = timing.make(tmp_path, Shelf(), quick=True)
+    said = timing.make(tmp_path, VolumeFolder(), quick=True)
     rows, _ = numbers(tmp_path, "figure-9")
     assert "no times of VTK: VTK is not installed" in said
     assert [row["vtk_ms"] for row in rows] == ["", "", ""]
@@ -396,7 +396,7 @@ def test_figure_9_says_why_there_is_no_time_of_vtk(tmp_path, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["engine", "lobster", "aneurism"])
 def test_figure_9_paints_as_many_voxels_as_the_paper(name, volumes):
-    case = timing.case_of(name, Shelf(volumes), timing.QUICK)
+    case = timing.case_of(name, VolumeFolder(volumes), timing.QUICK)
     assert len(case.samples.position) == timing.PAPER[name].voxels
 
 

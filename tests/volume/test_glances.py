@@ -18,8 +18,8 @@ from resample.files.images import read_image
 from resample_volume.cli import app
 from resample_volume.command import rendering
 from resample_volume.data.bricks import Bricks
-from resample_volume.data.glances import looking
-from resample_volume.data.glances.looking import Helpers
+from resample_volume.data.statistics import scanning
+from resample_volume.data.statistics.scanning import Helpers
 from resample_volume.files.source import open_streamed
 from resample_volume.files.stores import kept
 from resample_volume.files.stores.chunks import Single
@@ -79,16 +79,18 @@ def same(found, given):
 def test_parts_put_together_are_what_one_process_finds(shape, side, kind, sampled):
     values = noise(shape, kind)
     with pytest.MonkeyPatch.context() as patch, ThreadPoolExecutor(3) as executor:
-        patch.setattr(looking, "SAMPLED", sampled)
+        patch.setattr(scanning, "SAMPLED", sampled)
         alone, shared = bricks_of(values, side), bricks_of(values, side)
         elsewhere = Elsewhere(executor)
         shared.helpers = lambda: Helpers(elsewhere, 1)
-        same(shared.glance, alone.glance)
+        same(shared.statistics, alone.statistics)
         assert shared.reads == alone.reads
-        assert elsewhere.maps[0] == min(alone.count[0], looking.PARTS)
-        step = looking.step_of(values.size)
+        assert elsewhere.maps[0] == min(alone.count[0], scanning.PARTS)
+        step = scanning.step_of(values.size)
         assert np.array_equal(
-            alone.glance.some, values[::step, ::step, ::step], equal_nan=values.dtype.kind == "f"
+            alone.statistics.some,
+            values[::step, ::step, ::step],
+            equal_nan=values.dtype.kind == "f",
         )
 
 
@@ -110,7 +112,7 @@ def test_a_killed_worker_costs_a_look_its_own_part_alone(tmp_path):
     with at_work(Sharing(workers=2)) as crew:
         killing = Killing(crew.executor, tmp_path / "marks", 1, is_late=True)
         small[0].helpers = lambda: Helpers(killing, 1)
-        same(small[0].glance, small[1].glance)
+        same(small[0].statistics, small[1].statistics)
     assert killing.redone(0)
 
 

@@ -48,7 +48,7 @@ def opened(path, side=16):
 def looked_at(path):
     """What is known of a store, and how many bricks were read for that."""
     bricks = opened(path).values
-    return bricks.glance, bricks.reads
+    return bricks.statistics, bricks.reads
 
 
 def same(found, given):
@@ -72,10 +72,10 @@ def test_bricks_of_another_size_and_values_without_padding_are_looked_at_by_them
     path = written(tmp_path, np.arange(32**3, dtype=np.int16).reshape(32, 32, 32))
     looked_at(path)
     other = opened(path, side=32).values
-    assert other.glance.least.shape == (1, 1, 1)
+    assert other.statistics.least.shape == (1, 1, 1)
     assert other.reads == 1
     less = opened(path).values.without([5.0], 7)
-    assert less.glance.least.min() == 0
+    assert less.statistics.least.min() == 0
     assert less.reads == 8
 
 

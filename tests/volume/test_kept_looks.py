@@ -61,7 +61,7 @@ def opened(path, side=16):
 def painted(path, look, viewpoint, memory=5_000_000, side=16):
     """A picture, and the bricks that were read for it after the first pass."""
     volume, read = opened(path, side)
-    volume.values.glance  # noqa: B018
+    volume.values.statistics  # noqa: B018
     first, media, spent = len(read), [(volume, look)], Spent(memory, 2)
     subject = streamed_subject(media, "visible", spent=spent)
     camera = subject.camera(viewpoint, *SIZE)

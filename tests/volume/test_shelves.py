@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from resample_volume.classification.surveys import survey, without_padding
 from resample_volume.data.bricks import Bricks
-from resample_volume.data.glances import shelves
-from resample_volume.data.glances.shelves import Shelf
+from resample_volume.data.statistics import caches
+from resample_volume.data.statistics.caches import PinnedCache
 from resample_volume.rendering import Subject
 from resample_volume.types import Volume
 from tests.volume.of_voxels import of_voxels
@@ -37,17 +37,17 @@ def test_any_shelf_gives_the_values_of_the_file(most, asked, seed):
     for number in asked:
         index = tuple(int(n) for n in np.unravel_index(number, (3, 3, 3)))
         assert (bricks.brick(index) == values[bricks.box(index)]).all()
-        assert bricks.shelf.size <= most
+        assert bricks.pinned.size <= most
     assert bricks.reads == len(read)
-    kept = sum(part.nbytes for part in bricks.shelf._kept.values())
-    assert kept == bricks.shelf.size
+    kept = sum(part.nbytes for part in bricks.pinned._kept.values())
+    assert kept == bricks.pinned.size
 
 
 def test_bricks_of_one_value_are_not_kept():
     bricks, _ = counted(np.zeros((8, 8, 8), np.uint8))
     bricks.shelve(1000)
     bricks.whole()
-    assert bricks.shelf.size == 0
+    assert bricks.pinned.size == 0
 
 
 def test_the_same_bricks_serve_values_with_and_without_padding(rng):
@@ -70,15 +70,15 @@ def test_a_shelf_that_gives_way_keeps_nothing_more(rng):
     bricks.shelve(20_000)
     assert bricks.shelved == 10_000
     bricks.shelve(100)
-    assert bricks.shelf.size == 64
+    assert bricks.pinned.size == 64
     bricks.whole()
-    assert bricks.shelf.size == 64
+    assert bricks.pinned.size == 64
     assert len(read) == 15
 
 
 def test_other_processes_have_shelves_of_their_own(monkeypatch):
-    monkeypatch.setattr(shelves, "_SHELVES", {})
-    first, second = Shelf(100, ("a", "1")), Shelf(100, ("a", "2"))
+    monkeypatch.setattr(caches, "_CACHES", {})
+    first, second = PinnedCache(100, ("a", "1")), PinnedCache(100, ("a", "2"))
     first.keep((0, 0, 0), np.arange(9))
     one = pickle.loads(pickle.dumps(first))
     assert one is not first
@@ -88,8 +88,8 @@ def test_other_processes_have_shelves_of_their_own(monkeypatch):
     again = pickle.loads(pickle.dumps(first))
     assert again is one
     assert two.found((0, 0, 1)) is None
-    pickle.loads(pickle.dumps(Shelf(100, ("another command", "1"))))
-    assert list(shelves._SHELVES) == [("another command", "1")]
+    pickle.loads(pickle.dumps(PinnedCache(100, ("another command", "1"))))
+    assert list(caches._CACHES) == [("another command", "1")]
 
 
 def test_a_shelf_gives_way_to_visible_voxels(rng):

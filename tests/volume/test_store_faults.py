@@ -151,7 +151,7 @@ def test_without_a_list_of_chunks_each_is_asked_about(values, server):
     reads = []
     for _ in range(2):
         bricks = open_streamed(f"{server.place}/a.zarr").values[0, 0]
-        assert bricks.glance.codes.sum() == values.size
+        assert bricks.statistics.codes.sum() == values.size
         reads.append(bricks.reads)
     assert reads == [1, 0]
 

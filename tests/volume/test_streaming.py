@@ -186,7 +186,7 @@ def test_each_brick_is_read_once_where_its_slopes_matter_and_never_elsewhere():
 
 def test_bricks_of_a_single_value_are_not_read_again():
     volume = sparse(is_even=True)
-    assert volume.values.glance.greatest.max() == 200
+    assert volume.values.statistics.greatest.max() == 200
     volume.values.read.boxes.clear()
     given = volume._replace(values=as_array(sparse(is_even=True)).values)
     same_voxels(classify(volume, SOLID), classify(given, SOLID))
@@ -195,7 +195,7 @@ def test_bricks_of_a_single_value_are_not_read_again():
 
 def test_without_slopes_bricks_beside_are_not_read():
     volume = sparse()
-    assert volume.values.glance.greatest.max() == 200
+    assert volume.values.statistics.greatest.max() == 200
     volume.values.read.boxes.clear()
     classify(volume, SOLID, gradient=None)
     assert len(volume.values.read.boxes) == 2
@@ -229,7 +229,7 @@ def test_bytes_that_do_not_fit_are_refused_before_they_are_read_again(volume, be
     visible = int((volume.values > 80).sum())
     memory = BYTES_PER_VOXEL * visible + beside  # nothing, or a layer, for bricks beside each other
     streamed = in_bricks(volume, (16, 16, 16), memory=memory)
-    streamed.values.glance  # noqa: B018
+    streamed.values.statistics  # noqa: B018
     reads = streamed.values.reads
     with pytest.raises(TooManyVoxelsError, match=f"blobs with {visible} visible voxels or more"):
         render(streamed, of_voxels("80.5/white/0,81/white/0.5,255/white/0.9"))

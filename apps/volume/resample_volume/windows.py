@@ -16,7 +16,7 @@ from resample.resampler import Resampler
 from resample.types import Doubles, Frame, Indices, Samples, Statistics
 from resample.watching import Executor, Progress
 from resample_volume.data.bricks import Bricks
-from resample_volume.data.glances.shelves import SHARE
+from resample_volume.data.statistics.caches import SHARE
 from resample_volume.media.appearance import (
     OF_VOXELS,
     Appearance,

@@ -11,7 +11,7 @@ from resample_volume.classification.surveys import Survey, rim
 from resample_volume.classification.tissues import LUNG, tissue, with_lungs
 from resample_volume.classification.transfer import Color, Transfer, TransferFunction, from_points
 from resample_volume.data.bricks import sampled
-from resample_volume.data.glances.looking import are_few, step_of
+from resample_volume.data.statistics.scanning import are_few, step_of
 from resample_volume.data.thresholds import Peak, peak_between
 from resample_volume.types import Volume
 

@@ -12,8 +12,8 @@ from resample.types import Flags, Floats
 from resample_volume.classification.surveys import counted
 from resample_volume.classification.transfer import Color, DataRange, Transfer
 from resample_volume.data.bricks import Bricks, Values
-from resample_volume.data.glances.looking import are_few
 from resample_volume.data.parts import slabs
+from resample_volume.data.statistics.scanning import are_few
 from resample_volume.types import Volume
 
 LISTED = 16  # labels listed in an error message

@@ -11,9 +11,9 @@ from resample.types import Doubles
 from resample_volume.classification.hounsfield import Units, resembles_ct, units_of
 from resample_volume.classification.tissues import METAL
 from resample_volume.data.bricks import Bricks, Values, parts, sampled
-from resample_volume.data.glances.looking import are_few, count_codes, step_of
 from resample_volume.data.keeping import found_once
 from resample_volume.data.parts import slabs
+from resample_volume.data.statistics.scanning import are_few, count_codes, step_of
 from resample_volume.data.thresholds import Counts, Levels
 from resample_volume.types import Volume
 
@@ -142,7 +142,7 @@ def without_padding(volume: Volume, known: Survey) -> Volume:
 def rim(values: Values) -> NDArray[Any]:
     """Return all values on the six sides of a volume (Z, Y, X)."""
     if isinstance(values, Bricks):
-        return values.glance.rim
+        return values.statistics.border
     sides = [values.take(end, axis).ravel() for axis in range(3) for end in (0, -1)]
     return np.concatenate(sides)
 
@@ -237,8 +237,11 @@ def _levels(values: Values) -> tuple[Levels, int]:
     some = some[np.isfinite(some)]
     low, high = (some.min(), some.max()) if some.size else (np.inf, -np.inf)
     value, count = np.unique(some, return_counts=True)
-    beyond, infinite = [np.zeros(0)], values.glance.infinite if isinstance(values, Bricks) else 0
-    for part in [values.glance.beyond] if isinstance(values, Bricks) else parts(values):
+    beyond, infinite = (
+        [np.zeros(0)],
+        values.statistics.infinite if isinstance(values, Bricks) else 0,
+    )
+    for part in [values.statistics.beyond] if isinstance(values, Bricks) else parts(values):
         outside = part[(part < low) | (part > high)]
         finite = outside[np.isfinite(outside)]
         infinite += outside.size - finite.size
@@ -254,8 +257,8 @@ def counted(values: Values) -> Levels:
     """Count each of few possible values, see `bricks.are_few`."""
     bits, size = values.dtype.itemsize * 8, 1 << (values.dtype.itemsize * 8)
     total = np.zeros(size, np.int64)
-    if isinstance(values, Bricks) and values.glance.codes is not None:
-        total += values.glance.codes
+    if isinstance(values, Bricks) and values.statistics.codes is not None:
+        total += values.statistics.codes
     else:
         for part in parts(values):
             total += count_codes(part, of=prod(values.shape))

@@ -337,8 +337,8 @@ def _mark_of(values: Values) -> str:
     """Return a key of values."""
     if not isinstance(values, Bricks):
         return fingerprint(values)
-    known = values.glance
-    return fingerprint(known.least, known.greatest, known.some, known.rim)
+    known = values.statistics
+    return fingerprint(known.least, known.greatest, known.some, known.border)
 
 
 def shared_by(crew: Crew | None, script: Script, film: ReadyFilm) -> tuple[Shots, Executor | None]:

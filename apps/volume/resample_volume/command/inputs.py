@@ -18,9 +18,9 @@ from resample_volume.classification.scales import LINEAR, scaled
 from resample_volume.classification.surveys import Survey, findings, survey, without_padding
 from resample_volume.command.choices import Source
 from resample_volume.data.bricks import Bricks, Values, as_array
-from resample_volume.data.glances.looking import Helpers
-from resample_volume.data.glances.shelves import SHARE
 from resample_volume.data.recordings import SeveralTimesError, how, volume_at
+from resample_volume.data.statistics.caches import SHARE
+from resample_volume.data.statistics.scanning import Helpers
 from resample_volume.files.parsing.steps import three_numbers
 from resample_volume.files.readers import Raw, Reader
 from resample_volume.files.source import (

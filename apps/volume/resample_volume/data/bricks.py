@@ -19,10 +19,10 @@ from resample.memory.mapped import array_in_file, folder
 from resample.painting.splines import bytes_of_field
 from resample.types import Doubles
 from resample.watching import look
-from resample_volume.data.glances.looking import Glance, Helpers, looked_at, step_of
-from resample_volume.data.glances.shelves import Recent, Shelf, is_known_by_its_ends
 from resample_volume.data.memory import require_memory
 from resample_volume.data.parts import slabs, threads_at_work
+from resample_volume.data.statistics.caches import LruCache, PinnedCache, is_known_by_its_ends
+from resample_volume.data.statistics.scanning import BrickStats, Helpers, scanned, step_of
 from resample_volume.types import Volume
 
 Step = tuple[int, int, int]  # z, y, x
@@ -71,7 +71,7 @@ class Keeper(Protocol):
         """Path of the values."""
         ...
 
-    def load(self, bricks: "Bricks") -> Glance | None:
+    def load(self, bricks: "Bricks") -> BrickStats | None:
         """Return the stored statistics; None if there are none that are valid."""
         ...
 
@@ -79,7 +79,7 @@ class Keeper(Protocol):
         """Return the state of the file, which shows changes; None if changes may go unnoticed."""
         ...
 
-    def keep(self, bricks: "Bricks", found: Glance, state: str | None) -> None:
+    def keep(self, bricks: "Bricks", found: BrickStats, state: str | None) -> None:
         """Store the statistics of a file in a state."""
         ...
 
@@ -104,8 +104,8 @@ class Bricks:
     most_held: int = 0  # peak bytes of bricks in memory together
     asked: Asked | None = None  # blocks whose voxels are requested; None: all
     keeper: "Keeper | None" = None  # of the statistics
-    recent: Recent | None = None  # cache of bricks
-    shelf: Shelf | None = None  # pinned bricks, as stored in the file
+    recent: LruCache | None = None  # cache of bricks
+    pinned: PinnedCache | None = None  # pinned bricks, as stored in the file
     helpers: Callable[[], Helpers | None] | None = None  # workers of the first pass
     period: int | None = None  # period along z, voxels, at which bricks restart; None: none
     _lock: Lock = field(default_factory=Lock)
@@ -170,13 +170,13 @@ class Bricks:
 
     def _read(self, index: Step) -> NDArray[Any]:
         """Read the values of a brick, from the cache or the file."""
-        values = None if self.shelf is None else self.shelf.found(index)
+        values = None if self.pinned is None else self.pinned.found(index)
         if values is None:
             values = self.read(self.box(index))
             with self._lock:
                 self.reads += 1
-            if self.shelf is not None:
-                self.shelf.keep(index, values)
+            if self.pinned is not None:
+                self.pinned.keep(index, values)
         if self.replaced is None:
             return values
         padding, by = self.replaced
@@ -185,7 +185,7 @@ class Bricks:
             is_none |= np.isinf(values)
         return np.where(is_none, np.asarray(by, self.dtype), values)
 
-    def within(self, asked: Asked | None, recent: Recent | None = None) -> "Bricks":
+    def within(self, asked: Asked | None, recent: LruCache | None = None) -> "Bricks":
         """Return a copy restricted to some blocks; it counts its own reads."""
         part = replace(self.anew(), asked=asked, recent=recent)
         part.__dict__["ends"] = self.ends  # of the whole
@@ -206,15 +206,15 @@ class Bricks:
 
     def shelve(self, most: int) -> None:
         """Pin the bricks read first, up to a limit in bytes."""
-        if self.shelf is None:
-            self.shelf = Shelf(most)
+        if self.pinned is None:
+            self.pinned = PinnedCache(most)
         else:
-            self.shelf.limit(min(most, self.shelf.most))
+            self.pinned.limit(min(most, self.pinned.most))
 
     @property
     def shelved(self) -> int:
         """Limit of the pinned bricks in bytes."""
-        return 0 if self.shelf is None else self.shelf.most
+        return 0 if self.pinned is None else self.pinned.most
 
     @property
     def noted(self) -> int:
@@ -266,18 +266,18 @@ class Bricks:
 
     @cached_property
     def ends(self) -> tuple[Doubles, Doubles]:
-        """Return the least and greatest finite value of each brick, as in `Glance`."""
-        return self.glance.least, self.glance.greatest
+        """Return the least and greatest finite value of each brick, as in `BrickStats`."""
+        return self.statistics.least, self.statistics.greatest
 
     @cached_property
-    def glance(self) -> Glance:
+    def statistics(self) -> BrickStats:
         """Return statistics of all values; the first call reads each brick."""
         keeper = self.keeper
         kept = None if keeper is None else keeper.load(self)
         if keeper is None or kept is not None:
-            return kept or looked_at(self, self._helped())
+            return kept or scanned(self, self._helped())
         state = keeper.state()
-        found = looked_at(self, self._helped())
+        found = scanned(self, self._helped())
         keeper.keep(self, found, state)
         return found
 
@@ -352,6 +352,6 @@ def parts(values: Values) -> Iterator[NDArray[Any]]:
 def sampled(values: Values) -> NDArray[Any]:
     """Return a regular sample of a volume's values; see `step_of`."""
     if isinstance(values, Bricks):
-        return values.glance.some
+        return values.statistics.some
     step = step_of(values.size)
     return values[::step, ::step, ::step]

@@ -9,7 +9,7 @@ from resample.types import Doubles, Indices
 from resample_volume.classification.labels import Labels
 from resample_volume.classification.regions import Faded
 from resample_volume.data.bricks import Bricks, Step
-from resample_volume.data.glances.shelves import Recent
+from resample_volume.data.statistics.caches import LruCache
 from resample_volume.media.appearance import Appearance, Classification, Medium, transfer_of
 from resample_volume.media.lattices import Lattice, common_lattice, first_in
 from resample_volume.outofcore.classified import Classifying, classified_by_bricks
@@ -83,7 +83,7 @@ class Dense:
         labels = member.by.labels
         if labels is None or not isinstance(labels.values, Bricks):
             return member
-        values = labels.values.within(None, Recent(self.beside // len(self.members)))
+        values = labels.values.within(None, LruCache(self.beside // len(self.members)))
         return member._replace(by=member.by._replace(labels=replace(labels, values=values)))
 
 

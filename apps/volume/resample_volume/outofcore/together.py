@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from resample.memory.mapped import array_in_file
 from resample.types import Doubles
 from resample_volume.data.bricks import Asked, Box, Bricks, Step
-from resample_volume.data.glances.shelves import Recent
+from resample_volume.data.statistics.caches import LruCache
 from resample_volume.media.lattices import Lattice, onto
 from resample_volume.media.mixing import Mixed, mixed_at
 from resample_volume.outofcore.classified import Classifying, classified, range_for
@@ -34,7 +34,7 @@ class Together:
         self,
         parts: Sequence[Bricks],
         found: dict[Any, Any] | None = None,
-        recent: "tuple[Recent, ...] | None" = None,
+        recent: "tuple[LruCache, ...] | None" = None,
     ) -> None:
         self.parts, self.recent = tuple(parts), recent
         self.found = {} if found is None else found  # as of `Bricks`
@@ -80,11 +80,11 @@ class Together:
         return sum(part.shelved for part in self.parts)
 
     def within(
-        self, asked: Asked | None, recent: "Recent | tuple[Recent, ...] | None" = None
+        self, asked: Asked | None, recent: "LruCache | tuple[LruCache, ...] | None" = None
     ) -> "Together":
         """Do as `Bricks.within`."""
-        if isinstance(recent, Recent):
-            recent = tuple(Recent(recent.most // len(self.parts)) for _ in self.parts)
+        if isinstance(recent, LruCache):
+            recent = tuple(LruCache(recent.most // len(self.parts)) for _ in self.parts)
         each = [None] * len(self.parts) if recent is None else recent
         parts = [part.within(asked, own) for part, own in zip(self.parts, each, strict=True)]
         return Together(parts, self.found, recent)

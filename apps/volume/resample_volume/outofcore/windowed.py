@@ -26,8 +26,8 @@ from resample.resampler import Resampler
 from resample.types import Doubles, Film, Samples
 from resample.watching import Executor, Progress, look, shared_out, told
 from resample_volume.data.bricks import Bricks, held_together, with_neighbours
-from resample_volume.data.glances.shelves import Recent
 from resample_volume.data.parts import threads_at_work
+from resample_volume.data.statistics.caches import LruCache
 from resample_volume.outofcore.known import keep_looked_at, looked_at_before
 from resample_volume.outofcore.looked import Classified, LookedAt
 from resample_volume.outofcore.passes import Looking, between, passed
@@ -370,7 +370,7 @@ def _painted(work: Work, known: Surveyed, task: Task) -> PaintedWindow:
 
     trim()
     values: Bricks = work.volume.values  # type: ignore[assignment]
-    bricks = values.within(None, Recent(task.recent) if task.step else None)
+    bricks = values.within(None, LruCache(task.recent) if task.step else None)
     with threads(work.threads):
         source = _source(work, known, task, bricks)
         by = (work.camera, known.plan, task.window)

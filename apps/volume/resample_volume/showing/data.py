@@ -23,7 +23,7 @@ class Subject(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Shelf:
+class VolumeFolder:
     """Where volumes are searched: a folder, and the downloads of `files.public.fetch`.
 
     Raises

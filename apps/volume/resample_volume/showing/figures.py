@@ -75,9 +75,9 @@ def chosen_figures(numbers: Sequence[str] | None) -> list[str]:
 
 
 def _said(folder: Path, chosen: Sequence[str], data: Path | None, quick: bool) -> Iterator[str]:
-    from resample_volume.showing.data import Shelf
+    from resample_volume.showing.data import VolumeFolder
 
-    shelf = Shelf(data)
+    shelf = VolumeFolder(data)
     folder.mkdir(parents=True, exist_ok=True)
     for figure in chosen:
         module = import_module(f"resample_volume.showing.{FIGURES[figure]}")

@@ -14,7 +14,7 @@ from resample.painting.choices import FOOTPRINTS, Footprint, Primitive
 from resample.profiles.reconstruction import GaussianKernel, footprint_table
 from resample.resampler import Resampler
 from resample.types import Doubles, Record, Samples
-from resample_volume.showing.data import Shelf
+from resample_volume.showing.data import VolumeFolder
 from resample_volume.showing.writing import Row, drawing, save, write_numbers
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ class Ellipse(NamedTuple):
     axes: Doubles  # (2, 2) columns are the half axes, the longer one first
 
 
-def make(folder: Path, shelf: Shelf, *, quick: bool = False) -> str:
+def make(folder: Path, shelf: VolumeFolder, *, quick: bool = False) -> str:
     """Write the figure and return its summary."""
     del shelf  # only one sphere is shown
     rows = error_rows(QUICK if quick else ErrorGrid())

@@ -15,7 +15,7 @@ from resample.types import Frame
 from resample_volume.classification.transfer import from_points
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import render
-from resample_volume.showing.data import Shelf, Subject, missing
+from resample_volume.showing.data import Subject, VolumeFolder, missing
 from resample_volume.showing.writing import Row, write_numbers
 from resample_volume.voxels.shading import Light
 
@@ -84,7 +84,7 @@ SHOTS = (
 )
 
 
-def make(folder: Path, shelf: Shelf, *, quick: bool = False) -> str:
+def make(folder: Path, shelf: VolumeFolder, *, quick: bool = False) -> str:
     """Write the figure; returns what is said about it."""
     side = QUICK_SIDE if quick else SIDE
     taken = list(_taken(shelf, side))
@@ -104,7 +104,7 @@ def make(folder: Path, shelf: Shelf, *, quick: bool = False) -> str:
     return "\n".join([f"figure 8: {len(taken)} of {len(SHOTS)} pictures", *remarks])
 
 
-def _taken(shelf: Shelf, side: int) -> Iterator[Taken]:
+def _taken(shelf: VolumeFolder, side: int) -> Iterator[Taken]:
     """Pictures of all volumes that are there."""
     subjects: dict[str, Subject | None] = {}
     for shot in SHOTS:

@@ -20,7 +20,7 @@ from resample.types import Doubles, Floats
 from resample_volume.files.source import generate
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import lit_samples, visible_voxels
-from resample_volume.showing.data import Shelf
+from resample_volume.showing.data import VolumeFolder
 from resample_volume.showing.writing import Row, drawing, save, write_numbers
 from resample_volume.voxels.framing import centered, sphere_around
 from resample_volume.voxels.shading import Light
@@ -89,7 +89,7 @@ class Curve(NamedTuple):
     largest: Doubles  # (K,) gray levels
 
 
-def make(folder: Path, shelf: Shelf, *, quick: bool = False) -> str:
+def make(folder: Path, shelf: VolumeFolder, *, quick: bool = False) -> str:
     """Write the figure; returns what is said about it."""
     del shelf  # the box is generated
     choices = QUICK if quick else Turn()

@@ -17,7 +17,7 @@ from resample.types import Doubles, Records, Samples, Sheets
 from resample_volume.files.source import generate
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import visible_voxels
-from resample_volume.showing.data import Shelf
+from resample_volume.showing.data import VolumeFolder
 from resample_volume.showing.writing import Row, drawing, save, write_numbers
 from resample_volume.types import Volume
 from resample_volume.voxels.framing import centered
@@ -59,7 +59,7 @@ class LayerCut(NamedTuple):
     width: int  # px, of the picture
 
 
-def make(folder: Path, shelf: Shelf, *, quick: bool = False) -> str:
+def make(folder: Path, shelf: VolumeFolder, *, quick: bool = False) -> str:
     """Write the figure; returns what is said about it."""
     choices = QUICK if quick else SceneSizes()
     first = cut(generate(f"checker-box:size={choices.few},block=2"), "checker", "checker box")
@@ -122,7 +122,7 @@ def resampler() -> Resampler:
     return Resampler(primitive=Primitive.PAPER, threshold=THRESHOLD, order=EverySample())
 
 
-def _subject(shelf: Shelf) -> tuple[Volume, str, str, str]:
+def _subject(shelf: VolumeFolder) -> tuple[Volume, str, str, str]:
     """Volume, transfer function, title and note of Figure 2."""
     engine = shelf.subject("engine")
     if engine is not None:

@@ -24,7 +24,7 @@ from resample_volume.files.source import generate
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import visible_voxels
 from resample_volume.rivals.peers import Peer, VtkRenderer
-from resample_volume.showing.data import Shelf, Subject, missing
+from resample_volume.showing.data import Subject, VolumeFolder, missing
 from resample_volume.showing.writing import Row, drawing, save, write_numbers
 from resample_volume.types import Volume
 from resample_volume.voxels.framing import centered, sphere_around
@@ -114,7 +114,7 @@ RIVALS = {
 }
 
 
-def make(folder: Path, shelf: Shelf, *, quick: bool = False) -> str:
+def make(folder: Path, shelf: VolumeFolder, *, quick: bool = False) -> str:
     """Write the figure; returns the table and what is said about it."""
     choices = QUICK if quick else Effort()
     rows: list[Row] = []
@@ -143,7 +143,7 @@ def make(folder: Path, shelf: Shelf, *, quick: bool = False) -> str:
     return "\n".join(["figure 9: milliseconds on " + machine(), plain(table).rstrip(), *remarks])
 
 
-def case_of(name: str, shelf: Shelf, choices: Effort) -> Case | None:
+def case_of(name: str, shelf: VolumeFolder, choices: Effort) -> Case | None:
     """Volume with the paper's visible voxels, all of opacity `OPACITY`; None where it is missing.
 
     The Checker Box has the opacity 1. Of the Skull, whose least value the paper does not tell, and

@@ -33,10 +33,10 @@ from resample_volume.classification.transfer import (
     tabulated,
     visible_places,
 )
-from resample_volume.data.glances.looking import are_few
 from resample_volume.data.keeping import found_once
 from resample_volume.data.memory import require_memory
 from resample_volume.data.parts import slabs
+from resample_volume.data.statistics.scanning import are_few
 from resample_volume.types import Volume
 from resample_volume.voxels.fields import UNLIT, check_iso, columns_of, table_range
 from resample_volume.voxels.reaching import field_reached

@@ -14,8 +14,8 @@ from resample.types import Doubles, Floats
 from resample.watching import look
 from resample_volume.classification.transfer import DataRange, Transfer, visible_places
 from resample_volume.data.bricks import Box, Bricks, Step, held_together, with_neighbours
-from resample_volume.data.glances.looking import are_few
 from resample_volume.data.parts import layers_alike, side_by_side, threads_at_work
+from resample_volume.data.statistics.scanning import are_few
 
 BYTES_PER_VOXEL = 100  # bytes of a possibly visible voxel, from here to the picture, at most
 BYTES_OF_SLOPE = 16  # additional bytes where its look depends on its slope
@@ -168,7 +168,7 @@ def _as_it_is(part: Candidates, _: Box) -> Candidates:
 
 def _known_count(bricks: Bricks, wanted: BrickClassifier) -> int:
     """Return the number of visible voxels, as far as known before reading."""
-    codes = bricks.glance.codes
+    codes = bricks.statistics.codes
     if codes is None or bricks.asked is not None:
         return 0
     every = np.arange(codes.size, dtype=np.uint32).astype(f"u{bricks.dtype.itemsize}")

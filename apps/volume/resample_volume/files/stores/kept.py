@@ -19,7 +19,7 @@ from resample.files.writing import replacing
 from resample.memory.mapped import folder
 from resample.reading.arrays import read_npz
 from resample_volume.data.bricks import Bricks
-from resample_volume.data.glances.looking import Glance, are_few, step_of
+from resample_volume.data.statistics.scanning import BrickStats, are_few, step_of
 from resample_volume.files.stores.states import Portion, State, state_of_files, state_of_server
 
 LEAST = 1 << 23  # voxels; a pass over fewer takes less than a second
@@ -34,21 +34,21 @@ class Kept:
     store: Place  # folder, zip file or address
     portion: Portion
 
-    def load(self, bricks: Bricks) -> Glance | None:
+    def load(self, bricks: Bricks) -> BrickStats | None:
         """Load the statistics of an earlier command; None if missing, or the store has changed."""
         if bricks.size < LEAST:
             return None
         for path in filter(Path.is_file, self._paths(bricks)):
             with suppress(ValueError, OSError, LookupError):
-                names = (*Glance._fields, "state")
+                names = (*BrickStats._fields, "state")
                 held = read_npz(path, *names)
-                found = _glance(held, bricks)
+                found = _statistics(held, bricks)
                 if found is not None and str(held["state"]) == self._mark:
                     LOG.debug("%s: statistics loaded from %s", self.store.name, path)
                     return found
         return None
 
-    def keep(self, bricks: Bricks, found: Glance, state: str | None) -> None:
+    def keep(self, bricks: Bricks, found: BrickStats, state: str | None) -> None:
         """Write statistics of a store in a state, if wanted and possible."""
         if state is None or bricks.size < LEAST:
             return
@@ -90,7 +90,7 @@ class Kept:
         return [self.store.with_name(f".{self.store.name}.survey-{beside}.npz"), own]
 
 
-def _glance(held: dict[str, Any], bricks: Bricks) -> Glance | None:
+def _statistics(held: dict[str, Any], bricks: Bricks) -> BrickStats | None:
     """Return the statistics of a file, if they are of this kind of volume."""
     step = step_of(bricks.size)
     z, y, x = bricks.shape
@@ -110,4 +110,4 @@ def _glance(held: dict[str, Any], bricks: Bricks) -> Glance | None:
     if int(held["codes"].sum()) != (bricks.size if are_few(bricks.dtype) else 0):
         return None
     ends, counts = (held["least"], held["greatest"]), (int(held["infinite"]), int(held["missing"]))
-    return Glance(*ends, *counts, held["some"], held["rim"], held["beyond"], codes)
+    return BrickStats(*ends, *counts, held["some"], held["rim"], held["beyond"], codes)

@@ -26,7 +26,7 @@ LITTLE = 1 << 21  # values that NumPy counts in the time that OpenCV takes to im
 PARTS = 16  # least size for several processes
 
 
-class Glance(NamedTuple):
+class BrickStats(NamedTuple):
     """Statistics of the values of bricks."""
 
     least: Doubles  # (Z, Y, X) of each brick's finite values; inf where there is none
@@ -34,7 +34,7 @@ class Glance(NamedTuple):
     infinite: int  # voxels
     missing: int  # voxels
     some: NDArray[Any]  # a regular sample, see `step_of`
-    rim: NDArray[Any]  # (N,) all values on the six sides
+    border: NDArray[Any]  # (N,) all values on the six sides
     beyond: NDArray[Any]  # finite values outside the range of `some`; empty for types of few values
     codes: NDArray[np.int64] | None  # counts of each value, by its bits, for types of few values
 
@@ -88,7 +88,7 @@ class _Layers(NamedTuple):
     reads: int
 
 
-def looked_at(bricks: InBricks, helpers: Helpers | None = None) -> Glance:
+def scanned(bricks: InBricks, helpers: Helpers | None = None) -> BrickStats:
     """Scan all values; each brick is read once, some of floating-point values twice.
 
     Parameters
@@ -103,14 +103,14 @@ def looked_at(bricks: InBricks, helpers: Helpers | None = None) -> Glance:
     cuts = sorted({layers * n // PARTS for n in range(PARTS + 1)})
     spans = [(0, layers)] if executor is None else list(pairwise(cuts))
     found: list[_Layers] = []
-    for part in shared_out(executor, partial(_look_at_layers, bricks, threads), spans):
+    for part in shared_out(executor, partial(_scan_layers, bricks, threads), spans):
         found.append(part)
         bricks.reads += part.reads
         look(spans[len(found) - 1][1], layers)
     least, greatest, some = (np.concatenate([part[n] for part in found]) for n in (0, 1, 4))
     codes = [part.codes for part in found if part.codes is not None]
     beyond = _beyond(bricks, least, greatest, some, helpers)
-    return Glance(
+    return BrickStats(
         least,
         greatest,
         sum(part.infinite for part in found),
@@ -131,7 +131,7 @@ def _rim(found: list[_Layers]) -> NDArray[Any]:
     return np.concatenate([side.ravel() for side in (*ends, *across)])
 
 
-def _look_at_layers(bricks: InBricks, threads: int | None, span: tuple[int, int]) -> _Layers:
+def _scan_layers(bricks: InBricks, threads: int | None, span: tuple[int, int]) -> _Layers:
     """Scan a range of layers of bricks."""
     own, (first, last), (_, down, across) = bricks.anew(), span, bricks.count
     indices = list(product(range(first, last), range(down), range(across)))
@@ -144,7 +144,7 @@ def _look_at_layers(bricks: InBricks, threads: int | None, span: tuple[int, int]
     few = are_few(bricks.dtype)
     codes = np.zeros(1 << 8 * bricks.dtype.itemsize, np.int64) if few else None
 
-    def see(index: Step) -> tuple[int, int, NDArray[np.int64] | None]:
+    def scan(index: Step) -> tuple[int, int, NDArray[np.int64] | None]:
         values, box = own.brick(index), own.box(index)
         at = (index[0] - first, *index[1:])
         least[at], greatest[at], infinite, missing = extent(values)
@@ -158,7 +158,7 @@ def _look_at_layers(bricks: InBricks, threads: int | None, span: tuple[int, int]
 
     infinite = missing = 0
     with _on(threads):
-        for n, (more, none, counted) in enumerate(own.each(see, indices)):
+        for n, (more, none, counted) in enumerate(own.each(scan, indices)):
             look(n + 1, len(indices))
             infinite, missing = infinite + more, missing + none
             if codes is not None and counted is not None:
@@ -187,7 +187,7 @@ def _beyond(
     parts = [chosen[first:last] for first, last in pairwise(cuts)]
     found = [some[:0].ravel()]
     for values, reads in shared_out(
-        executor, partial(_look_beyond, bricks, threads, (low, high)), parts
+        executor, partial(_scan_outside, bricks, threads, (low, high)), parts
     ):
         found.append(values)
         bricks.reads += reads
@@ -195,18 +195,18 @@ def _beyond(
     return np.concatenate(found)
 
 
-def _look_beyond(
+def _scan_outside(
     bricks: InBricks, threads: int | None, ends: tuple[float, float], chosen: list[Step]
 ) -> tuple[NDArray[Any], int]:
     """Return finite values of some bricks outside a range, and the number of bricks read."""
     own, (low, high) = bricks.anew(), ends
 
-    def see(index: Step) -> NDArray[Any]:
+    def scan(index: Step) -> NDArray[Any]:
         values = own.brick(index)
         return np.asarray(values[((values < low) | (values > high)) & np.isfinite(values)])
 
     with _on(threads):
-        found = np.concatenate(list(own.each(see, chosen)))
+        found = np.concatenate(list(own.each(scan, chosen)))
     return found, own.reads
 
 

@@ -14,7 +14,7 @@ SHARE = 8  # memory limit over that of the pinned bricks
 OWN = uuid4().hex  # identifies caches of this process
 
 
-class Recent:
+class LruCache:
     """Cache of the most recently used bricks, up to a limit in bytes."""
 
     def __init__(self, most: int) -> None:
@@ -40,7 +40,7 @@ class Recent:
                 self._size -= self._kept.pop(next(iter(self._kept))).nbytes
 
 
-class Shelf:
+class PinnedCache:
     """Cache that pins the bricks read first, up to a limit in bytes, for all later passes.
 
     All passes go over the bricks in the same order, so an LRU cache would be useless for the next
@@ -54,8 +54,8 @@ class Shelf:
         self._kept: dict[Step, NDArray[Any]] = {}
         self._lock = Lock()
 
-    def __reduce__(self) -> tuple[Callable[..., "Shelf"], tuple[Any, ...]]:
-        return _shelf_here, (self.most, self._name)
+    def __reduce__(self) -> tuple[Callable[..., "PinnedCache"], tuple[Any, ...]]:
+        return _cache_here, (self.most, self._name)
 
     def found(self, index: Step) -> NDArray[Any] | None:
         """Return a brick if cached."""
@@ -78,18 +78,18 @@ class Shelf:
                 self.size -= self._kept.popitem()[1].nbytes
 
 
-_SHELVES: dict[tuple[str, str], Shelf] = {}  # of the command that this process works for
-_SHELVES_LOCK = Lock()
+_CACHES: dict[tuple[str, str], PinnedCache] = {}  # of the command that this process works for
+_CACHES_LOCK = Lock()
 
 
-def _shelf_here(most: int, name: tuple[str, str]) -> Shelf:
+def _cache_here(most: int, name: tuple[str, str]) -> PinnedCache:
     """Return this process's cache of a command, and drop those of other commands."""
-    with _SHELVES_LOCK:
-        for other in [other for other in _SHELVES if other[0] != name[0]]:
-            del _SHELVES[other]
-        shelf = _SHELVES.setdefault(name, Shelf(most, name))
-    shelf.limit(most)
-    return shelf
+    with _CACHES_LOCK:
+        for other in [other for other in _CACHES if other[0] != name[0]]:
+            del _CACHES[other]
+        cache = _CACHES.setdefault(name, PinnedCache(most, name))
+    cache.limit(most)
+    return cache
 
 
 def _is_known(values: NDArray[Any]) -> bool:
