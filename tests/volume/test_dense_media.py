@@ -15,7 +15,7 @@ from resample_volume.media import resampling
 from resample_volume.media.appearance import Appearance
 from resample_volume.media.lattices import common_lattice, first_in
 from resample_volume.outofcore.dense import dense_of, share_lattice
-from resample_volume.outofcore.passes import Looking
+from resample_volume.outofcore.passes import PassContext
 from resample_volume.outofcore.together import in_grid
 from resample_volume.rendering import Subject
 from resample_volume.types import Volume
@@ -193,7 +193,7 @@ def test_volumes_of_other_lattices_are_resampled_in_a_file(
     assert_same(found, whole_of(media, fit))
     assert windows > 1
     assert not list(tmp_path.iterdir())
-    _, found = dense_of(dense, Resampler(), 1 << 20, Looking())
+    _, found = dense_of(dense, Resampler(), 1 << 20, PassContext())
     with pytest.raises(
         ValueError, match="can only be painted by the process that resampled it; leave workers"
     ):

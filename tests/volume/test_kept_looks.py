@@ -13,8 +13,8 @@ from resample_volume.files.source import open_streamed
 from resample_volume.files.stores import kept
 from resample_volume.files.stores.chunks import Single
 from resample_volume.files.stores.writing import Layered, write_store
-from resample_volume.outofcore import known, windowed
-from resample_volume.outofcore.known import known_of, looked_at_before
+from resample_volume.outofcore import caching, windowed
+from resample_volume.outofcore.caching import cached, cached_visible
 from resample_volume.types import Recording
 from resample_volume.windows import Spent, paint_streamed, streamed_subject
 from tests.volume.dense import SIZE, assert_same, whole_of
@@ -163,8 +163,8 @@ def test_what_is_damaged_is_found_again(damage, store, tmp_path):
     again, _ = painted(store, SOLID, Orbit(10, 20, 1.5))
     assert_same(again, first)
     volume, _ = opened(store)
-    assert all(known._read(file) is not None for file in files)
-    assert looked_at_before(volume, "another look") is None
+    assert all(caching._read(file) is not None for file in files)
+    assert cached_visible(volume, "another look") is None
 
 
 def test_nothing_is_kept_where_nothing_can_be_written(store, tmp_path):
@@ -175,7 +175,7 @@ def test_nothing_is_kept_where_nothing_can_be_written(store, tmp_path):
 
 def test_no_more_is_kept_than_there_is_room_for(store, tmp_path, monkeypatch):
     painted(store, SOLID, Orbit(10, 20, 1.5))
-    monkeypatch.setattr(known, "MOST_BYTES", 1)
+    monkeypatch.setattr(caching, "MOST_BYTES", 1)
     painted(store, replace(SOLID, light=None), Orbit(10, 20, 1.5))
     assert len(list((tmp_path / "cache" / "looks").iterdir())) == 1
 
@@ -187,14 +187,14 @@ def test_small_volumes_are_looked_at_each_time(store, tmp_path, monkeypatch):
 
 
 def test_what_is_kept_comes_back_as_it_was(store):
-    steep = known.Steep(
+    steep = caching.Steep(
         np.array([np.inf] * 3, np.float32), np.ones(3, np.float32), np.zeros((2, 2)), np.float32(2)
     )
-    looked = known.LookedAt((None, steep), np.arange(3), np.arange(3, 6))
-    for given in (looked, 0.1, known.Sphere(np.arange(3.0), np.inf), None):
+    looked = caching.VisibleBlocks((None, steep), np.arange(3), np.arange(3, 6))
+    for given in (looked, 0.1, caching.Sphere(np.arange(3.0), np.inf), None):
         volume, _ = opened(store)
-        assert known_of(volume, ("a name", repr(given)), lambda: given, lasts=True) is given  # noqa: B023
+        assert cached(volume, ("a name", repr(given)), lambda: given, lasts=True) is given  # noqa: B023
         volume, _ = opened(store)
-        again = known_of(volume, ("a name", repr(given)), pytest.fail, lasts=True)
+        again = cached(volume, ("a name", repr(given)), pytest.fail, lasts=True)
         assert repr(again) == repr(given)
         assert type(again) is type(given)

@@ -25,7 +25,7 @@ from resample_volume.files.stores.chunks import Single
 from resample_volume.files.stores.writing import Layered, write_store
 from resample_volume.media.appearance import Appearance, Classification
 from resample_volume.outofcore import windowed
-from resample_volume.outofcore.passes import Looking, passed
+from resample_volume.outofcore.passes import PassContext, passed
 from resample_volume.outofcore.steepness import Slopes, steepness_by_bricks
 from resample_volume.rendering import Subject
 from resample_volume.surfaces.meshes import scene_mesh
@@ -131,7 +131,7 @@ def test_the_slope_of_a_full_surface_is_found_brick_by_brick(kind, workers, rng)
     assert 0 < seen.size < every.size
     length = np.linalg.norm(gradients_at(volume, seen, "sobel"), axis=1)
     with ThreadPoolExecutor(workers or 1) as executor:
-        looking = Looking(executor if workers else None)
+        looking = PassContext(executor if workers else None)
         slopes = Slopes(in_bricks(volume, (8, 7, 5)), transfer, "sobel")
         assert steepness_by_bricks(slopes, looking) == steepness(length)
         nothing = slopes._replace(transfer=Windowed(WALLS, (900.0, 990.0)))
@@ -440,7 +440,7 @@ def test_parts_that_processes_look_at_are_two_bricks_thick(layers, parts):
 
     with ThreadPoolExecutor(2) as executor:
         lattice = lattice_for(values.shape)
-        found = passed(bricks, lattice, asked, Looking(executor))
+        found = passed(bricks, lattice, asked, PassContext(executor))
     assert len(found) == parts
     assert min(len(part) for part in found) * lattice.side >= 8 * min(layers, 2)
     np.testing.assert_array_equal(np.concatenate(found), np.arange(lattice.blocks[0]))

@@ -16,7 +16,7 @@ from resample.types import Frame
 from resample.watching import Cancel, Progress, cancellable
 from resample_volume.classification.surveys import survey, without_padding
 from resample_volume.data.bricks import as_array
-from resample_volume.data.keeping import Kept, keeping
+from resample_volume.data.memoization import Memo, memoizing
 from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Appearance, Classification, of_voxels, resampler_for
 from resample_volume.media.xrays import XRay, settled
@@ -68,7 +68,7 @@ class Scene:
         self._coarse: Volume | None = None
         self._subjects: dict[tuple[Any, ...], Subject] = {}
         self._quick: dict[Resampler, Resampler] = {}  # renderers of previews
-        self._found: Kept = {}
+        self._found: Memo = {}
 
     def render(  # noqa: PLR0913 - all options of a picture
         self,
@@ -119,7 +119,7 @@ class Scene:
         is_preview = quality == "preview"
         if is_preview:
             appearance, paint = self._quickly(appearance, paint)
-        with cancellable(cancel), keeping(self._found):
+        with cancellable(cancel), memoizing(self._found):
             subject = self._subject(appearance, paint, fit, is_preview=is_preview)
             eye = subject.camera(viewpoint_of(camera), height, width)
             per = PER if is_preview else 1
@@ -252,7 +252,7 @@ class Scene:
         paint = resampler or resampler_for(appearance)
         if is_preview:
             appearance, paint = self._quickly(appearance, paint)
-        with keeping(self._found):
+        with memoizing(self._found):
             subject = self._subject(appearance, paint, fit, is_preview=is_preview)
         eye = subject.camera(viewpoint_of(camera), *shape_of(size))
         return subject, eye, subject.painter(paint)

@@ -29,7 +29,7 @@ from resample_volume.classification.surveys import survey
 from resample_volume.command.animation import Paint, cameras_of, drawing, flight_of, shots
 from resample_volume.command.choices import AppearanceChoices, Beside, Source
 from resample_volume.command.inputs import prepared
-from resample_volume.data.keeping import Kept, keeping
+from resample_volume.data.memoization import Memo, memoizing
 from resample_volume.editing import points_of, spelled
 from resample_volume.files.generated import GENERATED
 from resample_volume.files.source import find_reader
@@ -100,7 +100,7 @@ class VolumePainter:
     _scene: Scene = field(init=False)
     _resamplers: dict[Resampler, Resampler] = field(default_factory=dict)  # which keep tables
 
-    _found: Kept = field(default_factory=dict)
+    _found: Memo = field(default_factory=dict)
     _appearances: dict[Any, Appearance] = field(default_factory=dict)  # the last request
     _picks: tuple[Picked, ...] = ()  # the last picks, from which the next is measured
     _vtk: "VtkBeside | None" = None
@@ -265,7 +265,7 @@ class VolumePainter:
         key = look.model_copy(update=still), resampler, beside.mesh, beside.plane, beside.surface
         appearance = self._appearances.get(key)
         if appearance is None:
-            with keeping(self._found):
+            with memoizing(self._found):
                 appearance = look.appearance(self.volume, resampler)
             appearance = beside.met(look, resampler).beside(appearance)
             before = list(self._appearances.items())[

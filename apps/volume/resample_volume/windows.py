@@ -26,11 +26,11 @@ from resample_volume.media.appearance import (
 )
 from resample_volume.media.mixing import Mixed, added
 from resample_volume.outofcore.ball import ball_of
+from resample_volume.outofcore.caching import cache_visible, cached
 from resample_volume.outofcore.dense import Dense, check_windows, dense_of
-from resample_volume.outofcore.known import keep_looked_at, known_of
 from resample_volume.outofcore.light import Reaching, light_reached
-from resample_volume.outofcore.looked import Outline, ToSee, outlined
-from resample_volume.outofcore.passes import Looking
+from resample_volume.outofcore.outline import OutlineQuery, VisibleOutline, outlined
+from resample_volume.outofcore.passes import PassContext
 from resample_volume.outofcore.windowed import Work, painted_in_windows, surveyed
 from resample_volume.rendering import NO_VOXELS, Fit, Subject, lit_samples, placement
 from resample_volume.types import Volume
@@ -158,7 +158,7 @@ def paint_streamed(
         As of `render_in_windows`.
     """
     painter, tell = of_voxels(resampler or OF_VOXELS), progress or _unheard
-    looking = Looking(spent.executor, spent.threads, tell)
+    looking = PassContext(spent.executor, spent.threads, tell)
     _shelve(media, spent)
     scene, dense = dense_of(media, painter, spent.memory, looking)
     reaching = _reaching(scene, dense, media[0][1], subject, spent, looking)
@@ -195,26 +195,26 @@ def _reaching(
     look: Appearance,
     subject: Subject,
     spent: Spent,
-    looking: Looking,
+    looking: PassContext,
 ) -> Reaching | None:
     """Return the light that reaches voxels, if any are shadowed; cached."""
     light = look.light
     if light is None or not light.is_blocked:
         return None
-    seen = ToSee(scene, dense, subject.clip)
+    seen = OutlineQuery(scene, dense, subject.clip)
     outline = _outline(seen, dense, looking)
     if not outline.total:
         return None
     by = (seen, outline, light, subject.voxels.lattice, spent.memory, looking)
     depends = ("light", dense.kind, light.direction, light.shadows, light.occlusion)
-    return known_of(scene, depends, lambda: light_reached(*by)).kept_in(spent.folder)
+    return cached(scene, depends, lambda: light_reached(*by)).kept_in(spent.folder)
 
 
-def _outline(seen: ToSee, dense: Dense, looking: Looking) -> Outline:
+def _outline(seen: OutlineQuery, dense: Dense, looking: PassContext) -> VisibleOutline:
     """Return where voxels are visible; cached, and reused for pictures."""
-    found = known_of(seen.volume, ("outline", dense.kind), lambda: outlined(seen, looking))
+    found = cached(seen.volume, ("outline", dense.kind), lambda: outlined(seen, looking))
     if found.total:
-        keep_looked_at(seen.volume, dense.kind, found.looked)
+        cache_visible(seen.volume, dense.kind, found.blocks)
     return found
 
 
@@ -284,9 +284,9 @@ def streamed_subject(
     if fit == "volume":
         return Subject(nothing, look, ball_around(whole), middle, clip)
     allowed = Spent(available_memory() or 0) if spent is None else spent
-    looking = Looking(allowed.executor, allowed.threads, progress or _unheard)
+    looking = PassContext(allowed.executor, allowed.threads, progress or _unheard)
     scene, dense = dense_of(media, painter, allowed.memory, looking)
-    seen = ToSee(scene, dense, clip)
+    seen = OutlineQuery(scene, dense, clip)
 
     def find() -> Sphere:
         outline = _outline(seen, dense, looking)
@@ -294,7 +294,7 @@ def streamed_subject(
             return sphere_around(nothing, whole)
         return ball_of(seen, outline, float(np.linalg.norm(steps, axis=0).max()), looking)
 
-    ball = known_of(scene, ("ball", dense.kind), find, lasts=True)
+    ball = cached(scene, ("ball", dense.kind), find, lasts=True)
     return Subject(nothing, look, ball, middle, clip)
 
 

@@ -11,7 +11,7 @@ from resample.types import Doubles
 from resample_volume.classification.hounsfield import Units, resembles_ct, units_of
 from resample_volume.classification.tissues import METAL
 from resample_volume.data.bricks import Bricks, Values, parts, sampled
-from resample_volume.data.keeping import found_once
+from resample_volume.data.memoization import memoized
 from resample_volume.data.parts import slabs
 from resample_volume.data.statistics.scanning import are_few, count_codes, step_of
 from resample_volume.data.thresholds import Counts, Levels
@@ -64,7 +64,7 @@ class Survey(NamedTuple):
         return self.span == self.whole
 
 
-@found_once(lambda volume: volume.values)
+@memoized(lambda volume: volume.values)
 def survey(volume: Volume) -> Survey:
     """Compute the statistics of a volume's values.
 
@@ -252,7 +252,7 @@ def _levels(values: Values) -> tuple[Levels, int]:
     return Levels(np.concatenate([value, more])[order], counts[order].astype(np.int64)), infinite
 
 
-@found_once(lambda values: values)
+@memoized(lambda values: values)
 def counted(values: Values) -> Levels:
     """Count each of few possible values, see `bricks.are_few`."""
     bits, size = values.dtype.itemsize * 8, 1 << (values.dtype.itemsize * 8)

@@ -98,7 +98,7 @@ class Bricks:
     replaced: tuple[NDArray[Any], Any] | None = (
         None  # replacements of values that stand for missing ones
     )
-    found: dict[Any, Any] = field(default_factory=dict)  # see `resample_volume.data.keeping`
+    found: dict[Any, Any] = field(default_factory=dict)  # see `resample_volume.data.memoization`
     memory: int | None = None  # memory limit for all that is made of them; None: the machine's
     reads: int = 0  # counts bricks read
     most_held: int = 0  # peak bytes of bricks in memory together

@@ -13,7 +13,7 @@ from resample.painting.choices import Projection
 from resample.types import Frame
 from resample_volume.classification.automatic import BRIGHT
 from resample_volume.classification.surveys import Survey, survey
-from resample_volume.data.keeping import found_once
+from resample_volume.data.memoization import memoized
 from resample_volume.data.memory import require_memory
 from resample_volume.data.parts import slabs
 from resample_volume.data.recordings import how
@@ -151,7 +151,7 @@ def _added(volume: Volume, known: Survey) -> float:
     )
 
 
-@found_once(lambda values: values)
+@memoized(lambda values: values)
 def _waters(values: NDArray[Any], added: float | None) -> NDArray[Any]:
     """Return attenuation relative to water; NaN for missing values."""
     if most_of(values) is None:
@@ -165,7 +165,7 @@ def _waters(values: NDArray[Any], added: float | None) -> NDArray[Any]:
     return found
 
 
-@found_once(lambda values: values)
+@memoized(lambda values: values)
 def _longest(values: NDArray[Any], x: float, y: float, z: float) -> float:
     """Estimate the greatest integral along lines of voxels with these spacings, scene units."""
     deep, down, across = values.shape

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from resample.cameras.viewpoints import Sphere
 from resample.types import Doubles, Floats
 from resample_volume.data.bricks import Bricks
-from resample_volume.outofcore.looked import FINE, Outline, ToSee
-from resample_volume.outofcore.passes import Looking, passed
+from resample_volume.outofcore.outline import FINE, OutlineQuery, VisibleOutline
+from resample_volume.outofcore.passes import PassContext, passed
 from resample_volume.types import Volume
 from resample_volume.voxels.blocks import Indices, Lattice, ends_of, lattice_for
 from resample_volume.voxels.framing import (
@@ -50,7 +50,9 @@ class Bulk(NamedTuple):
         return kept
 
 
-def ball_of(seen: ToSee, outline: Outline, voxel: float, looking: Looking) -> Sphere:
+def ball_of(
+    seen: OutlineQuery, outline: VisibleOutline, voxel: float, looking: PassContext
+) -> Sphere:
     """Return the bounding sphere of the visible voxels without outliers.
 
     Parameters
@@ -77,7 +79,7 @@ def ball_of(seen: ToSee, outline: Outline, voxel: float, looking: Looking) -> Sp
     return sphere_of(low, high, voxel, lambda center: _farthest(seen, outline, center, bulk))
 
 
-def _ends_of(seen: ToSee, bulk: Bulk, bricks: Bricks) -> Floats:
+def _ends_of(seen: OutlineQuery, bulk: Bulk, bricks: Bricks) -> Floats:
     """Return least and greatest coordinates (2, 3) of voxels that are not outliers."""
     ends = np.array([[np.inf] * 3, [-np.inf] * 3], np.float32)
     for position in _positions(seen, bricks):
@@ -88,7 +90,7 @@ def _ends_of(seen: ToSee, bulk: Bulk, bricks: Bricks) -> Floats:
 
 
 def _bulk(
-    seen: ToSee, low: Doubles, extent: Doubles, most: int, voxel: float, looking: Looking
+    seen: OutlineQuery, low: Doubles, extent: Doubles, most: int, voxel: float, looking: PassContext
 ) -> Bulk | None:
     """Return the bounds without outliers; None if there are no outliers."""
     bricks: Any = seen.volume.values
@@ -104,7 +106,7 @@ def _bulk(
     return Bulk(low, extent, codes) if cut else None
 
 
-def _code_counts(seen: ToSee, low: Doubles, extent: Doubles, bricks: Bricks) -> Indices:
+def _code_counts(seen: OutlineQuery, low: Doubles, extent: Doubles, bricks: Bricks) -> Indices:
     """Count the voxels (3, BINS) of each code along each axis."""
     count = np.zeros((3, BINS), np.int64)
     for position in _positions(seen, bricks):
@@ -114,27 +116,27 @@ def _code_counts(seen: ToSee, low: Doubles, extent: Doubles, bricks: Bricks) -> 
     return count
 
 
-def _positions(seen: ToSee, bricks: Bricks) -> Iterator[Floats]:
+def _positions(seen: OutlineQuery, bricks: Bricks) -> Iterator[Floats]:
     """Return positions (N, 3) of visible voxels, brick by brick."""
     values: Any = bricks
     volume = seen.volume._replace(values=values)
     return seen.classified(volume, lambda _, voxels: voxels.position)
 
 
-def _is_filled(seen: ToSee, outline: Outline, most: int) -> bool:
+def _is_filled(seen: OutlineQuery, outline: VisibleOutline, most: int) -> bool:
     """Test a regular sample of voxels as `framing` does, in the order of the painter's bricks."""
     bricks: Any = seen.volume.values
     low, high = outline.low, outline.high
     extent, least = high - low, least_near(most)
     lattice = Lattice(bricks.shape, FINE)
-    start = np.cumsum(outline.fine_seen) - outline.fine_seen
+    start = np.cumsum(outline.fine_visible) - outline.fine_visible
     starts, ends = _reach(seen.volume, lattice, outline.fine)
     gap = STRAY_GAP * extent
     is_shell = ((starts <= low + gap) | (ends >= high - gap)).any(axis=1)
     total = np.zeros((2, 3), np.int64)
     for own in _groups(lattice, np.flatnonzero(is_shell), outline, bricks):
         position = _ordered(seen, lattice, outline.fine[own], bricks)
-        rank = np.repeat(start[own], outline.fine_seen[own]) + _within(outline.fine_seen[own])
+        rank = np.repeat(start[own], outline.fine_visible[own]) + _within(outline.fine_visible[own])
         some = position[rank % SOME == SOME // 2]
         total += near_ends(some, low, extent)
         if total.min() > least:
@@ -149,7 +151,7 @@ def _within(count: Indices) -> Indices:
 
 
 def _groups(
-    lattice: Lattice, chosen: Indices, outline: Outline, bricks: Bricks
+    lattice: Lattice, chosen: Indices, outline: VisibleOutline, bricks: Bricks
 ) -> Iterator[Indices]:
     """Yield fine bricks in groups from one file brick each, spread over the volume."""
     at = np.stack(np.unravel_index(outline.fine[chosen], lattice.blocks)) * lattice.side
@@ -163,7 +165,7 @@ def _groups(
         yield from (np.sort(group) for group in groups[first::steps] if group.size)
 
 
-def _ordered(seen: ToSee, lattice: Lattice, number: Indices, bricks: Bricks) -> Floats:
+def _ordered(seen: OutlineQuery, lattice: Lattice, number: Indices, bricks: Bricks) -> Floats:
     """Return positions (N, 3) of visible voxels, block after block, z slowest in each."""
     values: Any = bricks.within(lattice.asked(number))
     volume = seen.volume._replace(values=values)
@@ -174,10 +176,12 @@ def _ordered(seen: ToSee, lattice: Lattice, number: Indices, bricks: Bricks) -> 
     return np.concatenate([position for _, position in parts])[order]
 
 
-def _farthest(seen: ToSee, outline: Outline, center: Doubles, bulk: Bulk | None) -> float:
+def _farthest(
+    seen: OutlineQuery, outline: VisibleOutline, center: Doubles, bulk: Bulk | None
+) -> float:
     """Return the distance of the farthest voxel from a point; nearer blocks are skipped."""
     bricks: Any = seen.volume.values
-    lattice, number = lattice_for(bricks.shape), outline.looked.number
+    lattice, number = lattice_for(bricks.shape), outline.blocks.number
     starts, ends = _reach(seen.volume, lattice, number)
     far = np.maximum(np.abs(starts - center), np.abs(ends - center))
     bound = np.sqrt((far * far).sum(axis=1))

@@ -12,10 +12,10 @@ from resample_volume.data.bricks import Bricks, Step
 from resample_volume.data.statistics.caches import LruCache
 from resample_volume.media.appearance import Appearance, Classification, Medium, transfer_of
 from resample_volume.media.lattices import Lattice, common_lattice, first_in
+from resample_volume.outofcore.caching import cached
 from resample_volume.outofcore.classified import Classifying, classified_by_bricks
-from resample_volume.outofcore.known import known_of
-from resample_volume.outofcore.looked import Finish
-from resample_volume.outofcore.passes import Looking
+from resample_volume.outofcore.outline import Finish
+from resample_volume.outofcore.passes import PassContext
 from resample_volume.outofcore.steepness import Slopes, steepness_by_bricks
 from resample_volume.outofcore.together import (
     Member,
@@ -113,7 +113,7 @@ def check_windows(media: Sequence[Medium]) -> None:
 
 
 def dense_of(
-    media: Sequence[Medium], painter: Resampler, memory: int, looking: Looking
+    media: Sequence[Medium], painter: Resampler, memory: int, looking: PassContext
 ) -> tuple[Volume, Dense]:
     """Prepare volumes to be classified brick by brick, and the scene that they form."""
     check_windows(media)
@@ -153,7 +153,7 @@ def _on_lattice(medium: Medium, lattice: Lattice, most: int) -> Medium:
     def make() -> Volume:
         return resampled_bricks(volume, lattice, most)
 
-    there = known_of(volume, ("resampled", volume.values, lattice), make)
+    there = cached(volume, ("resampled", volume.values, lattice), make)
     return there, resampled_appearance(volume, look)
 
 
@@ -168,7 +168,7 @@ def _together(placed: Sequence[Medium], lattice: Lattice) -> Volume:
         parts = [in_grid(own, first, (z, y, x), bricks[0].side) for own, first in pairs]
         return Together(parts, bricks[0].found)
 
-    values: Any = known_of(placed[0][0], ("together", bricks, firsts, lattice), make)
+    values: Any = cached(placed[0][0], ("together", bricks, firsts, lattice), make)
     return lattice.volume()._replace(values=values)
 
 
@@ -180,7 +180,7 @@ def _first(volume: Volume, lattice: Lattice) -> Step:
     return first
 
 
-def _classifying(volume: Volume, look: Appearance, looking: Looking) -> Classifying:
+def _classifying(volume: Volume, look: Appearance, looking: PassContext) -> Classifying:
     """Return the parameters of classification; scans all slopes once, if needed."""
     transfer = transfer_of(volume, look)
     if look.gradient_opacity is not None:
@@ -190,7 +190,7 @@ def _classifying(volume: Volume, look: Appearance, looking: Looking) -> Classify
     steep = 0.0
     if transfer.needs_gradient:
         slopes = Slopes(volume, transfer, look.gradient)
-        steep = known_of(volume, (transfer, gradient), lambda: steepness_by_bricks(slopes, looking))
+        steep = cached(volume, (transfer, gradient), lambda: steepness_by_bricks(slopes, looking))
     return Classifying(transfer, gradient, steep, look.labels)
 
 

@@ -12,8 +12,8 @@ from resample.files.writing import save_array
 from resample.memory import amount
 from resample.types import Doubles, Flags, Floats
 from resample_volume.data.bricks import Bricks, Step
-from resample_volume.outofcore.looked import Outline, ToSee
-from resample_volume.outofcore.passes import Looking, passed
+from resample_volume.outofcore.outline import OutlineQuery, VisibleOutline
+from resample_volume.outofcore.passes import PassContext, passed
 from resample_volume.voxels.blocks import Indices, lattice_for
 from resample_volume.voxels.reaching import (
     BYTES_PER_CELL,
@@ -63,7 +63,12 @@ class Reaching(NamedTuple):
 
 
 def light_reached(
-    seen: ToSee, outline: Outline, light: Light, steps: Doubles, memory: int, looking: Looking
+    seen: OutlineQuery,
+    outline: VisibleOutline,
+    light: Light,
+    steps: Doubles,
+    memory: int,
+    looking: PassContext,
 ) -> Reaching:
     """Compute the light that reaches visible voxels.
 
@@ -100,7 +105,7 @@ def light_reached(
 
 
 def _summed(
-    seen: ToSee, outline: Outline, cells: LightCells, bricks: Bricks
+    seen: OutlineQuery, outline: VisibleOutline, cells: LightCells, bricks: Bricks
 ) -> tuple[int, Doubles]:
     """Return the first non-empty row of cells, and sums of optical depths from there on."""
     values: Any = bricks

@@ -17,7 +17,7 @@ THICK = 2  # layers of bricks per part, at least: slopes also read the adjacent 
 R = TypeVar("R")
 
 
-class Looking(NamedTuple):
+class PassContext(NamedTuple):
     """Executor, threads and progress of a pass."""
 
     executor: Executor | None = None  # runs parts; None: all run in this process
@@ -26,7 +26,7 @@ class Looking(NamedTuple):
 
 
 def passed(
-    bricks: Bricks, lattice: Lattice, job: Callable[[Bricks], R], looking: Looking
+    bricks: Bricks, lattice: Lattice, job: Callable[[Bricks], R], looking: PassContext
 ) -> list[R]:
     """Run a job on layers of blocks, and return its results in their order.
 

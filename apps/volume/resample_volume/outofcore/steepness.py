@@ -10,7 +10,7 @@ from resample.types import Floats
 from resample_volume.classification.transfer import Transfer
 from resample_volume.data.bricks import Box, Bricks
 from resample_volume.outofcore.classified import candidates_by_bricks
-from resample_volume.outofcore.passes import Looking, between, passed
+from resample_volume.outofcore.passes import PassContext, between, passed
 from resample_volume.types import Volume
 from resample_volume.voxels.blocks import lattice_for
 from resample_volume.voxels.streaming import Candidates
@@ -29,7 +29,7 @@ class Slopes(NamedTuple):
     gradient: str
 
 
-def steepness_by_bricks(slopes: Slopes, looking: Looking) -> float:
+def steepness_by_bricks(slopes: Slopes, looking: PassContext) -> float:
     """Compute `steepness` of all gradients, without holding them all in memory.
 
     Lengths are not negative, so they sort as their bits do: a first pass counts the upper halves of
@@ -67,7 +67,7 @@ def _length(home: int, rank: int, lower: Counts) -> float:
     return float(np.array(bits, np.uint32).view(np.float32))
 
 
-def _counted(slopes: Slopes, home: int | None, looking: Looking) -> Counts:
+def _counted(slopes: Slopes, home: int | None, looking: PassContext) -> Counts:
     """Count lengths by upper half; or, within one upper half, by lower half."""
     bricks: Any = slopes.volume.values
     nothing: Any = None  # bricks are given to the job

@@ -28,9 +28,9 @@ from resample.watching import Executor, Progress, look, shared_out, told
 from resample_volume.data.bricks import Bricks, held_together, with_neighbours
 from resample_volume.data.parts import threads_at_work
 from resample_volume.data.statistics.caches import LruCache
-from resample_volume.outofcore.known import keep_looked_at, looked_at_before
-from resample_volume.outofcore.looked import Classified, LookedAt
-from resample_volume.outofcore.passes import Looking, between, passed
+from resample_volume.outofcore.caching import cache_visible, cached_visible
+from resample_volume.outofcore.outline import Classified, VisibleBlocks
+from resample_volume.outofcore.passes import PassContext, between, passed
 from resample_volume.types import Volume
 from resample_volume.voxels.blocks import (
     Blocks,
@@ -45,7 +45,7 @@ from resample_volume.voxels.cropping import Steeps, merged_steeps, steeps_of
 from resample_volume.voxels.streaming import BYTES_PER_VOXEL, REMEDY
 from resample_volume.voxels.visible import BYTES_PER_CANDIDATE, lattice_of
 
-LOOKING = 0.4  # share of the work that the scan of all visible voxels takes, about
+SHARE_OF_SCAN = 0.4  # share of the work that the scan of all visible voxels takes, about
 WINDOWS = 16  # windows of a picture that does not fit in memory at once, at least
 RECENT = 4, 8  # memory over that of the brick cache: the largest that fits is taken
 STEPS = 16  # steps of a window, about: the more, the fewer occluded bricks are read
@@ -159,7 +159,7 @@ def painted_in_windows(
     shares = done / max(1, done[-1])
     parts = shared_out(executor, common, tasks)
     for n in range(len(tasks)):
-        first, last = (LOOKING + (1 - LOOKING) * float(shares[at]) for at in (n, n + 1))
+        first, last = (SHARE_OF_SCAN + (1 - SHARE_OF_SCAN) * float(shares[at]) for at in (n, n + 1))
         with told(between(tell, first, last)):
             window, film, reads = next(parts)
         bricks.reads += reads
@@ -180,8 +180,8 @@ def surveyed(work: Work, tell: Progress, executor: Executor | None = None) -> Su
         return before
     guess: Guess | None = _guessed(work)
     while guess is not None:
-        looking = Looking(executor, work.threads, between(tell, 0.0, LOOKING))
-        found = passed(bricks, lattice, partial(_look, work, lattice, guess), looking)
+        looking = PassContext(executor, work.threads, between(tell, 0.0, SHARE_OF_SCAN))
+        found = passed(bricks, lattice, partial(_scan_layers, work, lattice, guess), looking)
         if not any(part.visible for part in found):
             return None
         plan = _planned(work, found)
@@ -191,7 +191,7 @@ def surveyed(work: Work, tell: Progress, executor: Executor | None = None) -> Su
         seen[index] += count
     index = np.flatnonzero(seen)
     steep = reduce(merged_steeps, [one for part in found for one in part.steep])
-    keep_looked_at(work.volume, work.kind, LookedAt(steep, index, seen[index]))
+    cache_visible(work.volume, work.kind, VisibleBlocks(steep, index, seen[index]))
     if plan is None or not plan.visible:
         return None
     bounds = _in_parts(work, lattice, index, seen[index], plan).bounds
@@ -200,7 +200,7 @@ def surveyed(work: Work, tell: Progress, executor: Executor | None = None) -> Su
 
 def _known_before(work: Work, lattice: Lattice) -> Surveyed | None:
     """Return facts from the scan for another picture, if they suffice."""
-    looked = looked_at_before(work.volume, work.kind)
+    looked = cached_visible(work.volume, work.kind)
     if looked is None:
         return None
     height, width = work.size
@@ -248,7 +248,7 @@ def _planned(work: Work, found: list[FoundInLayers]) -> PicturePlan | None:
     return plan._replace(spacing=np.minimum.reduce(spacings)) if spacings else plan
 
 
-def _look(work: Work, lattice: Lattice, guess: Guess, bricks: Bricks) -> FoundInLayers:
+def _scan_layers(work: Work, lattice: Lattice, guess: Guess, bricks: Bricks) -> FoundInLayers:
     """Scan the requested layers of bricks for a picture."""
     values: Any = bricks
     found = FoundInLayers([], [], [], None)

@@ -33,7 +33,7 @@ from resample_volume.classification.transfer import (
     tabulated,
     visible_places,
 )
-from resample_volume.data.keeping import found_once
+from resample_volume.data.memoization import memoized
 from resample_volume.data.memory import require_memory
 from resample_volume.data.parts import slabs
 from resample_volume.data.statistics.scanning import are_few
@@ -271,7 +271,7 @@ def _extinctions(field: Gathered, volume: Volume, iso: float | None) -> Iterator
         first += chunk.size
 
 
-@found_once(lambda values: values)
+@memoized(lambda values: values)
 def _on_lattice(
     values: NDArray[np.generic], sharpness: float, thin: Thin, is_within: bool
 ) -> tuple[Spline, Bounds, Flags]:

@@ -16,7 +16,7 @@ from resample_volume.classification.transfer import (
     visible_places,
 )
 from resample_volume.data.bricks import Bricks, Values
-from resample_volume.data.keeping import found_once
+from resample_volume.data.memoization import memoized
 from resample_volume.data.memory import require_memory
 from resample_volume.data.parts import side_by_side, slabs
 from resample_volume.data.recordings import linear_colors
@@ -190,7 +190,7 @@ def unit_of(transfer: Transfer, volume: Volume) -> float:
     return own or float(np.cbrt(abs(np.linalg.det(lattice_of(volume)))))
 
 
-@found_once(lambda values: values)
+@memoized(lambda values: values)
 def finite_range(values: Values) -> DataRange:
     """Return the least and greatest finite value; (0, 1) if there is none."""
     if isinstance(values, Bricks):

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from resample.types import Doubles
 from resample_volume.data.bricks import Bricks
-from resample_volume.outofcore.passes import Looking, passed
+from resample_volume.outofcore.passes import PassContext, passed
 from resample_volume.types import Volume
 from resample_volume.voxels.blocks import Indices, Lattice, lattice_for
 from resample_volume.voxels.cropping import Steeps, merged_steeps, steeps_of
@@ -21,7 +21,7 @@ Finish = Callable[[Indices, Any], Any]  # of flat indices, and their `Voxels` or
 Classified = Callable[[Volume, Finish], Iterator[Any]]  # runs a job on the voxels of bricks
 
 
-class LookedAt(NamedTuple):
+class VisibleBlocks(NamedTuple):
     """What all pictures of one look depend on."""
 
     steep: Steeps  # of voxels that have gradients
@@ -29,12 +29,12 @@ class LookedAt(NamedTuple):
     visible: Indices  # (N,) how many these are
 
 
-class Outline(NamedTuple):
+class VisibleOutline(NamedTuple):
     """Where voxels are visible."""
 
-    looked: LookedAt
+    blocks: VisibleBlocks
     fine: Indices  # (M,) bricks of `FINE` voxels per side with visible ones, by flat indices
-    fine_seen: Indices  # (M,) how many these are
+    fine_visible: Indices  # (M,) how many these are
     low: Doubles  # (3,) least coordinates of all, scene units; inf if nothing is visible
     high: Doubles  # (3,) greatest; -inf
     first: Indices  # (3,) least indices along z, y and x
@@ -44,10 +44,10 @@ class Outline(NamedTuple):
     @property
     def total(self) -> int:
         """Visible voxels."""
-        return int(self.looked.visible.sum())
+        return int(self.blocks.visible.sum())
 
 
-class ToSee(NamedTuple):
+class OutlineQuery(NamedTuple):
     """Volumes to scan."""
 
     volume: Volume  # as of `Work`
@@ -55,7 +55,7 @@ class ToSee(NamedTuple):
     clip: Doubles  # (M, 4) planes
 
 
-def outlined(seen: ToSee, looking: Looking) -> Outline:
+def outlined(seen: OutlineQuery, looking: PassContext) -> VisibleOutline:
     """Scan all voxels once and return where they are visible; a process holds few at a time."""
     bricks: Any = seen.volume.values
     lattice = lattice_for(bricks.shape)
@@ -63,7 +63,7 @@ def outlined(seen: ToSee, looking: Looking) -> Outline:
     return reduce(_both, parts)
 
 
-def _outlined(seen: ToSee, lattice: Lattice, bricks: Bricks) -> Outline:
+def _outlined(seen: OutlineQuery, lattice: Lattice, bricks: Bricks) -> VisibleOutline:
     """Return the outline of bricks, of the requested layers."""
     values: Any = bricks
     fine = lattice._replace(side=FINE)
@@ -90,8 +90,10 @@ def _outlined(seen: ToSee, lattice: Lattice, bricks: Bricks) -> Outline:
         steeps.append(own)
     small = np.flatnonzero(count)
     steep: Steeps = reduce(merged_steeps, steeps) if steeps else ()
-    looked = LookedAt(steep, *_in_blocks(lattice, fine, small, count[small]))
-    return Outline(looked, small, count[small].astype(np.int64), low, high, first, last, densest)
+    looked = VisibleBlocks(steep, *_in_blocks(lattice, fine, small, count[small]))
+    return VisibleOutline(
+        looked, small, count[small].astype(np.int64), low, high, first, last, densest
+    )
 
 
 def _in_blocks(
@@ -104,12 +106,12 @@ def _in_blocks(
     return number, total[number].astype(np.int64)
 
 
-def _both(one: Outline, other: Outline) -> Outline:
+def _both(one: VisibleOutline, other: VisibleOutline) -> VisibleOutline:
     """Merge two outlines."""
-    looked, more = one.looked, other.looked
+    looked, more = one.blocks, other.blocks
     pairs = [
         _summed((looked.number, looked.visible), (more.number, more.visible)),
-        _summed((one.fine, one.fine_seen), (other.fine, other.fine_seen)),
+        _summed((one.fine, one.fine_visible), (other.fine, other.fine_visible)),
     ]
     steep = (
         merged_steeps(looked.steep, more.steep)
@@ -119,7 +121,7 @@ def _both(one: Outline, other: Outline) -> Outline:
     ends = np.minimum(one.low, other.low), np.maximum(one.high, other.high)
     sides = np.minimum(one.first, other.first), np.maximum(one.last, other.last)
     densest = max(one.densest, other.densest)
-    return Outline(LookedAt(steep, *pairs[0]), *pairs[1], *ends, *sides, densest)
+    return VisibleOutline(VisibleBlocks(steep, *pairs[0]), *pairs[1], *ends, *sides, densest)
 
 
 def _summed(

@@ -24,26 +24,26 @@ from resample.memory import mapped
 from resample.reading.arrays import read_npz
 from resample_volume.data.bricks import Bricks
 from resample_volume.files.stores import kept
-from resample_volume.outofcore.looked import LookedAt
+from resample_volume.outofcore.outline import VisibleBlocks
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import Steep
 
 LARGE = 1 << 16  # bytes from which an array is identified by its address
 LARGEST = 1 << 26  # bytes of an array that a key for other commands may hold
 MOST_BYTES = 1 << 28  # bytes of all that is kept
-KINDS = {kind.__name__: kind for kind in (LookedAt, Steep, Sphere)}  # that files hold
+KINDS = {kind.__name__: kind for kind in (VisibleBlocks, Steep, Sphere)}  # that files hold
 
 R = TypeVar("R")
 
 
-class Found(NamedTuple):
+class CachedResult(NamedTuple):
     """A cached result."""
 
     result: Any
     depends: Any  # what it depends on, held so that its address is not reused
 
 
-def known_of(volume: Volume, depends: Any, find: Callable[[], R], *, lasts: bool = False) -> R:
+def cached(volume: Volume, depends: Any, find: Callable[[], R], *, lasts: bool = False) -> R:
     """Return a result about a volume in bricks, cached as long as the bricks exist.
 
     Parameters
@@ -59,26 +59,26 @@ def known_of(volume: Volume, depends: Any, find: Callable[[], R], *, lasts: bool
     """
     found = _found_before(volume, depends, lasts=lasts)
     if found is None:
-        found = Found(find(), depends)
+        found = CachedResult(find(), depends)
         _keep(volume, found, lasts=lasts)
     known: R = found.result
     return known
 
 
-def looked_at_before(volume: Volume, depends: Any) -> LookedAt | None:
-    """Return the cached scan for a look, if there is one; arguments as of `known_of`."""
+def cached_visible(volume: Volume, depends: Any) -> VisibleBlocks | None:
+    """Return the cached scan for a look, if there is one; arguments as of `cached`."""
     found = _found_before(volume, depends, lasts=True)
     return None if found is None else found.result
 
 
-def keep_looked_at(volume: Volume, depends: Any, looked: LookedAt) -> None:
-    """Cache the scan for pictures of a look; arguments as of `known_of`."""
+def cache_visible(volume: Volume, depends: Any, looked: VisibleBlocks) -> None:
+    """Cache the scan for pictures of a look; arguments as of `cached`."""
     bricks: Any = volume.values
     if _name_of(volume, depends) not in bricks.found:
-        _keep(volume, Found(looked, depends), lasts=True)
+        _keep(volume, CachedResult(looked, depends), lasts=True)
 
 
-def _found_before(volume: Volume, depends: Any, *, lasts: bool) -> Found | None:
+def _found_before(volume: Volume, depends: Any, *, lasts: bool) -> CachedResult | None:
     """Return the cached result of this command or, if on disk, of an earlier one; or None."""
     bricks: Any = volume.values
     name = _name_of(volume, depends)
@@ -87,11 +87,11 @@ def _found_before(volume: Volume, depends: Any, *, lasts: bool) -> Found | None:
         read = None if file is None else _read(file)
         if read is not None:
             bricks.found[name] = read._replace(depends=depends)
-    found: Found | None = bricks.found.get(name)
+    found: CachedResult | None = bricks.found.get(name)
     return found
 
 
-def _keep(volume: Volume, found: Found, *, lasts: bool) -> None:
+def _keep(volume: Volume, found: CachedResult, *, lasts: bool) -> None:
     """Cache a result for this command and, if it lasts, for later ones."""
     bricks: Any = volume.values
     name = _name_of(volume, found.depends)
@@ -152,13 +152,13 @@ def _code() -> str:
     return hashlib.sha256(engine_digest().encode() + read).hexdigest()
 
 
-def _read(file: Path) -> Found | None:
+def _read(file: Path) -> CachedResult | None:
     """Read a file's content, if it exists and is intact."""
     if not file.is_file():
         return None
     with suppress(ValueError, OSError, LookupError, TypeError):
         held = read_npz(file)
-        found = Found(_restored(json.loads(str(held["form"])), held), None)
+        found = CachedResult(_restored(json.loads(str(held["form"])), held), None)
         note_use(file)
         return found
     return None

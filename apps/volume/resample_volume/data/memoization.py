@@ -9,13 +9,13 @@ from typing import Any, ParamSpec, TypeVar
 P = ParamSpec("P")
 R = TypeVar("R")
 
-Kept = dict[tuple[Any, ...], Any]  # by function, arguments and values
+Memo = dict[tuple[Any, ...], Any]  # by function, arguments and values
 
-_kept: ContextVar[Kept | None] = ContextVar("kept", default=None)
+_kept: ContextVar[Memo | None] = ContextVar("kept", default=None)
 
 
 @contextmanager
-def keeping(kept: Kept) -> Iterator[None]:
+def memoizing(kept: Memo) -> Iterator[None]:
     """Enable memoization within a block.
 
     Values must neither change nor be freed while results about them are kept.
@@ -27,7 +27,7 @@ def keeping(kept: Kept) -> Iterator[None]:
         _kept.reset(token)
 
 
-def found_once(of: Callable[[Any], Any]) -> Callable[[Callable[P, R]], Callable[P, R]]:
+def memoized(of: Callable[[Any], Any]) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Memoize a function that only depends on values and numbers.
 
     Parameters
