@@ -151,13 +151,13 @@ def _alone(volume: "Volume", job: Job) -> "tuple[Frame, int]":
     from resample_volume.media.appearance import Appearance, Classification
     from resample_volume.rendering import Subject
     from resample_volume.voxels.streaming import TooManyVoxelsError
-    from resample_volume.windows import Spent, render_in_windows
+    from resample_volume.windows import Budget, render_in_windows
 
     look = Appearance(job.look, classification=Classification.PRE)
     try:
         subject = Subject.of(volume, look, around=volume)
     except TooManyVoxelsError:
-        return render_in_windows(volume, look, CAMERA, (SIDE, SIDE), Spent(job.memory))
+        return render_in_windows(volume, look, CAMERA, (SIDE, SIDE), Budget(job.memory))
     camera = subject.camera(CAMERA, SIDE, SIDE)
     seen = subject.samples_for(camera)
     return Resampler()(seen, camera, height=SIDE, width=SIDE), 1
@@ -168,7 +168,7 @@ def _shared(volume: "Volume", job: Job) -> "tuple[Frame, int]":
     from resample.command.settings import Sharing
     from resample.command.workers import at_work
     from resample_volume.media.appearance import Appearance
-    from resample_volume.windows import Spent, render_in_windows
+    from resample_volume.windows import Budget, render_in_windows
 
     with (
         tempfile.TemporaryDirectory(dir=job.path.parent) as folder,
@@ -176,7 +176,7 @@ def _shared(volume: "Volume", job: Job) -> "tuple[Frame, int]":
     ):
         if crew is None:
             raise RuntimeError("there are no workers")
-        spent = Spent(job.memory // crew.tasks, crew.threads, Path(folder), crew.executor)
+        spent = Budget(job.memory // crew.tasks, crew.threads, Path(folder), crew.executor)
         return render_in_windows(volume, Appearance(job.look), CAMERA, (SIDE, SIDE), spent)
 
 

@@ -190,7 +190,7 @@ class Executor(Protocol):
         ...
 
 
-class Crew(NamedTuple):
+class WorkerPool(NamedTuple):
     """Workers of a command."""
 
     executor: Executor

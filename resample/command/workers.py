@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from resample.command.settings import Sharing
 from resample.memory import GIVEN_BACK
-from resample.watching import Crew
+from resample.watching import WorkerPool
 from resample.words import one_line
 
 if TYPE_CHECKING:
@@ -21,21 +21,21 @@ PATIENCE = 60  # seconds to wait for workers that are restarted
 SHARE = 0.5  # fraction of a worker's memory for the data of its tasks
 
 
-Hire = Callable[[], Crew | None]
+StartWorkers = Callable[[], WorkerPool | None]
 
 
 @contextmanager
-def at_work(sharing: Sharing, threads: int | None = None) -> Iterator[Crew | None]:
+def at_work(sharing: Sharing, threads: int | None = None) -> Iterator[WorkerPool | None]:
     """Workers the user asked for, until the end of the block; None if none were asked for.
 
-    Parameters and errors as in `hiring`.
+    Parameters and errors as in `worker_pools`.
     """
-    with hiring(sharing, threads) as hire:
+    with worker_pools(sharing, threads) as hire:
         yield hire()
 
 
 @contextmanager
-def hiring(sharing: Sharing, threads: int | None = None) -> Iterator[Hire]:
+def worker_pools(sharing: Sharing, threads: int | None = None) -> Iterator[StartWorkers]:
     """Function that starts the user's workers when it is first called.
 
     It returns the same workers each time; they end with the block. None: none were asked for.
@@ -178,11 +178,11 @@ def _environment() -> dict[str, object]:
     return {**own, **held, "DASK_LOGGING__DISTRIBUTED": "critical"}
 
 
-def _crew(client: "Client", sharing: Sharing, threads: int | None) -> Crew:
+def _crew(client: "Client", sharing: Sharing, threads: int | None) -> WorkerPool:
     executor = client.get_executor(pure=False)
     if sharing.workers is not None:
         own = threads or max(1, (os.cpu_count() or 1) // sharing.workers)
-        return Crew(executor, sharing.workers, own, None, is_local=True)
+        return WorkerPool(executor, sharing.workers, own, None, is_local=True)
     workers = client.scheduler_info(n_workers=-1)["workers"].values()
     if not workers:
         raise OSError(f"the scheduler at {sharing.scheduler} has no workers; start some")
@@ -191,7 +191,7 @@ def _crew(client: "Client", sharing: Sharing, threads: int | None) -> Crew:
     limits = [worker["memory_limit"] / worker["nthreads"] for worker in workers]
     least = min((limit for limit in limits if limit), default=None)
     memory = None if least is None else int(SHARE * least)
-    return Crew(executor, count, threads or 1, memory, is_local=False)
+    return WorkerPool(executor, count, threads or 1, memory, is_local=False)
 
 
 def _check_versions(client: "Client") -> None:

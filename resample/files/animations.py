@@ -38,7 +38,7 @@ from resample.files.writing import (
     replacing,
     write_json,
 )
-from resample.watching import Crew, Executor, shared_out
+from resample.watching import Executor, WorkerPool, shared_out
 
 FILMS = (".mp4", ".webp", ".gif", ".apng")
 FRAME = "frame-{:04d}.png"
@@ -133,7 +133,7 @@ def _frames(film: _Elsewhere) -> Frames:
 
 
 def made_by(
-    crew: Crew | None, shots: Shots, read: Callable[[int], Frames]
+    crew: WorkerPool | None, shots: Shots, read: Callable[[int], Frames]
 ) -> tuple[Shots, Executor | None]:
     """Frames as worker processes make them, each after loading its own data; and the executor.
 

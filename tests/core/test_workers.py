@@ -11,7 +11,7 @@ import pytest
 
 from resample.command import workers
 from resample.command.settings import Sharing
-from resample.command.workers import at_work, check_sharing, hiring
+from resample.command.workers import at_work, check_sharing, worker_pools
 from resample.files.animations import Shots, write_film
 from tests.commands import ended
 from tests.killing import Killing
@@ -129,7 +129,7 @@ def test_workers_that_never_come_back_are_waited_for_no_longer():
     from distributed import scheduler
 
     gone = pytest.raises(ChildProcessError, match="none restarted within 60 seconds")
-    with gone, hiring(Sharing(workers=2)):
+    with gone, worker_pools(Sharing(workers=2)):
         raise scheduler.NoWorkerError("a task", 60)
 
 

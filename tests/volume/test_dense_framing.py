@@ -8,7 +8,7 @@ import pytest
 from resample_volume.media.appearance import Appearance
 from resample_volume.outofcore import ball
 from resample_volume.rendering import Subject
-from resample_volume.windows import Spent, paint_streamed, streamed_subject
+from resample_volume.windows import Budget, paint_streamed, streamed_subject
 from tests.volume.dense import EYE, SIZE, assert_same, in_bricks, smoke, whole_of
 
 CUT = {"crop": "2:29,:,:36", "clip": ("1/0.3/-0.5/-9",)}
@@ -52,7 +52,7 @@ def test_a_ball_is_found_brick_by_brick(has_strays, workers, side, rng, monkeypa
     for look in (Appearance("60..190"), Appearance("60..190", **CUT)):
         wanted = Subject.of(volume, look).sphere
         with ThreadPoolExecutor(workers or 1) as executor:
-            spent = Spent(1 << 30, executor=executor if workers else None)
+            spent = Budget(1 << 30, executor=executor if workers else None)
             found = streamed_subject([(in_bricks(volume, side), look)], "visible", None, spent)
         assert found.sphere.radius == wanted.radius
         assert found.sphere.center.tolist() == wanted.center.tolist()
@@ -94,7 +94,7 @@ def test_pictures_of_what_is_visible_have_the_bits_of_those_in_memory(several, r
     reads = [volume.values.reads for volume, _ in dense]
     assert streamed_subject(dense, "visible").sphere == subject.sphere
     assert reads == [volume.values.reads for volume, _ in dense]
-    spent = Spent(1_300_000 if several else 700_000)
+    spent = Budget(1_300_000 if several else 700_000)
     found, windows = paint_streamed(dense, subject, subject.camera(EYE, *SIZE), SIZE, spent)
     assert windows >= 1
     assert_same(found, whole_of(media, "visible"))
@@ -107,5 +107,5 @@ def test_where_nothing_is_visible_cameras_are_around_the_volume(rng):
     assert (found.sphere.radius, found.is_empty) == (wanted.radius, True)
     media = [(in_bricks(volume, (8, 8, 8)), look)]
     camera = found.camera(EYE, *SIZE)
-    frame, windows = paint_streamed(media, found, camera, SIZE, Spent(1 << 30))
+    frame, windows = paint_streamed(media, found, camera, SIZE, Budget(1 << 30))
     assert (windows, float(frame.coverage.max())) == (0, 0.0)

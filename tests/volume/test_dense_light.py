@@ -8,7 +8,7 @@ import pytest
 from resample_volume.voxels import reaching
 from resample_volume.voxels.reaching import LightCells, cells_around, exact_in_sums
 from resample_volume.voxels.shading import DepthCue, Light
-from resample_volume.windows import Spent, paint_streamed, streamed_subject
+from resample_volume.windows import Budget, paint_streamed, streamed_subject
 from tests.volume.dense import EYE, SIZE, assert_same, in_bricks, smoke, whole_of
 from tests.volume.of_voxels import of_voxels
 
@@ -37,7 +37,7 @@ def test_blocked_light_has_the_bits_of_a_volume_in_memory(
 ):
     monkeypatch.setattr(reaching, "FINEST", finest)
     media = [(smoke(rng), look)]
-    found, windows = painted(media, fit, Spent(memory))
+    found, windows = painted(media, fit, Budget(memory))
     assert_same(found, whole_of(media, fit))
     assert windows >= 1
 
@@ -57,7 +57,7 @@ def test_volumes_shade_each_other_whoever_paints_them(workers, rng, tmp_path, mo
     moved = volume._replace(origin=volume.origin + volume.spacing * [3, 0, -5])
     media = [(volume, of_voxels("60..190", BOTH)), (moved, of_voxels("0..40"))]
     with ThreadPoolExecutor(workers) as executor:
-        found, _ = painted(media, "volume", Spent(1 << 30, 1, tmp_path, executor))
+        found, _ = painted(media, "volume", Budget(1 << 30, 1, tmp_path, executor))
     assert_same(found, whole_of(media))
     assert (tmp_path / "light.npy").exists()
 
@@ -76,7 +76,7 @@ def test_sums_of_cells_do_not_depend_on_the_order(rng):
 def test_a_grid_of_light_that_does_not_fit_is_refused(rng):
     look = of_voxels("60..190", BOTH)
     with pytest.raises(ValueError, match="are allowed; give more memory, or leave shadows"):
-        painted([(smoke(rng), look)], "volume", Spent(500_000))
+        painted([(smoke(rng), look)], "volume", Budget(500_000))
     nothing = of_voxels("250..255", BOTH)
-    frame, _ = painted([(smoke(rng), nothing)], "volume", Spent(500_000))
+    frame, _ = painted([(smoke(rng), nothing)], "volume", Budget(500_000))
     assert not frame.coverage.any()

@@ -21,7 +21,7 @@ from resample_volume.rendering import Subject
 from resample_volume.types import Volume
 from resample_volume.voxels.shading import DepthCue, Light
 from resample_volume.voxels.streaming import TooManyVoxelsError
-from resample_volume.windows import Spent, paint_streamed, streamed_subject
+from resample_volume.windows import Budget, paint_streamed, streamed_subject
 from tests.volume.dense import EYE, SIZE, assert_same, in_bricks, smoke, whole_of
 
 RAMP = ((0.1, 0.9), (0.2, 0.6, 1.0), 0.4)
@@ -48,7 +48,7 @@ def painted(media, sides, memory, executor=None, fit="volume"):
     ]
     subject = streamed_subject(dense, fit)
     camera = subject.camera(EYE, *SIZE)
-    return paint_streamed(dense, subject, camera, SIZE, Spent(memory, executor=executor))
+    return paint_streamed(dense, subject, camera, SIZE, Budget(memory, executor=executor))
 
 
 @pytest.mark.each_value
@@ -188,7 +188,7 @@ def test_volumes_of_other_lattices_are_resampled_in_a_file(
     subject = streamed_subject(dense, fit)
     assert not share_lattice(dense)
     with ThreadPoolExecutor(2) as executor:
-        spent = Spent(1_500_000, executor=executor)
+        spent = Budget(1_500_000, executor=executor)
         found, windows = paint_streamed(dense, subject, subject.camera(EYE, *SIZE), SIZE, spent)
     assert_same(found, whole_of(media, fit))
     assert windows > 1

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from resample.command.settings import Sharing
-from resample.command.workers import Crew, at_work
+from resample.command.workers import WorkerPool, at_work
 from resample.files.images import read_image
 from resample_volume.cli import app
 from resample_volume.command import rendering
@@ -124,10 +124,12 @@ def hired(monkeypatch):
     def hiring(sharing, threads=None):
         with ThreadPoolExecutor(2) as executor:
             executors.append(Elsewhere(executor))
-            crew = Crew(executors[-1], sharing.workers or 1, threads or 1, None, is_local=True)
+            crew = WorkerPool(
+                executors[-1], sharing.workers or 1, threads or 1, None, is_local=True
+            )
             yield lambda: crew
 
-    monkeypatch.setattr(rendering, "hiring", hiring)
+    monkeypatch.setattr(rendering, "worker_pools", hiring)
     return executors
 
 

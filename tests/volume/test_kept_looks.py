@@ -16,7 +16,7 @@ from resample_volume.files.stores.writing import Layered, write_store
 from resample_volume.outofcore import caching, windowed
 from resample_volume.outofcore.caching import cached, cached_visible
 from resample_volume.types import Recording
-from resample_volume.windows import Spent, paint_streamed, streamed_subject
+from resample_volume.windows import Budget, paint_streamed, streamed_subject
 from tests.volume.dense import SIZE, assert_same, whole_of
 from tests.volume.of_voxels import of_voxels
 
@@ -62,8 +62,8 @@ def painted(path, look, viewpoint, memory=5_000_000, side=16):
     """A picture, and the bricks that were read for it after the first pass."""
     volume, read = opened(path, side)
     volume.values.statistics  # noqa: B018
-    first, media, spent = len(read), [(volume, look)], Spent(memory, 2)
-    subject = streamed_subject(media, "visible", spent=spent)
+    first, media, spent = len(read), [(volume, look)], Budget(memory, 2)
+    subject = streamed_subject(media, "visible", budget=spent)
     camera = subject.camera(viewpoint, *SIZE)
     frame, _ = paint_streamed(media, subject, camera, SIZE, spent)
     return frame, read[first:]

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from resample.command.workers import Crew
+from resample.command.workers import WorkerPool
 from resample.files import writing
 from resample.files.images import read_image
 from resample_volume.cli import app
@@ -81,11 +81,11 @@ def painted(monkeypatch):
     @contextmanager
     def hiring(sharing, threads=None):
         with ThreadPoolExecutor(1) as executor:
-            crew = Crew(executor, 1, threads or 1, None, is_local=True)
+            crew = WorkerPool(executor, 1, threads or 1, None, is_local=True)
             yield lambda: crew if sharing.is_asked else None
 
     monkeypatch.setattr(windowed, "keep_tile", noted)
-    monkeypatch.setattr(rendering, "hiring", hiring)
+    monkeypatch.setattr(rendering, "worker_pools", hiring)
     return made
 
 

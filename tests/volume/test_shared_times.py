@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from resample.command import workers
-from resample.command.workers import Crew
+from resample.command.workers import WorkerPool
 from resample_volume import cli
 from resample_volume.files.source import open_recording, open_streamed
 from resample_volume.files.stores import chunks, kept
@@ -183,10 +183,10 @@ def pickled(monkeypatch):
     @contextmanager
     def hiring(sharing, threads=None):
         with ThreadPoolExecutor(1) as executor:
-            crew = Crew(Elsewhere(executor), sharing.workers or 1, threads or 1, None, True)
+            crew = WorkerPool(Elsewhere(executor), sharing.workers or 1, threads or 1, None, True)
             yield lambda: crew if sharing.is_asked else None
 
-    monkeypatch.setattr(workers, "hiring", hiring)
+    monkeypatch.setattr(workers, "worker_pools", hiring)
 
 
 @pytest.mark.parametrize(
@@ -264,7 +264,7 @@ def test_padding_of_all_times_is_known_elsewhere_too(is_kept, monkeypatch):
 def test_a_killed_worker_costs_a_film_of_times_its_own_frames_alone(monkeypatch):
     beats("uint8")
     assert ended("animate", "a.zarr", *FILM, "-o", "a") == 0
-    asked, killers = workers.hiring, []
+    asked, killers = workers.worker_pools, []
 
     @contextmanager
     def hiring(sharing, threads=None):
@@ -273,7 +273,7 @@ def test_a_killed_worker_costs_a_film_of_times_its_own_frames_alone(monkeypatch)
             killers.append(Killing(hire().executor, Path("marks").resolve(), 1, is_late=True))
             yield lambda: hire()._replace(executor=killers[0])
 
-    monkeypatch.setattr(workers, "hiring", hiring)
+    monkeypatch.setattr(workers, "worker_pools", hiring)
     assert ended("animate", "a.zarr", *FILM, "-o", "b", "--workers", "2") == 0
     killers[0].redone(0)
     assert frames("a") == frames("b")

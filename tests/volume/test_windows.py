@@ -35,7 +35,7 @@ from resample_volume.voxels.blocks import Lattice, bounds_of, lattice_for
 from resample_volume.voxels.framing import centered
 from resample_volume.voxels.shading import DepthCue
 from resample_volume.voxels.visible import gradients_at, lattice_of, steepness
-from resample_volume.windows import Spent, paint_in_windows, render_in_windows, streamed_volume
+from resample_volume.windows import Budget, paint_in_windows, render_in_windows, streamed_volume
 from tests.killing import Killing
 from tests.volume.dense import EYE, LAYERS, SIZE, in_bricks, smoke
 from tests.volume.of_voxels import of_voxels
@@ -81,7 +81,7 @@ def test_windows_have_the_bits_of_a_volume_in_memory(number, memory, rng):
     camera = subject.camera(EYE, *SIZE)
     by = {"height": SIZE[0], "width": SIZE[1], "clip": subject.clip}
     whole = Resampler()(subject.samples_for(camera), camera, **by)
-    found, windows = render_in_windows(in_bricks(volume, side), look, EYE, SIZE, Spent(memory))
+    found, windows = render_in_windows(in_bricks(volume, side), look, EYE, SIZE, Budget(memory))
     assert (windows > 1) == (memory < 1 << 30)
     for name in ("rgba", "depth", "first_depth", "coverage"):
         assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name
@@ -105,7 +105,7 @@ def test_labels_may_be_in_bricks_of_their_own(side, kind, rng):
     bricks = in_bricks(volume._replace(values=label), side).values
     whole = whole_of(volume, of_voxels("20..190", labels=Labels(label, RULES)))
     look = of_voxels("20..190", labels=Labels(bricks, RULES))
-    for spent in (Spent(850_000), Spent(1 << 30)):
+    for spent in (Budget(850_000), Budget(1 << 30)):
         found, _ = render_in_windows(in_bricks(volume, (8, 8, 8)), look, EYE, SIZE, spent)
         for name in LAYERS:
             assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name
@@ -118,7 +118,7 @@ def test_labels_that_do_not_fit_are_refused_before_bricks_are_read(rng):
     volume, read = counted(smoke(rng), (8, 8, 8))
     look = of_voxels("60..190", labels=Labels(TISSUE.values[1:], RULES))
     with pytest.raises(ValueError, match="labels of 31 x 26 x 36 voxels do not fit a volume of"):
-        render_in_windows(volume, look, EYE, SIZE, Spent(1 << 30))
+        render_in_windows(volume, look, EYE, SIZE, Budget(1 << 30))
     assert not read
 
 
@@ -142,12 +142,12 @@ def test_what_needs_all_voxels_or_too_much_memory_is_refused(rng):
     volume = in_bricks(smoke(rng), (16, 16, 16))
     look = of_voxels("60..190", meshes=(scene_mesh(np.eye(3), np.array([[0, 1, 2]])),))
     with pytest.raises(ValueError, match="a mesh needs rays through a field"):
-        render_in_windows(volume, look, EYE, SIZE, Spent(1 << 30))
+        render_in_windows(volume, look, EYE, SIZE, Budget(1 << 30))
     look = Appearance("60..190", classification=Classification.POST)
     with pytest.raises(ValueError, match="classification post needs rays through a field"):
-        render_in_windows(volume, look, EYE, SIZE, Spent(1 << 30))
+        render_in_windows(volume, look, EYE, SIZE, Budget(1 << 30))
     with pytest.raises(ValueError, match="fit in the allowed memory"):
-        render_in_windows(volume, of_voxels("60..190"), EYE, SIZE, Spent(1000))
+        render_in_windows(volume, of_voxels("60..190"), EYE, SIZE, Budget(1000))
 
 
 @pytest.mark.parametrize("eye", [EYE, Orbit(200, -40, 6.0), Orbit(10, 5, fov=0)])
@@ -202,7 +202,7 @@ def test_any_number_of_workers_paints_the_same_bits(workers, rng, tmp_path):
     volume, look = smoke(rng), of_voxels("60..190")
     whole = whole_of(volume, look)
     with ThreadPoolExecutor(workers) as executor:
-        spent = Spent(700_000, 1, tmp_path, executor)
+        spent = Budget(700_000, 1, tmp_path, executor)
         found, windows = render_in_windows(in_bricks(volume, (8, 8, 8)), look, EYE, SIZE, spent)
     assert len(list(tmp_path.iterdir())) == windows > 1
     for name in LAYERS:
@@ -223,7 +223,7 @@ def test_any_partition_gives_the_same_bits(shape, side, memory, workers, gradien
     volume = Volume(values, np.array([1.0, 0.8, 1.2]), np.zeros(3), np.eye(3), "any")
     look = of_voxels("60..190", gradient=gradient)
     with ThreadPoolExecutor(workers) as executor:
-        spent = Spent(memory, workers, executor=executor)
+        spent = Budget(memory, workers, executor=executor)
         try:
             found, _ = render_in_windows(in_bricks(volume, side), look, EYE, SIZE, spent)
         except ValueError as error:
@@ -254,7 +254,7 @@ def test_a_killed_worker_costs_a_picture_its_own_windows_alone(at, rng, tmp_path
         (tmp_path / name).mkdir()
     with at_work(Sharing(workers=2)) as crew:
         killing = Killing(crew.executor, tmp_path / "marks", 1, is_late=True, at=at)
-        spent = Spent(700_000, 1, tmp_path / "windows", killing)
+        spent = Budget(700_000, 1, tmp_path / "windows", killing)
         found, windows = render_in_windows(in_file, look, EYE, SIZE, spent)
     assert windows > 2
     for number in at:
@@ -287,7 +287,7 @@ def test_bricks_that_are_on_a_shelf_are_read_once(workers, rng, monkeypatch):
     in_file, read = counted(volume, (8, 8, 8))
     look, whole = of_voxels("5..190"), whole_of(volume, of_voxels("5..190"))
     with ThreadPoolExecutor(workers or 1) as executor:
-        spent = Spent(4_000_000, executor=executor if workers else None)
+        spent = Budget(4_000_000, executor=executor if workers else None)
         found, _ = render_in_windows(in_file, look, EYE, SIZE, spent)
     for name in LAYERS:
         assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name
@@ -349,7 +349,7 @@ def test_windows_are_painted_step_by_step_with_the_same_bits(eye, workers, rng, 
     camera = subject.camera(eye, *FEW)
     whole = Resampler()(subject.samples_for(camera), camera, height=FEW[0], width=FEW[1])
     with ThreadPoolExecutor(workers or 1) as executor:
-        spent = Spent(4_000_000, executor=executor if workers else None)
+        spent = Budget(4_000_000, executor=executor if workers else None)
         found, _ = render_in_windows(in_bricks(volume, (8, 8, 8)), look, eye, FEW, spent)
     assert max(steps) > 0
     for name in LAYERS:
@@ -364,7 +364,7 @@ def test_bricks_that_others_hide_are_not_read(rng, monkeypatch):
     look, bricks = of_voxels("100/white/0,180/white/0.95", light=None), 8**3
     in_file, read = counted(volume, (8, 8, 8))
     camera = streamed_volume(in_file, look).camera(EYE, *SIZE)
-    by = [camera, SIZE, Spent(9_000_000)]
+    by = [camera, SIZE, Budget(9_000_000)]
     surveyed, before = windowed.surveyed, []
 
     def then(*given):
@@ -388,11 +388,13 @@ def test_further_pictures_ask_for_what_they_show_alone(rng, monkeypatch):
     volume = Volume(values, np.ones(3), np.zeros(3), np.eye(3), "a solid cube")
     look = of_voxels("100/white/0,180/white/0.95", light=None)
     in_file, read = counted(volume, (8, 8, 8))
-    render_in_windows(in_file, look, EYE, SIZE, Spent(9_000_000))
+    render_in_windows(in_file, look, EYE, SIZE, Budget(9_000_000))
     read.clear()
     other = Orbit(200, -30, 1.5)
-    found, _ = render_in_windows(in_file, look, other, SIZE, Spent(9_000_000))
-    again, _ = render_in_windows(counted(volume, (8, 8, 8))[0], look, other, SIZE, Spent(9_000_000))
+    found, _ = render_in_windows(in_file, look, other, SIZE, Budget(9_000_000))
+    again, _ = render_in_windows(
+        counted(volume, (8, 8, 8))[0], look, other, SIZE, Budget(9_000_000)
+    )
     for name in LAYERS:
         assert getattr(found, name).tobytes() == getattr(again, name).tobytes(), name
     assert len(set(read)) < 0.9 * 6**3
@@ -423,7 +425,7 @@ def test_whoever_paints_has_the_same_bits_step_by_step(number, rng, monkeypatch)
     subject = Subject.of(volume, look, around=volume)
     camera = subject.camera(eye, *FEW)
     whole = paint(subject.samples_for(camera), camera, height=FEW[0], width=FEW[1])
-    spent = Spent(4_000_000)
+    spent = Budget(4_000_000)
     found, _ = render_in_windows(in_bricks(volume, (8, 8, 8)), look, eye, FEW, spent, paint)
     assert max(steps) > 0
     for name in LAYERS:

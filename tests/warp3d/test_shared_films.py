@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from resample.command import workers
-from resample.command.workers import Crew
+from resample.command.workers import WorkerPool
 from resample_warp3d.cli import app
 from tests.commands import ended, refused
 from tests.killing import Killing
@@ -43,7 +43,9 @@ def pickled(monkeypatch):
             yield None
             return
         with ThreadPoolExecutor(1) as executor:
-            yield Crew(Elsewhere(executor), sharing.workers, threads or 1, None, is_local=True)
+            yield WorkerPool(
+                Elsewhere(executor), sharing.workers, threads or 1, None, is_local=True
+            )
 
     monkeypatch.setattr(workers, "at_work", at_work)
 

@@ -265,7 +265,7 @@ def animate(
         Number of threads at most; pixels do not depend on it.
     """
     from resample.command.session import require_picture
-    from resample.command.workers import hiring
+    from resample.command.workers import worker_pools
     from resample.console.messages import progress_bar
     from resample.files.animations import check_film, write_film
     from resample_volume.command import animation, filming
@@ -282,7 +282,7 @@ def animate(
     paint = animation.Paint(resampler, shape, behind, threads)
     script = filming.Script(volume, source, look, added, beside, resampling, frames)
     about = {"volume": volume, "path": path, "transfer": look.transfer}
-    with hiring(sharing, threads) as hire:
+    with worker_pools(sharing, threads) as hire:
         recording = None
         if source.time is None and not added.channels:
             recording = over_time(source, volume)

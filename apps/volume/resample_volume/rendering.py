@@ -38,7 +38,7 @@ from resample_volume.media.appearance import (
     BY_DEFAULT,
     Appearance,
     Classification,
-    Medium,
+    VolumeLayer,
     check_several,
     check_together,
     decided,
@@ -89,13 +89,13 @@ Fit = Literal["visible", "volume"]  # what cameras orbit
 class Placement(NamedTuple):
     """Several volumes in a scene, moved around its origin."""
 
-    media: list[Medium]
+    media: list[VolumeLayer]
     lattice: Lattice  # of all of them
     middle: Doubles  # (3,) former place of the origin, scene units
     clip: Doubles  # (M, 4) planes
 
 
-def placement(media: Sequence[Medium]) -> Placement:
+def placement(media: Sequence[VolumeLayer]) -> Placement:
     """Place several volumes in a scene; crop and clip are those of the first look."""
     whole = common_lattice([volume for volume, _ in media])
     middle = whole.middle
@@ -327,7 +327,7 @@ class Subject:
 
     @classmethod
     def of_several(
-        cls, media: Sequence[Medium], resampler: Resampler | None = None, fit: Fit = "visible"
+        cls, media: Sequence[VolumeLayer], resampler: Resampler | None = None, fit: Fit = "visible"
     ) -> "Subject":
         """Classify several volumes of one scene; extinctions add up where they overlap.
 
@@ -539,7 +539,7 @@ def _is_pair(one: Any) -> bool:
     return is_two and isinstance(one[1], str | Appearance)
 
 
-def _medium(volume: Any, appearance: Appearance | str) -> Medium:
+def _medium(volume: Any, appearance: Appearance | str) -> VolumeLayer:
     """Return the volume without its padding, and its look."""
     scene = as_volume(volume)
     look = appearance if isinstance(appearance, Appearance) else Appearance(appearance)

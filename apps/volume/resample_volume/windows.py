@@ -10,6 +10,7 @@ import numpy as np
 
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Sphere, Viewpoint
+from resample.lazy import renamed
 from resample.memory import available_memory
 from resample.painting.scenes.scene import nothing_painted
 from resample.resampler import Resampler
@@ -21,7 +22,7 @@ from resample_volume.media.appearance import (
     OF_VOXELS,
     Appearance,
     Classification,
-    Medium,
+    VolumeLayer,
     of_voxels,
 )
 from resample_volume.media.mixing import Mixed, added
@@ -31,7 +32,7 @@ from resample_volume.outofcore.dense import Dense, check_windows, dense_of
 from resample_volume.outofcore.light import Reaching, light_reached
 from resample_volume.outofcore.outline import OutlineQuery, VisibleOutline, outlined
 from resample_volume.outofcore.passes import PassContext
-from resample_volume.outofcore.windowed import Work, painted_in_windows, surveyed
+from resample_volume.outofcore.windowed import RenderJob, painted_in_windows, surveyed
 from resample_volume.rendering import NO_VOXELS, Fit, Subject, lit_samples, placement
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import Steeps, faced, planes
@@ -40,13 +41,13 @@ from resample_volume.voxels.shading import cue_range, cued
 from resample_volume.voxels.visible import Voxels, lattice_of
 
 
-class Spent(NamedTuple):
+class Budget(NamedTuple):
     """Memory budget and executor for painting in windows.
 
     Examples
     --------
-    >>> from resample_volume.windows import Spent
-    >>> Spent(memory=1 << 30).executor is None  # windows are painted here, one after the other
+    >>> from resample_volume.windows import Budget
+    >>> Budget(memory=1 << 30).executor is None  # windows are painted here, one after the other
     True
     """
 
@@ -71,7 +72,7 @@ def render_in_windows(
     appearance: Appearance,
     viewpoint: Viewpoint,
     size: tuple[int, int],
-    spent: Spent,
+    budget: Budget,
     resampler: Resampler | None = None,
     progress: Progress | None = None,
 ) -> tuple[Frame, int]:
@@ -112,7 +113,7 @@ def render_in_windows(
     media = [(volume, appearance)]
     subject = streamed_subject(media)
     return paint_streamed(
-        media, subject, subject.camera(viewpoint, *size), size, spent, resampler, progress
+        media, subject, subject.camera(viewpoint, *size), size, budget, resampler, progress
     )
 
 
@@ -121,21 +122,21 @@ def paint_in_windows(
     appearance: Appearance,
     camera: AnyCamera,
     size: tuple[int, int],
-    spent: Spent,
+    budget: Budget,
     resampler: Resampler | None = None,
     progress: Progress | None = None,
 ) -> tuple[Frame, int]:
     """Do as `render_in_windows`, with a camera of the volume's `streamed_volume` subject."""
     media = [(volume, appearance)]
-    return paint_streamed(media, streamed_subject(media), camera, size, spent, resampler, progress)
+    return paint_streamed(media, streamed_subject(media), camera, size, budget, resampler, progress)
 
 
 def paint_streamed(
-    media: Sequence[Medium],
+    media: Sequence[VolumeLayer],
     subject: Subject,
     camera: AnyCamera,
     size: tuple[int, int],
-    spent: Spent,
+    budget: Budget,
     resampler: Resampler | None = None,
     progress: Progress | None = None,
 ) -> tuple[Frame, int]:
@@ -158,12 +159,12 @@ def paint_streamed(
         As of `render_in_windows`.
     """
     painter, tell = of_voxels(resampler or OF_VOXELS), progress or _unheard
-    looking = PassContext(spent.executor, spent.threads, tell)
-    _shelve(media, spent)
-    scene, dense = dense_of(media, painter, spent.memory, looking)
-    reaching = _reaching(scene, dense, media[0][1], subject, spent, looking)
+    looking = PassContext(budget.executor, budget.threads, tell)
+    _shelve(media, budget)
+    scene, dense = dense_of(media, painter, budget.memory, looking)
+    reaching = _reaching(scene, dense, media[0][1], subject, budget, looking)
     cue = cue_range(camera, subject.sphere)
-    work = Work(
+    work = RenderJob(
         scene,
         dense,
         partial(_lit, ViewSetup(media[0][1], camera, subject.clip, cue, reaching)),
@@ -171,17 +172,17 @@ def paint_streamed(
         camera,
         size,
         subject.clip,
-        *spent[:3],
+        *budget[:3],
         sifts=dense.sifts,
         beside=dense.beside + _noted(media) + (0 if reaching is None else reaching.bytes_held),
         volumes=len(media),
         depends=dense.kind,
     )
     whole, count = nothing_painted(*size).film, 0
-    known = surveyed(work, tell, spent.executor)
+    known = surveyed(work, tell, budget.executor)
     if known is None:
         return Frame(*whole, Statistics(0, 0, 0, 0, 1, {})), 0
-    for (x0, y0, x1, y1), film in painted_in_windows(work, known, tell, spent.executor):
+    for (x0, y0, x1, y1), film in painted_in_windows(work, known, tell, budget.executor):
         for layer, part in zip(whole, film, strict=True):
             layer[y0:y1, x0:x1] = part
         count += 1
@@ -194,7 +195,7 @@ def _reaching(
     dense: Dense,
     look: Appearance,
     subject: Subject,
-    spent: Spent,
+    budget: Budget,
     looking: PassContext,
 ) -> Reaching | None:
     """Return the light that reaches voxels, if any are shadowed; cached."""
@@ -205,9 +206,9 @@ def _reaching(
     outline = _outline(seen, dense, looking)
     if not outline.total:
         return None
-    by = (seen, outline, light, subject.voxels.lattice, spent.memory, looking)
+    by = (seen, outline, light, subject.voxels.lattice, budget.memory, looking)
     depends = ("light", dense.kind, light.direction, light.shadows, light.occlusion)
-    return cached(scene, depends, lambda: light_reached(*by)).kept_in(spent.folder)
+    return cached(scene, depends, lambda: light_reached(*by)).kept_in(budget.folder)
 
 
 def _outline(seen: OutlineQuery, dense: Dense, looking: PassContext) -> VisibleOutline:
@@ -249,10 +250,10 @@ def streamed_volume(volume: Volume, appearance: Appearance) -> Subject:
 
 
 def streamed_subject(
-    media: Sequence[Medium],
+    media: Sequence[VolumeLayer],
     fit: Fit = "volume",
     resampler: Resampler | None = None,
-    spent: Spent | None = None,
+    budget: Budget | None = None,
     progress: Progress | None = None,
 ) -> Subject:
     """Return the subject of volumes in bricks without voxels: it places cameras only.
@@ -283,7 +284,7 @@ def streamed_subject(
     nothing = NO_VOXELS._replace(lattice=steps)
     if fit == "volume":
         return Subject(nothing, look, ball_around(whole), middle, clip)
-    allowed = Spent(available_memory() or 0) if spent is None else spent
+    allowed = Budget(available_memory() or 0) if budget is None else budget
     looking = PassContext(allowed.executor, allowed.threads, progress or _unheard)
     scene, dense = dense_of(media, painter, allowed.memory, looking)
     seen = OutlineQuery(scene, dense, clip)
@@ -298,18 +299,21 @@ def streamed_subject(
     return Subject(nothing, look, ball, middle, clip)
 
 
-def _noted(media: Sequence[Medium]) -> int:
+def _noted(media: Sequence[VolumeLayer]) -> int:
     """Return the bytes of the statistics of volumes."""
     return sum(bricks.noted for bricks in _bricks_of(media))
 
 
-def _shelve(media: Sequence[Medium], spent: Spent) -> None:
+def _shelve(media: Sequence[VolumeLayer], budget: Budget) -> None:
     """Let volumes pin the bricks read first, in a share of a process's memory budget."""
     for bricks in _bricks_of(media):
-        bricks.shelve(spent.memory // SHARE // len(media))
+        bricks.shelve(budget.memory // SHARE // len(media))
 
 
-def _bricks_of(media: Sequence[Medium]) -> list[Bricks]:
+def _bricks_of(media: Sequence[VolumeLayer]) -> list[Bricks]:
     """Return the values of those volumes that are in bricks."""
     values: list[Any] = [volume.values for volume, _ in media]
     return [bricks for bricks in values if isinstance(bricks, Bricks)]
+
+
+__getattr__ = renamed(__name__, {"Spent": "Budget"})

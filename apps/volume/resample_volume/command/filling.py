@@ -5,7 +5,7 @@ from typing import Literal
 from resample.cameras.viewpoints import Orbit, Viewpoint
 from resample.console.messages import say
 from resample.resampler import Resampler
-from resample_volume.media.appearance import Medium, named_or_own
+from resample_volume.media.appearance import VolumeLayer, named_or_own
 from resample_volume.media.mixing import Mixed
 from resample_volume.rendering import Fit, Subject
 from resample_volume.voxels.framing import Placed, filling, shown_by
@@ -40,7 +40,7 @@ def filled(
     viewpoint: Viewpoint,
     fit: Fitted,
     subject: Subject,
-    medium: Medium,
+    medium: VolumeLayer,
     resampler: Resampler,
     size: tuple[int, int],
 ) -> Viewpoint:

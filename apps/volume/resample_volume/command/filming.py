@@ -12,13 +12,13 @@ from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Sphere
 from resample.command.session import Session
 from resample.command.settings import Resampling
-from resample.command.workers import Hire
+from resample.command.workers import StartWorkers
 from resample.console.messages import progress_bar, say
 from resample.files.animations import Frames, Levels, Shots, fingerprint, made_by
 from resample.memory import available_memory, bytes_of
 from resample.profiles.orders import Summing
 from resample.resampler import Resampler
-from resample.watching import Crew, Executor, told
+from resample.watching import Executor, WorkerPool, told
 from resample_volume.classification.surveys import NO_LEVELS, Survey
 from resample_volume.command.animation import (
     Course,
@@ -49,7 +49,7 @@ from resample_volume.command.media import (
 from resample_volume.command.needs import is_in_bricks
 from resample_volume.command.rendering import say_lost_field, say_missed, scene_of, spent_here
 from resample_volume.data.bricks import Bricks, Values
-from resample_volume.media.appearance import Appearance, Medium, transfer_of
+from resample_volume.media.appearance import Appearance, VolumeLayer, transfer_of
 from resample_volume.media.series import Ready, Series, is_chunked, whole
 from resample_volume.rendering import Fit, Subject
 from resample_volume.types import Recording, Volume
@@ -79,7 +79,7 @@ class Script(NamedTuple):
 class ReadScene(NamedTuple):
     """The volumes of a script, read."""
 
-    shown: list[Medium]
+    shown: list[VolumeLayer]
     subject: Subject  # without voxels if they do not all fit in memory
     is_whole: bool
 
@@ -109,7 +109,7 @@ def film_of(
     flight: Flight | Tour,
     paint: Paint,
     about: Mapping[str, Any],
-    hire: Hire | None = None,
+    hire: StartWorkers | None = None,
 ) -> ReadyFilm:
     """Read and prepare the scene of a film.
 
@@ -157,7 +157,7 @@ def _film_of_times(
     flight: Flight | Tour,
     paint: Paint,
     about: Mapping[str, Any],
-    hire: Hire | None,
+    hire: StartWorkers | None,
 ) -> ReadyFilm:
     """A film of a volume that changes over time; see `film_of`."""
     times, ready = _read(script, times, hire)
@@ -183,7 +183,7 @@ def _film_of_times(
     return ReadyFilm(made, cameras, paint, is_chunked(times), course[0].is_of_field, known)
 
 
-def _read(script: Script, times: Recording, hire: Hire | None) -> tuple[Recording, Ready]:
+def _read(script: Script, times: Recording, hire: StartWorkers | None) -> tuple[Recording, Ready]:
     """Return the times, streamed or as one array; and for streamed times, how they are read.
 
     Fields need arrays, and so do several volumes.
@@ -206,13 +206,13 @@ class TimeScenes:
 
     series: Series
     appearance: Appearance  # of all times
-    further: list[Medium]  # volumes that do not change
+    further: list[VolumeLayer]  # volumes that do not change
     resampler: Resampler
     fit: Fit
     dense: set[int] = field(default_factory=set)  # times whose visible voxels do not fit
-    last: tuple[int, list[Medium]] | None = None
+    last: tuple[int, list[VolumeLayer]] | None = None
 
-    def at(self, time: int) -> list[Medium]:
+    def at(self, time: int) -> list[VolumeLayer]:
         """Return the volumes of a time with their looks."""
         if self.last is None or self.last[0] != time:
             self.last = None  # two of them need not fit in memory
@@ -253,7 +253,7 @@ def _frames_over(
 
 
 def scene_for(
-    script: Script, size: Size, recording: Recording | None = None, hire: Hire | None = None
+    script: Script, size: Size, recording: Recording | None = None, hire: StartWorkers | None = None
 ) -> ReadScene:
     """Return the scene of a script for frames (height, width); errors as of `film_of`."""
     look, resampler = (
@@ -341,7 +341,9 @@ def _mark_of(values: Values) -> str:
     return fingerprint(known.least, known.greatest, known.some, known.border)
 
 
-def shared_by(crew: Crew | None, script: Script, film: ReadyFilm) -> tuple[Shots, Executor | None]:
+def shared_by(
+    crew: WorkerPool | None, script: Script, film: ReadyFilm
+) -> tuple[Shots, Executor | None]:
     """Return a film's frames, rendered by worker processes if any, and the pool.
 
     Each worker reads the scene itself. Workers on one machine share its memory limit.
@@ -377,7 +379,7 @@ def _is_by_rays(script: Script) -> bool:
     return resampler.order.summing is Summing.RAYS
 
 
-def _with_share(script: Script, film: ReadyFilm, crew: Crew) -> Script:
+def _with_share(script: Script, film: ReadyFilm, crew: WorkerPool) -> Script:
     """Return the script with one process's share of this machine's memory."""
     if script.source.memory is not None:
         whole: int | None = bytes_of(script.source.memory)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from resample import registry
-from resample.command.workers import Hire
+from resample.command.workers import StartWorkers
 from resample.console.messages import progress_bar, say
 from resample.memory import allow, amount, available_memory, bytes_of, give_back
 from resample.memory.mapped import is_in_file
@@ -38,7 +38,7 @@ from resample_volume.types import Recording, Volume
 
 
 def opened(
-    source: Source, name: str, *, streamed: bool = False, hire: Hire | None = None
+    source: Source, name: str, *, streamed: bool = False, hire: StartWorkers | None = None
 ) -> Volume:
     """Open a volume: a file, a folder or a generated one.
 
@@ -62,7 +62,7 @@ def opened(
 
 
 def opened_of_several(
-    source: Source, name: str, *, streamed: bool = False, hire: Hire | None = None
+    source: Source, name: str, *, streamed: bool = False, hire: StartWorkers | None = None
 ) -> tuple[Volume, tuple[int, int]]:
     """Open a volume, and return the number of times and channels with it.
 
@@ -128,7 +128,7 @@ def allowed_memory(source: Source) -> int | None:
     return None if source.memory is None else bytes_of(source.memory)
 
 
-def with_memory(volume: Volume, allowed: int | None, hire: Hire | None = None) -> Volume:
+def with_memory(volume: Volume, allowed: int | None, hire: StartWorkers | None = None) -> Volume:
     """Return a chunked volume with a memory limit in bytes, or half of the free memory.
 
     Workers scan a large one, unless its statistics are cached.
@@ -145,7 +145,7 @@ def with_memory(volume: Volume, allowed: int | None, hire: Hire | None = None) -
     return volume
 
 
-def _helpers(hire: Hire, bricks: Bricks) -> Helpers | None:
+def _helpers(hire: StartWorkers, bricks: Bricks) -> Helpers | None:
     """Start workers to scan a chunked volume; None if no workers were asked for."""
     crew = hire()
     if crew is None:
@@ -251,7 +251,7 @@ def _changes(source: Source) -> dict[str, Any]:
 
 
 def prepared(
-    source: Source, name: str, *, streamed: bool = False, hire: Hire | None = None
+    source: Source, name: str, *, streamed: bool = False, hire: StartWorkers | None = None
 ) -> Volume:
     """Open a volume, remove its padding and print its statistics.
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from resample.command.workers import Hire
+from resample.command.workers import StartWorkers
 from resample.console.messages import progress_bar, say
 from resample.painting.choices import Projection
 from resample.resampler import Resampler
@@ -26,7 +26,7 @@ from resample_volume.command.inputs import (
 from resample_volume.data.recordings import volume_at, with_times_first
 from resample_volume.files.labels import read_labels
 from resample_volume.files.stores.chunks import Chunked
-from resample_volume.media.appearance import Appearance, Medium, Met
+from resample_volume.media.appearance import Appearance, Met, VolumeLayer
 from resample_volume.media.series import Series
 from resample_volume.rendering import Subject
 from resample_volume.types import Recording
@@ -76,8 +76,8 @@ def media(
     resampler: Resampler,
     *,
     recording: Recording | None = None,
-    hire: Hire | None = None,
-) -> list[Medium]:
+    hire: StartWorkers | None = None,
+) -> list[VolumeLayer]:
     """Read the volumes of a scene with their looks, each file once.
 
     Workers scan a store without cached statistics.
@@ -100,7 +100,9 @@ def media(
     return first + beside(further, look, resampler)
 
 
-def beside(further: list[Other], look: AppearanceChoices, resampler: Resampler) -> list[Medium]:
+def beside(
+    further: list[Other], look: AppearanceChoices, resampler: Resampler
+) -> list[VolumeLayer]:
     """Read the further volumes with their looks."""
     found = []
     for other in further:
@@ -110,7 +112,7 @@ def beside(further: list[Other], look: AppearanceChoices, resampler: Resampler) 
     return found
 
 
-def with_met(shown: list[Medium], met: Met) -> list[Medium]:
+def with_met(shown: list[VolumeLayer], met: Met) -> list[VolumeLayer]:
     """Add meshes and planes to the look of the first volume."""
     (volume, look), *others = shown
     return [(volume, met.beside(look)), *others]
@@ -164,7 +166,7 @@ def labelled(own: Appearance, series: Series, look: AppearanceChoices) -> Appear
 
 def _channels(
     source: Source, name: str, look: AppearanceChoices, text: str, resampler: Resampler
-) -> list[Medium]:
+) -> list[VolumeLayer]:
     """Return the channels of a file, each with its look."""
     if source.channel is not None:
         raise ValueError(
@@ -183,7 +185,7 @@ def _channels(
             f"{recording.name} has {count} channels, channels gives {len(words)} looks; give one "
             f"for each, {HIDDEN} for one that is hidden"
         )
-    found: list[Medium] = []
+    found: list[VolumeLayer] = []
     for channel, word in enumerate(words):
         if word != HIDDEN:
             volume = volume_at(recording, source.time, channel)

@@ -13,7 +13,7 @@ from resample.command.session import libraries
 from resample.memory import require
 from resample.memory.mapped import is_in_file
 from resample_volume.data.bricks import Bricks, Values
-from resample_volume.media.appearance import Medium
+from resample_volume.media.appearance import VolumeLayer
 from resample_volume.rendering import Fit, Subject
 from resample_volume.types import Volume
 from resample_volume.voxels.gathered import Gathered
@@ -26,7 +26,7 @@ REMEDY = "take a smaller or downsampled volume, or show less of it"
 
 
 def check_memory(
-    media: Sequence[Medium],
+    media: Sequence[VolumeLayer],
     size: tuple[int, int],
     subject: Subject | None = None,
     fit: Fit = "visible",

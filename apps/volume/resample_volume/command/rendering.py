@@ -13,7 +13,7 @@ from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Viewpoint
 from resample.command.session import Session
 from resample.command.settings import Sharing
-from resample.command.workers import Hire, hiring
+from resample.command.workers import StartWorkers, worker_pools
 from resample.console.messages import say
 from resample.files.painted.tiles import NAME
 from resample.files.writing import beside, inheriting
@@ -32,7 +32,7 @@ from resample_volume.data.bricks import Bricks, Values
 from resample_volume.media.appearance import (
     Appearance,
     Classification,
-    Medium,
+    VolumeLayer,
     check_several,
     check_together,
     decided,
@@ -42,7 +42,7 @@ from resample_volume.outofcore.dense import is_in_store, share_lattice
 from resample_volume.rendering import Fit, Subject, painted_with_bar
 from resample_volume.types import Volume
 from resample_volume.voxels.streaming import TooManyVoxelsError
-from resample_volume.windows import Spent, paint_streamed, streamed_subject
+from resample_volume.windows import Budget, paint_streamed, streamed_subject
 
 MARK = "picture"  # file in a folder of windows that identifies their picture
 BYTES_PER_PIXEL = needs.BYTES_PER_PIXEL
@@ -61,7 +61,7 @@ def subject_of(
 
 def scene_of(
     session: Session,
-    media: Sequence[Medium],
+    media: Sequence[VolumeLayer],
     resampler: Resampler,
     fit: Fit = "visible",
     size: tuple[int, int] = (0, 0),
@@ -91,7 +91,7 @@ def scene_of(
 
 
 def say_lost_field(
-    media: Sequence[Medium], resampler: Resampler, *, in_windows: bool = False
+    media: Sequence[VolumeLayer], resampler: Resampler, *, in_windows: bool = False
 ) -> None:
     """Say why voxels of one volume are painted, if rays through its field were asked for.
 
@@ -116,14 +116,16 @@ def say_lost_field(
         say("memory does not hold the volume as a field: voxels are painted (classify pre)")
 
 
-def say_missed(media: Sequence[Medium], subject: Subject, camera: AnyCamera | None = None) -> None:
+def say_missed(
+    media: Sequence[VolumeLayer], subject: Subject, camera: AnyCamera | None = None
+) -> None:
     """Warn if a slab is empty; parameters as of `slab_missed`."""
     if missed := slab_missed(media, subject, camera):
         say(missed)
 
 
 def slab_missed(
-    media: Sequence[Medium], subject: Subject, camera: AnyCamera | None = None
+    media: Sequence[VolumeLayer], subject: Subject, camera: AnyCamera | None = None
 ) -> str | None:
     """Return the message about an empty slab; None if it is not empty, or of the other kind.
 
@@ -146,7 +148,7 @@ def slab_missed(
     return f"the slab {media[0][1].slab} holds nothing of {names}"
 
 
-class Painting(NamedTuple):
+class PreparedPicture(NamedTuple):
     """A prepared scene, its camera and its painter."""
 
     subject: Subject
@@ -154,7 +156,9 @@ class Painting(NamedTuple):
     paint: Callable[[AnyCamera], Frame]
 
 
-def picture_of(scene: Painting, media: Sequence[Medium], projection: Projection) -> Frame:
+def picture_of(
+    scene: PreparedPicture, media: Sequence[VolumeLayer], projection: Projection
+) -> Frame:
     """Paint volumes; warn once if the picture is empty."""
     subject, camera, paint = scene
     frame = paint(camera)
@@ -183,42 +187,42 @@ def _emptiness(frame: Frame, volume: Volume, projection: Projection) -> str | No
     return f"the picture is black: {why}{hint}"
 
 
-class Doing(NamedTuple):
+class ExecutionContext(NamedTuple):
     """Threads, processes and memory that paint a picture."""
 
     threads: int | None
     sharing: Sharing
-    hire: Hire
+    hire: StartWorkers
     output: Path  # several processes may keep windows beside it
     left: list[Path]  # folders with windows of commands that were killed
 
 
 @contextmanager
-def doing_by(threads: int | None, sharing: Sharing, output: Path) -> Iterator[Doing]:
+def doing_by(threads: int | None, sharing: Sharing, output: Path) -> Iterator[ExecutionContext]:
     """Provide threads, processes and memory for a picture, until the end of the block.
 
     Raises
     ------
     ValueError, OSError
-        As of `hiring`.
+        As of `worker_pools`.
     """
-    with hiring(sharing, threads) as hire:
+    with worker_pools(sharing, threads) as hire:
         if not sharing.is_asked:
-            yield Doing(threads, sharing, hire, output, [])
+            yield ExecutionContext(threads, sharing, hire, output, [])
             return
         with inheriting(Path(os.path.realpath(output))) as left:
-            yield Doing(threads, sharing, hire, output, left)
+            yield ExecutionContext(threads, sharing, hire, output, left)
 
 
 def to_paint(
     session: Session,
-    media: Sequence[Medium],
+    media: Sequence[VolumeLayer],
     resampler: Resampler,
     fit: Fitted,
     viewpoint: Viewpoint,
     size: tuple[int, int],
-    doing: Doing,
-) -> Painting:
+    context: ExecutionContext,
+) -> PreparedPicture:
     """Prepare volumes to be painted; volumes in bricks window by window, if too dense.
 
     With workers it is always by windows. The fit `picture` is `visible` with the camera zoomed and
@@ -229,7 +233,7 @@ def to_paint(
     ValueError
         As of `scene_of`; or windows serve neither.
     """
-    if doing.sharing.is_asked:
+    if context.sharing.is_asked:
         for medium in media:
             _check_bricks(*medium)
         if not share_lattice(media):
@@ -238,21 +242,21 @@ def to_paint(
                 "process; leave workers out"
             )
         say_lost_field(media, resampler, in_windows=True)
-        return _in_windows(session, media, resampler, whole_fit(fit), viewpoint, size, doing)
+        return _in_windows(session, media, resampler, whole_fit(fit), viewpoint, size, context)
     try:
         subject = scene_of(session, media, resampler, ball_fit(fit), size)
     except TooManyVoxelsError:
-        return _in_windows(session, media, resampler, whole_fit(fit), viewpoint, size, doing)
+        return _in_windows(session, media, resampler, whole_fit(fit), viewpoint, size, context)
     viewpoint = filled(viewpoint, fit, subject, media[0], resampler, size)
     camera = subject.camera(viewpoint, *size)
     seen, painter = lit(session, subject, camera), subject.painter(resampler)
 
     def paint(eye: AnyCamera) -> Frame:
         cuts = subject.cuts(eye)
-        frame = painted(session, painter, seen, eye, size, doing.threads, cuts)
+        frame = painted(session, painter, seen, eye, size, context.threads, cuts)
         return subject.developed(frame)
 
-    return Painting(subject, camera, paint)
+    return PreparedPicture(subject, camera, paint)
 
 
 def _check_bricks(volume: Volume, look: Appearance) -> None:
@@ -272,15 +276,15 @@ def _check_bricks(volume: Volume, look: Appearance) -> None:
 
 def _in_windows(
     session: Session,
-    media: Sequence[Medium],
+    media: Sequence[VolumeLayer],
     resampler: Resampler,
     fit: Fit,
     viewpoint: Viewpoint,
     size: tuple[int, int],
-    doing: Doing,
-) -> Painting:
+    context: ExecutionContext,
+) -> PreparedPicture:
     """Prepare volumes in bricks, to hold one window's voxels in memory at a time."""
-    spent = spent_here(media, doing.threads)
+    spent = spent_here(media, context.threads)
     with session.stage("classify", bar="scanning voxels") as progress:
         subject = streamed_subject(media, fit, resampler, spent, progress)
     say_missed(media, subject)
@@ -291,25 +295,25 @@ def _in_windows(
             raise ValueError("slabs of depth cannot be painted window by window; leave --deep out")
         with (
             session.stage("paint", bar="painting windows") as progress,
-            shared(doing, media, (eye.view(), size, resampler)) as spent,
+            shared(context, media, (eye.view(), size, resampler)) as spent,
         ):
             frame, count = paint_streamed(media, subject, eye, size, spent, resampler, progress)
         if spent.executor is None:
             say(f"the visible voxels do not fit in memory: painted in {count} windows")
         else:
-            say(f"painted in {count} windows by {doing.sharing.who}")
+            say(f"painted in {count} windows by {context.sharing.who}")
         return frame
 
-    return Painting(subject, camera, paint)
+    return PreparedPicture(subject, camera, paint)
 
 
-def spent_here(media: Sequence[Medium], threads: int | None) -> Spent:
+def spent_here(media: Sequence[VolumeLayer], threads: int | None) -> Budget:
     """Return the budget of windows that this process paints."""
     bricks: Any = media[0][0].values
-    return Spent(getattr(bricks, "memory", None) or available_memory() or 0, threads)
+    return Budget(getattr(bricks, "memory", None) or available_memory() or 0, threads)
 
 
-def _mark(media: Sequence[Medium], shown: tuple[Any, ...]) -> str | None:
+def _mark(media: Sequence[VolumeLayer], shown: tuple[Any, ...]) -> str | None:
     """Return a key shared by pictures of equal pixels; None if values may change unnoticed."""
     known: list[Any] = [installed_version(), shown]
     for volume, look in media:
@@ -324,20 +328,22 @@ def _mark(media: Sequence[Medium], shown: tuple[Any, ...]) -> str | None:
 
 
 @contextmanager
-def shared(doing: Doing, media: Sequence[Medium], shown: tuple[Any, ...]) -> Iterator[Spent]:
+def shared(
+    context: ExecutionContext, media: Sequence[VolumeLayer], shown: tuple[Any, ...]
+) -> Iterator[Budget]:
     """Provide the budget and the executor of windows, until the end of the block.
 
     Windows that a killed command left of the same picture are reused.
     """
-    here = spent_here(media, doing.threads)
-    allowed, crew = here.memory, doing.hire()
+    here = spent_here(media, context.threads)
+    allowed, crew = here.memory, context.hire()
     if crew is None:
         yield here
         return
     each = allowed // crew.tasks if crew.is_local else min(allowed, crew.memory or allowed)
     mark = _mark(media, shown)
-    with beside(Path(os.path.realpath(doing.output))) as folder:
-        same = [left for left in doing.left if mark is not None and _mark_in(left) == mark]
+    with beside(Path(os.path.realpath(context.output))) as folder:
+        same = [left for left in context.left if mark is not None and _mark_in(left) == mark]
         if same:
             same[0].rename(folder)
             count = len(list(folder.glob(NAME.format(*"****"))))
@@ -345,7 +351,7 @@ def shared(doing: Doing, media: Sequence[Medium], shown: tuple[Any, ...]) -> Ite
         else:
             folder.mkdir()
             (folder / MARK).write_text(mark or "", encoding="utf-8")
-        yield Spent(each, crew.threads, folder, crew.executor)
+        yield Budget(each, crew.threads, folder, crew.executor)
 
 
 def _mark_in(folder: Path) -> str | None:

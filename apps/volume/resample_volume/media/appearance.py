@@ -120,7 +120,7 @@ class Appearance:
         return None if self.light is None else self.gradient
 
 
-Medium = tuple[Volume, Appearance]  # one of several in a scene, and its look
+VolumeLayer = tuple[Volume, Appearance]  # one of several in a scene, and its look
 
 
 class Met(NamedTuple):
@@ -271,7 +271,9 @@ def of_voxels(resampler: Resampler) -> Resampler:
     return OF_VOXELS if changed == OF_VOXELS else changed
 
 
-def decided(media: Sequence[Medium], resampler: Resampler) -> tuple[list[Medium], Resampler]:
+def decided(
+    media: Sequence[VolumeLayer], resampler: Resampler
+) -> tuple[list[VolumeLayer], Resampler]:
     """Resolve `auto` to pre or post in all looks, and return the renderer for them.
 
     A ray cast field is more accurate at any size on screen. Voxels are painted for several volumes,
@@ -322,7 +324,7 @@ def fits_as_field(volume: Volume) -> bool:
     return free is None or size <= free
 
 
-def check_several(media: Sequence[Medium], resampler: Resampler) -> None:
+def check_several(media: Sequence[VolumeLayer], resampler: Resampler) -> None:
     """Reject several volumes where only one field can be shown."""
     if not media:
         raise ValueError("a scene is a list of volumes with their looks; give at least one")

@@ -10,7 +10,7 @@ from resample_volume.classification.labels import Labels
 from resample_volume.classification.regions import Faded
 from resample_volume.data.bricks import Bricks, Step
 from resample_volume.data.statistics.caches import LruCache
-from resample_volume.media.appearance import Appearance, Classification, Medium, transfer_of
+from resample_volume.media.appearance import Appearance, Classification, VolumeLayer, transfer_of
 from resample_volume.media.lattices import Lattice, common_lattice, first_in
 from resample_volume.outofcore.caching import cached
 from resample_volume.outofcore.classified import Classifying, classified_by_bricks
@@ -87,7 +87,7 @@ class Dense:
         return member._replace(by=member.by._replace(labels=replace(labels, values=values)))
 
 
-def check_windows(media: Sequence[Medium]) -> None:
+def check_windows(media: Sequence[VolumeLayer]) -> None:
     """Reject options that need all visible voxels together, and volumes not in bricks."""
     for volume, look in media:
         is_pre = look.classification is not Classification.POST
@@ -113,7 +113,7 @@ def check_windows(media: Sequence[Medium]) -> None:
 
 
 def dense_of(
-    media: Sequence[Medium], painter: Resampler, memory: int, looking: PassContext
+    media: Sequence[VolumeLayer], painter: Resampler, memory: int, looking: PassContext
 ) -> tuple[Volume, Dense]:
     """Prepare volumes to be classified brick by brick, and the scene that they form."""
     check_windows(media)
@@ -138,13 +138,13 @@ def dense_of(
     return scene, Dense(tuple(members), lattice, cut, beside)
 
 
-def share_lattice(media: Sequence[Medium]) -> bool:
+def share_lattice(media: Sequence[VolumeLayer]) -> bool:
     """Return whether all volumes share a lattice, so that none has to be resampled."""
     lattice = common_lattice([volume for volume, _ in media])
     return all(first_in(volume, lattice) is not None for volume, _ in media)
 
 
-def _on_lattice(medium: Medium, lattice: Lattice, most: int) -> Medium:
+def _on_lattice(medium: VolumeLayer, lattice: Lattice, most: int) -> VolumeLayer:
     """Return a volume on the common lattice, and its look; mapped pages take limited memory."""
     volume, look = medium
     if first_in(volume, lattice) is not None:
@@ -157,7 +157,7 @@ def _on_lattice(medium: Medium, lattice: Lattice, most: int) -> Medium:
     return there, resampled_appearance(volume, look)
 
 
-def _together(placed: Sequence[Medium], lattice: Lattice) -> Volume:
+def _together(placed: Sequence[VolumeLayer], lattice: Lattice) -> Volume:
     """Combine volumes in bricks on the common lattice; cached."""
     x, y, z = map(int, lattice.size)
     bricks: list[Any] = [volume.values for volume, _ in placed]

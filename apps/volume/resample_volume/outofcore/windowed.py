@@ -58,7 +58,7 @@ Lit = Callable[
 ]  # of flat indices, voxels and the extreme gradients of all
 
 
-class Work(NamedTuple):
+class RenderJob(NamedTuple):
     """Paint job of a volume in bricks; must be picklable for other processes."""
 
     volume: Volume  # around the scene's origin; in `Bricks`, or several `Together`
@@ -130,7 +130,7 @@ class PaintedWindow(NamedTuple):
 
 
 def painted_in_windows(
-    work: Work, known: Surveyed, tell: Progress, executor: Executor | None = None
+    job: RenderJob, known: Surveyed, tell: Progress, executor: Executor | None = None
 ) -> Iterator[tuple[Window, Film]]:
     """Paint the windows that make up the picture.
 
@@ -152,9 +152,9 @@ def painted_in_windows(
     OSError
         A window cannot be written or read.
     """
-    bricks: Bricks = work.volume.values  # type: ignore[assignment]
-    tasks = tasks_of(work, known, 1 if executor is None else WINDOWS)
-    common = partial(_painted, work, known._replace(blocks=known.blocks.bare()))
+    bricks: Bricks = job.volume.values  # type: ignore[assignment]
+    tasks = tasks_of(job, known, 1 if executor is None else WINDOWS)
+    common = partial(_painted, job, known._replace(blocks=known.blocks.bare()))
     done = np.cumsum([0] + [task.voxels for task in tasks])
     shares = done / max(1, done[-1])
     parts = shared_out(executor, common, tasks)
@@ -163,83 +163,83 @@ def painted_in_windows(
         with told(between(tell, first, last)):
             window, film, reads = next(parts)
         bricks.reads += reads
-        if film is None and work.folder is not None:
-            stored = kept_tile(work.folder, window)
+        if film is None and job.folder is not None:
+            stored = kept_tile(job.folder, window)
             film = None if stored is None else stored[0]
         if film is None:
-            raise OSError(f"{work.folder}: a window of the picture is missing; try again")
+            raise OSError(f"{job.folder}: a window of the picture is missing; try again")
         yield window, film
 
 
-def surveyed(work: Work, tell: Progress, executor: Executor | None = None) -> Surveyed | None:
+def surveyed(job: RenderJob, tell: Progress, executor: Executor | None = None) -> Surveyed | None:
     """Scan a picture's voxels, a brick at a time; None if nothing is visible."""
-    bricks: Bricks = work.volume.values  # type: ignore[assignment]
+    bricks: Bricks = job.volume.values  # type: ignore[assignment]
     lattice = lattice_for(bricks.shape)
-    before = _known_before(work, lattice)
+    before = _known_before(job, lattice)
     if before is not None:
         return before
-    guess: Guess | None = _guessed(work)
+    guess: Guess | None = _guessed(job)
     while guess is not None:
-        looking = PassContext(executor, work.threads, between(tell, 0.0, SHARE_OF_SCAN))
-        found = passed(bricks, lattice, partial(_scan_layers, work, lattice, guess), looking)
+        looking = PassContext(executor, job.threads, between(tell, 0.0, SHARE_OF_SCAN))
+        found = passed(bricks, lattice, partial(_scan_layers, job, lattice, guess), looking)
         if not any(part.visible for part in found):
             return None
-        plan = _planned(work, found)
-        guess = _better(work, guess, plan)
+        plan = _planned(job, found)
+        guess = _better(job, guess, plan)
     seen = np.zeros(int(np.prod(lattice.blocks)), np.int64)
     for index, count in (counted for part in found for counted in part.visible):
         seen[index] += count
     index = np.flatnonzero(seen)
     steep = reduce(merged_steeps, [one for part in found for one in part.steep])
-    cache_visible(work.volume, work.kind, VisibleBlocks(steep, index, seen[index]))
+    cache_visible(job.volume, job.kind, VisibleBlocks(steep, index, seen[index]))
     if plan is None or not plan.visible:
         return None
-    bounds = _in_parts(work, lattice, index, seen[index], plan).bounds
+    bounds = _in_parts(job, lattice, index, seen[index], plan).bounds
     return Surveyed(plan, steep, Blocks(lattice, index, seen[index], bounds))
 
 
-def _known_before(work: Work, lattice: Lattice) -> Surveyed | None:
+def _known_before(job: RenderJob, lattice: Lattice) -> Surveyed | None:
     """Return facts from the scan for another picture, if they suffice."""
-    looked = cached_visible(work.volume, work.kind)
+    looked = cached_visible(job.volume, job.kind)
     if looked is None:
         return None
-    height, width = work.size
-    source = _in_parts(work, lattice, looked.number, looked.visible)
-    plan = work.resampler.plan_of_parts(source, work.camera, height=height, width=width)
+    height, width = job.size
+    source = _in_parts(job, lattice, looked.number, looked.visible)
+    plan = job.resampler.plan_of_parts(source, job.camera, height=height, width=width)
     if plan is None:
         return None
     blocks = Blocks(lattice, looked.number, looked.visible, source.bounds)
     return Surveyed(plan, looked.steep, blocks)
 
 
-def _guessed(work: Work) -> Guess:
+def _guessed(job: RenderJob) -> Guess:
     """Guess spacings from the volume's corners, which usually bound all others."""
-    scene = work.volume
+    scene = job.volume
     size = np.array(scene.values.shape[::-1]) - 1
     corner = np.array(list(product((0, 1), repeat=3))) * size @ lattice_of(scene).T + scene.origin
     alike = np.ones(len(corner), np.float32)
     samples = Samples(corner.astype(np.float32), np.ones_like(corner), alike, lattice_of(scene))
-    height, width = work.size
-    plan = work.resampler.plan(samples, work.camera, height=height, width=width)
-    is_uneven = plan.visible > 0 and not work.resampler.is_even(plan)
+    height, width = job.size
+    plan = job.resampler.plan(samples, job.camera, height=height, width=width)
+    is_uneven = plan.visible > 0 and not job.resampler.is_even(plan)
     painters = (SPLATS,) if plan.painter == SPLATS else EVERYBODY
     return Guess(painters, plan if is_uneven else None)
 
 
-def _better(work: Work, guess: Guess, plan: PicturePlan | None) -> Guess | None:
+def _better(job: RenderJob, guess: Guess, plan: PicturePlan | None) -> Guess | None:
     """Return better queries if a plan is incomplete; None if it is complete."""
     if plan is None:
         return Guess(EVERYBODY, guess.spaced)
-    is_known = plan.spacing is not None or work.resampler.is_even(plan)
+    is_known = plan.spacing is not None or job.resampler.is_even(plan)
     return None if is_known else Guess(guess.painters, plan)
 
 
-def _planned(work: Work, found: list[FoundInLayers]) -> PicturePlan | None:
+def _planned(job: RenderJob, found: list[FoundInLayers]) -> PicturePlan | None:
     """Return the plan of all samples; None: more painters must be queried."""
-    height, width = work.size
+    height, width = job.size
     plans = [plan for part in found for plan in part.plans]
-    by = (lattice_of(work.volume), work.camera)
-    plan = work.resampler.plan_of(plans, *by, height=height, width=width)
+    by = (lattice_of(job.volume), job.camera)
+    plan = job.resampler.plan_of(plans, *by, height=height, width=width)
     if plan is None:
         return None
     known = [part.spaced for part in found if part.spaced is not None]
@@ -248,7 +248,7 @@ def _planned(work: Work, found: list[FoundInLayers]) -> PicturePlan | None:
     return plan._replace(spacing=np.minimum.reduce(spacings)) if spacings else plan
 
 
-def _scan_layers(work: Work, lattice: Lattice, guess: Guess, bricks: Bricks) -> FoundInLayers:
+def _scan_layers(job: RenderJob, lattice: Lattice, guess: Guess, bricks: Bricks) -> FoundInLayers:
     """Scan the requested layers of bricks for a picture."""
     values: Any = bricks
     found = FoundInLayers([], [], [], None)
@@ -256,27 +256,27 @@ def _scan_layers(work: Work, lattice: Lattice, guess: Guess, bricks: Bricks) -> 
     def counted(place: Indices, voxels: Any) -> tuple[tuple[Indices, Indices], Any]:
         return lattice.counted(place), voxels
 
-    (height, width), spaced = work.size, guess.spaced
+    (height, width), spaced = job.size, guess.spaced
     by: dict[str, Any] = {
         "height": height,
         "width": width,
-        "clip": work.clip,
+        "clip": job.clip,
         "painters": guess.painters,
     }
-    for seen, voxels in work.classified(work.volume._replace(values=values), counted):
+    for seen, voxels in job.classified(job.volume._replace(values=values), counted):
         if not len(voxels.position):
             continue
-        found.steep.append(steeps_of(voxels.parts, work.clip))
+        found.steep.append(steeps_of(voxels.parts, job.clip))
         samples = Samples(voxels.position, voxels.color, voxels.extinction, voxels.lattice)
-        plans = work.resampler.plans(samples, work.camera, **by)
+        plans = job.resampler.plans(samples, job.camera, **by)
         found.plans.append(plans)
         if plans.visible and spaced is not None:
-            spaced = work.resampler.with_spacing(spaced, samples, work.camera, work.clip)
+            spaced = job.resampler.with_spacing(spaced, samples, job.camera, job.clip)
         found.visible.append(seen)
     return found._replace(spaced=spaced)
 
 
-def tasks_of(work: Work, known: Surveyed, fewest: int = 1) -> list[Task]:
+def tasks_of(job: RenderJob, known: Surveyed, fewest: int = 1) -> list[Task]:
     """Return windows of whole tiles, each within the memory limit.
 
     If the picture does not fit in memory at once, there is a least number of windows.
@@ -287,12 +287,12 @@ def tasks_of(work: Work, known: Surveyed, fewest: int = 1) -> list[Task]:
         A single tile exceeds the limit.
     """
     (height, width), tile = known.plan.size, known.plan.tile
-    values: Bricks = work.volume.values  # type: ignore[assignment]
+    values: Bricks = job.volume.values  # type: ignore[assignment]
     found: list[Task] = []
     waiting: deque[Window] = deque([(0, 0, width, height)])
     while waiting:
         window = x0, y0, x1, y1 = waiting.popleft()
-        task, fits = _task(work, known, window)
+        task, fits = _task(job, known, window)
         columns, rows = -(-(x1 - x0) // tile), -(-(y1 - y0) // tile)
         is_tile = max(columns, rows) == 1
         if fits and (task.step == 0 or is_tile or len(found) + len(waiting) + 1 >= fewest):
@@ -316,19 +316,19 @@ def tasks_of(work: Work, known: Surveyed, fewest: int = 1) -> list[Task]:
     return found
 
 
-def _task(work: Work, known: Surveyed, window: Window) -> tuple[Task, bool]:
+def _task(job: RenderJob, known: Surveyed, window: Window) -> tuple[Task, bool]:
     """Return a window, and whether it fits in the allowed memory."""
     blocks = known.blocks
     are_asked = blocks.within(window, known.plan.margin + 1)
     number, seen = (part[are_asked].astype(np.int32) for part in (blocks.number, blocks.visible))
     task = Task(window, number, seen)
-    values: Bricks = work.volume.values  # type: ignore[assignment]
-    free = work.memory - work.beside - values.shelved - _bytes_of_bricks(work, blocks, are_asked)
-    if task.voxels * BYTES_PER_SAMPLE <= free or not work.resampler.can_step(known.plan):
+    values: Bricks = job.volume.values  # type: ignore[assignment]
+    free = job.memory - job.beside - values.shelved - _bytes_of_bricks(job, blocks, are_asked)
+    if task.voxels * BYTES_PER_SAMPLE <= free or not job.resampler.can_step(known.plan):
         return task, task.voxels * BYTES_PER_SAMPLE <= free
-    source = _source(work, known, task, values)
-    kept, waiting = work.resampler.kept_between_steps(source, work.camera, known.plan, window)
-    for recent in (work.memory // share for share in RECENT):
+    source = _source(job, known, task, values)
+    kept, waiting = job.resampler.kept_between_steps(source, job.camera, known.plan, window)
+    for recent in (job.memory // share for share in RECENT):
         # Queued voxels are tested again in each step.
         most = (free - kept - recent) // BYTES_IN_STEPS - waiting
         step = min(most, max(LEAST, task.voxels // STEPS))
@@ -338,9 +338,9 @@ def _task(work: Work, known: Surveyed, window: Window) -> tuple[Task, bool]:
     return task, False
 
 
-def _bytes_of_bricks(work: Work, blocks: Blocks, are_asked: NDArray[np.bool_]) -> int:
+def _bytes_of_bricks(job: RenderJob, blocks: Blocks, are_asked: NDArray[np.bool_]) -> int:
     """Bytes of the bricks held together, and of the temporaries of those being scanned."""
-    bricks: Bricks = work.volume.values  # type: ignore[assignment]
+    bricks: Bricks = job.volume.values  # type: ignore[assignment]
     if not are_asked.any():
         return 0
     lattice, seen = blocks.lattice, blocks.visible[are_asked]
@@ -351,72 +351,72 @@ def _bytes_of_bricks(work: Work, blocks: Blocks, are_asked: NDArray[np.bool_]) -
         z, y, x = (np.where(ends, last, at) // bricks.side).T
         is_near[z, y, x] = True
     held = held_together(with_neighbours(is_near))
-    threads = work.threads or threads_at_work()
+    threads = job.threads or threads_at_work()
     within = np.ravel_multi_index(tuple((at // bricks.side).T), bricks.count)
     each = int(np.bincount(within, seen).max()) * BYTES_PER_VOXEL
-    if work.sifts:
+    if job.sifts:
         most = min(int(np.bincount(within).max()) * lattice.side**3, prod(bricks.side))
         each = max(each, most * BYTES_PER_CANDIDATE)
-    return (held + threads) * bricks.bytes_each + (threads + 1) * work.volumes * each
+    return (held + threads) * bricks.bytes_each + (threads + 1) * job.volumes * each
 
 
-def _painted(work: Work, known: Surveyed, task: Task) -> PaintedWindow:
+def _painted(job: RenderJob, known: Surveyed, task: Task) -> PaintedWindow:
     """Paint a window, and release its voxels."""
-    if work.folder is not None:
-        stored = kept_tile(work.folder, task.window)
+    if job.folder is not None:
+        stored = kept_tile(job.folder, task.window)
         if stored is not None:  # painted by a worker that ended before it could report
             return PaintedWindow(task.window, None, stored[1]["reads"])
     from resample.engine.jit import threads
 
     trim()
-    values: Bricks = work.volume.values  # type: ignore[assignment]
+    values: Bricks = job.volume.values  # type: ignore[assignment]
     bricks = values.within(None, LruCache(task.recent) if task.step else None)
-    with threads(work.threads):
-        source = _source(work, known, task, bricks)
-        by = (work.camera, known.plan, task.window)
+    with threads(job.threads):
+        source = _source(job, known, task, bricks)
+        by = (job.camera, known.plan, task.window)
         if task.step:
-            frame = work.resampler.paint_nearest_first(source, *by, clip=work.clip)
+            frame = job.resampler.paint_nearest_first(source, *by, clip=job.clip)
         else:
             samples = source.load(np.arange(task.number.size))
-            frame = work.resampler.paint_window(samples, *by, clip=work.clip)
+            frame = job.resampler.paint_window(samples, *by, clip=job.clip)
     film = Film(frame.rgba, frame.depth, frame.first_depth, frame.coverage)
-    if work.folder is None:
+    if job.folder is None:
         return PaintedWindow(task.window, film, bricks.reads)
-    keep_tile(work.folder, task.window, film, {"reads": bricks.reads})
+    keep_tile(job.folder, task.window, film, {"reads": bricks.reads})
     return PaintedWindow(task.window, None, bricks.reads)
 
 
-def _source(work: Work, known: Surveyed, task: Task, bricks: Bricks) -> SamplesInParts:
+def _source(job: RenderJob, known: Surveyed, task: Task, bricks: Bricks) -> SamplesInParts:
     """Return the source of a window's blocks, which counts bricks read."""
     lattice, number = known.blocks.lattice, task.number.astype(np.int64)
 
     def load(parts: Indices) -> Samples:
         part = bricks.within(lattice.asked(number[parts]), bricks.recent)
-        samples = _samples(work, part, known, int(task.visible[parts].sum(dtype=np.int64)))
+        samples = _samples(job, part, known, int(task.visible[parts].sum(dtype=np.int64)))
         bricks.reads += part.reads
         return samples
 
-    parts = _in_parts(work, lattice, number, task.visible.astype(np.int64), known.plan)
+    parts = _in_parts(job, lattice, number, task.visible.astype(np.int64), known.plan)
     return parts._replace(load=load, step=task.step)
 
 
 def _in_parts(
-    work: Work,
+    job: RenderJob,
     lattice: Lattice,
     number: Indices,
     seen: Indices,
     plan: PicturePlan | None = None,
 ) -> SamplesInParts:
     """Return a source that only knows where blocks are; for painting by a plan, or as splats."""
-    volume, reach = work.volume, work.resampler.reconstruction.radius
+    volume, reach = job.volume, job.resampler.reconstruction.radius
     steps, (low, high) = lattice_of(volume), ends_of(lattice, number)
     center = 0.5 * (low + high) @ steps.T + volume.origin
     corner = np.array(list(product((-0.5, 0.5), repeat=3)))
     away = (high - low)[:, np.newaxis] * corner @ steps.T
     radius = np.sqrt((away * away).sum(axis=2).max(axis=1))
-    bounds = bounds_of(volume, lattice, number, reach, work.camera.view())
+    bounds = bounds_of(volume, lattice, number, reach, job.camera.view())
     if plan is not None:
-        bounds = widened(bounds, *work.resampler.reach_beyond(plan, steps, work.camera))
+        bounds = widened(bounds, *job.resampler.reach_beyond(plan, steps, job.camera))
     return SamplesInParts(center, radius, bounds, seen, steps, _load_nothing, 0)
 
 
@@ -424,18 +424,18 @@ def _load_nothing(_: Indices) -> Samples:
     raise RuntimeError("blocks of a planned picture cannot be loaded")
 
 
-def _samples(work: Work, bricks: Bricks, known: Surveyed, count: int) -> Samples:
+def _samples(job: RenderJob, bricks: Bricks, known: Surveyed, count: int) -> Samples:
     """Return all shaded samples of a window."""
     position, color = np.empty((2, count, 3), np.float32)
     extinction, done = np.empty(count, np.float32), 0
     values: Any = bricks
-    volume = work.volume._replace(values=values)
+    volume = job.volume._replace(values=values)
 
     def lit(place: Indices, voxels: Any) -> Samples:
-        return work.lit(place, voxels, known.steep)
+        return job.lit(place, voxels, known.steep)
 
     lattice = np.eye(3)
-    for part in work.classified(volume, lit):
+    for part in job.classified(volume, lit):
         own = slice(done, done + len(part.position))
         position[own], color[own], extinction[own] = part[:3]
         lattice, done = part.lattice, own.stop

@@ -11,7 +11,7 @@ from resample.files.painted.deep import Slab, write_deep
 from resample.painting.choices import MEASURING
 from resample.resampler import Resampler
 from resample.types import Doubles, Frame, View
-from resample_volume.media.appearance import Medium
+from resample_volume.media.appearance import VolumeLayer
 from resample_volume.rendering import Subject
 from resample_volume.voxels.framing import corners
 
@@ -46,7 +46,7 @@ def check_slabs(count: int, resampler: Resampler) -> None:
         )
 
 
-def boxed(shown: Iterable[Medium], subject: Subject) -> Doubles:
+def boxed(shown: Iterable[VolumeLayer], subject: Subject) -> Doubles:
     """Return the corners (N, 3) of a box around everything visible, in the subject's scene."""
     ends = [corners(subject.placed(volume)) for volume, _ in shown]
     return np.concatenate([*ends, subject.mesh.corner])

@@ -73,19 +73,19 @@ def paint_in_windows(
     ValueError
         The disk has no room.
     """
-    work = _Work(surfels, see, canvas, most, dict.fromkeys(STAGES, 0.0))
+    job = _RenderJob(surfels, see, canvas, most, dict.fromkeys(STAGES, 0.0))
     with portion(0.0, SURVEYING):
-        survey = _surveyed(work)
+        survey = _surveyed(job)
     spans = list(_spans(survey.start, most))
     for n, span in enumerate(spans):
         with told(None):  # of each part
-            _paint_span(work, survey, span)
+            _paint_span(job, survey, span)
         with portion(SURVEYING, 1.0):
             look(n + 1, len(spans))
-    return survey.visible, work.seconds
+    return survey.visible, job.seconds
 
 
-class _Work(NamedTuple):
+class _RenderJob(NamedTuple):
     """Arguments and times of `paint_in_windows`."""
 
     surfels: Surfels
@@ -103,12 +103,12 @@ class _Survey(NamedTuple):
     touched: NDArray[np.int64]  # (parts, 2) first and last tile that each part of the discs touches
 
 
-def _surveyed(work: _Work) -> _Survey:
+def _surveyed(job: _RenderJob) -> _Survey:
     """Count the discs of each tile."""
     from resample.engine.tiles import CHUNKS, count_members
     from resample_warp3d.clouds.kernels.discs import SURFEL
 
-    begin, canvas, position = perf_counter(), work.canvas, work.surfels.position
+    begin, canvas, position = perf_counter(), job.canvas, job.surfels.position
     rows, columns = tiles_along(canvas.screen, canvas.size)
     seen = zeros_beside(position, (len(position),), np.uint8)
     held, touched = np.zeros(rows * columns, np.int64), []
@@ -116,7 +116,7 @@ def _surveyed(work: _Work) -> _Survey:
         records = np.zeros(part.stop - part.start, SURFEL)
         count = np.zeros((CHUNKS, held.size), np.int64)
         with told(None):
-            work.project(part, records)
+            job.project(part, records)
             count_members(records, canvas.screen, canvas.size, columns, count)
         seen[part] = kinds_of(records)
         held += count.sum(axis=0)
@@ -124,7 +124,7 @@ def _surveyed(work: _Work) -> _Survey:
         touched.append((tiles[0], tiles[-1]) if tiles.size else (0, -1))
         look(part.stop, len(position))
     start = np.concatenate([[0], np.cumsum(held)])
-    work.seconds["project"] += perf_counter() - begin
+    job.seconds["project"] += perf_counter() - begin
     return _Survey(seen, start, np.array(touched, np.int64).reshape(-1, 2))
 
 
@@ -142,12 +142,12 @@ def _spans(start: NDArray[np.int64], most: int) -> Iterator[tuple[int, int]]:
         tile = last
 
 
-def _paint_span(work: _Work, survey: _Survey, span: tuple[int, int]) -> None:
+def _paint_span(job: _RenderJob, survey: _Survey, span: tuple[int, int]) -> None:
     """Paint the tiles of a span."""
     from resample_warp3d.clouds.kernels.painting import Discs, paint
 
-    times, canvas = [perf_counter()], work.canvas
-    records, which = _discs_of(work, survey, span)
+    times, canvas = [perf_counter()], job.canvas
+    records, which = _discs_of(job, survey, span)
     times.append(perf_counter())
     tiles = dealt_to_tiles(records, canvas.screen, canvas.size)
     start = np.clip(tiles.start, tiles.start[span[0]], tiles.start[span[1]])  # exclude other tiles
@@ -157,25 +157,25 @@ def _paint_span(work: _Work, survey: _Survey, span: tuple[int, int]) -> None:
     survey.visible[which[discs.shows > 0]] |= np.uint8(SHOWN)
     times.append(perf_counter())
     for stage, spent in zip(STAGES, np.diff(times).tolist(), strict=True):
-        work.seconds[stage] += spent
+        job.seconds[stage] += spent
 
 
 def _discs_of(
-    work: _Work, survey: _Survey, span: tuple[int, int]
+    job: _RenderJob, survey: _Survey, span: tuple[int, int]
 ) -> tuple[Records, NDArray[np.int64]]:
     """Return the projected discs in a span's tiles, and their indices."""
     from resample_warp3d.clouds.kernels.discs import SURFEL
     from resample_warp3d.clouds.kernels.windows import find_meeting
 
-    canvas, count = work.canvas, 0
+    canvas, count = job.canvas, 0
     held = int(survey.start[span[1]] - survey.start[span[0]])
-    found, which = _allocate(work, held, SURFEL), _allocate(work, held, np.dtype(np.int64))
+    found, which = _allocate(job, held, SURFEL), _allocate(job, held, np.dtype(np.int64))
     shape = tiles_along(canvas.screen, canvas.size)
-    for n, part in enumerate(rows_of(work.surfels.position)):
+    for n, part in enumerate(rows_of(job.surfels.position)):
         if survey.touched[n, 0] >= span[1] or survey.touched[n, 1] < span[0]:
             continue
         records = np.zeros(part.stop - part.start, SURFEL)
-        work.project(part, records)
+        job.project(part, records)
         meets = np.zeros(len(records), np.bool_)
         find_meeting(records, (*shape, canvas.size), span, meets)
         some = np.flatnonzero(meets)
@@ -185,8 +185,8 @@ def _discs_of(
     return found[:count], which[:count]
 
 
-def _allocate(work: _Work, count: int, kind: np.dtype[Any]) -> NDArray[Any]:
+def _allocate(job: _RenderJob, count: int, kind: np.dtype[Any]) -> NDArray[Any]:
     """Allocate an array, in a file if it exceeds the memory limit."""
-    if count * kind.itemsize <= work.most:
+    if count * kind.itemsize <= job.most:
         return np.empty(count, kind)
-    return array_in_file((count,), kind, work.most, "a cloud on the screen")
+    return array_in_file((count,), kind, job.most, "a cloud on the screen")
