@@ -89,8 +89,8 @@ def paint_field(
     progress: Progress | None,
 ) -> tuple[Painted, Statistics]:
     """Paint a field to a picture (height, width)."""
+    from resample.engine.rays.adaptive_sampling import Evenness
     from resample.engine.rays.painting import Output, paint_rays
-    from resample.engine.rays.sparing import Evenness
 
     clock, style = Clock(), how.style
     medium, way = _medium(field, view, how), _way(field, how)

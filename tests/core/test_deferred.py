@@ -6,7 +6,7 @@ import pytest
 from resample.cameras.models import Orthographic
 from resample.cameras.poses import look_at
 from resample.engine.ellipsoids import run_bounds
-from resample.engine.ellipsoids.pool import ask_for
+from resample.engine.ellipsoids.work_queue import ask_for
 from resample.engine.jit import kernel
 from resample.painting import splats as deferred
 from resample.painting.choices import Primitive

@@ -6,7 +6,7 @@ import pytest
 from resample import resampler
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
-from resample.engine.points.eights import spread
+from resample.engine.points.octets import spread
 from resample.painting import points as deferred_points
 from resample.painting.choices import Opacity, Primitive
 from resample.profiles.filters import Box, Gaussian, Mitchell, profile, table

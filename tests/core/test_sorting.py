@@ -3,7 +3,7 @@ import pytest
 
 from resample.engine.ellipsoids import outlines
 from resample.engine.ellipsoids.outlines import BATCH, SCRATCH_SIZE
-from resample.engine.ellipsoids.pool import put_in_order
+from resample.engine.ellipsoids.work_queue import put_in_order
 from resample.engine.jit import kernel
 from resample.engine.sorting import FEW, bits_of, key_of_bits, member_of, paired, sort_pairs
 

@@ -223,7 +223,7 @@ def _as_it_is(opacity, x, is_thin):  # type: ignore[no-untyped-def]  # noqa: ARG
 
 
 @lane_kernel
-def lay_behind(
+def composite_under(
     rows: Floats, k: np.uint64, fall: Single, integral: Single, light: Light, limits: Limits
 ) -> None:
     """Composite light under what a sub-pixel holds."""
@@ -263,7 +263,7 @@ def _lay(
     integral = line_integral(formula.integral, t, chord)
     x = max(np.float32(-1.0), integral * mark.per_integral)
     fall = fall_of(formula.opacity, x, mark.is_thin)
-    lay_behind(rows, k, fall, integral, mark.light, limits)
+    composite_under(rows, k, fall, integral, mark.light, limits)
 
 
 @lane_kernel

@@ -82,7 +82,7 @@ def count_subpixels(tiles: Tiles, stage: Stage, shown: NDArray[np.bool_], count:
 
 
 @kernel
-def take_up(rows: Floats, height: int, width: int, tile: int, carried: Carried) -> None:
+def resume(rows: Floats, height: int, width: int, tile: int, carried: Carried) -> None:
     """Restore saved sub-pixels into new rows."""
     # A new tile has nothing saved.
     if in_steps(carried) and carried.state[tile] != NEW:
@@ -107,12 +107,12 @@ def go_on(
     """Restore saved sub-pixels into new rows, and close groups that are opaque."""
     # Groups that are opaque already cull samples from the start.
     if in_steps(carried):
-        take_up(rows, size[0], size[1], tile, carried)
+        resume(rows, size[0], size[1], tile, carried)
         close_rows(open_groups, rows, size[1], opaque)
 
 
 @kernel
-def lay_down(
+def checkpoint(
     rows: Floats,
     size: tuple[int, int],
     grid: tuple[int, int],

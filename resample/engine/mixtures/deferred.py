@@ -39,16 +39,6 @@ from resample.engine.ellipsoids.outlines import (
     sides_of,
     sight_of,
 )
-from resample.engine.ellipsoids.pool import (
-    Pool,
-    ask_for,
-    enlarged,
-    gather,
-    new_pool,
-    part,
-    put_in_order,
-    take,
-)
 from resample.engine.ellipsoids.rows import (
     Groups,
     Limits,
@@ -62,14 +52,24 @@ from resample.engine.ellipsoids.rows import (
 )
 from resample.engine.ellipsoids.run_bounds import CHUNKS
 from resample.engine.ellipsoids.runs import finest_of, home_of, in_order, is_run_open, may_be_finer
-from resample.engine.ellipsoids.steps import Carried, lay_down, leave_out, take_up
+from resample.engine.ellipsoids.steps import Carried, checkpoint, leave_out, resume
+from resample.engine.ellipsoids.work_queue import (
+    WorkQueue,
+    ask_for,
+    enlarged,
+    gather,
+    new_queue,
+    part,
+    put_in_order,
+    take,
+)
 from resample.engine.grid import grid
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.mixtures.keys import key_by_sheets
 from resample.engine.mixtures.models import POINT, choose_points, form_models, tint_splats
 from resample.engine.mixtures.sizes import gather_sizes, resize, stand_alone
-from resample.engine.points.among import (
-    Sheet,
+from resample.engine.points.point_sheets import (
+    PointSheet,
     add_among,
     before_sheet,
     is_empty,
@@ -93,7 +93,7 @@ from resample.types import (
 TAKEN = 1024  # samples that a tile queues before it paints those that it can
 TAKEN_EARLY = 64  # likewise, where all of them are nearer than the next run
 AHEAD = 2  # runs by which prefetching is ahead
-BETWEEN_LOOKS = 64  # splats painted between occlusion checks
+OCCLUSION_INTERVAL = 64  # splats painted between occlusion checks
 
 Queue = tuple[int, int, np.uint64]  # samples queued, runs taken, largest pair of all samples
 
@@ -103,7 +103,7 @@ class Ground(NamedTuple):
 
     rows: Floats
     open_groups: Groups
-    sheet: Sheet  # of points; without a mixture it has no cells
+    sheet: PointSheet  # of points; without a mixture it has no cells
     limits: Limits
 
 
@@ -144,7 +144,7 @@ def find_spacings(
 
 @kernel
 def take_runs(
-    pool: Pool,
+    work_queue: WorkQueue,
     queue: Queue,
     members: Members,
     runs: Runs,
@@ -162,7 +162,7 @@ def take_runs(
     position, extinction = runs.samples.position.reshape(-1), runs.samples.extinction
     color, scale = runs.samples.color.reshape(-1), runs.samples.scale
     start, known = runs.start, runs.known
-    found, outline, line = pool.found, pool.outline, pool.waiting
+    found, outline, line = work_queue.found, work_queue.outline, work_queue.waiting
     waiting, next_run, farthest = queue
     before, place, height, width = waiting, window.place, window.height, window.width
     while next_run < members.size and waiting < before + TAKEN:
@@ -194,7 +194,9 @@ def take_runs(
 
 
 @kernel
-def make_ready(pool: Pool, queue: Queue, members: Members, known: Records) -> tuple[Queue, int]:
+def make_ready(
+    work_queue: WorkQueue, queue: Queue, members: Members, known: Records
+) -> tuple[Queue, int]:
     """Sort the queued samples that no later run can precede; return how many they are."""
     waiting, next_run, farthest = queue
     # The limit is the nearest key of the next run.
@@ -202,15 +204,15 @@ def make_ready(pool: Pool, queue: Queue, members: Members, known: Records) -> tu
     if next_run < members.size:
         limit = known[members[next_run]]["key"]
     # Split the queue at it, and sort the near part.
-    stay = part(pool.waiting, waiting, limit, pool.ready)
+    stay = part(work_queue.waiting, waiting, limit, work_queue.ready)
     count = waiting - stay
-    sort_pairs(pool.ready[:count], pool.other[:count])
+    sort_pairs(work_queue.ready[:count], work_queue.other[:count])
     return (stay, next_run, farthest), count
 
 
 @kernel
 def form(
-    pool: Pool,
+    work_queue: WorkQueue,
     count: int,
     runs: Runs,
     sight: Sight,
@@ -220,7 +222,7 @@ def form(
 ) -> None:
     """Project the ready samples, batch by batch."""
     position, planes = np.empty(3 * BATCH, np.float32), stage.screen.planes
-    every, scratch, samples, style = pool.ready, pool.scratch, runs.samples, stage.style
+    every, scratch, samples, style = work_queue.ready, work_queue.scratch, runs.samples, stage.style
     # Gather the batch and project it with exact footprints.
     for first in range(0, count, BATCH):
         size, begin = min(BATCH, count - first), first // BATCH * SCRATCH_SIZE
@@ -252,7 +254,7 @@ def form(
 @kernel
 def _paint_samples(
     ground: Ground,
-    pool: Pool,
+    work_queue: WorkQueue,
     count: int,
     window: Window,
     stage: Stage,
@@ -261,15 +263,15 @@ def _paint_samples(
     tally: Tally,
 ) -> None:
     """Paint samples in order, and tally those at home in the tile that are not hidden."""
-    (rows, open_groups, sheet, limits), scratch = ground, pool.scratch
+    (rows, open_groups, sheet, limits), scratch = ground, work_queue.scratch
     place, step = window.place, np.float32(1.0 / window.place.subpixels)
-    every, at_home, points = pool.offset, 0, 0
+    every, at_home, points = work_queue.offset, 0, 0
     # Paint up to the next occlusion check.
-    for first in range(0, count, BETWEEN_LOOKS):
+    for first in range(0, count, OCCLUSION_INTERVAL):
         if not close_rows(open_groups, rows, window.width, limits.opaque):
             break
         n = first
-        end = last = min(first + BETWEEN_LOOKS, count)
+        end = last = min(first + OCCLUSION_INTERVAL, count)
         # Stop where a sheet of points that lies in front must be composited.
         if mixture is not None:
             end = first + before_sheet(sheet, scratch, every[first:last], stage)
@@ -324,22 +326,22 @@ def _paint_tile(
     rows, open_groups, sheet, limits = ground
     # Sort the runs by key, and start with an empty pool.
     in_order(runs.known, members)
-    pool, queue, is_any_open = new_pool(8 * TAKEN), (0, 0, np.uint64(0)), True
+    work_queue, queue, is_any_open = new_queue(8 * TAKEN), (0, 0, np.uint64(0)), True
     shown = (window, open_groups)
     while is_any_open and (queue[1] < members.size or queue[0] > 0):
         # Queue samples of the nearest runs, and drop those that do not belong to this step.
-        pool = enlarged(pool, queue[0])
+        work_queue = enlarged(work_queue, queue[0])
         before = queue[0]
-        queue = take_runs(pool, queue, members, runs, sight, shown, mixture, None)
-        queue = (leave_out(pool.waiting, before, queue[0], carried), queue[1], queue[2])
+        queue = take_runs(work_queue, queue, members, runs, sight, shown, mixture, None)
+        queue = (leave_out(work_queue.waiting, before, queue[0], carried), queue[1], queue[2])
         # Project those that no later run can precede, and put them in order.
-        queue, count = make_ready(pool, queue, members, runs.known)
-        form(pool, count, runs, sight, window, stage, mixture)
+        queue, count = make_ready(work_queue, queue, members, runs.known)
+        form(work_queue, count, runs, sight, window, stage, mixture)
         if mixture is None and stage.style.tint_red >= 0.0:
-            tint_splats(pool.scratch, count, stage.style)
-        put_in_order(pool.ready[:count], pool.scratch, pool.offset)
+            tint_splats(work_queue.scratch, count, stage.style)
+        put_in_order(work_queue.ready[:count], work_queue.scratch, work_queue.offset)
         # Paint them, then check what is opaque by now.
-        _paint_samples(ground, pool, count, window, stage, formula, mixture, tally)
+        _paint_samples(ground, work_queue, count, window, stage, formula, mixture, tally)
         is_any_open = close_rows(open_groups, rows, window.width, limits.opaque)
     # Composite the last sheet of points.
     if mixture is not None:
@@ -350,7 +352,7 @@ def _paint_tile(
 @parallel_kernel
 def paint_runs(
     counter: Counter,
-    turn: Indices,
+    tile_order: Indices,
     tiles: Tiles,
     runs: Runs,
     stage: Stage,
@@ -358,7 +360,7 @@ def paint_runs(
     mixture: Mixture | None,
     output: tuple[Film, Tally, Carried],
 ) -> None:
-    """Paint the tiles listed in `turn` from the runs that each may show.
+    """Paint the tiles listed in `tile_order` from the runs that each may show.
 
     Parameters
     ----------
@@ -382,9 +384,9 @@ def paint_runs(
     eye, shape, _ = optics_of(stage)
     beyond, (film, tally, carried) = beyond_of(mixture, stage), output
     style, tables = stage.style, stage.tables
-    for number in tasks(counter, turn.size):
+    for number in tasks(counter, tile_order.size):
         # Lay out the tile, and the margin within which samples may touch it.
-        tile = turn[number]
+        tile = tile_order[number]
         home, place, height, width = laid_out(tile, tiles, stage)
         tally[tile, 3] = n = place.subpixels
         pad = 0.0
@@ -404,11 +406,11 @@ def paint_runs(
         ground = Ground(rows, open_rows(height, width), sheet, limits)
         # Resume the tile, paint it, and checkpoint it.
         members = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
-        take_up(rows, height, width, tile, carried)
+        resume(rows, height, width, tile, carried)
         kept = (tally[tile], carried)
         is_open = _paint_tile(members, runs, window, stage, formula, mixture, ground, kept)
         canvas = (n, tables.pixel_margin)
-        lay_down(rows, (height, width), canvas, limits.opaque, tile, is_open, carried)
+        checkpoint(rows, (height, width), canvas, limits.opaque, tile, is_open, carried)
         # Filter sub-pixels to pixels.
         resolve_rows(rows, n, pixel_weights(tables, n), home, film)
 

@@ -27,7 +27,7 @@ from resample.engine.ellipsoids.rows import (
     resolve_rows,
 )
 from resample.engine.ellipsoids.runs import home_of, in_order, is_run_open
-from resample.engine.ellipsoids.steps import Carried, go_on, in_steps, lay_down
+from resample.engine.ellipsoids.steps import Carried, checkpoint, go_on, in_steps
 from resample.engine.grid import point_width
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.points.cells import (
@@ -43,7 +43,7 @@ from resample.engine.points.cells import (
     no_dirt,
     touch,
 )
-from resample.engine.points.eights import spread
+from resample.engine.points.octets import spread
 from resample.engine.points.outlines import is_clipped, projected, spacing_on_grid, squared_spacing
 from resample.types import (
     Doubles,
@@ -60,7 +60,7 @@ from resample.types import (
 )
 
 MOST_TAPS = 8  # sub-pixels along a row and a column that a point is spread over, at most
-BETWEEN_LOOKS = 8  # sheets composited between occlusion checks
+OCCLUSION_INTERVAL = 8  # sheets composited between occlusion checks
 
 # Columns of a batch: offsets from the point to the center of its first sub-pixel, that sub-pixel's
 # row and column, sheet, 1 / radius of the filter, amounts, sums of weights, home flag, weights.
@@ -305,7 +305,7 @@ def _sheet_of(run: Record, layer: Single) -> int:
 @parallel_kernel
 def paint_point_runs(
     counter: Counter,
-    turn: Indices,
+    tile_order: Indices,
     tiles: Tiles,
     runs: Runs,
     stage: Stage,
@@ -313,7 +313,7 @@ def paint_point_runs(
     form: Spread,
     output: tuple[Film, Tally, Carried],
 ) -> None:
-    """Paint the tiles listed in `turn` from the runs that each may show.
+    """Paint the tiles listed in `tile_order` from the runs that each may show.
 
     A run at a time: close the sheets in front of it, check occlusion, cull it, project its points,
     weigh the sub-pixels around them, and add them to their sheets.
@@ -341,8 +341,8 @@ def paint_point_runs(
     layer, opaque = np.float32(form.layer), np.float32(stage.style.opaque)
     cells = np.zeros(SLOTS * size * size * 8, np.float64)
     scratch, amount = np.empty(SCRATCH_SIZE, np.float64), np.zeros(LINE * BATCH, np.float64)
-    for k in tasks(counter, turn.size):
-        tile = turn[k]
+    for k in tasks(counter, tile_order.size):
+        tile = tile_order[k]
         members = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
         home, place, height, width = laid_out(tile, tiles, stage)
         tally[tile, 3] = n = place.subpixels
@@ -354,7 +354,7 @@ def paint_point_runs(
         go_on(rows, open_groups, (height, width), opaque, tile, carried)
         in_order(known, members)
         front = _sheet_of(known[members[0]], layer)
-        slot, behind, next_look, is_any_open = 0, front - 1, front + BETWEEN_LOOKS, True
+        slot, behind, next_look, is_any_open = 0, front - 1, front + OCCLUSION_INTERVAL, True
         # Take the tile's runs nearest first.
         for m in range(members.size):
             run = members[m]
@@ -365,7 +365,7 @@ def paint_point_runs(
                 slot, front = (slot + 1) % SLOTS, front + 1
             front = sheet
             if front >= next_look:
-                next_look = front + BETWEEN_LOOKS
+                next_look = front + OCCLUSION_INTERVAL
                 is_any_open = close_rows(open_groups, rows, width, opaque)
                 if not is_any_open:
                     break
@@ -392,5 +392,5 @@ def paint_point_runs(
             slot, front = (slot + 1) % SLOTS, front + 1
         canvas = (n, stage.tables.pixel_margin)
         is_open = is_any_open and close_rows(open_groups, rows, width, opaque)
-        lay_down(rows, (height, width), canvas, opaque, tile, is_open, carried)
+        checkpoint(rows, (height, width), canvas, opaque, tile, is_open, carried)
         resolve_rows(rows, n, pixel_weights(stage.tables, n), home, film)

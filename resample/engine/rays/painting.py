@@ -6,10 +6,7 @@ import numpy as np
 
 from resample.engine.canvas import Home, pixel_weights
 from resample.engine.jit import Counter, inner_kernel, kernel, packed_kernel, tasks
-from resample.engine.rays.integrators import Way
-from resample.engine.rays.media import Medium
-from resample.engine.rays.meshes import integrate_with_mesh, is_on_mesh
-from resample.engine.rays.sparing import (
+from resample.engine.rays.adaptive_sampling import (
     ALPHA,
     COVER,
     DEEP,
@@ -22,6 +19,9 @@ from resample.engine.rays.sparing import (
     is_even,
     line_through,
 )
+from resample.engine.rays.integrators import Way
+from resample.engine.rays.media import Medium
+from resample.engine.rays.meshes import integrate_with_mesh, is_on_mesh
 from resample.types import Film, Floats, Indices, Tables, View
 
 

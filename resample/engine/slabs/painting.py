@@ -23,7 +23,6 @@ from resample.engine.ellipsoids.outlines import (
     sides_of,
     sight_of,
 )
-from resample.engine.ellipsoids.pool import Pool, enlarged, new_pool, put_in_order
 from resample.engine.ellipsoids.rows import (
     COLUMNS,
     PAIR,
@@ -38,7 +37,8 @@ from resample.engine.ellipsoids.rows import (
     resolve_rows,
 )
 from resample.engine.ellipsoids.runs import home_of, in_order
-from resample.engine.ellipsoids.steps import Carried, go_on, lay_down, leave_out
+from resample.engine.ellipsoids.steps import Carried, checkpoint, go_on, leave_out
+from resample.engine.ellipsoids.work_queue import WorkQueue, enlarged, new_queue, put_in_order
 from resample.engine.grid import grid
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.mixtures.deferred import TAKEN, beyond_of, form, make_ready, take_runs
@@ -222,10 +222,10 @@ def _cast(
 
 
 @kernel
-def _most_pairs(turn: Indices, tiles: Tiles, stage: Stage) -> int:
+def _most_pairs(tile_order: Indices, tiles: Tiles, stage: Stage) -> int:
     """Pairs of rows of the finest tile, margins included."""
     finest = 1
-    for tile in turn:
+    for tile in tile_order:
         finest = max(finest, grid(tiles.spacing[tile], stage.style))
     return ((tiles.size + 2 * stage.tables.pixel_margin) * finest + 1) // 2
 
@@ -312,37 +312,40 @@ def _add_ready(
     canvas: Canvas,
     ready: Ready,
     sweep: Sweep,
-    taken: tuple[Pool, int],
+    taken: tuple[WorkQueue, int],
     seen: TileSamples,
     mixture: Mixture | None,
     output: tuple[Tally, Carried],
 ) -> Sweep:
     """Add the samples whose turn it is; sheets of whole splats one by one."""
-    (pool, count), (runs, sight, window), first = taken, seen, 0
+    (work_queue, count), (runs, sight, window), first = taken, seen, 0
     position, (tally, carried) = runs.samples.position.reshape(-1), output
     while first < count and sweep.is_open:
         # Take all of them in one go, by default.
         last, way, share = count, ready, 1
         # Samples of an earlier step are added without being counted again.
-        if ready.summed.what == PARTS and is_added_again(pool.ready[first], carried):
-            last = end_of_added_again(pool.ready[:count], first, carried)
+        if ready.summed.what == PARTS and is_added_again(work_queue.ready[first], carried):
+            last = end_of_added_again(work_queue.ready[:count], first, carried)
             way, share = _once_more(ready), 0
         # A sheet of whole splats is sorted by depth.
         if ready.summed.what == WHOLES:
-            last = end_of_sheet(pool.ready[:count], first)
+            last = end_of_sheet(work_queue.ready[:count], first)
             sort_by_depth(
-                pool.ready[first:last], pool.other[first:last], position, sight.optics.eye
+                work_queue.ready[first:last],
+                work_queue.other[first:last],
+                position,
+                sight.optics.eye,
             )
         # Project the samples of this part, in order.
         size = last - first
-        sheet = Pool(
-            pool.waiting,
-            pool.ready[first:last],
-            pool.other[first:last],
-            pool.offset[:size],
-            pool.scratch,
-            pool.found,
-            pool.outline,
+        sheet = WorkQueue(
+            work_queue.waiting,
+            work_queue.ready[first:last],
+            work_queue.other[first:last],
+            work_queue.offset[:size],
+            work_queue.scratch,
+            work_queue.found,
+            work_queue.outline,
         )
         form(sheet, size, runs, sight, window, ready.stage, mixture)
         put_in_order(sheet.ready, sheet.scratch, sheet.offset)
@@ -374,20 +377,20 @@ def _paint_tile(
     (runs, sight, window), summed, (_, carried) = seen, ready.summed, output
     sheets = (summed.layers, summed.what == WHOLES)
     in_order(runs.known, members)
-    pool, queue = new_pool(8 * TAKEN), (0, 0, np.uint64(0))
+    work_queue, queue = new_queue(8 * TAKEN), (0, 0, np.uint64(0))
     shown = (window, canvas.open_groups)
     # Slabs that cut splats begin before all others; sheets and sums begin at 0.
     begin = FAR_AHEAD if summed.what == PARTS else 0
     sweep = Sweep(begin, 0, 0 if summed.what == ALL else FAR_AHEAD, True)
     # Queue samples of the nearest runs, and add those that no later run can precede.
     while sweep.is_open and (queue[1] < members.size or queue[0] > 0):
-        pool = enlarged(pool, queue[0])
+        work_queue = enlarged(work_queue, queue[0])
         before = queue[0]
-        queue = take_runs(pool, queue, members, runs, sight, shown, mixture, sheets)
+        queue = take_runs(work_queue, queue, members, runs, sight, shown, mixture, sheets)
         # Drop samples that do not belong to this step.
-        queue = (leave_out(pool.waiting, before, queue[0], carried), queue[1], queue[2])
-        queue, count = make_ready(pool, queue, members, runs.known)
-        sweep = _add_ready(blend, canvas, ready, sweep, (pool, count), seen, mixture, output)
+        queue = (leave_out(work_queue.waiting, before, queue[0], carried), queue[1], queue[2])
+        queue, count = make_ready(work_queue, queue, members, runs.known)
+        sweep = _add_ready(blend, canvas, ready, sweep, (work_queue, count), seen, mixture, output)
     # Close what is still open, as far as this step may.
     if sweep.is_open and summed.what == PARTS:
         end = end_of_step(sweep.behind + 1, carried)
@@ -398,7 +401,7 @@ def _paint_tile(
 @parallel_kernel
 def paint_summed_runs(
     counter: Counter,
-    turn: Indices,
+    tile_order: Indices,
     tiles: Tiles,
     runs: Runs,
     stage: Stage,
@@ -406,7 +409,7 @@ def paint_summed_runs(
     mixture: Mixture | None,
     output: tuple[Film, Floats, Tally, Carried],
 ) -> None:
-    """Paint the tiles listed in `turn` from the runs that each may show.
+    """Paint the tiles listed in `tile_order` from the runs that each may show.
 
     Parameters
     ----------
@@ -424,7 +427,7 @@ def paint_summed_runs(
     # Allocate what all tiles of this thread use.
     (eye, shape, _), (film, value, tally, carried) = optics_of(stage), output
     integral, summed, blend = ways
-    style, tables, pairs = stage.style, stage.tables, _most_pairs(turn, tiles, stage)
+    style, tables, pairs = stage.style, stage.tables, _most_pairs(tile_order, tiles, stage)
     reach, sight = math.sqrt(shape.covariance[2][2]), sight_of(stage, beyond_of(mixture, stage))
     own = SlabScratch(
         aligned(WORK),
@@ -435,8 +438,8 @@ def paint_summed_runs(
         np.empty(MOST_TAPS, np.float32),
     )
     # Take tiles until none is left.
-    for number in tasks(counter, turn.size):
-        tile = turn[number]
+    for number in tasks(counter, tile_order.size):
+        tile = tile_order[number]
         # Lay out the sub-pixels, and set up their rays.
         home, place, height, width = laid_out(tile, tiles, stage)
         tally[tile, 3] = n = place.subpixels
@@ -465,7 +468,7 @@ def paint_summed_runs(
         sweep = _paint_tile(members, seen, blend, canvas, ready, mixture, kept)
         # Checkpoint it for the next step.
         size = (n, tables.pixel_margin)
-        lay_down(rows, (height, width), size, limits.opaque, tile, sweep.is_open, carried)
+        checkpoint(rows, (height, width), size, limits.opaque, tile, sweep.is_open, carried)
         lay_down_slabs(canvas, summed.ring, summed.what == ALL, tile, carried)
         # Close the one sum, and clear all slabs for the next tile.
         if summed.what == ALL:

@@ -16,7 +16,7 @@ from resample.engine.ellipsoids.rows import ALPHA, bounds_at, index_of, is_open
 from resample.engine.ellipsoids.rows import WEIGHT as COVER
 from resample.engine.jit import kernel
 from resample.engine.points.adding import Box, box_around
-from resample.engine.points.among import width_of
+from resample.engine.points.point_sheets import width_of
 from resample.engine.roles import making_role, plays
 from resample.engine.slabs.blends import Blend, Mixed, Values, contribution_of
 from resample.engine.slabs.splats import Span, Tools, touch_slabs

@@ -58,7 +58,7 @@ def take_up_slabs(
     # A new tile has nothing saved.
     if not in_steps(carried) or carried.state[tile] == NEW:
         return
-    # Skip what `take_up` has restored of the sub-pixels.
+    # Skip what `resume` has restored of the sub-pixels.
     height, width, number = canvas.height, canvas.width, carried.number
     place = carried.each * carried.start[tile] + len(KEPT) * height * width
     # Restore the state of each ray of a field.
@@ -87,7 +87,7 @@ def lay_down_slabs(
     """Checkpoint the state of rays and the sum of all samples until the next step."""
     if not in_steps(carried):
         return
-    # Write behind what `lay_down` has saved of the sub-pixels.
+    # Write behind what `checkpoint` has saved of the sub-pixels.
     height, width, number = canvas.height, canvas.width, carried.number
     place = carried.each * carried.start[tile] + len(KEPT) * height * width
     # Save the state of each ray of a field.

@@ -42,6 +42,6 @@ def spread(
 
 @when_compiling
 def _compile_as_vectors() -> None:
-    from resample.engine.points import vectors_of_eight
+    from resample.engine.points import octet_vectors
 
-    vectors_of_eight.define(spread)
+    octet_vectors.define(spread)

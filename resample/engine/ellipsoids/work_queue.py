@@ -28,12 +28,12 @@ from resample.engine.sorting import FEW, HALF, Pairs, bits_of, member_of, settle
 from resample.types import Floats, Samples, Single
 
 LINE = 16  # numbers in a line of the cache
-LOOKS = 9  # numbers that decide the order of samples of equal key
+TIE_BREAKERS = 9  # numbers that decide the order of samples of equal key
 
 
 @kernel
 def take(
-    pool: Pairs, waiting: int, pair: Pairs, count: int, farthest: np.uint64
+    queue: Pairs, waiting: int, pair: Pairs, count: int, farthest: np.uint64
 ) -> tuple[int, np.uint64]:
     """Append the pairs that are not 0 to the queue; return its length, and the largest pair.
 
@@ -42,7 +42,7 @@ def take(
     for n in range(count):
         # Write always and advance only if wanted: no branch to mispredict.
         found = pair[np.uint64(n)]
-        pool[np.uint64(waiting)] = found
+        queue[np.uint64(waiting)] = found
         waiting += 1 if found > np.uint64(0) else 0
         farthest = max(farthest, found)
     return waiting, farthest
@@ -59,7 +59,7 @@ def ask_for(position: Floats, extinction: Floats, color: Floats, begin: int, cou
         load_soon(extinction, n)
 
 
-class Pool(NamedTuple):
+class WorkQueue(NamedTuple):
     """The queue of a tile, the samples whose turn it is, and scratch."""
 
     # Queue, part that is ready, and scratch of the sort.
@@ -73,14 +73,14 @@ class Pool(NamedTuple):
 
 
 @kernel
-def new_pool(most: int) -> Pool:
+def new_queue(most: int) -> WorkQueue:
     """Allocate a pool for `most` samples, a multiple of BATCH."""
     # Samples without sizes have size 1.
     scratch = np.empty(most // BATCH * SCRATCH_SIZE, np.float32)
     for first in range(0, scratch.size, SCRATCH_SIZE):
         for n in range(BATCH):
             scratch[np.uint64(first + n) + SIZE] = np.float32(1.0)
-    return Pool(
+    return WorkQueue(
         np.empty(most, np.uint64),
         np.empty(most, np.uint64),
         np.empty(most, np.uint64),
@@ -92,27 +92,27 @@ def new_pool(most: int) -> Pool:
 
 
 @kernel
-def enlarged(pool: Pool, waiting: int) -> Pool:
+def enlarged(queue: WorkQueue, waiting: int) -> WorkQueue:
     """The pool, or one of twice the size if at least half of this one is taken."""
-    if 2 * waiting <= pool.waiting.size:
-        return pool
+    if 2 * waiting <= queue.waiting.size:
+        return queue
     # Only the queue is carried over.
-    larger = new_pool(2 * pool.waiting.size)
-    for n in range(pool.waiting.size):
-        larger.waiting[n] = pool.waiting[n]
+    larger = new_queue(2 * queue.waiting.size)
+    for n in range(queue.waiting.size):
+        larger.waiting[n] = queue.waiting[n]
     return larger
 
 
 @kernel
-def part(pool: Pairs, waiting: int, limit: Single, ready: Pairs) -> int:
+def part(queue: Pairs, waiting: int, limit: Single, ready: Pairs) -> int:
     """Move pairs whose key is below `limit` from the queue to `ready`; return how many stay."""
     behind = ~np.uint64(0) if limit == np.inf else np.uint64(bits_of(limit)) << HALF
     # Partition in place without branches: write to both, and advance one.
     stay = taken = 0
     for n in range(waiting):
-        found = pool[np.uint64(n)]
+        found = queue[np.uint64(n)]
         ready[np.uint64(taken)] = found
-        pool[np.uint64(stay)] = found
+        queue[np.uint64(stay)] = found
         taken += 1 if found < behind else 0
         stay += 0 if found < behind else 1
     return stay
@@ -160,7 +160,10 @@ def _settle_few(scratch: Floats, offset: Members, first: int, last: int) -> None
 @kernel
 def _settle_many(scratch: Floats, offset: Members) -> None:
     # Copy what decides into rows, sort indices by it, and permute the offsets.
-    looks, order = np.empty((offset.size, LOOKS), np.float32), np.empty(offset.size, np.int32)
+    looks, order = (
+        np.empty((offset.size, TIE_BREAKERS), np.float32),
+        np.empty(offset.size, np.int32),
+    )
     for n in range(offset.size):
         s = np.uint64(offset[n])
         looks[n, 0], looks[n, 1] = scratch[s + Y], scratch[s + X]

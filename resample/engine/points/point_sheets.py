@@ -45,7 +45,7 @@ from resample.types import Floats, Place, Single, Stage, Style
 _NOWHERE = 1 << 30
 
 
-class Sheet(NamedTuple):
+class PointSheet(NamedTuple):
     """The open sheet of points of a tile."""
 
     cell: Floats  # (h, w, 8): sums of opacity, of opacity × RGB and × depth, and of area; 0, 0
@@ -56,9 +56,9 @@ class Sheet(NamedTuple):
 
 
 @kernel
-def new_sheet(height: int, width: int, is_alone: bool) -> Sheet:
+def new_sheet(height: int, width: int, is_alone: bool) -> PointSheet:
     """Allocate an empty sheet of so many rows and columns of sub-pixels."""
-    return Sheet(
+    return PointSheet(
         np.zeros((height, width, 8), np.float32),
         np.array([_NOWHERE, 0, _NOWHERE, 0, 0]),
         np.empty(MOST_TAPS, np.float32),
@@ -80,13 +80,13 @@ def number_of_sheet(key: Single, stage: Stage) -> int:
 
 
 @kernel
-def is_empty(sheet: Sheet) -> bool:
+def is_empty(sheet: PointSheet) -> bool:
     """Whether the sheet holds no points."""
     return bool(sheet.dirty[0] >= sheet.dirty[1])
 
 
 @kernel
-def before_sheet(sheet: Sheet, room: Floats, offset: Members, stage: Stage) -> int:
+def before_sheet(sheet: PointSheet, room: Floats, offset: Members, stage: Stage) -> int:
     """How many of the next samples belong to the open sheet; all if it is empty."""
     # Samples are in order: find the first that lies in another sheet.
     if is_empty(sheet):
@@ -101,7 +101,7 @@ def before_sheet(sheet: Sheet, room: Floats, offset: Members, stage: Stage) -> i
 
 @kernel
 def add_among(
-    sheet: Sheet,
+    sheet: PointSheet,
     rows: Floats,
     open_groups: Groups,
     room: Floats,
@@ -154,7 +154,7 @@ def add_among(
 
 
 @kernel
-def put_behind(sheet: Sheet, rows: Floats, opaque: Single) -> None:
+def put_behind(sheet: PointSheet, rows: Floats, opaque: Single) -> None:
     """Composite the open sheet under what is painted on rows of sub-pixels, and clear it."""
     cell, dirty = sheet.cell, sheet.dirty
     zero, one = np.float32(0.0), np.float32(1.0)
