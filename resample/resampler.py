@@ -70,10 +70,10 @@ from resample.painting.steps.painting import bytes_kept, paint_in_steps
 from resample.painting.steps.planning import (
     EVERYBODY,
     Painters,
+    margin_beyond_window,
     plan_of_all,
     plan_of_parts,
     plans_of,
-    reach_beyond,
 )
 from resample.profiles import filters
 from resample.profiles.filters import Box, Gaussian, PixelFilter
@@ -367,7 +367,7 @@ class Resampler:
             scene = self._of_nothing(lattice, camera, (height, width))
             return plan_of_all(scene, self._painters(scene), parts)
 
-    def reach_beyond(
+    def margin_beyond_window(
         self, plan: PicturePlan, lattice: Doubles, camera: AnyCamera
     ) -> tuple[bool, float]:
         """How far samples are painted beyond what their ellipsoids cover of the screen.
@@ -378,7 +378,7 @@ class Resampler:
         """
         if self._is_paper:
             return self._choices_of_paper.widths.is_projected, self._point_filter.radius
-        return reach_beyond(self._of_nothing(lattice, camera, plan.size), plan)
+        return margin_beyond_window(self._of_nothing(lattice, camera, plan.size), plan)
 
     def _of_nothing(self, lattice: Doubles, camera: AnyCamera, size: tuple[int, int]) -> Scene:
         """Scene whose samples are not at hand."""

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from resample_warp3d.sheet.filling import fill, rim_of
+from resample_warp3d.sheet.filling import fill, hole_outline
 from resample_warp3d.types import Hole, Warped
 
 BACK, FRONT = (0.1, 0.4, 0.2), (9.0, 0.0, 0.0)
@@ -96,7 +96,7 @@ def test_a_sloping_floor_has_no_near_side():
     depth = np.repeat(np.linspace(8, 4, 48, dtype=np.float32)[:, None], 64, axis=1)
     given = warped(np.ones((48, 64, 3), np.float32), depth)
     punch(given, np.s_[24, 20:40], Hole.DISOCCLUDED)
-    rim = rim_of(given.coverage, 1 / given.depth, given.holes)
+    rim = hole_outline(given.coverage, 1 / given.depth, given.holes)
     assert not rim.hidden.any()
 
 

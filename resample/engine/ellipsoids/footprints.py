@@ -423,7 +423,7 @@ def _better_form(record: Record, center: Vector, eye: Eye, shape: Shape, model: 
         _exact_form(record, unit, shape)
         _bounds_in_perspective(record, center, eye, shape)
     else:
-        _rim_form(record, unit, eye, shape, model == SMALL_ANGLE)
+        _outline_form(record, unit, eye, shape, model == SMALL_ANGLE)
         _bounds_of_form(record)
 
 
@@ -461,7 +461,7 @@ def _reach(middle: float, in_front: float, rest: float) -> float:
 
 
 @kernel
-def _rim_form(record: Record, unit: Vector, eye: Eye, shape: Shape, small_angle: bool) -> None:
+def _outline_form(record: Record, unit: Vector, eye: Eye, shape: Shape, small_angle: bool) -> None:
     """Ellipse of the tangent cone by appendix A, in the space where the ellipsoid is a sphere."""
     # Circle in which the cone touches the sphere, and its perpendicular diameters AB and EF.
     squared = dot(unit, unit)

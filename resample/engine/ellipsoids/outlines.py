@@ -55,7 +55,7 @@ Sides = tuple[Side, Side, Side, Side]
 Bounds = tuple[Single, Single, Single, Single]  # px: left, right, top, bottom
 
 
-class Reach(NamedTuple):
+class Margin(NamedTuple):
     """Margin beyond the outlines of their ellipsoids within which samples are painted."""
 
     mirrored: bool  # footprints are symmetric about the projected center
@@ -69,15 +69,15 @@ class Reach(NamedTuple):
     closest: Single  # sub-pixels between points, at most
 
 
-NO_REACH = Reach(False, *np.zeros(8, np.float32))  # all samples are splats of exact footprint
+NO_REACH = Margin(False, *np.zeros(8, np.float32))  # all samples are splats of exact footprint
 
 
-class Sight(NamedTuple):
+class OutlineSetup(NamedTuple):
     """Parameters of the projection of samples, as numbers."""
 
     optics: Optics
     layers: Layers
-    beyond: Reach
+    beyond: Margin
     faintest: Single  # samples of this extinction or less are left out
 
 
@@ -92,16 +92,16 @@ class Window(NamedTuple):
 
 
 @kernel
-def sight_of(stage: Stage, beyond: Reach) -> Sight:
+def outline_setup(stage: Stage, margin: Margin) -> OutlineSetup:
     """Parameters of the projection, for samples with this margin."""
-    return Sight(optics_of(stage), stage.layers, beyond, np.float32(stage.style.faintest))
+    return OutlineSetup(optics_of(stage), stage.layers, margin, np.float32(stage.style.faintest))
 
 
 @kernel
-def reach_of(style: Style, radius: float) -> Reach:
+def reach_of(style: Style, radius: float) -> Margin:
     """Margins of samples; `radius` of the ellipsoid in voxels."""
     widened = style.inflated * radius + math.sqrt(style.blurred)
-    return Reach(
+    return Margin(
         style.model in (AFFINE, SMALL_ANGLE),
         np.float32(widened),
         np.float32(min(style.threshold, 1e30)),
@@ -115,7 +115,7 @@ def reach_of(style: Style, radius: float) -> Reach:
 
 
 @kernel
-def pad_of(spacing: Single, reach: Reach) -> Single:
+def pad_of(spacing: Single, reach: Margin) -> Single:
     """Px of margin beyond the outline of a sample of this spacing; a tile may be finer."""
     one, zero = np.float32(1.0), np.float32(0.0)
     # Samples that are cut have no spacing; bound it, so that what follows is finite.
@@ -186,13 +186,13 @@ def outline_batch(
     scale: Floats | None,
     begin: int,
     count: int,
-    sight: Sight,
+    setup: OutlineSetup,
 ) -> None:
     """Compute bounds in px, key and spacing of `count` samples; left > right: not visible.
 
     The samples begin at `begin`. Those that the near plane cuts are marked, and have no spacing.
     """
-    (camera, shape, area), layers, beyond, faintest = sight
+    (camera, shape, area), layers, margin, faintest = setup
     far, are_resized = camera.perspective, scale is not None
     low, high_x, high_y = -area.margin, area.width + area.margin, area.height + area.margin
     reach, per_radius = math.sqrt(shape.covariance[2][2]), 1.0 / shape.radius
@@ -225,14 +225,14 @@ def outline_batch(
         on_x, on_y = eye.fx * (cx * per_z) + eye.cx, eye.fy * (cy * per_z) + eye.cy
         # Make the bounds symmetric where footprints are, and add the margin.
         wide, high = max(on_x - left, right - on_x), max(on_y - top, bottom - on_y)
-        left, right = (on_x - wide, on_x + wide) if beyond.mirrored else (left, right)
-        top, bottom = (on_y - high, on_y + high) if beyond.mirrored else (top, bottom)
-        pad = float(pad_of(spacing, beyond))
+        left, right = (on_x - wide, on_x + wide) if margin.mirrored else (left, right)
+        top, bottom = (on_y - high, on_y + high) if margin.mirrored else (top, bottom)
+        pad = float(pad_of(spacing, margin))
         left, top, right, bottom = left - pad, top - pad, right + pad, bottom + pad
         # Cull by the bounds where these are widened, else by the sides of the frame, which are
         # exact.
         is_inside = (right >= low) & (left <= high_x) & (bottom >= low) & (top <= high_y)
-        are_bounds_right = ((pad > 0.0) | beyond.mirrored) & (not is_cut)
+        are_bounds_right = ((pad > 0.0) | margin.mirrored) & (not is_cut)
         # With parallel rays the sides of the frame hold for size 1 only.
         are_bounds_right |= are_resized & (not far)
         is_inside = is_inside if are_bounds_right else beside <= 0.0
@@ -298,12 +298,12 @@ def meet_batch(
     scale: Floats | None,
     begin: int,
     count: int,
-    sight: Sight,
+    setup: OutlineSetup,
     window: Window,
 ) -> None:
     """Pairs of key and number of `count` samples from `begin` on; 0 if one misses the canvas."""
-    (eye, shape, _), layers, beyond, faintest = sight
-    is_mirrored = beyond.mirrored and eye.perspective
+    (eye, shape, _), layers, margin, faintest = setup
+    is_mirrored = margin.mirrored and eye.perspective
     reach = math.sqrt(shape.covariance[2][2])
     to_left, to_right, to_top, to_bottom = window.sides
     least = reach if eye.perspective else -np.inf
@@ -359,7 +359,7 @@ def form_batch(
     position: Floats,
     scale: Floats | None,
     count: int,
-    sight: Sight,
+    setup: OutlineSetup,
     window: Window,
 ) -> None:
     """Compute all that painting needs of `count` samples, at `position` (3 n,).
@@ -367,7 +367,7 @@ def form_batch(
     Bounds are first sub-pixels and one past the last, as whole numbers, on a canvas of `height`
     rows and `width` columns. Samples that the near plane cuts hold their center in place of a form.
     """
-    (camera, shape, _), (place, height, width, home, _) = sight.optics, window
+    (camera, shape, _), (place, height, width, home, _) = setup.optics, window
     t, reach = shape.to_unit, math.sqrt(shape.covariance[2][2])
     far, per_px = camera.perspective, float(place.subpixels)
     least = reach if far else -np.inf
@@ -428,21 +428,21 @@ def clip_batch(
     scale: Floats | None,
     begin: int,
     count: int,
-    sight: Sight,
+    setup: OutlineSetup,
     planes: Doubles,
 ) -> None:
     """Hide samples beyond a clipping plane (M, 5), and mark those that a plane cuts.
 
     Points are as small as sub-pixels: their centers decide.
     """
-    (eye, shape, _), beyond = sight.optics, sight.beyond
-    finest = max(beyond.for_splats, beyond.for_points) if beyond.fixed == 0.0 else beyond.fixed
+    (eye, shape, _), margin = setup.optics, setup.beyond
+    finest = max(margin.for_splats, margin.for_points) if margin.fixed == 0.0 else margin.fixed
     for n in range(count):
         k, sample, nearest, is_point = np.uint64(n), np.uint64(begin + n), np.inf, False
         center, size = in_camera(eye, vector_at(position, sample)), size_of(scale, sample)
         # Whether the sample is a point even on the finest grid.
-        if beyond.threshold > 0.0:
-            is_point = room[k + SPACING] * finest <= beyond.threshold and room[k + CUT] == 0.0
+        if margin.threshold > 0.0:
+            is_point = room[k + SPACING] * finest <= margin.threshold and room[k + CUT] == 0.0
         # Compare its signed distance from each plane with its extent.
         for m in range(planes.shape[0]):
             inside = planes[m, 0] * center[0] + planes[m, 1] * center[1]

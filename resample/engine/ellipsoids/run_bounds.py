@@ -16,12 +16,12 @@ from resample.engine.ellipsoids.outlines import (
     SLACK,
     SPACING,
     TOP,
-    Sight,
+    OutlineSetup,
     clip_batch,
     outline_batch,
+    outline_setup,
     pad_of,
     reach_of,
-    sight_of,
 )
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.vectors import Vector, dot
@@ -239,7 +239,7 @@ def _is_outlined_by_box(
     low: Floats,
     high: Floats,
     seen: int,
-    sight: Sight,
+    sight: OutlineSetup,
 ) -> bool:
     """Fill in a run from its box alone, if that suffices; `seen` samples are not too faint.
 
@@ -313,7 +313,7 @@ def outline_runs(
     where samples have sizes.
     """
     beyond = reach_of(stage.style, stage.ellipsoid.radius) if are_mixed else NO_REACH
-    sight, planes = sight_of(stage, beyond), stage.screen.planes
+    sight, planes = outline_setup(stage, beyond), stage.screen.planes
     position, extinction, scale = samples.position.reshape(-1), samples.extinction, samples.scale
     bits = position.view(np.int32)
     room, low, high = (

@@ -24,8 +24,8 @@ from resample.engine.ellipsoids.outlines import (
     RIGHT,
     SCRATCH_SIZE,
     SPACING,
-    Reach,
-    Sight,
+    Margin,
+    OutlineSetup,
     Window,
     X,
     Y,
@@ -34,10 +34,10 @@ from resample.engine.ellipsoids.outlines import (
     meet_batch,
     meet_outlined,
     outline_batch,
+    outline_setup,
     pad_of_tile,
     reach_of,
     sides_of,
-    sight_of,
 )
 from resample.engine.ellipsoids.rows import (
     Groups,
@@ -108,7 +108,7 @@ class Ground(NamedTuple):
 
 
 @kernel
-def beyond_of(mixture: Mixture | None, stage: Stage) -> Reach:
+def margin_of(mixture: Mixture | None, stage: Stage) -> Margin:
     """Margin beyond their outlines within which samples are painted."""
     if mixture is None:
         return NO_REACH
@@ -123,8 +123,8 @@ def find_spacings(
 
     `are_mixed` as for `outline_runs`.
     """
-    beyond = reach_of(stage.style, stage.ellipsoid.radius) if are_mixed else NO_REACH
-    sight = sight_of(stage, beyond)
+    margin = reach_of(stage.style, stage.ellipsoid.radius) if are_mixed else NO_REACH
+    setup = outline_setup(stage, margin)
     planes, style = stage.screen.planes, stage.style
     position, extinction = runs.samples.position.reshape(-1), runs.samples.extinction
     start, scale = runs.start, runs.samples.scale
@@ -135,9 +135,9 @@ def find_spacings(
         for run in tiles.member[tiles.start[tile] : tiles.start[tile + 1]]:
             if may_be_finer(runs.known[run], finest, style):
                 begin, count = start[run], start[run + 1] - start[run]
-                outline_batch(scratch, position, extinction, scale, begin, count, sight)
+                outline_batch(scratch, position, extinction, scale, begin, count, setup)
                 if planes.shape[0] > 0:
-                    clip_batch(scratch, position, scale, begin, count, sight, planes)
+                    clip_batch(scratch, position, scale, begin, count, setup, planes)
                 finest = min(finest, finest_of(scratch, count, tile, tiles, stage.screen.margin))
         tiles.spacing[tile] = finest
 
@@ -148,7 +148,7 @@ def take_runs(
     queue: Queue,
     members: Members,
     runs: Runs,
-    sight: Sight,
+    setup: OutlineSetup,
     shown: tuple[Window, Groups],
     mixture: Mixture | None,
     sheets: tuple[Layers, bool] | None,
@@ -182,13 +182,13 @@ def take_runs(
         # Cull runs behind opaque sub-pixels; cull the samples of the others by the tile's sides.
         if is_run_open(known[run], place, height, width, open_groups):
             if mixture is None or mixture.is_plain:
-                meet_batch(found, position, extinction, scale, begin, count, sight, window)
+                meet_batch(found, position, extinction, scale, begin, count, setup, window)
             else:
-                outline_batch(outline, position, extinction, scale, begin, count, sight)
+                outline_batch(outline, position, extinction, scale, begin, count, setup)
                 meet_outlined(found, outline, begin, count, window)
             # Replace keys by those of sheets, and append to the queue.
             if sheets is not None and sheets[1]:
-                key_by_sheets(found, position, begin, count, sheets[0], sight.optics.eye)
+                key_by_sheets(found, position, begin, count, sheets[0], setup.optics.eye)
             waiting, farthest = take(line, waiting, found, count, farthest)
     return waiting, next_run, farthest
 
@@ -215,7 +215,7 @@ def form(
     work_queue: WorkQueue,
     count: int,
     runs: Runs,
-    sight: Sight,
+    setup: OutlineSetup,
     window: Window,
     stage: Stage,
     mixture: Mixture | None,
@@ -229,23 +229,23 @@ def form(
         ready, batch = every[first : first + size], scratch[begin : begin + SCRATCH_SIZE]
         gather(ready, samples, position, batch)
         scale = gather_sizes(batch, ready, samples.scale)
-        form_batch(batch, position, scale, size, sight, window)
+        form_batch(batch, position, scale, size, setup, window)
         # Replace footprints by the model's, where samples are a mixture.
         if mixture is not None:
             are_measured = mixture.least * window.place.subpixels <= style.threshold
             are_measured |= planes.shape[0] > 0
-            form_models(batch, position, size, sight, window, style, are_measured)
+            form_models(batch, position, size, setup, window, style, are_measured)
             resize(batch, scale, size)
             for n in range(size):
                 # The key tells sheets of points apart.
                 batch[np.uint64(n) + KEY] = key_of_bits(np.uint32(ready[n] >> HALF))
         # Clip by planes, and turn small samples into points.
         if planes.shape[0] > 0:
-            clip_batch(batch, position, scale, 0, size, sight, planes)
+            clip_batch(batch, position, scale, 0, size, setup, planes)
         if mixture is not None and are_measured:
             choose_points(batch, size, window, style)
             n = window.place.subpixels
-            stand_alone(batch, position, scale, size, sight, n, stage.tables.footprint)
+            stand_alone(batch, position, scale, size, setup, n, stage.tables.footprint)
     # Tint after points are chosen, as they keep their colors.
     if mixture is not None and style.tint_red >= 0.0:
         tint_splats(scratch, count, style)
@@ -322,7 +322,7 @@ def _paint_tile(
     The order of samples is that of all runs together.
     """
     tally, carried = output
-    sight = sight_of(stage, beyond_of(mixture, stage))
+    setup = outline_setup(stage, margin_of(mixture, stage))
     rows, open_groups, sheet, limits = ground
     # Sort the runs by key, and start with an empty pool.
     in_order(runs.known, members)
@@ -332,11 +332,11 @@ def _paint_tile(
         # Queue samples of the nearest runs, and drop those that do not belong to this step.
         work_queue = enlarged(work_queue, queue[0])
         before = queue[0]
-        queue = take_runs(work_queue, queue, members, runs, sight, shown, mixture, None)
+        queue = take_runs(work_queue, queue, members, runs, setup, shown, mixture, None)
         queue = (leave_out(work_queue.waiting, before, queue[0], carried), queue[1], queue[2])
         # Project those that no later run can precede, and put them in order.
         queue, count = make_ready(work_queue, queue, members, runs.known)
-        form(work_queue, count, runs, sight, window, stage, mixture)
+        form(work_queue, count, runs, setup, window, stage, mixture)
         if mixture is None and stage.style.tint_red >= 0.0:
             tint_splats(work_queue.scratch, count, stage.style)
         put_in_order(work_queue.ready[:count], work_queue.scratch, work_queue.offset)
@@ -382,7 +382,7 @@ def paint_runs(
         Steps of mixtures end between sheets of points.
     """
     eye, shape, _ = optics_of(stage)
-    beyond, (film, tally, carried) = beyond_of(mixture, stage), output
+    margin, (film, tally, carried) = margin_of(mixture, stage), output
     style, tables = stage.style, stage.tables
     for number in tasks(counter, tile_order.size):
         # Lay out the tile, and the margin within which samples may touch it.
@@ -392,7 +392,7 @@ def paint_runs(
         pad = 0.0
         if mixture is not None:
             is_any_point = mixture.least * n <= style.threshold
-            pad = pad_of_tile(style, beyond.beyond, n) if is_any_point else float(beyond.beyond)
+            pad = pad_of_tile(style, margin.beyond, n) if is_any_point else float(margin.beyond)
         # Set up its window and its rays.
         sides = sides_of(eye, shape, place, (height, width), pad)
         window = Window(place, height, width, home_of(home), sides)
@@ -420,7 +420,7 @@ def count_points(counter: Counter, tiles: Tiles, runs: Runs, stage: Stage, count
     """Count visible samples (CHUNKS,) that are points in the tiles of their centers."""
     style, start, planes = stage.style, runs.start, stage.screen.planes
     position, extinction = runs.samples.position.reshape(-1), runs.samples.extinction
-    sight = sight_of(stage, reach_of(style, stage.ellipsoid.radius))
+    setup = outline_setup(stage, reach_of(style, stage.ellipsoid.radius))
     scratch, tile_rows = np.empty(SCRATCH_SIZE, np.float32), tiles.spacing.size // tiles.columns
     scale = runs.samples.scale
     for chunk in tasks(counter, CHUNKS):
@@ -428,9 +428,9 @@ def count_points(counter: Counter, tiles: Tiles, runs: Runs, stage: Stage, count
         for run in range(size * chunk // CHUNKS, size * (chunk + 1) // CHUNKS):
             begin, many = start[run], start[run + 1] - start[run]
             # Outline the run.
-            outline_batch(scratch, position, extinction, scale, begin, many, sight)
+            outline_batch(scratch, position, extinction, scale, begin, many, setup)
             if planes.shape[0] > 0:
-                clip_batch(scratch, position, scale, begin, many, sight, planes)
+                clip_batch(scratch, position, scale, begin, many, setup, planes)
             # Look up the grid of the tile that holds the center, and compare the spacing there.
             for n in range(many):
                 k = np.uint64(n)

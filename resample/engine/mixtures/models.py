@@ -37,7 +37,7 @@ from resample.engine.ellipsoids.outlines import (
     A,
     B,
     C,
-    Sight,
+    OutlineSetup,
     Window,
     X,
     Y,
@@ -92,7 +92,7 @@ def form_models(
     room: Floats,
     position: Floats,
     count: int,
-    sight: Sight,
+    sight: OutlineSetup,
     window: Window,
     style: Style,
     are_measured: bool,
@@ -113,10 +113,10 @@ def form_models(
     elif eye.perspective and style.model == CORRECTED:
         # The paper's ellipses exist in perspective only.
         way = MidPoint((eye.fx, eye.fy), (eye.cx, eye.cy))
-        form_rims(room, position, count, sight, window, way)
+        form_outlines(room, position, count, sight, window, way)
     elif eye.perspective and style.model == SMALL_ANGLE:
         small = SmallAngle((eye.fx, eye.fy), (eye.cx, eye.cy))
-        form_rims(room, position, count, sight, window, small)
+        form_outlines(room, position, count, sight, window, small)
     else:
         # What is left is affine: parallel rays included.
         form_affine(room, position, count, sight, window, style)
@@ -224,7 +224,7 @@ def form_affine(
     room: Floats,
     position: Floats,
     count: int,
-    sight: Sight,
+    sight: OutlineSetup,
     window: Window,
     style: Style,
 ) -> None:
@@ -259,7 +259,9 @@ def form_affine(
 
 
 @lane_step
-def _rim_of(unit: Vector, to_unit: Matrix, back: Matrix) -> tuple[Vector, Vector, Vector, float]:
+def _outline_of(
+    unit: Vector, to_unit: Matrix, back: Matrix
+) -> tuple[Vector, Vector, Vector, float]:
     """Half diameters AB and EF of the circle in which the cone touches the sphere, and its middle.
 
     All in camera axes; and 1 / |unit|², which is sin² α.
@@ -282,7 +284,7 @@ def _rim_of(unit: Vector, to_unit: Matrix, back: Matrix) -> tuple[Vector, Vector
 
 
 @lane_step
-def _write_rim(
+def _write_outline(
     room: Floats,
     k: np.uint64,
     middle: OnScreen,
@@ -305,14 +307,14 @@ def _write_rim(
 
 
 @making_role
-def projected_rim(
+def projected_outline(
     way: MidPoint | SmallAngle, start: Vector, end: Vector, touched: Vector, chord: Vector
 ) -> Rim:
     """Project the circle with diameter AB to an ellipse; `start` and `end` are A and B."""
     raise NotImplementedError
 
 
-@plays(projected_rim, MidPoint)
+@plays(projected_outline, MidPoint)
 def _by_mid_point(way, start, end, touched, chord):  # type: ignore[no-untyped-def]  # noqa: ARG001
     """Give the midpoint of A'B', and the chord parallel to EF that projects through it.
 
@@ -329,7 +331,7 @@ def _by_mid_point(way, start, end, touched, chord):  # type: ignore[no-untyped-d
     return middle, first, (fx * shrink * chord[0], fy * shrink * chord[1])
 
 
-@plays(projected_rim, SmallAngle)
+@plays(projected_outline, SmallAngle)
 def _by_small_angle(way, start, end, touched, chord):  # type: ignore[no-untyped-def]
     """Give C', C'B' and C'F'."""
     (fx, fy), (cx, cy) = way.focal, way.principal
@@ -343,11 +345,11 @@ def _by_small_angle(way, start, end, touched, chord):  # type: ignore[no-untyped
 
 
 @kernel
-def form_rims(
+def form_outlines(
     room: Floats,
     position: Floats,
     count: int,
-    sight: Sight,
+    sight: OutlineSetup,
     window: Window,
     way: MidPoint | SmallAngle,
 ) -> None:
@@ -358,10 +360,10 @@ def form_rims(
         k = np.uint64(n)
         center = in_camera(eye, vector_at(position, k))
         # Touching circle, its projection, and the quadratic form of that ellipse.
-        axis, chord, touched, sine = _rim_of(multiply(t, center), t, back)
+        axis, chord, touched, sine = _outline_of(multiply(t, center), t, back)
         start, end = combine(touched, -1.0, axis), combine(touched, 1.0, axis)
-        middle, first, second = projected_rim(way, start, end, touched, chord)
-        _write_rim(room, k, middle, first, second, window)
+        middle, first, second = projected_outline(way, start, end, touched, chord)
+        _write_outline(room, k, middle, first, second, window)
         # Amplitude at the center, and the index correction.
         amplitude = shape.scale * math.sqrt(dot(center, center) * sine)
         room[k + AMPLITUDE] = np.float32(amplitude)

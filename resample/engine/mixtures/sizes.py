@@ -13,7 +13,7 @@ from resample.engine.ellipsoids.outlines import (
     OPACITY,
     SIZE,
     SPACING,
-    Sight,
+    OutlineSetup,
 )
 from resample.engine.jit import kernel
 from resample.engine.lookup import absorbed, unit_lookup
@@ -57,7 +57,7 @@ def stand_alone(
     position: Floats,
     scale: Floats | None,
     count: int,
-    sight: Sight,
+    sight: OutlineSetup,
     subpixels: int,
     table: Floats,
 ) -> None:

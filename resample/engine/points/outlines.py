@@ -20,8 +20,8 @@ from resample.engine.ellipsoids.outlines import (
     SCRATCH_SIZE,
     SPACING,
     TOP,
-    Sight,
-    sight_of,
+    OutlineSetup,
+    outline_setup,
 )
 from resample.engine.ellipsoids.run_bounds import CHUNKS, sum_up
 from resample.engine.ellipsoids.runs import finest_of, may_be_finer
@@ -125,12 +125,12 @@ def outline_points(
     extinction: Floats,
     begin: int,
     count: int,
-    sight: Sight,
+    setup: OutlineSetup,
     style: Style,
 ) -> None:
     """Compute bounds in px, key and spacing of `count` samples; left > right: not visible."""
     # Constants of all samples.
-    (eye, shape, area), layers, _, faintest = sight
+    (eye, shape, area), layers, _, faintest = setup
     far, reach = eye.perspective, math.sqrt(shape.covariance[2][2])
     least = reach if far else -np.inf
     one, zero = np.float32(1.0), np.float32(0.0)
@@ -181,13 +181,13 @@ def is_clipped(position: Floats, sample: int, eye: Eye, planes: Doubles) -> bool
 @kernel
 def _outline_batch(room: Floats, samples: Samples, begin: int, count: int, stage: Stage) -> None:
     """Bounds, key and spacing of a batch of points; those beyond a plane are hidden."""
-    sight, planes = sight_of(stage, NO_REACH), stage.screen.planes
+    setup, planes = outline_setup(stage, NO_REACH), stage.screen.planes
     position, extinction = samples.position.reshape(-1), samples.extinction
-    outline_points(room, position, extinction, begin, count, sight, stage.style)
+    outline_points(room, position, extinction, begin, count, setup, stage.style)
     # Empty bounds hide a point.
     if planes.shape[0] > 0:
         for n in range(count):
-            if is_clipped(position, begin + n, sight.optics.eye, planes):
+            if is_clipped(position, begin + n, setup.optics.eye, planes):
                 room[np.uint64(n) + LEFT], room[np.uint64(n) + RIGHT] = np.inf, -np.inf
 
 

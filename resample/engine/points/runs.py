@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from resample.engine.canvas import laid_out, pixel_weights
 from resample.engine.ellipsoids.footprints import Eye
-from resample.engine.ellipsoids.outlines import BATCH, NO_REACH, Bounds, Sight, sight_of
+from resample.engine.ellipsoids.outlines import BATCH, NO_REACH, Bounds, OutlineSetup, outline_setup
 from resample.engine.ellipsoids.rows import (
     DEEPEST,
     E1,
@@ -83,7 +83,7 @@ def place_points(
     extinction: Floats,
     begin: int,
     count: int,
-    sight: Sight,
+    sight: OutlineSetup,
     own: tuple[Place, Bounds],
     form: Spread,
 ) -> None:
@@ -334,7 +334,7 @@ def paint_point_runs(
         Film (H, W), filled; a tally (T, 4), filled: points painted by the tiles that hold their
         centers, and grids; and checkpoints of tiles that are painted step by step.
     """
-    sight, planes, size = sight_of(stage, NO_REACH), stage.screen.planes, form.cells
+    sight, planes, size = outline_setup(stage, NO_REACH), stage.screen.planes, form.cells
     samples, start, known = runs.samples, runs.start, runs.known
     film, tally, carried = output
     position, extinction = samples.position.reshape(-1), samples.extinction

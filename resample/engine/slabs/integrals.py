@@ -52,7 +52,7 @@ class Product(NamedTuple):
     whole: Profile  # line integrals, sqrt(t) times a polynomial in t
     across: Coefficients  # nine, in t
     along: Coefficients  # nine, in the squared position
-    rim: float
+    edge_value: float
 
 
 class Tabulated(NamedTuple):
@@ -160,7 +160,7 @@ def _record_by_product(integral, work, lane, t, half):  # type: ignore[no-untype
     work[lane + Q0] = q
     work[lane + HALF] = half
     # Half of the line integral, from the middle to the far end.
-    middle = half * (q * _nine(integral.along, t) - np.float32(integral.rim))
+    middle = half * (q * _nine(integral.along, t) - np.float32(integral.edge_value))
     return -middle, middle + middle
 
 
@@ -191,7 +191,7 @@ def _up_to_by_formula(integral, work, lane, x):  # type: ignore[no-untyped-def] 
 
 @plays(up_to, Product)
 def _up_to_by_product(integral, work, lane, x):  # type: ignore[no-untyped-def]
-    return x * (work[lane + Q0] * _nine(integral.along, x * x) - np.float32(integral.rim))
+    return x * (work[lane + Q0] * _nine(integral.along, x * x) - np.float32(integral.edge_value))
 
 
 @plays(up_to, Tabulated)

@@ -17,11 +17,11 @@ from resample.engine.ellipsoids.mixed import Mixture, limits_of
 from resample.engine.ellipsoids.outlines import (
     CUT,
     DEPTH,
-    Sight,
+    OutlineSetup,
     Window,
+    outline_setup,
     pad_of_tile,
     sides_of,
-    sight_of,
 )
 from resample.engine.ellipsoids.rows import (
     COLUMNS,
@@ -41,7 +41,7 @@ from resample.engine.ellipsoids.steps import Carried, checkpoint, go_on, leave_o
 from resample.engine.ellipsoids.work_queue import WorkQueue, enlarged, new_queue, put_in_order
 from resample.engine.grid import grid
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
-from resample.engine.mixtures.deferred import TAKEN, beyond_of, form, make_ready, take_runs
+from resample.engine.mixtures.deferred import TAKEN, form, make_ready, margin_of, take_runs
 from resample.engine.mixtures.keys import end_of_sheet, sort_by_depth
 from resample.engine.mixtures.models import POINT
 from resample.engine.points.adding import MOST_TAPS
@@ -136,7 +136,7 @@ class TileSamples(NamedTuple):
     """Samples, and their projection to a tile."""
 
     runs: Runs
-    sight: Sight
+    setup: OutlineSetup
     window: Window
 
 
@@ -318,7 +318,7 @@ def _add_ready(
     output: tuple[Tally, Carried],
 ) -> Sweep:
     """Add the samples whose turn it is; sheets of whole splats one by one."""
-    (work_queue, count), (runs, sight, window), first = taken, seen, 0
+    (work_queue, count), (runs, setup, window), first = taken, seen, 0
     position, (tally, carried) = runs.samples.position.reshape(-1), output
     while first < count and sweep.is_open:
         # Take all of them in one go, by default.
@@ -334,7 +334,7 @@ def _add_ready(
                 work_queue.ready[first:last],
                 work_queue.other[first:last],
                 position,
-                sight.optics.eye,
+                setup.optics.eye,
             )
         # Project the samples of this part, in order.
         size = last - first
@@ -347,7 +347,7 @@ def _add_ready(
             work_queue.found,
             work_queue.outline,
         )
-        form(sheet, size, runs, sight, window, ready.stage, mixture)
+        form(sheet, size, runs, setup, window, ready.stage, mixture)
         put_in_order(sheet.ready, sheet.scratch, sheet.offset)
         # Add them, and tally those at home.
         sweep, points, splats = _add(
@@ -374,7 +374,7 @@ def _paint_tile(
 ) -> Sweep:
     """Take a tile's runs nearest first, and sum their samples until all is opaque."""
     # Sort the runs by key, and start with an empty pool.
-    (runs, sight, window), summed, (_, carried) = seen, ready.summed, output
+    (runs, setup, window), summed, (_, carried) = seen, ready.summed, output
     sheets = (summed.layers, summed.what == WHOLES)
     in_order(runs.known, members)
     work_queue, queue = new_queue(8 * TAKEN), (0, 0, np.uint64(0))
@@ -386,7 +386,7 @@ def _paint_tile(
     while sweep.is_open and (queue[1] < members.size or queue[0] > 0):
         work_queue = enlarged(work_queue, queue[0])
         before = queue[0]
-        queue = take_runs(work_queue, queue, members, runs, sight, shown, mixture, sheets)
+        queue = take_runs(work_queue, queue, members, runs, setup, shown, mixture, sheets)
         # Drop samples that do not belong to this step.
         queue = (leave_out(work_queue.waiting, before, queue[0], carried), queue[1], queue[2])
         queue, count = make_ready(work_queue, queue, members, runs.known)
@@ -428,7 +428,10 @@ def paint_summed_runs(
     (eye, shape, _), (film, value, tally, carried) = optics_of(stage), output
     integral, summed, blend = ways
     style, tables, pairs = stage.style, stage.tables, _most_pairs(tile_order, tiles, stage)
-    reach, sight = math.sqrt(shape.covariance[2][2]), sight_of(stage, beyond_of(mixture, stage))
+    reach, setup = (
+        math.sqrt(shape.covariance[2][2]),
+        outline_setup(stage, margin_of(mixture, stage)),
+    )
     own = SlabScratch(
         aligned(WORK),
         new_sums(summed.ring, pairs),
@@ -447,7 +450,7 @@ def paint_summed_runs(
         least_ray = _cast(rows, own.along, height, width, place, stage)
         # Choose limits and margins for culling.
         limits = limits_of(mixture, rows, (height, width), style, least_ray, 0.0)
-        pad = 0.0 if mixture is None else pad_of_tile(style, sight.beyond.beyond, n)
+        pad = 0.0 if mixture is None else pad_of_tile(style, setup.beyond.beyond, n)
         # Bundle the canvas and the projection of the tile.
         cutting = Cutting(place, stage.camera, stage.ellipsoid, stage.screen.planes, tables.partial)
         state = state_of(blend, height, width, cutting)
@@ -456,7 +459,7 @@ def paint_summed_runs(
             state, height, width,
         )  # fmt: skip
         sides = sides_of(eye, shape, place, (height, width), pad)
-        seen = TileSamples(runs, sight, Window(place, height, width, home_of(home), sides))
+        seen = TileSamples(runs, setup, Window(place, height, width, home_of(home), sides))
         tools = Tools(slant_of(eye, shape, place), limits, integral, cutting, np.float32(1.0))
         ready = Ready(summed, tools, stage, reach, begin_of_step(FAR_AHEAD, carried))
         # Resume the tile from an earlier step.

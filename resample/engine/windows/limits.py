@@ -19,7 +19,7 @@ from resample.types import Doubles, Floats, Single
 MOST = 96 * 96 * 12  # numbers of a tile's corners, at most
 MOST_BESIDE = MOST // 24  # numbers in a row of samples, at most
 SLOPE = 2.0  # multiple of the smaller step beyond its neighbours that a sample may stand out by
-RIM = 3  # samples around a corner that its limits depend on
+MARGIN = 3  # samples around a corner that its limits depend on
 
 
 class Limits(NamedTuple):
@@ -91,7 +91,7 @@ def _bound(flat: Floats, at: Place, steps: tuple[Place, Place], count: int, shar
 
 @inner_kernel
 def fill_corners(limits: Limits, part: Part, corners: Corners) -> None:
-    """Compute the limits at corners that have `RIM` samples around them."""
+    """Compute the limits at corners that have `MARGIN` samples around them."""
     # Unpack the grid; its steps are in numbers.
     flat, _, _, _, _, channels, columns, before = limits.plain
     left, top, wide, high = part
@@ -118,9 +118,12 @@ def part_of(limits: Limits, bounds: Doubles) -> Part:
     """
     # Clip to corners that have enough samples around.
     plain = limits.plain
-    left, top = max(bounds[0] - plain.left, float(RIM)), max(bounds[1] - plain.top, float(RIM))
-    right = min(bounds[2] - plain.left + 1.0, float(plain.columns - RIM))
-    bottom = min(bounds[3] - plain.top + 1.0, float(plain.rows - RIM))
+    left, top = (
+        max(bounds[0] - plain.left, float(MARGIN)),
+        max(bounds[1] - plain.top, float(MARGIN)),
+    )
+    right = min(bounds[2] - plain.left + 1.0, float(plain.columns - MARGIN))
+    bottom = min(bounds[3] - plain.top + 1.0, float(plain.rows - MARGIN))
     wide, high = right - math.floor(left) + 1.0, bottom - math.floor(top) + 1.0
     is_small = wide * high * plain.channels <= MOST and (wide + 1.0) * plain.channels <= MOST_BESIDE
     # Too large or too small; NaN counts as both.
@@ -132,8 +135,8 @@ def part_of(limits: Limits, bounds: Doubles) -> Part:
 @inner_kernel
 def part_around(limits: Limits, u: float, v: float) -> Part:
     """The four corners around a position, in coordinates of the plain grid."""
-    left, top = limits.plain.columns - RIM - 1, limits.plain.rows - RIM - 1
-    return Part(min(max(int(u), RIM), left), min(max(int(v), RIM), top), 2, 2)
+    left, top = limits.plain.columns - MARGIN - 1, limits.plain.rows - MARGIN - 1
+    return Part(min(max(int(u), MARGIN), left), min(max(int(v), MARGIN), top), 2, 2)
 
 
 @inner_step

@@ -80,7 +80,7 @@ def _together(plans: Sequence[PicturePlan | None]) -> PicturePlan | None:
     return together(known) if len(known) == len(plans) else None
 
 
-def reach_beyond(scene: Scene, plan: PicturePlan) -> tuple[bool, float]:
+def margin_beyond_window(scene: Scene, plan: PicturePlan) -> tuple[bool, float]:
     """Extent of painted samples beyond their exact footprints.
 
     Returns

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from resample.painting.choices import Projection
 from resample_volume.classification.materials import spread
-from resample_volume.classification.surveys import Survey, rim
+from resample_volume.classification.surveys import Survey, border_values
 from resample_volume.classification.tissues import LUNG, tissue, with_lungs
 from resample_volume.classification.transfer import Color, Transfer, TransferFunction, from_points
 from resample_volume.data.bricks import sampled
@@ -53,7 +53,7 @@ def tomographic(volume: Volume, known: Survey) -> TransferFunction:
     lungs = peak_between(known.levels, low, FLESH + added, CLEAR, _each(volume))
     if lungs is None or not low <= lungs.value <= high:
         return tissue("ct", added)
-    around = np.asarray(rim(volume.values), np.float64)
+    around = np.asarray(border_values(volume.values), np.float64)
     is_around = np.mean((around >= lungs.before) & (around <= lungs.after)) > MOST_LUNG_AROUND
     if is_around or lungs.share(known.levels) < LEAST_LUNG:
         return tissue("ct", added)
@@ -76,7 +76,7 @@ def automatic(volume: Volume, known: Survey) -> TransferFunction:
     if not some.size:  # the rest lies between the samples
         some = _codes(known.levels.value, known)
     threshold, _ = cv2.threshold(some, 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
-    around = _codes(rim(volume.values), known)
+    around = _codes(border_values(volume.values), known)
     is_dense = bool(around.size) and np.mean(around > threshold) >= SURROUNDING
     if is_dense and np.mean(some <= threshold) >= LEAST_WITHIN:
         return _reversed(ramp(1 - threshold / 256))

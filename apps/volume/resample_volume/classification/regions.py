@@ -16,7 +16,7 @@ from resample.colors import from_srgb
 from resample.types import Doubles, Floats
 from resample_volume.classification.transfer import Color, DataRange, Transfer
 
-BEYOND = 1 + 1e-6  # borders are inclusive
+TOLERANCE = 1 + 1e-6  # borders are inclusive
 CHUNK = 1 << 20  # values processed together
 TINY = float(np.finfo(np.float64).tiny)
 
@@ -103,7 +103,7 @@ class RegionTransfer:
         if self.normalized:
             return steep
         ends = [end for region in self.regions for end in _ends(region) if math.isfinite(end)]
-        return max(ends) * BEYOND
+        return max(ends) * TOLERANCE
 
     def thinned(self, share: float) -> "RegionTransfer":
         thinner = [replace(region, opacity=share * region.opacity) for region in self.regions]

@@ -79,7 +79,9 @@ def survey(volume: Volume) -> Survey:
         return Survey(0.0, 1.0, 0.0, 1.0, (), 0, 0, infinite, units, NO_LEVELS)
     total, most = int(levels.number.sum()), _most_strays(volume.values.size)
     is_byte = volume.values.dtype.itemsize == 1
-    rest, padding = _without_padding(levels, rim(volume.values), most, 0 if is_byte else PADDINGS)
+    rest, padding = _without_padding(
+        levels, border_values(volume.values), most, 0 if is_byte else PADDINGS
+    )
     first, last = ends(rest.value, rest.number, most, STRAY_GAP)
     bulk = rest.between(first, last)
     kept = int(rest.number.sum())
@@ -139,7 +141,7 @@ def without_padding(volume: Volume, known: Survey) -> Volume:
     return volume._replace(values=values)
 
 
-def rim(values: Values) -> NDArray[Any]:
+def border_values(values: Values) -> NDArray[Any]:
     """Return all values on the six sides of a volume (Z, Y, X)."""
     if isinstance(values, Bricks):
         return values.statistics.border

@@ -416,7 +416,7 @@ def _in_parts(
     radius = np.sqrt((away * away).sum(axis=2).max(axis=1))
     bounds = bounds_of(volume, lattice, number, reach, job.camera.view())
     if plan is not None:
-        bounds = widened(bounds, *job.resampler.reach_beyond(plan, steps, job.camera))
+        bounds = widened(bounds, *job.resampler.margin_beyond_window(plan, steps, job.camera))
     return SamplesInParts(center, radius, bounds, seen, steps, _load_nothing, 0)
 
 

@@ -26,7 +26,7 @@ from resample_volume.voxels.visible import (
 
 COLUMNS = 4096  # columns of a table of looks; integer values fall on columns
 MOST_COLUMNS = 1 << 16
-BEYOND = (
+MARGIN = (
     64  # values beyond each end of the robust range whose looks are compared with those of the ends
 )
 
@@ -148,10 +148,10 @@ def table_range(
     (low, high), (least, greatest) = survey(volume).span, data_range
     if (low, high) == data_range:
         return data_range
-    value = np.concatenate([np.linspace(least, low, BEYOND), np.linspace(high, greatest, BEYOND)])
+    value = np.concatenate([np.linspace(least, low, MARGIN), np.linspace(high, greatest, MARGIN)])
     flat = np.zeros(value.size, np.float32) if transfer.needs_gradient else None
     color, opacity = transfer.classify(value, flat, data_range, 1.0)
-    look = np.column_stack([color, opacity]).reshape(2, BEYOND, 4)
+    look = np.column_stack([color, opacity]).reshape(2, MARGIN, 4)
     same = (look[0] == look[0, -1]).all() and (look[1] == look[1, 0]).all()
     return (low, high) if same else data_range
 

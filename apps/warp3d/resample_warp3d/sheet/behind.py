@@ -28,7 +28,7 @@ Mask = NDArray[np.bool_]
 NEIGHBOURS = ((RIGHT, 0, 1), (DOWN, 1, 0), (LEFT, 0, -1), (UP, -1, 0))
 
 
-class Beyond(NamedTuple):
+class FarSides(NamedTuple):
     """Far sides of a class, extrapolated behind their silhouettes."""
 
     distance: Floats  # (H, W) to the nearest sample at a silhouette
@@ -130,7 +130,7 @@ def far_sides(source: Source) -> Mask:
     return found
 
 
-def _classes(source: Source, far: Mask, most: float) -> list[Beyond]:
+def _classes(source: Source, far: Mask, most: float) -> list[FarSides]:
     """Split far sides into classes by nearness."""
     limits = np.quantile(source.nearness[far], np.linspace(0, 1, CLASSES + 1)[1:-1])
     member = np.searchsorted(limits, source.nearness, side="right")
@@ -138,7 +138,7 @@ def _classes(source: Source, far: Mask, most: float) -> list[Beyond]:
     return [_one_class(source, each, most) for each in chosen if each.any()]
 
 
-def _one_class(source: Source, far: Mask, most: float) -> Beyond:
+def _one_class(source: Source, far: Mask, most: float) -> FarSides:
     """Extrapolate the far sides of one class."""
     import cv2
 
@@ -156,13 +156,13 @@ def _one_class(source: Source, far: Mask, most: float) -> Beyond:
     nearness = first + np.clip(change, -STEEP * first, STEEP * first)
     same = np.abs(source.nearness - nearness) <= (APART - 1.0) * nearness
     hidden = (distance <= most) & (nearness > 0) & (source.nearness > APART * nearness)
-    return Beyond(
+    return FarSides(
         np.asarray(distance, np.float32), np.asarray(nearness, np.float32), hidden,
         same & (source.nearness > 0), start,
     )  # fmt: skip
 
 
-def _spread(color: Floats, beyond: Beyond, chosen: Mask) -> Floats:
+def _spread(color: Floats, beyond: FarSides, chosen: Mask) -> Floats:
     """Spread the colors (H, W, C) of far sides to the chosen samples.
 
     Samples of other surfaces give no color: they count as unknown, or, where they are farther away

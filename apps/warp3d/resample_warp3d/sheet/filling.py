@@ -21,7 +21,7 @@ APART = 1.05  # ratio of nearness from which a hole's border has a near and a fa
 Mask = NDArray[np.bool_]
 
 
-class Rim(NamedTuple):
+class HoleOutline(NamedTuple):
     """Masks for filling holes."""
 
     unknown: Mask  # (H, W) to be filled, fully or behind a partial cover
@@ -45,7 +45,7 @@ def fill(warped: Warped) -> Warped:
     """
     nearness = np.zeros_like(warped.depth)
     np.divide(1.0, warped.depth, out=nearness, where=(warped.depth > 0) & (warped.coverage > 0))
-    rim = rim_of(warped.coverage, nearness, warped.holes)
+    rim = hole_outline(warped.coverage, nearness, warped.holes)
     if rim.unknown.all() or not rim.unknown.any():
         return warped
     behind = rim.unknown | rim.hidden
@@ -67,7 +67,7 @@ def fill(warped: Warped) -> Warped:
     )
 
 
-def rim_of(coverage: Floats, nearness: Floats, holes: NDArray[np.uint8]) -> Rim:
+def hole_outline(coverage: Floats, nearness: Floats, holes: NDArray[np.uint8]) -> HoleOutline:
     """Return the unknown pixels, and the known ones that must not flow into them.
 
     A known pixel is hidden if it is nearer than the midpoint between the nearest and the farthest
@@ -76,7 +76,7 @@ def rim_of(coverage: Floats, nearness: Floats, holes: NDArray[np.uint8]) -> Rim:
     from beyond the hidden pixels arrive too late.
     """
     unknown = coverage < SOLID
-    nowhere = Rim(unknown, np.zeros_like(unknown))
+    nowhere = HoleOutline(unknown, np.zeros_like(unknown))
     if unknown.all() or not unknown.any():
         return nowhere
     import cv2
@@ -94,7 +94,7 @@ def rim_of(coverage: Floats, nearness: Floats, holes: NDArray[np.uint8]) -> Rim:
     if not is_far.any():
         return nowhere
     reach = _reach(is_far, unknown & np.isfinite(limit))
-    return Rim(unknown, is_near & (distance <= reach.flat[closest] + 2 * RADIUS + 2))
+    return HoleOutline(unknown, is_near & (distance <= reach.flat[closest] + 2 * RADIUS + 2))
 
 
 def _reach(is_far: Mask, is_hole: Mask) -> Floats:

@@ -113,12 +113,12 @@ def expected_nearness(
 
 def edges_in_view(image: DepthImage | Source, equation: Equation, shape: tuple[int, int]) -> Mask:
     """Return the pixels of a view within 2 px of the near side of a depth edge."""
-    nearness = np.where(_is_rim(image.nearness), image.nearness, np.float32(0))
+    nearness = np.where(_is_border(image.nearness), image.nearness, np.float32(0))
     rims = DepthImage(image.color, np.asarray(nearness, np.float32), image.place)
     return widened(expected_nearness(rims, equation, shape) > 0, NEAR_EDGE)
 
 
-def _is_rim(nearness: Floats) -> Mask:
+def _is_border(nearness: Floats) -> Mask:
     """Return the samples that are clearly nearer than one of their four neighbours."""
     around = np.pad(nearness, 1, mode="edge")
     farther = np.minimum(

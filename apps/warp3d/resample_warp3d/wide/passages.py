@@ -126,7 +126,7 @@ class Passage:
 
         As `limbs.project_ends`, with finite differences instead of derivatives.
         """
-        from resample_warp3d.sheet.kernels.limbs import INSET, INSET_BEYOND, INSET_PX
+        from resample_warp3d.sheet.kernels.limbs import INSET, INSET_BY_NEARNESS, INSET_PX
 
         if not len(sheet.ends):
             return
@@ -145,7 +145,7 @@ class Passage:
             speed = np.maximum(np.hypot(*nearer.T), 1e-30)
         rise = np.where(np.isfinite(rise), rise, 0.0)
         least = np.minimum(np.sqrt(length * INSET), INSET_PX / speed)
-        least = np.minimum(least, INSET_BEYOND * np.abs(rise))
+        least = np.minimum(least, INSET_BY_NEARNESS * np.abs(rise))
         rise = np.clip(rise, least, np.sqrt(length))
         back = (rise**2 / length)[:, None] * out
         ends = self._corners(place - back, near + rise)

@@ -96,7 +96,7 @@ def _value(values: NDArray[Any], place: Step) -> float:
 
 
 @kernel
-def _slopes_at_rim(values: NDArray[Any], place: Step) -> Vector:
+def _slopes_at_border(values: NDArray[Any], place: Step) -> Vector:
     """Slopes along x, y and z from known neighbours; 0 where there is none."""
     z, y, x = place
     here = _value(values, place)
@@ -130,7 +130,7 @@ def _central_slopes(values: NDArray[Any], place: Step) -> Vector:
         slope = (0.5 * (right + left), 0.5 * (below + above), 0.5 * (after + before))
         if math.isfinite(slope[0] + slope[1] + slope[2]):
             return slope
-    return _slopes_at_rim(values, place)
+    return _slopes_at_border(values, place)
 
 
 @kernel

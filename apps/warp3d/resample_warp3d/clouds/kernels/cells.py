@@ -35,7 +35,7 @@ WIDEST = 0.73  # corners of a cell lie within this times the distance to the las
 FARAWAY = 1e3  # times that: where sides of open cells end
 TOGETHER = 12  # neighbours that are visited together
 AROUND = 5  # nearest neighbours, whose mean distance is the spacing at a rim
-RIM = 0.65  # of that spacing: extent of a cell where there is no neighbour
+OUTLINE_SHARE = 0.65  # of that spacing: extent of a cell where there is no neighbour
 FARTHEST = 5.0  # times that: extent of a cell among neighbours
 LONGEST = 8.0  # ratio of a disc's length to its width, at most
 ALIKE = 0.5  # of a point's spacing: neighbours with at least that are as isolated as it is
@@ -139,12 +139,12 @@ def _distance(position: Floats, neighbour: Indices, n: int, j: int) -> float:
 
 
 @inner_kernel
-def _rim(position: Floats, neighbour: Indices, n: int) -> float:
+def _outline_radius(position: Floats, neighbour: Indices, n: int) -> float:
     """Extent of a cell where it has no neighbour: a share of the spacing."""
     total = 0.0
     for j in range(1, AROUND + 1):
         total += _distance(position, neighbour, n, j)
-    return RIM * total / AROUND
+    return OUTLINE_SHARE * total / AROUND
 
 
 @kernel
@@ -243,7 +243,7 @@ def measure(
     # Clip the cell in the tangent plane.
     frame = across(upward), cross(upward, across(upward))
     half = WIDEST * _distance(position, neighbour, n, neighbour.shape[1])
-    rim = _rim(position, neighbour, n)
+    rim = _outline_radius(position, neighbour, n)
     if is_last:
         half = min(half, FARTHEST * rim)
     count, corners, reach = _cell(position, neighbour, n, frame, FARAWAY * half, lines)
@@ -264,7 +264,7 @@ def measure(
     for c in range(3):
         discs.axes[here, 0, c] = np.float32(x1 * frame[0][c] + y1 * frame[1][c])
         discs.axes[here, 1, c] = np.float32(x2 * frame[0][c] + y2 * frame[1][c])
-    discs.spacing[here] = np.float32(rim / RIM)
+    discs.spacing[here] = np.float32(rim / OUTLINE_SHARE)
     return is_open
 
 

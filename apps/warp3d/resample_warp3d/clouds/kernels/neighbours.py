@@ -26,7 +26,7 @@ BLOCK = 16  # points
 SHIFT = 3
 FAN = 1 << SHIFT  # children of a block
 GROUP = FAN * BLOCK  # points whose neighbours are searched together
-BEYOND = 2  # size of the block around which the search first stays
+BLOCK_MARGIN = 2  # size of the block around which the search first stays
 DEEPEST = 12  # sizes of blocks: enough for 16 × 8¹¹ points
 AROUND = 2048  # points around a group, in a list
 NEAR = 512  # points around a block, in a list
@@ -418,7 +418,7 @@ def _look_far(
             continue
         # Note where the surroundings of the block begin on the stack.
         own = block >> (SHIFT * (size - 1))
-        if size == BEYOND and node == own >> SHIFT:
+        if size == BLOCK_MARGIN and node == own >> SHIFT:
             beyond = waiting
         # Push the children within the bound; the one that holds the block comes last, to be first.
         before, child = blocks.first[size - 1], node * FAN

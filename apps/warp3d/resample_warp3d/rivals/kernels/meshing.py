@@ -25,7 +25,7 @@ U, V, INVERSE, NEARNESS = range(4)  # of a vertex: px, px, 1 / w (0: not visible
 CUT = 4
 WHOLE = 256  # all its four sides are links
 
-BEYOND = 1e6  # px; corners farther outside are not drawn
+FARTHEST = 1e6  # px; corners farther outside are not drawn
 
 
 class Bands(NamedTuple):
@@ -72,7 +72,7 @@ def _project_row(source: Source, equation: Equation, row: int, vertex: Floats) -
         x, y, w = projected(equation, place_of(source.place, row, column), nearness)
         # Mark samples without depth, behind the camera or far outside as not visible.
         inverse = 1.0 / w if w > 0.0 and nearness > 0.0 else 0.0
-        if not (abs(x * inverse) < BEYOND and abs(y * inverse) < BEYOND):
+        if not (abs(x * inverse) < FARTHEST and abs(y * inverse) < FARTHEST):
             inverse = 0.0
         vertex[row, column, U] = x * inverse if inverse > 0.0 else 0.0
         vertex[row, column, V] = y * inverse if inverse > 0.0 else 0.0

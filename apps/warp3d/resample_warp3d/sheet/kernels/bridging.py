@@ -12,7 +12,9 @@ from resample_warp3d.types import Hole
 NARROW = 2  # px from a gap's pixel to its farther side, at most
 GROWN = 5  # px that a surface grows beyond its outline, at most
 FULL = 0.97  # coverage of a side
-RIM = 1.5  # times a cell's excess over a pixel's length: uncertainty of its surface's outline
+CELL_MARGIN = (
+    1.5  # times a cell's excess over a pixel's length: uncertainty of its surface's outline
+)
 SAME = 0.01  # of the nearness: sides closer together than this are one surface
 
 Flags = NDArray[np.bool_]
@@ -51,7 +53,7 @@ def _sides(coverage: Floats, row: int, column: int) -> tuple[int, int, int, int]
 
 
 @kernel
-def _rim(reach: Kinds, row: int, column: int) -> tuple[int, int]:
+def _extent(reach: Kinds, row: int, column: int) -> tuple[int, int]:
     """Row and column of the nearest full pixel that may extend to this one; −1: none."""
     # Search in growing distance, in the four directions along row and column.
     for n in range(1, GROWN + 1):
@@ -71,7 +73,7 @@ def _bridge_pixel(
     # Find both sides of a gap, or else a surface that may extend here.
     r, k, s, m = _sides(coverage, row, column)
     if r < 0:
-        r, k = _rim(reach, row, column)
+        r, k = _extent(reach, row, column)
         s, m = r, k
     if r < 0:
         return
@@ -98,7 +100,7 @@ def _reach_of_row(coverage: Floats, magnification: Floats, row: int, reach: Kind
     """Write a row of extents; see `reach_of_rows`."""
     for column in range(coverage.shape[1]):
         # Larger cells leave the outline less certain, and may grow more.
-        grown = RIM * (math.sqrt(magnification[row, column]) - 1.0)
+        grown = CELL_MARGIN * (math.sqrt(magnification[row, column]) - 1.0)
         steps = 1 + int(max(0.0, min(grown, float(GROWN))))
         is_full = coverage[row, column] >= FULL
         reach[row + GROWN, column + GROWN] = steps if is_full else 0

@@ -20,7 +20,7 @@ from resample_warp3d.types import DOWN, LEFT, RIGHT, TURNS, UP, Links
 FARTHEST = 1.5  # samples from the last one to a surface's end, at most, as its depth predicts it
 INSET = 0.1  # samples that a surface ends before that: its outermost rim has no color of its own
 INSET_PX = 0.5  # the same on the target's screen, at most
-INSET_BEYOND = 2.0  # the same, over the rise to the target's silhouette (`rise_of`), at most
+INSET_BY_NEARNESS = 2.0  # the same, over the rise to the target's silhouette (`rise_of`), at most
 
 Four = tuple[float, float, float, float]
 
@@ -217,7 +217,7 @@ def rise_of(
         rise = 0.5 * length * (near_x * side_y - near_y * side_x) / along
     speed = max(math.hypot(near_x, near_y) / abs(scale), 1e-30)
     # Keep an inset: a surface seen from the source's viewpoint ends as there, without a gap beside.
-    least = min(math.sqrt(length * INSET), INSET_PX / speed, INSET_BEYOND * abs(rise))
+    least = min(math.sqrt(length * INSET), INSET_PX / speed, INSET_BY_NEARNESS * abs(rise))
     return float(min(max(rise, least), math.sqrt(length)))
 
 

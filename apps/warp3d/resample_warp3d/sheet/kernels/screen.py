@@ -14,7 +14,7 @@ Indices = NDArray[np.int32]
 SEGMENT = 64  # cells of a row that are bounded, culled and measured together
 NEAREST = 1e-6  # of the matrix's scale: what is nearer to the camera's plane is behind it
 FARTHEST = 1e6  # px: what is farther outside than this is not on any screen
-BEYOND = np.int32(2**30)  # px
+OFF_SCREEN = np.int32(2**30)  # px
 BLOCK = 256  # torn cells that a thread projects at a time
 
 
@@ -127,7 +127,7 @@ def _bound_row(screen: Floats, torn: Floats, index: Indices, row: int, bounds: I
     """Bound the segments of a row; see `bound_segments`."""
     for segment in range(bounds.shape[1]):
         start, end = segment * SEGMENT, min(index.shape[1], (segment + 1) * SEGMENT)
-        left, top, right, bottom = BEYOND, BEYOND, -BEYOND, -BEYOND
+        left, top, right, bottom = OFF_SCREEN, OFF_SCREEN, -OFF_SCREEN, -OFF_SCREEN
         # Use integers: their minima vectorize sixteen at once, which those of floats do not.
         for r in range(row, row + 2):
             for column in range(start, end + 1):
@@ -135,16 +135,16 @@ def _bound_row(screen: Floats, torn: Floats, index: Indices, row: int, bounds: I
                 is_there = screen[2, r, column] > 0
                 x, y = pixel_of(screen[0, r, column]), pixel_of(screen[1, r, column])
                 left, top = (
-                    min(left, x if is_there else BEYOND),
-                    min(top, y if is_there else BEYOND),
+                    min(left, x if is_there else OFF_SCREEN),
+                    min(top, y if is_there else OFF_SCREEN),
                 )
-                right = max(right, x if is_there else -BEYOND)
-                bottom = max(bottom, y if is_there else -BEYOND)
+                right = max(right, x if is_there else -OFF_SCREEN)
+                bottom = max(bottom, y if is_there else -OFF_SCREEN)
         # Add torn cells, which are numbered along the row.
-        first, last = BEYOND, -BEYOND
+        first, last = OFF_SCREEN, -OFF_SCREEN
         for column in range(start, end):
             n = index[row, column]
-            first, last = min(first, n if n >= 0 else BEYOND), max(last, n)
+            first, last = min(first, n if n >= 0 else OFF_SCREEN), max(last, n)
         # Extend the bounds to their corners.
         for n in range(first, last + 1):
             for k in range(4):
