@@ -9,7 +9,7 @@ from resample.cameras.files import read_poses
 from resample.cameras.models import Camera
 from resample.cameras.pixels import directions, pixel_centers
 from resample.cameras.poses import camera_to_world, from_quaternion
-from resample_warp3d.depth.agreement import looks_inverted
+from resample_warp3d.depth.agreement import pose_warning
 from resample_warp3d.depth.encodings import PlanarDepth
 from resample_warp3d.depth.equation import between, places, warp_places
 from resample_warp3d.depth.files import read_depth
@@ -52,7 +52,7 @@ def cameras():
 def verdict(cameras, poses):
     images = [seen_sphere(camera) for camera in cameras]
     given = [camera.moved(matrix) for camera, matrix in zip(cameras, poses, strict=True)]
-    return looks_inverted(*images, *given)
+    return pose_warning(*images, *given)
 
 
 def test_right_poses_are_not_doubted(cameras):
@@ -77,7 +77,7 @@ def test_poses_that_nothing_fits_are_not_called_inverted(cameras):
 
 def test_a_missing_depth_speaks_against_nothing(cameras):
     image = seen_sphere(cameras[0])._replace(nearness=np.zeros(SHAPE, np.float32))
-    assert looks_inverted(image, image, *cameras) is None
+    assert pose_warning(image, image, *cameras) is None
 
 
 # Real pairs.
@@ -138,14 +138,14 @@ def test_points_of_open3d_s_frames_meet_the_depth_of_the_next(open3d, first):
 @pytest.mark.parametrize(("first", "second"), list(itertools.permutations((0, 3, 4), 2)))
 def test_inverted_poses_of_icl_nuim_are_noticed(icl, first, second):
     (image, camera), (other, target) = icl[first], icl[second]
-    assert looks_inverted(image, other, camera, target) is None
+    assert pose_warning(image, other, camera, target) is None
     turned = [view.moved(camera_to_world(view.world_to_camera)) for view in (camera, target)]
-    assert "inverted" in looks_inverted(image, other, *turned)
+    assert "inverted" in pose_warning(image, other, *turned)
 
 
 @pytest.mark.parametrize(("first", "second"), [(0, 1), (1, 0), (0, 4)])
 def test_inverted_poses_of_open3d_s_frames_are_noticed(open3d, first, second):
     (image, camera), (other, target) = open3d[first], open3d[second]
-    assert looks_inverted(image, other, camera, target) is None
+    assert pose_warning(image, other, camera, target) is None
     turned = [view.moved(camera_to_world(view.world_to_camera)) for view in (camera, target)]
-    assert "inverted" in looks_inverted(image, other, *turned)
+    assert "inverted" in pose_warning(image, other, *turned)

@@ -17,7 +17,7 @@ from resample_warp3d.methods.hybrid import Hybrid, empty
 from resample_warp3d.sheet.holes import farthest_of_rows
 from resample_warp3d.types import Hole, Method, Rendered, Source
 from resample_warp3d.wide.passages import Passage, on_lattice, poles_rows
-from resample_warp3d.wide.sights import Shape
+from resample_warp3d.wide.projections import Shape
 
 MARGIN = 8  # px that the halves of a panorama overlap, on each side
 LEAST_ROWS = 3  # of a panorama, beside each pole, taken from a picture of the pole
@@ -26,7 +26,7 @@ REACHES = 3  # times the extent of the cells over the pole
 FINE = 4  # px of that picture per row of the panorama
 SAMPLES = 8, 4  # of that picture, down and across, per pixel of the panorama
 
-Look = Callable[[Source, Passage, Shape], Rendered]
+PassageMethod = Callable[[Source, Passage, Shape], Rendered]
 
 
 def painted(
@@ -45,7 +45,7 @@ def painted(
             f"{type(method).__name__} warps from pinhole to pinhole; for lenses, panoramas and"
             " parallel rays use the method hybrid"
         )
-    look: Look = method if pixel is None else partial(_filtered, method, pixel)
+    look: PassageMethod = method if pixel is None else partial(_filtered, method, pixel)
     if not isinstance(passage.target, Equirectangular):
         return look(source, passage, shape)
     check_panorama(shape)
@@ -119,7 +119,7 @@ def _last_known(nearness: Floats) -> Floats:
     return np.take_along_axis(nearness, np.maximum.accumulate(at, axis=1), axis=1)
 
 
-def _halves(look: Look, source: Source, passage: Passage, shape: Shape) -> Rendered:
+def _halves(look: PassageMethod, source: Source, passage: Passage, shape: Shape) -> Rendered:
     """Paint a panorama in two halves, so that no cell is cut by the seam."""
     height, width = shape
     first, half = width // 4, width // 2

@@ -17,7 +17,7 @@ from resample_warp3d.methods.hybrid import Hybrid, Preview
 from resample_warp3d.types import DepthImage, Equation, Method, Previewed, Source, Warped
 from resample_warp3d.warping import Filling, as_light, filled, nearness_of, render, shape_of
 from resample_warp3d.wide.passages import way_between
-from resample_warp3d.wide.sights import Sight, taken_by
+from resample_warp3d.wide.projections import CameraModel, taken_by
 
 PER = 2  # px of the target per px of its preview, along each axis
 TO_SAMPLES = np.array([[PER, 0, 0.5 - PER / 2], [0, PER, 0.5 - PER / 2], [0, 0, 1]])
@@ -71,7 +71,7 @@ class DepthScene:
 
     def render(  # noqa: PLR0913 - what a user may say about a warp
         self,
-        target: Sight | ArrayLike,
+        target: CameraModel | ArrayLike,
         *,
         size: tuple[int, int] | None = None,
         method: str | Method = "hybrid",
@@ -105,7 +105,7 @@ class DepthScene:
         if quality not in ("final", "preview"):
             raise ValueError(f"quality {quality!r}; it can be final or preview")
         shape = self.shape if size is None else shape_of(size)
-        sight = self._sight(target)
+        sight = self._camera_model(target)
         with cancellable(cancel):
             chosen = self._method(method)
             if quality == "preview":
@@ -115,7 +115,7 @@ class DepthScene:
             return filled(self.source, partial(seen, filter=filter), fill)
 
     def sample_ids(
-        self, target: Sight | ArrayLike, *, size: tuple[int, int] | None = None
+        self, target: CameraModel | ArrayLike, *, size: tuple[int, int] | None = None
     ) -> NDArray[np.int32]:
         """Return the sample that covers most of each pixel.
 
@@ -138,7 +138,7 @@ class DepthScene:
             raise ValueError(f"{rows} × {columns} samples; at most {MOST_NAMED} can be numbered")
         index = np.arange(rows * columns, dtype=np.float32).reshape(rows, columns, 1)
         shape = self.shape if size is None else shape_of(size)
-        way = way_between(self.camera, self._sight(target), shape)
+        way = way_between(self.camera, self._camera_model(target), shape)
         named = render(self.source._replace(color=index), way, shape, Hybrid(labels=True))
         is_seen = named.coverage > 0
         share = np.where(is_seen, named.coverage, np.float32(1))
@@ -147,7 +147,7 @@ class DepthScene:
         ids[~is_seen] = -1
         return ids
 
-    def _sight(self, target: Any) -> Sight:
+    def _camera_model(self, target: Any) -> CameraModel:
         if isinstance(target, Camera | Orthographic | Equirectangular):
             return target
         try:
@@ -171,7 +171,9 @@ class DepthScene:
             self._methods[method] = registry.build("warps", method)
         return self._methods[method]
 
-    def _preview(self, sight: Sight, shape: tuple[int, int], threads: int | None) -> Previewed:
+    def _preview(
+        self, sight: CameraModel, shape: tuple[int, int], threads: int | None
+    ) -> Previewed:
         """Render nearest samples at every other pixel, and enlarge that to the target."""
         small = -(-shape[0] // PER), -(-shape[1] // PER)
         way = way_between(self.camera, sight, shape)

@@ -24,7 +24,7 @@ from resample_warp3d.sheet.filling import fill as fill_holes
 from resample_warp3d.sheet.holes import explained, trusted
 from resample_warp3d.types import DepthImage, Equation, Method, Rendered, Source, Warped
 from resample_warp3d.wide.passages import Passage, Way, way_between
-from resample_warp3d.wide.sights import Sight, taken_by
+from resample_warp3d.wide.projections import CameraModel, taken_by
 
 Filling = Literal["picture", "layer"]
 FILLINGS = get_args(Filling)
@@ -36,7 +36,7 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     color: Any,
     depth: Any,
     source: Camera | Orthographic,
-    target: Sight,
+    target: CameraModel,
     method: str | Method = "hybrid",
     *,
     filter: str | PixelFilter | None = None,  # noqa: A002

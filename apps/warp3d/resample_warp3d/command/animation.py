@@ -15,7 +15,7 @@ from resample.measuring.compare import shown
 from resample.types import Doubles, Floats
 from resample_warp3d.command.cameras.steps import stepped
 from resample_warp3d.types import Warped
-from resample_warp3d.wide.sights import Sight
+from resample_warp3d.wide.projections import CameraModel
 
 PATHS = ("sway", "orbit", "dolly")
 AMOUNTS = {"sway": 0.1, "orbit": 0.1, "dolly": 0.3}
@@ -151,8 +151,8 @@ def poses_of(
 
 def shots(
     poses: Sequence[Doubles],
-    camera: Sight,
-    render: Callable[[Sight], Floats],
+    camera: CameraModel,
+    render: Callable[[CameraModel], Floats],
     job: Mapping[str, object],
 ) -> Shots:
     """Return the frames of a path.

@@ -20,7 +20,7 @@ from resample_warp3d.command.choices import Depth, Warping
 from resample_warp3d.command.inputs import Reader, read_views
 from resample_warp3d.command.rendering import Film, film_of
 from resample_warp3d.command.writing import MILLIMETERS, check_depth, write_depth
-from resample_warp3d.wide.sights import Sight
+from resample_warp3d.wide.projections import CameraModel
 
 ALONE = Sharing.usual()
 FRAME = "frame-*.png"  # in a folder without a pattern
@@ -171,7 +171,7 @@ class ToFilm(NamedTuple):
 
 
 def frames_of(
-    given: ToFilm, poses: Sequence[Doubles], camera: Sight, threads: int
+    given: ToFilm, poses: Sequence[Doubles], camera: CameraModel, threads: int
 ) -> Callable[[int], Levels]:
     """Return the function that makes frames without depth; raises as `read_views` does."""
     taken = read_views(given.reader, given.color, given.depth)
@@ -188,7 +188,7 @@ def appearing(
 
 
 def shots_with_depth(
-    poses: Sequence[Doubles], camera: Sight, film: Film, depths: DepthFrames | None
+    poses: Sequence[Doubles], camera: CameraModel, film: Film, depths: DepthFrames | None
 ) -> Shots:
     """Return the frames of a path, as `shots` does, that also write depth if requested."""
     if depths is None:

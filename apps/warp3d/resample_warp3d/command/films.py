@@ -157,7 +157,9 @@ def _pictures(
             check_memory([view], shape, output)
         sources = prepared(session, [view], warping)
         warping = warping.model_copy(update={"refine": sources[0].refined.chosen})
-        target = aim.sight(reader.eye.sight(view.shape), view.shape, reader.eye.convention)
+        target = aim.camera_model(
+            reader.eye.camera_model(view.shape), view.shape, reader.eye.convention
+        )
         seen = warped(session, sources[0], target, shape, warping)
         yield warped_picture(seen, picture.kind, filled=warping.fill), seen.depth
 

@@ -20,14 +20,14 @@ from resample.types import Floats
 from resample_warp3d.command.cameras.intrinsics import Shape
 from resample_warp3d.command.cameras.source import SourceCamera
 from resample_warp3d.command.choices import Depth
-from resample_warp3d.depth.agreement import looks_inverted
+from resample_warp3d.depth.agreement import pose_warning
 from resample_warp3d.depth.encodings import BareDisparity, Encoding, Raw, RelativeDepth, check_scale
 from resample_warp3d.depth.equation import lens_places
 from resample_warp3d.depth.files import read_depth
 from resample_warp3d.depth.refining.conditioning import fitted
 from resample_warp3d.registering import registered
 from resample_warp3d.types import DepthImage
-from resample_warp3d.wide.sights import Sight, taken_by
+from resample_warp3d.wide.projections import CameraModel, taken_by
 
 BYTES_PER_PIXEL = 144  # for refining and preparing a source, without its colors
 BYTES_PER_VALUE = 23  # per channel of a source, for refining, preparing and warping
@@ -70,7 +70,7 @@ class Taken(NamedTuple):
 
     views: list[DepthView]  # a panorama's are its faces
     picture: Picture  # the first picture, whole
-    camera: Sight  # camera of that picture
+    camera: CameraModel  # camera of that picture
     shape: Shape  # its height and width, px
 
     @property
@@ -222,7 +222,7 @@ def view_of(
         As `read_view` does.
     """
     shape = picture.data.shape[0], picture.data.shape[1]
-    sight = reader.eye.sight(shape, pose)
+    sight = reader.eye.camera_model(shape, pose)
     if isinstance(sight, Orthographic):
         return _parallel_view(reader, picture, raw, names, sight)
     if isinstance(sight, Equirectangular):
@@ -281,7 +281,7 @@ def _taken_around(reader: Reader, color: str, depth: str) -> Taken:
     image = _depth_image(picture, (color, depth), encoding.nearness(raw))
     near = image.nearness
     length = np.divide(1.0, near, out=np.zeros_like(near), where=near > 0)
-    camera, is_fitted = reader.eye.sight(shape), raw.shape[:2] != shape
+    camera, is_fitted = reader.eye.camera_model(shape), raw.shape[:2] != shape
     views = [
         DepthView(
             Picture(each.image.color, picture.kind), each.image, each.camera, None,
@@ -313,7 +313,7 @@ def read_views(reader: Reader, color: str, depth: str, further: Sequence[ViewNam
         return _taken_around(reader, color, depth)
     views = [read_view(reader, color, depth), *(read_view(reader, *names) for names in further)]
     check_poses(views)
-    camera = reader.eye.sight(views[0].shape)
+    camera = reader.eye.camera_model(views[0].shape)
     return Taken(views, views[0].picture, camera, views[0].shape)
 
 
@@ -356,7 +356,7 @@ def check_poses(views: Sequence[DepthView]) -> None:
     for other in others:
         if isinstance(first.camera, Orthographic) or isinstance(other.camera, Orthographic):
             return
-        doubt = looks_inverted(first.image, other.image, first.camera, other.camera)
+        doubt = pose_warning(first.image, other.image, first.camera, other.camera)
         if doubt is not None:
             say(doubt)
             return

@@ -26,7 +26,7 @@ from resample_warp3d.sheet.behind import background, behind
 from resample_warp3d.sheet.filling import fill
 from resample_warp3d.types import Equation, Hole, Source, Warped
 from resample_warp3d.wide.passages import Way, way_between
-from resample_warp3d.wide.sights import Sight
+from resample_warp3d.wide.projections import CameraModel
 
 if TYPE_CHECKING:
     from resample_warp3d.views.together import Joining
@@ -64,11 +64,11 @@ class Together(NamedTuple):
 class Film(NamedTuple):
     """Renderer of a film's frames."""
 
-    render: Callable[[Sight], Warped]
+    render: Callable[[CameraModel], Warped]
     screen: Callable[[Warped], Floats]  # (H, W, 3) of 0..1
     job: Mapping[str, object]
 
-    def frame(self, camera: Sight) -> Floats:
+    def frame(self, camera: CameraModel) -> Floats:
         """Return a camera's picture, as a screen shows it."""
         return self.screen(self.render(camera))
 
@@ -93,7 +93,7 @@ def _prepared(view: DepthView, choice: Warping) -> Prepared:
 
 
 def warped(
-    session: Session, source: Prepared, target: Sight, shape: Shape, choice: Warping
+    session: Session, source: Prepared, target: CameraModel, shape: Shape, choice: Warping
 ) -> Warped:
     """Render a source for a camera in a frame (height, width)."""
     return _rendered(session, source, way_between(source.camera, target, shape), shape, choice)
@@ -102,7 +102,7 @@ def warped(
 def joined(
     session: Session,
     sources: Sequence[Prepared],
-    target: Sight,
+    target: CameraModel,
     shape: Shape,
     choice: Warping,
     joining: "Joining",
@@ -215,7 +215,7 @@ def film_of(
     sources = prepared(session, taken.views, choice)
     joining = joining_of(taken, None)
 
-    def viewed(camera: Sight) -> Warped:
+    def viewed(camera: CameraModel) -> Warped:
         return joined(session, sources, camera, shape, choice, joining).warped
 
     screen = partial(on_screen, has_alpha=taken.picture.kind.has_alpha, background=background)
@@ -245,7 +245,7 @@ def joining_of(taken: Taken, chosen: "Joining | None") -> "Joining":
     return replace(SEAMLESS, blend="best") if is_named else SEAMLESS
 
 
-def words_of(camera: Sight) -> list[object]:
+def words_of(camera: CameraModel) -> list[object]:
     """Return a camera's parameters as JSON values, to compare cameras."""
     parts = (getattr(camera, each.name) for each in fields(camera))
     return [part.tolist() if isinstance(part, np.ndarray) else part for part in parts]

@@ -21,7 +21,7 @@ ADVICE = {
 }
 
 
-def looks_inverted(
+def pose_warning(
     first: DepthImage, second: DepthImage, first_camera: Camera, second_camera: Camera
 ) -> str | None:
     """Return a warning if other poses fit two depth images clearly better.

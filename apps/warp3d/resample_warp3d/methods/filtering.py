@@ -20,7 +20,7 @@ from resample_warp3d.wide.passages import Way
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-Look = Callable[[Source, Any, tuple[int, int]], Rendered]  # along a way that the method knows
+WayMethod = Callable[[Source, Any, tuple[int, int]], Rendered]  # along a way that the method knows
 
 TRACE = 1e-4  # coverage below which a pixel is empty
 
@@ -49,7 +49,7 @@ def filtered(
     """
     parts = subpixels_of(pixel_filter)
     if parts.weight.size == 1:  # the mean over a pixel's square, as all methods have it
-        look: Look = method
+        look: WayMethod = method
         return look(source, equation, shape)
     check_method(method)
     shown = _painted(method, parts, source, equation, shape)
@@ -79,7 +79,7 @@ def _painted(
     """What a method paints on sub-pixels, filtered, strip by strip."""
     from resample.engine.surfaces.resolve import resolve_rows
 
-    paint: Look = method.layers if isinstance(method, Hybrid) else method
+    paint: WayMethod = method.layers if isinstance(method, Hybrid) else method
     around = shape[0] + 2 * parts.margin, shape[1] + 2 * parts.margin
     channels = source.color.shape[2]
     image, coverage = (np.empty((*shape, count), np.float32) for count in (channels, 1))

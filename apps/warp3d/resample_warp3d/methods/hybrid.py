@@ -95,7 +95,7 @@ class Preview:
     def __call__(self, source: Source, equation: Equation, shape: tuple[int, int]) -> Rendered:
         """Warp; what the source does not show stays empty."""
         from resample_warp3d.sheet.kernels.layers import Colors, DepthPicture
-        from resample_warp3d.sheet.kernels.preview import look
+        from resample_warp3d.sheet.kernels.preview import fill_picture
 
         if is_identity(source, equation, shape):
             return unmoved(source)
@@ -103,7 +103,7 @@ class Preview:
         screen, volume, scale = laid(sheet, equation)
         blank = empty(shape, source.color.shape[2])
         colors, picture = Colors(sheet.color, sheet.links), DepthPicture(*blank[:4])
-        look(screen, colors, band_of(shape), whole_frame(volume, shape), picture)
+        fill_picture(screen, colors, band_of(shape), whole_frame(volume, shape), picture)
         blank.nearness[:] /= np.float32(scale)
         return blank
 

@@ -51,12 +51,12 @@ def trusted(rendered: Rendered, source: Source, equation: Equation) -> Floats:
 
     Refined depth has the share of votes for it; filled depth half of that.
     """
-    from resample_warp3d.sheet.kernels.trusting import look_up
+    from resample_warp3d.sheet.kernels.trusting import sample_map
 
     found = np.ones(rendered.nearness.shape, np.float32)
     if source.trust.size:
         back = inverse(equation)
-        look_up(
+        sample_map(
             rendered.nearness, back.matrix, back.epipole, source.place, source.trust, found
         )  # fmt: skip
     return found

@@ -59,7 +59,7 @@ class Ball(NamedTuple):
 
     center: Point
     radius: float
-    look: Material
+    material: Material
 
 
 class Panel(NamedTuple):
@@ -68,7 +68,7 @@ class Panel(NamedTuple):
     corner: Point
     right: Point  # first side
     down: Point  # second side, perpendicular to the first
-    look: Material
+    material: Material
 
 
 @dataclass(frozen=True)
@@ -247,7 +247,7 @@ def _objects(things: Sequence[Ball | Panel]) -> "Objects":
         (thing.radius, thing.radius) if isinstance(thing, Ball) else length
         for thing, length in zip(things, lengths, strict=True)
     ]
-    looks = [thing.look for thing in things]
+    looks = [thing.material for thing in things]
     return tracing.Objects(
         np.array(is_sphere),
         np.array([thing.center if isinstance(thing, Ball) else thing.corner for thing in things]),

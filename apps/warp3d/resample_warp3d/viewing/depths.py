@@ -161,7 +161,7 @@ class DepthPainter:
     def _rendered(self, settings: Settings, size: Size) -> _Rendering:
         request = _checked({**settings, "size": f"{size[0]}x{size[1]}"})
         taken, sources = self._sources(request)
-        target = request.aim.sight(taken.camera, taken.shape, request.eye.convention)
+        target = request.aim.camera_model(taken.camera, taken.shape, request.eye.convention)
         joining = joining_of(taken, request.joint.joining(unmixed=request.warping.unmixed))
         together = joined(Session(), sources, target, size[::-1], request.warping, joining)
         return _Rendering(request, taken.picture.kind, together.warped)

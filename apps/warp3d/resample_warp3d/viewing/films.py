@@ -94,7 +94,7 @@ def write_depth_film(
         file = Path(folder) / FILE
         file.write_text(poses, encoding="utf-8")
         frames = EACH * (len(poses.split("\n\n")) - 1) + 1
-        camera = target.sight(taken.camera, taken.shape, eye.convention)
+        camera = target.camera_model(taken.camera, taken.shape, eye.convention)
         way = poses_of(str(file), frames, None, camera.world_to_camera, Range(1.0, 1.0))
     film = film_of(Session(), taken, size[::-1], warping, background)
     write_film(path, shots(way, camera, film.frame, film.job), RATE, progress=progress)

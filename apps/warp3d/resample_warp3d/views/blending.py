@@ -10,7 +10,7 @@ from resample.cameras.models import Camera, Orthographic
 from resample.cameras.pixels import pixel_centers
 from resample.types import Floats
 from resample_warp3d.types import Warped
-from resample_warp3d.wide.sights import Sight, looked
+from resample_warp3d.wide.projections import CameraModel, unproject
 
 BLENDS = ("feathered", "confident", "best")
 SHARP = 2.0  # power of the confidence in the weights
@@ -74,7 +74,7 @@ def feather(shown: Mask) -> Floats:
     return np.asarray(np.maximum(smooth, np.float32(AT_BORDER)), np.float32)
 
 
-def angle_share(view: Warped, source: Camera, target: Sight) -> Floats:
+def angle_share(view: Warped, source: Camera, target: CameraModel) -> Floats:
     """Return a view's weight 0..1 by the angle between its rays and the target's.
 
     An error of a source's depth displaces its colors in proportion to that angle.
@@ -83,7 +83,7 @@ def angle_share(view: Warped, source: Camera, target: Sight) -> Floats:
     eye = relative[:3, 3]
     shape = view.coverage.shape[0], view.coverage.shape[1]
     depth = np.where(np.isfinite(view.depth), view.depth, 1.0)
-    ray, _ = looked(target, shape, pixel_centers(shape), 1.0 / depth)
+    ray, _ = unproject(target, shape, pixel_centers(shape), 1.0 / depth)
     point = np.nan_to_num(ray * depth[..., None])
     back = point - eye
     along = np.broadcast_to(AHEAD, ray.shape) if isinstance(target, Orthographic) else point

@@ -17,7 +17,7 @@ from resample_warp3d.views.matching import Match, balanced, check_colors, match_
 from resample_warp3d.views.merging import merge, order_of_bits
 from resample_warp3d.views.voting import check_votes, outvoted
 from resample_warp3d.wide.passages import way_between
-from resample_warp3d.wide.sights import Sight
+from resample_warp3d.wide.projections import CameraModel
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,7 @@ def layers_of(sources: Agreed, layers: Sequence[Source | None]) -> Agreed:
 
 def render_together(  # noqa: PLR0913 - what a user may say about a warp
     sources: Agreed,
-    target: Sight,
+    target: CameraModel,
     shape: tuple[int, int],
     method: str | Method = "hybrid",
     joining: Joining | None = None,

@@ -12,7 +12,14 @@ from resample.cameras.panoramic import Equirectangular
 from resample.types import Doubles, Floats
 from resample_warp3d.depth.equation import between
 from resample_warp3d.types import Equation, Sheet
-from resample_warp3d.wide.sights import Shape, Sight, is_bent, looked, seen, without_lens
+from resample_warp3d.wide.projections import (
+    CameraModel,
+    Shape,
+    is_bent,
+    project,
+    unproject,
+    without_lens,
+)
 
 if TYPE_CHECKING:
     from resample_warp3d.sheet.kernels.screen import Screen
@@ -53,7 +60,7 @@ class Passage:
     """
 
     source: Camera | Orthographic
-    target: Sight
+    target: CameraModel
     shape: Shape
     frame: Doubles = field(default_factory=_whole)
 
@@ -73,17 +80,17 @@ class Passage:
     def ahead(self, place: Doubles, nearness: Doubles) -> tuple[Doubles, Doubles]:
         """Map samples to px of the frame (..., 2), with nearness; nan if not visible."""
         source = without_lens(self.source) if isinstance(self.source, Camera) else self.source
-        point, weight = looked(source, self.shape, place, nearness)
-        there, near = seen(self.target, self.shape, *_moved(self._step(), point, weight))
+        point, weight = unproject(source, self.shape, place, nearness)
+        there, near = project(self.target, self.shape, *_moved(self._step(), point, weight))
         return there * np.diag(self.frame)[:2] + self.frame[:2, 2], near
 
     def back(self, place: Doubles, nearness: Doubles) -> tuple[Doubles, Doubles]:
         """Map places of the frame to the undistorted source, with nearness."""
         source = without_lens(self.source) if isinstance(self.source, Camera) else self.source
         whole = (place - self.frame[:2, 2]) / np.diag(self.frame)[:2]
-        point, weight = looked(self.target, self.shape, whole, nearness)
+        point, weight = unproject(self.target, self.shape, whole, nearness)
         step = np.asarray(np.linalg.inv(self._step()), np.float64)
-        return seen(source, self.shape, *_moved(step, point, weight))
+        return project(source, self.shape, *_moved(step, point, weight))
 
     def laid(self, sheet: Sheet) -> "Screen":
         """Project a sheet to the target, without cells cut by a panorama's seam or pole."""
@@ -173,7 +180,7 @@ def _cross(a: Doubles, b: Doubles) -> Doubles:
 Way = Equation | Passage
 
 
-def way_between(source: Sight, target: Sight, shape: Shape) -> Way:
+def way_between(source: CameraModel, target: CameraModel, shape: Shape) -> Way:
     """Return the map from a source to a target (height, width): an equation if possible.
 
     Raises

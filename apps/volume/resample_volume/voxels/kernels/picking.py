@@ -49,7 +49,7 @@ class PickedField(NamedTuple):
     spline: Spline
     known: Flags  # as of `LatticeField`
     classifiers: int  # transfer functions beside each other in the table
-    table: Floats  # (G, L K, 4) as of `Looks`
+    table: Floats  # (G, L K, 4) as of `NearestCells`
     low: float
     high: float
     steep: float

@@ -8,7 +8,7 @@ from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Floats
 from resample_warp3d.clouds.kernels.cells import Nearest, Spaced, measure
 from resample_warp3d.clouds.kernels.lines import no_lines
-from resample_warp3d.clouds.kernels.neighbours import GROUP, PointBlocks, look_around, search
+from resample_warp3d.clouds.kernels.neighbours import GROUP, PointBlocks, nearest_neighbours, search
 
 TOGETHER = 2048  # points that a thread takes at a time
 MARGIN = 1.15  # factor from the squared distance that was enough to the next guess
@@ -35,7 +35,7 @@ def _measure_blocks(
         count, gaps = min(GROUP, place.shape[0] - first), 0
         for row in range(count):
             few.which[row] = first + row
-        likely = MARGIN * look_around(blocks, count, likely, few)
+        likely = MARGIN * nearest_neighbours(blocks, count, likely, few)
         # Measure the points, and collect those with a gap around.
         for row in range(count):
             for k in range(nearest.shape[1]):
@@ -45,7 +45,7 @@ def _measure_blocks(
                 gaps += 1
         # Measure these with more neighbours.
         if gaps > 0:
-            wider = MARGIN * look_around(blocks, gaps, wider, many)
+            wider = MARGIN * nearest_neighbours(blocks, gaps, wider, many)
             for row in range(gaps):
                 measure(place, many.found, row, True, lines, normal, discs)
 

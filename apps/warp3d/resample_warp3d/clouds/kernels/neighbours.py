@@ -364,7 +364,7 @@ def _hold(looking: Search, row: int, count: int, found: Numbers) -> None:
 
 
 @inner_kernel
-def _look(looking: Search, first: int, count: int, listed: int) -> float:
+def _search(looking: Search, first: int, count: int, listed: int) -> float:
     """Visit the points near; return the squared distance that bounds all neighbours."""
     most = 0.0
     for row in range(count):
@@ -374,7 +374,9 @@ def _look(looking: Search, first: int, count: int, listed: int) -> float:
 
 
 @inner_kernel
-def _look_near(looking: Search, first: int, count: int, box: Box, around: int, far: float) -> float:
+def _search_near(
+    looking: Search, first: int, count: int, box: Box, around: int, far: float
+) -> float:
     """Find neighbours in the group's list; return their bound, inf if too few."""
     # Filter the list by the block's box.
     listed, wanted = _choose(box, far, around, looking), looking.found.shape[1]
@@ -383,7 +385,7 @@ def _look_near(looking: Search, first: int, count: int, box: Box, around: int, f
     # Start without candidates, within the guess.
     for row in range(count):
         looking.many[row], looking.bound[row] = 0, far
-    most = _look(looking, first, count, listed)
+    most = _search(looking, first, count, listed)
     # A point with too few candidates needs a wider search.
     for row in range(count):
         if looking.many[row] < wanted:
@@ -392,7 +394,7 @@ def _look_near(looking: Search, first: int, count: int, box: Box, around: int, f
 
 
 @inner_kernel
-def _look_far(
+def _search_far(
     blocks: PointBlocks, block: int, looking: Search, first: int, count: int, box: Box
 ) -> float:
     """Find the neighbours of a block's points in the whole tree; return their bound."""
@@ -407,14 +409,14 @@ def _look_far(
     while waiting > 0:
         # Once the surroundings of the block have been listed, tighten the bound before going on.
         if waiting == beyond and listed > 0:
-            farthest, listed, beyond = _look(looking, first, count, listed), 0, -1
+            farthest, listed, beyond = _search(looking, first, count, listed), 0, -1
         waiting -= 1
         node, size = stack[waiting, 0], stack[waiting, 1]
         # List the points of the smallest blocks; visit them when the list is full.
         if size == 0:
             listed = _take(blocks, node, box, farthest, listed, looking.near, looking.gap)
             if listed > NEAR - BLOCK:
-                farthest, listed = _look(looking, first, count, listed), 0
+                farthest, listed = _search(looking, first, count, listed), 0
             continue
         # Note where the surroundings of the block begin on the stack.
         own = block >> (SHIFT * (size - 1))
@@ -429,7 +431,7 @@ def _look_far(
         if own >> SHIFT == node:
             stack[waiting, 0], stack[waiting, 1] = own, size - 1
             waiting += 1
-    return _look(looking, first, count, listed)
+    return _search(looking, first, count, listed)
 
 
 @inner_kernel
@@ -442,7 +444,7 @@ def _of_one_block(which: Numbers, first: int, count: int) -> int:
 
 
 @inner_kernel
-def look_around(blocks: PointBlocks, count: int, guess: float, looking: Search) -> float:
+def nearest_neighbours(blocks: PointBlocks, count: int, guess: float, looking: Search) -> float:
     """Find the nearest neighbours of some points, themselves included.
 
     Parameters
@@ -475,9 +477,9 @@ def look_around(blocks: PointBlocks, count: int, guess: float, looking: Search) 
         # Search the list, and the whole tree if the guess was too small.
         box, bound = _box(blocks, which, some), np.inf
         if around > 0:
-            bound = _look_near(looking, first, some, box, around, guess)
+            bound = _search_near(looking, first, some, box, around, guess)
         if bound > guess:
-            bound = _look_far(blocks, which[0] // BLOCK, looking, first, some, box)
+            bound = _search_far(blocks, which[0] // BLOCK, looking, first, some, box)
         # Sort the candidates.
         for row in range(some):
             _settle(looking, row, looking.found[first + row])

@@ -18,7 +18,7 @@ from resample_warp3d.command.cameras.intrinsics import (
 if TYPE_CHECKING:
     from resample.cameras.models import Camera
     from resample.cameras.trajectories import Shot
-    from resample_warp3d.wide.sights import Sight
+    from resample_warp3d.wide.projections import CameraModel
 
 FOV = 60.0  # degrees along the shorter side, assumed if unknown
 
@@ -130,7 +130,7 @@ class SourceCamera(Choices):
         ways = (self.intrinsics, self.fov, self.lens, self.source_pose)
         return self.model_copy(update={"fov": FOV}) if all(w is None for w in ways) else self
 
-    def sight(self, shape: Shape, pose: str | None = None) -> "Sight":
+    def camera_model(self, shape: Shape, pose: str | None = None) -> "CameraModel":
         """Return the camera of a picture (height, width), of any projection.
 
         Parameters and errors are those of `camera`.

@@ -13,7 +13,7 @@ from resample_warp3d.command.cameras.intrinsics import Shape, check_intrinsics, 
 if TYPE_CHECKING:
     from resample.cameras.models import Camera
     from resample.types import Doubles
-    from resample_warp3d.wide.sights import Sight
+    from resample_warp3d.wide.projections import CameraModel
 
 
 class TargetCamera(Choices):
@@ -94,7 +94,9 @@ class TargetCamera(Choices):
         """Return height and width of the new picture."""
         return source if self.size is None else height_and_width(self.size)
 
-    def sight(self, source: "Sight", source_shape: Shape, convention: str) -> "Sight":
+    def camera_model(
+        self, source: "CameraModel", source_shape: Shape, convention: str
+    ) -> "CameraModel":
         """Return the camera of the new picture, at the source's pose.
 
         Raises
@@ -186,10 +188,12 @@ class Aim(TargetCamera):
         turn = [0.0, 0.0, 0.0] if self.turn is None else numbers_in("turn", self.turn, 3)
         return stepped(move, turn)
 
-    def sight(self, source: "Sight", source_shape: Shape, convention: str) -> "Sight":
+    def camera_model(
+        self, source: "CameraModel", source_shape: Shape, convention: str
+    ) -> "CameraModel":
         from resample.cameras.files import read_pose
 
-        seen = super().sight(source, source_shape, convention)
+        seen = super().camera_model(source, source_shape, convention)
         pose = source.world_to_camera if self.pose is None else read_pose(self.pose)
         return seen.moved(self.step() @ pose)
 
@@ -199,11 +203,11 @@ class Aim(TargetCamera):
         Raises
         ------
         ValueError, LookupError, OSError
-            As `sight` does; or the new camera is not a pinhole.
+            As `camera_model` does; or the new camera is not a pinhole.
         """
         from resample.cameras.models import Camera
 
-        seen = self.sight(source, source_shape, convention)
+        seen = self.camera_model(source, source_shape, convention)
         if not isinstance(seen, Camera) or seen.distortion is not None:
             raise ValueError("methods are compared in a pinhole view; give --target-intrinsics")
         return seen

@@ -59,7 +59,7 @@ Corner = tuple[Single, Single, Single]
 REACH: Single = np.float32(0.52)  # half a cell, in cells; neighbours overlap a little
 
 
-class Looks(NamedTuple):
+class NearestCells(NamedTuple):
     """The pass that finds the nearest cell over each pixel's center."""
 
     front: Floats  # (pixels,) nearness
@@ -67,7 +67,7 @@ class Looks(NamedTuple):
 
 
 @inner_kernel
-def _fill_looks(
+def _fill_slots(
     begin: int, end: int, i: int, j: int, frame: Frame, numbers: Floats, places: Indices
 ) -> None:
     """Fill a slot with the pixels whose centers cells cover, and their nearness."""
@@ -98,7 +98,7 @@ def _fill_looks(
 
 
 @inner_kernel
-def _look(begin: int, end: int, first: int, cells: Cells, looks: Looks) -> None:
+def _keep_nearest(begin: int, end: int, first: int, cells: Cells, looks: NearestCells) -> None:
     """Depth-test fragments and keep their cells, numbered from `first` on."""
     (numbers, places), (front, owner) = cells, looks
     for n in range(begin, end):
@@ -109,9 +109,9 @@ def _look(begin: int, end: int, first: int, cells: Cells, looks: Looks) -> None:
             owner[np.uint64(pixel)] = first + n
 
 
-@plays(take, Looks)
+@plays(take, NearestCells)
 def _take(
-    looks: Looks,
+    looks: NearestCells,
     strip: Strip,
     member: int,
     nth: int,  # noqa: ARG001
@@ -125,8 +125,8 @@ def _take(
     begin, end = int(places[BEGIN + k]), int(places[END + k])
     for j in range(places[ROWS + k]):
         for i in range(places[COLUMNS + k]):
-            _fill_looks(begin, end, i, j, strip.frame, numbers, places)
-            _look(begin, end, first, cells, looks)
+            _fill_slots(begin, end, i, j, strip.frame, numbers, places)
+            _keep_nearest(begin, end, first, cells, looks)
 
 
 @inner_kernel
@@ -169,7 +169,7 @@ def _slopes(
 
 
 @inner_kernel
-def _resolve(strip: Strip, looks: Looks, colors: Colors, picture: DepthPicture) -> None:
+def _resolve(strip: Strip, looks: NearestCells, colors: Colors, picture: DepthPicture) -> None:
     """Color each pixel of a band by the cell that it shows."""
     (screen, torn, index, _), frame, (front, owner) = strip.screen, strip.frame, looks
     (color, links), (image, coverage, nearness, magnification) = colors, picture
@@ -205,7 +205,7 @@ def _resolve(strip: Strip, looks: Looks, colors: Colors, picture: DepthPicture) 
 
 
 @parallel_kernel
-def look(
+def fill_picture(
     counter: Counter, screen: Screen, colors: Colors, band: int, like: Frame, picture: DepthPicture
 ) -> None:
     """Give each pixel the color of the nearest cell over its center.
@@ -216,7 +216,7 @@ def look(
     for first, last in bands(counter, like.last, band):
         strip = Strip(screen, Frame(first, last, like.width, like.orientation, ONE, False))
         size = (last - first) * like.width
-        looks = Looks(np.zeros(size, np.float32), np.zeros(size, np.int32))
+        looks = NearestCells(np.zeros(size, np.float32), np.zeros(size, np.int32))
         cells = Cells(np.zeros(NUMBERS, np.float32), np.zeros(PLACES, np.int32))
         walk(looks, strip, met(bounds, (first, last), like.width), cells)
         _resolve(strip, looks, colors, picture)

@@ -8,11 +8,11 @@ from resample_warp3d.sheet.kernels.bridging import back_projected, on_lattice
 
 
 @kernel
-def _look_up_row(
+def _sample_row(
     nearness: Floats, back: Doubles, origin: Doubles, place: Doubles, trust: Floats, row: int,
     found: Floats,
 ) -> None:  # fmt: skip
-    """Look up a row of confidences; see `look_up`."""
+    """Look up a row of confidences; see `sample_map`."""
     height, width = trust.shape
     for column in range(nearness.shape[1]):
         found[row, column] = 0
@@ -32,7 +32,7 @@ def _look_up_row(
 
 
 @parallel_kernel
-def look_up(
+def sample_map(
     counter: Counter, nearness: Floats, back: Doubles, origin: Doubles, place: Doubles,
     trust: Floats, found: Floats,
 ) -> None:  # fmt: skip
@@ -52,4 +52,4 @@ def look_up(
         (H, W) filled; 0 where nothing is.
     """
     for row in tasks(counter, nearness.shape[0]):
-        _look_up_row(nearness, back, origin, place, trust, row, found)
+        _sample_row(nearness, back, origin, place, trust, row, found)

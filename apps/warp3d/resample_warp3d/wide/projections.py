@@ -15,18 +15,20 @@ from resample.types import Doubles
 from resample_warp3d.depth.equation import lens_places
 from resample_warp3d.types import DepthImage
 
-Sight: TypeAlias = Camera | Orthographic | Equirectangular
+CameraModel: TypeAlias = Camera | Orthographic | Equirectangular
 Shape = tuple[int, int]  # height and width, px
 
 NEAREST = 1e-6  # share of a point's distance: points less far ahead are beside the camera
 
 
-def is_bent(target: Sight) -> bool:
+def is_bent(target: CameraModel) -> bool:
     """Whether a target bends straight lines or has no center of projection."""
     return not isinstance(target, Camera) or target.distortion is not None
 
 
-def seen(camera: Sight, shape: Shape, point: Doubles, weight: Doubles) -> tuple[Doubles, Doubles]:
+def project(
+    camera: CameraModel, shape: Shape, point: Doubles, weight: Doubles
+) -> tuple[Doubles, Doubles]:
     """Project homogeneous points to px (..., 2), with nearness; nan if not visible.
 
     The nearness is 1 / z, for a panorama 1 / ray length.
@@ -44,8 +46,8 @@ def seen(camera: Sight, shape: Shape, point: Doubles, weight: Doubles) -> tuple[
     return _through_lens(camera, flat), nearness
 
 
-def looked(
-    camera: Sight, shape: Shape, place: Doubles, nearness: Doubles
+def unproject(
+    camera: CameraModel, shape: Shape, place: Doubles, nearness: Doubles
 ) -> tuple[Doubles, Doubles]:
     """Unproject places (..., 2) px with a nearness (...) to homogeneous points.
 
@@ -67,7 +69,7 @@ def without_lens(camera: Camera) -> Camera:
     return Camera(camera.matrix, camera.world_to_camera, near=camera.near)
 
 
-def taken_by(camera: Sight, image: DepthImage) -> tuple[DepthImage, Camera | Orthographic]:
+def taken_by(camera: CameraModel, image: DepthImage) -> tuple[DepthImage, Camera | Orthographic]:
     """Undistort the positions of a depth image's samples; also return the camera.
 
     A parallel camera, whose nearness is also 1 / z, is moved along its axis to one picture width
