@@ -46,8 +46,8 @@ from resample.painting.scenes.plans import (
     together,
 )
 from resample.painting.scenes.scene import (
-    Painted,
-    Scene,
+    PaintTarget,
+    PreparedScene,
     alike_classifier,
     check_samples,
     ellipsoid_of,
@@ -254,8 +254,8 @@ class Resampler:
             return self._developed(*self._painted(scene, checked, progress))
 
     def _painted(
-        self, scene: Scene, samples: Samples, progress: Progress | None
-    ) -> tuple[Painted, Statistics]:
+        self, scene: PreparedScene, samples: Samples, progress: Progress | None
+    ) -> tuple[PaintTarget, Statistics]:
         """Picture of a scene by whom its order asks for."""
         if self._is_paper:
             from resample.painting.paper import paint_paper
@@ -279,7 +279,7 @@ class Resampler:
         threshold = self._style(np.eye(3), None).threshold
         return Choices(self.reconstruction, self._point_filter, footprint, threshold)
 
-    def _is_streamed(self, scene: Scene) -> bool:
+    def _is_streamed(self, scene: PreparedScene) -> bool:
         """Whether splats are composited one by one."""
         return scene.classifier is None and self.order.summing is Summing.POINTS
 
@@ -380,13 +380,15 @@ class Resampler:
             return self._choices_of_paper.widths.is_projected, self._point_filter.radius
         return margin_beyond_window(self._of_nothing(lattice, camera, plan.size), plan)
 
-    def _of_nothing(self, lattice: Doubles, camera: AnyCamera, size: tuple[int, int]) -> Scene:
+    def _of_nothing(
+        self, lattice: Doubles, camera: AnyCamera, size: tuple[int, int]
+    ) -> PreparedScene:
         """Scene whose samples are not at hand."""
         nobody = np.zeros((0, 3), np.float32)
         nothing = Samples(nobody, nobody, nobody[:, 0], lattice)
         return self._scene(nothing, camera.view(), size, None, None)
 
-    def _painters(self, scene: Scene) -> Painters:
+    def _painters(self, scene: PreparedScene) -> Painters:
         """Who may paint samples."""
         return Painters(self._is_streamed(scene), self._point_profile is not None)
 
@@ -582,7 +584,7 @@ class Resampler:
         plan: PicturePlan,
         window: Window,
         clip: ArrayLike | None,
-    ) -> tuple[Scene, InSteps]:
+    ) -> tuple[PreparedScene, InSteps]:
         """Scene of a picture that was planned, and how its samples are painted step by step."""
         none = np.zeros((0, 3), np.float32)
         nothing = Samples(none, none, none[:, 0], source.lattice)
@@ -596,7 +598,7 @@ class Resampler:
         formula = formula_of(scene, self._profile, self._pieces)
         return scene, splats_in_steps(scene, formula)
 
-    def _cut_out(self, painted: Painted, statistics: Statistics, window: Window) -> Frame:
+    def _cut_out(self, painted: PaintTarget, statistics: Statistics, window: Window) -> Frame:
         """Frame of a window of a picture."""
         x0, y0, x1, y1 = window
         part = slice(y0, y1), slice(x0, x1)
@@ -673,8 +675,8 @@ class Resampler:
             )
 
     def _streamed(
-        self, scene: Scene, samples: Samples, progress: Progress | None
-    ) -> tuple[Painted, Statistics]:
+        self, scene: PreparedScene, samples: Samples, progress: Progress | None
+    ) -> tuple[PaintTarget, Statistics]:
         """Picture of samples that are composited one by one, or as points in layers."""
         painted, formula = None, formula_of(scene, self._profile, self._pieces)
         by = None if scene.plan is None else scene.plan.painter
@@ -685,7 +687,7 @@ class Resampler:
             painted = paint_points(scene, samples, self._point_profile, progress)
         return painted or paint_mixture(scene, samples, formula, progress)
 
-    def _developed(self, painted: Painted, statistics: Statistics) -> Frame:
+    def _developed(self, painted: PaintTarget, statistics: Statistics) -> Frame:
         film, value = painted.film, painted.value if self.projection in MEASURING else None
         if self.projection in SUMS:
             value = np.nan_to_num(painted.value, nan=0.0)
@@ -699,7 +701,7 @@ class Resampler:
         size: tuple[int, int],
         look: Classifier | None,
         clip: ArrayLike | None,
-    ) -> Scene:
+    ) -> PreparedScene:
         """What painters get to know besides the samples."""
         lattice = samples.lattice
         tables, style = self._tables, self._style(lattice, look)
@@ -710,7 +712,7 @@ class Resampler:
         if self.projection in (Projection.AVERAGE, *SUMS):
             summing = Summing.SHEETS
         layers = layers_of(self.order, samples.position, view, lattice)
-        return Scene(view, ellipsoid, screen, style, tables, summing, layers, look)
+        return PreparedScene(view, ellipsoid, screen, style, tables, summing, layers, look)
 
     @property
     def _point_filter(self) -> PixelFilter:

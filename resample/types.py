@@ -105,7 +105,7 @@ class Bounds(NamedTuple):
     greatest: Floats | Doubles  # (z, y, x)
 
 
-class Spline(NamedTuple):
+class SplineField(NamedTuple):
     """A scalar field on a lattice as cubic B-spline coefficients.
 
     They extend two samples beyond each side; see `resample.engine.rays.splines`.
@@ -161,7 +161,7 @@ UNTINTED = Tint(np.zeros((0, 3), np.uint16), 1.0)
 class LatticeField(NamedTuple):
     """A scalar field of samples on a lattice; it is classified along rays."""
 
-    spline: Spline
+    spline: SplineField
     bounds: Bounds  # data units
     known: Flags  # (N,) as the coefficients: number of a look from 1 on, 0: missing; or (0,)
     lattice: Doubles  # (3, 3) columns are the steps from a sample to its neighbours, scene units

@@ -13,8 +13,8 @@ from pathlib import Path
 from resample.cameras.models import Camera
 from resample.cameras.trajectories import (
     Entry,
+    PosedPicture,
     Refused,
-    Shot,
     lines_of,
     read_icl,
     read_log,
@@ -78,14 +78,14 @@ def read_entries(path: str | Path, kind: str | None = None) -> list[Entry]:
     return entries
 
 
-def read_shots(path: str | Path, kind: str | None = None) -> list[Shot]:
+def read_shots(path: str | Path, kind: str | None = None) -> list[PosedPicture]:
     """Read the valid pictures of a file; `left_out` reports the others.
 
     Parameters and errors are those of `read_entries`; one that has only pictures that cannot be had
     is refused with what is wrong with the first.
     """
     entries = read_entries(path, kind)
-    shots = [entry for entry in entries if isinstance(entry, Shot)]
+    shots = [entry for entry in entries if isinstance(entry, PosedPicture)]
     if not shots:
         raise ValueError(next(entry.complaint for entry in entries if isinstance(entry, Refused)))
     return shots
@@ -137,7 +137,7 @@ def read_camera(text: str, kind: str | None = None) -> Camera:
     return camera
 
 
-def read_shot(text: str, kind: str | None = None) -> Shot:
+def read_shot(text: str, kind: str | None = None) -> PosedPicture:
     """Read one pose of a file.
 
     Parameters

@@ -8,7 +8,7 @@ import numpy as np
 
 from resample.cameras.models import Camera
 from resample.cameras.poses import rigid
-from resample.cameras.trajectories import Entry, Shot, entry_of
+from resample.cameras.trajectories import Entry, PosedPicture, entry_of
 from resample.reading.texts import json_of, text_of
 from resample.words import naming
 
@@ -42,15 +42,15 @@ def _facts(path: Path) -> Any:
         return json_of(text)
 
 
-def _shot(facts: Facts) -> Shot:
+def _shot(facts: Facts) -> PosedPicture:
     """Parse one camera."""
     pose = rigid(_columns(facts, "extrinsic", 4))
     inner = facts.get("intrinsic")
     if not inner:
-        return Shot("", pose)
+        return PosedPicture("", pose)
     camera = Camera.from_opencv(_columns(inner, "intrinsic_matrix", 3)).moved(pose)
     height, width = int(inner.get("height", 0)), int(inner.get("width", 0))
-    return Shot("", pose, camera, (height, width) if min(height, width) > 0 else None)
+    return PosedPicture("", pose, camera, (height, width) if min(height, width) > 0 else None)
 
 
 def _columns(facts: Facts, name: str, side: int) -> Any:

@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from resample.cameras.models import Camera
-from resample.cameras.trajectories import Entry, Shot, entry_of
+from resample.cameras.trajectories import Entry, PosedPicture, entry_of
 from resample.cameras.viewpoints import Calibrated, Orbit, Spot, Viewpoint
 from resample.reading.texts import text_of, toml_of
 from resample.words import naming
@@ -126,16 +126,16 @@ def _name(table: Any) -> str:
     return str(table.get("time", "")) if isinstance(table, dict) else ""
 
 
-def _shot(table: dict[str, Any]) -> Shot:
+def _shot(table: dict[str, Any]) -> PosedPicture:
     content = dict(table)
     name = str(content.pop("time", ""))
     viewpoint = viewpoint_of(content)
     if isinstance(viewpoint, Spot):
-        return Shot(name, viewpoint.sized(1, 1).world_to_camera)
+        return PosedPicture(name, viewpoint.sized(1, 1).world_to_camera)
     if isinstance(viewpoint, Calibrated):
-        return Shot(name, viewpoint.camera.world_to_camera, *viewpoint)
+        return PosedPicture(name, viewpoint.camera.world_to_camera, *viewpoint)
     if not isinstance(viewpoint, Camera):
         raise ValueError("angles go around something; give eye and target, or intrinsics")
     has_size = "width" in content and "height" in content
     shape = (content["height"], content["width"]) if has_size else None
-    return Shot(name, viewpoint.world_to_camera, viewpoint, shape)
+    return PosedPicture(name, viewpoint.world_to_camera, viewpoint, shape)

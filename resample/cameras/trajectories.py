@@ -21,7 +21,7 @@ from resample.words import naming
 SEPARATOR = re.compile(r"[\s,;\[\]()]+")
 
 
-class Shot(NamedTuple):
+class PosedPicture(NamedTuple):
     """One picture of a file of poses."""
 
     name: str  # the picture's file or time; empty if the file has none
@@ -33,15 +33,15 @@ class Shot(NamedTuple):
 class Refused(NamedTuple):
     """One invalid picture of a file of poses; its pose may be valid."""
 
-    name: str  # as in `Shot`
+    name: str  # as in `PosedPicture`
     complaint: str  # one line
     pose: Doubles | None = None  # (4, 4) world to camera, if valid
 
 
-Entry = Shot | Refused
+Entry = PosedPicture | Refused
 
 
-class Line(NamedTuple):
+class TextLine(NamedTuple):
     """Words of a line of text."""
 
     number: int  # from 1
@@ -62,7 +62,7 @@ def read_matrices(path: Path) -> list[Entry]:
     is_npy = path.suffix.lower() == ".npy"
     matrices = _npy_matrices(path) if is_npy else _text_matrices(path)
     return [
-        entry_of(f"{path}: pose {n}", "", lambda given: Shot("", rigid(given)), matrix)
+        entry_of(f"{path}: pose {n}", "", lambda given: PosedPicture("", rigid(given)), matrix)
         for n, matrix in enumerate(matrices)
     ]
 
@@ -116,17 +116,17 @@ def _text_matrices(path: Path) -> Doubles:
     return numbers.reshape(-1, 3 if len(lines) == 3 else 4, 4)
 
 
-def lines_of(path: Path) -> list[Line]:
+def lines_of(path: Path) -> list[TextLine]:
     """Lines that are neither empty nor comments."""
     lines = []
     for number, line in enumerate(text_of(path).splitlines(), 1):
         words = [word for word in SEPARATOR.split(line.partition("#")[0]) if word]
         if words:
-            lines.append(Line(number, words))
+            lines.append(TextLine(number, words))
     return lines
 
 
-def table_of(path: Path, lines: Sequence[Line], count: int) -> Doubles:
+def table_of(path: Path, lines: Sequence[TextLine], count: int) -> Doubles:
     """Numbers of lines as an array (lines, count)."""
     rows = np.empty((len(lines), count))
     for n, line in enumerate(lines):
@@ -139,15 +139,17 @@ def table_of(path: Path, lines: Sequence[Line], count: int) -> Doubles:
     return rows
 
 
-def _of_quaternion(line: Line, before: int) -> Shot:
+def _of_quaternion(line: TextLine, before: int) -> PosedPicture:
     """Pose from camera-to-world tx, ty, tz, qx, qy, qz, qw, after `before` other words."""
     if len(line.words) != before + 7:
         raise ValueError(f"{len(line.words)} numbers instead of {before + 7}")
     x, y, z, *quaternion = [float(word) for word in line.words][before:]
     pose = camera_to_world(np.column_stack([from_quaternion(quaternion), [x, y, z]]))
-    return Shot(line.words[0] if before else "", pose)
+    return PosedPicture(line.words[0] if before else "", pose)
 
 
-def _of_rows(lines: Sequence[Line]) -> Shot:
+def _of_rows(lines: Sequence[TextLine]) -> PosedPicture:
     """Pose from a camera-to-world matrix."""
-    return Shot("", camera_to_world([[float(word) for word in line.words] for line in lines]))
+    return PosedPicture(
+        "", camera_to_world([[float(word) for word in line.words] for line in lines])
+    )

@@ -28,8 +28,8 @@ from resample.files.facts.metadata import (
     JPEG,
     TIFF,
     TURNS,
-    About,
-    Stored,
+    FileMetadata,
+    WrittenPage,
     about_file,
     complete,
     describe,
@@ -81,7 +81,7 @@ class Picture(NamedTuple):
 
     data: Floats  # (H, W, C), float64 for 32-bit numbers; NaN where missing
     kind: Kind
-    about: About = About()
+    about: FileMetadata = FileMetadata()
 
 
 def read_picture(path: str | Place, page: int = 0, *, as_data: bool = False) -> Picture:
@@ -126,7 +126,7 @@ def alpha_last(kind: Kind) -> tuple[Kind, list[int]]:
     return kind._replace(channels=tuple(kind.channels[n] for n in order)), order
 
 
-def _data(path: Place, page: int, kind: Kind, about: About) -> Any:
+def _data(path: Place, page: int, kind: Kind, about: FileMetadata) -> Any:
     """Light, or numbers, in the stored orientation."""
     if isinstance(path, Address) or is_in_store(path):
         return light_of(open_picture(path).levels(), kind.channels, is_encoded=kind.is_encoded)
@@ -150,7 +150,7 @@ class Header(NamedTuple):
 
     shape: tuple[int, int, int]  # height, width and number of stored channels
     kind: Kind
-    about: About
+    about: FileMetadata
     orientation: int  # Exif's number
 
     @property
@@ -160,7 +160,7 @@ class Header(NamedTuple):
         return (width, height) if TURNS[self.orientation][0] else (height, width)
 
     @property
-    def upright_about(self) -> About:
+    def upright_about(self) -> FileMetadata:
         """Metadata of the upright picture."""
         about = self.about
         if about.geo is None:
@@ -173,7 +173,7 @@ class Levels(NamedTuple):
 
     data: NDArray[Any]  # (H, W, C) uint8 or uint16; C is 1, 3 or 4; the fourth is straight alpha
     kind: Kind
-    about: About
+    about: FileMetadata
 
 
 def has_levels(path: Place) -> tuple[int, int, int] | None:
@@ -209,7 +209,7 @@ def read_picture_levels(path: Place) -> Levels:
     return Levels(upright(read_levels(path, kind.channels), header.orientation), kind, about)
 
 
-def with_gaps(data: Floats, kind: Kind, about: About) -> Floats:
+def with_gaps(data: Floats, kind: Kind, about: FileMetadata) -> Floats:
     """Mark missing values as NaN; transparent too, if there is alpha."""
     missing = None if about.geo is None else about.geo.missing
     if missing is None or np.isnan(missing):
@@ -321,20 +321,20 @@ def write_pages(path: Path, pictures: Iterable[Picture], look: WriteOptions) -> 
             rows.put(page.data)
         return
     with replacing(path) as temporary:
-        written: list[Stored] = []
+        written: list[WrittenPage] = []
         for picture in pictures:
             page = page_of(path, picture, look)
             target = opened(path, temporary, page, page.data.shape[0], is_next=bool(written))
             went_well = target.write_image(page.pixels) and target.close()
             if not went_well or target.has_error:
                 raise refused(path, temporary, complaint_of(target))
-            written.append(Stored(page.about, page.data.shape, page.data.dtype.name))
+            written.append(WrittenPage(page.about, page.data.shape, page.data.dtype.name))
         if not written:
             raise ValueError(f"{path}: there is no picture to write")
         finish(path, temporary, written)
 
 
-def finish(path: Path, temporary: Path, written: list[Stored]) -> None:
+def finish(path: Path, temporary: Path, written: list[WrittenPage]) -> None:
     """Add metadata that OpenImageIO cannot write, and read the file back as a check.
 
     Raises
@@ -356,7 +356,7 @@ class StoredPage(NamedTuple):
 
     data: NDArray[Any]  # in the stored type
     kind: Kind
-    about: About
+    about: FileMetadata
     is_light: bool
 
     @property
@@ -429,7 +429,7 @@ def holds_gaps(path: Path, picture: Picture, look: WriteOptions) -> bool:
 
 
 def holds_missing(
-    path: Path, kind: Kind, about: About, look: WriteOptions, *, has_nans: bool
+    path: Path, kind: Kind, about: FileMetadata, look: WriteOptions, *, has_nans: bool
 ) -> bool:
     """As `holds_gaps`, for a picture with or without NaN."""
     if look.background is not None or kind.has_alpha:
@@ -443,7 +443,7 @@ def holds_missing(
     return has_nans and form == "float32" and suffix in (".exr", *TIFF)
 
 
-def _form(suffix: str, kind: Kind, about: About, look: WriteOptions) -> str:
+def _form(suffix: str, kind: Kind, about: FileMetadata, look: WriteOptions) -> str:
     """Type of a file's values."""
     if about.number and suffix != ".exr" and look.bits != 32:
         return about.number
@@ -531,7 +531,7 @@ def coverage_picture(coverage: Floats) -> Picture:
 def header_in_store(found: StoredPicture) -> Header:
     """Header of a picture in chunks."""
     kind = Kind(found.channels, found.bits, is_encoded=found.bits < 32)
-    return Header(found.shape, kind, About(), 1)
+    return Header(found.shape, kind, FileMetadata(), 1)
 
 
 def header_of(path: Place, page: int, *, as_data: bool) -> Header:
@@ -565,7 +565,7 @@ def _orientation(spec: Any) -> int:
     return int(spec.get_int_attribute("Orientation", 1))
 
 
-def _is_number(form: str, names: tuple[str, ...], about: About) -> bool:
+def _is_number(form: str, names: tuple[str, ...], about: FileMetadata) -> bool:
     """Whether integers are numbers, neither shades nor colors."""
     if "A" in names:
         return False

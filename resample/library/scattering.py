@@ -186,9 +186,9 @@ class Scatter:
         from resample.engine.cells.parts import batches, channel_groups, parts_of
         from resample.engine.cells.scattering import Scattered, scatter_parts
         from resample.engine.cells.sums import collect
-        from resample.engine.cells.taps import Spread
+        from resample.engine.cells.taps import FilterTaps
 
-        spread = Spread(self._taps, False, profile_table(self._filter, self._taps))
+        spread = FilterTaps(self._taps, False, profile_table(self._filter, self._taps))
         first = _parts(seen.place)
         bounds = _bounds(seen, first, (sums.shape[0], sums.shape[1]))
         for channel, count in channel_groups(seen.value.shape[0]):

@@ -56,7 +56,7 @@ def plain_bar(
         The height is too small.
     """
     check_height(height)
-    page = Page.of(span, height, title, "colors")
+    page = BarLayout.of(span, height, title, "colors")
     ink = ink_on(background)
     axes = blank(page, background)
     rows = round(page.bottom - page.top)
@@ -114,7 +114,7 @@ def ink_on(background: Background) -> str:
     return DARK if np.dot(background, LUMINANCE) > BRIGHT else LIGHT
 
 
-class Page(NamedTuple):
+class BarLayout(NamedTuple):
     """Layout in px from the upper left corner."""
 
     height: int
@@ -132,7 +132,7 @@ class Page(NamedTuple):
     @classmethod
     def of(
         cls, span: Span, height: int, title: str, form: Form, ticked: "Ticked | None" = None
-    ) -> "Page":
+    ) -> "BarLayout":
         """Page just wide enough for its contents."""
         size = float(np.clip(round(4 + 0.017 * height), 8, 36))
         margin = round(0.8 * size)
@@ -192,7 +192,7 @@ def _length(text: str, size: float) -> float:
     return float(TextPath((0, 0), text, size=size).get_extents().width) if text.strip() else 0.0
 
 
-def blank(page: Page, background: Background) -> "Axes":
+def blank(page: BarLayout, background: Background) -> "Axes":
     """Empty page whose coordinates are px."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -207,7 +207,7 @@ def blank(page: Page, background: Background) -> "Axes":
     return axes
 
 
-def show(axes: "Axes", page: Page, linear: Floats, ink: str) -> None:
+def show(axes: "Axes", page: BarLayout, linear: Floats, ink: str) -> None:
     """Draw colors (rows, columns, 3) as the bar."""
     left, right = page.bar
     axes.imshow(
@@ -221,7 +221,7 @@ def show(axes: "Axes", page: Page, linear: Floats, ink: str) -> None:
     frame(axes, page, page.bar, ink)
 
 
-def draw_scale(axes: "Axes", page: Page, ink: str) -> None:
+def draw_scale(axes: "Axes", page: BarLayout, ink: str) -> None:
     """Draw values beside the bar."""
     right = page.curve[1]
     for place, text in page.ticks.items():
@@ -231,7 +231,7 @@ def draw_scale(axes: "Axes", page: Page, ink: str) -> None:
 
 
 def name(
-    axes: "Axes", page: Page, span: tuple[float, float], texts: tuple[str, str, str], ink: str
+    axes: "Axes", page: BarLayout, span: tuple[float, float], texts: tuple[str, str, str], ink: str
 ) -> None:
     """Draw a horizontal axis: its start, name and end."""
     row = page.bottom + 0.4 * page.type
@@ -239,7 +239,7 @@ def name(
         write(axes, page, (x, row), text, ink, va="top", ha=side)
 
 
-def frame(axes: "Axes", page: Page, span: tuple[float, float], ink: str) -> None:
+def frame(axes: "Axes", page: BarLayout, span: tuple[float, float], ink: str) -> None:
     """Draw a line around the area between two columns of px."""
     left, right = span
     x, y = (
@@ -250,18 +250,18 @@ def frame(axes: "Axes", page: Page, span: tuple[float, float], ink: str) -> None
 
 
 def write(
-    axes: "Axes", page: Page, place: tuple[float, float], text: str, ink: str, **sides: Any
+    axes: "Axes", page: BarLayout, place: tuple[float, float], text: str, ink: str, **sides: Any
 ) -> None:
     """Draw text at a position in px; `sides` are matplotlib's alignments."""
     axes.text(*place, text, fontsize=page.type * POINTS, color=ink, parse_math=False, **sides)
 
 
-def thin(page: Page) -> float:
+def thin(page: BarLayout) -> float:
     """Width of a fine line, points."""
     return max(1.0, page.type / 14) * POINTS
 
 
-def painted(axes: "Axes", page: Page, ink: str) -> Floats:
+def painted(axes: "Axes", page: BarLayout, ink: str) -> Floats:
     """Render the page with its title to a picture."""
     write(axes, page, (page.margin, page.margin), page.title, ink, va="top")
     figure: Any = axes.figure

@@ -154,7 +154,7 @@ def contact_sheet(
         figure.savefig(temporary, format="png", dpi=DPI)
 
 
-class _Layout(NamedTuple):
+class _SheetLayout(NamedTuple):
     """Positions of the pictures on a sheet, px."""
 
     columns: int
@@ -184,7 +184,9 @@ def enlarged(detail: Floats, side: int) -> Floats:
     return np.repeat(np.repeat(detail, zoom, 0), zoom, 1)
 
 
-def _layout(shapes: Sequence[tuple[int, ...]], columns: int | None, zoom: int | None) -> _Layout:
+def _layout(
+    shapes: Sequence[tuple[int, ...]], columns: int | None, zoom: int | None
+) -> _SheetLayout:
     for name, number in (("columns", columns), ("zoom", zoom)):
         if number is not None and number < 1:
             raise ValueError(f"{name} is a positive number, not {number}")
@@ -192,10 +194,10 @@ def _layout(shapes: Sequence[tuple[int, ...]], columns: int | None, zoom: int | 
     zoom = zoom or max(1, math.ceil(SMALLEST / width))
     count = len(shapes)
     columns = min(columns or (count if count <= 4 else math.ceil(math.sqrt(count))), count)
-    return _Layout(columns, math.ceil(count / columns), width * zoom, height * zoom, zoom)
+    return _SheetLayout(columns, math.ceil(count / columns), width * zoom, height * zoom, zoom)
 
 
-def _blank(layout: _Layout) -> "Figure":
+def _blank(layout: _SheetLayout) -> "Figure":
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -204,7 +206,9 @@ def _blank(layout: _Layout) -> "Figure":
     return figure
 
 
-def _write_text(figure: "Figure", layout: _Layout, corner: tuple[float, float], text: str) -> None:
+def _write_text(
+    figure: "Figure", layout: _SheetLayout, corner: tuple[float, float], text: str
+) -> None:
     """Draw a line of text at its top left corner, shortened to the cell's width."""
     room = max(4, int(layout.cell_width / 6.5))  # characters of 10 px type
     text = visible(text)

@@ -20,7 +20,7 @@ from resample.painting.choices import Footprint
 from resample.painting.layers import sheets_of
 from resample.painting.scenes.plans import NOTHING as NO_WINDOW
 from resample.painting.scenes.plans import PAPER, PicturePlan, Window
-from resample.painting.scenes.scene import Clock, Painted, Scene, nothing_painted
+from resample.painting.scenes.scene import Clock, PaintTarget, PreparedScene, nothing_painted
 from resample.profiles.filters import PixelFilter
 from resample.profiles.kept import once
 from resample.profiles.reconstruction import Reconstruction
@@ -141,7 +141,7 @@ def _point_table(pixel_filter: PixelFilter) -> Floats:
     return flat_table(lambda distance: pixel_filter(np.minimum(distance * radius, own)))
 
 
-def plan_of_paper(scene: Scene, samples: int, margin: float) -> PicturePlan:
+def plan_of_paper(scene: PreparedScene, samples: int, margin: float) -> PicturePlan:
     """Plan of a picture: nothing of it depends on all samples."""
     height, width = scene.screen.height, scene.screen.width
     same, sides = np.float32(1.0), (0.0, 0.0, float(width), float(height))
@@ -152,8 +152,8 @@ def plan_of_paper(scene: Scene, samples: int, margin: float) -> PicturePlan:
 
 
 def paint_paper(
-    scene: Scene, samples: Samples, choices: PaperChoices, progress: Progress | None
-) -> tuple[Painted, Statistics]:
+    scene: PreparedScene, samples: Samples, choices: PaperChoices, progress: Progress | None
+) -> tuple[PaintTarget, Statistics]:
     """Picture of samples by the paper's method, of a scene that composites them one by one.
 
     A sample that a clipping plane or the near plane cuts is shown if its center is; one whose cone
@@ -204,7 +204,7 @@ def paint_paper(
         from_table=counts.from_table,
         by_equation=counts.by_equation,
     )
-    return Painted(blend.film, np.zeros((0, 0), np.float32), tally, plan), statistics
+    return PaintTarget(blend.film, np.zeros((0, 0), np.float32), tally, plan), statistics
 
 
 def _blend(

@@ -19,7 +19,7 @@ from resample.painting.runs import (
 )
 from resample.painting.scenes.cuts import Between, InSteps, Output
 from resample.painting.scenes.plans import POINTS, PicturePlan
-from resample.painting.scenes.scene import Clock, Painted, Scene, size_of_tiles
+from resample.painting.scenes.scene import Clock, PaintTarget, PreparedScene, size_of_tiles
 from resample.profiles.orders import Summing
 from resample.types import (
     MOST_COLUMNS,
@@ -43,7 +43,7 @@ PRECISION = 2.0**-22  # relative, of depths; sheets must be thicker to be number
 NARROWEST = 0.51  # sub-pixels, smallest radius of a filter, so that it covers a sub-pixel center
 
 
-def can_defer_points(scene: Scene) -> bool:
+def can_defer_points(scene: PreparedScene) -> bool:
     """Whether these choices allow deferred points; samples are checked later."""
     style, layers = scene.style, scene.layers
     is_of_depth = layers.axis == tuple(scene.view.rotation[2]) and layers.eye == -np.inf
@@ -55,7 +55,7 @@ def can_defer_points(scene: Scene) -> bool:
     )
 
 
-def _outlined(scene: Scene, samples: Samples) -> Runs:
+def _outlined(scene: PreparedScene, samples: Samples) -> Runs:
     """Runs of samples, as if all were points."""
     from resample.engine.points.outlines import outline_point_runs
 
@@ -66,19 +66,19 @@ def _outlined(scene: Scene, samples: Samples) -> Runs:
     return Runs(samples, start, known)
 
 
-def _are_points(scene: Scene, most: float) -> bool:
+def _are_points(scene: PreparedScene, most: float) -> bool:
     """Whether samples up to this spacing are points at any resolution."""
     style = scene.style
     finest = style.subpixels or max(style.most_for_splats, style.most_for_points)
     return bool(most * finest <= style.threshold)
 
 
-def plan_of_points(scene: Scene, samples: Samples) -> PicturePlan:
+def plan_of_points(scene: PreparedScene, samples: Samples) -> PicturePlan:
     """Plan of samples as if all were points."""
     return plan_of(planned(scene, POINTS, _outlined(scene, samples), MOST_COLUMNS))
 
 
-def suits_points(scene: Scene, plan: PicturePlan) -> bool:
+def suits_points(scene: PreparedScene, plan: PicturePlan) -> bool:
     """Whether all samples of a plan are points, and their filter is suitable."""
     from resample.engine.grid import grid_of
 
@@ -87,7 +87,7 @@ def suits_points(scene: Scene, plan: PicturePlan) -> bool:
     return is_seen and _form_of(scene, plan, finest) is not None
 
 
-def _form_of(scene: Scene, plan: PicturePlan, finest: int) -> Spread | None:
+def _form_of(scene: PreparedScene, plan: PicturePlan, finest: int) -> Spread | None:
     """Filter of points; None if the filter, rows, sheets or crowds do not fit."""
     from resample.engine.points.outlines import TOO_WIDE
     from resample.engine.points.runs import MOST_TAPS
@@ -125,7 +125,7 @@ def _power_of_two(number: float) -> float:
     return 2.0 ** math.ceil(math.log2(max(number, 1e-300)))
 
 
-def spacings_of_points(scene: Scene, samples: Samples) -> Floats:
+def spacings_of_points(scene: PreparedScene, samples: Samples) -> Floats:
     """Smallest spacing of points in each tile (T,) of a planned scene; inf where empty."""
     from resample.engine.points.outlines import find_point_spacings
 
@@ -134,7 +134,7 @@ def spacings_of_points(scene: Scene, samples: Samples) -> Floats:
     return tiles.spacing
 
 
-def points_in_steps(scene: Scene, profile: Profile) -> InSteps:
+def points_in_steps(scene: PreparedScene, profile: Profile) -> InSteps:
     """Painter of points for a planned scene, step by step."""
     from resample.engine.ellipsoids.steps import KEPT
     from resample.engine.grid import grid_of
@@ -156,11 +156,11 @@ def points_in_steps(scene: Scene, profile: Profile) -> InSteps:
 
 
 def paint_points(
-    scene: Scene,
+    scene: PreparedScene,
     samples: Samples,
     profile: Profile,
     progress: Progress | None,
-) -> tuple[Painted, Statistics] | None:
+) -> tuple[PaintTarget, Statistics] | None:
     """Paint samples as points; None if some are not points or their filter is unsuitable.
 
     Parameters

@@ -6,7 +6,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from resample.painting.scenes.scene import Clock, Painted, ellipsoid_of, nothing_painted, planes_of
+from resample.painting.scenes.scene import (
+    Clock,
+    PaintTarget,
+    ellipsoid_of,
+    nothing_painted,
+    planes_of,
+)
 from resample.profiles.orders import MONOTONE
 from resample.types import (
     ADDITIVE,
@@ -31,7 +37,7 @@ from resample.watching import Progress, told
 if TYPE_CHECKING:
     from resample.engine.rays.classifiers import SummedClassifier
     from resample.engine.rays.integrators import Way
-    from resample.engine.rays.marching import Bricks
+    from resample.engine.rays.marching import BrickBounds
     from resample.engine.rays.media import Medium
 
 LARGE_TILE, TILE, SMALL_TILE = 64, 32, 16  # px, side of a tile
@@ -87,7 +93,7 @@ def paint_field(
     size: tuple[int, int],
     how: Gathering,
     progress: Progress | None,
-) -> tuple[Painted, Statistics]:
+) -> tuple[PaintTarget, Statistics]:
     """Paint a field to a picture (height, width)."""
     from resample.engine.rays.adaptive_sampling import Evenness
     from resample.engine.rays.painting import Output, paint_rays
@@ -259,7 +265,7 @@ def _corners(field: LatticeField) -> Doubles:
 
 
 def _way(field: LatticeField, how: Gathering) -> "Way":
-    from resample.engine.rays.integrators import Composite, Extreme, Mean, Surface
+    from resample.engine.rays.integrators import Composite, Extreme, IsoSurfaceHit, Mean
 
     classifier, style = field.classifier, how.style
     voxel = float(np.cbrt(abs(np.linalg.det(field.lattice))))
@@ -269,7 +275,7 @@ def _way(field: LatticeField, how: Gathering) -> "Way":
     if style.projection in (AVERAGE, ADDITIVE):
         return Mean(voxel, style.projection == ADDITIVE)
     if style.projection == FIRST_HIT:
-        return Surface(style.iso * (classifier.table.shape[1] // field.classifiers - 1))
+        return IsoSurfaceHit(style.iso * (classifier.table.shape[1] // field.classifiers - 1))
     is_lit = bool(
         classifier.lamp.diffuse > 0 or classifier.lamp.specular > 0 or field.reached.share.size
     )
@@ -392,11 +398,11 @@ def _most(table: NDArray[np.float32]) -> NDArray[np.float32]:
     return most
 
 
-def _bricks(bounds: Bounds, field: LatticeField, style: Style) -> "Bricks":
+def _bricks(bounds: Bounds, field: LatticeField, style: Style) -> "BrickBounds":
     """Bricks for ray casting; bounds are in columns."""
     from scipy.ndimage import distance_transform_cdt
 
-    from resample.engine.rays.marching import Bricks
+    from resample.engine.rays.marching import BrickBounds
 
     table = field.classifier.table
     columns = table.shape[1] // field.classifiers
@@ -415,7 +421,7 @@ def _bricks(bounds: Bounds, field: LatticeField, style: Style) -> "Bricks":
             else np.full(seen.shape, MOST_BRICKS)
         )
         apart = np.minimum(away, MOST_BRICKS).astype(np.uint8)
-    return Bricks(
+    return BrickBounds(
         apart.reshape(-1),
         np.asarray(bounds.least.reshape(-1), np.float32),
         np.asarray(bounds.greatest.reshape(-1), np.float32),

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from resample.painting.scenes.plans import NOTHING, PicturePlan
 from resample.painting.scenes.scene import (
-    Painted,
-    Scene,
+    PaintTarget,
+    PreparedScene,
     nothing_painted,
     size_of_tiles,
     tiles_along,
@@ -22,7 +22,7 @@ RUN_EXTENT = 8.0  # voxels
 Deal = tuple[Tiles, Indices]  # runs that tiles may show, and their numbers of samples
 
 
-def breaks(scene: Scene, samples: Samples, extent: float, longest: int) -> Indices:
+def breaks(scene: PreparedScene, samples: Samples, extent: float, longest: int) -> Indices:
     """Starts of runs, and the end of the last one.
 
     Runs have at most `longest` samples, within `extent` voxels.
@@ -39,7 +39,7 @@ def breaks(scene: Scene, samples: Samples, extent: float, longest: int) -> Indic
     return begins
 
 
-def planned(scene: Scene, painter: str, runs: Runs, columns: int) -> Scene:
+def planned(scene: PreparedScene, painter: str, runs: Runs, columns: int) -> PreparedScene:
     """Add a plan from all samples to a scene, if it has none.
 
     `columns` as in `size_of_tiles`.
@@ -72,7 +72,7 @@ def planned(scene: Scene, painter: str, runs: Runs, columns: int) -> Scene:
     return replace(scene, plan=plan)
 
 
-def plan_of(scene: Scene) -> PicturePlan:
+def plan_of(scene: PreparedScene) -> PicturePlan:
     """Plan of a planned scene."""
     if scene.plan is None:
         raise RuntimeError("a scene is planned before it is painted")
@@ -80,7 +80,7 @@ def plan_of(scene: Scene) -> PicturePlan:
 
 
 def dealt(
-    scene: Scene,
+    scene: PreparedScene,
     runs: Runs,
     find_spacings: Callable[[Tiles], None],
 ) -> Deal:
@@ -110,10 +110,10 @@ def dealt(
 
 def paint_tiles(
     paint: Callable[[Indices, tuple[Film, Tally]], None],
-    scene: Scene,
+    scene: PreparedScene,
     deal: Deal,
     progress: Progress | None,
-) -> Painted:
+) -> PaintTarget:
     """Paint non-empty tiles, fullest first; `paint` paints tiles of given numbers."""
     tiles, load = deal
     painted = nothing_painted(0, 0, load.size)._replace(plan=scene.plan, film=film_of(scene, tiles))
@@ -131,7 +131,7 @@ def turn_of(load: Indices, are_painted: NDArray[np.bool_]) -> Indices:
     return turn[(load[turn] > 0) & are_painted[turn]]
 
 
-def film_of(scene: Scene, tiles: Tiles) -> Film:
+def film_of(scene: PreparedScene, tiles: Tiles) -> Film:
     """Film of a picture, of which only the rows of the window's tiles take memory."""
     height, width = scene.screen.height, scene.screen.width
     if scene.window is None or scene.window == NOTHING:
@@ -145,14 +145,14 @@ def film_of(scene: Scene, tiles: Tiles) -> Film:
     return Film(rgba, depth, first_depth, coverage)
 
 
-def values_of(scene: Scene, tiles: Tiles) -> Floats:
+def values_of(scene: PreparedScene, tiles: Tiles) -> Floats:
     """Measured values of a projection (H, W), in memory like the film."""
     value = np.empty((scene.screen.height, scene.screen.width), np.float32)
     value[_rows_of(scene, tiles)] = np.nan
     return value
 
 
-def _rows_of(scene: Scene, tiles: Tiles) -> slice:
+def _rows_of(scene: PreparedScene, tiles: Tiles) -> slice:
     """Rows in px of the tiles that overlap the scene's window."""
     if scene.window is None:
         return slice(None)
@@ -160,7 +160,7 @@ def _rows_of(scene: Scene, tiles: Tiles) -> slice:
     return slice(y0 // size * size, -(-y1 // size) * size)
 
 
-def shown(scene: Scene, tiles: Tiles) -> NDArray[np.bool_]:
+def shown(scene: PreparedScene, tiles: Tiles) -> NDArray[np.bool_]:
     """Mask of tiles (T,) that overlap the scene's window."""
     rows, columns = tiles_along(scene.screen, tiles.size)
     is_shown = np.ones((rows, columns), bool)

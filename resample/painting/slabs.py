@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from resample.painting.runs import counted, dealt, paint_tiles, plan_of, planned
 from resample.painting.scenes.cuts import Between, InSteps, Output
 from resample.painting.scenes.plans import MIXTURE, SPLATS, PicturePlan
-from resample.painting.scenes.scene import Clock, Painted, Scene
+from resample.painting.scenes.scene import Clock, PaintTarget, PreparedScene
 from resample.painting.splats import (
     are_splats_exact,
     count_of_points,
@@ -60,11 +60,11 @@ MEASURING = (MAXIMUM, AVERAGE, ADDITIVE)
 
 
 def paint_summed(
-    scene: Scene,
+    scene: PreparedScene,
     samples: Samples,
     reconstruction: Reconstruction,
     progress: Progress | None,
-) -> tuple[Painted, Statistics]:
+) -> tuple[PaintTarget, Statistics]:
     """Paint samples that are summed before compositing."""
     from resample.engine.ellipsoids.steps import AT_ONCE
     from resample.engine.mixtures.deferred import find_spacings
@@ -95,7 +95,9 @@ def paint_summed(
     return painted, counted(statistics, runs, points)
 
 
-def summed_in_steps(scene: Scene, reconstruction: Reconstruction) -> tuple[Scene, InSteps]:
+def summed_in_steps(
+    scene: PreparedScene, reconstruction: Reconstruction
+) -> tuple[PreparedScene, InSteps]:
     """Painter of summed samples for a planned scene, step by step, and the scene to use."""
     from resample.engine.ellipsoids.steps import KEPT
     from resample.engine.slabs.painting import ALL, PARTS, Ways, paint_summed_runs
@@ -119,14 +121,14 @@ def summed_in_steps(scene: Scene, reconstruction: Reconstruction) -> tuple[Scene
     return scene, InSteps(runs, paint, between, kept, scene.style.projection in MEASURING)
 
 
-def planned_as_summed(scene: Scene, samples: Samples, painter: str) -> PicturePlan:
+def planned_as_summed(scene: PreparedScene, samples: Samples, painter: str) -> PicturePlan:
     """Plan of samples as if all were splats with exact footprints, or as a mixture."""
     runs = runs_of(scene, samples, are_mixed=painter == MIXTURE)
     least = runs.known["least_spacing"].min()
     return plan_of(planned(scene, painter, runs, columns_of(scene, least)))
 
 
-def columns_of(scene: Scene, least: Single) -> int:
+def columns_of(scene: PreparedScene, least: Single) -> int:
     """Limit on sub-pixels in a row of a tile, for a smallest spacing of samples."""
     from resample.engine.grid import grid_of
     from resample.engine.slabs.sums import NARROW
@@ -134,12 +136,12 @@ def columns_of(scene: Scene, least: Single) -> int:
     return NARROW if _is_narrow(scene, grid_of(least, scene.style)) else MOST_COLUMNS
 
 
-def spacings_of_summed(scene: Scene, samples: Samples) -> Floats:
+def spacings_of_summed(scene: PreparedScene, samples: Samples) -> Floats:
     """Smallest spacings in tiles (T,) of a planned scene; inf where empty."""
     return spacings_of(_as_fine(scene, plan_of(scene).least), samples)
 
 
-def _as_fine(scene: Scene, least: Single) -> Scene:
+def _as_fine(scene: PreparedScene, least: Single) -> PreparedScene:
     """Scene with all tiles as fine as the finest, if the projection requires it."""
     from resample.engine.grid import grid_of
 
@@ -150,7 +152,7 @@ def _as_fine(scene: Scene, least: Single) -> Scene:
     return replace(scene, style=scene.style._replace(subpixels=finest))
 
 
-def _planned(scene: Scene, samples: Samples) -> tuple[Scene, Runs]:
+def _planned(scene: PreparedScene, samples: Samples) -> tuple[PreparedScene, Runs]:
     """Scene with a plan, as fine as the projection requires, and its samples in runs."""
     runs, painter = _runs_of(scene, samples)
     least = runs.known["least_spacing"].min() if scene.plan is None else scene.plan.least
@@ -162,7 +164,7 @@ def _planned(scene: Scene, samples: Samples) -> tuple[Scene, Runs]:
     return replace(scene, plan=plan_of(scene)._replace(least=least)), runs
 
 
-def _runs_of(scene: Scene, samples: Samples) -> tuple[Runs, str]:
+def _runs_of(scene: PreparedScene, samples: Samples) -> tuple[Runs, str]:
     if scene.plan is not None:
         painter = scene.plan.painter
         return runs_of(scene, samples, are_mixed=painter == MIXTURE), painter
@@ -173,14 +175,14 @@ def _runs_of(scene: Scene, samples: Samples) -> tuple[Runs, str]:
     return runs_of(scene, samples, are_mixed=True), MIXTURE
 
 
-def _is_narrow(scene: Scene, finest: int) -> bool:
+def _is_narrow(scene: PreparedScene, finest: int) -> bool:
     """Whether rows of tiles with so many sub-pixels per side of a pixel fit in a narrow ring."""
     from resample.engine.slabs.sums import NARROW
 
     return (1 + 2 * scene.tables.pixel_margin) * finest <= NARROW
 
 
-def _sums_of(scene: Scene) -> "Summed":
+def _sums_of(scene: PreparedScene) -> "Summed":
     """Sums of a planned scene."""
     from resample.engine.grid import grid_of
     from resample.engine.slabs.painting import ALL, PARTS, WHOLES, Summed
@@ -197,7 +199,7 @@ def _sums_of(scene: Scene) -> "Summed":
     return Summed(PARTS, layers.thickness, layers, ring(slots))
 
 
-def _keyed(scene: Scene, summed: "Summed", runs: Runs) -> Runs:
+def _keyed(scene: PreparedScene, summed: "Summed", runs: Runs) -> Runs:
     """Runs, with keys of sheets if sheets are summed."""
     from resample.engine.mixtures.keys import find_first_sheets
     from resample.engine.slabs.painting import WHOLES
@@ -207,7 +209,7 @@ def _keyed(scene: Scene, summed: "Summed", runs: Runs) -> Runs:
     return runs
 
 
-def _blend_of(scene: Scene, *, is_mixed: bool) -> "Blend":
+def _blend_of(scene: PreparedScene, *, is_mixed: bool) -> "Blend":
     """Compositing of sums; mixtures are already tinted."""
     from resample.engine.slabs.blends import Colors, Mixed, Values
 
@@ -232,8 +234,8 @@ def _blend_of(scene: Scene, *, is_mixed: bool) -> "Blend":
     )
 
 
-def _integral_of(scene: Scene, reconstruction: Reconstruction) -> "Integral":
-    from resample.engine.slabs.integrals import Product, Smooth, Tabulated
+def _integral_of(scene: PreparedScene, reconstruction: Reconstruction) -> "Integral":
+    from resample.engine.slabs.integrals import Product, Smooth, TabulatedIntegral
 
     whole, density = footprint_profile(reconstruction), density_profile(reconstruction)
     factors = product_profile(reconstruction)
@@ -242,7 +244,7 @@ def _integral_of(scene: Scene, reconstruction: Reconstruction) -> "Integral":
         return Product(whole, _singles(across), _singles(along / np.arange(1, 18, 2)), rim)
     if whole is None or density is None:
         part = scene.tables.partial
-        return Tabulated(scene.tables.footprint, part.reshape(-1), part.shape[1] - 1)
+        return TabulatedIntegral(scene.tables.footprint, part.reshape(-1), part.shape[1] - 1)
     return Smooth(whole, *_partial(density))
 
 

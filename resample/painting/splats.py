@@ -19,7 +19,7 @@ from resample.painting.runs import (
 )
 from resample.painting.scenes.cuts import Between, InSteps, Output
 from resample.painting.scenes.plans import MIXTURE, SPLATS, PicturePlan
-from resample.painting.scenes.scene import Clock, Painted, Scene, size_of_tiles
+from resample.painting.scenes.scene import Clock, PaintTarget, PreparedScene, size_of_tiles
 from resample.types import (
     DISC,
     EXACT,
@@ -49,14 +49,14 @@ if TYPE_CHECKING:
 LONGEST_RUN = 64  # samples
 
 
-def are_splats_exact(scene: Scene) -> bool:
+def are_splats_exact(scene: PreparedScene) -> bool:
     """Whether splats have exact footprints, and may occur."""
     style = scene.style
     is_exact = style.model == EXACT or (style.model == DISC and not scene.view.perspective)
     return is_exact and style.threshold < np.inf and style.inflated == style.blurred == 0
 
 
-def runs_of(scene: Scene, samples: Samples, *, are_mixed: bool) -> Runs:
+def runs_of(scene: PreparedScene, samples: Samples, *, are_mixed: bool) -> Runs:
     """Runs of samples, with bounds that are valid only for splats unless `are_mixed`.
 
     Raises
@@ -84,7 +84,7 @@ def runs_of(scene: Scene, samples: Samples, *, are_mixed: bool) -> Runs:
     return Runs(samples, start, known)
 
 
-def may_have_points(scene: Scene, runs: Runs) -> bool:
+def may_have_points(scene: PreparedScene, runs: Runs) -> bool:
     """Whether a sample may be a point."""
     from resample.engine.grid import grid_of
 
@@ -92,7 +92,7 @@ def may_have_points(scene: Scene, runs: Runs) -> bool:
     return bool(least * grid_of(least, scene.style) <= scene.style.threshold)
 
 
-def _is_vague(scene: Scene, known: Records, *, are_mixed: bool) -> bool:
+def _is_vague(scene: PreparedScene, known: Records, *, are_mixed: bool) -> bool:
     """Whether bounds of the smallest spacing leave the resolution, or the kind, undecided."""
     from resample.engine.grid import grid_of
 
@@ -104,7 +104,7 @@ def _is_vague(scene: Scene, known: Records, *, are_mixed: bool) -> bool:
     return not are_mixed and bool(least * finest <= scene.style.threshold)
 
 
-def formula_of(scene: Scene, profile: Profile | None, pieces: Pieces | None) -> Formula:
+def formula_of(scene: PreparedScene, profile: Profile | None, pieces: Pieces | None) -> Formula:
     """Formula of splats: the first of these that is available, otherwise the table."""
     style, peak = scene.style, _peak(scene)
     integral = profile or pieces or Tabulated(scene.tables.footprint)
@@ -112,8 +112,8 @@ def formula_of(scene: Scene, profile: Profile | None, pieces: Pieces | None) -> 
 
 
 def paint_splats(
-    scene: Scene, samples: Samples, formula: Formula, progress: Progress | None
-) -> tuple[Painted, Statistics] | None:
+    scene: PreparedScene, samples: Samples, formula: Formula, progress: Progress | None
+) -> tuple[PaintTarget, Statistics] | None:
     """Paint samples for which `are_splats_exact`; None if some are not splats.
 
     Parameters
@@ -136,20 +136,20 @@ def paint_splats(
     return _painted(scene, runs, formula, None, clock, progress)
 
 
-def planned_as(scene: Scene, samples: Samples, painter: str) -> PicturePlan:
+def planned_as(scene: PreparedScene, samples: Samples, painter: str) -> PicturePlan:
     """Plan of samples as if all were splats with exact footprints, or as a mixture."""
     runs = runs_of(scene, samples, are_mixed=painter == MIXTURE)
     return plan_of(planned(scene, painter, runs, MOST_COLUMNS))
 
 
-def has_points(scene: Scene, plan: PicturePlan) -> bool:
+def has_points(scene: PreparedScene, plan: PicturePlan) -> bool:
     """Whether a plan of splats may include points."""
     from resample.engine.grid import grid_of
 
     return bool(plan.least * grid_of(plan.least, scene.style) <= scene.style.threshold)
 
 
-def spacings_of(scene: Scene, samples: Samples) -> Floats:
+def spacings_of(scene: PreparedScene, samples: Samples) -> Floats:
     """Smallest spacing of the samples in each tile (T,) of a planned scene; inf where empty.
 
     The samples are splats, or a mixture.
@@ -162,7 +162,7 @@ def spacings_of(scene: Scene, samples: Samples) -> Floats:
     return tiles.spacing
 
 
-def splats_in_steps(scene: Scene, formula: Formula) -> InSteps:
+def splats_in_steps(scene: PreparedScene, formula: Formula) -> InSteps:
     """Painter of splats, or a mixture, for a planned scene, step by step."""
     from resample.engine.ellipsoids.steps import KEPT
     from resample.engine.mixtures.deferred import paint_runs
@@ -181,8 +181,8 @@ def splats_in_steps(scene: Scene, formula: Formula) -> InSteps:
 
 
 def paint_mixture(
-    scene: Scene, samples: Samples, formula: Formula, progress: Progress | None
-) -> tuple[Painted, Statistics]:
+    scene: PreparedScene, samples: Samples, formula: Formula, progress: Progress | None
+) -> tuple[PaintTarget, Statistics]:
     """Like `paint_splats`, for any samples."""
     clock = Clock()
     runs = runs_of(scene, samples, are_mixed=True)
@@ -191,7 +191,7 @@ def paint_mixture(
     return _painted(scene, runs, formula, mixture_of(scene), clock, progress)
 
 
-def mixture_of(scene: Scene) -> "Mixture | None":
+def mixture_of(scene: PreparedScene) -> "Mixture | None":
     """Parameters for samples of all kinds in a planned scene; None: all are splats."""
     from resample.engine.ellipsoids.mixed import Mixture
 
@@ -201,13 +201,13 @@ def mixture_of(scene: Scene) -> "Mixture | None":
 
 
 def _painted(
-    scene: Scene,
+    scene: PreparedScene,
     runs: Runs,
     formula: Formula,
     mixture: "Mixture | None",
     clock: Clock,
     progress: Progress | None,
-) -> tuple[Painted, Statistics]:
+) -> tuple[PaintTarget, Statistics]:
     """Paint samples in runs."""
     from resample.engine.ellipsoids.steps import AT_ONCE
     from resample.engine.mixtures.deferred import find_spacings, paint_runs
@@ -226,7 +226,7 @@ def _painted(
     return painted, counted(statistics, runs, points)
 
 
-def count_of_points(scene: Scene, runs: Runs, tiles: Tiles) -> int:
+def count_of_points(scene: PreparedScene, runs: Runs, tiles: Tiles) -> int:
     """Number of visible samples that are points."""
     from resample.engine.ellipsoids.run_bounds import CHUNKS
     from resample.engine.mixtures.deferred import count_points
@@ -237,7 +237,7 @@ def count_of_points(scene: Scene, runs: Runs, tiles: Tiles) -> int:
     return int(count.sum())
 
 
-def _peak(scene: Scene) -> float:
+def _peak(scene: PreparedScene) -> float:
     """Largest line integral of the kernel, through its center along its longest axis."""
     longest = np.sqrt(np.linalg.eigvalsh(scene.ellipsoid.covariance)[-1])
     return float(scene.tables.footprint.max() * scene.ellipsoid.scale * longest)

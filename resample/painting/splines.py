@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.memory.mapped import array_like, most_of
-from resample.types import Bounds, Coefficients, Spline
+from resample.types import Bounds, Coefficients, SplineField
 
 SHORT = (np.dtype(np.uint8), np.dtype(np.int8))  # types for which 16 bits suffice, see docs
 AS_THEY_ARE = (*SHORT, *(np.dtype(name) for name in ("uint16", "int16", "float32")))
@@ -21,7 +21,7 @@ BYTES_OF_BOUNDS = 0.3  # per sample, temporary memory for the bounds of a pictur
 
 def spline_of(
     values: NDArray[np.generic], sharpness: float = 1.0, like: np.dtype[Any] | None = None
-) -> tuple[Spline, Bounds]:
+) -> tuple[SplineField, Bounds]:
     """Interpolating field of samples, and its bounds in bricks.
 
     Parameters
@@ -68,7 +68,7 @@ def spline_of(
     for bound, raw in zip(bounds, found, strict=True):
         for n, plane in enumerate(raw):
             bound[n] = zero + scale * plane.astype(np.float64)
-    field = Spline(flat, width, height * width, scale, zero, shape, base + low, base + high)
+    field = SplineField(flat, width, height * width, scale, zero, shape, base + low, base + high)
     return field, bounds
 
 

@@ -66,7 +66,7 @@ class Bilinear:
 
 
 @dataclass(frozen=True)
-class CatmullRom:
+class InterpolatingCatmullRom:
     """Cubic with slope a = −1/2: reproduces lines and parabolas.
 
     Keys, Cubic Convolution Interpolation for Digital Image Processing, 1981. (OpenCV's INTER_CUBIC
@@ -140,7 +140,7 @@ class AreaSpline:
 
 
 @dataclass(frozen=True)
-class Lanczos:
+class InterpolatingLanczos:
     """Sinc windowed by the main lobe of a sinc `a` times as wide; interpolating."""
 
     a: int = 3

@@ -23,7 +23,7 @@ CONTENTS = "contents.json"  # list of files in the folder of a sample
 PICTURES = ("--texture", "--truth", "--reference", "-R")  # options that take one file
 
 
-class Kept(NamedTuple):
+class CachedSample(NamedTuple):
     """Files of a sample."""
 
     folder: Path
@@ -90,7 +90,7 @@ def sample_path(spec: str) -> Path:
     return kept(spec).files[0]
 
 
-def kept(spec: str) -> Kept:
+def kept(spec: str) -> CachedSample:
     """Files of a sample, written if missing; errors as in `sample`."""
     spec = spec.removeprefix(PREFIX)
     name = spec.partition(":")[0]
@@ -106,7 +106,9 @@ def kept(spec: str) -> Kept:
         finally:
             shutil.rmtree(made, ignore_errors=True)
     facts = json.loads((target / CONTENTS).read_text("utf-8"))
-    return Kept(target, [target / file for file in facts["files"]], _said(target, facts["said"]))
+    return CachedSample(
+        target, [target / file for file in facts["files"]], _said(target, facts["said"])
+    )
 
 
 def expanded(words: Sequence[str]) -> list[str]:

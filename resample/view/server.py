@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from resample.console.messages import say
 from resample.view.messages import LONGEST, message_of
 from resample.view.modules import PAGE, TYPES, parts
-from resample.view.sessions import Session
+from resample.view.sessions import PageSession
 from resample.view.views import Viewable, Warming
 from resample.words import one_line
 
@@ -73,7 +73,7 @@ def application(
     from starlette.responses import Response
     from starlette.routing import Route, WebSocketRoute
 
-    open_pages: set[Session] = set()
+    open_pages: set[PageSession] = set()
 
     def is_known(given: str | None, host: str | None) -> bool:
         return secrets.compare_digest((given or "").encode(), token.encode()) and host in hosts
@@ -117,7 +117,7 @@ def _file(name: str) -> "Response":
 async def _talked(
     socket: "WebSocket",
     view: Viewable,
-    open_pages: set[Session],
+    open_pages: set[PageSession],
     shown: Callable[[], object] | None,
 ) -> None:
     """Exchange messages with a page until it is closed."""
@@ -130,7 +130,7 @@ async def _talked(
             async with turn:
                 await (socket.send_text(data) if isinstance(data, str) else socket.send_bytes(data))
 
-    session = Session(view, send, shown)
+    session = PageSession(view, send, shown)
     open_pages.add(session)
     try:
         await send(json.dumps({"kind": "about", **view.about}))

@@ -20,7 +20,7 @@ from resample.view.views import (
     Comparing,
     Filming,
     Knowing,
-    Painting,
+    PagePicture,
     Settings,
     Viewable,
     check_said,
@@ -43,7 +43,7 @@ class _Job(NamedTuple):
     cancel: Cancel
 
 
-class Session:
+class PageSession:
     """Session of one page; created, called and closed by the event loop's thread.
 
     Parameters
@@ -207,7 +207,9 @@ class Session:
         about = {"kind": "difference", "number": job.draw.number, "type": kind, "gain": GAIN}
         return [second, _framed(about | {"decibels": decibels}, data), frame]
 
-    def _painted(self, job: _Job, settings: Settings | None, name: str) -> tuple[Painting, bytes]:
+    def _painted(
+        self, job: _Job, settings: Settings | None, name: str
+    ) -> tuple[PagePicture, bytes]:
         """Picture of some settings; without settings, of another renderer."""
         draw, start = job.draw, time.perf_counter()
         size = draw.width, draw.height
@@ -247,7 +249,7 @@ class _Notices(logging.Handler):
         asyncio.run_coroutine_threadsafe(self._tell(record.getMessage()), self._loop)
 
 
-def encoded(shown: Painting) -> tuple[str, bytes]:
+def encoded(shown: PagePicture) -> tuple[str, bytes]:
     """Type and bytes of a picture: PNG, or JPEG for an opaque preview."""
     import cv2
 
@@ -261,12 +263,12 @@ def encoded(shown: Painting) -> tuple[str, bytes]:
     return kind, data.tobytes()
 
 
-def difference(one: Painting, other: Painting) -> tuple[Painting, float | None]:
+def difference(one: PagePicture, other: PagePicture) -> tuple[PagePicture, float | None]:
     """Difference of two pictures over black, times `GAIN`, and PSNR in dB; None if equal."""
     a, b = _over_black(one.levels), _over_black(other.levels)
     apart = np.minimum(GAIN * np.abs(a - b), 255.0).astype(np.uint8)
     decibels = psnr(a, b, peak=255.0)
-    shown = Painting(apart, one.is_preview or other.is_preview)
+    shown = PagePicture(apart, one.is_preview or other.is_preview)
     return shown, round(decibels, 2) if np.isfinite(decibels) else None
 
 

@@ -22,7 +22,7 @@ Size = tuple[int, int]  # width and height, px
 C = TypeVar("C", bound=Choices)
 
 
-class Painting(NamedTuple):
+class PagePicture(NamedTuple):
     """A picture for a page."""
 
     levels: NDArray[np.uint8]  # (H, W, 3 or 4) sRGB, straight opacity
@@ -33,7 +33,7 @@ class Painting(NamedTuple):
 class Painter(Protocol):
     """Interface of a page's painter; it caches data between pictures."""
 
-    def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> Painting:
+    def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> PagePicture:
         """Paint a picture with these options; `quick` requests a preview."""
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
@@ -52,7 +52,7 @@ class Knowing(Protocol):
 class Comparing(Protocol):
     """Interface of painters that compare with other renderers; `about` lists these as `rivals`."""
 
-    def beside(self, rival: str, settings: Settings, size: Size) -> Painting:
+    def beside(self, rival: str, settings: Settings, size: Size) -> PagePicture:
         """Picture of another renderer with these options."""
 
 

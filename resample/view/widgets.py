@@ -16,7 +16,7 @@ from resample.view.exports import exports_of
 from resample.view.messages import message_of
 from resample.view.modules import PAGE, joined
 from resample.view.server import MOST_PAGES
-from resample.view.sessions import Session
+from resample.view.sessions import PageSession
 from resample.view.views import Viewable, check_said
 
 try:
@@ -60,7 +60,7 @@ class Viewer(anywidget.AnyWidget):
         self, view: Viewable, settings: Mapping[str, Any] | None = None, holds: Folder | None = None
     ) -> None:
         self._view, self._holds, self._size = view, holds, SIZE
-        self._sessions: dict[str, Session] = {}
+        self._sessions: dict[str, PageSession] = {}
         super().__init__(settings={**view.about["settings"], **(settings or {})})
         self.on_msg(self._heard)
 
@@ -121,7 +121,7 @@ class Viewer(anywidget.AnyWidget):
         session = self._sessions.get(page)
         if content.get("kind") == "opened" and len(self._sessions) < MOST_PAGES:
             send = partial(self._say, page)
-            self._sessions[page] = Session(self._view, send, begun=lambda: self.settings)
+            self._sessions[page] = PageSession(self._view, send, begun=lambda: self.settings)
             about = {**self._view.about, "settings": self.settings, "width": self._size[0]}
             await send(json.dumps({"kind": "about", **about}))
         elif content.get("kind") == "closed":

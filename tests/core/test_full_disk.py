@@ -14,10 +14,10 @@ import pytest
 
 from resample.files import held, images
 from resample.files.animations import Shots, write_film
-from resample.files.facts.metadata import About
+from resample.files.facts.metadata import FileMetadata
 from resample.files.facts.tags import ASCII, Tag
 from resample.files.held import HeldJpeg
-from resample.files.painted.deep import Slab, write_deep
+from resample.files.painted.deep import DepthSlab, write_deep
 from resample.files.painted.tiles import keep_tile
 from resample.files.pictures import (
     Kind,
@@ -49,7 +49,7 @@ resource = pytest.importorskip("resource", reason="limits of Unix")
 RANDOM = np.random.default_rng(5)
 NOISE = RANDOM.random((40, 50, 4), np.float32)
 RGB = Kind(("R", "G", "B"), 8, is_encoded=True)
-TAKEN = About(camera={271: Tag(ASCII, np.frombuffer(b"Camera\0", np.uint8))})
+TAKEN = FileMetadata(camera={271: Tag(ASCII, np.frombuffer(b"Camera\0", np.uint8))})
 COLORS = Picture(NOISE[..., :3], RGB, TAKEN)
 SHADES = [Picture(RANDOM.random((16, 20, 3), np.float32), RGB) for _ in range(3)]
 LEVELS = RANDOM.integers(0, 255, (3, 16, 20, 3)).astype(np.uint8)
@@ -109,7 +109,7 @@ FIRST = ("animation.json", "frame-0000.png")  # that are written for a film
 WRITERS = {
     "a.png": partial(images.write_png, rgba=NOISE, bits=16),
     "a.exr": partial(images.write_exr, frame=FRAME),
-    "deep.exr": partial(write_deep, slabs=[Slab(0, 1, NOISE)]),
+    "deep.exr": partial(write_deep, slabs=[DepthSlab(0, 1, NOISE)]),
     **{f"picture{suffix}": picture for suffix in (".png", ".jpg", ".jpeg", ".tif", ".exr")},
     **{f"rows{suffix}": rows for suffix in (".png", ".jpg", ".tif", ".exr")},
     "pages.tif": partial(write_pages, pictures=SHADES, look=WriteOptions()),

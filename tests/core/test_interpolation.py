@@ -4,7 +4,7 @@ import pytest
 from resample import registry
 from resample.profiles.interpolation import (
     Bilinear,
-    CatmullRom,
+    InterpolatingCatmullRom,
     InterpolatingGaussian,
     Nearest,
     Spline,
@@ -48,7 +48,9 @@ def test_a_constant_stays_constant(installed):
     np.testing.assert_allclose(found, 1.0, atol=1e-6)  # float32
 
 
-@pytest.mark.parametrize("interpolation", [Bilinear(), CatmullRom(), Spline()], ids=repr)
+@pytest.mark.parametrize(
+    "interpolation", [Bilinear(), InterpolatingCatmullRom(), Spline()], ids=repr
+)
 def test_a_straight_line_stays_straight(interpolation):
     samples = np.arange(256.0)
     place = np.linspace(100.0, 140.0, 777)

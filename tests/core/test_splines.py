@@ -8,18 +8,18 @@ from scipy.ndimage import map_coordinates, spline_filter
 from resample.engine.rays.coefficients import BRICK, SLAB
 from resample.engine.rays.splines import PAD
 from resample.painting.splines import spline_of
-from resample.types import Spline
+from resample.types import SplineField
 
 BEYOND = 24  # samples of mirror images that the truth goes on for
 
 
-def coefficients(spline: Spline) -> NDArray[np.float64]:
+def coefficients(spline: SplineField) -> NDArray[np.float64]:
     """Of a spline, (Z + 2 PAD, ...), in data units."""
     shape = [count + 2 * PAD for count in spline.shape]
     return spline.zero + spline.scale * spline.coefficient.reshape(shape).astype(np.float64)
 
 
-def at_samples(spline: Spline) -> NDArray[np.float64]:
+def at_samples(spline: SplineField) -> NDArray[np.float64]:
     """Values of a spline where its samples are."""
     field = coefficients(spline)
     for axis in range(3):

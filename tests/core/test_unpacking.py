@@ -18,7 +18,7 @@ from resample.files.facts.origin import settings_in
 from resample.files.facts.tags import read_tags
 from resample.files.films import film_picture, new_film, new_stream
 from resample.files.images import read_image, read_rows
-from resample.files.painted.deep import Slab, read_deep, write_deep
+from resample.files.painted.deep import DepthSlab, read_deep, write_deep
 from resample.files.painted.tiles import NAME, kept_tile
 from resample.files.pictures import read_picture
 from resample.files.sequences import frames_of
@@ -356,7 +356,7 @@ def test_films_that_become_far_too_much_are_refused(tmp_path, monkeypatch):
 
 def test_deep_pictures_are_refused(tmp_path):
     rgba = np.ones((3, 4, 4), np.float32)
-    write_deep(tmp_path / "a.exr", [Slab(1.0, 2.0, rgba)])
+    write_deep(tmp_path / "a.exr", [DepthSlab(1.0, 2.0, rgba)])
     assert len(read_deep(tmp_path / "a.exr")) == 3
     for read in (read_picture, read_depth):
         name = "a.exr" if read is read_picture else "a.exr:Z"

@@ -6,7 +6,7 @@ import numpy as np
 
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
-from resample.profiles.interpolation import CatmullRom
+from resample.profiles.interpolation import InterpolatingCatmullRom
 from resample_texture.mesh.rendering import Mesh, MeshStyle, render_mesh
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
@@ -70,7 +70,7 @@ def decibels(found, truth):
 
 def naive(texture, camera, size, rays=8, interpolation=None):
     """The unit square at z = 0, by rays through a grid in every pixel."""
-    image = naive_rays(texture, camera, size, rays, interpolation or CatmullRom())
+    image = naive_rays(texture, camera, size, rays, interpolation or InterpolatingCatmullRom())
     return image.reshape(size, rays, size, rays, 4).mean(axis=(1, 3))
 
 
@@ -151,14 +151,21 @@ def naive_mesh(mesh, camera, size, rays=8):
 def covering(texture, cover, u, v):
     """Premultiplied colors of a texture, and what is seen of it."""
     edges = cover.along_u, cover.along_v
-    color = interpolated(texture[..., :3], u, 1 - v, CatmullRom(), *edges)
+    color = interpolated(texture[..., :3], u, 1 - v, InterpolatingCatmullRom(), *edges)
     alpha = np.ones((u.size, 1))
     if texture.shape[2] == 4 and cover.alpha == "mask":
-        alpha = interpolated(texture[..., 3:], u, 1 - v, CatmullRom(), *edges) >= cover.cutoff
+        alpha = (
+            interpolated(texture[..., 3:], u, 1 - v, InterpolatingCatmullRom(), *edges)
+            >= cover.cutoff
+        )
     elif texture.shape[2] == 4:
-        alpha = np.clip(interpolated(texture[..., 3:], u, 1 - v, CatmullRom(), *edges), 0, 1)
+        alpha = np.clip(
+            interpolated(texture[..., 3:], u, 1 - v, InterpolatingCatmullRom(), *edges), 0, 1
+        )
         premultiplied = texture[..., :3] * texture[..., 3:]
-        return np.hstack([interpolated(premultiplied, u, 1 - v, CatmullRom(), *edges), alpha])
+        return np.hstack(
+            [interpolated(premultiplied, u, 1 - v, InterpolatingCatmullRom(), *edges), alpha]
+        )
     return np.hstack([color * alpha, alpha])
 
 

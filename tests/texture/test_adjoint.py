@@ -5,7 +5,12 @@ from hypothesis import strategies as st
 
 from resample import registry
 from resample.profiles.filters import Area, Box, Gaussian, Mitchell, Tent
-from resample.profiles.interpolation import CatmullRom, InterpolatingGaussian, Nearest, Spline
+from resample.profiles.interpolation import (
+    InterpolatingCatmullRom,
+    InterpolatingGaussian,
+    Nearest,
+    Spline,
+)
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Homography
 from resample_texture.texels.adjoint import adjoint
 from resample_texture.texels.forward import Cells, blocks_of, project
@@ -55,7 +60,9 @@ tilt = st.floats(-0.3, 0.3, allow_subnormal=False)
 cells_drawn = st.builds(
     Cells,
     pixel_filter=st.sampled_from([Area(), Box(), Tent(), Gaussian(), Mitchell()]),
-    interpolation=st.sampled_from([Nearest(), CatmullRom(), Spline(), InterpolatingGaussian()]),
+    interpolation=st.sampled_from(
+        [Nearest(), InterpolatingCatmullRom(), Spline(), InterpolatingGaussian()]
+    ),
     quality=st.floats(1.0, 3.0),
     cut=st.booleans(),
     is_sum=st.booleans(),

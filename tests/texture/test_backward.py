@@ -8,7 +8,7 @@ import pytest
 from resample.profiles.filters import Area, Gaussian, Tent
 from resample.profiles.interpolation import (
     Bilinear,
-    CatmullRom,
+    InterpolatingCatmullRom,
     InterpolatingGaussian,
     Nearest,
     Spline,
@@ -128,7 +128,7 @@ def spread(at, size, pixel_filter):
         Cells(Area(), Bilinear(), 3.0),
         Cells(Area(), Nearest(), 1.0, is_sum=True),
         Cells(Gaussian(0.6), Bilinear(), 2.0),
-        Cells(Tent(1.5), CatmullRom(), 1.0, is_sum=True),
+        Cells(Tent(1.5), InterpolatingCatmullRom(), 1.0, is_sum=True),
     ],
     ids=["default", "bilinear", "sum", "gaussian", "tent-sum"],
 )

@@ -4,7 +4,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from resample import registry
-from resample.profiles.interpolation import AreaSpline, CatmullRom, Nearest, Spline
+from resample.profiles.interpolation import AreaSpline, InterpolatingCatmullRom, Nearest, Spline
 from resample_texture import BackwardMap, warp
 from resample_texture.differentiable import LinearWarp, MapPlaces, MatrixPlaces
 from resample_texture.differentiable.profiles import pieces
@@ -281,7 +281,7 @@ def test_an_interpolation_with_kinks_is_refused():
 
 def test_choices_and_shapes_that_cannot_be_are_refused():
     source, gradient = pictures()
-    places, chosen = matrix_places(MAGNIFIED), LinearWarp(CatmullRom())
+    places, chosen = matrix_places(MAGNIFIED), LinearWarp(InterpolatingCatmullRom())
     with pytest.raises(ValueError, match="quality lies between 1 and 16"):
         LinearWarp(quality=0.5)
     with pytest.raises(ValueError, match="known: transparent"):

@@ -10,7 +10,7 @@ from resample.profiles.filters import Area, Box, Gaussian, Mitchell, Tent
 from resample.profiles.interpolation import (
     AreaSpline,
     Bilinear,
-    CatmullRom,
+    InterpolatingCatmullRom,
     InterpolatingGaussian,
     Nearest,
     Spline,
@@ -291,7 +291,9 @@ def test_a_floor_that_never_ends_comes_to_its_mean():
 
 
 @pytest.mark.parametrize("edge", CONTINUED)
-@pytest.mark.parametrize("interpolation", [Bilinear(), CatmullRom(), Spline()], ids=str)
+@pytest.mark.parametrize(
+    "interpolation", [Bilinear(), InterpolatingCatmullRom(), Spline()], ids=str
+)
 @pytest.mark.parametrize("scale", [0.6, 1.7])
 def test_an_edge_continues_as_if_padded_by_hand(edge, interpolation, scale):
     source, pad = noise(), 40
@@ -307,7 +309,7 @@ def test_an_edge_continues_as_if_padded_by_hand(edge, interpolation, scale):
 
 
 @pytest.mark.parametrize("edge", CONTINUED)
-@pytest.mark.parametrize("interpolation", [CatmullRom(), Spline()], ids=str)
+@pytest.mark.parametrize("interpolation", [InterpolatingCatmullRom(), Spline()], ids=str)
 def test_joined_texels_beyond_an_edge_are_as_if_padded_by_hand(edge, interpolation):
     source, pad = noise(16, 16), 64  # a multiple of all that is joined
     padded = np.pad(source, ((pad, pad), (pad, pad), (0, 0)), mode=PADDINGS[edge])

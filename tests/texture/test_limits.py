@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from resample.profiles.interpolation import AreaSpline, Lanczos, Spline
+from resample.profiles.interpolation import AreaSpline, InterpolatingLanczos, Spline
 from resample_texture import BackwardMap, warp
 from resample_texture.geometry.mappings import Homography, source_coordinates
 from tests.bits import assert_threads_change_nothing
@@ -232,7 +232,7 @@ def test_threads_change_nothing():
     assert_threads_change_nothing(lambda: warp(noise(90, 90), about(13.0, 1.1), (150, 150)).image)
 
 
-@pytest.mark.parametrize("kind", [AreaSpline, Lanczos, Spline])
+@pytest.mark.parametrize("kind", [AreaSpline, InterpolatingLanczos, Spline])
 def test_a_limit_has_a_name(kind):
     with pytest.raises(ValueError, match="limit is one of none, range, peaks, not 'all'"):
         kind(limit="all")

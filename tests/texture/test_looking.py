@@ -6,7 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from resample import registry
-from resample.profiles.interpolation import AreaSpline, Bilinear, CatmullRom, Lanczos, Nearest
+from resample.profiles.interpolation import (
+    AreaSpline,
+    Bilinear,
+    InterpolatingCatmullRom,
+    InterpolatingLanczos,
+    Nearest,
+)
 from resample_texture import BackwardMap, Edge, Homography, warp
 from resample_texture.geometry.mappings import source_coordinates
 from resample_texture.methods.forward import Hybrid
@@ -160,7 +166,13 @@ def test_every_interpolation_is_what_rays_see(name):
 @pytest.mark.each_value
 @pytest.mark.parametrize(
     "interpolation",
-    [Nearest(), Bilinear(), CatmullRom(), Lanczos(), AreaSpline(3, "none")],
+    [
+        Nearest(),
+        Bilinear(),
+        InterpolatingCatmullRom(),
+        InterpolatingLanczos(),
+        AreaSpline(3, "none"),
+    ],
     ids=repr,
 )
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import pytest
 
 from resample import registry
 from resample.profiles.filters import Area, Box, Gaussian
-from resample.profiles.interpolation import AreaSpline, Bilinear, CatmullRom
+from resample.profiles.interpolation import AreaSpline, Bilinear, InterpolatingCatmullRom
 from resample_texture import BackwardMap, Edge, ForwardMap, Homography, warp
 from resample_texture.geometry.mappings import source_coordinates
 from resample_texture.methods.forward import Hybrid, Points, Splats, Supersample
@@ -174,7 +174,7 @@ def test_plugins_are_built_from_their_names():
     assert hybrid.interpolation == Bilinear()
     assert Hybrid() == Hybrid(filter=Area(), interpolation=AreaSpline())
     assert Points().filter == Gaussian(0.5)
-    assert Supersample(interpolation="catmull-rom").interpolation == CatmullRom()
+    assert Supersample(interpolation="catmull-rom").interpolation == InterpolatingCatmullRom()
 
 
 @pytest.mark.parametrize("kind", [Hybrid, Points, Supersample])

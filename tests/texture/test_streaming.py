@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from resample.profiles.interpolation import CatmullRom, Spline
+from resample.profiles.interpolation import InterpolatingCatmullRom, Spline
 from resample_texture.geometry.mappings import Homography
 from resample_texture.texels.forward import Cells, project
 from resample_texture.texels.streaming import warp_rows
@@ -16,7 +16,7 @@ def strips(source, *heights):
     return np.split(source, ends)
 
 
-@pytest.mark.parametrize("interpolation", [CatmullRom(), Spline()], ids=repr)
+@pytest.mark.parametrize("interpolation", [InterpolatingCatmullRom(), Spline()], ids=repr)
 @pytest.mark.parametrize("zoom", [1.0, 3.0])
 def test_strips_give_the_picture_of_the_whole(rng, interpolation, zoom):
     source = rng.random((700, 120, 3), np.float32)

@@ -18,7 +18,7 @@ from PIL import Image
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from resample.view.sessions import difference
-from resample.view.views import Painting
+from resample.view.views import PagePicture
 from resample.watching import Cancel, CancelledError
 from tests.view.conftest import Served, served
 
@@ -33,7 +33,7 @@ class Slow:
     def __init__(self) -> None:
         Slow.alive.add(self)
 
-    def paint(self, settings: Any, size: Any, *, quick: bool, cancel: Cancel) -> Painting:
+    def paint(self, settings: Any, size: Any, *, quick: bool, cancel: Cancel) -> PagePicture:
         if "fault" in settings:
             raise RuntimeError("the renderer\nhas failed")
         for _ in range(int(settings.get("steps", 0))):
@@ -42,7 +42,7 @@ class Slow:
                 Slow.cancelled += 1
                 raise CancelledError("stopped")
         Slow.painted.append((int(settings.get("mark", 0)), quick))
-        return Painting(np.full((size[1], size[0], 3), settings.get("mark", 0), np.uint8), quick)
+        return PagePicture(np.full((size[1], size[0], 3), settings.get("mark", 0), np.uint8), quick)
 
     def tell(self, settings: Any, what: str) -> dict[str, Any]:
         return {"asked": what, "of": sorted(settings)}
@@ -154,9 +154,9 @@ def test_two_pictures_come_with_their_difference(place: Served) -> None:
 def test_differences_are_of_what_is_seen_over_black() -> None:
     clear = np.zeros((2, 2, 4), np.uint8)
     hidden = clear + np.array([255, 9, 90, 0], np.uint8)
-    assert difference(Painting(clear, False), Painting(hidden, False))[1] is None
+    assert difference(PagePicture(clear, False), PagePicture(hidden, False))[1] is None
     half = clear + np.array([255, 255, 255, 128], np.uint8)
-    gap, decibels = difference(Painting(half, False), Painting(clear[..., :3], True))
+    gap, decibels = difference(PagePicture(half, False), PagePicture(clear[..., :3], True))
     assert gap.is_preview
     assert (gap.levels == 255).all()
     assert decibels == round(20 * np.log10(255 / 128), 2)

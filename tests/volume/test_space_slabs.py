@@ -6,7 +6,7 @@ from scipy.ndimage import gaussian_filter
 
 from resample.cameras.viewpoints import Orbit
 from resample.files.images import read_channels
-from resample.files.painted.deep import Slab, read_deep, write_deep
+from resample.files.painted.deep import DepthSlab, read_deep, write_deep
 from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
 from resample.resampler import Resampler
@@ -98,7 +98,7 @@ def test_samples_are_where_slabs_are_and_empty_ones_are_not_kept(tmp_path):
     for n in range(4):
         rgba = rng.uniform(0, 1, (3, 5, 4)).astype(np.float32)
         rgba[rng.uniform(size=(3, 5)) < 0.5] = 0
-        layers.append(Slab(float(n), n + 1.0, rgba))
+        layers.append(DepthSlab(float(n), n + 1.0, rgba))
     write_deep(tmp_path / "deep.exr", layers)
     read = read_deep(tmp_path / "deep.exr")
     for row in range(3):

@@ -21,7 +21,7 @@ from resample.resampler import Resampler
 from resample.types import Frame
 from resample.view.exports import ORBITING, keyframes_as_toml
 from resample.view.files import file_of
-from resample.view.views import Painting, Settings, Size, chosen, settings_of
+from resample.view.views import PagePicture, Settings, Size, chosen, settings_of
 from resample.watching import Cancel, Progress
 from resample_volume.classification.names import PRESETS, TISSUES
 from resample_volume.classification.scales import scale_named, value_at
@@ -108,13 +108,13 @@ class VolumePainter:
     def __post_init__(self) -> None:
         self._scene = Scene(self.volume)
 
-    def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> Painting:
+    def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> PagePicture:
         """Render with these options, see `resample.view.views.Painter`."""
         request = self._request(settings)
         quality: Quality = "preview" if quick else "final"
         frame = self._frame(request, size, ".png", quality, cancel)
         levels = levels_of(frame, "color", background=request.picture.behind(".png"))
-        return Painting(levels, quick, {"view": self._view(request, size, quality)})
+        return PagePicture(levels, quick, {"view": self._view(request, size, quality)})
 
     def _view(self, request: _VolumeRequest, size: Size, quality: Quality) -> dict[str, Any]:
         """Return the projection from points around the volume's center, scene units, to pixels."""
@@ -169,7 +169,7 @@ class VolumePainter:
         camera, volume = self._standing(request, size)
         return annotated(frame, camera, volume, marks)
 
-    def beside(self, rival: str, settings: Settings, size: Size) -> Painting:
+    def beside(self, rival: str, settings: Settings, size: Size) -> PagePicture:
         """Render with VTK, see `resample.view.views.Comparing`."""
         from resample_volume.showing.beside import VtkBeside
 
@@ -179,7 +179,7 @@ class VolumePainter:
         camera, volume = self._standing(request, size)
         self._vtk = self._vtk or VtkBeside()
         light = self._vtk.picture(volume, request.appearance, request.resampler, camera, size)
-        return Painting(screen_levels(light, background=request.picture.behind(".png")), False)
+        return PagePicture(screen_levels(light, background=request.picture.behind(".png")), False)
 
     def keyframes(self, cameras: Sequence[str], settings: Settings) -> str:
         """Return a file of cameras around the volume, see `resample.view.views.Filming`."""

@@ -10,7 +10,7 @@ from resample.cameras.calibrations import colmap_binary
 from resample.cameras.calibrations.colmap_binary import Posed
 from resample.cameras.models import Camera, LensModel
 from resample.cameras.poses import from_quaternion, rigid
-from resample.cameras.trajectories import Entry, Refused, Shot, entry_of, lines_of
+from resample.cameras.trajectories import Entry, PosedPicture, Refused, entry_of, lines_of
 from resample.reading.texts import text_of
 from resample.words import naming
 
@@ -78,12 +78,12 @@ def _entry(picture: Posed, path: Path, cameras: Cameras) -> Entry:
     w, x, y, z, *shift = picture.numbers
     pose = rigid(np.column_stack([from_quaternion([x, y, z, w]), shift]))
     if not cameras:
-        return Shot(picture.name, pose)
+        return PosedPicture(picture.name, pose)
     unknown = f"{path.name} has no camera {picture.camera}"
     found = cameras.get(picture.camera, cameras.get(OTHERS, unknown))
     if isinstance(found, str):
         return Refused(picture.name, found, pose)
-    return Shot(picture.name, pose, found.camera.moved(pose), found.shape)
+    return PosedPicture(picture.name, pose, found.camera.moved(pose), found.shape)
 
 
 def _camera(model: str, width: float, height: float, given: Sequence[float]) -> Sized:

@@ -36,7 +36,7 @@ class Posed(NamedTuple):
     camera: int
 
 
-class Written(NamedTuple):
+class CameraRecord(NamedTuple):
     """A camera as stored in the file."""
 
     number: int
@@ -88,7 +88,7 @@ class _Bytes:
         self.file.seek(count, 1)
 
 
-def cameras_of(path: Path) -> Iterator[Written]:
+def cameras_of(path: Path) -> Iterator[CameraRecord]:
     """Cameras of cameras.bin; those after an unknown model cannot be read and are omitted.
 
     Raises
@@ -103,11 +103,11 @@ def cameras_of(path: Path) -> Iterator[Written]:
         for n in range(content.count("cameras", CAMERA.size)):
             number, model, width, height = map(int, content.take(CAMERA, f"camera {n}"))
             if not 0 <= model < len(MODELS):
-                yield Written(number, f"number {model}", width, height, [])
+                yield CameraRecord(number, f"number {model}", width, height, [])
                 return
             name, count = MODELS[model]
             parameters = content.take(struct.Struct(f"<{count}d"), f"camera {n}")
-            yield Written(number, name, width, height, parameters)
+            yield CameraRecord(number, name, width, height, parameters)
 
 
 def pictures_of(path: Path) -> Iterator[Posed]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from resample.cameras.models import Camera, LensModel
 from resample.cameras.poses import from_opengl
-from resample.cameras.trajectories import Entry, Refused, Shot, entry_of
+from resample.cameras.trajectories import Entry, PosedPicture, Refused, entry_of
 from resample.reading.pictures import opened
 from resample.reading.texts import json_of, text_of
 from resample.types import Doubles
@@ -48,7 +48,7 @@ def _entry(place: str, folder: Path, common: Facts, frame: Facts) -> Entry:
         return Refused(name, str(error), pose)
 
 
-def _shot(folder: Path, name: str, pose: Doubles, facts: Facts) -> Shot:
+def _shot(folder: Path, name: str, pose: Doubles, facts: Facts) -> PosedPicture:
     """Frame with its camera, if the file has one."""
     model, names = _lens(facts)
     if "h" in facts and "w" in facts:
@@ -57,9 +57,11 @@ def _shot(folder: Path, name: str, pose: Doubles, facts: Facts) -> Shot:
         shape = _size(folder / name) if name else None
     matrix = _matrix(facts, shape)
     if matrix is None:
-        return Shot(name, pose)
+        return PosedPicture(name, pose)
     coefficients = [float(facts.get(key, 0.0)) for key in names]
-    return Shot(name, pose, Camera(matrix, pose, np.array(coefficients), model=model), shape)
+    return PosedPicture(
+        name, pose, Camera(matrix, pose, np.array(coefficients), model=model), shape
+    )
 
 
 def _lens(facts: Facts) -> tuple[LensModel, tuple[str, ...]]:

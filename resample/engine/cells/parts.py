@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.engine.cells.sums import offsets
-from resample.engine.cells.taps import Spread, add
+from resample.engine.cells.taps import FilterTaps, add
 from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
 from resample.engine.jit import Counter, inner_kernel, kernel, tasks
 from resample.engine.roles import called_role, making_role, plays, role
@@ -25,7 +25,7 @@ Work = Any  # likewise, of one part; its field `batch` is a `Batch`
 BATCH = 1 << 25  # numbers that parts may hold at a time
 
 
-class Parts(NamedTuple):
+class SourceParts(NamedTuple):
     """Parts of a source, and the pixels of the target that belong to each."""
 
     bounds: Integers  # (B, 4) px that the cells of a part may meet: see `tiles.LEFT`
@@ -46,7 +46,9 @@ def lines(source: Source, part: int) -> int:
 
 
 @role
-def fill(source: Source, part: int, line: int, box: Integers, spread: Spread, work: Work) -> int:
+def fill(
+    source: Source, part: int, line: int, box: Integers, spread: FilterTaps, work: Work
+) -> int:
     """Place a batch of cells within the pixels `box` (4,) of their part; return how many."""
     raise NotImplementedError
 
@@ -63,7 +65,9 @@ def _stamp(work: Work, ground: Ground) -> None:
 
 
 @inner_kernel
-def _paint_part(source: Source, part: int, spread: Spread, parts: Parts, work: Work) -> None:
+def _paint_part(
+    source: Source, part: int, spread: FilterTaps, parts: SourceParts, work: Work
+) -> None:
     """Add the cells of one part to its pixels."""
     # Clear the part's pixels.
     box, begin, sums = parts.bounds[part], parts.start[part], parts.sums
@@ -79,17 +83,17 @@ def _paint_part(source: Source, part: int, spread: Spread, parts: Parts, work: W
 
 
 @kernel
-def paint_parts(counter: Counter, source: Source, spread: Spread, parts: Parts) -> None:
+def paint_parts(counter: Counter, source: Source, spread: FilterTaps, parts: SourceParts) -> None:
     """Add every part to its own pixels; for an application's parallel kernel."""
     for n in tasks(counter, parts.bounds.shape[0]):
         _paint_part(source, n, spread, parts, begun(source, n))
 
 
-def parts_of(bounds: Integers, lanes: int) -> Parts:
+def parts_of(bounds: Integers, lanes: int) -> SourceParts:
     """Allocate the sums of parts that meet the pixels `bounds` (B, 4)."""
     # Lay the parts out one behind the other.
     start = offsets(bounds, lanes)
-    return Parts(bounds, start, np.empty(start[-1], np.float32))
+    return SourceParts(bounds, start, np.empty(start[-1], np.float32))
 
 
 def batches(bounds: Integers, lanes: int) -> Iterator[slice]:

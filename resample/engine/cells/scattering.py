@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from resample.engine.cells.batch import Batch, new_batch
 from resample.engine.cells.boxes import beyond
-from resample.engine.cells.parts import Parts
-from resample.engine.cells.taps import Spread, add
+from resample.engine.cells.parts import SourceParts
+from resample.engine.cells.taps import FilterTaps, add
 from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.surfaces.ellipses import blurred_ellipse
@@ -128,7 +128,7 @@ def _weigh_exactly(line: Floats, weight: Floats) -> None:
 
 
 @kernel
-def _scatter_part(source: Scattered, part: int, spread: Spread, parts: Parts) -> None:
+def _scatter_part(source: Scattered, part: int, spread: FilterTaps, parts: SourceParts) -> None:
     """Add the samples of a part to its pixels."""
     box, begin = parts.bounds[part], parts.start[part]
     # Clear the part's pixels, and allocate a batch and a line.
@@ -164,7 +164,9 @@ def _scatter_part(source: Scattered, part: int, spread: Spread, parts: Parts) ->
 
 
 @parallel_kernel
-def scatter_parts(counter: Counter, source: Scattered, spread: Spread, parts: Parts) -> None:
+def scatter_parts(
+    counter: Counter, source: Scattered, spread: FilterTaps, parts: SourceParts
+) -> None:
     """Add the samples of every part to its own pixels."""
     for part in tasks(counter, parts.bounds.shape[0]):
         _scatter_part(source, part, spread, parts)

@@ -15,7 +15,7 @@ from resample.types import Floats, Single
 PHASES = 2048  # rows of a filter's table
 
 
-class Spread(NamedTuple):
+class FilterTaps(NamedTuple):
     """The pixel filter as a table, and what is summed."""
 
     taps: int  # px per side that a cell meets; 0: the area filter, which meets 2
@@ -152,7 +152,7 @@ def add_points(
 
 
 @inner_kernel
-def add(sums: Floats, start: int, width: int, batch: Batch, count: int, spread: Spread) -> None:
+def add(sums: Floats, start: int, width: int, batch: Batch, count: int, spread: FilterTaps) -> None:
     """Add the first `count` cells of a batch to sums that begin at `start`, `width` px wide.
 
     The batch has 1 or 3 channels; the sums have as many and the weight, interleaved.
@@ -166,7 +166,7 @@ def add(sums: Floats, start: int, width: int, batch: Batch, count: int, spread: 
 
 
 @inner_kernel
-def gather(pixels: Floats, width: int, batch: Batch, count: int, spread: Spread) -> None:
+def gather(pixels: Floats, width: int, batch: Batch, count: int, spread: FilterTaps) -> None:
     """Transpose of `add`: gather values of cells from the `pixels` (channels, P) that each meets.
 
     The values of the batch are float64.

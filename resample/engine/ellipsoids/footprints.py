@@ -85,7 +85,7 @@ class Shape(NamedTuple):
     radius: float
 
 
-class Area(NamedTuple):
+class Viewport(NamedTuple):
     """A `Screen` as numbers."""
 
     width: int
@@ -111,7 +111,7 @@ class Optics(NamedTuple):
 
     eye: Eye
     shape: Shape
-    area: Area
+    area: Viewport
 
 
 @kernel
@@ -158,11 +158,11 @@ def _side_of(sides: Doubles, side: int) -> Side:
 
 
 @kernel
-def area_of(screen: Screen) -> Area:
+def area_of(screen: Screen) -> Viewport:
     """Unpack a screen."""
     s = screen.sides
     sides = (_side_of(s, 0), _side_of(s, 1), _side_of(s, 2), _side_of(s, 3))
-    return Area(screen.width, screen.height, screen.margin, sides)
+    return Viewport(screen.width, screen.height, screen.margin, sides)
 
 
 @kernel
@@ -173,7 +173,7 @@ def optics_of(stage: Stage) -> Optics:
 
 @kernel
 def project_sample(
-    record: Record, center: Vector, eye: Eye, shape: Shape, area: Area, style: Style
+    record: Record, center: Vector, eye: Eye, shape: Shape, area: Viewport, style: Style
 ) -> None:
     """Project one sample, given its center in camera axes, into a record; colors are not set."""
     # Cull in front of the near plane; a sphere that the plane cuts has no ellipse.
@@ -286,7 +286,7 @@ def _is_beside(center: Vector, sides: tuple[Side, Side, Side, Side]) -> bool:
 
 
 @kernel
-def _is_outside(record: Record, area: Area) -> bool:
+def _is_outside(record: Record, area: Viewport) -> bool:
     """Whether the bounds miss the frame and its margin."""
     return bool(
         record["right"] < -area.margin
@@ -297,7 +297,7 @@ def _is_outside(record: Record, area: Area) -> bool:
 
 
 @kernel
-def _across_near(record: Record, center: Vector, eye: Eye, shape: Shape, area: Area) -> None:
+def _across_near(record: Record, center: Vector, eye: Eye, shape: Shape, area: Viewport) -> None:
     """Bound a sphere that the near plane cuts; behind the eye it may cover any pixel."""
     # By default, it covers the whole frame.
     record["x"], record["y"] = 0.5 * area.width, 0.5 * area.height

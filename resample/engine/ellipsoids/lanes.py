@@ -45,8 +45,8 @@ from resample.engine.ellipsoids.rows import (
     RED,
     WEIGHT,
     Groups,
-    Limits,
     Members,
+    SplatLimits,
     bounds_at,
     groups_between,
     is_open,
@@ -224,7 +224,7 @@ def _as_it_is(opacity, x, is_thin):  # type: ignore[no-untyped-def]  # noqa: ARG
 
 @lane_kernel
 def composite_under(
-    rows: Floats, k: np.uint64, fall: Single, integral: Single, light: Light, limits: Limits
+    rows: Floats, k: np.uint64, fall: Single, integral: Single, light: Light, limits: SplatLimits
 ) -> None:
     """Composite light under what a sub-pixel holds."""
     red, green, blue, depth = light
@@ -255,7 +255,7 @@ def _lay(
     bend: Bend | None,
     mark: Mark,
     formula: Formula,
-    limits: Limits,
+    limits: SplatLimits,
 ) -> None:
     """Composite a splat under a sub-pixel, where its quadratic form has this value."""
     # Distance, line integral, opacity, compositing.
@@ -274,7 +274,7 @@ def paint_splats_on_rows(
     offset: Members,
     step: Single,
     formula: Formula,
-    limits: Limits,
+    limits: SplatLimits,
     mixture: Mixture | None,
 ) -> tuple[int, int]:
     """Composite splats up to the first sample that is a point, or is cut by a plane.

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from resample.engine.ellipsoids.outlines import AMPLITUDE, BENT, FLAT
-from resample.engine.ellipsoids.rows import CHORD, RAY, Limits, index_of
+from resample.engine.ellipsoids.rows import CHORD, RAY, SplatLimits, index_of
 from resample.engine.jit import kernel
 from resample.engine.roles import lane_role, plays
 from resample.types import DISC, EXACT, Floats, Single, Style
@@ -50,17 +50,17 @@ def limits_of(
     style: Style,
     least_ray: Single,
     linear: float,
-) -> Limits:
+) -> SplatLimits:
     """Limits that all splats of a tile share; rays lose what a mixture's model does not use.
 
-    `size` is rows and columns; for `linear` see `Limits`.
+    `size` is rows and columns; for `linear` see `SplatLimits`.
     """
     # Quadratic forms of other models are not multiplied by the ray's own factor.
     if mixture is not None:
         _flatten_rays(rows, size[0], size[1], style.model)
         least_ray = least_ray if style.model in (EXACT, DISC) else np.float32(1.0)
     # `widest` bounds the form at the rim over all rays of the tile.
-    return Limits(
+    return SplatLimits(
         np.float32(style.opaque),
         np.float32(1.0 / style.layer),
         np.float32(1.0) / least_ray,

@@ -64,7 +64,7 @@ Groups = NDArray[np.uint32]  # ((h + 1) // 2,) per pair of rows, a bit for every
 Members = NDArray[np.int32]
 
 
-class Limits(NamedTuple):
+class SplatLimits(NamedTuple):
     """Constants that all splats of a tile share."""
 
     opaque: Single  # transmittance below which nothing is painted
@@ -176,7 +176,7 @@ def paint_cut_splat_on_rows(
     offset: int,
     place: Place,
     stage: Stage,
-    limits: Limits,
+    limits: SplatLimits,
 ) -> int:
     """Composite the visible part of a sphere that a plane cuts; its form holds its center, size 1.
 

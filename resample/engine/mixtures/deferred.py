@@ -41,8 +41,8 @@ from resample.engine.ellipsoids.outlines import (
 )
 from resample.engine.ellipsoids.rows import (
     Groups,
-    Limits,
     Members,
+    SplatLimits,
     cast_rays_of_rows,
     close_rows,
     new_rows,
@@ -98,13 +98,13 @@ OCCLUSION_INTERVAL = 64  # splats painted between occlusion checks
 Queue = tuple[int, int, np.uint64]  # samples queued, runs taken, largest pair of all samples
 
 
-class Ground(NamedTuple):
+class TileTarget(NamedTuple):
     """The canvas of a tile that samples are painted on."""
 
     rows: Floats
     open_groups: Groups
     sheet: PointSheet  # of points; without a mixture it has no cells
-    limits: Limits
+    limits: SplatLimits
 
 
 @kernel
@@ -253,7 +253,7 @@ def form(
 
 @kernel
 def _paint_samples(
-    ground: Ground,
+    ground: TileTarget,
     work_queue: WorkQueue,
     count: int,
     window: Window,
@@ -314,7 +314,7 @@ def _paint_tile(
     stage: Stage,
     formula: Formula,
     mixture: Mixture | None,
-    ground: Ground,
+    ground: TileTarget,
     output: tuple[Tally, Carried],
 ) -> bool:
     """Paint a tile's runs nearest first, until all is opaque; return whether it is not.
@@ -403,7 +403,7 @@ def paint_runs(
         limits = limits_of(mixture, rows, size, style, least_ray, linear)
         size = (0, 0) if mixture is None else size
         sheet = new_sheet(size[0], size[1], runs.samples.scale is not None)
-        ground = Ground(rows, open_rows(height, width), sheet, limits)
+        ground = TileTarget(rows, open_rows(height, width), sheet, limits)
         # Resume the tile, paint it, and checkpoint it.
         members = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
         resume(rows, height, width, tile, carried)

@@ -37,7 +37,7 @@ def _weigh(
     return first, count
 
 
-class Box(NamedTuple):
+class SpreadBox(NamedTuple):
     """Sub-pixels that a point is spread over, and the indices of its first weights."""
 
     top: int
@@ -57,7 +57,7 @@ def box_around(
     profile: Floats,
     across: Floats,
     down: Floats,
-) -> Box:
+) -> SpreadBox:
     """Compute the weights of a filter around a position, in `across` and `down`, and its box.
 
     All in sub-pixels, of which there are `size` rows and columns.
@@ -68,7 +68,7 @@ def box_around(
     left, columns = _weigh(x, reach, per_reach, profile, across)
     top, rows = _weigh(y, reach, per_reach, profile, down)
     # Clip the box to the canvas; the weights are those of the whole filter.
-    return Box(
+    return SpreadBox(
         max(0, top),
         min(size[0], top + rows),
         max(0, left),

@@ -28,7 +28,7 @@ _END = np.float32(POLE / (POLE - 1.0))  # start of the way back, for samples mir
 MOST = np.float32(65535.0)  # of 16 bits
 
 
-class Values(NamedTuple):
+class LatticeSamples(NamedTuple):
     """Samples (Z, Y, X) of one of these types, and (0, 0, 0) of all others; read only."""
 
     uint8: NDArray[np.uint8]
@@ -38,12 +38,12 @@ class Values(NamedTuple):
     float32: Floats
 
 
-def values_of(given: NDArray[Any]) -> Values:
+def values_of(given: NDArray[Any]) -> LatticeSamples:
     """Put samples of any type into one bundle, which one kernel takes."""
-    arrays = {name: np.empty((0, 0, 0), name) for name in Values._fields}
+    arrays = {name: np.empty((0, 0, 0), name) for name in LatticeSamples._fields}
     for array in arrays.values():
         array.setflags(write=False)
-    return Values(**arrays | {given.dtype.name: given})
+    return LatticeSamples(**arrays | {given.dtype.name: given})
 
 
 class Form(NamedTuple):
@@ -113,7 +113,7 @@ def _filter_line(part: Floats, at: int, count: int) -> None:
 
 
 @kernel
-def _taken(values: Values, low: float, first: int, last: int, part: Floats) -> None:
+def _taken(values: LatticeSamples, low: float, first: int, last: int, part: Floats) -> None:
     """Copy planes first..last of the samples, minus the least value, into `part`."""
     # Compile one loop per type; exactly one of the arrays holds samples.
     if values.uint8.size > 0:
@@ -176,7 +176,7 @@ def _kept(
 
 @kernel
 def _filter_slab(
-    slab: int, values: Values, shape: tuple[int, int, int], to: Form, flat: Coefficients
+    slab: int, values: LatticeSamples, shape: tuple[int, int, int], to: Form, flat: Coefficients
 ) -> int:
     """Find and store the coefficients of a slab of planes; return how many were clipped."""
     depth, height, width = shape
@@ -205,7 +205,7 @@ def _filter_slab(
 @parallel_kernel
 def find_coefficients(
     counter: Counter,
-    values: Values,
+    values: LatticeSamples,
     shape: tuple[int, int, int],
     to: Form,
     flat: Coefficients,
@@ -268,23 +268,28 @@ def _spread(line: Floats, count: int, least: Floats, greatest: Floats) -> None:
         greatest[k] = above if above > greatest[k] else greatest[k]
 
 
-class Held(NamedTuple):
+class StoredCoefficients(NamedTuple):
     """Coefficients of one of two types; the other array is empty."""
 
     short: NDArray[np.uint16]  # (N,) or (0,)
     long: Floats  # (0,) or (N,)
 
 
-def held_as(flat: NDArray[Any]) -> Held:
+def held_as(flat: NDArray[Any]) -> StoredCoefficients:
     """Put coefficients of either type into one bundle, which one kernel takes."""
     if flat.dtype == np.uint16:
-        return Held(flat, np.empty(0, np.float32))
-    return Held(np.empty(0, np.uint16), flat)
+        return StoredCoefficients(flat, np.empty(0, np.float32))
+    return StoredCoefficients(np.empty(0, np.uint16), flat)
 
 
 @kernel
 def _bound_bricks(
-    k: int, j: int, flat: Held, shape: tuple[int, int, int], room: Floats, bounds: Bounds
+    k: int,
+    j: int,
+    flat: StoredCoefficients,
+    shape: tuple[int, int, int],
+    room: Floats,
+    bounds: Bounds,
 ) -> None:
     """Bound the spline in one row of bricks; `room` is scratch."""
     # Lay out the scratch: a line, the bounds of its cells, and the rows of one plane.
@@ -320,7 +325,9 @@ def _bound_bricks(
 
 
 @parallel_kernel
-def find_bounds(counter: Counter, flat: Held, shape: tuple[int, int, int], bounds: Bounds) -> None:
+def find_bounds(
+    counter: Counter, flat: StoredCoefficients, shape: tuple[int, int, int], bounds: Bounds
+) -> None:
     """Find the least and greatest value of a spline in each brick, in units of its coefficients.
 
     Parameters

@@ -23,7 +23,7 @@ from resample.engine.rays.classifiers import (
     value_of,
 )
 from resample.engine.rays.marching import (
-    Bricks,
+    BrickBounds,
     Ray,
     brick_at,
     depth_at,
@@ -47,7 +47,7 @@ from resample.engine.rays.splines import samples_around, value_and_slope_at, val
 from resample.engine.roles import called_role, plays
 from resample.engine.slabs.lighting import length_of
 from resample.engine.vectors import Vector, combine, dot, matrix_of, multiply, scaled
-from resample.types import Spline
+from resample.types import SplineField
 
 THIRD = 1 / 3
 THICK = 0.5  # optical depth of a piece, about
@@ -84,13 +84,13 @@ class Mean(NamedTuple):
     is_additive: bool
 
 
-class Surface(NamedTuple):
+class IsoSurfaceHit(NamedTuple):
     """The surface at which the field first rises to a value."""
 
     iso: float  # column of the value
 
 
-class End(NamedTuple):
+class StepEnd(NamedTuple):
     """The field at an end of a step: a sample of a Hermite cubic."""
 
     value: float
@@ -103,9 +103,9 @@ class RaySegment(NamedTuple):
 
     begin: float  # steps
     share: float  # length, steps
-    front: End
-    middle: End
-    back: End
+    front: StepEnd
+    middle: StepEnd
+    back: StepEnd
 
 
 class RayContext(NamedTuple):
@@ -122,7 +122,7 @@ class Shine(NamedTuple):
     highlight: float
 
 
-Way = Composite | Extreme | Mean | Surface
+Way = Composite | Extreme | Mean | IsoSurfaceHit
 
 NOTHING = (0.0, 0.0, 0.0, 0.0, 0.0, math.inf, 0.0, 0.0, 0.0)
 
@@ -153,15 +153,15 @@ def _put(result: Result, light: Light, shine: Shine, length: float, depth: float
 
 
 @inner_step
-def _end_at(ray: Ray, step: float, medium: Medium) -> End:
+def _end_at(ray: Ray, step: float, medium: Medium) -> StepEnd:
     """Sample the field at an end of a step."""
     value, slope = value_and_slope_at(medium.spline, place_at(ray, step))
     # Project the gradient onto the ray.
-    return End(value, dot(slope, ray.way) * ray.thickness, slope)
+    return StepEnd(value, dot(slope, ray.way) * ray.thickness, slope)
 
 
 @inner_step
-def _value_between(front: End, back: End, t: float) -> float:
+def _value_between(front: StepEnd, back: StepEnd, t: float) -> float:
     """Value 0..1 of the way through a step, by Hermite's cubic."""
     u, away = 1.0 - t, back.value - front.value
     bent = u * (front.rise - away) - t * (back.rise - away)
@@ -177,7 +177,7 @@ def _shows(classifier: SummedClassifier, least: float, most: float) -> bool:
 
 
 @inner_step
-def _may_be_visible(classifier: SummedClassifier, front: End, back: End) -> bool:
+def _may_be_visible(classifier: SummedClassifier, front: StepEnd, back: StepEnd) -> bool:
     """Whether a step's cubic may be visible, by its Bézier control values, which enclose it."""
     a, b = front.value, back.value
     one, two = a + THIRD * front.rise, b - THIRD * back.rise
@@ -185,16 +185,16 @@ def _may_be_visible(classifier: SummedClassifier, front: End, back: End) -> bool
 
 
 @inner_step
-def _is_bent(front: End, back: End, medium: Medium) -> bool:
+def _is_bent(front: StepEnd, back: StepEnd, medium: Medium) -> bool:
     """Whether the field bends so much within a step that the step is split in half."""
     away = back.value - front.value
     return abs(front.rise - away) + abs(back.rise - away) > medium.coarse
 
 
 @inner_step
-def _halved(end: End) -> End:
+def _halved(end: StepEnd) -> StepEnd:
     """The same end, of a step half as long."""
-    return End(end.value, 0.5 * end.rise, end.slope)
+    return StepEnd(end.value, 0.5 * end.rise, end.slope)
 
 
 @inner_step
@@ -312,7 +312,12 @@ def _put_part(
 
 @inner_step
 def _put_step(
-    result: Result, way: Composite, ray: Ray, step: int, ends: tuple[End, End], context: RayContext
+    result: Result,
+    way: Composite,
+    ray: Ray,
+    step: int,
+    ends: tuple[StepEnd, StepEnd],
+    context: RayContext,
 ) -> Result:
     """Composite a step; if the field bends in it, each half with its own middle sample."""
     # Cull by the ends before the middle is sampled.
@@ -391,7 +396,7 @@ def _measured(ray: Ray, medium: Medium, value: float, depth: float, voxel: float
 
 
 @inner_step
-def _most_of(way: Extreme, bricks: Bricks, place: Vector) -> float:
+def _most_of(way: Extreme, bricks: BrickBounds, place: Vector) -> float:
     """Upper bound of a brick's signed values: its greatest, or its least negated."""
     brick = brick_at(bricks, place)
     return -bricks.least[brick] if way.is_least else float(bricks.greatest[brick])
@@ -495,7 +500,9 @@ def _(way: Mean, ray: Ray, medium: Medium) -> Result:
 
 
 @inner_step
-def _crossing(ray: Ray, spline: Spline, step: int, ends: tuple[float, float], iso: float) -> float:
+def _crossing(
+    ray: Ray, spline: SplineField, step: int, ends: tuple[float, float], iso: float
+) -> float:
     """Position, in steps, where the field crosses a value between those at a step's ends."""
     # Bracket the root by the step's ends, relative to the value.
     before, behind = float(step), step + 1.0
@@ -514,8 +521,8 @@ def _crossing(ray: Ray, spline: Spline, step: int, ends: tuple[float, float], is
     return middle
 
 
-@plays(integrate, of=Surface)
-def _(way: Surface, ray: Ray, medium: Medium) -> Result:
+@plays(integrate, of=IsoSurfaceHit)
+def _(way: IsoSurfaceHit, ray: Ray, medium: Medium) -> Result:
     # Start at the first visible brick; the ray may enter above the value already.
     spline, bricks, classifier = medium.spline, medium.bricks, medium.classifier
     step, hit = next_step(ray, 0, bricks), -1.0

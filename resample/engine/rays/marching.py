@@ -32,7 +32,7 @@ class SampleSpace(NamedTuple):
     planes: Doubles  # (M, 5) as in `Screen`
 
 
-class Bricks(NamedTuple):
+class BrickBounds(NamedTuple):
     """Bounds of each brick of a field, and distances to the next visible one."""
 
     empty: Emptiness  # (N,) bricks to the next visible one along any axis, at least; 0: visible
@@ -130,7 +130,7 @@ def place_at(ray: Ray, step: float) -> Vector:
 
 
 @inner_step
-def brick_at(bricks: Bricks, place: Vector) -> int:
+def brick_at(bricks: BrickBounds, place: Vector) -> int:
     """Index of the brick that a position lies in."""
     i, j, k = int(place[0]) >> SHIFT, int(place[1]) >> SHIFT, int(place[2]) >> SHIFT
     return (k * bricks.down + j) * bricks.across + i
@@ -159,7 +159,7 @@ def steps_out(ray: Ray, place: Vector, apart: int) -> float:
 
 
 @inner_step
-def next_step(ray: Ray, step: int, bricks: Bricks) -> int:
+def next_step(ray: Ray, step: int, bricks: BrickBounds) -> int:
     """First step, from this one on, that begins or ends in a visible brick."""
     # Look up how far the brick at the step's beginning is from a visible one.
     if step >= ray.steps:

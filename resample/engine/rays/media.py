@@ -5,10 +5,10 @@ from typing import NamedTuple
 
 from resample.engine.jit import inner_step
 from resample.engine.rays.classifiers import Light, SummedClassifier, highlight_of
-from resample.engine.rays.marching import Bricks, SampleSpace
+from resample.engine.rays.marching import BrickBounds, SampleSpace
 from resample.engine.slabs.lighting import length_of
 from resample.engine.vectors import Vector, combine, dot, matrix_of, multiply, scaled
-from resample.types import Doubles, Flags, Reached, Spline, Tint, Triangles
+from resample.types import Doubles, Flags, Reached, SplineField, Tint, Triangles
 
 ALL, FULL = 255.0, 65535.0  # full light in `Reached`, full color in `Tint`
 CUT = 3.0  # voxels from a clip plane within which its normal replaces gradients
@@ -17,8 +17,8 @@ CUT = 3.0  # voxels from a clip plane within which its normal replaces gradients
 class Medium(NamedTuple):
     """A field with its transfer function; values are counted in the table's columns."""
 
-    spline: Spline
-    bricks: Bricks
+    spline: SplineField
+    bricks: BrickBounds
     space: SampleSpace
     classifier: SummedClassifier
     lattice: Doubles  # (3, 3) scene units per sample

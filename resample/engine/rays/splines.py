@@ -12,7 +12,7 @@ import numpy as np
 
 from resample.engine.jit import inner_step
 from resample.engine.vectors import Vector
-from resample.types import Single, Spline
+from resample.types import Single, SplineField
 
 PAD = 2  # samples by which an array of coefficients is extended on each side
 
@@ -45,7 +45,7 @@ def _slopes(f: Single) -> Four:
 
 
 @inner_step
-def _row(flat: Spline, p: np.uint64) -> Four:
+def _row(flat: SplineField, p: np.uint64) -> Four:
     # Load four contiguous coefficients.
     c = flat.coefficient
     return (
@@ -68,7 +68,7 @@ def _mixed(w: Four, r: Four, s: Four, t: Four, u: Four) -> Four:
 
 
 @inner_step
-def _plane(flat: Spline, p: np.uint64, w: Four) -> Four:
+def _plane(flat: SplineField, p: np.uint64, w: Four) -> Four:
     """Sum of a plane's four rows of coefficients, under one set of weights."""
     step = np.uint64(flat.row)
     q = p + step
@@ -77,7 +77,7 @@ def _plane(flat: Spline, p: np.uint64, w: Four) -> Four:
 
 
 @inner_step
-def _two_planes(flat: Spline, p: np.uint64, w: Four, d: Four) -> tuple[Four, Four]:
+def _two_planes(flat: SplineField, p: np.uint64, w: Four, d: Four) -> tuple[Four, Four]:
     """Sums of a plane's four rows of coefficients, under two sets of weights."""
     # Load each row once, for both sums.
     step = np.uint64(flat.row)
@@ -93,7 +93,7 @@ def _dot(a: Four, b: Four) -> Single:
 
 
 @inner_step
-def value_at(flat: Spline, place: Vector) -> float:
+def value_at(flat: SplineField, place: Vector) -> float:
     """Value of a field at a position within it, data units."""
     # Split the position into its cell and the fraction within it, and weigh each axis.
     i, j, k = np.uint64(place[0]), np.uint64(place[1]), np.uint64(place[2])
@@ -114,7 +114,7 @@ def value_at(flat: Spline, place: Vector) -> float:
 
 
 @inner_step
-def value_and_slope_at(flat: Spline, place: Vector) -> tuple[float, Vector]:
+def value_and_slope_at(flat: SplineField, place: Vector) -> tuple[float, Vector]:
     """Value of a field at a position within it, and its gradient, data units per sample."""
     # Weights and their derivatives along each axis.
     i, j, k = np.uint64(place[0]), np.uint64(place[1]), np.uint64(place[2])
@@ -156,7 +156,7 @@ def _ends_of(a: Four, b: Four) -> tuple[Single, Single]:
 
 
 @inner_step
-def samples_around(flat: Spline, place: Vector) -> tuple[float, float]:
+def samples_around(flat: SplineField, place: Vector) -> tuple[float, float]:
     """Least and greatest of the eight samples around a position, data units."""
     # At a sample, only three coefficients along each axis have weight.
     i, j, k = np.uint64(place[0]), np.uint64(place[1]), np.uint64(place[2])

@@ -18,7 +18,16 @@ from resample.engine.jit import kernel
 from resample.engine.over import VISIBLE
 from resample.engine.slabs.blends import Values
 from resample.engine.slabs.lighting import classified, length_of, shaded_color
-from resample.engine.slabs.sums import PLANES, Canvas, Cutting, Ring, Slab, clean, stride_of, sum_at
+from resample.engine.slabs.sums import (
+    PLANES,
+    Canvas,
+    Ring,
+    Slab,
+    SphereCut,
+    clean,
+    stride_of,
+    sum_at,
+)
 from resample.engine.vectors import Vector
 from resample.types import (
     ADDITIVE,
@@ -47,7 +56,7 @@ class Sum(NamedTuple):
 
 
 @kernel
-def new_state(height: int, width: int, cutting: Cutting) -> Floats:
+def new_state(height: int, width: int, cutting: SphereCut) -> Floats:
     """Allocate the state of a tile's rays: lengths per depth, and depths where they are clipped."""
     place, camera, _, planes, _ = cutting
     state, n = np.zeros((height + 1, width, STATES), np.float32), place.subpixels
@@ -101,7 +110,7 @@ def _put_behind(rows: Floats, k: np.uint64, alpha: float, light: Vector, depth: 
 
 @kernel
 def take_in_values(
-    blend: Values, canvas: Canvas, ring: Ring, slab: Slab, cutting: Cutting, opaque: float
+    blend: Values, canvas: Canvas, ring: Ring, slab: Slab, cutting: SphereCut, opaque: float
 ) -> None:
     """Classify or project a slab of a field on all its sub-pixels, and clear it."""
     # Visit only what was touched.
@@ -148,7 +157,7 @@ def _classify_mean(
     column: int,
     found: Sum,
     slab: Slab,
-    cutting: Cutting,
+    cutting: SphereCut,
 ) -> None:
     """Classify a slab's mean, or update the maximum or the search for a surface by it."""
     # Clip the slab to the visible part of the ray.
@@ -196,7 +205,7 @@ def _find_hit(
     middle: float,
     front: float,
     slab: Slab,
-    cutting: Cutting,
+    cutting: SphereCut,
 ) -> None:
     """Paint the surface where the field crosses the wanted value between two slabs.
 

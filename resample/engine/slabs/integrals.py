@@ -55,7 +55,7 @@ class Product(NamedTuple):
     edge_value: float
 
 
-class Tabulated(NamedTuple):
+class TabulatedIntegral(NamedTuple):
     """Any other kernel, tabulated."""
 
     whole: Floats  # (K + 1,) line integrals over the squared distance, 0..1
@@ -63,7 +63,7 @@ class Tabulated(NamedTuple):
     steps: int  # J
 
 
-Integral = Smooth | Product | Tabulated
+Integral = Smooth | Product | TabulatedIntegral
 
 
 @lane_role
@@ -101,7 +101,7 @@ def _whole_of_formula(integral, t):  # type: ignore[no-untyped-def]
     return shape * np.sqrt(t)
 
 
-@plays(whole, Tabulated)
+@plays(whole, TabulatedIntegral)
 def _whole_of_table(integral, t):  # type: ignore[no-untyped-def]
     table = integral.whole
     # Interpolate linearly in the table.
@@ -164,7 +164,7 @@ def _record_by_product(integral, work, lane, t, half):  # type: ignore[no-untype
     return -middle, middle + middle
 
 
-@plays(record_ray, Tabulated)
+@plays(record_ray, TabulatedIntegral)
 def _record_by_table(integral, work, lane, t, half):  # type: ignore[no-untyped-def]  # noqa: ARG001
     # Store the row of the table, between two lines of it.
     steps, table = integral.steps, integral.part
@@ -194,7 +194,7 @@ def _up_to_by_product(integral, work, lane, x):  # type: ignore[no-untyped-def]
     return x * (work[lane + Q0] * _nine(integral.along, x * x) - np.float32(integral.edge_value))
 
 
-@plays(up_to, Tabulated)
+@plays(up_to, TabulatedIntegral)
 def _up_to_by_table(integral, work, lane, x):  # type: ignore[no-untyped-def]
     # Locate the cell of the table.
     table, steps, row = integral.part, integral.steps, work[lane + ROW]

@@ -27,8 +27,8 @@ from resample.engine.ellipsoids.rows import (
     COLUMNS,
     PAIR,
     RAY,
-    Limits,
     Members,
+    SplatLimits,
     cast_rays_of_rows,
     close_rows,
     index_of,
@@ -57,7 +57,7 @@ from resample.engine.slabs.fields import (
 )
 from resample.engine.slabs.integrals import WORK, Integral
 from resample.engine.slabs.points import add_point
-from resample.engine.slabs.splats import Span, Tools, add_splats, slant_of
+from resample.engine.slabs.splats import OpenSlabs, Tools, add_splats, slant_of
 from resample.engine.slabs.steps import (
     begin_of_step,
     end_of_added_again,
@@ -68,10 +68,10 @@ from resample.engine.slabs.steps import (
 )
 from resample.engine.slabs.sums import (
     Canvas,
-    Cutting,
     Dirty,
     Ring,
     Slab,
+    SphereCut,
     aligned,
     empty,
     empty_slab,
@@ -152,7 +152,7 @@ class SlabScratch(NamedTuple):
 
 
 @making_role
-def state_of(blend: Blend, height: int, width: int, cutting: Cutting) -> Floats:
+def state_of(blend: Blend, height: int, width: int, cutting: SphereCut) -> Floats:
     """Allocate the state of each sub-pixel's ray, besides what is painted."""
     raise NotImplementedError
 
@@ -170,7 +170,7 @@ def _state_of_values(blend, height, width, cutting):  # type: ignore[no-untyped-
 
 @making_role
 def close(
-    blend: Blend, canvas: Canvas, ring: Ring, slab: Slab, cutting: Cutting, opaque: Single
+    blend: Blend, canvas: Canvas, ring: Ring, slab: Slab, cutting: SphereCut, opaque: Single
 ) -> None:
     """Composite a slab, and clear it."""
     raise NotImplementedError
@@ -281,7 +281,7 @@ def _add(
             if not sweep.is_open:
                 break
         # Add one point, or splats up to the next that needs another slab.
-        span = Span(sweep.front, sweep.slot, summed.ring, thickness, reach)
+        span = OpenSlabs(sweep.front, sweep.slot, summed.ring, thickness, reach)
         if mixture is not None and room[s + CUT] == POINT:
             found, behind = add_point(canvas, room, s, span, tools, blend, stage, is_cutting)
             n, points = n + 1, points + found
@@ -301,7 +301,7 @@ def _once_more(ready: Ready) -> Ready:
     # Coverage per layer and by points becomes 0; all else stays.
     summed, tools, stage, reach, done = ready
     limits, nothing = tools.limits, np.float32(0.0)
-    limits = Limits(limits.opaque, nothing, limits.widest, limits.linear_layer)
+    limits = SplatLimits(limits.opaque, nothing, limits.widest, limits.linear_layer)
     tools = Tools(tools.slant, limits, tools.integral, tools.cutting, nothing)
     return Ready(summed, tools, stage, reach, done)
 
@@ -452,7 +452,9 @@ def paint_summed_runs(
         limits = limits_of(mixture, rows, (height, width), style, least_ray, 0.0)
         pad = 0.0 if mixture is None else pad_of_tile(style, setup.beyond.beyond, n)
         # Bundle the canvas and the projection of the tile.
-        cutting = Cutting(place, stage.camera, stage.ellipsoid, stage.screen.planes, tables.partial)
+        cutting = SphereCut(
+            place, stage.camera, stage.ellipsoid, stage.screen.planes, tables.partial
+        )
         state = state_of(blend, height, width, cutting)
         canvas = Canvas(
             rows, open_groups, own.along, own.sums, own.dirty, own.across, own.down, own.work,

@@ -15,11 +15,11 @@ from resample.engine.ellipsoids.outlines import (
 from resample.engine.ellipsoids.rows import ALPHA, bounds_at, index_of, is_open
 from resample.engine.ellipsoids.rows import WEIGHT as COVER
 from resample.engine.jit import kernel
-from resample.engine.points.adding import Box, box_around
+from resample.engine.points.adding import SpreadBox, box_around
 from resample.engine.points.point_sheets import width_of
 from resample.engine.roles import making_role, plays
 from resample.engine.slabs.blends import Blend, Mixed, Values, contribution_of
-from resample.engine.slabs.splats import Span, Tools, touch_slabs
+from resample.engine.slabs.splats import OpenSlabs, Tools, touch_slabs
 from resample.engine.slabs.sums import Canvas, Ring, stride_of, sum_at
 from resample.types import Floats, Place, Single, Stage
 
@@ -30,7 +30,7 @@ def spread(
     canvas: Canvas,
     room: Floats,
     s: np.uint64,
-    box: Box,
+    box: SpreadBox,
     slot: tuple[Ring, int],
     tools: Tools,
     layer: Single,
@@ -50,7 +50,7 @@ def _spread_integrals(
     canvas: Canvas,
     room: Floats,
     s: np.uint64,
-    box: Box,
+    box: SpreadBox,
     slot: tuple[Ring, int],
     tools: Tools,
     layer: Single,
@@ -79,7 +79,7 @@ def _spread_colors(blend, canvas, room, s, box, slot, tools, layer):  # type: ig
 def _spread(
     canvas: Canvas,
     sums: Floats,
-    box: Box,
+    box: SpreadBox,
     slot: tuple[Ring, int],
     mass: Single,
     amount: tuple[Single, Single, Single, Single, Single],
@@ -122,7 +122,7 @@ def add_point(
     canvas: Canvas,
     room: Floats,
     s: np.uint64,
-    span: Span,
+    span: OpenSlabs,
     tools: Tools,
     blend: Blend,
     stage: Stage,
@@ -153,7 +153,7 @@ def add_point(
 
 
 @kernel
-def _box_of(canvas: Canvas, room: Floats, s: np.uint64, place: Place, stage: Stage) -> Box:
+def _box_of(canvas: Canvas, room: Floats, s: np.uint64, place: Place, stage: Stage) -> SpreadBox:
     """Compute a point's filter weights, in the canvas' `across` and `down`, and their extent."""
     # Center in sub-pixels, and the filter's radius.
     n, style = place.subpixels, stage.style

@@ -32,8 +32,8 @@ from resample.engine.ellipsoids.rows import (
     LANES,
     PAIR,
     RAY,
-    Limits,
     Members,
+    SplatLimits,
     bounds_at,
     groups_between,
     index_of,
@@ -65,9 +65,9 @@ from resample.engine.slabs.shapes import (
 from resample.engine.slabs.sums import (
     Canvas,
     Contribution,
-    Cutting,
     Dirty,
     Ring,
+    SphereCut,
     add_contribution,
     stride_of,
     sum_at,
@@ -96,7 +96,7 @@ class Slant(NamedTuple):
     is_far: bool  # rays diverge from an eye
 
 
-class Span(NamedTuple):
+class OpenSlabs(NamedTuple):
     """The open slabs, and the extent of splats in depth."""
 
     front: int  # number of the first
@@ -106,7 +106,7 @@ class Span(NamedTuple):
     reach: float  # half an ellipsoid's extent along the view axis, scene units
 
 
-class Line(NamedTuple):
+class RowSetup(NamedTuple):
     """Terms of a splat's quadratic form and of its offset that are the same along a row."""
 
     cross: Single
@@ -115,23 +115,23 @@ class Line(NamedTuple):
     lean_rest: Single
 
 
-class Spot(NamedTuple):
+class SplatLanes(NamedTuple):
     """Sixteen sub-pixels, and the terms of a splat on them."""
 
     k: np.uint64  # index of the first one in the first plane
     dx: Single  # px from the form's center to it
     step: Single  # px between sub-pixels
     lean: Single  # see `Leaning.xx`
-    lines: tuple[Line, Line]
+    lines: tuple[RowSetup, RowSetup]
 
 
 class Tools(NamedTuple):
     """Parameters for adding the splats of a tile."""
 
     slant: Slant
-    limits: Limits
+    limits: SplatLimits
     integral: Integral
-    cutting: Cutting
+    cutting: SphereCut
     cover: Single  # 1, or 0 where the coverage by points is known already
 
 
@@ -182,16 +182,16 @@ def _leaning_of(slant: Slant, x: Single, y: Single, depth: Single) -> Leaning:
 
 
 @kernel
-def _line_of(b: Single, c: Single, lean: Leaning, shape: Shape, dy: Single) -> Line:
+def _line_of(b: Single, c: Single, lean: Leaning, shape: Shape, dy: Single) -> RowSetup:
     # Expand form and offset at this row, and leave the terms of dx to each sub-pixel.
     two, down = np.float32(2.0), dy + middle_of(shape)[1]
-    return Line(
+    return RowSetup(
         two * b * dy, c * dy * dy, lean.p + two * lean.xy * down, (lean.q + lean.yy * down) * down
     )
 
 
 @lane_step
-def _form_at(spot: Spot, shape: Shape, n: int) -> tuple[Single, Single]:
+def _form_at(spot: SplatLanes, shape: Shape, n: int) -> tuple[Single, Single]:
     """Distance in px from the form's center to a sub-pixel, and the form's value there."""
     # Lanes alternate between the two rows of a pair.
     line, below = spot.lines
@@ -205,10 +205,10 @@ def _record_rays(
     rows: Floats,
     along: Floats,
     work: Floats,
-    spot: Spot,
+    spot: SplatLanes,
     shape: Shape,
     integral: Integral,
-    limits: Limits,
+    limits: SplatLimits,
 ) -> None:
     """Set up the rays of sixteen sub-pixels in `work`, and add the splat to their coverage."""
     line, below = spot.lines
@@ -265,11 +265,11 @@ def _add_whole(
     rows: Floats,
     sums: Floats,
     place: tuple[np.uint64, Ring],
-    spot: Spot,
+    spot: SplatLanes,
     shape: Shape,
     integral: Integral,
     contribution: Contribution,
-    limits: Limits,
+    limits: SplatLimits,
 ) -> None:
     """Add a whole splat to one slab."""
     first, ring = place
@@ -290,7 +290,7 @@ def _add_whole(
 @kernel
 def _narrowed_pair(
     a: float,
-    lines: tuple[Line, Line],
+    lines: tuple[RowSetup, RowSetup],
     bounds: tuple[int, int],
     across: float,
     step: float,
@@ -308,7 +308,7 @@ def _add_cut(
     canvas: Canvas,
     room: Floats,
     s: np.uint64,
-    span: Span,
+    span: OpenSlabs,
     last: int,
     contribution: Contribution,
     tools: Tools,
@@ -352,7 +352,7 @@ def _add_cut(
 
 
 @kernel
-def _slabs_of(span: Span, depth: float, is_cutting: bool) -> tuple[int, int]:
+def _slabs_of(span: OpenSlabs, depth: float, is_cutting: bool) -> tuple[int, int]:
     """First and last slab that a splat lies in; the one open slab, unless slabs cut splats."""
     if not is_cutting:
         return span.front, span.front
@@ -365,7 +365,7 @@ def _slabs_of(span: Span, depth: float, is_cutting: bool) -> tuple[int, int]:
 @kernel
 def touch_slabs(
     dirty: Dirty,
-    span: Span,
+    span: OpenSlabs,
     first: int,
     last: int,
     rows: tuple[int, int],
@@ -388,7 +388,7 @@ def add_splats(
     canvas: Canvas,
     room: Floats,
     offset: Members,
-    span: Span,
+    span: OpenSlabs,
     tools: Tools,
     blend: Blend,
     mixture: Mixture | None,
@@ -444,7 +444,7 @@ def add_splats(
                 columns = _narrowed_pair(shape.a, lines, (left, right), across, step, limits.widest)
             for start in range(columns[0], columns[1], COLUMNS):
                 first_k = np.uint64(pair * PAIR + 2 * start)
-                spot = Spot(first_k, across + np.float32(start) * step, step, lean.xx, lines)
+                spot = SplatLanes(first_k, across + np.float32(start) * step, step, lean.xx, lines)
                 # Add sixteen sub-pixels: as a whole, or cut by each slab.
                 if not is_cutting:
                     at = (sum_at(ring, span.slot, pair, start), ring)

@@ -69,7 +69,7 @@ class Canvas(NamedTuple):
     width: int
 
 
-class Cutting(NamedTuple):
+class SphereCut(NamedTuple):
     """Parameters for integrating spheres that planes cut."""
 
     place: Place

@@ -49,7 +49,7 @@ class Plate(NamedTuple):
     before: int  # numbers missing before the first one, if all rows had that many columns
 
 
-class Rect(NamedTuple):
+class GridBox(NamedTuple):
     """An axis-aligned box in a grid: its center and its sides, samples."""
 
     u: float
@@ -246,7 +246,7 @@ def _add_columns(scratch: Floats, count: int, channels: int, total: Floats) -> N
 
 @inner_step
 def add_mean(
-    plate: Plate, integral: Integral, box: Rect, share: Single, scratch: Floats, total: Floats
+    plate: Plate, integral: Integral, box: GridBox, share: Single, scratch: Floats, total: Floats
 ) -> None:
     """Add the mean of a grid over a box, times a share, to the channels `total`.
 

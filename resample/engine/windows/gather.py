@@ -17,9 +17,9 @@ from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
 from resample.engine.jit import Counter, inner_kernel, inner_step, kernel, tasks
 from resample.engine.roles import role
 from resample.engine.windows.boxes import (
+    GridBox,
     Integral,
     Plate,
-    Rect,
     add_mean,
     scratch_size,
 )
@@ -137,7 +137,7 @@ def _add_part(
     # Add the mean over each box.
     wide, high = math.sqrt(uu), math.sqrt(vv)
     for _ in range(boxes):
-        box = Rect(u + apart_u, v + apart_v, wide, high)
+        box = GridBox(u + apart_u, v + apart_v, wide, high)
         add_mean(view.plate, view.integral, box, share, scratch.weights, scratch.total)
         apart_u, apart_v = -apart_u, -apart_v
 

@@ -54,7 +54,7 @@ SPOKEN = (
 )
 
 
-class About(NamedTuple):
+class FileMetadata(NamedTuple):
     """Metadata of a file other than pixels and channels."""
 
     camera: Directory = MappingProxyType({})  # Exif tags
@@ -70,7 +70,7 @@ def page_tags(path: Path) -> list[Directory]:
     return list(read_tags(path, wanted, NESTED))
 
 
-def about_file(path: Path, spec: Any, tags: Directory) -> About:
+def about_file(path: Path, spec: Any, tags: Directory) -> FileMetadata:
     """Read a file's metadata.
 
     Parameters
@@ -89,7 +89,7 @@ def about_file(path: Path, spec: Any, tags: Directory) -> About:
         for entry in spec.extra_attribs
         if entry.name in SPOKEN or entry.name.startswith(("Exif:", "GPS:"))
     )
-    return About(
+    return FileMetadata(
         _true(camera),
         b"" if profile is None else np.asarray(profile, np.uint8).tobytes(),
         geo_of(tags),
@@ -114,7 +114,7 @@ def turn(orientation: int, shape: tuple[int, int]) -> Doubles:
     return np.asarray(flips @ crossing, np.float64)
 
 
-def describe(spec: Any, about: About, suffix: str, *, is_encoded: bool, colors: int) -> bool:
+def describe(spec: Any, about: FileMetadata, suffix: str, *, is_encoded: bool, colors: int) -> bool:
     """Pass metadata that OpenImageIO can write; returns whether there is a color profile.
 
     Parameters
@@ -142,15 +142,15 @@ def describe(spec: Any, about: About, suffix: str, *, is_encoded: bool, colors: 
     return False
 
 
-class Stored(NamedTuple):
+class WrittenPage(NamedTuple):
     """A page to write."""
 
-    about: About
+    about: FileMetadata
     shape: tuple[int, ...]  # height, width and channels
     form: str  # type of its values
 
 
-def complete(path: Path, pages: list[Stored]) -> None:
+def complete(path: Path, pages: list[WrittenPage]) -> None:
     """Add metadata that OpenImageIO cannot write: Exif and, for TIFF, the georeference."""
     suffix = path.suffix.lower()
     if suffix in TIFF:
@@ -180,7 +180,7 @@ def _true(tags: Directory) -> Directory:
     return found
 
 
-def _page_tags(page: Stored) -> Directory:
+def _page_tags(page: WrittenPage) -> Directory:
     tags = dict(_sized(page.about.camera, page.shape))
     tags.update(tags_of(page.about.geo) if page.about.geo else {})
     if page.form in AS_FLOATS:

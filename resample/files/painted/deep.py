@@ -15,7 +15,7 @@ from resample.types import Floats
 CHANNELS = ("R", "G", "B", "A", "Z", "ZBack")
 
 
-class Slab(NamedTuple):
+class DepthSlab(NamedTuple):
     """Color and opacity between two depths."""
 
     near: float  # scene units
@@ -23,7 +23,7 @@ class Slab(NamedTuple):
     rgba: Floats  # (H, W, 4) premultiplied, linear light
 
 
-class _Part(NamedTuple):
+class _PixelPart(NamedTuple):
     """Samples of a slab on pixels."""
 
     pixel: NDArray[np.int64]  # (N,) row × width + column
@@ -36,7 +36,7 @@ def check_deep(path: Path) -> None:
         raise ValueError(f"{path}: deep pictures are written as .exr")
 
 
-def write_deep(path: Path, slabs: Iterable[Slab]) -> None:
+def write_deep(path: Path, slabs: Iterable[DepthSlab]) -> None:
     """Write slabs of one size from front to back; empty pixels get no sample.
 
     Raises
@@ -100,11 +100,11 @@ def _stored(path: Path) -> tuple[Any, Any]:
     return spec, data
 
 
-def _part(slab: Slab) -> _Part:
+def _part(slab: DepthSlab) -> _PixelPart:
     rgba = slab.rgba.reshape(-1, 4)
     pixel = np.flatnonzero((rgba != 0).any(axis=1))
     ends = np.broadcast_to(np.array([slab.near, slab.far], np.float32), (pixel.size, 2))
-    return _Part(pixel, np.hstack([rgba[pixel], ends]).astype(np.float32))
+    return _PixelPart(pixel, np.hstack([rgba[pixel], ends]).astype(np.float32))
 
 
 def _spec(shape: tuple[int, ...]) -> Any:
@@ -118,7 +118,7 @@ def _spec(shape: tuple[int, ...]) -> Any:
     return spec
 
 
-def _deep(parts: list[_Part], shape: tuple[int, ...]) -> Any:
+def _deep(parts: list[_PixelPart], shape: tuple[int, ...]) -> Any:
     """Samples in OpenImageIO's form."""
     import OpenImageIO
 

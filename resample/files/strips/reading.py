@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.files.chunked import Part, StoredPicture, is_in_store, open_picture
-from resample.files.facts.metadata import About, upright
+from resample.files.facts.metadata import FileMetadata, upright
 from resample.files.images import holds_half, light_of, number_rows, read_levels, read_rows
 from resample.files.pictures import (
     Header,
@@ -37,7 +37,7 @@ class KeptPicture(NamedTuple):
 
     data: NDArray[Any]  # (H, W, C) levels of straight alpha; or light, premultiplied, or numbers
     kind: Kind
-    about: About
+    about: FileMetadata
     has_nans: bool = False  # missing values
     has_gaps: bool = False  # missing or infinite values
 

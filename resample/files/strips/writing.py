@@ -7,7 +7,7 @@ from typing import Any
 
 from resample.files.chunked import SUFFIX as STORE
 from resample.files.chunked import writing_store
-from resample.files.facts.metadata import About, Stored
+from resample.files.facts.metadata import FileMetadata, WrittenPage
 from resample.files.pictures import Picture, WriteOptions, complaint_of, finish, opened, page_of
 from resample.files.writing import refused, replacing
 
@@ -54,14 +54,14 @@ class _Rows:
         self.path, self.temporary, self.height, self.options = path, temporary, height, look
         self.target: Any = None
         self.done = 0
-        self.stored = Stored(About(), (), "")
+        self.stored = WrittenPage(FileMetadata(), (), "")
 
     def put(self, picture: Picture) -> None:
         """Write the next rows."""
         page = page_of(self.path, picture, self.options, tells=self.target is None)
         shape = self.height, *page.data.shape[1:]
         if self.target is None:
-            self.stored = Stored(page.about, shape, page.data.dtype.name)
+            self.stored = WrittenPage(page.about, shape, page.data.dtype.name)
             self.target = opened(self.path, self.temporary, page, self.height)
         first, last = self.done, self.done + page.data.shape[0]
         if self.stored.shape != shape or last > self.height:

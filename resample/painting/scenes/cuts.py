@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from resample.painting.scenes.parts import SLACK, SamplesInParts
-from resample.painting.scenes.scene import Scene
+from resample.painting.scenes.scene import PreparedScene
 from resample.types import Film, Floats, Indices, Runs, Samples, Single, Tally, Tiles
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ class InSteps(NamedTuple):
     is_measuring: bool = False  # values of a projection are measured
 
 
-def keys_of(scene: Scene, source: SamplesInParts) -> tuple[Floats, Floats, Single]:
+def keys_of(scene: PreparedScene, source: SamplesInParts) -> tuple[Floats, Floats, Single]:
     """Lower and upper bounds of keys in each part (P,), and the error of single keys.
 
     They are keys of single samples, even if sheets are summed.
@@ -70,7 +70,7 @@ def keys_of(scene: Scene, source: SamplesInParts) -> tuple[Floats, Floats, Singl
     return near, (place + reach).astype(np.float32), np.float32(slack)
 
 
-def cut_at(scene: Scene, between: Between, key: Single, slack: Single) -> EndOfStep:
+def cut_at(scene: PreparedScene, between: Between, key: Single, slack: Single) -> EndOfStep:
     """End of a step after which all other samples have keys of at least `key` minus `slack`."""
     is_end = key == np.inf
     thickness = np.float32(scene.layers.thickness)
@@ -104,7 +104,7 @@ def _first_of_layer(number: int, thickness: Single) -> Single:
     return key
 
 
-def most_waiting(scene: Scene, source: SamplesInParts, between: Between) -> int:
+def most_waiting(scene: PreparedScene, source: SamplesInParts, between: Between) -> int:
     """Upper bound on samples in memory that wait for parts that may be nearer."""
     near, far, _ = keys_of(scene, source)
     far = far + np.float32(_kept_before(scene, between))
@@ -115,7 +115,7 @@ def most_waiting(scene: Scene, source: SamplesInParts, between: Between) -> int:
     return int((begun - ended).max(initial=0))
 
 
-def _kept_before(scene: Scene, between: Between) -> float:
+def _kept_before(scene: PreparedScene, between: Between) -> float:
     """Distance in keys before the end of a step within which samples are kept."""
     if between is Between.SLABS:
         return 2 * math.sqrt(scene.ellipsoid.covariance[2, 2]) + 3 * scene.layers.thickness

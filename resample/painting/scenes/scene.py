@@ -277,7 +277,7 @@ def dealt_to_tiles(footprints: Records, screen: Screen, size: int) -> Tiles:
     return tiles._replace(spacing=smallest.min(axis=0))
 
 
-class Painted(NamedTuple):
+class PaintTarget(NamedTuple):
     """Output of the painters."""
 
     film: Film
@@ -293,7 +293,7 @@ class Painted(NamedTuple):
 
 def nothing_painted(
     height: int, width: int, tiles: int = 1, *, has_values: bool = False
-) -> Painted:
+) -> PaintTarget:
     """Empty picture, with counts for some number of tiles."""
     size = height, width
     film = Film(
@@ -303,7 +303,7 @@ def nothing_painted(
         np.zeros(size, np.float32),
     )
     value = np.full(size if has_values else (0, 0), np.nan, np.float32)
-    return Painted(film, value, np.zeros((tiles, 4), np.int64))
+    return PaintTarget(film, value, np.zeros((tiles, 4), np.int64))
 
 
 class Clock:
@@ -321,7 +321,7 @@ class Clock:
 
 
 @dataclass(frozen=True)
-class Scene:
+class PreparedScene:
     """Samples seen by a camera, and all other inputs of the painters."""
 
     view: View

@@ -14,8 +14,8 @@ from resample.painting.runs import dealt, film_of, plan_of, shown, turn_of, valu
 from resample.painting.scenes.cuts import NEVER, Between, EndOfStep, InSteps, cut_at, keys_of
 from resample.painting.scenes.parts import SamplesInParts
 from resample.painting.scenes.scene import (
-    Painted,
-    Scene,
+    PaintTarget,
+    PreparedScene,
     check_samples,
     nothing_painted,
     samples_of,
@@ -33,14 +33,14 @@ BORDER = 1.0  # px, largest rounding error of bounds
 Flags = NDArray[np.bool_]
 
 
-def bytes_kept(scene: Scene, by: InSteps) -> int:
+def bytes_kept(scene: PreparedScene, by: InSteps) -> int:
     """Bytes of a window's state between steps, without samples."""
     return 4 * by.kept * int(_subpixels(scene, _tiles_of(scene)).sum())
 
 
 def paint_in_steps(
-    scene: Scene, by: InSteps, source: SamplesInParts, progress: Progress | None
-) -> Painted:
+    scene: PreparedScene, by: InSteps, source: SamplesInParts, progress: Progress | None
+) -> PaintTarget:
     """Paint a window of a picture.
 
     Parameters
@@ -92,7 +92,7 @@ def _next_step(step: "Step", between: Between, end: EndOfStep) -> "Step":
     return step._replace(again=again, first=end.last, done=end.due if counts else step.done)
 
 
-def _tiles_of(scene: Scene) -> Tiles:
+def _tiles_of(scene: PreparedScene) -> Tiles:
     """Tiles of a planned scene, without members."""
     plan = plan_of(scene)
     rows, columns = tiles_along(scene.screen, plan.tile)
@@ -103,7 +103,7 @@ def _tiles_of(scene: Scene) -> Tiles:
     return Tiles(*nobody, spacing, plan.tile, columns)
 
 
-def _subpixels(scene: Scene, tiles: Tiles) -> Indices:
+def _subpixels(scene: PreparedScene, tiles: Tiles) -> Indices:
     """Number of sub-pixels of each tile (T,) of the window."""
     from resample.engine.ellipsoids.steps import count_subpixels
 
@@ -112,7 +112,7 @@ def _subpixels(scene: Scene, tiles: Tiles) -> Indices:
     return count
 
 
-def _nothing_carried(scene: Scene, by: InSteps, tiles: Tiles) -> "Carried":
+def _nothing_carried(scene: PreparedScene, by: InSteps, tiles: Tiles) -> "Carried":
     """State of the tiles before the first step."""
     from resample.engine.ellipsoids.steps import Carried, Step
 
@@ -124,14 +124,14 @@ def _nothing_carried(scene: Scene, by: InSteps, tiles: Tiles) -> "Carried":
     return Carried(number, by.kept, start, state, is_open, step)
 
 
-def _all_open(scene: Scene, tiles: Tiles) -> Flags:
+def _all_open(scene: PreparedScene, tiles: Tiles) -> Flags:
     """Mask of pixels (T, S, S) with those of the window open."""
     is_open = np.zeros((tiles.spacing.size, tiles.size, tiles.size), bool)
     is_open[shown(scene, tiles)] = True
     return is_open
 
 
-def _are_met(scene: Scene, tiles: Tiles, carried: "Carried", bounds: Floats) -> Flags:
+def _are_met(scene: PreparedScene, tiles: Tiles, carried: "Carried", bounds: Floats) -> Flags:
     """Mask of bounds (N, 4), px, that contain an open pixel."""
     (rows, columns), side = tiles_along(scene.screen, tiles.size), tiles.size
     is_open = carried.is_open.reshape(rows, columns, side, side).swapaxes(1, 2)
@@ -174,12 +174,12 @@ def _together(parts: list[Samples]) -> Samples | None:
 
 
 def _paint_step(
-    scene: Scene,
+    scene: PreparedScene,
     by: InSteps,
     samples: Samples,
     carried: "Carried",
     are_open: Flags,
-    painted: Painted,
+    painted: PaintTarget,
 ) -> None:
     """Paint the samples of a step on open tiles."""
     runs = by.runs(samples)
@@ -194,7 +194,7 @@ def _find_nothing(tiles: Tiles) -> None:
     """Do nothing: the spacings of tiles are known."""
 
 
-def _behind(scene: Scene, by: InSteps, samples: Samples, end: EndOfStep) -> Samples | None:
+def _behind(scene: PreparedScene, by: InSteps, samples: Samples, end: EndOfStep) -> Samples | None:
     """Samples to keep for the next step; None if there are none."""
     summing = Summing.SHEETS if by.between is Between.SHEETS else Summing.POINTS
     key = sheets_of(scene.layers, summing, samples.position, scene.view).key

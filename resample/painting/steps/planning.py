@@ -15,7 +15,7 @@ from resample.painting.scenes.plans import (
     PlansOfPart,
     together,
 )
-from resample.painting.scenes.scene import Scene, size_of_tiles
+from resample.painting.scenes.scene import PreparedScene, size_of_tiles
 from resample.painting.slabs import columns_of, planned_as_summed
 from resample.painting.splats import are_splats_exact, has_points, planned_as
 from resample.types import AFFINE, MOST_COLUMNS, SMALL_ANGLE, Samples
@@ -31,7 +31,7 @@ class Painters(NamedTuple):
     has_point_filter: bool  # the filter of points is a formula
 
 
-def _tile_of(scene: Scene, by: Painters, plan: PicturePlan) -> int:
+def _tile_of(scene: PreparedScene, by: Painters, plan: PicturePlan) -> int:
     """Side in px of a tile for a picture of such samples."""
     from resample.engine.grid import grid_of
 
@@ -39,7 +39,9 @@ def _tile_of(scene: Scene, by: Painters, plan: PicturePlan) -> int:
     return size_of_tiles(grid_of(plan.least, scene.style), scene.tables.pixel_margin, columns)
 
 
-def plans_of(scene: Scene, samples: Samples, by: Painters, asked: Sequence[str]) -> PlansOfPart:
+def plans_of(
+    scene: PreparedScene, samples: Samples, by: Painters, asked: Sequence[str]
+) -> PlansOfPart:
     """Plans of some samples for the requested painters, as far as possible."""
     planned = planned_as if by.is_streamed else planned_as_summed
     splats = points = mixture = None
@@ -52,11 +54,13 @@ def plans_of(scene: Scene, samples: Samples, by: Painters, asked: Sequence[str])
     return PlansOfPart(splats, points, mixture)
 
 
-def _may_be_points(scene: Scene, by: Painters) -> bool:
+def _may_be_points(scene: PreparedScene, by: Painters) -> bool:
     return by.is_streamed and by.has_point_filter and can_defer_points(scene)
 
 
-def plan_of_all(scene: Scene, by: Painters, parts: Sequence[PlansOfPart]) -> PicturePlan | None:
+def plan_of_all(
+    scene: PreparedScene, by: Painters, parts: Sequence[PlansOfPart]
+) -> PicturePlan | None:
     """Plan of all samples together; None: plans for other painters are needed."""
     splats, points, mixture = (_together(plans) for plans in zip(*parts, strict=True))
     found = None
@@ -80,7 +84,7 @@ def _together(plans: Sequence[PicturePlan | None]) -> PicturePlan | None:
     return together(known) if len(known) == len(plans) else None
 
 
-def margin_beyond_window(scene: Scene, plan: PicturePlan) -> tuple[bool, float]:
+def margin_beyond_window(scene: PreparedScene, plan: PicturePlan) -> tuple[bool, float]:
     """Extent of painted samples beyond their exact footprints.
 
     Returns
@@ -102,7 +106,7 @@ def margin_beyond_window(scene: Scene, plan: PicturePlan) -> tuple[bool, float]:
     return style.model in MIRRORED, max(widened, of_points)
 
 
-def plan_of_parts(scene: Scene, source: SamplesInParts, by: Painters) -> PicturePlan | None:
+def plan_of_parts(scene: PreparedScene, source: SamplesInParts, by: Painters) -> PicturePlan | None:
     """Plan of splats with exact footprints from bounds of parts; None if these do not suffice.
 
     They suffice if the whole picture has equal sub-pixels and no sample may be a point. Layers do
@@ -131,7 +135,7 @@ def plan_of_parts(scene: Scene, source: SamplesInParts, by: Painters) -> Picture
     return plan._replace(tile=_tile_of(scene, by, plan))
 
 
-def _spacings(scene: Scene, source: SamplesInParts) -> tuple[float, float]:
+def _spacings(scene: PreparedScene, source: SamplesInParts) -> tuple[float, float]:
     """Bounds on the spacings of samples, px; 0 where the near plane may cut one.
 
     As `_spacings_of` of `resample.engine.ellipsoids.run_bounds`, for balls.

@@ -13,7 +13,7 @@ from resample.command.session import Session
 from resample.command.settings import Written
 from resample.console.messages import Progress, progress_bar, say
 from resample.files.batches import batch_of, is_batch
-from resample.files.facts.metadata import About
+from resample.files.facts.metadata import FileMetadata
 from resample.files.pictures import (
     Picture,
     WriteOptions,
@@ -277,7 +277,7 @@ def _warped_frames(
         yield result
 
 
-def _say_lost(about: About, made: About, output: Path, *, has_nans: bool) -> None:
+def _say_lost(about: FileMetadata, made: FileMetadata, output: Path, *, has_nans: bool) -> None:
     """Report which metadata of a picture its warp loses."""
     before, after = about.geo, made.geo
     if before is not None and before.has_place and not (after is not None and after.has_place):

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from resample.colors import to_srgb
-from resample.files.facts.metadata import About
+from resample.files.facts.metadata import FileMetadata
 from resample.files.pictures import Kind, Picture, WriteOptions, holds_missing
 from resample.files.stores.addresses import Place
 from resample.files.strips.reading import Keepable, KeptPicture, keepable
@@ -186,7 +186,7 @@ class Large:
         )
 
     @cached_property
-    def about(self) -> About:
+    def about(self) -> FileMetadata:
         """Metadata of the result."""
         about = self.kept.about
         return about._replace(geo=placed(about.geo, self.target, self.roi))

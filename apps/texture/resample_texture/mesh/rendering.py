@@ -18,7 +18,12 @@ from resample.lazy import old_members
 from resample.painting.scenes.plans import shape_of
 from resample.painting.scenes.scene import dealt_to_tiles
 from resample.profiles.filters import Box, PixelFilter
-from resample.profiles.interpolation import LARGEST_RADIUS, CatmullRom, Interpolation, prefilter
+from resample.profiles.interpolation import (
+    LARGEST_RADIUS,
+    InterpolatingCatmullRom,
+    Interpolation,
+    prefilter,
+)
 from resample.types import Doubles, Frame, Screen, View
 from resample_texture.mesh.files import load_mesh
 from resample_texture.mesh.kernels.painting import MeshPicture, MeshScene, paint
@@ -69,7 +74,7 @@ class MeshStyle:
 
     samples: int = 4
     quality: float = 1.0
-    interpolation: Interpolation = field(default_factory=CatmullRom)
+    interpolation: Interpolation = field(default_factory=InterpolatingCatmullRom)
     pixel_filter: PixelFilter = field(default_factory=Box)
     cull: bool = False
     shading: bool = False

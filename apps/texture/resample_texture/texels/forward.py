@@ -15,7 +15,7 @@ import numpy as np
 
 from resample.engine.cells.parts import batches, channel_groups, parts_of
 from resample.engine.cells.sums import Border, Means, collect, finish
-from resample.engine.cells.taps import Spread
+from resample.engine.cells.taps import FilterTaps
 from resample.engine.windows.edges import CLAMP, MIRROR, TRANSPARENT, WRAP
 from resample.profiles.filters import Area, PixelFilter, profile_table
 from resample.profiles.interpolation import AreaSpline, Interpolation, prefilter, remembered, taps
@@ -390,9 +390,9 @@ class Sums:
         return Warped(image, coverage)
 
 
-def spread_of(cells: Cells) -> Spread:
+def spread_of(cells: Cells) -> FilterTaps:
     """Return how cells are spread over pixels, as kernels take it."""
-    return Spread(cells.taps, bool(cells.is_sum), profile_table(cells.pixel_filter, cells.taps))
+    return FilterTaps(cells.taps, bool(cells.is_sum), profile_table(cells.pixel_filter, cells.taps))
 
 
 def project(

@@ -12,7 +12,7 @@ import numpy as np
 
 from resample.engine.cells.parts import batches, parts_of
 from resample.engine.cells.sums import collect
-from resample.engine.cells.taps import Spread
+from resample.engine.cells.taps import FilterTaps
 from resample.engine.surfaces.stamps import RIM
 from resample.profiles.filters import Gaussian, PixelFilter, profile_table
 from resample.profiles.interpolation import InterpolatingGaussian, Nearest, prefilter
@@ -163,7 +163,7 @@ def splat(
     cells = Cells(splatting.filter_of_points, Nearest(), is_sum=splatting.is_sum)
     sums = Sums(shape, source.shape[2], cells)
     profile = profile_table(splatting.filter_of_points, numbers.taps)
-    spread = Spread(numbers.taps, bool(splatting.is_sum), profile)
+    spread = FilterTaps(numbers.taps, bool(splatting.is_sum), profile)
     for (first, count), picture in zip(sums.groups, sums.pictures, strict=True):
         for batch in batches(blocks.bounds, count + 1):
             splatted = Splatted(

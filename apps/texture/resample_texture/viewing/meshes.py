@@ -16,7 +16,7 @@ from resample.files.images import screen_levels
 from resample.files.painted.frames import write_frame
 from resample.types import Frame
 from resample.view.files import file_of, levels_in
-from resample.view.views import Painting, Settings, Size, chosen, settings_of
+from resample.view.views import PagePicture, Settings, Size, chosen, settings_of
 from resample.watching import Cancel, cancellable
 from resample_texture.command.choices import MeshDrawing, MeshFormat, MeshView
 from resample_texture.mesh.rendering import load_mesh, render_mesh
@@ -53,13 +53,13 @@ class ModelPainter:
     path: Path
     _kept: tuple[Path | None, Mesh] | None = field(init=False, default=None)  # (texture, mesh)
 
-    def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> Painting:
+    def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> PagePicture:
         """Picture of these options, see `resample.view.views.Painter`."""
         width, height = size
         request = _checked(settings)
         with cancellable(cancel):
             seen = self._rendered(request, (-(-width // PER), -(-height // PER)) if quick else size)
-        return Painting(screen_levels(seen.rgba, background=request.form.behind()), quick)
+        return PagePicture(screen_levels(seen.rgba, background=request.form.behind()), quick)
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
         """Return the depth at a pixel, see `resample.view.views.Painter`."""

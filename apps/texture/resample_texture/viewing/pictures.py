@@ -11,7 +11,7 @@ import numpy as np
 from resample.command.settings import Written
 from resample.files.exchange.results import levels_of
 from resample.view.files import file_of, levels_in
-from resample.view.views import Painting, Settings, Size, chosen, settings_of
+from resample.view.views import PagePicture, Settings, Size, chosen, settings_of
 from resample.watching import Cancel, cancellable
 from resample_texture.asking import geometry_of
 from resample_texture.command.choices import Besides, Place, Warping, region
@@ -47,17 +47,17 @@ class PicturePainter:
     def __post_init__(self) -> None:
         self._scene = PictureScene(self.path)
 
-    def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> Painting:
+    def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> PagePicture:
         """Picture of these options, see `resample.view.views.Painter`."""
         if not quick:
             with cancellable(cancel):
-                return Painting(levels_in(self.file(settings, size, ".png")), is_preview=False)
+                return PagePicture(levels_in(self.file(settings, size, ".png")), is_preview=False)
         target, warping = self._target(settings, size)
         geometry = geometry_of(target.places, target.shape, "corner", inverse=False)
         made = self._scene.render(
             geometry, size=target.shape[::-1], edge=warping.edge, quality="preview", cancel=cancel
         )
-        return Painting(levels_of(made, "color"), is_preview=True)
+        return PagePicture(levels_of(made, "color"), is_preview=True)
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
         """Return the texel at a pixel, see `resample.view.views.Painter`."""

@@ -8,8 +8,8 @@ from resample.colors import Background, to_srgb
 from resample.console.backgrounds import Color
 from resample.measuring.color_bars import (
     BLACK,
+    BarLayout,
     Form,
-    Page,
     blank,
     check_height,
     draw_scale,
@@ -92,7 +92,7 @@ def color_bar(
     """
     check_height(height)
     by, form = scale_named(scale), FORMS[transfer.needs_gradient]
-    page = Page.of(data_range, height, title, form, None if by is None else by.ticks)
+    page = BarLayout.of(data_range, height, title, form, None if by is None else by.ticks)
     ink = ink_on(background)
     axes = blank(page, background)
     if transfer.needs_gradient:
@@ -104,7 +104,7 @@ def color_bar(
 
 
 def _draw_strip(
-    axes: "Axes", page: Page, transfer: Transfer, data_range: DataRange, ink: str
+    axes: "Axes", page: BarLayout, transfer: Transfer, data_range: DataRange, ink: str
 ) -> None:
     """Draw colors by value, and the curve of opacities."""
     value = page.values(FINE)
@@ -127,7 +127,7 @@ def _draw_strip(
 
 def _draw_plane(
     axes: "Axes",
-    page: Page,
+    page: BarLayout,
     transfer: Transfer,
     extent: tuple[DataRange, float],
     ink: str,
@@ -144,7 +144,9 @@ def _draw_plane(
     name(axes, page, page.bar, ("0", "gradient", f"{end:.3g}"), ink)
 
 
-def _show_over_squares(axes: "Axes", page: Page, color: Floats, opacity: Floats, ink: str) -> None:
+def _show_over_squares(
+    axes: "Axes", page: BarLayout, color: Floats, opacity: Floats, ink: str
+) -> None:
     """Composite colors (rows, parts, columns, 3) over the checkerboard."""
     rows, _, columns = opacity.shape
     side = max(3, round(0.5 * page.type))

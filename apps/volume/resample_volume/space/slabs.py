@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from resample.cameras.models import AnyCamera
-from resample.files.painted.deep import Slab, write_deep
+from resample.files.painted.deep import DepthSlab, write_deep
 from resample.painting.choices import MEASURING
 from resample.resampler import Resampler
 from resample.types import Doubles, Frame, View
@@ -72,7 +72,7 @@ def write_slabs(path: Path, count: int, paint: Painter, camera: AnyCamera, place
     write_deep(path, slabs(paint, camera, depths(camera, places, count)))
 
 
-def slabs(paint: Painter, camera: AnyCamera, planes: Doubles) -> Iterator[Slab]:
+def slabs(paint: Painter, camera: AnyCamera, planes: Doubles) -> Iterator[DepthSlab]:
     """Yield slabs front to back that composite to the picture up to each one's far plane.
 
     A pixel's mean transmittance of several slabs is not the product of their means: where an edge
@@ -101,4 +101,4 @@ def slabs(paint: Painter, camera: AnyCamera, planes: Doubles) -> Iterator[Slab]:
         more = np.maximum(more, 0) * (alone[..., 3:] > 0) * (more[..., 3:] > 0)
         more[..., 3] = np.minimum(more[..., 3], 1)
         shown += left * more
-        yield Slab(near, far, more.astype(np.float32))
+        yield DepthSlab(near, far, more.astype(np.float32))

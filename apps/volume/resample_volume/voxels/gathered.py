@@ -22,7 +22,7 @@ from resample.types import (
     Floats,
     LatticeField,
     Reached,
-    Spline,
+    SplineField,
     Tint,
 )
 from resample_volume.classification.labels import Labels, Ruled
@@ -69,7 +69,7 @@ OPAQUE = 4.0  # optical depth of a voxel beyond a surface
 class Gathered(NamedTuple):
     """A volume as a field on its lattice."""
 
-    spline: Spline
+    spline: SplineField
     bounds: Bounds  # data units
     known: Flags  # as of `LatticeField`
     lattice: Doubles  # (3, 3) columns are the steps from a voxel to its neighbours, scene units
@@ -274,7 +274,7 @@ def _extinctions(field: Gathered, volume: Volume, iso: float | None) -> Iterator
 @memoized(lambda values: values)
 def _on_lattice(
     values: NDArray[np.generic], sharpness: float, thin: Thin, is_within: bool
-) -> tuple[Spline, Bounds, Flags]:
+) -> tuple[SplineField, Bounds, Flags]:
     """Return the field of values, its bounds, and which are known, if not all."""
     filled, known = _without_gaps(values)
     if thin.parts == 1:

@@ -19,7 +19,7 @@ from resample.files.animations import write_film
 from resample.files.images import screen_levels
 from resample.view.exports import ORBITING, keyframes_as_toml
 from resample.view.files import file_of, levels_in
-from resample.view.views import Painting, Settings, Size, chosen, option_of, settings_of
+from resample.view.views import PagePicture, Settings, Size, chosen, option_of, settings_of
 from resample.watching import Cancel, Progress, cancellable
 from resample_warp3d.clouds.framing import FIELD
 from resample_warp3d.clouds.spacing import Surfels
@@ -79,7 +79,7 @@ class CloudPainter:
     path: Path
     _kept: tuple[Any, CloudScene, CloudScene] | None = field(init=False, default=None)
 
-    def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> Painting:
+    def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> PagePicture:
         """Picture of these options, see `resample.view.views.Painter`."""
         width, height = size
         if quick:
@@ -87,7 +87,7 @@ class CloudPainter:
         with cancellable(cancel):
             request, scene, camera = self._placed(settings, size, quick=quick)
             frame = request.form.shown(scene.picture(camera, size[::-1]), scene)
-        return Painting(screen_levels(frame.rgba, background=request.form.behind()), quick)
+        return PagePicture(screen_levels(frame.rgba, background=request.form.behind()), quick)
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
         """Return the position seen at a pixel, see `resample.view.views.Painter`."""

@@ -16,7 +16,7 @@ from resample.command.session import Session
 from resample.command.settings import Written
 from resample.files.pictures import Kind, Picture, WriteOptions, page_of, write_picture
 from resample.view.files import file_of, levels_in, shown
-from resample.view.views import Painting, Settings, Size, chosen, settings_of
+from resample.view.views import PagePicture, Settings, Size, chosen, settings_of
 from resample.watching import Cancel, Progress, cancellable
 from resample_warp3d.command.animation import Range
 from resample_warp3d.command.cameras.source import SourceCamera
@@ -103,7 +103,7 @@ class DepthPainter:
     _ready: tuple[Any, _Ready] | None = field(init=False, default=None)  # (options, sources)
     _last: _Rendering | None = field(init=False, default=None)  # the view to pick from
 
-    def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> Painting:
+    def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> PagePicture:
         """Picture of these options, see `resample.view.views.Painter`."""
         width, height = size
         with cancellable(cancel):
@@ -112,7 +112,7 @@ class DepthPainter:
             else:
                 seen = self._last = self._rendered(settings, size)
             page = page_of(Path("picture.png"), seen.picture(), seen.request.options)
-        return Painting(shown(page.data), quick)
+        return PagePicture(shown(page.data), quick)
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
         """Return depth, magnification and more of a pixel, see `resample.view.views.Painter`."""

@@ -9,7 +9,7 @@ added one after the other: the same bits for any number of threads.
 import numpy as np
 
 from resample.engine.cells.batch import Batch, new_batch
-from resample.engine.cells.taps import Spread, gather
+from resample.engine.cells.taps import FilterTaps, gather
 from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.windows.edges import mapped
@@ -115,7 +115,7 @@ def _gather_block(
     block: Integers,
     box: Integers,
     taps: Floats,
-    spread: Spread,
+    spread: FilterTaps,
     patch: Doubles,
 ) -> None:
     """Fill the patch (channels, rows, columns) of one block."""
@@ -152,7 +152,7 @@ def gather_blocks(
     axes: Integers,
     bounds: Integers,
     taps: Floats,
-    spread: Spread,
+    spread: FilterTaps,
     start: Integers,
     patches: Doubles,
 ) -> None:

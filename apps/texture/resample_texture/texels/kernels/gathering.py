@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from resample.engine.cells.batch import Batch, new_batch
-from resample.engine.cells.parts import Parts, begun, fill, lines, paint_parts
-from resample.engine.cells.taps import Spread
+from resample.engine.cells.parts import SourceParts, begun, fill, lines, paint_parts
+from resample.engine.cells.taps import FilterTaps
 from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
 from resample.engine.jit import Counter, inner_kernel, parallel_kernel
 from resample.engine.roles import plays
@@ -153,7 +153,9 @@ def _lines(source: Pixels, part: int) -> int:
 
 
 @plays(fill, Pixels)
-def _fill(source: Pixels, part: int, line: int, box: Integers, spread: Spread, work: Points) -> int:
+def _fill(
+    source: Pixels, part: int, line: int, box: Integers, spread: FilterTaps, work: Points
+) -> int:
     # Find the pixel that this line stands for.
     tile, (pixel, along_x, along_y, _, _) = source.tiles[part], work.batch
     width, before = box[RIGHT] - box[LEFT], 0.5 * spread.taps - 0.5
@@ -175,6 +177,6 @@ def _fill(source: Pixels, part: int, line: int, box: Integers, spread: Spread, w
 
 
 @parallel_kernel
-def gather_tiles(counter: Counter, source: Pixels, spread: Spread, parts: Parts) -> None:
+def gather_tiles(counter: Counter, source: Pixels, spread: FilterTaps, parts: SourceParts) -> None:
     """Add the points of every tile's pixels to that tile's own sums."""
     paint_parts(counter, source, spread, parts)

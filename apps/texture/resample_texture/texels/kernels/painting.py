@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from resample.engine.cells.batch import Batch, new_batch
-from resample.engine.cells.parts import Parts, begun, fill, lines, paint_parts
-from resample.engine.cells.taps import Spread
+from resample.engine.cells.parts import SourceParts, begun, fill, lines, paint_parts
+from resample.engine.cells.taps import FilterTaps
 from resample.engine.jit import Counter, inner_kernel, kernel, parallel_kernel
 from resample.engine.roles import plays
 from resample.types import Doubles, Floats
@@ -102,7 +102,9 @@ def _lines(source: Texture, part: int) -> int:
 
 
 @plays(fill, Texture)
-def _fill(source: Texture, part: int, line: int, box: Integers, spread: Spread, work: Lines) -> int:
+def _fill(
+    source: Texture, part: int, line: int, box: Integers, spread: FilterTaps, work: Lines
+) -> int:
     """Fill the batch with one row of cells; count them."""
     block, batch, offset = source.axes[part], work.batch, work.offset
     # Interpolate the values, first along v, then along u.
@@ -119,6 +121,6 @@ def _fill(source: Texture, part: int, line: int, box: Integers, spread: Spread, 
 
 
 @parallel_kernel
-def paint_blocks(counter: Counter, source: Texture, spread: Spread, parts: Parts) -> None:
+def paint_blocks(counter: Counter, source: Texture, spread: FilterTaps, parts: SourceParts) -> None:
     """Paint every block to pixels of its own."""
     paint_parts(counter, source, spread, parts)

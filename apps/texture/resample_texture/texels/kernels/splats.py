@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from resample.engine.cells.batch import Batch, new_batch
-from resample.engine.cells.parts import Parts, begun, fill, lines, paint_parts, stamp
-from resample.engine.cells.taps import Spread
+from resample.engine.cells.parts import SourceParts, begun, fill, lines, paint_parts, stamp
+from resample.engine.cells.taps import FilterTaps
 from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
 from resample.engine.jit import Counter, kernel, parallel_kernel
 from resample.engine.roles import plays
@@ -102,7 +102,9 @@ def _lines(source: Splatted, part: int) -> int:
 
 
 @plays(fill, Splatted)
-def _fill(source: Splatted, part: int, line: int, box: Integers, spread: Spread, work: Rows) -> int:
+def _fill(
+    source: Splatted, part: int, line: int, box: Integers, spread: FilterTaps, work: Rows
+) -> int:
     splat, shape = work.splat, source.shape
     if source.map_x.size > 0:
         splat_on_map(source.map_x, source.map_y, source.axes[part], box, line, shape, splat)
@@ -127,6 +129,8 @@ def _stamp(work: Rows, ground: Ground) -> None:
 
 
 @parallel_kernel
-def splat_blocks(counter: Counter, source: Splatted, spread: Spread, parts: Parts) -> None:
+def splat_blocks(
+    counter: Counter, source: Splatted, spread: FilterTaps, parts: SourceParts
+) -> None:
     """Add the texels of every block to pixels of its own."""
     paint_parts(counter, source, spread, parts)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.rays.splines import value_and_slope_at
 from resample.engine.vectors import Vector, dot, matrix_of, multiply
-from resample.types import Doubles, Flags, Floats, Spline
+from resample.types import Doubles, Flags, Floats, SplineField
 
 CHUNK = 64  # rays that a thread takes at a time
 STEPS = 4  # of a ray through a field, per voxel
@@ -46,7 +46,7 @@ class Splatted(NamedTuple):
 class PickedField(NamedTuple):
     """A field, and what is picked in it."""
 
-    spline: Spline
+    spline: SplineField
     known: Flags  # as of `LatticeField`
     classifiers: int  # transfer functions beside each other in the table
     table: Floats  # (G, L K, 4) as of `NearestCells`

@@ -17,7 +17,7 @@ from resample_warp3d.command.cameras.intrinsics import (
 
 if TYPE_CHECKING:
     from resample.cameras.models import Camera
-    from resample.cameras.trajectories import Shot
+    from resample.cameras.trajectories import PosedPicture
     from resample_warp3d.wide.projections import CameraModel
 
 FOV = 60.0  # degrees along the shorter side, assumed if unknown
@@ -167,14 +167,14 @@ class SourceCamera(Choices):
         """
         from resample.cameras.calibrations.lens_files import read_calibration
         from resample.cameras.files import read_pose, read_shot
-        from resample.cameras.trajectories import Shot
+        from resample.cameras.trajectories import PosedPicture
 
         name = self.source_pose if pose is None else pose
         whole_lens = None if self._coefficients else self.lens
         is_known = any(way is not None for way in (self.intrinsics, self.fov, whole_lens))
         shot = None
         if name is not None:  # with a camera given here, the file's may be of any kind
-            shot = Shot("", read_pose(name)) if is_known else read_shot(name)
+            shot = PosedPicture("", read_pose(name)) if is_known else read_shot(name)
         if self._coefficients:
             return self._without_lens(shape, name, shot).with_lens(self._coefficients)
         if self.lens is not None:
@@ -182,7 +182,9 @@ class SourceCamera(Choices):
             return camera if shot is None else camera.moved(shot.pose)
         return self._without_lens(shape, name, shot)
 
-    def _without_lens(self, shape: Shape, name: str | None, shot: "Shot | None") -> "Camera":
+    def _without_lens(
+        self, shape: Shape, name: str | None, shot: "PosedPicture | None"
+    ) -> "Camera":
         """Return the camera of intrinsics, a field of view, or the pose file."""
         from resample.cameras.models import Camera
 
