@@ -185,7 +185,7 @@ def photograph(side: int) -> Any:
 def _add_textures() -> None:
     from resample_texture import BackwardMap, ForwardMap, Homography, warp
     from resample_texture.texels.adjoint import adjoint
-    from resample_texture.texels.forward import Cells
+    from resample_texture.texels.forward import CellGrid
     from resample_texture.types import Edge
 
     floor = [[0.9, -0.6, 12.0], [0.0, 0.25, 6.0], [0.0, -0.012, 1.0]]
@@ -212,7 +212,7 @@ def _add_textures() -> None:
         warp(photograph(64), geometries["plane"], size, filter="gaussian", edge="mirror").image
     )
     SCENES["texture, adjoint"] = lambda: adjoint(
-        photograph(SIDE), geometries["plane"], (40, 40), Edge.TRANSPARENT, Cells()
+        photograph(SIDE), geometries["plane"], (40, 40), Edge.TRANSPARENT, CellGrid()
     )
     SCENES["texture, mesh"] = _mesh
 

@@ -7,7 +7,7 @@ import pytest
 from resample_texture import Edge, Homography
 from resample_texture.methods.forward import Hybrid, Points, Splats, Supersample
 from resample_texture.methods.paper import Paper
-from resample_texture.rivals.opencv import Bilinear
+from resample_texture.rivals.opencv import InterLinear
 
 SOURCE = 160  # texels per side
 SHAPE = (60, 120)  # px
@@ -106,7 +106,7 @@ def test_bilinear_lookup_aliases_where_the_hybrid_does_not(cell):
     expected = truth(source)[FAR]
     errors = [
         np.sqrt(np.mean((drawn(method, source).image[..., 0][FAR] - expected) ** 2))
-        for method in (Bilinear(), Paper(), Hybrid())
+        for method in (InterLinear(), Paper(), Hybrid())
     ]
     assert errors[0] > 2 * errors[1]  # whose Gaussian is wider than the truth's box
     assert errors[0] > 8 * errors[2]

@@ -13,7 +13,7 @@ from resample.profiles.interpolation import (
 )
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Homography
 from resample_texture.texels.adjoint import adjoint
-from resample_texture.texels.forward import Cells, blocks_of, project
+from resample_texture.texels.forward import CellGrid, blocks_of, project
 from resample_texture.texels.kernels.blocks import LEVEL
 from resample_texture.types import Edge
 from tests.bits import assert_threads_change_nothing
@@ -51,14 +51,14 @@ def check_transposed(geometry, edge, cells, source_shape=SOURCE, channels=2):
 @pytest.mark.parametrize("geometry", [MAGNIFIED, MINIFIED, JOINED, UNEVEN])
 @pytest.mark.parametrize("name", registry.names("interpolations"))
 def test_the_adjoint_is_the_transpose(geometry, edge, name, is_sum):
-    cells = Cells(interpolation=registry.build("interpolations", name), is_sum=is_sum)
+    cells = CellGrid(interpolation=registry.build("interpolations", name), is_sum=is_sum)
     check_transposed(geometry, edge, cells)
 
 
 number = st.floats(-3, 3, allow_subnormal=False)
 tilt = st.floats(-0.3, 0.3, allow_subnormal=False)
 cells_drawn = st.builds(
-    Cells,
+    CellGrid,
     pixel_filter=st.sampled_from([Area(), Box(), Tent(), Gaussian(), Mitchell()]),
     interpolation=st.sampled_from(
         [Nearest(), InterpolatingCatmullRom(), Spline(), InterpolatingGaussian()]
@@ -102,22 +102,24 @@ def test_any_map_has_its_transpose(seed, scale, edge, cells):
 @pytest.mark.parametrize("shape", [(1, 1), (1, 9), (9, 1), (40, 3)])
 @pytest.mark.parametrize("edge", Edge)
 def test_sources_of_any_shape_have_their_transpose(shape, edge):
-    check_transposed(MAGNIFIED, edge, Cells(interpolation=Spline()), shape)
+    check_transposed(MAGNIFIED, edge, CellGrid(interpolation=Spline()), shape)
 
 
 @pytest.mark.parametrize("channels", [1, 3, 5])
 def test_any_number_of_channels_has_its_transpose(channels):
-    check_transposed(MAGNIFIED, Edge.CLAMP, Cells(), channels=channels)
+    check_transposed(MAGNIFIED, Edge.CLAMP, CellGrid(), channels=channels)
 
 
 @pytest.mark.parametrize("edge", [Edge.CLAMP, Edge.WRAP, Edge.MIRROR])
 def test_cells_of_more_texels_than_the_source_has_give_back(edge):
-    axes = blocks_of(JOINED, SOURCE, FRAME, edge, Cells()).axes
+    axes = blocks_of(JOINED, SOURCE, FRAME, edge, CellGrid()).axes
     assert (1 << axes[:, 0, LEVEL].max()) > SOURCE[1]
-    check_transposed(JOINED, edge, Cells())
+    check_transposed(JOINED, edge, CellGrid())
 
 
-@pytest.mark.parametrize("cells", [Cells(), Cells(Mitchell(), Spline(), is_sum=True)], ids=str)
+@pytest.mark.parametrize(
+    "cells", [CellGrid(), CellGrid(Mitchell(), Spline(), is_sum=True)], ids=str
+)
 def test_each_texel_gets_what_it_gives_to_each_pixel(cells):
     shape, frame = (3, 4), (4, 5)
     geometry = Homography([[1.2, 0.1, 0.2], [-0.1, 0.9, 0.5], [0.01, 0.02, 1.0]])
@@ -137,12 +139,12 @@ def test_the_gradient_of_a_loss_is_that_of_finite_differences():
     source, wanted = rng.random((*shape, 1), np.float32), rng.random((4, 5, 1), np.float32)
 
     def image(texels):
-        return project(texels, MAGNIFIED, (4, 5), Edge.TRANSPARENT, Cells()).image
+        return project(texels, MAGNIFIED, (4, 5), Edge.TRANSPARENT, CellGrid()).image
 
     def loss(texels):
         return 0.5 * product(image(texels) - wanted, image(texels) - wanted)
 
-    gradient = adjoint(image(source) - wanted, MAGNIFIED, shape, Edge.TRANSPARENT, Cells())
+    gradient = adjoint(image(source) - wanted, MAGNIFIED, shape, Edge.TRANSPARENT, CellGrid())
     for index in np.ndindex(source.shape):
         step = np.zeros_like(source)
         step[index] = 0.05  # the loss is a parabola: differences across are exact for any step
@@ -152,7 +154,7 @@ def test_the_gradient_of_a_loss_is_that_of_finite_differences():
 
 def test_threads_change_no_bit():
     gradient = np.random.default_rng(7).standard_normal((60, 70, 3)).astype(np.float32)
-    cells = Cells(Gaussian(), Spline())
+    cells = CellGrid(Gaussian(), Spline())
     assert_threads_change_nothing(
         lambda: [adjoint(gradient, MAGNIFIED, (90, 80), Edge.MIRROR, cells)]
     )
@@ -161,15 +163,15 @@ def test_threads_change_no_bit():
 def test_a_source_out_of_sight_has_no_gradient():
     away = Homography([[1, 0, 1000], [0, 1, 0], [0, 0, 1]])
     gradient = np.ones((*FRAME, 1), np.float32)
-    assert (adjoint(gradient, away, SOURCE, Edge.TRANSPARENT, Cells()) == 0).all()
+    assert (adjoint(gradient, away, SOURCE, Edge.TRANSPARENT, CellGrid()) == 0).all()
 
 
 def test_a_gradient_without_channels_is_refused():
     with pytest.raises(ValueError, match=r"height, width, C"):
-        adjoint(np.ones(FRAME, np.float32), MAGNIFIED, SOURCE, Edge.CLAMP, Cells())
+        adjoint(np.ones(FRAME, np.float32), MAGNIFIED, SOURCE, Edge.CLAMP, CellGrid())
 
 
 def test_a_backward_map_is_refused():
     geometry = BackwardMap(np.zeros(FRAME), np.zeros(FRAME))
     with pytest.raises(ValueError, match="backward"):
-        adjoint(np.ones((*FRAME, 1), np.float32), geometry, SOURCE, Edge.CLAMP, Cells())
+        adjoint(np.ones((*FRAME, 1), np.float32), geometry, SOURCE, Edge.CLAMP, CellGrid())

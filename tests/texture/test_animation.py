@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from resample_texture.command.animation import Flyover, Paint, frame, shots, with_alpha
-from resample_texture.rivals.opencv import Bilinear
+from resample_texture.command.animation import FlightOptions, Flyover, frame, shots, with_alpha
+from resample_texture.rivals.opencv import InterLinear
 
 SMALL = (24, 40)
-SKY = Paint(Bilinear(), background=(0.0, 0.0, 1.0))
+SKY = FlightOptions(InterLinear(), background=(0.0, 0.0, 1.0))
 
 
 @pytest.fixture
@@ -74,7 +74,7 @@ def test_whatever_changes_the_frames_changes_the_job(red):
     others = [
         shots(source * 0.5, flight, SKY),
         shots(source, Flyover("turn", 3, SMALL), SKY),
-        shots(source, flight, Paint(Bilinear())),
+        shots(source, flight, FlightOptions(InterLinear())),
     ]
     assert job == shots(source.copy(), flight, SKY).job
     assert all(job != other.job for other in others)

@@ -16,7 +16,7 @@ from resample.profiles.interpolation import (
 from resample_texture import BackwardMap, Edge, Homography, warp
 from resample_texture.geometry.mappings import source_coordinates
 from resample_texture.texels.backward import collect_from, extended
-from resample_texture.texels.forward import Cells
+from resample_texture.texels.forward import CellGrid
 from tests.texture import naive_forward
 
 GROWN = np.array([[2.3, 0.4, -1.0], [-0.3, 1.9, 2.0], [0.002, 0.003, 1.0]])
@@ -124,11 +124,11 @@ def spread(at, size, pixel_filter):
 @pytest.mark.parametrize(
     "cells",
     [
-        Cells(),
-        Cells(Area(), Bilinear(), 3.0),
-        Cells(Area(), Nearest(), 1.0, is_sum=True),
-        Cells(Gaussian(0.6), Bilinear(), 2.0),
-        Cells(Tent(1.5), InterpolatingCatmullRom(), 1.0, is_sum=True),
+        CellGrid(),
+        CellGrid(Area(), Bilinear(), 3.0),
+        CellGrid(Area(), Nearest(), 1.0, is_sum=True),
+        CellGrid(Gaussian(0.6), Bilinear(), 2.0),
+        CellGrid(Tent(1.5), InterpolatingCatmullRom(), 1.0, is_sum=True),
     ],
     ids=["default", "bilinear", "sum", "gaussian", "tent-sum"],
 )
@@ -143,7 +143,7 @@ def test_pixels_are_those_of_the_obvious_loops(cells, edge):
 @pytest.mark.parametrize("interpolation", [Spline(), InterpolatingGaussian()], ids=repr)
 @pytest.mark.parametrize("edge", [Edge.TRANSPARENT, Edge.MIRROR, Edge.WRAP])
 def test_prefiltered_interpolations_are_those_of_the_obvious_loops(edge, interpolation):
-    source, geometry, cells = noise(), bent(6, 8), Cells(Area(), interpolation, 1.0)
+    source, geometry, cells = noise(), bent(6, 8), CellGrid(Area(), interpolation, 1.0)
     warped = collect_from(source, geometry, (6, 8), edge, cells)
     image, _ = naive(source, geometry, edge, cells)
     np.testing.assert_allclose(warped.image, image, atol=2 * TABLE)  # steeper than Catmull-Rom
@@ -183,7 +183,7 @@ def test_one_reading_per_pixel_is_cv2_remap():
     x, y = x.astype(np.float32), y.astype(np.float32)
     theirs = cv2.remap(source, x, y, cv2.INTER_LINEAR)
     geometry = BackwardMap.from_opencv(x, y)
-    cells = Cells(interpolation=Bilinear(), quality=1.0)
+    cells = CellGrid(interpolation=Bilinear(), quality=1.0)
     ours = collect_from(source[..., None], geometry, (50, 60), Edge.TRANSPARENT, cells).image
     np.testing.assert_allclose(ours[..., 0], theirs, atol=TABLE)
 
@@ -324,7 +324,7 @@ def test_edges_of_the_source_are_found_to_an_eighth_of_a_pixel():
 @pytest.mark.parametrize("edge", Edge)
 def test_a_map_is_as_large_as_the_picture(edge):
     with pytest.raises(ValueError, match=r"a map of \(1, 3\) does not fit a target of \(2, 3\)"):
-        collect_from(noise(), grid([1, 2, 3], [1]), (2, 3), edge, Cells())
+        collect_from(noise(), grid([1, 2, 3], [1]), (2, 3), edge, CellGrid())
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 3), (3, 1)])

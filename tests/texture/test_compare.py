@@ -10,7 +10,7 @@ from resample.measuring.compare import enlarged
 from resample_texture.geometry.mappings import Homography
 from resample_texture.showing import compare
 from resample_texture.showing.compare import Judge, measured, sheet, source_values, timed
-from resample_texture.showing.scenes import PictureScene
+from resample_texture.showing.scenes import ComparedView
 from resample_texture.types import Edge, Warped
 
 LINEAR = "hybrid:interpolation=area-spline:limit=none"  # as the truth is
@@ -18,10 +18,10 @@ MIXED = np.array([[0.5, 0.1, 2], [0, 1.2, 3], [0, 0.004, 1]])
 
 
 @pytest.fixture
-def scene(rng) -> PictureScene:
+def scene(rng) -> ComparedView:
     coarse = rng.random((10, 10, 3))
     source = np.repeat(np.repeat(coarse, 8, 0), 8, 1).astype(np.float32)
-    return PictureScene(source, Homography(MIXED), (64, 48))
+    return ComparedView(source, Homography(MIXED), (64, 48))
 
 
 def test_there_is_a_row_for_each_zone_and_method(scene):

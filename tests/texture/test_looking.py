@@ -17,7 +17,7 @@ from resample_texture import BackwardMap, Edge, Homography, warp
 from resample_texture.geometry.mappings import source_coordinates
 from resample_texture.methods.forward import Hybrid
 from resample_texture.texels import gather
-from resample_texture.texels.forward import Cells
+from resample_texture.texels.forward import CellGrid
 from tests.bits import assert_threads_change_nothing
 
 SHAPE = (14, 17)
@@ -145,7 +145,7 @@ VIEWS = {
 )
 def test_pixels_see_what_rays_see(view, edge):
     source, geometry = noise(), VIEWS[view]
-    warped = look(source, geometry, SHAPE, edge, Cells(interpolation=LINEAR, quality=4.0))
+    warped = look(source, geometry, SHAPE, edge, CellGrid(interpolation=LINEAR, quality=4.0))
     image, coverage = rays(source, geometry, SHAPE, edge, AreaSpline())
     inside = coverage == 1
     assert decibels(warped.image[inside], image[inside]) > 58
@@ -157,7 +157,7 @@ def test_pixels_see_what_rays_see(view, edge):
 def test_every_interpolation_is_what_rays_see(name):
     interpolation = LINEAR if name == "area-spline" else registry.build("interpolations", name)
     source, geometry = noise(), VIEWS["turned"]
-    cells = Cells(interpolation=interpolation, quality=6.0)
+    cells = CellGrid(interpolation=interpolation, quality=6.0)
     warped = look(source, geometry, SHAPE, Edge.MIRROR, cells)
     image, _ = rays(source, geometry, SHAPE, Edge.MIRROR, interpolation)
     assert decibels(warped.image, image) > (45 if name == "nearest" else 58)
@@ -183,7 +183,7 @@ def test_along_the_axes_means_are_exact(interpolation, channels, scale):
     source = noise(90, 80, channels)
     geometry = Homography(np.diag([*scale, 1.0]))
     shape = (8, 7)
-    warped = look(source, geometry, shape, Edge.MIRROR, Cells(interpolation=interpolation))
+    warped = look(source, geometry, shape, Edge.MIRROR, CellGrid(interpolation=interpolation))
     image, _ = rays(source, geometry, shape, Edge.MIRROR, interpolation, 64)
     np.testing.assert_allclose(
         warped.image, image, atol=0.015 if interpolation == Nearest() else 1e-3
@@ -193,7 +193,7 @@ def test_along_the_axes_means_are_exact(interpolation, channels, scale):
 def test_whole_texels_shrink_to_their_means():
     source = noise(120, 90, 3)
     image = look(
-        source, Homography(np.diag([1 / 30, 1 / 30, 1.0])), (4, 3), Edge.TRANSPARENT, Cells()
+        source, Homography(np.diag([1 / 30, 1 / 30, 1.0])), (4, 3), Edge.TRANSPARENT, CellGrid()
     ).image
     means = source.reshape(4, 30, 3, 30, 3).mean(axis=(1, 3))
     np.testing.assert_allclose(image, means, atol=2e-6)
@@ -202,7 +202,7 @@ def test_whole_texels_shrink_to_their_means():
 @pytest.mark.parametrize("degree", [2, 3, 4, 5])
 def test_the_identity_is_the_picture_and_near_it_nothing_jumps(degree):
     source, shape = noise(), (23, 26)
-    cells = Cells(interpolation=AreaSpline(degree))
+    cells = CellGrid(interpolation=AreaSpline(degree))
     still = look(source, Homography(np.eye(3)), shape, Edge.CLAMP, cells)
     np.testing.assert_allclose(still.image, source, atol=5e-6)
     moved = Homography([[1.0, 0.0, 1e-4], [0.0, 1.0, -1e-4], [0.0, 0.0, 1.0]])
@@ -214,8 +214,8 @@ def test_the_identity_is_the_picture_and_near_it_nothing_jumps(degree):
 def test_a_map_is_the_homography_it_is_made_of(edge):
     source, geometry = noise(), VIEWS["turned"]
     mapped = BackwardMap(*source_coordinates(geometry, SHAPE, source.shape[:2]))
-    straight = look(source, geometry, SHAPE, edge, Cells())
-    found = look(source, mapped, SHAPE, edge, Cells())
+    straight = look(source, geometry, SHAPE, edge, CellGrid())
+    found = look(source, mapped, SHAPE, edge, CellGrid())
     np.testing.assert_allclose(found.image, straight.image, atol=2e-4)
     np.testing.assert_allclose(found.coverage, straight.coverage, atol=1e-6)
 
@@ -225,18 +225,18 @@ def test_far_beyond_an_edge_is_what_stands_there(edge):
     source = noise(9, 11, 1)
     far = Homography([[1.0, 0.0, 0.3], [0.0, 1.0, 0.2], [0.0, 0.0, 1.0]])
     period = np.array([[1.0, 0.0, 11.0 * 200], [0.0, 1.0, -9.0 * 300], [0.0, 0.0, 1.0]])
-    image = look(source, Homography(period @ far.matrix), SHAPE, edge, Cells()).image
+    image = look(source, Homography(period @ far.matrix), SHAPE, edge, CellGrid()).image
     if edge is Edge.CLAMP:
         np.testing.assert_allclose(image[..., 0], source[-1, 0, 0], atol=1e-5)
     else:
-        near = look(source, far, SHAPE, edge, Cells()).image
+        near = look(source, far, SHAPE, edge, CellGrid()).image
         np.testing.assert_allclose(image, near, atol=1e-5)
 
 
 def test_a_pixel_sees_the_share_of_it_that_the_source_covers():
     geometry = about(30.0, 0.7)
     white = np.ones((23, 26, 1), np.float32)
-    warped = look(white, geometry, SHAPE, Edge.TRANSPARENT, Cells())
+    warped = look(white, geometry, SHAPE, Edge.TRANSPARENT, CellGrid())
     _, coverage = rays(white, geometry, SHAPE, Edge.TRANSPARENT, Bilinear(), 64)
     assert np.sqrt(np.mean((warped.coverage - coverage) ** 2)) < 1e-3
     np.testing.assert_allclose(warped.image[..., 0], warped.coverage, atol=5e-6)
@@ -250,10 +250,10 @@ def test_threads_change_nothing():
 @pytest.mark.parametrize("channels", [1, 2, 3, 4, 7])
 def test_channels_do_not_see_each_other(channels):
     source = noise(channels=channels)
-    together = look(source, VIEWS["turned"], SHAPE, Edge.WRAP, Cells()).image
+    together = look(source, VIEWS["turned"], SHAPE, Edge.WRAP, CellGrid()).image
     for c in range(channels):
         channel = np.ascontiguousarray(source[..., c : c + 1])
-        alone = look(channel, VIEWS["turned"], SHAPE, Edge.WRAP, Cells()).image
+        alone = look(channel, VIEWS["turned"], SHAPE, Edge.WRAP, CellGrid()).image
         np.testing.assert_allclose(together[..., c], alone[..., 0], atol=1e-6)
 
 
@@ -266,7 +266,9 @@ def test_any_affine_map_stays_near_the_range_of_a_constant(sides, place, edge):
     matrix = np.array([[*sides[:2], 5 * place[0]], [*sides[2:], 5 * place[1]], [0.0, 0.0, 1.0]])
     if abs(np.linalg.det(matrix)) < 1e-3:
         return
-    warped = look(np.full((9, 8, 1), 0.25, np.float32), Homography(matrix), (6, 7), edge, Cells())
+    warped = look(
+        np.full((9, 8, 1), 0.25, np.float32), Homography(matrix), (6, 7), edge, CellGrid()
+    )
     np.testing.assert_allclose(warped.image[..., 0], 0.25 * warped.coverage, atol=1e-5)
     assert (warped.coverage >= 0).all()
     assert (warped.coverage <= 1).all()
@@ -310,7 +312,7 @@ def test_gray_is_what_each_channel_is(name):
     for scale in np.geomspace(0.06, 3.0, 30):
         geometry, shape = Homography(np.diag([scale, scale, 1.0])), (6, 5)
         gray, both = (
-            look(each, geometry, shape, Edge.CLAMP, Cells(interpolation=interpolation)).image
+            look(each, geometry, shape, Edge.CLAMP, CellGrid(interpolation=interpolation)).image
             for each in (source, np.repeat(source, 2, axis=2))
         )
         np.testing.assert_allclose(gray[..., 0], both[..., 1], atol=3e-6)

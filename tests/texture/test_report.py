@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from resample_texture.showing.compare import Comparison
+from resample_texture.showing.compare import PictureComparison
 from resample_texture.showing.report import data_uri, page, write_report
 
 VOID = {"meta", "input", "br", "img", "link"}
@@ -23,12 +23,12 @@ def rows(zone: str, psnr: float) -> list[dict[str, object]]:
 
 
 @pytest.fixture
-def comparison(rng) -> Comparison:
+def comparison(rng) -> PictureComparison:
     screens = {
         name: rng.random((70, 80, 3)).astype(np.float32) for name in ("truth", "plain", EVIL)
     }
     zones = {"whole": np.ones((70, 80), bool), "mixed": np.ones((70, 80), bool)}
-    return Comparison(EVIL, screens, zones, rows("whole", 30.125) + rows("mixed", 20.0))
+    return PictureComparison(EVIL, screens, zones, rows("whole", 30.125) + rows("mixed", 20.0))
 
 
 class Checker(HTMLParser):

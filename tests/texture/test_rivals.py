@@ -13,11 +13,11 @@ from resample_texture.geometry.mappings import (
 )
 from resample_texture.rivals.graphics_card import Anisotropic, Mipmap
 from resample_texture.rivals.oiio import OIIO_FILTERS, Warp
-from resample_texture.rivals.opencv import Bilinear, Cubic, InterArea, Lanczos4, Supersampled
+from resample_texture.rivals.opencv import Cubic, InterArea, InterLinear, Lanczos4, Supersampled
 from resample_texture.texels.pyramid import pyramid, shrunk
 from resample_texture.types import Edge
 
-POINTWISE = [Bilinear(), Cubic(), Lanczos4(), InterArea()]
+POINTWISE = [InterLinear(), Cubic(), Lanczos4(), InterArea()]
 # What reads as a graphics card does has a kernel of its own, which nothing else needs.
 CARD = pytest.mark.sweep(kept_by="test_a_constant_source_is_its_color_times_coverage")
 CARDS = [pytest.param(Mipmap(), marks=CARD), pytest.param(Anisotropic(4), marks=CARD)]
@@ -104,7 +104,7 @@ def together(warped):
 def test_bilinear_is_the_naive_loop_through_a_matrix(edge):
     source = noise(17, 19, 3)
     expected = naive_bilinear(source, *source_coordinates(Homography(PERSPECTIVE), SHAPE), edge)
-    found = Bilinear()(source, Homography(PERSPECTIVE), SHAPE, edge)
+    found = InterLinear()(source, Homography(PERSPECTIVE), SHAPE, edge)
     np.testing.assert_allclose(together(found), expected, atol=2e-5)  # float32 coordinates
 
 
@@ -114,7 +114,7 @@ def test_bilinear_is_the_naive_loop_through_a_map(edge):
     x, y = np.random.default_rng(5).uniform(-60, 80, (2, *SHAPE))
     x[3, 4] = y[3, 4] = np.nan
     expected = naive_bilinear(source, x, y, edge)
-    found = Bilinear()(source, BackwardMap(x, y), SHAPE, edge)
+    found = InterLinear()(source, BackwardMap(x, y), SHAPE, edge)
     np.testing.assert_allclose(together(found), expected, atol=3e-5)  # float32 coordinates
 
 
@@ -286,7 +286,7 @@ def test_oiio_repeats_the_source_as_the_others_do(edge):
     source = noise(16, 16, 1)
     geometry = Homography(np.array([[1, 0, 20.0], [0, 1, 5.0], [0, 0, 1]]))
     found = Warp("triangle")(source, geometry, (26, 40), edge)
-    expected = Bilinear()(source, geometry, (26, 40), edge)
+    expected = InterLinear()(source, geometry, (26, 40), edge)
     np.testing.assert_allclose(together(found), together(expected), atol=1e-6)
 
 
@@ -302,7 +302,7 @@ def test_the_matrix_may_have_any_sign_and_scale(method):
 
 def test_a_wide_target_is_made_of_tiles():
     source = noise(3, 40000, 1)[:, :, :1]
-    found = Bilinear()(source, Homography(np.eye(3)), (3, 40000), Edge.CLAMP)
+    found = InterLinear()(source, Homography(np.eye(3)), (3, 40000), Edge.CLAMP)
     np.testing.assert_allclose(found.image, source, atol=1e-3)  # 1/256 texel in float32
 
 
@@ -342,7 +342,7 @@ def test_oiio_refuses_maps():
 
 @pytest.mark.parametrize("way", ["lanczos4", "map"])
 def test_a_source_beyond_the_limit_of_opencv_is_refused(way):
-    method = Lanczos4() if way == "lanczos4" else Bilinear()
+    method = Lanczos4() if way == "lanczos4" else InterLinear()
     geometry = Homography(np.eye(3)) if way == "lanczos4" else BackwardMap(*np.ones((2, 4, 4)))
     with pytest.raises(ValueError, match=r"40000 × 2 texels .* 32750 a side"):
         method(np.ones((2, 40000, 1), np.float32), geometry, (4, 4), Edge.CLAMP)
@@ -379,7 +379,7 @@ def test_openimageio_knows_every_filter(name):
 @pytest.mark.parametrize(
     ("spec", "expected"),
     [
-        ("bilinear", Bilinear()),
+        ("bilinear", InterLinear()),
         ("cubic", Cubic()),
         ("lanczos4", Lanczos4()),
         ("area", InterArea()),

@@ -6,18 +6,18 @@ from scipy.ndimage import map_coordinates, spline_filter
 
 from resample_texture.geometry.mappings import Homography
 from resample_texture.showing import scenes
-from resample_texture.showing.scenes import PictureScene, scene_of, tiled, truth, zones
+from resample_texture.showing.scenes import ComparedView, scene_of, tiled, truth, zones
 
 
-def plain(source: np.ndarray, matrix: object, shape: tuple[int, int]) -> PictureScene:
-    return PictureScene(source.astype(np.float32), Homography(np.array(matrix, float)), shape)
+def plain(source: np.ndarray, matrix: object, shape: tuple[int, int]) -> ComparedView:
+    return ComparedView(source.astype(np.float32), Homography(np.array(matrix, float)), shape)
 
 
 def scaled(factor: float, x: float = 0.0, y: float = 0.0) -> list[list[float]]:
     return [[factor, 0, x], [0, factor, y], [0, 0, 1]]
 
 
-def naive(scene: PictureScene, x: float, y: float) -> np.ndarray:
+def naive(scene: ComparedView, x: float, y: float) -> np.ndarray:
     """Spline of degree 4, with the source's texels as means, where a place of the target looks."""
     u, v, d = scene.geometry.inverse() @ np.array([x, y, 1.0])
     at = np.array([[v / d - 0.5], [u / d - 0.5]])

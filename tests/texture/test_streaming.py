@@ -3,7 +3,7 @@ import pytest
 
 from resample.profiles.interpolation import InterpolatingCatmullRom, Spline
 from resample_texture.geometry.mappings import Homography
-from resample_texture.texels.forward import Cells, project
+from resample_texture.texels.forward import CellGrid, project
 from resample_texture.texels.streaming import warp_rows
 from resample_texture.types import Edge
 
@@ -21,7 +21,7 @@ def strips(source, *heights):
 def test_strips_give_the_picture_of_the_whole(rng, interpolation, zoom):
     source = rng.random((700, 120, 3), np.float32)
     geometry = Homography(np.diag([zoom, zoom, 1.0]) @ MATRIX)
-    cells = Cells(interpolation=interpolation)
+    cells = CellGrid(interpolation=interpolation)
     whole = project(source, geometry, SHAPE, Edge.TRANSPARENT, cells)
     parts = warp_rows(strips(source, 1, 99, 300, 7), source.shape, geometry, SHAPE, cells)
     np.testing.assert_allclose(parts.image, whole.image, atol=2e-5)  # order of float32 sums
@@ -31,7 +31,7 @@ def test_strips_give_the_picture_of_the_whole(rng, interpolation, zoom):
 def test_texels_are_joined_as_in_the_whole(rng):
     source = rng.random((1500, 800, 1), np.float32)
     geometry = Homography(np.diag([0.05, 0.05, 1.0]))
-    whole = project(source, geometry, (75, 40), Edge.TRANSPARENT, Cells())
+    whole = project(source, geometry, (75, 40), Edge.TRANSPARENT, CellGrid())
     parts = warp_rows(strips(source, 333, 333, 333), source.shape, geometry, (75, 40))
     np.testing.assert_allclose(parts.image, whole.image, atol=2e-5)  # order of float32 sums
 

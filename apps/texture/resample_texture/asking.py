@@ -16,7 +16,7 @@ from resample_texture.geometry.mappings import (
     ForwardMap,
     Geometry,
     Homography,
-    Region,
+    TargetRegion,
 )
 from resample_texture.geometry.matrices import homography
 from resample_texture.types import Edge, Method
@@ -91,7 +91,7 @@ def within(
         return ForwardMap(geometry.x - left, geometry.y - top), (height, width), np.s_[:, :]
     (left, top, right, bottom), part = _around(roi, shape, 0, tile)
     moved = np.array([[1.0, 0.0, -left], [0.0, 1.0, -top], [0.0, 0.0, 1.0]]) @ geometry.matrix
-    region = Region(geometry, left, top, shape)
+    region = TargetRegion(geometry, left, top, shape)
     if geometry.region is not None:
         outer = geometry.region
         region = outer._replace(left=left + outer.left, top=top + outer.top)

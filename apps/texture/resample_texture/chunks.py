@@ -46,7 +46,7 @@ class Chunk(NamedTuple):
         return slice(self.top, self.top + height), slice(self.left, self.left + width)
 
 
-class _Source:
+class _LazyPicture:
     """A stored picture, of which parts are read on demand."""
 
     def __init__(self, stored: Any) -> None:
@@ -135,7 +135,7 @@ def warp_chunks(  # noqa: PLR0913 - what a user may say about a warp
     >>> bool((made == warp(stored, matrix, (250, 200)).image).all())
     True
     """
-    kept = _Source(source)
+    kept = _LazyPicture(source)
     shape = whole_pair(shape, "height", "width")
     if out is not None and tuple(out.shape) != (*shape, *kept.shape[2:]):
         raise ValueError(f"out is of {tuple(out.shape)}; the result is {(*shape, *kept.shape[2:])}")
@@ -180,7 +180,7 @@ class _Placed:
         return self.values[down, columns.start - self.left : columns.stop - self.left]
 
 
-def _lazy(source: Any, kept: _Source, way: _Way, sides: tuple[int, int], light: _Light) -> Any:
+def _lazy(source: Any, kept: _LazyPicture, way: _Way, sides: tuple[int, int], light: _Light) -> Any:
     """Return the target as a dask array, whose chunks depend on the parts they show."""
     dask, is_partly = _dask(), _is_read_in_parts(kept, way)
     is_dask = dask.is_dask_collection(source)
@@ -223,7 +223,7 @@ def _block(
 ) -> NDArray[Any]:
     """Warp one chunk of the target from the part of the source that it shows."""
     values = np.asarray(values)
-    source: Any = _Source(_Placed(values, seen.left, seen.top, shape)) if is_partly else values
+    source: Any = _LazyPicture(_Placed(values, seen.left, seen.top, shape)) if is_partly else values
     return _drawn(source, drawing, **light._asdict()).image[part]
 
 
@@ -233,7 +233,7 @@ def _drawing(way: _Way, roi: tuple[int, int, int, int]) -> tuple[Drawing, tuple[
     return Drawing(way.method, geometry, form, way.edge, way.threads), part
 
 
-def _source_rect(source: _Source, drawing: Drawing) -> Rect:
+def _source_rect(source: _LazyPicture, drawing: Drawing) -> Rect:
     """Return the part of the source that a chunk reads."""
     height, width = source.shape[:2]
     parts = parts_of(source, drawing)
@@ -262,7 +262,12 @@ def _sides(given: int | tuple[int, int] | None, out: Any) -> tuple[int, int]:
 
 
 def _chunks(
-    source: _Source, way: _Way, sides: tuple[int, int], *, linear_light: bool, alpha: str | None
+    source: _LazyPicture,
+    way: _Way,
+    sides: tuple[int, int],
+    *,
+    linear_light: bool,
+    alpha: str | None,
 ) -> Iterator[Chunk]:
     """Yield all chunks of the target, row by row."""
     if not _is_read_in_parts(source, way):
@@ -276,7 +281,7 @@ def _chunks(
             yield Chunk(left, top, Warped(warped.image[part], warped.coverage[part]))
 
 
-def _is_read_in_parts(source: _Source, way: _Way) -> bool:
+def _is_read_in_parts(source: _LazyPicture, way: _Way) -> bool:
     """Whether the part of the source that each chunk shows is known beforehand."""
     geometry: Any = way.geometry
     if isinstance(geometry, ForwardMap) or not hasattr(way.method, "visible_tiles"):
@@ -291,7 +296,7 @@ def _is_read_in_parts(source: _Source, way: _Way) -> bool:
 def _drawn(source: Any, drawing: Drawing, *, linear_light: bool, alpha: str | None) -> Warped:
     """Draw one chunk from the part of a source that it shows, or from one in memory."""
     parts = None
-    if isinstance(source, _Source):
+    if isinstance(source, _LazyPicture):
         parts = parts_of(source, drawing)
         source = source if parts else source.whole()
     if parts is None:

@@ -21,8 +21,8 @@ from resample_texture.command.choices import (
     MeshFormat,
     MeshView,
     Picture,
-    Place,
-    Warping,
+    PictureWarping,
+    WarpGeometry,
 )
 
 app = App(
@@ -34,7 +34,7 @@ app = App(
 )
 app.register_install_completion_command()
 
-PLACE, WARPING, WRITTEN = Place.usual(), Warping.usual(), Written.usual()
+PLACE, WARPING, WRITTEN = WarpGeometry.usual(), PictureWarping.usual(), Written.usual()
 VIEW, DRAWING, FORM = MeshView.usual(), MeshDrawing.usual(), MeshFormat.usual()
 BESIDES, SERVING = Besides.usual(), Serving.usual()
 PAGE = Filling.usual()  # a page must not fade at the photo's edges
@@ -50,8 +50,8 @@ def warp(
     /,
     *,
     output: flags.Output,
-    place: Annotated[Place, flags.Flat] = PLACE,
-    warping: Annotated[Warping, flags.Flat] = WARPING,
+    place: Annotated[WarpGeometry, flags.Flat] = PLACE,
+    warping: Annotated[PictureWarping, flags.Flat] = WARPING,
     written: Annotated[Written, flags.Flat] = WRITTEN,
     besides: Annotated[Besides, flags.Flat] = BESIDES,
 ) -> None:
@@ -85,8 +85,8 @@ def view(
     image: Path,
     /,
     *,
-    place: Annotated[Place, flags.Flat] = PLACE,
-    warping: Annotated[Warping, flags.Flat] = WARPING,
+    place: Annotated[WarpGeometry, flags.Flat] = PLACE,
+    warping: Annotated[PictureWarping, flags.Flat] = WARPING,
     page: Annotated[Serving, flags.Flat] = SERVING,
 ) -> None:
     """Show a picture in the browser: drag its corners, choose a method, copy the command.
@@ -151,7 +151,7 @@ def rectify(
     from resample.command.session import Session
     from resample.files.pictures import check_output, read_picture, write_picture
     from resample.files.writing import check_targets
-    from resample_texture.command.inputs import Target
+    from resample_texture.command.inputs import PictureTarget
     from resample_texture.command.jobs import Job
     from resample_texture.geometry.corners import (
         from_corners,
@@ -164,7 +164,7 @@ def rectify(
     warping.check()
     ordered = order_corners(parse_points(corners))
     shape = rectified_shape(ordered) if size is None else height_and_width(size)
-    target = Target(from_corners(ordered, page_corners(shape)), shape)
+    target = PictureTarget(from_corners(ordered, page_corners(shape)), shape)
     job = Job(lambda _: target, warping, written.options())
     check_output(output, job.options, transparent=False)
     check_targets(output)
@@ -329,7 +329,7 @@ def animate(
 
     flight = animation.Flyover(path, frames, height_and_width(size))
     behind = linear_color(background) or (0.0, 0.0, 0.0)
-    paint = animation.Paint(registry.build("methods", method), Edge(edge), behind)
+    paint = animation.FlightOptions(registry.build("methods", method), Edge(edge), behind)
     check_film(output, fps)
     require_film(image, flight.size)
     picture = animation.with_alpha(read_picture(image).data)
@@ -408,7 +408,7 @@ def demo(*, output: flags.DemoOutput = DEMO) -> None:
     wall = subjects["bricks"].picture
     comparisons = compare_floors(subjects, ["points", "hybrid", "bilinear"], (384, 384))
     write_figures(output, comparisons, FIGURE, "floors.png")
-    paint = animation.Paint(registry.build("methods", "hybrid"), background=(0.3, 0.5, 0.7))
+    paint = animation.FlightOptions(registry.build("methods", "hybrid"), background=(0.3, 0.5, 0.7))
     with progress_bar("rendering") as progress:
         flight = animation.Flyover(frames=24, size=(180, 320))
         shots = animation.shots(animation.with_alpha(wall), flight, paint)

@@ -111,14 +111,14 @@ def _is_large(image: NDArray[Any], drawing: Drawing) -> bool:
     return (math.prod(image.shape[:2]) + math.prod(drawing.shape)) * channels > MOST_AT_ONCE
 
 
-class Parts(NamedTuple):
+class DrawnParts(NamedTuple):
     """Parts in which a picture is drawn with little memory."""
 
     windows: VisibleTiles
     mixed: "MixedTiles | None" = None  # near and far tiles; far texels are projected
 
 
-def parts_of(image: Any, drawing: Drawing) -> Parts | None:
+def parts_of(image: Any, drawing: Drawing) -> DrawnParts | None:
     """Return the parts of a sliceable picture; None if it is drawn whole.
 
     Raises
@@ -135,16 +135,16 @@ def parts_of(image: Any, drawing: Drawing) -> Parts | None:
     with jit.threads(threads):
         seen = method.visible_tiles(size, geometry, shape, Edge(edge))
         if seen is not None:
-            return Parts(seen)
+            return DrawnParts(seen)
         if not hasattr(method, "mixed_tiles") or image.dtype.name in WIDE:
             return None
         form = (*size, math.prod(image.shape[2:]))
         mixed = method.mixed_tiles(form, geometry, shape, Edge(edge))
-    return None if mixed is None else Parts(mixed.near, mixed)
+    return None if mixed is None else DrawnParts(mixed.near, mixed)
 
 
 def drawn_in_parts(
-    image: Any, drawing: Drawing, parts: Parts, *, linear_light: bool, alpha: str | None
+    image: Any, drawing: Drawing, parts: DrawnParts, *, linear_light: bool, alpha: str | None
 ) -> Warped:
     """Warp a picture window by window; it need only support slices."""
     form = LIGHT if drawing.as_light else image.dtype

@@ -13,7 +13,7 @@ from resample.command.settings import CALIBRATED, SIZE, Choices, height_and_widt
 from resample.words import numbers_in
 
 if TYPE_CHECKING:
-    from resample_texture.command.inputs import Aim, Target
+    from resample_texture.command.inputs import Aim, PictureTarget
 
 PIXELS = re.compile(r"\d{1,9}([xX]\d{1,9})?", re.ASCII)
 SHARE = re.compile(r"(\d+|\d*\.\d+|\d+\.)\s*(%|x)?", re.ASCII)
@@ -66,13 +66,13 @@ class NewSize(Choices):
         down, across = (self.height or 0) / height, (self.width or 0) / width
         return _side(self.height, height * across), _side(self.width, width * down)
 
-    def target(self, source_shape: tuple[int, int]) -> "Target":
+    def target(self, source_shape: tuple[int, int]) -> "PictureTarget":
         """Return the target of a picture (height, width)."""
-        from resample_texture.command.inputs import Target
+        from resample_texture.command.inputs import PictureTarget
         from resample_texture.geometry.sizes import resizing
 
         shape = self.shape(source_shape)
-        return Target(resizing(source_shape, shape), shape)
+        return PictureTarget(resizing(source_shape, shape), shape)
 
 
 class Factor(Choices):
@@ -102,17 +102,17 @@ class Factor(Choices):
             raise ValueError(f"factor {self.factor!r}; give one, or two: along x and y")
         return numbers[0], numbers[-1]
 
-    def target(self, source_shape: tuple[int, int]) -> "Target":
+    def target(self, source_shape: tuple[int, int]) -> "PictureTarget":
         """Return the target of a picture (height, width)."""
-        from resample_texture.command.inputs import Target
+        from resample_texture.command.inputs import PictureTarget
         from resample_texture.geometry.sizes import scaled_shape, scaling
 
         factor = self.pair()
         shape = scaled_shape(source_shape, factor)
-        return Target(scaling(factor), shape)
+        return PictureTarget(scaling(factor), shape)
 
 
-class Turn(Choices):
+class Rotation(Choices):
     """The angle by which a picture is rotated."""
 
     heading: ClassVar[str] = "Target"
@@ -129,13 +129,13 @@ class Turn(Choices):
         Field(description="Enlarge the result to hold the whole picture, or keep the size."),
     ] = True
 
-    def target(self, source_shape: tuple[int, int]) -> "Target":
+    def target(self, source_shape: tuple[int, int]) -> "PictureTarget":
         """Return the target of a picture (height, width)."""
-        from resample_texture.command.inputs import Target
+        from resample_texture.command.inputs import PictureTarget
         from resample_texture.geometry.sizes import turned_shape, turning
 
         shape = turned_shape(source_shape, self.degrees) if self.expand else source_shape
-        return Target(turning(source_shape, self.degrees, shape), shape)
+        return PictureTarget(turning(source_shape, self.degrees, shape), shape)
 
 
 class Undistortion(Choices):

@@ -64,7 +64,7 @@ class Flyover:
 
 
 @dataclass(frozen=True)
-class Paint:
+class FlightOptions:
     """How frames are painted: method, edge mode and background."""
 
     method: Method
@@ -72,7 +72,7 @@ class Paint:
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)  # linear light
 
 
-def shots(source: Floats, flight: Flyover, paint: Paint) -> Shots:
+def shots(source: Floats, flight: Flyover, paint: FlightOptions) -> Shots:
     """Return the frames of a flight over a picture, given as for `frame`."""
     job = {
         **asdict(flight),
@@ -84,7 +84,7 @@ def shots(source: Floats, flight: Flyover, paint: Paint) -> Shots:
     return Shots(flight.frames, lambda n: frame(source, flight, paint, n), job)
 
 
-def frame(source: Floats, flight: Flyover, paint: Paint, n: int) -> Levels:
+def frame(source: Floats, flight: Flyover, paint: FlightOptions, n: int) -> Levels:
     """Paint one frame (H, W, 3), sRGB-encoded, 8 bits.
 
     Parameters

@@ -43,7 +43,7 @@ Picture = Annotated[
 ]
 
 
-class Place(Choices):
+class WarpGeometry(Choices):
     """The target of a warp, given by one of matrix, corners, map, flow and lens."""
 
     heading: ClassVar[str] = "Target"
@@ -123,7 +123,7 @@ class Place(Choices):
         return None if self.size is None else height_and_width(self.size)
 
 
-class Warping(Choices):
+class PictureWarping(Choices):
     """How a picture is warped."""
 
     heading: ClassVar[str] = "Method"
@@ -173,7 +173,7 @@ class Warping(Choices):
             registry.build("interpolations", self.interpolation)
 
 
-class Filling(Warping):
+class Filling(PictureWarping):
     """Options of a warp that fills its target, so that its edges must not fade."""
 
     edge: Annotated[Edges, Field(description="What lies beyond the picture's edges.")] = "clamp"

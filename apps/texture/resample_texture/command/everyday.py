@@ -8,8 +8,8 @@ from cyclopts import Parameter
 from resample.command import flags
 from resample.command.settings import Written
 from resample.files.stores.addresses import Address, Place
-from resample_texture.command.aims import Factor, NewSize, Turn, Undistortion
-from resample_texture.command.choices import Besides, Filling, Picture, Warping
+from resample_texture.command.aims import Factor, NewSize, Rotation, Undistortion
+from resample_texture.command.choices import Besides, Filling, Picture, PictureWarping
 
 Files = Annotated[
     list[Picture],
@@ -23,7 +23,7 @@ Output = Annotated[
 ]
 
 WRITTEN, BESIDES = Written.usual(), Besides.usual()
-SIZE, WARPING, FILLING = NewSize.usual(), Warping.usual(), Filling.usual()
+SIZE, WARPING, FILLING = NewSize.usual(), PictureWarping.usual(), Filling.usual()
 
 
 def resize(
@@ -73,8 +73,8 @@ def rotate(
     /,
     *,
     output: Output = None,
-    turn: Annotated[Turn, flags.Flat],
-    warping: Annotated[Warping, flags.Flat] = WARPING,
+    turn: Annotated[Rotation, flags.Flat],
+    warping: Annotated[PictureWarping, flags.Flat] = WARPING,
     written: Annotated[Written, flags.Flat] = WRITTEN,
     besides: Annotated[Besides, flags.Flat] = BESIDES,
 ) -> None:
@@ -94,7 +94,7 @@ def undistort(
     *,
     output: Output = None,
     out_of: Annotated[Undistortion, flags.Flat],
-    warping: Annotated[Warping, flags.Flat] = WARPING,
+    warping: Annotated[PictureWarping, flags.Flat] = WARPING,
     written: Annotated[Written, flags.Flat] = WRITTEN,
     besides: Annotated[Besides, flags.Flat] = BESIDES,
 ) -> None:

@@ -8,12 +8,12 @@ from pathlib import Path
 
 from resample.cameras.calibrations.lens_files import Calibration, pinhole_of, read_calibration
 from resample_texture.asking import Places, geometry_of
-from resample_texture.command.choices import Place
+from resample_texture.command.choices import WarpGeometry
 from resample_texture.geometry.mappings import Geometry
 
 
 @dataclass(frozen=True, eq=False)
-class Target:
+class PictureTarget:
     """Geometry and size of a warp's target."""
 
     places: Geometry | Places
@@ -25,10 +25,10 @@ class Target:
         return geometry_of(self.places, self.shape, "corner", inverse=False)
 
 
-Aim = Callable[[tuple[int, int]], Target]  # from a picture's height and width
+Aim = Callable[[tuple[int, int]], PictureTarget]  # from a picture's height and width
 
 
-def target_of(place: Place, source_shape: tuple[int, int]) -> Target:
+def target_of(place: WarpGeometry, source_shape: tuple[int, int]) -> PictureTarget:
     """Return geometry and size for a source (height, width).
 
     Raises
@@ -48,14 +48,14 @@ def target_of(place: Place, source_shape: tuple[int, int]) -> Target:
     return _by_flow(place, given, source_shape) if name == "flow" else _by_map(place, given)
 
 
-def _by_matrix(place: Place, text: str, source_shape: tuple[int, int]) -> Target:
+def _by_matrix(place: WarpGeometry, text: str, source_shape: tuple[int, int]) -> PictureTarget:
     from resample_texture.geometry.matrices import homography, parse_matrix
 
     matrix = homography(parse_matrix(text), convention=place.convention, inverse=place.inverse)
-    return Target(matrix, place.shape() or source_shape)
+    return PictureTarget(matrix, place.shape() or source_shape)
 
 
-def _by_corners(place: Place, text: str, source_shape: tuple[int, int]) -> Target:
+def _by_corners(place: WarpGeometry, text: str, source_shape: tuple[int, int]) -> PictureTarget:
     from resample_texture.geometry.corners import from_corners, page_corners, parse_points
 
     before, arrow, after = text.partition("->")
@@ -65,10 +65,10 @@ def _by_corners(place: Place, text: str, source_shape: tuple[int, int]) -> Targe
     target = parse_points(after) + shift if arrow else points
     right, bottom = target.max(axis=0)
     bounds = max(1, math.ceil(bottom)), max(1, math.ceil(right))
-    return Target(from_corners(source, target), place.shape() or bounds)
+    return PictureTarget(from_corners(source, target), place.shape() or bounds)
 
 
-def _by_map(place: Place, path: Path) -> Target:
+def _by_map(place: WarpGeometry, path: Path) -> PictureTarget:
     from resample_texture.geometry.maps import places_by_map, read_map
 
     pairs, shift = read_map(path), 0.5 if place.convention == "opencv" else 0.0
@@ -78,10 +78,10 @@ def _by_map(place: Place, path: Path) -> Target:
             f"{path} is a map of {shape[1]} x {shape[0]} pixels, and so is what it makes; "
             "leave out the size"
         )
-    return Target(places_by_map(pairs, shift), shape)
+    return PictureTarget(places_by_map(pairs, shift), shape)
 
 
-def _by_flow(place: Place, path: Path, source_shape: tuple[int, int]) -> Target:
+def _by_flow(place: WarpGeometry, path: Path, source_shape: tuple[int, int]) -> PictureTarget:
     from resample_texture.geometry.mappings import ForwardMap
     from resample_texture.geometry.maps import read_map
 
@@ -91,10 +91,10 @@ def _by_flow(place: Place, path: Path, source_shape: tuple[int, int]) -> Target:
             f"{path} is a flow of {flow.x.shape[1]} x {flow.x.shape[0]} pixels, the picture "
             f"has {source_shape[1]} x {source_shape[0]}"
         )
-    return Target(flow, place.shape() or source_shape)
+    return PictureTarget(flow, place.shape() or source_shape)
 
 
-def _by_lens(place: Place, text: str, source_shape: tuple[int, int]) -> Target:
+def _by_lens(place: WarpGeometry, text: str, source_shape: tuple[int, int]) -> PictureTarget:
     return rectified(calibrated(text), place.shape() or source_shape, inverse=place.inverse)
 
 
@@ -128,13 +128,13 @@ def calibrated(
     return calibration
 
 
-def rectified(calibration: Calibration, shape: tuple[int, int], *, inverse: bool) -> Target:
+def rectified(calibration: Calibration, shape: tuple[int, int], *, inverse: bool) -> PictureTarget:
     """Return the target (height, width) that removes a lens's distortion, or adds it."""
     from resample_texture.geometry.lenses import places_by_lens
 
     camera, pinhole, rotation, _ = calibration
     places = places_by_lens(camera, ideal=pinhole, rotation=rotation, inverse=inverse)
-    return Target(places, shape)
+    return PictureTarget(places, shape)
 
 
 def _four_of(text: str) -> list[float] | None:

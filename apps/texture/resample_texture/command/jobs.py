@@ -31,8 +31,8 @@ from resample.files.strips.writing import writing_rows
 from resample.files.writing import check_targets, write_json
 from resample.types import Floats
 from resample.words import one_line
-from resample_texture.command.choices import Besides, Warping, region
-from resample_texture.command.inputs import Aim, Target
+from resample_texture.command.choices import Besides, PictureWarping, region
+from resample_texture.command.inputs import Aim, PictureTarget
 from resample_texture.command.large import Destination, Large, large_picture
 from resample_texture.command.needs import check_memory
 from resample_texture.command.rendering import covers_all, report, warped
@@ -45,11 +45,11 @@ class Job:
     """Target, method and output format of a warp, for every picture."""
 
     aim: Aim
-    warping: Warping
+    warping: PictureWarping
     options: WriteOptions
     roi: tuple[int, int, int, int] | None = None
 
-    def target(self, picture: Picture) -> Target:
+    def target(self, picture: Picture) -> PictureTarget:
         """Return the target of a picture."""
         return self.aim((picture.data.shape[0], picture.data.shape[1]))
 
@@ -73,7 +73,7 @@ class Job:
         self,
         session: Session,
         picture: Picture,
-        target: Target,
+        target: PictureTarget,
         output: Path,
         bar: str | None = "warping",
     ) -> tuple[Picture, Floats]:
@@ -87,7 +87,7 @@ class Job:
         gaps = holds_gaps(output, picture, self.options)
         return warped(session, picture, target, self.warping, self.roi, keeps_gaps=gaps, bar=bar)
 
-    def check(self, picture: Picture, target: Target, output: Path) -> None:
+    def check(self, picture: Picture, target: PictureTarget, output: Path) -> None:
         """Refuse an output file that could not be written, before any work is done.
 
         Raises
@@ -108,7 +108,7 @@ def warp_all(
     output: Path,
     aim: Aim,
     *,
-    warping: Warping,
+    warping: PictureWarping,
     written: Written,
     besides: Besides,
 ) -> None:

@@ -17,8 +17,8 @@ from resample.files.strips.reading import Keepable, KeptPicture, keepable
 from resample.memory import ALLOWED, GIB
 from resample.types import Floats
 from resample_texture.asking import method_named, within
-from resample_texture.command.choices import Warping
-from resample_texture.command.inputs import Aim, Target
+from resample_texture.command.choices import PictureWarping
+from resample_texture.command.inputs import Aim, PictureTarget
 from resample_texture.command.needs import BYTES_IN_STRIP, InStrips
 from resample_texture.command.rendering import (
     WHOLE,
@@ -29,7 +29,7 @@ from resample_texture.command.rendering import (
     finished,
     placed,
 )
-from resample_texture.drawing import Drawing, Parts, drawn, parts_of
+from resample_texture.drawing import Drawing, DrawnParts, drawn, parts_of
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Homography
 from resample_texture.geometry.windows import Rect, windows_of
 from resample_texture.types import Edge, Warped
@@ -51,7 +51,7 @@ class Destination(NamedTuple):
 
 
 def large_picture(
-    path: Place, aim: Aim, choice: Warping, roi: Roi | None, written: Destination
+    path: Place, aim: Aim, choice: PictureWarping, roi: Roi | None, written: Destination
 ) -> "Large | None":
     """Return a large picture to warp strip by strip; None if it is small or cannot be.
 
@@ -109,8 +109,8 @@ class Large:
     """
 
     form: Keepable
-    target: Target
-    choice: Warping
+    target: PictureTarget
+    choice: PictureWarping
     method: Any  # a `Method` that may have `visible_tiles`
     roi: Roi
     written: Destination
@@ -126,7 +126,7 @@ class Large:
         return self._parts is not None
 
     @cached_property
-    def _parts(self) -> Parts | None:
+    def _parts(self) -> DrawnParts | None:
         """Parts of the whole target, or of its first strip: with maps all strips are alike."""
         is_plane = isinstance(self.target.places, Homography)
         rows = (0, self.roi[3]) if is_plane else next(self._rows())

@@ -13,7 +13,7 @@ from resample.files.stores.addresses import Place
 from resample.memory import require
 from resample.memory.mapped import pages_of
 from resample_texture.asking import method_named
-from resample_texture.command.choices import Warping
+from resample_texture.command.choices import PictureWarping
 
 BYTES_PER_TEXEL = 6  # per texel and channel: the source and its decoding buffers
 BYTES_IN_STRIP = 28  # per value of the strip of a large picture that is being drawn
@@ -32,7 +32,7 @@ class InStrips(NamedTuple):
 def check_memory(
     form: tuple[int, int, int],
     shape: tuple[int, int],
-    choice: Warping,
+    choice: PictureWarping,
     output: Path,
     *,
     has_alpha: bool = False,

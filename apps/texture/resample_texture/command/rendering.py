@@ -11,8 +11,8 @@ from resample.files import pictures
 from resample.files.facts.geotiff import Geo, moved, unplaced
 from resample.files.pictures import Kind, Picture
 from resample.types import Floats
-from resample_texture.command.choices import Warping
-from resample_texture.command.inputs import Target
+from resample_texture.command.choices import PictureWarping
+from resample_texture.command.inputs import PictureTarget
 from resample_texture.geometry.mappings import ForwardMap, Homography
 from resample_texture.warping import warp
 
@@ -23,8 +23,8 @@ BYTES_PER_VALUE = 16  # of a target, including the copies made while warping and
 def warped(
     session: Session,
     picture: Picture,
-    target: Target,
-    choice: Warping,
+    target: PictureTarget,
+    choice: PictureWarping,
     roi: tuple[int, int, int, int] | None = None,
     *,
     keeps_gaps: bool = False,
@@ -67,7 +67,7 @@ def as_light(picture: Picture) -> Picture:
 
 
 def finished(
-    image: Floats, coverage: Floats, kind: Kind, choice: Warping, *, keeps_gaps: bool,
+    image: Floats, coverage: Floats, kind: Kind, choice: PictureWarping, *, keeps_gaps: bool,
     is_whole: bool,
 ) -> Picture:  # fmt: skip
     """Mark uncovered pixels by alpha or not-a-numbers, unless all are covered."""
@@ -84,7 +84,9 @@ def finished(
     return Picture(data, opaque)
 
 
-def placed(geo: Geo | None, target: Target, roi: tuple[int, int, int, int] | None) -> Geo | None:
+def placed(
+    geo: Geo | None, target: PictureTarget, roi: tuple[int, int, int, int] | None
+) -> Geo | None:
     """Return the georeference of a warped picture, if known."""
     if geo is None or not geo.has_place:
         return geo
@@ -97,7 +99,7 @@ def placed(geo: Geo | None, target: Target, roi: tuple[int, int, int, int] | Non
 
 
 def covers_all(
-    target: Target, source_shape: tuple[int, int], roi: tuple[int, int, int, int] | None
+    target: PictureTarget, source_shape: tuple[int, int], roi: tuple[int, int, int, int] | None
 ) -> bool:
     """Tell whether every target pixel lies within the source, as far as known beforehand."""
     geometry, (height, width) = target.geometry, source_shape
@@ -117,7 +119,11 @@ def covers_all(
 
 
 def report(
-    session: Session, source: tuple[int, ...], result: tuple[int, ...], kind: Kind, choice: Warping
+    session: Session,
+    source: tuple[int, ...],
+    result: tuple[int, ...],
+    kind: Kind,
+    choice: PictureWarping,
 ) -> dict[str, Any]:
     """Return sizes and times for `--stats`; shapes are (height, width, ...)."""
     return {

@@ -24,7 +24,7 @@ from resample_texture.differentiable.kernels.gather import (
     give_back,
 )
 from resample_texture.differentiable.kernels.points import REFLECT_101 as REFLECTED
-from resample_texture.differentiable.kernels.points import Lens
+from resample_texture.differentiable.kernels.points import InterpolatedSource
 from resample_texture.differentiable.places import MapPlaces, MatrixPlaces
 from resample_texture.differentiable.profiles import pieces, rules
 from resample_texture.texels.forward import EDGES
@@ -138,13 +138,15 @@ class LinearWarp:
             change(_plate(plate), seen, self._lens(texels.shape[:2]), given, changes)
         return places.gradient(changes)
 
-    def _lens(self, source_shape: tuple[int, ...]) -> Lens:
+    def _lens(self, source_shape: tuple[int, ...]) -> InterpolatedSource:
         weight, slope, shift = pieces(self.interpolation)
         margin, ring = (of(self.interpolation, self.edge) for of in (margin_of, ring_of))
         edge = REFLECTED if self.edge == REFLECT_101 else EDGES[Edge(self.edge)]
         size = int(source_shape[0]), int(source_shape[1])
         quality = float(self.quality)
-        return Lens(weight, slope, rules(), shift, size, margin, float(ring), edge, quality)
+        return InterpolatedSource(
+            weight, slope, rules(), shift, size, margin, float(ring), edge, quality
+        )
 
 
 def _plate(coefficients: Doubles) -> CoefficientPlate:
@@ -162,7 +164,7 @@ def _threads(count: int | None) -> Any:
     return nullcontext() if count is None else threads(count)
 
 
-def _give_all(gradient: Doubles, seen: Doubles, lens: Lens, plate: Doubles) -> None:
+def _give_all(gradient: Doubles, seen: Doubles, lens: InterpolatedSource, plate: Doubles) -> None:
     """Add all pixels' gradients to the coefficients, tile by tile in a fixed order."""
     tiles = _tiles(seen.shape[:2])
     boxes = _boxes(seen, tiles, lens)
@@ -189,7 +191,7 @@ def _tiles(shape: tuple[int, ...]) -> Integers:
     return np.stack([left, top, right, bottom], axis=1).astype(np.int64)
 
 
-def _boxes(seen: Doubles, tiles: Integers, lens: Lens) -> Integers:
+def _boxes(seen: Doubles, tiles: Integers, lens: InterpolatedSource) -> Integers:
     """Return the coefficients (T, 4) that tiles may read: left, top, right, bottom."""
     boxes = np.zeros(tiles.shape, np.int64)
     for axis in (0, 1):
@@ -207,7 +209,7 @@ def _boxes(seen: Doubles, tiles: Integers, lens: Lens) -> Integers:
     return boxes
 
 
-def _within(low: float, high: float, size: float, lens: Lens) -> tuple[float, float]:
+def _within(low: float, high: float, size: float, lens: InterpolatedSource) -> tuple[float, float]:
     """Fold an interval of coordinates into the source and its ring."""
     if lens.edge in (EDGES[Edge.TRANSPARENT], EDGES[Edge.CLAMP]):
         low, high = (min(max(end, -lens.ring), size + lens.ring) for end in (low, high))

@@ -53,7 +53,7 @@ class Homography:
 
     matrix: Doubles
     is_signed: bool = False
-    region: "Region | None" = None  # of a larger target, to which this maps
+    region: "TargetRegion | None" = None  # of a larger target, to which this maps
 
     def __post_init__(self) -> None:
         matrix = np.array(self.matrix, np.float64)
@@ -74,7 +74,7 @@ class Homography:
         return self.matrix if self.is_signed else oriented(self.matrix, source_shape)
 
 
-class Region(NamedTuple):
+class TargetRegion(NamedTuple):
     """A rectangle of a larger target, whose pixels are bit-identical to the whole's."""
 
     whole: Homography  # from the source to that target

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Doubles
-from resample_texture.geometry.mappings import BackwardMap, Homography, Region
+from resample_texture.geometry.mappings import BackwardMap, Homography, TargetRegion
 
 MOST_TWICE = 1.5  # source texels of both halves over those of the whole; above, windows stay whole
 LEFT, TOP, RIGHT, BOTTOM = range(4)
@@ -93,7 +93,7 @@ def between(
         return BackwardMap(geometry.x - u, geometry.y - v)
     there = np.array([[1.0, 0.0, u], [0.0, 1.0, v], [0.0, 0.0, 1.0]])
     back = np.array([[1.0, 0.0, -x], [0.0, 1.0, -y], [0.0, 0.0, 1.0]])
-    outer, region = geometry.region or Region(geometry, 0, 0, shape), None
+    outer, region = geometry.region or TargetRegion(geometry, 0, 0, shape), None
     if window.source.is_within(size):
         region = outer._replace(left=outer.left + x, top=outer.top + y, size=size, first=(u, v))
     return Homography(back @ geometry.oriented(size) @ there, is_signed=True, region=region)

@@ -10,7 +10,7 @@ from resample_texture.texels.pyramid import Pyramid, pyramid
 from resample_texture.types import Edge
 
 
-class Alpha(StrEnum):
+class AlphaMode(StrEnum):
     """Alpha mode of a texture."""
 
     OPAQUE = "opaque"  # alpha is ignored
@@ -39,7 +39,7 @@ class Cover:
 
     along_u: Edge = Edge.WRAP
     along_v: Edge = Edge.WRAP
-    alpha: Alpha = Alpha.OPAQUE
+    alpha: AlphaMode = AlphaMode.OPAQUE
     cutoff: float = 0.5
 
     def __post_init__(self) -> None:
@@ -50,7 +50,7 @@ class Cover:
                     "a texture's edge is transparent; wrap, mirror or clamp are allowed"
                 )
             object.__setattr__(self, name, edge)
-        object.__setattr__(self, "alpha", Alpha(self.alpha))
+        object.__setattr__(self, "alpha", AlphaMode(self.alpha))
         if not self.cutoff >= 0.0:
             raise ValueError(f"a cutoff of {self.cutoff}; 0 or more is allowed")
 
@@ -64,7 +64,7 @@ def halvings(texture: Floats, cover: Cover) -> Pyramid:
     if texture.shape[2] == 3:
         return pyramid(color)
     levels = pyramid(np.ascontiguousarray(color * _visibility(texture, cover)))
-    if cover.alpha is Alpha.MASK:
+    if cover.alpha is AlphaMode.MASK:
         levels.texel[: color.size] = color.ravel()
     return levels
 
@@ -74,7 +74,7 @@ def alpha_halvings(texture: Floats, cover: Cover) -> Pyramid:
     if texture.shape[2] == 3:
         return pyramid(np.ones((*texture.shape[:2], 1), np.float32))
     levels = pyramid(_visibility(texture, cover))
-    if cover.alpha is Alpha.MASK:
+    if cover.alpha is AlphaMode.MASK:
         levels.texel[: texture[..., 3].size] = texture[..., 3].ravel()
     return levels
 
@@ -82,6 +82,6 @@ def alpha_halvings(texture: Floats, cover: Cover) -> Pyramid:
 def _visibility(texture: Floats, cover: Cover) -> Floats:
     """Return the visibility 0..1 of the texels of a texture (H, W, 4), as (H, W, 1)."""
     alpha = texture[..., 3:]
-    if cover.alpha is Alpha.MASK:
+    if cover.alpha is AlphaMode.MASK:
         return (alpha >= cover.cutoff).astype(np.float32)
     return np.clip(alpha, np.float32(0), np.float32(1))

@@ -21,14 +21,14 @@ from resample.reading.limits import check_unpacked
 from resample.reading.models.meshes import check_mesh, named_textures, trimesh_resolver, unreadable
 from resample.reading.names import plain
 from resample.types import Floats
-from resample_texture.mesh.covers import Alpha, Cover
+from resample_texture.mesh.covers import AlphaMode, Cover
 from resample_texture.mesh.gltf import WHITE, Described, described
 from resample_texture.mesh.shapes import Mesh, checked_array
 
 BYTES_PER_TEXEL = 16  # of a texture in memory: four floats
 
 
-class _Source(NamedTuple):
+class _MeshFile(NamedTuple):
     """A mesh file, and what is known before its meshes are read."""
 
     path: Path
@@ -73,7 +73,7 @@ def load_mesh(path: str | Path, texture: str | Path | Floats | None = None) -> M
             message = f"is missing; {source.name} names it as its texture, or give another"
             raise FileNotFoundError(errno.ENOENT, message, str(file))
     try:
-        opened = _Source(source, named, given, described(source), {})
+        opened = _MeshFile(source, named, given, described(source), {})
     except (ValueError, LookupError, TypeError, AttributeError) as error:
         raise unreadable(source.name, error) from None
     geometries = _geometries(opened)
@@ -87,7 +87,7 @@ def load_mesh(path: str | Path, texture: str | Path | Floats | None = None) -> M
         raise unreadable(source.name, error) from None
 
 
-def _scene(source: _Source) -> Any:
+def _scene(source: _MeshFile) -> Any:
     import trimesh
 
     path = source.path
@@ -101,7 +101,7 @@ def _scene(source: _Source) -> Any:
     )
 
 
-def _geometries(source: _Source) -> list[Any]:
+def _geometries(source: _MeshFile) -> list[Any]:
     """Return all meshes of a file, transformed, as trimesh objects."""
     name = source.path.name
     try:
@@ -167,7 +167,7 @@ def _uv(geometry: Any) -> Any:
     return None if uv is None or not len(uv) else uv
 
 
-def _piece(geometry: Any, source: _Source) -> Mesh:
+def _piece(geometry: Any, source: _MeshFile) -> Mesh:
     """Convert a trimesh mesh."""
     position, triangle = np.asarray(geometry.vertices), np.asarray(geometry.faces)
     visual = geometry.visual
@@ -186,7 +186,7 @@ def _piece(geometry: Any, source: _Source) -> Mesh:
     return Mesh(position, triangle, _or_zeros(uv, position), (texture,))
 
 
-def _gltf_piece(geometry: Any, uv: Any, source: _Source, gltf: Described) -> Mesh:
+def _gltf_piece(geometry: Any, uv: Any, source: _MeshFile, gltf: Described) -> Mesh:
     """Convert a part of a glTF file with its texture, vertex colors or material color."""
     position, triangle = np.asarray(geometry.vertices), np.asarray(geometry.faces)
     visual, look = geometry.visual, WHITE
@@ -195,7 +195,7 @@ def _gltf_piece(geometry: Any, uv: Any, source: _Source, gltf: Described) -> Mes
     if visual.kind == "texture":
         look = gltf.materials[int(visual.material.name)]
     if look.has_texture and uv is not None:
-        count = 3 if look.cover.alpha is Alpha.OPAQUE else 4
+        count = 3 if look.cover.alpha is AlphaMode.OPAQUE else 4
         texture = _material_picture(visual.material, source, look.factor[:count])
         return Mesh(position, triangle, uv, (texture,), covers=(look.cover,))
     colors: Any = getattr(visual, "vertex_attributes", {}).get("color")
@@ -210,7 +210,7 @@ def _or_zeros(uv: Any, position: NDArray[Any]) -> Any:
     return np.zeros((len(position), 2)) if uv is None else uv
 
 
-def _own_texture(visual: Any, uv: Any, source: _Source) -> Floats:
+def _own_texture(visual: Any, uv: Any, source: _MeshFile) -> Floats:
     """Return the texture of an OBJ's or PLY's material; one texel if it has only a color."""
     material: Any = getattr(visual, "material", None)
     is_colored = "kd" in (getattr(material, "kwargs", None) or {})
@@ -229,7 +229,9 @@ def _own_texture(visual: Any, uv: Any, source: _Source) -> Floats:
     return _linear(np.asarray(material.main_color)[None, None])
 
 
-def _material_picture(material: Any, source: _Source, factor: Floats = WHITE.factor[:3]) -> Floats:
+def _material_picture(
+    material: Any, source: _MeshFile, factor: Floats = WHITE.factor[:3]
+) -> Floats:
     """Return a material's texture in linear light, with as many channels as factors."""
     image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
     if image is None:
@@ -248,7 +250,7 @@ def _material_picture(material: Any, source: _Source, factor: Floats = WHITE.fac
     return source.kept[key]
 
 
-def _check_texture(size: tuple[int, int], source: _Source) -> None:
+def _check_texture(size: tuple[int, int], source: _MeshFile) -> None:
     """Refuse textures that unpack to implausibly more than their files' size."""
     files = {source.path, *source.named}
     pixels = [one.shape[0] * one.shape[1] for one in source.kept.values()]

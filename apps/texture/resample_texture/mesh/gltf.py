@@ -12,12 +12,12 @@ import numpy as np
 
 from resample.reading.models.gltf import JSON, header_of
 from resample.types import Floats
-from resample_texture.mesh.covers import Alpha, Cover
+from resample_texture.mesh.covers import AlphaMode, Cover
 from resample_texture.types import Edge
 
 MAGIC = b"glTF"  # first bytes of a binary file
 EDGES = {33071: Edge.CLAMP, 33648: Edge.MIRROR, 10497: Edge.WRAP}
-ALPHAS = {"OPAQUE": Alpha.OPAQUE, "MASK": Alpha.MASK, "BLEND": Alpha.BLEND}
+ALPHAS = {"OPAQUE": AlphaMode.OPAQUE, "MASK": AlphaMode.MASK, "BLEND": AlphaMode.BLEND}
 
 
 class Material(NamedTuple):

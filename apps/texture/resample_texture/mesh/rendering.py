@@ -27,8 +27,14 @@ from resample.profiles.interpolation import (
 from resample.types import Doubles, Frame, Screen, View
 from resample_texture.mesh.files import load_mesh
 from resample_texture.mesh.kernels.painting import MeshPicture, MeshScene, paint
-from resample_texture.mesh.kernels.surfaces import BOUNDS, Faces, Lens, Triangles, project_triangles
-from resample_texture.mesh.kernels.tiles import Grid
+from resample_texture.mesh.kernels.surfaces import (
+    BOUNDS,
+    Faces,
+    ProjectedTriangles,
+    VisibilityCamera,
+    project_triangles,
+)
+from resample_texture.mesh.kernels.tiles import SubpixelGrid
 from resample_texture.mesh.shapes import Mesh
 from resample_texture.mesh.skin import skin
 
@@ -220,9 +226,9 @@ def pixel_profile(pixel_filter: PixelFilter, samples: int) -> Doubles:
     return weight / total
 
 
-def _grid(taps: int, look: MeshStyle) -> Grid:
+def _grid(taps: int, look: MeshStyle) -> SubpixelGrid:
     """Return the grid of sub-pixels for a filter of that many taps."""
-    return Grid(look.samples, (taps // look.samples - 1) // 2, look.quality)
+    return SubpixelGrid(look.samples, (taps // look.samples - 1) // 2, look.quality)
 
 
 def _shape_of(size: tuple[int, int]) -> tuple[int, int]:
@@ -255,15 +261,15 @@ def _projected(position: Doubles, view: View) -> tuple[Doubles, Doubles]:
     return np.stack([fx * x + cx * w, fy * y + cy * w, w], axis=1), z
 
 
-def _lens(view: View, depth: Doubles, look: MeshStyle) -> Lens:
+def _lens(view: View, depth: Doubles, look: MeshStyle) -> VisibilityCamera:
     """Return the near plane, projection and depth tolerance for the visibility test."""
     near = max(view.near, 1e-6 * float(np.abs(depth).max())) if view.perspective else view.near
     tolerance = 1.0 / (float(min(view.focal)) * look.samples)
-    return Lens(float(near), bool(view.perspective), look.cull, tolerance)
+    return VisibilityCamera(float(near), bool(view.perspective), look.cull, tolerance)
 
 
-def _surfaces(count: int) -> Triangles:
-    return Triangles(
+def _surfaces(count: int) -> ProjectedTriangles:
+    return ProjectedTriangles(
         np.zeros((count, 4, 2)),
         np.zeros(count, np.int64),
         np.zeros((count, 3, 3)),

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Doubles, Floats
-from resample_texture.mesh.covers import Alpha, Cover, alpha_halvings, halvings
+from resample_texture.mesh.covers import AlphaMode, Cover, alpha_halvings, halvings
 from resample_texture.texels.pyramid import Pyramid
 
 Ints = NDArray[np.int64]
@@ -125,7 +125,7 @@ def _picture(given: Any, cover: Cover) -> Floats:
     picture: Floats = checked_array("texture", given, (None, None, channels), np.float32)
     if not picture.size:
         raise ValueError("a texture has no texels; give at least one")
-    if cover.alpha is Alpha.OPAQUE:
+    if cover.alpha is AlphaMode.OPAQUE:
         return np.ascontiguousarray(picture[..., :3])
     return picture
 

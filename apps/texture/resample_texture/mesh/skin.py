@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from resample.profiles.interpolation import Interpolation, prefilter
 from resample.types import Doubles, Floats, View
-from resample_texture.mesh.covers import Alpha, Cover
+from resample_texture.mesh.covers import AlphaMode, Cover
 from resample_texture.mesh.kernels.color import BLEND, MASK, OPAQUE, Skin
 from resample_texture.mesh.kernels.surfaces import Ints
 from resample_texture.mesh.shapes import Mesh
@@ -16,7 +16,7 @@ from resample_texture.texels.plates import filtered
 from resample_texture.texels.pyramid import Pyramid
 from resample_texture.types import Edge
 
-MODES = {Alpha.OPAQUE: OPAQUE, Alpha.MASK: MASK, Alpha.BLEND: BLEND}
+MODES = {AlphaMode.OPAQUE: OPAQUE, AlphaMode.MASK: MASK, AlphaMode.BLEND: BLEND}
 CREASE = 40.0  # degrees; beyond this angle, adjacent triangles are shaded flat
 
 

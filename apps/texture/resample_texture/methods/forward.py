@@ -14,7 +14,7 @@ from resample_texture.types import Edge, Method, Warped
 
 if TYPE_CHECKING:
     from resample_texture.geometry.windows import VisibleTiles
-    from resample_texture.texels.forward import Cells
+    from resample_texture.texels.forward import CellGrid
     from resample_texture.texels.gather import GatherPlan, MixedTiles
 
 MOST_AROUND = 1 << 30  # px of a target, all of whose blocks are looked for, for a region of it
@@ -189,12 +189,12 @@ class Hybrid:
         return isinstance(self.filter, Area)
 
     @property
-    def cells(self) -> "Cells":
+    def cells(self) -> "CellGrid":
         """How texels are cut, and what they are to pixels."""
-        from resample_texture.texels.forward import Cells
+        from resample_texture.texels.forward import CellGrid
 
         quality = self.quality if self.error is None else _quality_for(self.error)
-        return Cells(self.filter, self.interpolation, quality, is_sum=self.total)
+        return CellGrid(self.filter, self.interpolation, quality, is_sum=self.total)
 
     def _splatted(
         self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
@@ -281,9 +281,9 @@ class Points:
     def __call__(
         self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
     ) -> Warped:
-        from resample_texture.texels.forward import Cells
+        from resample_texture.texels.forward import CellGrid
 
-        cells = Cells(self.filter, joined=0.0, cut=False, is_sum=self.total)
+        cells = CellGrid(self.filter, joined=0.0, cut=False, is_sum=self.total)
         return _project(source, geometry, shape, edge, cells)
 
 
@@ -315,9 +315,11 @@ class Supersample:
     def __call__(
         self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
     ) -> Warped:
-        from resample_texture.texels.forward import Cells
+        from resample_texture.texels.forward import CellGrid
 
-        cells = Cells(self.filter, self.interpolation, self.quality, joined=0.0, is_sum=self.total)
+        cells = CellGrid(
+            self.filter, self.interpolation, self.quality, joined=0.0, is_sum=self.total
+        )
         return _project(source, geometry, shape, edge, cells)
 
 
@@ -379,7 +381,7 @@ class Splats:
 
 
 def _project(
-    source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge, cells: "Cells"
+    source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge, cells: "CellGrid"
 ) -> Warped:
     """Picture of cells, placed from the source or, where a map leads backward, from the target."""
     if isinstance(geometry, BackwardMap):

@@ -64,13 +64,18 @@ class Majority:
         self, image: NDArray[Any], geometry: Geometry, shape: tuple[int, int], edge: Edge
     ) -> Picks:
         from resample_texture.texels.forward import EDGES
-        from resample_texture.texels.kernels.labels import Found, Labels, PixelMapping, find_labels
+        from resample_texture.texels.kernels.labels import (
+            LabelPicture,
+            LabelSource,
+            PixelMapping,
+            find_labels,
+        )
 
         height, width = image.shape[:2]
         code, count = codes_of(image)
         mapping = PixelMapping(*_mapping_of(geometry, shape, (height, width)))
-        labels = Labels(code, count, _common(code, count), EDGES[edge])
-        found = Found(np.zeros(shape, np.int64), np.zeros(shape, np.float32))
+        labels = LabelSource(code, count, _common(code, count), EDGES[edge])
+        found = LabelPicture(np.zeros(shape, np.int64), np.zeros(shape, np.float32))
         find_labels(mapping, labels, found)
         return Picks(found.texel // width, found.texel % width, found.coverage)
 

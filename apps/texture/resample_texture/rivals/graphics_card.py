@@ -52,14 +52,16 @@ def _through_pyramid(
     from resample_texture.rivals.kernels.anisotropic import (
         ByMap,
         ByMatrix,
-        Means,
-        Picture,
+        MipPyramid,
         Reading,
+        TapPicture,
         read,
     )
 
-    means = Means(*pyramid(source))
-    picture = Picture(np.zeros((*shape, source.shape[2]), np.float32), np.zeros(shape, np.float32))
+    means = MipPyramid(*pyramid(source))
+    picture = TapPicture(
+        np.zeros((*shape, source.shape[2]), np.float32), np.zeros(shape, np.float32)
+    )
     reading = Reading(taps, list(Edge).index(edge))
     if isinstance(geometry, Homography):
         inverse = np.linalg.inv(geometry.oriented(source.shape[:2])).astype(np.float64)

@@ -55,7 +55,7 @@ BORDERS = {
 
 
 @dataclass(frozen=True)
-class Bilinear:
+class InterLinear:
     """OpenCV's bilinear interpolation at the pixel's center; aliases where texels shrink."""
 
     def __call__(

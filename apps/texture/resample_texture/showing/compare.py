@@ -16,7 +16,7 @@ from resample.measuring.compare import contact_sheet, enlarged, shown
 from resample.measuring.quality import flip, psnr, ssim
 from resample.types import Floats
 from resample_texture.showing import scenes
-from resample_texture.showing.scenes import Mask, PictureScene
+from resample_texture.showing.scenes import ComparedView, Mask
 from resample_texture.types import Edge, Method
 
 Row = dict[str, object]
@@ -28,7 +28,7 @@ CROP = 64  # px, side of a detail
 
 
 @dataclass(frozen=True)
-class Comparison:
+class PictureComparison:
     """Pictures of one scene by several methods, and their errors."""
 
     title: str
@@ -69,7 +69,7 @@ class Judge:
     edge: Edge = Edge.TRANSPARENT
     linear: bool = True
 
-    def compare(self, title: str, scene: PictureScene, names: Sequence[str]) -> Comparison:
+    def compare(self, title: str, scene: ComparedView, names: Sequence[str]) -> PictureComparison:
         """Measure methods by name in a scene.
 
         Raises
@@ -94,9 +94,9 @@ class Judge:
             for zone, mask in masks.items()
             for name, duration in milliseconds.items()
         ]
-        return Comparison(title, screens, masks, rows)
+        return PictureComparison(title, screens, masks, rows)
 
-    def about(self, scene: PictureScene) -> dict[str, str]:
+    def about(self, scene: ComparedView) -> dict[str, str]:
         """Describe the comparison for the reader."""
         height, width = scene.shape
         rows, columns, channels = scene.source.shape
@@ -118,7 +118,7 @@ class Judge:
         return np.clip(image[..., [0, 0, 0]] if image.shape[2] == 1 else image, 0.0, 1.0)
 
 
-def timed(method: Method, scene: PictureScene, edge: Edge) -> tuple[Floats, float]:
+def timed(method: Method, scene: ComparedView, edge: Edge) -> tuple[Floats, float]:
     """Return a method's picture, and the median time of several warm runs in ms."""
 
     def run() -> Floats:
@@ -150,7 +150,7 @@ def measured(screen: Screen, truth: Screen, mask: Mask) -> dict[str, float]:
     }
 
 
-def sheet(comparison: Comparison, path: Path, zoom: int | None = None) -> None:
+def sheet(comparison: PictureComparison, path: Path, zoom: int | None = None) -> None:
     """Write one PNG of the pictures and enlarged details, a row per method."""
     pictures, captions = {}, {}
     details = comparison.details()
@@ -165,7 +165,7 @@ def sheet(comparison: Comparison, path: Path, zoom: int | None = None) -> None:
     contact_sheet(light, path, columns=1 + len(details), captions=captions, zoom=zoom)
 
 
-def note(comparison: Comparison, method: str, zone: str) -> str:
+def note(comparison: PictureComparison, method: str, zone: str) -> str:
     """Return the caption of a zone: PSNR and time; empty for the truth."""
     for row in comparison.rows:
         if (row["method"], row["zone"]) == (method, zone):

@@ -11,7 +11,7 @@ from resample.files.writing import replacing
 from resample.measuring.compare import contact_sheet, enlarged, plain
 from resample.types import Floats
 from resample_texture.showing import scenes
-from resample_texture.showing.compare import Comparison, Judge, Screen, note
+from resample_texture.showing.compare import Judge, PictureComparison, Screen, note
 from resample_texture.showing.scenes import scene_of
 
 SCENE = "floor-close"
@@ -45,7 +45,7 @@ def compare_floors(
     subjects: Mapping[str, FloorPicture],
     methods: Sequence[str],
     size: tuple[int, int] | None = None,
-) -> dict[str, Comparison]:
+) -> dict[str, PictureComparison]:
     """Floors of pictures by several methods."""
     judge = Judge()
     return {
@@ -55,7 +55,10 @@ def compare_floors(
 
 
 def write_figures(
-    folder: Path, comparisons: Mapping[str, Comparison], titles: Mapping[str, str], sheet: str
+    folder: Path,
+    comparisons: Mapping[str, PictureComparison],
+    titles: Mapping[str, str],
+    sheet: str,
 ) -> str:
     """Write every picture, a sheet of all and a table; returns the table.
 
@@ -92,7 +95,7 @@ def write_figures(
 
 
 def _write_sheet(
-    path: Path, comparisons: Mapping[str, Comparison], titles: Mapping[str, str]
+    path: Path, comparisons: Mapping[str, PictureComparison], titles: Mapping[str, str]
 ) -> None:
     """A line of whole pictures for each subject, and below it lines of enlarged details."""
     cells: dict[str, Floats] = {}

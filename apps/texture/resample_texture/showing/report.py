@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from resample.files.writing import replacing
-from resample_texture.showing.compare import Comparison, Screen
+from resample_texture.showing.compare import PictureComparison, Screen
 
 TEMPLATE = Path(__file__).with_name("report.html.j2")
 BEST = {"psnr": max, "ssim": max, "flip": min, "ms": min}
@@ -17,7 +17,7 @@ FORMATS = {"psnr": "{:.2f}", "ssim": "{:.4f}", "flip": "{:.4f}", "ms": "{:.1f}"}
 MEASURES = ("psnr", "ssim", "flip")
 
 
-def write_report(comparison: Comparison, path: Path, *, about: Mapping[str, str]) -> None:
+def write_report(comparison: PictureComparison, path: Path, *, about: Mapping[str, str]) -> None:
     """Write a page with the table, a slider between two pictures, and enlarged details.
 
     Parameters
@@ -39,7 +39,7 @@ def write_report(comparison: Comparison, path: Path, *, about: Mapping[str, str]
         temporary.write_text(html, encoding="utf-8", errors="backslashreplace")
 
 
-def page(comparison: Comparison, *, about: Mapping[str, str]) -> str:
+def page(comparison: PictureComparison, *, about: Mapping[str, str]) -> str:
     """Return the page's HTML, with all texts escaped."""
     from jinja2 import Environment, StrictUndefined
 
@@ -68,7 +68,7 @@ def data_uri(screen: Screen) -> str:
     return "data:image/png;base64," + base64.b64encode(png.tobytes()).decode("ascii")
 
 
-def _details(comparison: Comparison) -> list[dict[str, Any]]:
+def _details(comparison: PictureComparison) -> list[dict[str, Any]]:
     """Return the position of each zone's detail for the page's script and style."""
     return [
         {"zone": zone, "top": rows.start, "left": columns.start, "side": rows.stop - rows.start}
@@ -76,7 +76,7 @@ def _details(comparison: Comparison) -> list[dict[str, Any]]:
     ]
 
 
-def _lines(comparison: Comparison) -> list[dict[str, Any]]:
+def _lines(comparison: PictureComparison) -> list[dict[str, Any]]:
     """Return one table row per method: cells with their text and whether they are best."""
     cell = {(row["zone"], row["method"]): row for row in comparison.rows}
     lines = []
@@ -91,7 +91,7 @@ def _lines(comparison: Comparison) -> list[dict[str, Any]]:
     return lines
 
 
-def _cell(comparison: Comparison, row: dict[str, Any], measure: str) -> dict[str, Any]:
+def _cell(comparison: PictureComparison, row: dict[str, Any], measure: str) -> dict[str, Any]:
     rivals: list[Any] = [
         other[measure] for other in comparison.rows if other["zone"] == row["zone"]
     ]

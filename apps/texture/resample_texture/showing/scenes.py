@@ -25,7 +25,7 @@ NEAR = {"floor": 8, "floor-yaw": 8, "floor-close": 16}  # the near edge shows 1 
 NAMES = (*NEAR, "zoom", "shrink")
 
 
-class PictureScene(NamedTuple):
+class ComparedView(NamedTuple):
     """A picture, the view and the size of the target."""
 
     source: Floats  # (H, W, C)
@@ -39,7 +39,7 @@ def scene_of(
     name: str,
     size: tuple[int, int] | None = None,
     fine: Floats | None = None,
-) -> PictureScene:
+) -> ComparedView:
     """Return a view of a picture, by name or by matrix.
 
     Parameters
@@ -70,13 +70,13 @@ def scene_of(
         )
     if name not in NAMES:
         shape = size or (picture.shape[0], picture.shape[1])
-        return PictureScene(picture, _matrix(name), shape, fine)
+        return ComparedView(picture, _matrix(name), shape, fine)
     source = picture if fine is not None else tiled(picture)
     height, width = source.shape[:2]
     shape = size or (max(1, height // 2), max(1, width // 2))
     matrix = _view(name, (height, width))
     scale = np.diag([2.0 * shape[1] / width, 2.0 * shape[0] / height, 1.0])
-    return PictureScene(source, Homography(scale @ matrix), shape, fine)
+    return ComparedView(source, Homography(scale @ matrix), shape, fine)
 
 
 def check_scene(name: str) -> None:
@@ -94,7 +94,7 @@ def tiled(picture: Floats) -> Floats:
 
 
 def truth(
-    scene: PictureScene, kind: str = "box", progress: Callable[[float], None] | None = None
+    scene: ComparedView, kind: str = "box", progress: Callable[[float], None] | None = None
 ) -> Floats:
     """Render a scene by 16 × 16 rays per pixel, in float64.
 
@@ -140,7 +140,7 @@ def _coefficients(source: Floats) -> Floats:
 
 
 def _cast(
-    scene: PictureScene,
+    scene: ComparedView,
     texels: Floats,
     count: int,
     tap: Doubles,
@@ -170,7 +170,7 @@ def _cast(
     return picture
 
 
-def zones(scene: PictureScene) -> dict[str, Mask]:
+def zones(scene: ComparedView) -> dict[str, Mask]:
     """Classify pixels (H, W) by the scale of texels there; all lie well inside the source.
 
     Returns
@@ -288,7 +288,7 @@ def _taps(kind: str) -> Doubles:
     return np.asarray(weight / weight.sum())
 
 
-def _inside(scene: PictureScene) -> Mask:
+def _inside(scene: ComparedView) -> Mask:
     """Return the pixels whose filters stay within the source."""
     height, width = scene.source.shape[:2]
     mask = np.ones(scene.shape, np.bool_)
@@ -303,7 +303,7 @@ def _inside(scene: PictureScene) -> Mask:
     return np.asarray(mask & frame)
 
 
-def _scales(scene: PictureScene) -> tuple[Doubles, Doubles]:
+def _scales(scene: ComparedView) -> tuple[Doubles, Doubles]:
     """Return least and largest texel scale per pixel: singular values of ∂(x, y)/∂(u, v)."""
     size = scene.source.shape[0], scene.source.shape[1]
     h = scene.geometry.oriented(size)

@@ -13,9 +13,9 @@ from resample.types import Doubles, Floats
 from resample_texture.geometry.mappings import Geometry, Homography
 from resample_texture.texels.forward import (
     EDGES,
-    Blocks,
-    Cells,
-    Sums,
+    CellGrid,
+    PointSums,
+    SourceBlocks,
     blocks_of,
     borders,
     moved,
@@ -33,7 +33,7 @@ BATCH = 1 << 24  # most numbers in the patches of a batch
 
 
 def adjoint(
-    gradient: Floats, geometry: Geometry, source_shape: tuple[int, int], edge: Edge, cells: Cells
+    gradient: Floats, geometry: Geometry, source_shape: tuple[int, int], edge: Edge, cells: CellGrid
 ) -> Floats:
     """Return the gradient (H, W, C) by texels, given the one by the pixels of `project`.
 
@@ -72,15 +72,15 @@ def adjoint(
 
 
 def factors(
-    blocks: Blocks,
+    blocks: SourceBlocks,
     geometry: Geometry,
     source_shape: tuple[int, int],
     shape: tuple[int, int],
     edge: Edge,
-    cells: Cells,
+    cells: CellGrid,
 ) -> Floats:
     """Return the factor (height, width) by which `project` multiplies each pixel's sums."""
-    sums = Sums(shape, 1, cells)
+    sums = PointSums(shape, 1, cells)
     sums.add(np.zeros((*source_shape, 1), np.float32), blocks, edge)
     for picture in sums.pictures:
         picture[..., 0] = 1.0
@@ -88,7 +88,11 @@ def factors(
 
 
 def _texel_gradients(
-    weighted: Floats, blocks: Blocks, source_shape: tuple[int, int], edge: Edge, cells: Cells
+    weighted: Floats,
+    blocks: SourceBlocks,
+    source_shape: tuple[int, int],
+    edge: Edge,
+    cells: CellGrid,
 ) -> Doubles:
     """Return gradients (K, H, W, C) by texels, for each kind of prefilter."""
     channels = weighted.shape[2]

@@ -10,8 +10,8 @@ from resample_texture.geometry.mappings import BackwardMap
 from resample_texture.texels.forward import (
     EDGES,
     NEARLY_FULL,
-    Cells,
-    Sums,
+    CellGrid,
+    PointSums,
     texels,
     widened,
 )
@@ -23,7 +23,7 @@ TILE = 32  # px per side; a thread takes a tile at a time
 
 
 def collect_from(
-    source: Floats, geometry: BackwardMap, shape: tuple[int, int], edge: Edge, cells: Cells
+    source: Floats, geometry: BackwardMap, shape: tuple[int, int], edge: Edge, cells: CellGrid
 ) -> Warped:
     """Warp a source (H, W, C) by a backward map to (height, width).
 
@@ -37,7 +37,7 @@ def collect_from(
     if cells.is_sum and min(shape) == 1:
         raise ValueError(f"a map of {shape} tells no areas, which sums need; give 2 × 2 px or more")
     source, margin = widened(source, edge, cells.interpolation)
-    sums = Sums(shape, source.shape[2], cells)
+    sums = PointSums(shape, source.shape[2], cells)
     ready = texels(source, cells.interpolation, edge, frozenset({3})).both
     reach = int(np.ceil(cells.reach)) + 1
     around = 0 if cells.taps == 0 else reach  # px around the picture whose points extend into it

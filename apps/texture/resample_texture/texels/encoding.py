@@ -16,7 +16,7 @@ from resample.colors import from_srgb, to_srgb
 from resample.memory.alike import alike
 from resample.types import Floats
 from resample_texture.texels.gaps import Booleans, masked, missing_in, unmasked, weighed
-from resample_texture.texels.spans import Span, rounded, span_of
+from resample_texture.texels.spans import ValueSpan, rounded, span_of
 
 LEVELS = ("uint8", "uint16")  # of light, encoded or not: 0 is black, the largest level white
 VALUES = (
@@ -42,7 +42,7 @@ class Encoding(NamedTuple):
     is_encoded: bool  # by the sRGB curve
     is_straight: bool  # the fourth channel is opacity that does not multiply the color
     gaps: int = 0  # number of last channels, which mark where values exist: 0, 1 or C
-    span: Span | None = None  # offset and unit, where float32 would not resolve the values
+    span: ValueSpan | None = None  # offset and unit, where float32 would not resolve the values
     fill: Any = None  # fill value of a masked array; None: it is not masked
 
     def as_light(self) -> "Encoding":

@@ -32,7 +32,7 @@ from resample_texture.texels.kernels.blocks import (
     view_bounds_of,
 )
 from resample_texture.texels.kernels.painting import Texels, Texture, paint_blocks
-from resample_texture.texels.kernels.placing import Placement
+from resample_texture.texels.kernels.placing import TexelMapping
 from resample_texture.texels.kernels.texels import DENSE, EXACT, Extract
 from resample_texture.texels.plates import filtered
 from resample_texture.types import Edge, Warped
@@ -55,7 +55,7 @@ Bounds = tuple[int, int, int, int]  # left, top, right and bottom, px
 
 
 @dataclass(frozen=True)
-class Cells:
+class CellGrid:
     """How texels are split into cells, and how each cell is spread over pixels."""
 
     pixel_filter: PixelFilter = field(default_factory=Area)
@@ -70,7 +70,7 @@ class Cells:
         """Radius of a point's footprint, px."""
         return 0.5 * max(2, self.taps)
 
-    def finer(self) -> "Cells":
+    def finer(self) -> "CellGrid":
         """Return finer cells, as accurate as gathering pixels."""
         return replace(self, quality=FINER * self.quality)
 
@@ -97,7 +97,7 @@ class Cells:
         return max(1, math.ceil(2.0 * self.pixel_filter.radius))
 
 
-class Blocks(NamedTuple):
+class SourceBlocks(NamedTuple):
     """Blocks of a source, and their bounds on the target."""
 
     axes: Integers  # (B, 2, 6)
@@ -107,9 +107,9 @@ class Blocks(NamedTuple):
     y: Doubles
 
     @property
-    def places(self) -> Placement:
+    def places(self) -> TexelMapping:
         """Positions of texels on the target, as kernels take them."""
-        return Placement(self.matrix, self.x, self.y)
+        return TexelMapping(self.matrix, self.x, self.y)
 
 
 def texels(
@@ -187,8 +187,8 @@ def blocks_of(
     source_shape: tuple[int, int],
     shape: tuple[int, int],
     edge: Edge,
-    cells: Cells,
-) -> Blocks:
+    cells: CellGrid,
+) -> SourceBlocks:
     """Return the blocks of a source that are visible in a frame (height, width).
 
     Raises
@@ -202,17 +202,17 @@ def blocks_of(
         _check_apart(geometry)
         axes, bounds = split_map(geometry.x, geometry.y, shape, cells.reach, cells.cut_quality)
         x, y = with_margins(geometry.x, geometry.y)
-        return Blocks(axes, bounds, np.eye(3), x, y)
+        return SourceBlocks(axes, bounds, np.eye(3), x, y)
     if isinstance(geometry, BackwardMap):
         raise ValueError("a backward map cannot be projected forward")
     matrix = oriented(geometry, source_shape)
     roots = _roots(matrix, source_shape, shape, edge, cells)
     axes, bounds = split(matrix, roots, shape, cells)
-    return Blocks(axes, bounds, matrix, NOTHING, NOTHING)
+    return SourceBlocks(axes, bounds, matrix, NOTHING, NOTHING)
 
 
 def split(
-    matrix: Doubles, roots: Integers, shape: tuple[int, int], cells: Cells
+    matrix: Doubles, roots: Integers, shape: tuple[int, int], cells: CellGrid
 ) -> tuple[Integers, Integers]:
     """Split a plane into blocks; parameters and result as of `split_plane`.
 
@@ -267,7 +267,7 @@ def _roots(
     source_shape: tuple[int, int],
     shape: tuple[int, int],
     edge: Edge,
-    cells: Cells,
+    cells: CellGrid,
 ) -> Integers:
     """Return rectangles (R, 4) of the plane to draw: the source and its continuation."""
     height, width = source_shape
@@ -337,14 +337,18 @@ def borders(geometry: Geometry, source_shape: tuple[int, int], edge: Edge) -> tu
     return np.stack([u, width * front - u, v, height * front - v, front]), math.inf
 
 
-class Sums:
+class PointSums:
     """Accumulator of weighted sums per pixel, to which blocks of a source are added.
 
     The pixels may be a part of a screen that begins at column and row `first`.
     """
 
     def __init__(
-        self, shape: tuple[int, int], channels: int, cells: Cells, first: tuple[int, int] = (0, 0)
+        self,
+        shape: tuple[int, int],
+        channels: int,
+        cells: CellGrid,
+        first: tuple[int, int] = (0, 0),
     ) -> None:
         self.shape, self.first = shape, first
         self.cells = cells
@@ -354,7 +358,7 @@ class Sums:
         self.pictures = [np.zeros((*shape, count + 1), np.float32) for _, count in self.groups]
 
     def add(
-        self, source: Floats, blocks: Blocks, edge: Edge, totals_help: bool | None = None
+        self, source: Floats, blocks: SourceBlocks, edge: Edge, totals_help: bool | None = None
     ) -> None:
         """Add blocks of a source (H, W, C); `totals_help`: use a summed-area table."""
         kinds = kinds_of(blocks.axes)
@@ -365,7 +369,7 @@ class Sums:
         self.paint(ready, Extract(*source.shape[:2]), totals, blocks, edge)
 
     def paint(
-        self, ready: Texels, extract: Extract, totals: Doubles, blocks: Blocks, edge: Edge
+        self, ready: Texels, extract: Extract, totals: Doubles, blocks: SourceBlocks, edge: Edge
     ) -> None:
         """Add blocks of a source, given all the texels that they read."""
         for channels, picture in zip(self.groups, self.pictures, strict=True):
@@ -390,7 +394,7 @@ class Sums:
         return Warped(image, coverage)
 
 
-def spread_of(cells: Cells) -> FilterTaps:
+def spread_of(cells: CellGrid) -> FilterTaps:
     """Return how cells are spread over pixels, as kernels take it."""
     return FilterTaps(cells.taps, bool(cells.is_sum), profile_table(cells.pixel_filter, cells.taps))
 
@@ -400,7 +404,7 @@ def project(
     geometry: Geometry,
     shape: tuple[int, int],
     edge: Edge,
-    cells: Cells,
+    cells: CellGrid,
     *,
     wanted: Bounds | None = None,
 ) -> Warped:
@@ -426,13 +430,13 @@ def project(
     return sums.warped(*borders(geometry, source_shape, edge))
 
 
-def sums_of(sides: Bounds, channels: int, cells: Cells) -> Sums:
+def sums_of(sides: Bounds, channels: int, cells: CellGrid) -> PointSums:
     """Return an accumulator for the pixels between left, top, right and bottom."""
     left, top, right, bottom = sides
-    return Sums((max(0, bottom - top), max(0, right - left)), channels, cells, (left, top))
+    return PointSums((max(0, bottom - top), max(0, right - left)), channels, cells, (left, top))
 
 
-def meeting(blocks: Blocks, sides: Bounds) -> Blocks:
+def meeting(blocks: SourceBlocks, sides: Bounds) -> SourceBlocks:
     """Return the blocks that may touch a rectangle of the target."""
     left, top, right, bottom = blocks.bounds.T
     kept = (left < sides[2]) & (right > sides[0]) & (top < sides[3]) & (bottom > sides[1])

@@ -17,10 +17,10 @@ from resample.engine.windows.gather import Extent, GridView
 from resample.engine.windows.limits import Limits
 from resample.profiles.interpolation import Interpolation, excess, integrals, prefilter
 from resample.types import Doubles, Floats
-from resample_texture.geometry.mappings import BackwardMap, Homography, Region
+from resample_texture.geometry.mappings import BackwardMap, Homography, TargetRegion
 from resample_texture.geometry.windows import VisibleTiles
 from resample_texture.texels.backward import extended, tiles_of
-from resample_texture.texels.forward import EDGES, Bounds, Cells, oriented, project
+from resample_texture.texels.forward import EDGES, Bounds, CellGrid, oriented, project
 from resample_texture.texels.kernels.blocks import Integers
 from resample_texture.texels.kernels.gather import Map, Plane, fill_tiles, measure
 from resample_texture.texels.partly import (
@@ -28,7 +28,7 @@ from resample_texture.texels.partly import (
     can_be_projected_partly,
     project_partly,
 )
-from resample_texture.texels.plates import Held, Sides, plates_of
+from resample_texture.texels.plates import Sides, SourcePart, plates_of
 from resample_texture.types import Edge, Warped
 
 TILE = 32  # px per side; a thread takes a tile at a time
@@ -61,7 +61,7 @@ class GatherPlan(NamedTuple):
     geometry: Homography | BackwardMap
     shape: tuple[int, int]
     edge: Edge
-    cells: Cells
+    cells: CellGrid
     places: Plane | Map
     tiles: TargetTiles
     around: TargetTiles  # of the whole target if the picture is a region of it, or `tiles`
@@ -69,7 +69,7 @@ class GatherPlan(NamedTuple):
 
 def planned(
     size: tuple[int, int], geometry: Homography | BackwardMap, shape: tuple[int, int], edge: Edge,
-    cells: Cells,
+    cells: CellGrid,
 ) -> GatherPlan:  # fmt: skip
     """Plan how a target (height, width) gathers from sources (height, width).
 
@@ -153,7 +153,7 @@ def _project_far(plan: GatherPlan, source: Floats, warped: Warped) -> None:
 
 def visible_tiles(
     size: tuple[int, int], geometry: Homography | BackwardMap, shape: tuple[int, int], edge: Edge,
-    cells: Cells,
+    cells: CellGrid,
 ) -> VisibleTiles | None:  # fmt: skip
     """Return the source bounds that tiles of a picture (height, width) gather from.
 
@@ -163,7 +163,7 @@ def visible_tiles(
     return _visible(tiles, edge, cells) if tiles.is_near.all() else None
 
 
-def _visible(tiles: TargetTiles, edge: Edge, cells: Cells) -> VisibleTiles:
+def _visible(tiles: TargetTiles, edge: Edge, cells: CellGrid) -> VisibleTiles:
     """Return the source bounds of near tiles; those of others are empty."""
     reach = prefilter(cells.interpolation).size // 2 + math.ceil(cells.interpolation.radius) + 3
     nothing = np.array([math.inf, math.inf, -math.inf, -math.inf])
@@ -178,7 +178,7 @@ class MixedTiles(NamedTuple):
     is_near: NDArray[np.bool_]  # (T,)
     far: Far
     edge: Edge
-    cells: Cells
+    cells: CellGrid
 
     def projected(self, reader: TexelReader) -> Warped:
         """Project the texels of a source that is read on demand to the far tiles."""
@@ -188,7 +188,7 @@ class MixedTiles(NamedTuple):
 
 def mixed_tiles(
     source_shape: tuple[int, int, int], geometry: Homography, shape: tuple[int, int], edge: Edge,
-    cells: Cells,
+    cells: CellGrid,
 ) -> MixedTiles | None:  # fmt: skip
     """Split a picture's tiles into near and far ones, for a source that is read in parts.
 
@@ -208,7 +208,7 @@ def _places(
 ) -> Plane | Map:
     """Return the map from pixels to the source, as kernels take it."""
     if isinstance(geometry, Homography):
-        region = geometry.region or Region(geometry, 0, 0, shape)
+        region = geometry.region or TargetRegion(geometry, 0, 0, shape)
         matrix = oriented(region.whole, region.size or size)
         inverse = np.ascontiguousarray(np.linalg.inv(matrix))
         return Plane(inverse, region.left, region.top)
@@ -239,7 +239,7 @@ class _Whole(NamedTuple):
 
 
 @lru_cache(maxsize=2)  # for targets drawn chunk by chunk
-def _measured_once(whole: _Whole, cells: Cells) -> TargetTiles:
+def _measured_once(whole: _Whole, cells: CellGrid) -> TargetTiles:
     """Measure the tiles of a whole target, cached."""
     geometry, shape, size, edge = whole
     return _measured(_places(size, geometry, shape), _view((*size, 1), edge, cells), shape)
@@ -252,7 +252,7 @@ def _around(bounds: Integers) -> list[int]:
 
 
 def _with_plate(
-    source: Held,
+    source: SourcePart,
     view: GridView,
     edge: Edge,
     interpolation: Interpolation,
@@ -290,16 +290,16 @@ def _sides(low: Doubles, high: Doubles, reach: int) -> Sides:
     return Sides((int(left), int(right)), (int(top), int(bottom)))
 
 
-def _held(source: Floats, geometry: Homography | BackwardMap) -> Held:
+def _held(source: Floats, geometry: Homography | BackwardMap) -> SourcePart:
     """Return the source (H, W, C), with its place in the whole if it is a part."""
     size = source.shape[0], source.shape[1]
     region = geometry.region if isinstance(geometry, Homography) else None
     if region is None or region.size is None:
-        return Held(source, size)
-    return Held(source, region.size, region.first)
+        return SourcePart(source, size)
+    return SourcePart(source, region.size, region.first)
 
 
-def _view(form: tuple[int, ...], edge: Edge, cells: Cells) -> GridView:
+def _view(form: tuple[int, ...], edge: Edge, cells: CellGrid) -> GridView:
     """Return how pixels gather from a source (H, W, C), still without its texels."""
     height, width, channels = form
     plate = Plate(NOTHING, 0.0, 0.0, 0, 0, channels, 0, 0)

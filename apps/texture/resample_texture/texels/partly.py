@@ -16,10 +16,10 @@ from resample.profiles.interpolation import Interpolation, prefilter
 from resample.types import Floats
 from resample_texture.geometry.mappings import Homography
 from resample_texture.texels.forward import (
-    Blocks,
     Bounds,
-    Cells,
-    Sums,
+    CellGrid,
+    PointSums,
+    SourceBlocks,
     blocks_of,
     borders,
     kinds_of,
@@ -83,7 +83,7 @@ class Run(NamedTuple):
 
 def can_be_projected_partly(
     source_shape: tuple[int, int, int], geometry: Homography, shape: tuple[int, int], edge: Edge,
-    cells: Cells,
+    cells: CellGrid,
 ) -> bool:  # fmt: skip
     """Whether all blocks of a source (height, width, channels) read few enough texels.
 
@@ -116,7 +116,7 @@ def project_partly(
     geometry: Homography,
     shape: tuple[int, int],
     edge: Edge,
-    cells: Cells,
+    cells: CellGrid,
     wanted: Bounds,
 ) -> Warped:
     """Project a source whose texels are read on demand, as `forward.project` does.
@@ -140,7 +140,7 @@ def project_partly(
     return sums.warped(*borders(geometry, (height, width), edge))
 
 
-def _add(sums: Sums, source: TexelReader, blocks: Blocks, run: Run, edge: Edge) -> None:
+def _add(sums: PointSums, source: TexelReader, blocks: SourceBlocks, run: Run, edge: Edge) -> None:
     """Add the blocks of a run to the sums."""
     height, width, channels = source.shape
     kinds, interpolation = kinds_of(blocks.axes), sums.cells.interpolation

@@ -22,7 +22,7 @@ def texels_at(index: Integers, size: int, edge: Edge) -> Integers:
     return shifts.texels_at(index, size, continued)[0]
 
 
-class Held(NamedTuple):
+class SourcePart(NamedTuple):
     """A source, or a part of one."""
 
     texels: Floats  # (H, W, C)
@@ -55,7 +55,7 @@ class Sides(NamedTuple):
 
 
 def plates_of(
-    source: Held, whole: Sides, part: Sides, edge: Edge, interpolation: Interpolation
+    source: SourcePart, whole: Sides, part: Sides, edge: Edge, interpolation: Interpolation
 ) -> tuple[Plate, Plate]:
     """Return coefficients and texels of a rectangle of a source's continued plane.
 
@@ -82,14 +82,14 @@ def filtered(source: Floats, along_u: Floats, along_v: Floats, edge: Edge) -> Fl
     height, width, channels = source.shape
     left, above = along_u.size // 2, along_v.size // 2
     sides = Sides((-left, width + left), (-above, height + above))
-    flat = _continued(Held(source, (height, width)), sides, edge)
+    flat = _continued(SourcePart(source, (height, width)), sides, edge)
     result = np.empty(source.shape, np.float32)
     shape = height + 2 * above, width + 2 * left, channels
     filter_plate(flat, shape, Filters(along_u, along_v), result.reshape(-1))
     return result
 
 
-def _continued(source: Held, sides: Sides, edge: Edge) -> Floats:
+def _continued(source: SourcePart, sides: Sides, edge: Edge) -> Floats:
     """Return the texels of a rectangle of the continued plane, row by row, with spare zeros.
 
     Texels outside the stored part are never shown; they copy the nearest one.

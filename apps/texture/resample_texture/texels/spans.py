@@ -17,7 +17,7 @@ WIDE = ("int32", "int64", "uint32", "uint64", "float64")
 COMFORTABLE = 60  # exponents of two up to which sums and squares of values fit into float32
 
 
-class Span(NamedTuple):
+class ValueSpan(NamedTuple):
     """Offset and unit of each channel's values."""
 
     start: NDArray[Any]  # (C,) of the values' type
@@ -51,7 +51,7 @@ class Span(NamedTuple):
 
 def span_of(
     planes: NDArray[Any], missing: NDArray[np.bool_] | None, *, from_zero: bool = False
-) -> Span | None:
+) -> ValueSpan | None:
     """Return offset and unit for values (H, W, C); None if float32 resolves them.
 
     Parameters
@@ -74,7 +74,7 @@ def span_of(
             start[c], unit[c] = first, _unit(max(high - first, first - low))
     if not start.any() and (unit == 1.0).all():
         return None
-    return Span(start, unit)
+    return ValueSpan(start, unit)
 
 
 def rounded(

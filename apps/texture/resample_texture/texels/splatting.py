@@ -22,9 +22,9 @@ from resample_texture.texels.forward import (
     EDGES,
     FARTHEST,
     NOTHING,
-    Blocks,
-    Cells,
-    Sums,
+    CellGrid,
+    PointSums,
+    SourceBlocks,
     borders,
     check_texels,
     moved,
@@ -160,8 +160,8 @@ def splat(
         coefficient = filtered(source, weights, weights, edge)
     source_shape = source.shape[0], source.shape[1]
     blocks, numbers = _blocks_of(geometry, source_shape, shape, edge, splatting)
-    cells = Cells(splatting.filter_of_points, Nearest(), is_sum=splatting.is_sum)
-    sums = Sums(shape, source.shape[2], cells)
+    cells = CellGrid(splatting.filter_of_points, Nearest(), is_sum=splatting.is_sum)
+    sums = PointSums(shape, source.shape[2], cells)
     profile = profile_table(splatting.filter_of_points, numbers.taps)
     spread = FilterTaps(numbers.taps, bool(splatting.is_sum), profile)
     for (first, count), picture in zip(sums.groups, sums.pictures, strict=True):
@@ -183,19 +183,19 @@ def _blocks_of(
     shape: tuple[int, int],
     edge: Edge,
     splatting: Splatting,
-) -> tuple[Blocks, Shape]:
+) -> tuple[SourceBlocks, Shape]:
     """Parts of a source whose splats a frame (height, width) sees, and what they are like."""
     if isinstance(geometry, ForwardMap):
         numbers = splatting.shape(np.eye(3))
         x, y = with_margins(geometry.x, geometry.y)
-        return Blocks(*blocks_on_map(x, y, shape, numbers), np.eye(3), x, y), numbers
+        return SourceBlocks(*blocks_on_map(x, y, shape, numbers), np.eye(3), x, y), numbers
     matrix = oriented(geometry, source_shape)
     numbers = splatting.shape(matrix)
     reach = max(float(numbers.taps), math.sqrt(RIM * numbers.filter_variance))
     lines = sight_of_splats(matrix, shape, reach, splatting.radius)
     root = _root(lines, source_shape, edge)
     axes, bounds = blocks_on_plane(matrix, root, lines, shape, numbers)
-    return Blocks(axes, bounds, matrix, NOTHING, NOTHING), numbers
+    return SourceBlocks(axes, bounds, matrix, NOTHING, NOTHING), numbers
 
 
 def sight_of_splats(

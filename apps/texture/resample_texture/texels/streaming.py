@@ -7,7 +7,14 @@ import numpy as np
 from resample.profiles.interpolation import prefilter
 from resample.types import Floats
 from resample_texture.geometry.mappings import Homography
-from resample_texture.texels.forward import Blocks, Cells, Sums, borders, oriented, split
+from resample_texture.texels.forward import (
+    CellGrid,
+    PointSums,
+    SourceBlocks,
+    borders,
+    oriented,
+    split,
+)
 from resample_texture.types import Edge, Warped
 
 STRIP = 256  # rows of a source projected at a time
@@ -19,7 +26,7 @@ def warp_rows(
     source_shape: tuple[int, int, int],
     geometry: Homography,
     shape: tuple[int, int],
-    cells: Cells | None = None,
+    cells: CellGrid | None = None,
 ) -> Warped:
     """Warp a source whose rows come in order, keeping a few hundred rows at a time.
 
@@ -46,17 +53,17 @@ def warp_rows(
     ValueError
         The strips do not make up the source.
     """
-    cells = cells or Cells()
+    cells = cells or CellGrid()
     height, width, channels = source_shape
     matrix = oriented(geometry, (height, width))
-    sums = Sums(shape, channels, cells)
+    sums = PointSums(shape, channels, cells)
     margin = cells.taps_reach + prefilter(cells.interpolation).size // 2
     for first, last, start, strip in _with_context(rows, source_shape, margin):
         down = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, start], [0.0, 0.0, 1.0]])
         moved = np.ascontiguousarray(matrix @ down)
         roots = np.array([[0, first - start, width, last - first]])
         axes, bounds = split(moved, roots, shape, cells)
-        sums.add(strip, Blocks(axes, bounds, moved, NOTHING, NOTHING), Edge.TRANSPARENT)
+        sums.add(strip, SourceBlocks(axes, bounds, moved, NOTHING, NOTHING), Edge.TRANSPARENT)
     return sums.warped(*borders(geometry, (height, width), Edge.TRANSPARENT))
 
 

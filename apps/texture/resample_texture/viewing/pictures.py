@@ -14,8 +14,8 @@ from resample.view.files import file_of, levels_in
 from resample.view.views import PagePicture, Settings, Size, chosen, settings_of
 from resample.watching import Cancel, cancellable
 from resample_texture.asking import geometry_of
-from resample_texture.command.choices import Besides, Place, Warping, region
-from resample_texture.command.inputs import Target, target_of
+from resample_texture.command.choices import Besides, PictureWarping, WarpGeometry, region
+from resample_texture.command.inputs import PictureTarget, target_of
 from resample_texture.command.jobs import Job, warp_file
 from resample_texture.scenes import PictureScene
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 COMMAND = "resample-texture warp"
-SHOWN = (Place, Warping, Written, Besides)  # option models that a page can change
+SHOWN = (WarpGeometry, PictureWarping, Written, Besides)  # option models that a page can change
 PLACES = {"matrix", "corners", "map", "flow", "lens"}
 SUFFIXES, TIFF = (".png", ".jpg", ".jpeg", ".exr", ".webp", ".bmp"), (".tif", ".tiff")
 LITTLE = 16  # px per side of the pictures that compile the kernels
@@ -83,7 +83,7 @@ class PicturePainter:
         """
         return _written(self.path, {**settings, "size": f"{size[0]}x{size[1]}"}, suffix)
 
-    def _target(self, settings: Settings, size: Size) -> tuple[Target, Warping]:
+    def _target(self, settings: Settings, size: Size) -> tuple[PictureTarget, PictureWarping]:
         place, warping, *_ = _checked({**settings, "size": f"{size[0]}x{size[1]}"})
         shape = self._scene.image.shape[:2]
         return target_of(place, (shape[0], shape[1])), warping

@@ -12,7 +12,7 @@ from resample.engine.jit import Counter, inner_kernel, inner_step, kernel, paral
 from resample.types import Doubles
 from resample_texture.differentiable.kernels.points import (
     Integers,
-    Lens,
+    InterpolatedSource,
     Node,
     PointScratch,
     counts_of,
@@ -62,7 +62,7 @@ def _reaches(seen: Doubles, node: Node, axis: int) -> tuple[float, float]:
 
 @inner_kernel
 def _cut_along(
-    lens: Lens, seen: Doubles, node: Node, axis: int, place: float
+    lens: InterpolatedSource, seen: Doubles, node: Node, axis: int, place: float
 ) -> tuple[float, float]:
     """Clip a point's box along an axis; return its place and the share that is left."""
     before, after = _reaches(seen, node, axis)
@@ -70,7 +70,7 @@ def _cut_along(
 
 
 @inner_step
-def _spot_of(lens: Lens, seen: Doubles, cut: bool, node: Node) -> Landing:
+def _spot_of(lens: InterpolatedSource, seen: Doubles, cut: bool, node: Node) -> Landing:
     """Place a point in the source, and clip its box if an edge runs through the pixel."""
     u, v = place_in(seen, node)
     share_u = share_v = 1.0
@@ -81,7 +81,9 @@ def _spot_of(lens: Lens, seen: Doubles, cut: bool, node: Node) -> Landing:
 
 
 @inner_step
-def _window(lens: Lens, plate: CoefficientPlate, spot: Landing, scratch: PointScratch) -> int:
+def _window(
+    lens: InterpolatedSource, plate: CoefficientPlate, spot: Landing, scratch: PointScratch
+) -> int:
     """Fill in weights along both axes; return where the window begins in the plate."""
     # Fold the place into the source by the edge rule.
     u, _ = folded_in(lens, spot.u, 0)
@@ -119,7 +121,11 @@ def _add_line(line: Doubles, weights: Doubles, share: float, total: Doubles) -> 
 
 @kernel
 def _gather_row(
-    plate: CoefficientPlate, places: Doubles, lens: Lens, scratch: PointScratch, picture: Doubles
+    plate: CoefficientPlate,
+    places: Doubles,
+    lens: InterpolatedSource,
+    scratch: PointScratch,
+    picture: Doubles,
 ) -> None:
     """Fill a row of the picture (w, C)."""
     for column in range(places.shape[0]):
@@ -144,7 +150,11 @@ def _gather_row(
 
 @parallel_kernel
 def gather(
-    counter: Counter, plate: CoefficientPlate, places: Doubles, lens: Lens, picture: Doubles
+    counter: Counter,
+    plate: CoefficientPlate,
+    places: Doubles,
+    lens: InterpolatedSource,
+    picture: Doubles,
 ) -> None:
     """Fill a picture (h, w, C) with means of the interpolated coefficients."""
     scratch = scratch_for(lens.weight.shape[1], plate.channels)
@@ -176,7 +186,7 @@ def _give_point(
 def _give_tile(
     gradient: Doubles,
     places: Doubles,
-    lens: Lens,
+    lens: InterpolatedSource,
     tile: Integers,
     plate: CoefficientPlate,
     scratch: PointScratch,
@@ -206,7 +216,7 @@ def give_back(
     counter: Counter,
     gradient: Doubles,
     places: Doubles,
-    lens: Lens,
+    lens: InterpolatedSource,
     tiles: Integers,
     boxes: Integers,
     start: Integers,
@@ -245,7 +255,11 @@ def _weighed(line: Doubles, weights: Doubles, gradient: Doubles) -> float:
 
 @inner_step
 def _rates(
-    lens: Lens, plate: CoefficientPlate, spot: Landing, gradient: Doubles, scratch: PointScratch
+    lens: InterpolatedSource,
+    plate: CoefficientPlate,
+    spot: Landing,
+    gradient: Doubles,
+    scratch: PointScratch,
 ) -> tuple[float, float, float]:
     """Value at a point times a pixel's gradient, and its derivatives by u and v."""
     # Fill the weights, and those of the derivatives; folding may mirror their sign.
@@ -272,7 +286,12 @@ def _add_rate(node: Node, axis: int, rate: float, change: Doubles) -> None:
 
 @inner_kernel
 def _add_cut_rate(
-    lens: Lens, seen: Doubles, node: Node, axis: int, rates: tuple[float, float], change: Doubles
+    lens: InterpolatedSource,
+    seen: Doubles,
+    node: Node,
+    axis: int,
+    rates: tuple[float, float],
+    change: Doubles,
 ) -> None:
     """Chain a cut point's move along an axis to its pixel's six numbers.
 
@@ -298,7 +317,7 @@ def _add_cut_rate(
 def _change_along_row(
     plate: CoefficientPlate,
     places: Doubles,
-    lens: Lens,
+    lens: InterpolatedSource,
     gradient: Doubles,
     scratch: PointScratch,
     changes: Doubles,
@@ -336,7 +355,7 @@ def change(
     counter: Counter,
     plate: CoefficientPlate,
     places: Doubles,
-    lens: Lens,
+    lens: InterpolatedSource,
     gradient: Doubles,
     changes: Doubles,
 ) -> None:

@@ -28,7 +28,7 @@ SHARP = 1e-9  # samples; a smaller box counts as a point
 NEARLY = 1e-9  # samples beyond an edge that count as nothing
 
 
-class Lens(NamedTuple):
+class InterpolatedSource(NamedTuple):
     """A source and how it is interpolated."""
 
     weight: Doubles  # (D, K) of each sample's weight, a polynomial of the place; see `first_of`
@@ -76,7 +76,7 @@ def points_along(long: float, quality: float) -> int:
 
 
 @inner_step
-def counts_of(lens: Lens, seen: Doubles, cut: bool) -> tuple[int, int]:
+def counts_of(lens: InterpolatedSource, seen: Doubles, cut: bool) -> tuple[int, int]:
     """Points of a pixel along x and y."""
     along_x = points_along(math.hypot(seen[2], seen[3]), lens.quality)
     along_y = points_along(math.hypot(seen[4], seen[5]), lens.quality)
@@ -110,7 +110,7 @@ def place_in(seen: Doubles, node: Node) -> tuple[float, float]:
 
 
 @inner_step
-def is_cut(lens: Lens, seen: Doubles) -> bool:
+def is_cut(lens: InterpolatedSource, seen: Doubles) -> bool:
     """Whether an edge of a transparent source runs through a pixel."""
     if lens.edge != TRANSPARENT:
         return False
@@ -122,7 +122,7 @@ def is_cut(lens: Lens, seen: Doubles) -> bool:
 
 
 @inner_step
-def is_visible(lens: Lens, seen: Doubles) -> bool:
+def is_visible(lens: InterpolatedSource, seen: Doubles) -> bool:
     """Whether a pixel may show anything."""
     # Reject NaN and places too far away.
     if not (abs(seen[0]) <= FARTHEST and abs(seen[1]) <= FARTHEST):
@@ -190,7 +190,7 @@ def slopes_of_cut(
 
 
 @inner_step
-def folded_in(lens: Lens, place: float, axis: int) -> tuple[float, float]:
+def folded_in(lens: InterpolatedSource, place: float, axis: int) -> tuple[float, float]:
     """Fold a place into the source and its margin; return also its direction.
 
     That is −1 where the source is mirrored, and 0 where it is constant.
@@ -224,7 +224,7 @@ def fill_weights(table: Doubles, t: float, weights: Doubles) -> None:
 
 
 @inner_step
-def first_of(lens: Lens, place: float) -> tuple[int, float]:
+def first_of(lens: InterpolatedSource, place: float) -> tuple[int, float]:
     """First coefficient in a place's support, and the argument of the polynomials."""
     from_start = place - lens.shift
     whole = math.floor(from_start)

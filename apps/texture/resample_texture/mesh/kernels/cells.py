@@ -15,8 +15,14 @@ from resample.engine.vectors import Matrix
 from resample.types import Floats, Single
 from resample_texture.mesh.kernels.clip import box, crossing
 from resample_texture.mesh.kernels.color import Skin, fill_line
-from resample_texture.mesh.kernels.surfaces import Lens, Place, Triangles, matrix_at, stretch
-from resample_texture.mesh.kernels.tiles import Block
+from resample_texture.mesh.kernels.surfaces import (
+    Place,
+    ProjectedTriangles,
+    VisibilityCamera,
+    matrix_at,
+    stretch,
+)
+from resample_texture.mesh.kernels.tiles import TileBuffer
 from resample_texture.mesh.kernels.visibility import is_beside
 from resample_texture.texels.kernels.texels import phase
 
@@ -26,7 +32,7 @@ SLACK = 1e-3  # cells; tolerance for the rounded edges of a part
 SMALLEST = 1e-6  # sub-pixels; keeps divisions finite
 
 
-class Cut(NamedTuple):
+class TextureDicing(NamedTuple):
     """How a texture is cut into cells."""
 
     level: int
@@ -36,14 +42,14 @@ class Cut(NamedTuple):
 
 @kernel
 def _add(
-    block: Block,
+    block: TileBuffer,
     center: Place,
     extent: Place,
     weight: float,
     color: Color,
     n: int,
-    triangles: Triangles,
-    lens: Lens,
+    triangles: ProjectedTriangles,
+    lens: VisibilityCamera,
 ) -> bool:
     """Add a cell to the sub-pixels that show its surface.
 
@@ -97,7 +103,7 @@ def _between(texels: Floats, at: int, taps: Floats, part: int, count: int) -> Co
 
 
 @kernel
-def _crossed(block: Block, count: int, height: float) -> Place:
+def _crossed(block: TileBuffer, count: int, height: float) -> Place:
     """Where a line of cells begins and ends, in cells.
 
     The triangle's own corners decide at its edges: both triangles at an edge compute with the same
@@ -123,13 +129,13 @@ def _extent(forward: Matrix, place: Place, step: Place, samples: int) -> Place:
 
 @kernel
 def paint_cells(
-    block: Block,
+    block: TileBuffer,
     n: int,
     count: int,
-    cut: Cut,
-    triangles: Triangles,
+    cut: TextureDicing,
+    triangles: ProjectedTriangles,
     skin: Skin,
-    lens: Lens,
+    lens: VisibilityCamera,
 ) -> tuple[int, int]:
     """Add the cells whose centers lie in a triangle; count all, and the visible ones.
 

@@ -5,12 +5,12 @@ import numpy as np
 from resample.engine.jit import kernel
 from resample.engine.windows.polygons import cut_to
 from resample.types import Doubles
-from resample_texture.mesh.kernels.surfaces import Triangles
+from resample_texture.mesh.kernels.surfaces import ProjectedTriangles
 
 
 @kernel
 def cut_out(
-    triangles: Triangles,
+    triangles: ProjectedTriangles,
     n: int,
     rectangle: tuple[float, float, float, float],
     polygon: Doubles,

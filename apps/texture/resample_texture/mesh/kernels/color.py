@@ -11,7 +11,7 @@ from resample.types import Doubles, Floats
 from resample_texture.mesh.kernels.surfaces import (
     Ints,
     Place,
-    Triangles,
+    ProjectedTriangles,
     barycentric,
 )
 
@@ -117,7 +117,7 @@ def _fill_by_texels(
 
 
 @inner_kernel
-def lit(triangles: Triangles, skin: Skin, n: int, place: Place) -> float:
+def lit(triangles: ProjectedTriangles, skin: Skin, n: int, place: Place) -> float:
     """Brightness of a triangle at a place on screen."""
     if len(skin.light) == 0:
         return 1.0

@@ -11,18 +11,18 @@ import numpy as np
 from resample.engine.jit import kernel, making_kernel
 from resample.engine.windows.polygons import area
 from resample.types import Doubles
-from resample_texture.mesh.kernels.cells import Cut, paint_cells
+from resample_texture.mesh.kernels.cells import TextureDicing, paint_cells
 from resample_texture.mesh.kernels.clip import cut_out, reach
 from resample_texture.mesh.kernels.color import Skin, level_for
 from resample_texture.mesh.kernels.surfaces import (
-    Lens,
     Place,
-    Triangles,
+    ProjectedTriangles,
+    VisibilityCamera,
     matrix_at,
     stretched,
     texture_place,
 )
-from resample_texture.mesh.kernels.tiles import Block, Grid
+from resample_texture.mesh.kernels.tiles import SubpixelGrid, TileBuffer
 
 MOST_CELLS = 64.0  # per sub-pixel; a texture more anisotropic than that is looked up instead
 MOST_LINES = 256.0  # of cells, per sub-pixel along the clipped part
@@ -32,18 +32,20 @@ UNEVEN = 2.0  # sizes of a texture within a part of a tile may differ by this fa
 
 
 @kernel
-def _cut(skin: Skin, texture: int, level: int, size: Place, finest: float) -> tuple[Cut, float]:
+def _cut(
+    skin: Skin, texture: int, level: int, size: Place, finest: float
+) -> tuple[TextureDicing, float]:
     """Cut a level into cells at most `1 / finest` px wide; count them."""
     height, width = skin.level[texture, level, 1], skin.level[texture, level, 2]
     along_u = max(1, math.ceil(min(MOST_CUTS, size[0] / width * finest) - 1e-9))
     along_t = max(1, math.ceil(min(MOST_CUTS, size[1] / height * finest) - 1e-9))
-    return Cut(level, along_u, along_t), float(width * along_u) * float(height * along_t)
+    return TextureDicing(level, along_u, along_t), float(width * along_u) * float(height * along_t)
 
 
 @kernel
 def _best_cut(
     skin: Skin, texture: int, size: Place, share: float, room: float, finest: float
-) -> tuple[Cut, bool]:
+) -> tuple[TextureDicing, bool]:
     """Cut of the level that suits a part best, and whether it has few enough cells.
 
     `size` is how long u and t are on screen, px, `share` the share of the texture that is needed,
@@ -56,7 +58,7 @@ def _best_cut(
 
 @kernel
 def _set_rim(
-    block: Block, triangles: Triangles, uv: Doubles, n: int, count: int
+    block: TileBuffer, triangles: ProjectedTriangles, uv: Doubles, n: int, count: int
 ) -> tuple[Place, Place]:
     """Map the clipped polygon to the texture; return least and greatest scales, px."""
     forward = matrix_at(triangles.forward, n)
@@ -87,7 +89,12 @@ def _quarter(waiting: Doubles, last: int) -> int:
 
 @making_kernel
 def dice(
-    block: Block, n: int, triangles: Triangles, skin: Skin, lens: Lens, grid: Grid
+    block: TileBuffer,
+    n: int,
+    triangles: ProjectedTriangles,
+    skin: Skin,
+    lens: VisibilityCamera,
+    grid: SubpixelGrid,
 ) -> tuple[int, int]:
     """Add a triangle's cells; return how many, and how many were visible.
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from resample.engine.jit import inner_kernel, making_kernel
 from resample.types import Doubles
-from resample_texture.mesh.kernels.surfaces import Place, Triangles, plane_at
-from resample_texture.mesh.kernels.tiles import Block, sample, span
+from resample_texture.mesh.kernels.surfaces import Place, ProjectedTriangles, plane_at
+from resample_texture.mesh.kernels.tiles import TileBuffer, sample, span
 from resample_texture.mesh.kernels.visibility import WIDE, nearness_at, row_span, set_edges
 
 POINTS = 64
@@ -25,7 +25,7 @@ NONE, ALL, ONE = np.uint64(0), np.uint64(0xFFFFFFFFFFFFFFFF), np.uint64(1)
 
 
 @making_kernel
-def open_outline(block: Block) -> None:
+def open_outline(block: TileBuffer) -> None:
     """Find sub-pixels where outlines may be.
 
     They are beside those that show nothing, and at the tile's border.
@@ -75,7 +75,7 @@ def _points_within(edge: Doubles, count: int, corner: Place, fine: float) -> np.
 
 
 @inner_kernel
-def take_points(triangles: Triangles, n: int, block: Block) -> None:
+def take_points(triangles: ProjectedTriangles, n: int, block: TileBuffer) -> None:
     """Mark the points that a triangle covers where outlines may be."""
     # Set up the edges and the sub-pixels that the triangle may touch.
     edge, count, taken = block.edge, triangles.corners[n], block.taken
@@ -106,7 +106,7 @@ def take_points(triangles: Triangles, n: int, block: Block) -> None:
 
 
 @inner_kernel
-def close_outline(block: Block) -> None:
+def close_outline(block: TileBuffer) -> None:
     """Show the nearest triangle where points, but not the sample, are covered."""
     owner = block.owner
     for row in range(owner.shape[0]):
@@ -116,7 +116,7 @@ def close_outline(block: Block) -> None:
 
 
 @inner_kernel
-def covered(block: Block, row: int, column: int) -> float:
+def covered(block: TileBuffer, row: int, column: int) -> float:
     """Share of a sub-pixel that triangles cover: the count of its marked points."""
     points, count = block.taken[row, column], 0
     if points == ALL:

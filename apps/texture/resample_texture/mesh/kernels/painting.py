@@ -33,8 +33,8 @@ from resample_texture.mesh.kernels.outlines import (
     take_points,
 )
 from resample_texture.mesh.kernels.shading import count, finish, is_sampled, put_behind, shade
-from resample_texture.mesh.kernels.surfaces import Ints, Lens, Triangles
-from resample_texture.mesh.kernels.tiles import Block, Grid, new_block
+from resample_texture.mesh.kernels.surfaces import Ints, ProjectedTriangles, VisibilityCamera
+from resample_texture.mesh.kernels.tiles import SubpixelGrid, TileBuffer, new_block
 from resample_texture.mesh.kernels.visibility import may_show, show
 
 MOST_LAYERS = 64  # of translucent triangles one behind the other
@@ -43,10 +43,10 @@ MOST_LAYERS = 64  # of translucent triangles one behind the other
 class MeshScene(NamedTuple):
     """Triangles, camera and sampling of a picture."""
 
-    triangles: Triangles
+    triangles: ProjectedTriangles
     skin: Skin
-    lens: Lens
-    grid: Grid
+    lens: VisibilityCamera
+    grid: SubpixelGrid
     tally: Ints  # (tiles, 4) cells, those that were visible, sub-pixels covered, looked up
 
 
@@ -68,19 +68,19 @@ def _begun(
     tile: int,
     size: tuple[int, int],
     surfaces: Surfaces,
-) -> Block:
+) -> TileBuffer:
     """Allocate the sub-pixels of a tile."""
     return new_block(tile, tiles, size, scene.grid, scene.tally[tile], surfaces.most > 1)
 
 
 @plays(claim, MeshScene)
-def _claim(scene: MeshScene, member: int, block: Block) -> None:
+def _claim(scene: MeshScene, member: int, block: TileBuffer) -> None:
     """Resolve the visibility of a triangle."""
     show(scene.triangles, member, block)
 
 
 @plays(claimed, MeshScene)
-def _claimed(scene: MeshScene, tiles: Tiles, tile: int, block: Block) -> None:
+def _claimed(scene: MeshScene, tiles: Tiles, tile: int, block: TileBuffer) -> None:
     """Measure coverage at outlines, once all triangles have been shown."""
     open_outline(block)
     for k in range(tiles.start[tile], tiles.start[tile + 1]):
@@ -89,7 +89,7 @@ def _claimed(scene: MeshScene, tiles: Tiles, tile: int, block: Block) -> None:
 
 
 @plays(add, MeshScene)
-def _add(scene: MeshScene, member: int, block: Block) -> None:
+def _add(scene: MeshScene, member: int, block: TileBuffer) -> None:
     """Add the cells of a triangle, if it may be visible."""
     triangles, skin, lens = scene.triangles, scene.skin, scene.lens
     # Textures without area and translucent ones have no cells.
@@ -102,7 +102,7 @@ def _add(scene: MeshScene, member: int, block: Block) -> None:
 
 
 @plays(composed, MeshScene)
-def _composed(scene: MeshScene, block: Block, surface: int, surfaces: Surfaces) -> bool:
+def _composed(scene: MeshScene, block: TileBuffer, surface: int, surfaces: Surfaces) -> bool:
     """Compose the layer; return whether another one may show through."""
     count(scene.skin, block)
     # A scene of opaque triangles has one layer, which is shaded in place.
@@ -117,7 +117,7 @@ def _composed(scene: MeshScene, block: Block, surface: int, surfaces: Surfaces) 
 
 
 @kernel
-def _measure(block: Block, row: int, column: int) -> tuple[float, float]:
+def _measure(block: TileBuffer, row: int, column: int) -> tuple[float, float]:
     """Mean and least depth of what a pixel's own sub-pixels show; infinite if nothing."""
     total, first, weight, n = 0.0, np.inf, 0.0, block.samples
     for r in range((row + block.margin) * n, (row + block.margin + 1) * n):
@@ -132,7 +132,7 @@ def _measure(block: Block, row: int, column: int) -> tuple[float, float]:
 
 
 @plays(write, MeshPicture)
-def _write(picture: MeshPicture, block: Block) -> None:
+def _write(picture: MeshPicture, block: TileBuffer) -> None:
     """Filter a tile's sub-pixels to pixels, and write their depths."""
     # Leave out the margin, which only feeds the filter.
     top, left = int(block.top) + block.margin, int(block.left) + block.margin

@@ -15,7 +15,7 @@ from resample.engine.windows.edges import WRAP, mapped
 from resample_texture.mesh.kernels.color import MASK, OPAQUE, Skin
 from resample_texture.mesh.kernels.surfaces import (
     Place,
-    Triangles,
+    ProjectedTriangles,
     barycentric,
     matrix_at,
     texture_place,
@@ -88,7 +88,7 @@ def _slope(matrix: Matrix, skin: Skin, n: int, axis: int, value: float) -> Place
 
 
 @inner_kernel
-def _reach(triangles: Triangles, skin: Skin, n: int, place: Place, fine: float) -> Place:
+def _reach(triangles: ProjectedTriangles, skin: Skin, n: int, place: Place, fine: float) -> Place:
     """Most and fewest texels that a sub-pixel covers: axes of its ellipse.
 
     `fine` is its size, px.
@@ -131,7 +131,7 @@ def _level_and_taps(skin: Skin, texture: int, reach: Place) -> tuple[int, int]:
 
 @inner_kernel
 def evaluate(
-    triangles: Triangles, skin: Skin, n: int, place: Place, corner: Place, fine: float
+    triangles: ProjectedTriangles, skin: Skin, n: int, place: Place, corner: Place, fine: float
 ) -> Layer:
     """Color of triangle n over a sub-pixel that shows it at `place`.
 

@@ -10,22 +10,22 @@ from resample.engine.jit import inner_kernel
 from resample_texture.mesh.kernels.color import OPAQUE, Skin, lit
 from resample_texture.mesh.kernels.outlines import NOTHING, covered
 from resample_texture.mesh.kernels.sampling import Layer, evaluate
-from resample_texture.mesh.kernels.surfaces import Lens, Triangles
-from resample_texture.mesh.kernels.tiles import Block, sample
+from resample_texture.mesh.kernels.surfaces import ProjectedTriangles, VisibilityCamera
+from resample_texture.mesh.kernels.tiles import TileBuffer, sample
 
 LEAST_WEIGHT = 1e-2  # sub-pixels²; a sub-pixel that got less is looked up
 FULL = 1.0 - 1e-3  # alpha beyond which nothing shows through
 
 
 @inner_kernel
-def is_sampled(triangles: Triangles, skin: Skin, n: int) -> bool:
+def is_sampled(triangles: ProjectedTriangles, skin: Skin, n: int) -> bool:
     """Whether a triangle has no cells: its texture has no area, or it is not opaque."""
     texture = skin.texture[n]
     return bool(texture < 0 or triangles.determinant[n] == 0.0 or skin.mode[texture] != OPAQUE)
 
 
 @inner_kernel
-def _is_reached(skin: Skin, block: Block, row: int, column: int) -> bool:
+def _is_reached(skin: Skin, block: TileBuffer, row: int, column: int) -> bool:
     """Whether cells gave a sub-pixel its color."""
     texture = skin.texture[block.owner[row, column]]
     is_opaque = texture < 0 or skin.mode[texture] == OPAQUE
@@ -33,7 +33,9 @@ def _is_reached(skin: Skin, block: Block, row: int, column: int) -> bool:
 
 
 @inner_kernel
-def _sampled(triangles: Triangles, skin: Skin, block: Block, row: int, column: int) -> Layer:
+def _sampled(
+    triangles: ProjectedTriangles, skin: Skin, block: TileBuffer, row: int, column: int
+) -> Layer:
     """Color and alpha of the triangle that a sub-pixel shows, from its texture."""
     n, fine = block.owner[row, column], 1.0 / block.samples
     corner = (block.left + column * fine, block.top + row * fine)
@@ -41,7 +43,7 @@ def _sampled(triangles: Triangles, skin: Skin, block: Block, row: int, column: i
 
 
 @inner_kernel
-def _mean(block: Block, row: int, column: int) -> Layer:
+def _mean(block: TileBuffer, row: int, column: int) -> Layer:
     """Weighted mean of the cells that landed in a sub-pixel, opaque."""
     sums, weight = block.sums, block.sums[row, column, 3]
     return (
@@ -53,7 +55,7 @@ def _mean(block: Block, row: int, column: int) -> Layer:
 
 
 @inner_kernel
-def count(skin: Skin, block: Block) -> None:
+def count(skin: Skin, block: TileBuffer) -> None:
     """Count the tile's own sub-pixels that show a triangle, and those without cells."""
     margin, shown, missed = block.margin * block.samples, 0, 0
     for row in range(margin, block.owner.shape[0] - margin):
@@ -67,7 +69,9 @@ def count(skin: Skin, block: Block) -> None:
 
 
 @inner_kernel
-def shade(triangles: Triangles, skin: Skin, lens: Lens, block: Block) -> None:
+def shade(
+    triangles: ProjectedTriangles, skin: Skin, lens: VisibilityCamera, block: TileBuffer
+) -> None:
     """Turn an opaque layer's sums into color and coverage, its nearness into depth."""
     sums = block.sums
     for row in range(block.owner.shape[0]):
@@ -95,7 +99,7 @@ def shade(triangles: Triangles, skin: Skin, lens: Lens, block: Block) -> None:
 
 
 @inner_kernel
-def put_behind(triangles: Triangles, skin: Skin, block: Block) -> bool:
+def put_behind(triangles: ProjectedTriangles, skin: Skin, block: TileBuffer) -> bool:
     """Composite the current layer under those in front; tell whether to go on."""
     seen, again = block.visible, False
     for row in range(block.owner.shape[0]):
@@ -133,7 +137,7 @@ def put_behind(triangles: Triangles, skin: Skin, block: Block) -> bool:
 
 
 @inner_kernel
-def finish(lens: Lens, block: Block) -> None:
+def finish(lens: VisibilityCamera, block: TileBuffer) -> None:
     """Write the composite of all layers in place of a single layer's sums."""
     sums, seen = block.sums, block.visible
     for row in range(block.owner.shape[0]):

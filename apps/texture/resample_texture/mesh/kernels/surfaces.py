@@ -31,7 +31,7 @@ class Faces(NamedTuple):
     uv: Doubles  # (T, 3, 2) u and t there
 
 
-class Triangles(NamedTuple):
+class ProjectedTriangles(NamedTuple):
     """T triangles in screen space, without what lies before the near plane."""
 
     corner: Doubles  # (T, 4, 2) px, in order around the triangle
@@ -45,7 +45,7 @@ class Triangles(NamedTuple):
     bounds: Records  # (T,) of BOUNDS
 
 
-class Lens(NamedTuple):
+class VisibilityCamera(NamedTuple):
     """Camera parameters of visibility."""
 
     near: float  # scene units, of the near plane
@@ -56,7 +56,7 @@ class Lens(NamedTuple):
 
 
 @kernel
-def _add_corner(triangles: Triangles, n: int, point: Vector, nearness: float) -> None:
+def _add_corner(triangles: ProjectedTriangles, n: int, point: Vector, nearness: float) -> None:
     """Append a corner to a triangle's polygon, and extend the limits of its nearness."""
     k = triangles.corners[n]
     triangles.corner[n, k, 0] = point[0] / point[2]
@@ -67,7 +67,7 @@ def _add_corner(triangles: Triangles, n: int, point: Vector, nearness: float) ->
 
 
 @kernel
-def _cut_near(triangles: Triangles, n: int, faces: Faces, lens: Lens) -> None:
+def _cut_near(triangles: ProjectedTriangles, n: int, faces: Faces, lens: VisibilityCamera) -> None:
     """Clip a triangle at the near plane, to a polygon on screen.
 
     The intersection is computed from the inner end of an edge to the outer one, so that both
@@ -94,7 +94,7 @@ def _cut_near(triangles: Triangles, n: int, faces: Faces, lens: Lens) -> None:
 
 
 @kernel
-def _set_forward(triangles: Triangles, n: int, faces: Faces) -> None:
+def _set_forward(triangles: ProjectedTriangles, n: int, faces: Faces) -> None:
     """Set the homography from texture to screen; 0 for a texture without area."""
     point, _, corner, uv = faces
     # Take the texture's edge vectors; their determinant tells whether it has area.
@@ -117,7 +117,9 @@ def _set_forward(triangles: Triangles, n: int, faces: Faces) -> None:
 
 
 @kernel
-def _project_triangle(n: int, faces: Faces, lens: Lens, triangles: Triangles) -> None:
+def _project_triangle(
+    n: int, faces: Faces, lens: VisibilityCamera, triangles: ProjectedTriangles
+) -> None:
     """Set up a triangle: facing, barycentric weights, nearness, clipping, homography."""
     point, depth, corner, _ = faces
     a, b, c = corner[n, 0], corner[n, 1], corner[n, 2]
@@ -145,7 +147,7 @@ def _project_triangle(n: int, faces: Faces, lens: Lens, triangles: Triangles) ->
 
 
 @kernel
-def _bound(triangles: Triangles, n: int) -> None:
+def _bound(triangles: ProjectedTriangles, n: int) -> None:
     """Write the bounds of a triangle on screen."""
     left, top, right, bottom = np.inf, np.inf, -np.inf, -np.inf
     for k in range(triangles.corners[n]):
@@ -157,7 +159,9 @@ def _bound(triangles: Triangles, n: int) -> None:
 
 
 @kernel
-def _project_chunk(chunk: int, faces: Faces, lens: Lens, triangles: Triangles) -> None:
+def _project_chunk(
+    chunk: int, faces: Faces, lens: VisibilityCamera, triangles: ProjectedTriangles
+) -> None:
     """Project the triangles of a chunk, and bound them."""
     for n in range(chunk * CHUNK, min((chunk + 1) * CHUNK, len(faces.corner))):
         _project_triangle(n, faces, lens, triangles)
@@ -165,7 +169,9 @@ def _project_chunk(chunk: int, faces: Faces, lens: Lens, triangles: Triangles) -
 
 
 @parallel_kernel
-def project_triangles(counter: Counter, faces: Faces, lens: Lens, triangles: Triangles) -> None:
+def project_triangles(
+    counter: Counter, faces: Faces, lens: VisibilityCamera, triangles: ProjectedTriangles
+) -> None:
     """Project triangles: fill in the visible ones; all are 0 before."""
     for chunk in tasks(counter, (len(faces.corner) + CHUNK - 1) // CHUNK):
         _project_chunk(chunk, faces, lens, triangles)
@@ -182,13 +188,13 @@ def matrix_at(matrices: Doubles, n: int) -> Matrix:
 
 
 @kernel
-def plane_at(triangles: Triangles, n: int) -> Vector:
+def plane_at(triangles: ProjectedTriangles, n: int) -> Vector:
     """Coefficients of a triangle's nearness for (x, y, 1), also outside of it."""
     return triangles.nearness[n, 0], triangles.nearness[n, 1], triangles.nearness[n, 2]
 
 
 @kernel
-def barycentric(triangles: Triangles, n: int, place: Place) -> Vector:
+def barycentric(triangles: ProjectedTriangles, n: int, place: Place) -> Vector:
     """Barycentric weights of the vertices at a place in a triangle, of sum 1."""
     a, b, c = multiply(matrix_at(triangles.weight, n), (place[0], place[1], 1.0))
     # Clamp: rounding may put a place just outside.
@@ -201,7 +207,7 @@ def barycentric(triangles: Triangles, n: int, place: Place) -> Vector:
 
 
 @kernel
-def texture_place(triangles: Triangles, uv: Doubles, n: int, place: Place) -> Place:
+def texture_place(triangles: ProjectedTriangles, uv: Doubles, n: int, place: Place) -> Place:
     """Texture coordinates u and t of a place on screen."""
     weight = barycentric(triangles, n, place)
     return (

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from resample.engine.jit import inner_kernel, kernel
 from resample.engine.surfaces.blocks import whole_within
 from resample.types import Doubles, Floats, Tiles
-from resample_texture.mesh.kernels.surfaces import Ints, Place, Triangles
+from resample_texture.mesh.kernels.surfaces import Ints, Place, ProjectedTriangles
 
 
-class Grid(NamedTuple):
+class SubpixelGrid(NamedTuple):
     """Sampling of a frame."""
 
     samples: int  # sub-pixels per side of a pixel
@@ -19,7 +19,7 @@ class Grid(NamedTuple):
     quality: float  # cells per sub-pixel and axis, at least
 
 
-class Block(NamedTuple):
+class TileBuffer(NamedTuple):
     """Sub-pixels of one tile with its margin, and scratch to fill them."""
 
     left: float  # px
@@ -45,8 +45,13 @@ class Block(NamedTuple):
 
 @kernel
 def new_block(
-    tile: int, tiles: Tiles, size: tuple[int, int], grid: Grid, tally: Ints, is_layered: bool
-) -> Block:
+    tile: int,
+    tiles: Tiles,
+    size: tuple[int, int],
+    grid: SubpixelGrid,
+    tally: Ints,
+    is_layered: bool,
+) -> TileBuffer:
     """Allocate an empty tile, clipped to the frame (height, width) and its margin."""
     # Clip the tile to the frame, and add the margin.
     row, column = divmod(int(np.int64(tile)), tiles.columns)
@@ -56,7 +61,7 @@ def new_block(
 
     # Allocate buffers for layers only if something is translucent.
     layered = (rows, columns) if is_layered else (0, 0)
-    return Block(
+    return TileBuffer(
         # Origin and sampling.
         float(left - grid.margin),
         float(top - grid.margin),
@@ -82,7 +87,7 @@ def new_block(
 
 
 @inner_kernel
-def columns_within(block: Block, left: float, right: float) -> tuple[int, int]:
+def columns_within(block: TileBuffer, left: float, right: float) -> tuple[int, int]:
     """First and last column of the sub-pixels between two places, px."""
     last = block.owner.shape[1] - 1
     return (
@@ -92,7 +97,7 @@ def columns_within(block: Block, left: float, right: float) -> tuple[int, int]:
 
 
 @inner_kernel
-def span(triangles: Triangles, n: int, block: Block) -> tuple[int, int, int, int]:
+def span(triangles: ProjectedTriangles, n: int, block: TileBuffer) -> tuple[int, int, int, int]:
     """First and last row, first and last column of what a triangle may touch."""
     bounds = triangles.bounds[n]
     top, bottom = bounds["top"], bounds["bottom"]
@@ -107,7 +112,7 @@ def span(triangles: Triangles, n: int, block: Block) -> tuple[int, int, int, int
 
 
 @inner_kernel
-def sample(block: Block, row: int, column: int) -> Place:
+def sample(block: TileBuffer, row: int, column: int) -> Place:
     """Place on screen at which a sub-pixel is tested for visibility.
 
     The grid of samples is rotated a little, so that vertical edges pass a pixel's samples one by

@@ -5,14 +5,19 @@ import math
 from resample.engine.jit import inner_kernel
 from resample.engine.vectors import Vector, dot
 from resample.types import Doubles
-from resample_texture.mesh.kernels.surfaces import Lens, Place, Triangles, plane_at
-from resample_texture.mesh.kernels.tiles import Block, columns_within, sample, span
+from resample_texture.mesh.kernels.surfaces import (
+    Place,
+    ProjectedTriangles,
+    VisibilityCamera,
+    plane_at,
+)
+from resample_texture.mesh.kernels.tiles import TileBuffer, columns_within, sample, span
 
 WIDE = 8  # sub-pixels; rows of wider triangles are narrowed down first
 
 
 @inner_kernel
-def set_edges(triangles: Triangles, n: int, edge: Doubles) -> None:
+def set_edges(triangles: ProjectedTriangles, n: int, edge: Doubles) -> None:
     """Set up the edges of a polygon, each from its smaller to its greater end.
 
     So both triangles at an edge compute with the same numbers, and a point on it belongs to exactly
@@ -66,7 +71,7 @@ def _between(edge: Doubles, count: int, top: float, bottom: float) -> tuple[floa
 
 
 @inner_kernel
-def row_span(edge: Doubles, count: int, block: Block, row: int) -> tuple[int, int]:
+def row_span(edge: Doubles, count: int, block: TileBuffer, row: int) -> tuple[int, int]:
     """First and last column of a row's sub-pixels that a polygon may touch."""
     fine = 1.0 / block.samples
     top = block.top + row * fine
@@ -82,7 +87,7 @@ def nearness_at(plane: Vector, limit: tuple[float, float], place: Place) -> floa
 
 
 @inner_kernel
-def show(triangles: Triangles, n: int, block: Block) -> None:
+def show(triangles: ProjectedTriangles, n: int, block: TileBuffer) -> None:
     """Give a triangle the sub-pixels where it passes the depth test."""
     # Set up the edges and the sub-pixels that the triangle may touch.
     edge, count = block.edge, triangles.corners[n]
@@ -109,7 +114,9 @@ def show(triangles: Triangles, n: int, block: Block) -> None:
 
 
 @inner_kernel
-def is_beside(triangles: Triangles, n: int, other: int, place: Place, lens: Lens) -> bool:
+def is_beside(
+    triangles: ProjectedTriangles, n: int, other: int, place: Place, lens: VisibilityCamera
+) -> bool:
     """Whether two triangles that face the same way form one surface at a place."""
     if triangles.facing[n] != triangles.facing[other]:
         return False
@@ -120,7 +127,9 @@ def is_beside(triangles: Triangles, n: int, other: int, place: Place, lens: Lens
 
 
 @inner_kernel
-def may_show(triangles: Triangles, n: int, block: Block, lens: Lens) -> bool:
+def may_show(
+    triangles: ProjectedTriangles, n: int, block: TileBuffer, lens: VisibilityCamera
+) -> bool:
     """Whether a triangle may be part of the visible surface, also between samples."""
     plane, limit = plane_at(triangles, n), (triangles.limit[n, 0], triangles.limit[n, 1])
     first, last, start, end = span(triangles, n, block)

@@ -27,7 +27,7 @@ class Reading(NamedTuple):
     edge: int  # TRANSPARENT, CLAMP, WRAP or MIRROR
 
 
-class Means(NamedTuple):
+class MipPyramid(NamedTuple):
     """Box means of a source, level by level."""
 
     texel: Floats  # of all levels, flat
@@ -46,7 +46,7 @@ class ByMap(NamedTuple):
     places: Doubles  # (6, h, w) of what `_read_row` reads in (w, 6)
 
 
-class Picture(NamedTuple):
+class TapPicture(NamedTuple):
     """Picture to fill, empty before."""
 
     image: Floats  # (h, w, c)
@@ -63,7 +63,7 @@ class Taps(NamedTuple):
     side_y: float
 
 
-class Level(NamedTuple):
+class MipLevel(NamedTuple):
     """Memory layout of one level."""
 
     start: int  # in the array of all texels
@@ -106,7 +106,7 @@ def _pair(position: float, size: int, edge: int) -> tuple[int, int, Single, Sing
 
 @kernel
 def _weigh(
-    level: Level, x: float, y: float, channels: int, edge: int
+    level: MipLevel, x: float, y: float, channels: int, edge: int
 ) -> tuple[tuple[int, int, int, int], tuple[Single, Single, Single, Single]]:
     """Offsets and bilinear weights of the 2 × 2 texels around a place; 0 for no texel."""
     left, right, on_left, on_right = _pair(x, level.width, edge)
@@ -155,7 +155,9 @@ def _is_somewhere(seen: Doubles, column: int) -> bool:
 
 
 @kernel
-def _read_row(means: Means, seen: Doubles, reading: Reading, picture: Picture, row: int) -> None:
+def _read_row(
+    means: MipPyramid, seen: Doubles, reading: Reading, picture: TapPicture, row: int
+) -> None:
     """Fill a row of pixels, each from the two levels nearest to a tap's width.
 
     `seen` (w, 6) is what the row shows, texels: a pixel's center (x, y), its side along the
@@ -178,7 +180,7 @@ def _read_row(means: Means, seen: Doubles, reading: Reading, picture: Picture, r
         for number in range(fine, fine + (2 if coarse_share > 0.0 else 1)):
             share = coarse_share if number > fine else np.float32(1.0) - coarse_share
             share /= np.float32(taps.number)
-            level = Level(levels[number, 0], levels[number, 1], levels[number, 2])
+            level = MipLevel(levels[number, 0], levels[number, 1], levels[number, 2])
             # Scale places to the level: sizes are rounded, so each axis has its own factor.
             scale_x, scale_y = level.width / levels[0, 2], level.height / levels[0, 1]
             # Sum bilinear taps along the major axis.
@@ -236,7 +238,7 @@ def _fill_by_map(geometry, row, seen):  # type: ignore[no-untyped-def]
 
 @kernel
 def _fill_row(
-    means: Means, geometry: ByMatrix | ByMap, reading: Reading, picture: Picture, row: int
+    means: MipPyramid, geometry: ByMatrix | ByMap, reading: Reading, picture: TapPicture, row: int
 ) -> None:
     """Fill one row of the picture."""
     seen = np.full((picture.coverage.shape[1], 6), np.inf)
@@ -247,10 +249,10 @@ def _fill_row(
 @parallel_kernel
 def read(
     counter: Counter,
-    means: Means,
+    means: MipPyramid,
     geometry: ByMatrix | ByMap,
     reading: Reading,
-    picture: Picture,
+    picture: TapPicture,
 ) -> None:
     """Fill an empty picture with what its pixels show of a source."""
     for row in tasks(counter, picture.coverage.shape[0]):

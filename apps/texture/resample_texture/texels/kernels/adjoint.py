@@ -15,7 +15,7 @@ from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.windows.edges import mapped
 from resample.types import Doubles, Floats
 from resample_texture.texels.kernels.blocks import CUT, LEVEL, START, Integers
-from resample_texture.texels.kernels.placing import Placement, place
+from resample_texture.texels.kernels.placing import TexelMapping, place
 from resample_texture.texels.kernels.texels import (
     _prefix,
     cell_offsets,
@@ -111,7 +111,7 @@ def _share_out(mass: Floats, texels: float) -> None:
 @kernel
 def _gather_block(
     gradient: Floats,
-    geometry: Placement,
+    geometry: TexelMapping,
     block: Integers,
     box: Integers,
     taps: Floats,
@@ -148,7 +148,7 @@ def _gather_block(
 def gather_blocks(
     counter: Counter,
     gradient: Floats,
-    geometry: Placement,
+    geometry: TexelMapping,
     axes: Integers,
     bounds: Integers,
     taps: Floats,

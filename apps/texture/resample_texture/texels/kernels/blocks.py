@@ -37,7 +37,7 @@ MOST_SPLITS, PER_PIXEL = 1 << 18, 16
 TILE = 32  # texels along a side of a block of a map, before it is split
 
 
-class Cut(NamedTuple):
+class DicingRate(NamedTuple):
     """How fine cells are."""
 
     quality: float  # cells per px, at least
@@ -289,7 +289,7 @@ def _push(roots: Integers, root: int, stack: Integers) -> None:
 
 @kernel
 def _divided(
-    matrix: Doubles, lines: Doubles, stack: Integers, top: int, cut: Cut, seen: Rectangle
+    matrix: Doubles, lines: Doubles, stack: Integers, top: int, cut: DicingRate, seen: Rectangle
 ) -> int:
     """Make a block of the rectangle on top of a stack, or split it.
 
@@ -354,7 +354,7 @@ def split_plane(
     # Prepare the frustum's lines, growing results, and a stack for a depth-first descent.
     height, width = frame
     left_over = MOST_SPLITS + PER_PIXEL * height * width  # rectangles that may be visited
-    lines, cut = view_bounds(matrix, height, width, reach), Cut(quality, largest)
+    lines, cut = view_bounds(matrix, height, width, reach), DicingRate(quality, largest)
     found = np.empty((256, 2, 6), np.int64), np.empty((256, 4), np.int64), 0
     stack = np.zeros((256, 2, 4), np.int64)
     block, box = np.empty((2, 6), np.int64), np.empty(4)

@@ -40,7 +40,7 @@ class Pixels(NamedTuple):
     quality: float  # parts of a pixel along an axis, at least
 
 
-class Points(NamedTuple):
+class PixelPoints(NamedTuple):
     """Scratch for the points of one pixel."""
 
     batch: Batch
@@ -140,9 +140,9 @@ def _cut_pixel(source: Pixels, place: tuple[int, int], is_sum: bool, batch: Batc
 
 
 @plays(begun, Pixels)
-def _begun(source: Pixels, part: int) -> Points:  # noqa: ARG001
+def _begun(source: Pixels, part: int) -> PixelPoints:  # noqa: ARG001
     """Allocate scratch for the points of one pixel."""
-    return Points(new_batch(source.channels[1], MOST * MOST))
+    return PixelPoints(new_batch(source.channels[1], MOST * MOST))
 
 
 @plays(lines, Pixels)
@@ -154,7 +154,7 @@ def _lines(source: Pixels, part: int) -> int:
 
 @plays(fill, Pixels)
 def _fill(
-    source: Pixels, part: int, line: int, box: Integers, spread: FilterTaps, work: Points
+    source: Pixels, part: int, line: int, box: Integers, spread: FilterTaps, work: PixelPoints
 ) -> int:
     # Find the pixel that this line stands for.
     tile, (pixel, along_x, along_y, _, _) = source.tiles[part], work.batch

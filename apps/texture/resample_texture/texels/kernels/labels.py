@@ -30,7 +30,7 @@ class PixelMapping(NamedTuple):
     places: Doubles  # (6, h, w) instead, as `places_of` gives it; (6, 0, 0) under a homography
 
 
-class Labels(NamedTuple):
+class LabelSource(NamedTuple):
     """A source's labels."""
 
     code: NDArray[np.int32]  # (H, W) from 0 in the order of labels; less than 0 for none
@@ -39,7 +39,7 @@ class Labels(NamedTuple):
     edge: int  # TRANSPARENT, CLAMP, WRAP or MIRROR
 
 
-class Found(NamedTuple):
+class LabelPicture(NamedTuple):
     """Labels of pixels, to be filled in."""
 
     texel: Indices  # (h, w) a texel of the label, counted row by row
@@ -194,7 +194,7 @@ def _square(tally: Tally, sizes: tuple[int, int], edge: int) -> tuple[int, int]:
 
 @kernel
 def _add_column(
-    labels: Labels, tally: Tally, column: int, corners: tuple[int, int], met: int
+    labels: LabelSource, tally: Tally, column: int, corners: tuple[int, int], met: int
 ) -> int:
     """Add areas of labels in one column of texels; return how many were met."""
     count, now = corners
@@ -238,7 +238,7 @@ def _add_column(
 
 
 @kernel
-def _add_pixel(labels: Labels, tally: Tally) -> int:
+def _add_pixel(labels: LabelSource, tally: Tally) -> int:
     """Add areas of labels in a pixel; count labels, −1 if there are too many texels."""
     height, width = labels.code.shape
 
@@ -299,7 +299,7 @@ def _largest(tally: Tally, met: int) -> tuple[int, float]:
 
 
 @kernel
-def _single(labels: Labels, rows: Doubles) -> int:
+def _single(labels: LabelSource, rows: Doubles) -> int:
     """Texel of a pixel whose texels share one label; less than 0 if they differ."""
     # Bound the pixel's corners in the source.
     height, width = labels.code.shape
@@ -330,7 +330,9 @@ def _single(labels: Labels, rows: Doubles) -> int:
 
 
 @kernel
-def _find_row(mapping: PixelMapping, labels: Labels, found: Found, tally: Tally, row: int) -> None:
+def _find_row(
+    mapping: PixelMapping, labels: LabelSource, found: LabelPicture, tally: Tally, row: int
+) -> None:
     """Find the labels of a row of pixels."""
     for column in range(found.texel.shape[1]):
         # Skip pixels that show nothing.
@@ -356,7 +358,9 @@ def _find_row(mapping: PixelMapping, labels: Labels, found: Found, tally: Tally,
 
 
 @kernel
-def _find_band(mapping: PixelMapping, labels: Labels, found: Found, rows: tuple[int, int]) -> None:
+def _find_band(
+    mapping: PixelMapping, labels: LabelSource, found: LabelPicture, rows: tuple[int, int]
+) -> None:
     """Find the labels of some rows of pixels."""
     tally = Tally(
         np.zeros(labels.codes),
@@ -370,7 +374,9 @@ def _find_band(mapping: PixelMapping, labels: Labels, found: Found, rows: tuple[
 
 
 @parallel_kernel
-def find_labels(counter: Counter, mapping: PixelMapping, labels: Labels, found: Found) -> None:
+def find_labels(
+    counter: Counter, mapping: PixelMapping, labels: LabelSource, found: LabelPicture
+) -> None:
     """Find each pixel's label of the largest area, the smallest of equal ones."""
     for rows in bands(counter, found.texel.shape[0], BAND):
         _find_band(mapping, labels, found, rows)

@@ -11,7 +11,7 @@ from resample.engine.jit import Counter, inner_kernel, kernel, parallel_kernel
 from resample.engine.roles import plays
 from resample.types import Doubles, Floats
 from resample_texture.texels.kernels.blocks import CUT, Integers
-from resample_texture.texels.kernels.placing import Placement, place
+from resample_texture.texels.kernels.placing import TexelMapping, place
 from resample_texture.texels.kernels.texels import (
     Extract,
     cell_offsets,
@@ -46,10 +46,10 @@ class Texture(NamedTuple):
     channels: tuple[int, int]  # first of them and how many: 1 or 3
     taps: Floats  # (K, R) of the interpolation; see `kernels.texels`
     axes: Integers  # (B, 2, 6) blocks
-    geometry: Placement
+    geometry: TexelMapping
 
 
-class Lines(NamedTuple):
+class CellRows(NamedTuple):
     """Scratch for the rows of a block's cells."""
 
     batch: Batch
@@ -78,7 +78,7 @@ def _as_densities(batch: Batch, count: int, texels: float) -> None:
 
 
 @plays(begun, Texture)
-def _begun(source: Texture, part: int) -> Lines:
+def _begun(source: Texture, part: int) -> CellRows:
     """Fetch the texels of a block, and allocate scratch for its rows."""
     # Size the patch: the block's texels, padded along the axes that are interpolated.
     block, (first, count) = source.axes[part], source.channels
@@ -92,7 +92,7 @@ def _begun(source: Texture, part: int) -> Lines:
     # Allocate the batch for one row of cells.
     offset = cell_offsets(block)
     line = np.empty((count, columns), np.float32)
-    return Lines(new_batch(count, offset.size), offset, patch, line)
+    return CellRows(new_batch(count, offset.size), offset, patch, line)
 
 
 @plays(lines, Texture)
@@ -103,7 +103,7 @@ def _lines(source: Texture, part: int) -> int:
 
 @plays(fill, Texture)
 def _fill(
-    source: Texture, part: int, line: int, box: Integers, spread: FilterTaps, work: Lines
+    source: Texture, part: int, line: int, box: Integers, spread: FilterTaps, work: CellRows
 ) -> int:
     """Fill the batch with one row of cells; count them."""
     block, batch, offset = source.axes[part], work.batch, work.offset

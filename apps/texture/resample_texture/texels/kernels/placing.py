@@ -23,7 +23,7 @@ Triple = tuple[Single, Single, Single]
 SMALLEST: Single = np.float32(1e-5)  # px; keeps divisions finite
 
 
-class Placement(NamedTuple):
+class TexelMapping(NamedTuple):
     """Where texels go: by a homography, or by a map if that is not empty."""
 
     matrix: Doubles  # (3, 3) source to target
@@ -43,7 +43,7 @@ class Walk(NamedTuple):
     width: int  # px, of the block's pixels
 
 
-class Raster(NamedTuple):
+class CellRaster(NamedTuple):
     """Pixels of a block, and cells in texels."""
 
     left: float  # px
@@ -56,7 +56,7 @@ class Raster(NamedTuple):
 
 
 @inner_kernel
-def _raster_of(block: Integers, box: Integers, taps: int) -> Raster:
+def _raster_of(block: Integers, box: Integers, taps: int) -> CellRaster:
     """Pixels and cell sizes of a block; a cell meets at least 2 pixels along an axis."""
     width, height = box[RIGHT] - box[LEFT], box[BOTTOM] - box[TOP]
     size_u, _ = extents(block, 0)
@@ -64,12 +64,12 @@ def _raster_of(block: Integers, box: Integers, taps: int) -> Raster:
     # Keep the first pixel of a cell so far from the border that all its taps fit.
     beside = max(2, taps) - 1
     left, top = float(box[LEFT]), float(box[TOP])
-    return Raster(left, top, width, width - beside, height - beside, size_u, size_v)
+    return CellRaster(left, top, width, width - beside, height - beside, size_u, size_v)
 
 
 @inner_kernel
 def place(
-    geometry: Placement,
+    geometry: TexelMapping,
     block: Integers,
     box: Integers,
     v: float,
