@@ -112,7 +112,7 @@ def measured(job: Job) -> dict[str, Any]:
 
 def rendered(job: Job) -> dict[str, Any]:
     """Facts of a picture: memory in bytes, bricks read, seconds and a hash."""
-    from resample_volume.command.choices import Source
+    from resample_volume.command.choices import ReadOptions
     from resample_volume.command.inputs import prepared
     from resample_volume.data.bricks import Bricks
     from resample_volume.files.source import generate
@@ -122,7 +122,7 @@ def rendered(job: Job) -> dict[str, Any]:
     look = Appearance(LOOK, classification=Classification.PRE)
     render(generate("checker-box:size=16"), look, size=(32, 32))  # compiles or loads kernels
     base, start, busy = _peak(), time.perf_counter(), _busy()
-    source = Source(memory=f"{job.memory / 1000:.3f}kB")
+    source = ReadOptions(memory=f"{job.memory / 1000:.3f}kB")
     volume = prepared(source, str(job.path), streamed=job.how != "memory")
     frame, windows = _shared(volume, job) if job.how == "workers" else _alone(volume, job)
     digest = hashlib.sha256()

@@ -15,7 +15,7 @@ from resample_volume.command.animation import (
     FRAMES,
     PATHS,
     Flight,
-    Paint,
+    FrameOptions,
     Tour,
     cameras_of,
     flight_of,
@@ -30,7 +30,7 @@ from resample_volume.voxels.shading import Light
 from tests.volume.of_voxels import of_voxels
 
 SIZE = (24, 32)
-SKY = Paint(size=SIZE, background=(0.0, 0.0, 0.5))
+SKY = FrameOptions(size=SIZE, background=(0.0, 0.0, 0.5))
 TWO = "[[camera]]\ntime = 0\nzoom = 2\n[[camera]]\ntime = 2.5\nazimuth = 90\nzoom = 2\n"
 
 
@@ -218,7 +218,7 @@ def test_equal_choices_are_the_same_job():
     for _ in range(2):
         subject = Subject.of(vessel_tree(16), Appearance())
         cameras = cameras_of(subject, Flight("zoom", 3), SIZE)
-        jobs.append(shots(subject, cameras, Paint(size=SIZE), {"volume": "vessel-tree"}).job)
+        jobs.append(shots(subject, cameras, FrameOptions(size=SIZE), {"volume": "vessel-tree"}).job)
     assert jobs[0] == jobs[1]
 
 

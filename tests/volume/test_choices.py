@@ -11,7 +11,7 @@ from resample_volume.classification.automatic import LEVELS
 from resample_volume.classification.labels import Rule
 from resample_volume.classification.materials import spread
 from resample_volume.classification.presets import load_transfer
-from resample_volume.command.choices import AppearanceChoices, Projecting, Source
+from resample_volume.command.choices import AppearanceChoices, Projecting, ReadOptions
 from resample_volume.command.inputs import opened
 from resample_volume.files.generated import checker_box
 from resample_volume.media.appearance import BY_DEFAULT, Appearance
@@ -169,7 +169,7 @@ def test_a_ramp_is_two_numbers(ramp):
 def test_a_raw_file_is_told_its_shape_type_and_spacing(tmp_path):
     values = np.arange(24, dtype=np.int16).reshape(2, 3, 4)
     (tmp_path / "a.bin").write_bytes(values.tobytes())
-    source = Source(shape="4x3x2", dtype="int16", spacing="1x1x1.5")
+    source = ReadOptions(shape="4x3x2", dtype="int16", spacing="1x1x1.5")
     volume = opened(source, str(tmp_path / "a.bin"))
     assert np.array_equal(volume.values, values)
     assert volume.spacing.tolist() == [1, 1, 1.5]
@@ -190,26 +190,28 @@ def test_a_raw_file_is_told_its_shape_type_and_spacing(tmp_path):
 def test_the_order_of_bytes_is_told_once(choice, dtype, tmp_path):
     values = np.arange(24, dtype=np.int16).reshape(2, 3, 4)
     (tmp_path / "a.bin").write_bytes(values.astype(dtype).tobytes())
-    volume = opened(Source(shape="4x3x2", **choice), str(tmp_path / "a.bin"))
+    volume = opened(ReadOptions(shape="4x3x2", **choice), str(tmp_path / "a.bin"))
     assert np.array_equal(volume.values, values)
 
 
 def test_a_reader_is_chosen_by_name(tmp_path):
     (tmp_path / "a.bin").write_bytes(bytes(8 + 27))
-    volume = opened(Source(reader="raw:offset=8,shape=3x3x3,dtype=uint8"), str(tmp_path / "a.bin"))
+    volume = opened(
+        ReadOptions(reader="raw:offset=8,shape=3x3x3,dtype=uint8"), str(tmp_path / "a.bin")
+    )
     assert volume.values.shape == (3, 3, 3)
 
 
 def test_the_spacing_takes_the_place_of_the_files():
-    assert opened(Source(spacing="2x3x4"), "checker-box:size=4").spacing.tolist() == [2, 3, 4]
-    assert opened(Source(), "checker-box:size=4").spacing.tolist() == [1, 1, 1]
+    assert opened(ReadOptions(spacing="2x3x4"), "checker-box:size=4").spacing.tolist() == [2, 3, 4]
+    assert opened(ReadOptions(), "checker-box:size=4").spacing.tolist() == [1, 1, 1]
 
 
 def test_a_file_comes_before_a_generated_volume_of_its_name(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     np.save("checker-box.npy", np.zeros((2, 3, 4), np.uint8))
     (tmp_path / "checker-box.npy").rename("checker-box")
-    assert opened(Source(reader="npy"), "checker-box").values.shape == (2, 3, 4)
+    assert opened(ReadOptions(reader="npy"), "checker-box").values.shape == (2, 3, 4)
 
 
 @pytest.mark.parametrize(
@@ -230,14 +232,14 @@ def test_a_file_comes_before_a_generated_volume_of_its_name(tmp_path, monkeypatc
 )
 def test_a_source_that_makes_no_sense_is_refused(choice, complaint):
     with pytest.raises(ValueError, match=complaint):
-        opened(Source(**choice), "checker-box:size=4")
+        opened(ReadOptions(**choice), "checker-box:size=4")
 
 
 def test_an_unknown_reader_lists_the_known():
     with pytest.raises(LookupError, match="known readers: cube, dicom"):
-        opened(Source(reader="foo"), "checker-box:size=4")
+        opened(ReadOptions(reader="foo"), "checker-box:size=4")
 
 
 def test_an_empty_name_is_not_the_working_folder():
     with pytest.raises(ValueError, match="the volume has no name"):
-        opened(Source(), "")
+        opened(ReadOptions(), "")

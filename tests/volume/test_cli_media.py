@@ -10,7 +10,7 @@ import pytest
 from resample.files.images import read_image
 from resample.resampler import Resampler
 from resample_volume import cli
-from resample_volume.command.choices import Added, AppearanceChoices, Source
+from resample_volume.command.choices import Added, AppearanceChoices, ReadOptions
 from resample_volume.command.inputs import held
 from resample_volume.command.media import media, others
 from resample_volume.files.generated import vessel_tree
@@ -38,7 +38,7 @@ def files(tmp_path, monkeypatch):
 
 def scene(name, source=None, **added):
     return media(
-        source or Source(), name, AppearanceChoices(shading=False), Added(**added), Resampler()
+        source or ReadOptions(), name, AppearanceChoices(shading=False), Added(**added), Resampler()
     )
 
 
@@ -77,7 +77,7 @@ def test_what_is_said_of_another_volume_is_read():
     assert other.name == "vessel-tree:size=16"
     assert (other.source.channel, other.source.units) == (0, "none")
     assert other.classifier == {"window": "40/80", "transfer": "skin:opacity=0.1+bone"}
-    assert others(["b.nrrd"]) == [("b.nrrd", Source(), {})]
+    assert others(["b.nrrd"]) == [("b.nrrd", ReadOptions(), {})]
 
 
 def test_channels_have_looks_of_their_own():
@@ -132,7 +132,7 @@ def test_one_of_several_times_is_chosen(capsys):
     facts = json.loads(capsys.readouterr().out)
     assert facts["name"] == "c (time -1)"
     assert facts["spacing"] == [1, 1, 2]
-    assert held(Source(spacing="1x1x2"), "c.npy").spacing.tolist() == [1, 1, 2]
+    assert held(ReadOptions(spacing="1x1x2"), "c.npy").spacing.tolist() == [1, 1, 2]
 
 
 def test_the_note_of_a_reader_is_said(capsys):

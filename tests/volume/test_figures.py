@@ -15,7 +15,7 @@ from resample_volume.files.source import generate
 from resample_volume.files.writing import write_volume
 from resample_volume.showing import data, figures, footprints, gallery, popping, schematic, timing
 from resample_volume.showing.data import VolumeFolder
-from resample_volume.showing.footprints import Sphere
+from resample_volume.showing.footprints import KernelBall
 from resample_volume.showing.writing import write_numbers
 
 SMALL = "vessel-tree:size=24"
@@ -161,7 +161,7 @@ def test_figure_2_says_that_it_shows_another_volume(tmp_path):
 
 # Figures 3 and 4.
 
-SPHERE = Sphere(35.0, 12.0, 40.0)
+SPHERE = KernelBall(35.0, 12.0, 40.0)
 
 
 def touching_rays(sphere, count=24):

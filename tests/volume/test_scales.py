@@ -9,9 +9,9 @@ from matplotlib.colors import LogNorm, SymLogNorm
 from resample.command.settings import Resampling
 from resample_volume import cli
 from resample_volume.classification.presets import transfer_for
-from resample_volume.classification.scales import Scale, edges_of, on_scale, scale_named, scaled
+from resample_volume.classification.scales import LogScale, edges_of, on_scale, scale_named, scaled
 from resample_volume.classification.surveys import survey
-from resample_volume.command.choices import AppearanceChoices, Source
+from resample_volume.command.choices import AppearanceChoices, ReadOptions
 from resample_volume.command.inputs import prepared
 from resample_volume.files.source import describe
 from resample_volume.inputs import as_volume
@@ -43,18 +43,18 @@ def file(tmp_path, monkeypatch):
 
 def test_a_symmetric_logarithm_is_that_of_matplotlib():
     norm = SymLogNorm(0.01, vmin=-300, vmax=7000)
-    place = Scale(0.01).scaled(VALUES)
+    place = LogScale(0.01).scaled(VALUES)
     share = (place - place[0]) / (place[-1] - place[0])
     np.testing.assert_allclose(share, norm(VALUES), rtol=1e-12)
-    np.testing.assert_allclose(Scale(0.01).value(place), VALUES, rtol=1e-12)
+    np.testing.assert_allclose(LogScale(0.01).value(place), VALUES, rtol=1e-12)
 
 
 def test_a_logarithm_is_that_of_matplotlib():
     given = VALUES[4:]
-    place = Scale().scaled(given)
+    place = LogScale().scaled(given)
     share = (place - place[0]) / (place[-1] - place[0])
     np.testing.assert_allclose(share, LogNorm(*given[[0, -1]])(given), rtol=1e-12)
-    assert np.isnan(Scale().scaled(VALUES[:4])).all()
+    assert np.isnan(LogScale().scaled(VALUES[:4])).all()
 
 
 @pytest.mark.parametrize("text", ["symlog", "symlog:linear=0", "ln", "log:10", "symlog:linear=a"])
@@ -133,7 +133,7 @@ def test_a_window_and_a_surface_are_in_the_units_of_values():
 
 @pytest.mark.parametrize("projection", ["maximum", "first-hit"])
 def test_projections_are_of_logarithms(file, projection):
-    volume = prepared(Source(scale="log"), file)
+    volume = prepared(ReadOptions(scale="log"), file)
     iso = 1e-24 if projection == "first-hit" else None
     resampler = AppearanceChoices().renderer(
         Resampling(projection=projection, iso=iso), volume.scale
@@ -153,7 +153,7 @@ def test_information_is_in_the_units_of_values(file, capsys):
     said = capsys.readouterr().out
     assert "scale        log" in said
     assert "256 voxels of 0 or below have no logarithm" in said
-    facts = describe(prepared(Source(scale="log"), file), 4)
+    facts = describe(prepared(ReadOptions(scale="log"), file), 4)
     inside = galaxy()[galaxy() > 0]
     np.testing.assert_allclose(facts["range"], [inside.min(), inside.max()], rtol=1e-5)
     counts, _ = np.histogram(np.log10(inside).astype(np.float32), 4)
@@ -165,10 +165,14 @@ def test_information_is_in_the_units_of_values(file, capsys):
 @pytest.mark.parametrize(
     ("scale", "span", "texts"),
     [
-        (Scale(), (1e-24, 1e-18), ["1e−24", "1e−23", "1e−22", "1e−21", "1e−20", "1e−19", "1e−18"]),
-        (Scale(), (1.0, 100.0), ["1", "2", "5", "10", "20", "50", "100"]),
-        (Scale(), (1e-24, 1.0), ["1e−24", "1e−20", "1e−16", "1e−12", "1e−08", "0.0001", "1"]),
-        (Scale(0.1), (-10.0, 10.0), ["−10", "−1", "−0.1", "0", "0.1", "1", "10"]),
+        (
+            LogScale(),
+            (1e-24, 1e-18),
+            ["1e−24", "1e−23", "1e−22", "1e−21", "1e−20", "1e−19", "1e−18"],
+        ),
+        (LogScale(), (1.0, 100.0), ["1", "2", "5", "10", "20", "50", "100"]),
+        (LogScale(), (1e-24, 1.0), ["1e−24", "1e−20", "1e−16", "1e−12", "1e−08", "0.0001", "1"]),
+        (LogScale(0.1), (-10.0, 10.0), ["−10", "−1", "−0.1", "0", "0.1", "1", "10"]),
     ],
 )
 def test_decades_stand_beside_a_color_bar(scale, span, texts):
@@ -180,8 +184,8 @@ def test_decades_stand_beside_a_color_bar(scale, span, texts):
 
 
 def test_a_narrow_range_has_ticks_too():
-    low, high = Scale().scaled(np.array([3.1, 3.4])).tolist()
-    assert len(Scale().ticks((low, high), 7)) >= 2
+    low, high = LogScale().scaled(np.array([3.1, 3.4])).tolist()
+    assert len(LogScale().ticks((low, high), 7)) >= 2
 
 
 def test_a_picture_on_a_scale_has_its_bar(file):
@@ -196,7 +200,7 @@ def test_what_is_converted_keeps_its_values(file, capsys):
 
 
 def test_a_page_speaks_of_values(file):
-    view = VolumeView(file, Source(scale="log"))
+    view = VolumeView(file, ReadOptions(scale="log"))
     assert view.about["histogram"]["scale"] == "log"
     painter = view.painter()
     told = painter.tell({"transfer": "1e-26/red/0,1e-24/gold/0.5"}, "points")

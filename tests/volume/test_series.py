@@ -13,7 +13,7 @@ from resample.resampler import Resampler
 from resample_volume import cli
 from resample_volume.classification.transfer import from_points
 from resample_volume.command.animation import Course, around
-from resample_volume.command.choices import AppearanceChoices, Source
+from resample_volume.command.choices import AppearanceChoices, ReadOptions
 from resample_volume.command.inputs import held
 from resample_volume.command.media import appearance_over_time, labelled, times_of
 from resample_volume.media.series import Series
@@ -168,13 +168,13 @@ def test_other_volumes_stay_while_times_go_on():
 def test_a_channel_of_a_film_is_filmed():
     both = np.stack([BEATS.values[:, 0], 2 * BEATS.values[:, 0]], 1)
     np.save("both.npy", both)
-    known = held(Source(), "both.npy")
-    series = Series.of(times_of(Source(channel=1), known))
+    known = held(ReadOptions(), "both.npy")
+    series = Series.of(times_of(ReadOptions(channel=1), known))
     assert np.array_equal(series[2].values, both[2, 1])
     with pytest.raises(ValueError, match=r"2 channels; .* by channel, 0 to 1 \(--channel 0"):
-        Series.of(times_of(Source(), known))
-    assert times_of(Source(channel=1), held(Source(), "beats.npy")) is None
-    assert times_of(Source(), known._replace(values=known.values[:1, :1])) is None
+        Series.of(times_of(ReadOptions(), known))
+    assert times_of(ReadOptions(channel=1), held(ReadOptions(), "beats.npy")) is None
+    assert times_of(ReadOptions(), known._replace(values=known.values[:1, :1])) is None
 
 
 def test_labels_are_of_the_voxels_of_each_time():

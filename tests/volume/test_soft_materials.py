@@ -7,7 +7,7 @@ from scipy.ndimage import gaussian_filter
 from resample_volume.classification.automatic import VEIL
 from resample_volume.classification.presets import load_transfer, transfer_for
 from resample_volume.classification.surveys import survey
-from resample_volume.data.thresholds import Levels, peak_between
+from resample_volume.data.thresholds import Histogram, peak_between
 from resample_volume.inputs import as_volume
 
 SIDE = 48
@@ -104,12 +104,12 @@ def test_a_peak_is_between_two_valleys():
     value = np.arange(256.0)
     count = 1e5 * np.exp(-(value**2) / 50) + 900 * np.exp(-((value - 70) ** 2) / 200)
     count += 5000 * np.exp(-((value - 200) ** 2) / 200) + 10
-    levels = Levels(value, count.astype(np.int64))
+    levels = Histogram(value, count.astype(np.int64))
     peak = peak_between(levels, 130, 130, 0.9)
     assert peak.value == pytest.approx(70, abs=2)
     assert 20 < peak.before < 50
     assert 90 < peak.after < 131
-    flat = Levels(value, (count - 900 * np.exp(-((value - 70) ** 2) / 200)).astype(np.int64))
+    flat = Histogram(value, (count - 900 * np.exp(-((value - 70) ** 2) / 200)).astype(np.int64))
     assert peak_between(flat, 130, 130, 0.9) is None
 
 
@@ -117,6 +117,6 @@ def test_chance_makes_no_material():
     rng = np.random.default_rng(3)
     parts = rng.normal(0, 0.3, 20000), rng.exponential(8.0, 500), rng.normal(60, 0.5, 2000)
     value = np.sort(np.concatenate(parts))
-    known = Levels(value, np.full(value.size, 64))
+    known = Histogram(value, np.full(value.size, 64))
     assert peak_between(known, 40, 40, 0.9, 1) is not None
     assert peak_between(known, 40, 40, 0.9, 64) is None

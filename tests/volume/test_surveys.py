@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from resample_volume.classification.surveys import ends, findings, survey, without_padding
-from resample_volume.data.thresholds import Levels, otsu
+from resample_volume.data.thresholds import Histogram, otsu
 from resample_volume.inputs import as_volume
 
 
@@ -136,13 +136,13 @@ def test_thresholds_are_the_best_of_all(rng):
         weights = [number[part].sum() for part in parts if part.size]
         return np.sum(np.array(weights) * (np.array(means) - mean) ** 2)
 
-    levels = Levels(value, number)
+    levels = Histogram(value, number)
     assert evenness(*otsu(levels)) == pytest.approx(max(evenness(v) for v in value[:-1]))
     best = max(evenness(a, b) for a in value for b in value if a < b)
     assert evenness(*otsu(levels, 3)) == pytest.approx(best)
 
 
 def test_thresholds_need_values():
-    assert otsu(Levels(np.zeros(1), np.ones(1, np.int64))) == []
-    assert otsu(Levels(np.zeros(0), np.ones(0, np.int64))) == []
-    assert otsu(Levels(np.array([0.0, 1.0]), np.array([5, 5]))) == [0.5]
+    assert otsu(Histogram(np.zeros(1), np.ones(1, np.int64))) == []
+    assert otsu(Histogram(np.zeros(0), np.ones(0, np.int64))) == []
+    assert otsu(Histogram(np.array([0.0, 1.0]), np.array([5, 5]))) == [0.5]

@@ -6,7 +6,7 @@ import SimpleITK
 
 from resample_volume.classification.hounsfield import Units, units_of
 from resample_volume.classification.surveys import survey
-from resample_volume.command.choices import Source
+from resample_volume.command.choices import ReadOptions
 from resample_volume.command.inputs import opened
 from resample_volume.files.readers import Dicom, Nifti, Nrrd
 from resample_volume.inputs import as_volume
@@ -108,5 +108,5 @@ def test_what_is_told_comes_before_what_it_looks_like(rng):
 
 
 def test_the_command_line_tells_units():
-    assert opened(Source(units="hu+1024"), "checker-box:size=4").units == "hu+1024"
-    assert opened(Source(), "checker-box:size=4").units == ""
+    assert opened(ReadOptions(units="hu+1024"), "checker-box:size=4").units == "hu+1024"
+    assert opened(ReadOptions(), "checker-box:size=4").units == ""

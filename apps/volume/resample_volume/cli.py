@@ -27,7 +27,7 @@ from resample_volume.command.choices import (
     Beside,
     BesidePicture,
     Projecting,
-    Source,
+    ReadOptions,
 )
 
 Unshown = Parameter(show_default=False)
@@ -48,7 +48,7 @@ app = App(
 app.register_install_completion_command()
 
 VOXELS, RESAMPLING, PICTURE = AppearanceChoices.usual(), Resampling.usual(), PictureFormat.usual()
-SOURCE, PROJECTING, ADDED = Source.usual(), Projecting.usual(), Added.usual()
+SOURCE, PROJECTING, ADDED = ReadOptions.usual(), Projecting.usual(), Added.usual()
 BESIDE, BESIDE_PICTURE = Beside.usual(), BesidePicture.usual()
 SERVING, SHARING = Serving.usual(), Sharing.usual()
 # In a small picture voxels are small, and primitives differ.
@@ -73,7 +73,7 @@ def render(
     look: Annotated[AppearanceChoices, flags.Flat] = VOXELS,
     resampling: Annotated[Resampling, flags.Flat] = RESAMPLING,
     picture: Annotated[PictureFormat, flags.Flat] = PICTURE,
-    source: Annotated[Source, flags.Flat] = SOURCE,
+    source: Annotated[ReadOptions, flags.Flat] = SOURCE,
     added: Annotated[Added, flags.Flat] = ADDED,
     beside: Annotated[BesidePicture, flags.Flat] = BESIDE_PICTURE,
     sharing: Annotated[Sharing, flags.Flat] = SHARING,
@@ -153,7 +153,7 @@ def compare(
     look: Annotated[AppearanceChoices, flags.Flat] = FAR_APPEARANCE,
     projection: Annotated[Projecting, flags.Flat] = PROJECTING,
     size: flags.Size = "96",
-    source: Annotated[Source, flags.Flat] = SOURCE,
+    source: Annotated[ReadOptions, flags.Flat] = SOURCE,
 ) -> None:
     """Render a volume by several methods, footprints, orders and peers, and measure their errors.
 
@@ -241,7 +241,7 @@ def animate(
     size: flags.Size = "400",
     background: flags.FilmBackground = "black",
     threads: Annotated[int | None, OptionTopic.RESOURCE] = None,
-    source: Annotated[Source, flags.Flat] = SOURCE,
+    source: Annotated[ReadOptions, flags.Flat] = SOURCE,
     added: Annotated[Added, flags.Flat] = ADDED,
     beside: Annotated[Beside, flags.Flat] = BESIDE,
     sharing: Annotated[Sharing, flags.Flat] = SHARING,
@@ -279,7 +279,7 @@ def animate(
     resampler = look.renderer(resampling, source.scale)
     beside.met(look, resampler)
     require_picture(shape, BYTES_PER_PIXEL)
-    paint = animation.Paint(resampler, shape, behind, threads)
+    paint = animation.FrameOptions(resampler, shape, behind, threads)
     script = filming.Script(volume, source, look, added, beside, resampling, frames)
     about = {"volume": volume, "path": path, "transfer": look.transfer}
     with worker_pools(sharing, threads) as hire:
@@ -299,7 +299,7 @@ def view(
     *,
     look: Annotated[AppearanceChoices, flags.Flat] = VOXELS,
     resampling: Annotated[Resampling, flags.Flat] = RESAMPLING,
-    source: Annotated[Source, flags.Flat] = SOURCE,
+    source: Annotated[ReadOptions, flags.Flat] = SOURCE,
     beside: Annotated[Beside, flags.Flat] = BESIDE,
     page: Annotated[Serving, flags.Flat] = SERVING,
 ) -> None:
@@ -330,7 +330,7 @@ def info(
     *,
     bins: flags.AppearanceFlag[int] = 32,
     as_json: Annotated[bool, OptionTopic.APPEARANCE, Parameter(name="--json", negative="")] = False,
-    source: Annotated[Source, flags.Flat] = SOURCE,
+    source: Annotated[ReadOptions, flags.Flat] = SOURCE,
 ) -> None:
     """Print a volume's size, spacing, values, histogram and thresholds found in the histogram.
 
@@ -387,7 +387,7 @@ def convert(
     shard: flags.AppearanceFlag[int | None] = None,
     compression: flags.AppearanceFlag[Literal["zstd", "blosc", "none"]] = "zstd",
     levels: flags.AppearanceFlag[bool] = True,
-    source: Annotated[Source, flags.Flat] = SOURCE,
+    source: Annotated[ReadOptions, flags.Flat] = SOURCE,
 ) -> None:
     """Write any volume as OME-Zarr 0.5, brick by brick, with coarser levels of exact means.
 

@@ -5,7 +5,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from resample.view.views import chosen, controls_of
-from resample_volume.command.choices import Source
+from resample_volume.command.choices import ReadOptions
 from resample_volume.files.writing import write_volume
 from resample_volume.inputs import as_volume
 from resample_volume.viewing import COMMAND, VolumeView
@@ -51,7 +51,7 @@ def view(volume: Any, /, **settings: Any) -> "Viewer":
         write_volume(path, as_volume(volume, "volume"))
         volume = path
     named = {key.replace("_", "-"): value for key, value in settings.items()}
-    of_source = {key: named.pop(key) for key in list(named) if key in Source.model_fields}
-    (source,) = chosen(of_source, (Source,))
+    of_source = {key: named.pop(key) for key in list(named) if key in ReadOptions.model_fields}
+    (source,) = chosen(of_source, (ReadOptions,))
     opened = VolumeView(str(volume), source, (), controls_of(COMMAND, app["render"]))
     return shown(opened, named, folder)

@@ -20,7 +20,7 @@ from resample_volume.voxels.slices.thin import SAME, of_samples, voxels_of
 from resample_volume.voxels.visible import Voxels, lattice_of
 
 if TYPE_CHECKING:
-    from resample_volume.voxels.kernels.picking import PickedField, Rays, Splatted
+    from resample_volume.voxels.kernels.picking import PickedField, PickingRays, SplattedVoxels
 
 HALF = 0.5  # accumulated opacity at which a voxel counts as the visible one
 
@@ -143,9 +143,9 @@ def picked(volume: Volume, voxel: int) -> Picked:
     )
 
 
-def _rays(view: View, scene: Volume, pixels: Doubles, clip: Doubles, reach: float) -> "Rays":
+def _rays(view: View, scene: Volume, pixels: Doubles, clip: Doubles, reach: float) -> "PickingRays":
     """Return the rays of pixels, clipped to a volume's box and to planes."""
-    from resample_volume.voxels.kernels.picking import Rays
+    from resample_volume.voxels.kernels.picking import PickingRays
 
     eye, direction = _lines(view, pixels)
     to_lattice = np.linalg.inv(lattice_of(scene)).T
@@ -160,7 +160,7 @@ def _rays(view: View, scene: Volume, pixels: Doubles, clip: Doubles, reach: floa
         _cut(first, last, eye @ plane[:3] + plane[3], direction @ plane[:3])
     length = np.linalg.norm(direction, axis=1)
     arrays = (origin, np.ascontiguousarray(speed), length, first, np.maximum(last, first))
-    return Rays(*(np.ascontiguousarray(array, np.float64) for array in arrays))
+    return PickingRays(*(np.ascontiguousarray(array, np.float64) for array in arrays))
 
 
 def _lines(view: View, pixels: Doubles) -> tuple[Doubles, Doubles]:
@@ -181,8 +181,8 @@ def _cut(first: Doubles, last: Doubles, at: Doubles, per: Doubles) -> None:
     last[(per == 0) & (at < 0)] = -np.inf
 
 
-def _splatted(voxels: Voxels, scene: Volume, view: View, resampler: Resampler) -> "Splatted":
-    from resample_volume.voxels.kernels.picking import Splatted
+def _splatted(voxels: Voxels, scene: Volume, view: View, resampler: Resampler) -> "SplattedVoxels":
+    from resample_volume.voxels.kernels.picking import SplattedVoxels
 
     lattice, size = lattice_of(scene), scene.values.shape[::-1]
     place = (voxels.position - scene.origin) @ np.linalg.inv(lattice).T
@@ -192,7 +192,7 @@ def _splatted(voxels: Voxels, scene: Volume, view: View, resampler: Resampler) -
     toward = view.rotation[2]
     x_deeper, y_deeper, z_deeper = (toward @ lattice).tolist()
     kernel = resampler.reconstruction
-    return Splatted(
+    return SplattedVoxels(
         thickness,
         (size[0], size[1], size[2]),
         float(toward @ scene.origin + view.translation[2]),

@@ -47,8 +47,8 @@ from resample_volume.media.appearance import (
     resampler_for,
     transfer_of,
 )
-from resample_volume.media.lattices import Lattice, bytes_onto, common_lattice, first_in, onto
-from resample_volume.media.mixing import Mixed, added, mixed, with_light
+from resample_volume.media.lattices import CommonLattice, bytes_onto, common_lattice, first_in, onto
+from resample_volume.media.mixing import MixedMedia, added, mixed, with_light
 from resample_volume.media.xrays import AS_IT_IS, Tone, XRay, exposed, settled, tone_of
 from resample_volume.surfaces.image_planes import settled as settled_plane
 from resample_volume.surfaces.meshes import SceneMesh, placed
@@ -82,7 +82,7 @@ from resample_volume.voxels.visible import (
 NOTHING = np.zeros((0, 3), np.float32)
 NO_VOXELS = Voxels(NOTHING, NOTHING, NOTHING[:, 0], NOTHING, np.eye(3))
 
-Visible = Voxels | FieldVoxels | Gathered | Mixed
+Visible = Voxels | FieldVoxels | Gathered | MixedMedia
 Fit = Literal["visible", "volume"]  # what cameras orbit
 
 
@@ -90,7 +90,7 @@ class Placement(NamedTuple):
     """Several volumes in a scene, moved around its origin."""
 
     media: list[VolumeLayer]
-    lattice: Lattice  # of all of them
+    lattice: CommonLattice  # of all of them
     middle: Doubles  # (3,) former place of the origin, scene units
     clip: Doubles  # (M, 4) planes
 
@@ -106,7 +106,7 @@ def placement(media: Sequence[VolumeLayer]) -> Placement:
     return Placement(moved, whole, middle, np.concatenate(cuts))
 
 
-def _onto(volume: Volume, lattice: Lattice, parts: Sequence[Voxels]) -> Volume:
+def _onto(volume: Volume, lattice: CommonLattice, parts: Sequence[Voxels]) -> Volume:
     """Resample a volume onto a lattice, if it fits in memory; errors as of `onto`."""
     values: Values = volume.values
     if isinstance(values, Bricks) and values.memory and first_in(volume, lattice) is None:
@@ -440,7 +440,7 @@ class Subject:
             across = faced(self.voxels, self._across(camera))
             samples = lit_samples(across, light, camera)
             return samples if cue is None else cued(samples, camera, cue, near, far)
-        if isinstance(self.voxels, Mixed):
+        if isinstance(self.voxels, MixedMedia):
             parts = [faced(part, self._across(camera)) for part in self.voxels.parts]
             colors = [lit_samples(part, light, camera).color for part in parts]
             samples = added(self.voxels, colors)

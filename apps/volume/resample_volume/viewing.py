@@ -26,8 +26,8 @@ from resample.watching import Cancel, Progress
 from resample_volume.classification.names import PRESETS, TISSUES
 from resample_volume.classification.scales import scale_named, value_at
 from resample_volume.classification.surveys import survey
-from resample_volume.command.animation import Paint, cameras_of, drawing, flight_of, shots
-from resample_volume.command.choices import AppearanceChoices, Beside, Source
+from resample_volume.command.animation import FrameOptions, cameras_of, drawing, flight_of, shots
+from resample_volume.command.choices import AppearanceChoices, Beside, ReadOptions
 from resample_volume.command.inputs import prepared
 from resample_volume.data.memoization import Memo, memoizing
 from resample_volume.editing import points_of, spelled
@@ -198,7 +198,7 @@ class VolumePainter:
         subject = Subject.of_several([medium], request.resampler, request.choices.fit)
         behind = request.picture.behind(FILMED) or (0.0, 0.0, 0.0)
         drawn = drawing(self.volume, subject, request.beside.annotations(behind))
-        paint = Paint(request.resampler, (height, width), behind, None, drawn)
+        paint = FrameOptions(request.resampler, (height, width), behind, None, drawn)
         cameras = cameras_of(subject, flight, paint.size)
         write_film(path, shots(subject, cameras, paint), RATE, progress=progress)
 
@@ -292,7 +292,7 @@ class VolumeView:
     """
 
     name: str
-    source: Source = field(default_factory=Source)
+    source: ReadOptions = field(default_factory=ReadOptions)
     begin: Sequence[Any] = ()
     controls: Sequence[dict[str, Any]] = ()
 
@@ -404,10 +404,10 @@ def picture(volume: str, settings: Mapping[str, Any]) -> Frame:
     >>> picture("checker-box:size=16", {"camera": "top", "size": "32x24"})
     Frame(32 × 24 px, 25.5 % covered, depth from 54.87)
     """
-    source_keys = Source.model_fields
+    source_keys = ReadOptions.model_fields
     of_source = {key: value for key, value in settings.items() if key in source_keys}
     rest = {key: value for key, value in settings.items() if key not in source_keys}
-    (source,) = chosen(of_source, (Source,))
+    (source,) = chosen(of_source, (ReadOptions,))
     height, width = chosen(rest, SHOWN)[-1].height_and_width()
     return VolumePainter(prepared(source, volume)).frame(rest, (width, height))
 

@@ -25,7 +25,7 @@ from resample_volume.media.appearance import (
     VolumeLayer,
     of_voxels,
 )
-from resample_volume.media.mixing import Mixed, added
+from resample_volume.media.mixing import MixedMedia, added
 from resample_volume.outofcore.ball import ball_of
 from resample_volume.outofcore.caching import cache_visible, cached
 from resample_volume.outofcore.dense import Dense, check_windows, dense_of
@@ -219,13 +219,13 @@ def _outline(seen: OutlineQuery, dense: Dense, looking: PassContext) -> VisibleO
     return found
 
 
-def _lit(shown: ViewSetup, place: Indices, voxels: Voxels | Mixed, steeps: Steeps) -> Samples:
+def _lit(shown: ViewSetup, place: Indices, voxels: Voxels | MixedMedia, steeps: Steeps) -> Samples:
     """Return shaded voxels, given the steepest gradient of all."""
     look, camera, clip, (near, far), reaching = shown
     lit, parts = [], voxels.parts
     if reaching is not None:
         share = reaching.at(place)
-        each = voxels.place if isinstance(voxels, Mixed) else (np.arange(len(share)),)
+        each = voxels.place if isinstance(voxels, MixedMedia) else (np.arange(len(share)),)
         parts = tuple(
             part._replace(reached=share[at]) for part, at in zip(parts, each, strict=True)
         )
@@ -233,7 +233,7 @@ def _lit(shown: ViewSetup, place: Indices, voxels: Voxels | Mixed, steeps: Steep
         across = part if steep is None else faced(part, clip, steep.longest)
         all_of_them = None if steep is None else steep.components(clip)
         lit.append(lit_samples(across, look.light, camera, all_of_them))
-    if isinstance(voxels, Mixed):
+    if isinstance(voxels, MixedMedia):
         samples = added(voxels, [part.color for part in lit])
     else:
         (samples,) = lit

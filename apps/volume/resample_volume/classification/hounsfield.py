@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from resample_volume.data.thresholds import Levels
+from resample_volume.data.thresholds import Histogram
 from resample_volume.types import Volume
 
 STORED = 1024.0  # offset of Hounsfield units that are stored unsigned
@@ -28,7 +28,7 @@ class Units(NamedTuple):
         return "Hounsfield units" + (f" + {self.added:g}" if self.added else "")
 
 
-def units_of(volume: Volume, levels: Levels) -> Units:
+def units_of(volume: Volume, levels: Histogram) -> Units:
     """Return the units of a volume, as stated or guessed from its values.
 
     Parameters
@@ -51,7 +51,7 @@ def units_of(volume: Volume, levels: Levels) -> Units:
     return Units()
 
 
-def resembles_ct(levels: Levels, added: float, peaked: float = PEAKED) -> bool:
+def resembles_ct(levels: Histogram, added: float, peaked: float = PEAKED) -> bool:
     """Return whether there are peaks of air and tissue at their Hounsfield units."""
     low, high = levels.value[0] - added, levels.value[-1] - added
     if not (LEAST[0] <= low <= LEAST[1] and GREATEST[0] <= high <= GREATEST[1]):

@@ -24,15 +24,15 @@ MANTISSAS: tuple[tuple[float, ...], ...] = ((1, 2, 5), (1,))
 
 
 @dataclass(frozen=True)
-class Scale:
+class LogScale:
     """Logarithms to the base 10, or those of matplotlib's `SymLogNorm` in units of its threshold.
 
     Examples
     --------
     >>> import numpy as np
-    >>> Scale().scaled(np.array([0.0, 1.0, 1000.0]))
+    >>> LogScale().scaled(np.array([0.0, 1.0, 1000.0]))
     array([nan,  0.,  3.])
-    >>> Scale(0.01).value(Scale(0.01).scaled(np.array([-5.0, 0.002]))).round(6).tolist()
+    >>> LogScale(0.01).value(LogScale(0.01).scaled(np.array([-5.0, 0.002]))).round(6).tolist()
     [-5.0, 0.002]
     """
 
@@ -103,7 +103,7 @@ class Scale:
         return {float(self.scaled(np.array(one))): one for one in inside}
 
 
-def scale_named(text: str) -> Scale | None:
+def scale_named(text: str) -> LogScale | None:
     """Parse a scale; None: linear.
 
     Raises
@@ -115,7 +115,7 @@ def scale_named(text: str) -> Scale | None:
     if not rest and name in ("", LINEAR):
         return None
     if not rest and name == LOG:
-        return Scale()
+        return LogScale()
     key, _, given = rest.partition("=")
     try:
         threshold = float(given)
@@ -123,7 +123,7 @@ def scale_named(text: str) -> Scale | None:
         threshold = math.nan
     if name != SYMLOG or key != LINEAR or not 0 < threshold < math.inf:
         raise ValueError(f"the scale {text!r}; give {FORMS}")
-    return Scale(threshold)
+    return LogScale(threshold)
 
 
 def scaled(volume: Volume, scale: str) -> Volume:
@@ -194,7 +194,7 @@ def on_scale(transfer: Transfer, scale: str) -> Transfer:
     return transfer
 
 
-def _function_on(transfer: TransferFunction, by: Scale) -> TransferFunction:
+def _function_on(transfer: TransferFunction, by: LogScale) -> TransferFunction:
     if transfer.value.size == 1:
         return transfer
     places = [by.place(float(value), "the look's value") for value in transfer.value]

@@ -14,14 +14,14 @@ from resample_volume.data.bricks import Bricks, Values, parts, sampled
 from resample_volume.data.memoization import memoized
 from resample_volume.data.parts import slabs
 from resample_volume.data.statistics.scanning import are_few, count_codes, step_of
-from resample_volume.data.thresholds import Counts, Levels
+from resample_volume.data.thresholds import Counts, Histogram
 from resample_volume.types import Volume
 
 STRAY_SHARE = 2e-5  # greatest share of voxels that are outliers, if far from all others
 STRAY_GAP = 0.5  # distance of outliers, of the range of the others
 PADDING_GAP = 1.0  # distance of padding, of the range of the others
 CT_PADDING_GAP = 0.2  # the same where the others look like computed tomography
-NO_LEVELS = Levels(np.zeros(0), np.zeros(0, np.int64))
+NO_LEVELS = Histogram(np.zeros(0), np.zeros(0, np.int64))
 FEW = 16  # distinct values: fewer are labels without padding
 PADDINGS = 4  # distinct values of padding, at most
 
@@ -38,7 +38,7 @@ class Survey(NamedTuple):
     stray: int  # voxels outside the robust range other than padding
     infinite: int  # voxels
     units: Units
-    levels: Levels  # of the robust range
+    levels: Histogram  # of the robust range
 
     @property
     def whole(self) -> tuple[float, float]:
@@ -193,8 +193,8 @@ def _most_strays(size: int) -> int:
 
 
 def _without_padding(
-    levels: Levels, rim: NDArray[Any], most: int, paddings: int
-) -> tuple[Levels, tuple[float, ...]]:
+    levels: Histogram, rim: NDArray[Any], most: int, paddings: int
+) -> tuple[Histogram, tuple[float, ...]]:
     """Split levels into values and padding; see `survey`."""
     padding: list[float] = []
     for _ in range(paddings):
@@ -211,12 +211,12 @@ def _without_padding(
     return levels, tuple(padding)
 
 
-def _without(levels: Levels, end: int) -> Levels:
+def _without(levels: Histogram, end: int) -> Histogram:
     """Return the levels without the first or the last."""
     return levels.between(1, -1) if end == 0 else levels.between(0, -2)
 
 
-def _is_padding(levels: Levels, end: int, most: int) -> bool:
+def _is_padding(levels: Histogram, end: int, most: int) -> bool:
     """Return whether the first or last value is far from the others, and frequent."""
     if levels.value.size <= FEW + 1 or levels.number[end] <= most:
         return False
@@ -230,7 +230,7 @@ def _is_padding(levels: Levels, end: int, most: int) -> bool:
     return bool(gap > least * (high - low))
 
 
-def _levels(values: Values) -> tuple[Levels, int]:
+def _levels(values: Values) -> tuple[Histogram, int]:
     """Return the distribution of finite values, exact at its ends, and the number of infinite."""
     if are_few(values.dtype):
         return counted(values), 0
@@ -251,11 +251,11 @@ def _levels(values: Values) -> tuple[Levels, int]:
     more, often = np.unique(np.concatenate(beyond), return_counts=True)
     order = np.argsort(np.concatenate([value, more]), kind="stable")
     counts = np.concatenate([count * step**3, often])
-    return Levels(np.concatenate([value, more])[order], counts[order].astype(np.int64)), infinite
+    return Histogram(np.concatenate([value, more])[order], counts[order].astype(np.int64)), infinite
 
 
 @memoized(lambda values: values)
-def counted(values: Values) -> Levels:
+def counted(values: Values) -> Histogram:
     """Count each of few possible values, see `bricks.are_few`."""
     bits, size = values.dtype.itemsize * 8, 1 << (values.dtype.itemsize * 8)
     total = np.zeros(size, np.int64)
@@ -268,4 +268,4 @@ def counted(values: Values) -> Levels:
         total = np.roll(total, size // 2)
     present = np.flatnonzero(total)
     least = -(1 << (bits - 1)) if values.dtype.kind == "i" else 0
-    return Levels(present.astype(np.float64) + least, total[present])
+    return Histogram(present.astype(np.float64) + least, total[present])

@@ -223,32 +223,32 @@ def cameras_of(subject: Subject, flight: Flight | Tour, size: tuple[int, int]) -
 
 
 @dataclass(frozen=True)
-class Paint:
+class FrameOptions:
     """How frames are painted, and their background."""
 
     resampler: Resampler = BY_DEFAULT
     size: tuple[int, int] = (400, 400)  # height and width, px
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)  # linear light
     threads: int | None = None  # frames do not depend on it
-    drawing: "Drawing | None" = None
+    drawing: "FrameOverlay | None" = None
 
 
-class Drawing(NamedTuple):
+class FrameOverlay(NamedTuple):
     """Annotations drawn into frames."""
 
     volume: Volume  # around the scene's origin
     given: Annotations
 
 
-def drawing(volume: Volume, subject: Subject, given: Annotations) -> Drawing | None:
+def drawing(volume: Volume, subject: Subject, given: Annotations) -> FrameOverlay | None:
     """Return the annotations of a volume's frames, if any."""
-    return Drawing(subject.placed(volume), given) if given.is_any else None
+    return FrameOverlay(subject.placed(volume), given) if given.is_any else None
 
 
 def shots(
     subject: Subject,
     cameras: Sequence[AnyCamera],
-    paint: Paint,
+    paint: FrameOptions,
     about: Mapping[str, Any] | None = None,
 ) -> Shots:
     """Return the frames of a volume.
@@ -272,7 +272,7 @@ def shots(
 def shots_over_time(
     course: Course,
     cameras: Sequence[AnyCamera],
-    paint: Paint,
+    paint: FrameOptions,
     made: Frames,
     about: Mapping[str, Any] | None = None,
 ) -> Shots:
@@ -285,7 +285,7 @@ def _job(
     subject: Subject,
     facts: Mapping[str, Any],
     cameras: Sequence[AnyCamera],
-    paint: Paint,
+    paint: FrameOptions,
     about: Mapping[str, Any] | None,
 ) -> dict[str, Any]:
     """Return everything that frames depend on."""
@@ -302,7 +302,7 @@ def _job(
     }
 
 
-def frame(subject: Subject, camera: AnyCamera, paint: Paint) -> Levels:
+def frame(subject: Subject, camera: AnyCamera, paint: FrameOptions) -> Levels:
     """Paint one frame (H, W, 3), sRGB-encoded."""
     height, width = paint.size
     painted = subject.painter(paint.resampler)(
@@ -316,7 +316,7 @@ def frame(subject: Subject, camera: AnyCamera, paint: Paint) -> Levels:
     return finished(subject.developed(painted), camera, paint)
 
 
-def finished(painted: Frame, camera: AnyCamera, paint: Paint) -> Levels:
+def finished(painted: Frame, camera: AnyCamera, paint: FrameOptions) -> Levels:
     """Return the frame (H, W, 3), sRGB-encoded, with its annotations."""
     if paint.drawing is not None:
         painted = annotated(painted, camera, *paint.drawing)

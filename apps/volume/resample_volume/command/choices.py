@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from resample.cameras.viewpoints import Viewpoint
     from resample.resampler import Resampler
     from resample_volume.command.filling import Fitted
-    from resample_volume.media.appearance import Appearance, Met
+    from resample_volume.media.appearance import Appearance, SceneObjects
     from resample_volume.space.annotations import Annotations
     from resample_volume.types import Volume
 
@@ -35,7 +35,7 @@ Several = Parameter(allow_leading_hyphen=True, negative="", show_default=False)
 Lit = under(LIGHT)
 
 
-class Source(Choices):
+class ReadOptions(Choices):
     """How the input is read, where the file alone does not tell."""
 
     heading: ClassVar[str] = "Input"
@@ -472,7 +472,7 @@ class Beside(Choices):
         is_dark = background is not None and ink_on(background) == DARK
         return Annotations(self.axes, self.box, self.cube, self.scale_bar, is_dark)
 
-    def met(self, look: AppearanceChoices, resampler: "Resampler") -> "Met":
+    def met(self, look: AppearanceChoices, resampler: "Resampler") -> "SceneObjects":
         """Read meshes and planes for a renderer that shows them.
 
         Raises
@@ -480,7 +480,7 @@ class Beside(Choices):
         ValueError, OSError
             The renderer shows none, or a file cannot be read.
         """
-        from resample_volume.media.appearance import Classification, Met, check_together
+        from resample_volume.media.appearance import Classification, SceneObjects, check_together
         from resample_volume.surfaces.image_planes import ImagePlane
         from resample_volume.surfaces.iso_surfaces import IsoSurface
         from resample_volume.surfaces.meshes import read_mesh
@@ -491,7 +491,7 @@ class Beside(Choices):
             check_together(resampler, Classification(look.classify), names)
         planes = tuple(ImagePlane.of(text) for text in self.plane)
         surfaces = tuple(IsoSurface.of(text) for text in self.surface)
-        return Met(tuple(read_mesh(text) for text in self.mesh), planes, surfaces)
+        return SceneObjects(tuple(read_mesh(text) for text in self.mesh), planes, surfaces)
 
 
 class BesidePicture(Beside):

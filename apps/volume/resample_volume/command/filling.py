@@ -6,7 +6,7 @@ from resample.cameras.viewpoints import Orbit, Viewpoint
 from resample.console.messages import say
 from resample.resampler import Resampler
 from resample_volume.media.appearance import VolumeLayer, named_or_own
-from resample_volume.media.mixing import Mixed
+from resample_volume.media.mixing import MixedMedia
 from resample_volume.rendering import Fit, Subject
 from resample_volume.voxels.framing import Placed, filling, shown_by
 from resample_volume.voxels.visible import Voxels
@@ -60,7 +60,7 @@ def filled(
         )
     volume, look = medium
     shown: Placed
-    if isinstance(subject.voxels, Voxels | Mixed):
+    if isinstance(subject.voxels, Voxels | MixedMedia):
         shown = subject.voxels
     else:
         framing = named_or_own(look.framing or look.transfer, volume)

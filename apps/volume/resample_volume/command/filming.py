@@ -23,7 +23,7 @@ from resample_volume.classification.surveys import NO_LEVELS, Survey
 from resample_volume.command.animation import (
     Course,
     Flight,
-    Paint,
+    FrameOptions,
     Tour,
     cameras_of,
     drawing,
@@ -32,7 +32,7 @@ from resample_volume.command.animation import (
     shots,
     shots_over_time,
 )
-from resample_volume.command.choices import Added, AppearanceChoices, Beside, Source
+from resample_volume.command.choices import Added, AppearanceChoices, Beside, ReadOptions
 from resample_volume.command.inputs import allowed_memory, read_as_whole, with_memory
 from resample_volume.command.inputs import over_time as read_over_time
 from resample_volume.command.media import (
@@ -68,7 +68,7 @@ class Script(NamedTuple):
     """The content of a film, as options of the command line."""
 
     volume: str
-    source: Source
+    source: ReadOptions
     appearance: AppearanceChoices
     added: Added
     beside: Beside
@@ -97,7 +97,7 @@ class ReadyFilm(NamedTuple):
 
     shots: Shots
     cameras: Sequence[AnyCamera]
-    paint: Paint
+    paint: FrameOptions
     is_in_bricks: bool  # whether values stay in their file
     is_of_field: bool  # whether it is ray cast
     known: KnownOfTimes | None = None  # if the volume changes over time
@@ -107,7 +107,7 @@ def film_of(
     script: Script,
     recording: Recording | None,
     flight: Flight | Tour,
-    paint: Paint,
+    paint: FrameOptions,
     about: Mapping[str, Any],
     hire: StartWorkers | None = None,
 ) -> ReadyFilm:
@@ -155,7 +155,7 @@ def _film_of_times(
     script: Script,
     times: Recording,
     flight: Flight | Tour,
-    paint: Paint,
+    paint: FrameOptions,
     about: Mapping[str, Any],
     hire: StartWorkers | None,
 ) -> ReadyFilm:
@@ -238,7 +238,7 @@ def _scenes(script: Script, series: Series, look: Appearance, resampler: Resampl
 
 
 def _frames_over(
-    course: Course, scenes: TimeScenes, cameras: Sequence[AnyCamera], paint: Paint
+    course: Course, scenes: TimeScenes, cameras: Sequence[AnyCamera], paint: FrameOptions
 ) -> Frames:
     """Return a painter of frame numbers over which a changing volume's times are spread."""
     total = len(cameras)
@@ -273,14 +273,20 @@ def scene_for(
         return ReadScene(shown, subject, is_whole=False)
 
 
-def _frames(script: Script, cameras: Sequence[AnyCamera], paint: Paint, threads: int) -> Frames:
+def _frames(
+    script: Script, cameras: Sequence[AnyCamera], paint: FrameOptions, threads: int
+) -> Frames:
     """Return the frames of a script."""
     scene, paint = scene_for(script, paint.size), replace(paint, threads=threads)
     return lambda n: frame_of(scene, cameras[n], paint)
 
 
 def _frames_of_times(
-    script: Script, cameras: Sequence[AnyCamera], paint: Paint, known: KnownOfTimes, threads: int
+    script: Script,
+    cameras: Sequence[AnyCamera],
+    paint: FrameOptions,
+    known: KnownOfTimes,
+    threads: int,
 ) -> Frames:
     """Return the frames of a changing volume, by statistics that another process found."""
     found = read_over_time(script.source, script.volume)
@@ -294,7 +300,7 @@ def _frames_of_times(
     return _frames_over(course, scenes, cameras, paint)
 
 
-def frame_of(scene: ReadScene, camera: AnyCamera, paint: Paint) -> Levels:
+def frame_of(scene: ReadScene, camera: AnyCamera, paint: FrameOptions) -> Levels:
     """Paint a frame (H, W, 3) of a scene, sRGB-encoded."""
     if scene.is_whole:
         from resample_volume.command.animation import frame
@@ -306,7 +312,7 @@ def frame_of(scene: ReadScene, camera: AnyCamera, paint: Paint) -> Levels:
 
 
 def _shots(
-    scene: ReadScene, cameras: Sequence[AnyCamera], paint: Paint, about: Mapping[str, Any]
+    scene: ReadScene, cameras: Sequence[AnyCamera], paint: FrameOptions, about: Mapping[str, Any]
 ) -> Shots:
     """Return the frames of a scene, rendered in this process."""
     if scene.is_whole:

@@ -16,7 +16,7 @@ from resample.memory.mapped import is_in_file
 from resample.watching import told
 from resample_volume.classification.scales import LINEAR, scaled
 from resample_volume.classification.surveys import Survey, findings, survey, without_padding
-from resample_volume.command.choices import Source
+from resample_volume.command.choices import ReadOptions
 from resample_volume.data.bricks import Bricks, Values, as_array
 from resample_volume.data.recordings import SeveralTimesError, how, volume_at
 from resample_volume.data.statistics.caches import SHARE
@@ -38,7 +38,7 @@ from resample_volume.types import Recording, Volume
 
 
 def opened(
-    source: Source, name: str, *, streamed: bool = False, hire: StartWorkers | None = None
+    source: ReadOptions, name: str, *, streamed: bool = False, hire: StartWorkers | None = None
 ) -> Volume:
     """Open a volume: a file, a folder or a generated one.
 
@@ -62,7 +62,7 @@ def opened(
 
 
 def opened_of_several(
-    source: Source, name: str, *, streamed: bool = False, hire: StartWorkers | None = None
+    source: ReadOptions, name: str, *, streamed: bool = False, hire: StartWorkers | None = None
 ) -> tuple[Volume, tuple[int, int]]:
     """Open a volume, and return the number of times and channels with it.
 
@@ -89,7 +89,7 @@ def opened_of_several(
 
 
 def _read(
-    place: Path | str, reader: Reader | None, source: Source
+    place: Path | str, reader: Reader | None, source: ReadOptions
 ) -> tuple[Volume, Recording | None]:
     """Read a volume as a whole, and its recording; None if it is the only one."""
     if source.time is None and source.channel is None:
@@ -101,7 +101,7 @@ def _read(
     return _chosen(recording, source), recording
 
 
-def _chosen(recording: Recording, source: Source) -> Volume:
+def _chosen(recording: Recording, source: ReadOptions) -> Volume:
     """Return the chosen volume of a recording, by default of the first time."""
     times, parts = recording.values.shape[:2]
     if source.time is not None or times == 1 or (source.channel is not None and parts == 1):
@@ -123,7 +123,7 @@ def _as_array(volume: Volume) -> Volume:
     return found
 
 
-def allowed_memory(source: Source) -> int | None:
+def allowed_memory(source: ReadOptions) -> int | None:
     """Return the memory limit of a chunked volume in bytes, if given."""
     return None if source.memory is None else bytes_of(source.memory)
 
@@ -164,12 +164,12 @@ def announced(volume: Volume) -> Volume:
     return volume
 
 
-def levels(source: Source, name: str) -> list[dict[str, Any]]:
+def levels(source: ReadOptions, name: str) -> list[dict[str, Any]]:
     """Return the levels of a multiscale file, otherwise none; see `Streamer.levels`."""
     return levels_of(*_named(source, name))
 
 
-def over_time(source: Source, name: str) -> Recording | None:
+def over_time(source: ReadOptions, name: str) -> Recording | None:
     """Open all times and channels of a name; None for a single chunked volume.
 
     In a store they stay in their file, unless channels are colors, which are read as a whole.
@@ -182,7 +182,7 @@ def over_time(source: Source, name: str) -> Recording | None:
     return found._replace(**_changes(source))
 
 
-def read_as_whole(recording: Recording, source: Source) -> Recording:
+def read_as_whole(recording: Recording, source: ReadOptions) -> Recording:
     """Read a store's times into an array: in memory or, if they do not fit, in a mapped file.
 
     Raises
@@ -195,7 +195,7 @@ def read_as_whole(recording: Recording, source: Source) -> Recording:
     return recording._replace(values=every.values.reshape(shape))
 
 
-def held(source: Source, name: str) -> Recording:
+def held(source: ReadOptions, name: str) -> Recording:
     """Read all times and channels of a name; errors as of `opened`."""
     allowed = allowed_memory(source)
     if allowed is not None:
@@ -203,13 +203,13 @@ def held(source: Source, name: str) -> Recording:
     return open_recording(*_named(source, name))._replace(**_changes(source))
 
 
-def channels_in_chunks(source: Source, name: str) -> Recording | None:
+def channels_in_chunks(source: ReadOptions, name: str) -> Recording | None:
     """Open all times and channels of a chunked file, unread; None if it has no chunks."""
     found = open_streamed(*_named(source, name))
     return None if found is None else found._replace(**_changes(source))
 
 
-def stored(source: Source, name: str) -> Recording:
+def stored(source: ReadOptions, name: str) -> Recording:
     """Open what `source` chooses of a name; values of chunked files stay in their file."""
     require_linear(source, "convert keeps values as they are")
     if source.time is not None or source.channel is not None:
@@ -221,7 +221,7 @@ def stored(source: Source, name: str) -> Recording:
     return held(source, name) if streamed is None else streamed._replace(**_changes(source))
 
 
-def _named(source: Source, name: str) -> tuple[Path | str, Reader | None]:
+def _named(source: ReadOptions, name: str) -> tuple[Path | str, Reader | None]:
     """Return the file or generated volume of a name, and its reader."""
     if not name:
         raise ValueError("the volume has no name; give a file, a folder or checker-box")
@@ -239,7 +239,7 @@ def _named(source: Source, name: str) -> tuple[Path | str, Reader | None]:
     return (Path(name) if Path(name).exists() else name), reader
 
 
-def _changes(source: Source) -> dict[str, Any]:
+def _changes(source: ReadOptions) -> dict[str, Any]:
     """Return the properties of a volume that override its file's."""
     changes: dict[str, Any] = {}
     if source.spacing is not None:
@@ -251,7 +251,7 @@ def _changes(source: Source) -> dict[str, Any]:
 
 
 def prepared(
-    source: Source, name: str, *, streamed: bool = False, hire: StartWorkers | None = None
+    source: ReadOptions, name: str, *, streamed: bool = False, hire: StartWorkers | None = None
 ) -> Volume:
     """Open a volume, remove its padding and print its statistics.
 
@@ -285,7 +285,7 @@ def _surveyed(volume: Volume) -> Survey:
         return survey(volume)
 
 
-def require_linear(source: Source, why: str) -> None:
+def require_linear(source: ReadOptions, why: str) -> None:
     """Reject a scale where values must be unscaled."""
     if source.scale != LINEAR:
         raise ValueError(f"{why}; leave the scale {source.scale} out")

@@ -12,7 +12,7 @@ from resample.resampler import Resampler
 from resample_volume.classification.presets import PRESETS
 from resample_volume.classification.scales import scaled
 from resample_volume.classification.surveys import findings
-from resample_volume.command.choices import Added, AppearanceChoices, Source
+from resample_volume.command.choices import Added, AppearanceChoices, ReadOptions
 from resample_volume.command.inputs import (
     allowed_memory,
     announced,
@@ -26,7 +26,7 @@ from resample_volume.command.inputs import (
 from resample_volume.data.recordings import volume_at, with_times_first
 from resample_volume.files.labels import read_labels
 from resample_volume.files.stores.chunks import Chunked
-from resample_volume.media.appearance import Appearance, Met, VolumeLayer
+from resample_volume.media.appearance import Appearance, SceneObjects, VolumeLayer
 from resample_volume.media.series import Series
 from resample_volume.rendering import Subject
 from resample_volume.types import Recording
@@ -44,11 +44,11 @@ class Other(NamedTuple):
     """A further volume of the scene."""
 
     name: str
-    source: Source
+    source: ReadOptions
     appearance: dict[str, str]  # what of the look is its own
 
 
-def others(texts: tuple[str, ...], source: Source | None = None) -> list[Other]:
+def others(texts: tuple[str, ...], source: ReadOptions | None = None) -> list[Other]:
     """Parse further volumes such as `pet.nrrd:window=5/10,transfer=hot:opacity=0.3`.
 
     Chunked volumes get the memory limit of `source`.
@@ -69,7 +69,7 @@ def can_stream(look: AppearanceChoices, resampler: Resampler) -> bool:
 
 
 def media(
-    source: Source,
+    source: ReadOptions,
     name: str,
     look: AppearanceChoices,
     added: Added,
@@ -112,13 +112,13 @@ def beside(
     return found
 
 
-def with_met(shown: list[VolumeLayer], met: Met) -> list[VolumeLayer]:
+def with_met(shown: list[VolumeLayer], met: SceneObjects) -> list[VolumeLayer]:
     """Add meshes and planes to the look of the first volume."""
     (volume, look), *others = shown
     return [(volume, met.beside(look)), *others]
 
 
-def times_of(source: Source, recording: Recording) -> Recording | None:
+def times_of(source: ReadOptions, recording: Recording) -> Recording | None:
     """Return the times of a recording's chosen channel; None if there is only one."""
     values: Any = recording.values
     if source.channel is not None:
@@ -165,7 +165,7 @@ def labelled(own: Appearance, series: Series, look: AppearanceChoices) -> Appear
 
 
 def _channels(
-    source: Source, name: str, look: AppearanceChoices, text: str, resampler: Resampler
+    source: ReadOptions, name: str, look: AppearanceChoices, text: str, resampler: Resampler
 ) -> list[VolumeLayer]:
     """Return the channels of a file, each with its look."""
     if source.channel is not None:
@@ -239,7 +239,7 @@ def _other(text: str) -> Other:
         if key in given:
             of_look[key] = given.pop(key)
     try:
-        source = Source.model_validate(given)
+        source = ReadOptions.model_validate(given)
     except ValueError:
         raise ValueError(
             f"also {text!r}: time, channel and level are whole numbers; units are hu, "

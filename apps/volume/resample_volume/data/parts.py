@@ -22,7 +22,7 @@ def slabs(values: NDArray[Any]) -> Iterator[NDArray[Any]]:
         yield values[z : z + step]
 
 
-class Layers(NamedTuple):
+class PlaneRange(NamedTuple):
     """Planes of a volume that contain given voxels, with adjacent planes."""
 
     voxels: slice  # the voxels in them
@@ -30,7 +30,7 @@ class Layers(NamedTuple):
     first: int  # flat index of their first value into the volume
 
 
-def layers_alike(values: NDArray[Any], index: NDArray[np.int64]) -> Iterator[Layers]:
+def layers_alike(values: NDArray[Any], index: NDArray[np.int64]) -> Iterator[PlaneRange]:
     """Yield the parts of a volume (Z, Y, X) that contain voxels, in the types of kernels.
 
     Indices (N,) into the flat volume come in the order of an array or of the painter's bricks. The
@@ -40,7 +40,7 @@ def layers_alike(values: NDArray[Any], index: NDArray[np.int64]) -> Iterator[Lay
     from resample_volume.data.kernels.gradients import BRICK
 
     if values.dtype in AS_THEY_ARE and values.flags.c_contiguous:
-        yield Layers(slice(0, index.size), _read_only(values), 0)
+        yield PlaneRange(slice(0, index.size), _read_only(values), 0)
         return
     kind = np.float32 if values.dtype.newbyteorder("=") in (*SHORT, AS_THEY_ARE[0]) else np.float64
     plane, begin = values[0].size, 0
@@ -52,7 +52,7 @@ def layers_alike(values: NDArray[Any], index: NDArray[np.int64]) -> Iterator[Lay
         end = bisect_left(index, number + 1, begin, key=lambda n: n // many)
         above = max(0, number * thick - 1)
         near = values[above : (number + 1) * thick + 1].astype(kind, order="C")
-        yield Layers(slice(begin, end), _read_only(near), above * plane)
+        yield PlaneRange(slice(begin, end), _read_only(near), above * plane)
         begin = end
 
 

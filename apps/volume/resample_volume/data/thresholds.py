@@ -18,16 +18,16 @@ SMOOTHED, SURE = 2, 5.0  # ratio, and standard deviations of a count, that make 
 Counts = NDArray[np.int64]
 
 
-class Levels(NamedTuple):
+class Histogram(NamedTuple):
     """A distribution of values, of a sample of voxels for types of many values."""
 
     value: Doubles  # (K,) ascending
     number: Counts  # (K,) of voxels that have them, > 0
 
-    def between(self, first: int, last: int) -> "Levels":
+    def between(self, first: int, last: int) -> "Histogram":
         """Return the levels from one index to another, both included; negative from the end."""
         part = slice(first, last + 1 or None)
-        return Levels(self.value[part], self.number[part])
+        return Histogram(self.value[part], self.number[part])
 
     def share(self, low: float, high: float) -> float:
         """Return the share of voxels in a range, both ends included."""
@@ -35,7 +35,7 @@ class Levels(NamedTuple):
         return float(self.number[inside].sum() / max(self.number.sum(), 1))
 
 
-def otsu(levels: Levels, classes: int = 2) -> list[float]:
+def otsu(levels: Histogram, classes: int = 2) -> list[float]:
     """Return ascending thresholds between classes; values above one are of the next class.
 
     Parameters
@@ -83,12 +83,14 @@ class Peak(NamedTuple):
     value: float  # of the peak
     after: float  # of the valley
 
-    def share(self, levels: Levels) -> float:
+    def share(self, levels: Histogram) -> float:
         """Share of voxels between the valleys."""
         return levels.share(self.before, self.after)
 
 
-def peak_between(levels: Levels, low: float, high: float, dip: float, each: int = 1) -> Peak | None:
+def peak_between(
+    levels: Histogram, low: float, high: float, dip: float, each: int = 1
+) -> Peak | None:
     """Find a peak between the most frequent value of a range and another value; or None.
 
     Blurred edges of denser objects spread over all lower values, and make no peak.

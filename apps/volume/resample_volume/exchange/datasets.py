@@ -9,7 +9,7 @@ from resample_volume.data.recordings import alone
 from resample_volume.data.rectilinear import rectilinear
 from resample_volume.files.cells.resampling import pieces_of, resampled
 from resample_volume.files.cells.validity import points_along
-from resample_volume.files.parsing.choosing import Wanted, cells_between, choose, middles
+from resample_volume.files.parsing.choosing import ArrayQuery, cells_between, choose, middles
 from resample_volume.files.parsing.headers import check_alone, check_shape
 from resample_volume.files.xml.vti import arrays_of, image_header
 from resample_volume.types import Volume
@@ -35,7 +35,7 @@ def of_dataset(given: Any, part: Any, name: str) -> Volume:
     """
     if not (given.IsA("vtkDataSet") or given.IsA("vtkCompositeDataSet")):
         raise TypeError(f"a volume of {type(given).__name__}; give a data set of VTK's with cells")
-    wanted = Wanted(str(part), "", "")
+    wanted = ArrayQuery(str(part), "", "")
     if given.IsA("vtkImageData"):
         return _of_image(given, wanted, name)
     if given.IsA("vtkRectilinearGrid"):
@@ -43,13 +43,13 @@ def of_dataset(given: Any, part: Any, name: str) -> Volume:
     return alone(resampled(pieces_of(given), wanted, (), name, check_alone))
 
 
-def _of_image(image: Any, wanted: Wanted, name: str) -> Volume:
+def _of_image(image: Any, wanted: ArrayQuery, name: str) -> Volume:
     values, is_of_cells = _values(image, wanted, name)
     known = image_header(image, np.uint8, None, name, is_of_cells=is_of_cells)
     return Volume(values, known.spacing, known.origin, known.direction, name)
 
 
-def _of_planes(grid: Any, wanted: Wanted, name: str) -> Volume:
+def _of_planes(grid: Any, wanted: ArrayQuery, name: str) -> Volume:
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
     values, is_of_cells = _values(grid, wanted, name)
@@ -58,7 +58,7 @@ def _of_planes(grid: Any, wanted: Wanted, name: str) -> Volume:
     return rectilinear(values, x, y, z, name)
 
 
-def _values(grid: Any, wanted: Wanted, name: str) -> tuple[NDArray[Any], bool]:
+def _values(grid: Any, wanted: ArrayQuery, name: str) -> tuple[NDArray[Any], bool]:
     """Return values (Z, Y, X) or (Z, Y, X, C) of an array, and whether they are of cells."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
 

@@ -22,10 +22,10 @@ from resample_volume.files.formats.mrc import SUFFIXES, read_mrc
 from resample_volume.files.formats.nifti import read_nifti
 from resample_volume.files.formats.nrrd import read_nrrd
 from resample_volume.files.formats.vtk import read_vtk
-from resample_volume.files.parsing.choosing import Wanted, check_part
+from resample_volume.files.parsing.choosing import ArrayQuery, check_part
 from resample_volume.files.parsing.headers import (
     Check,
-    Header,
+    VolumeHeader,
     check_alone,
     check_nothing,
     check_shape,
@@ -136,7 +136,7 @@ class Vti:
         return alone(self.recorded(path, check_alone))
 
     def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
-        wanted = Wanted(self.array, self.part, "vti")
+        wanted = ArrayQuery(self.array, self.part, "vti")
         return read_vti(existing_file(path), wanted, stem(path, self.suffixes), check)
 
 
@@ -163,7 +163,7 @@ class Vtk:
         return alone(self.recorded(path, check_alone))
 
     def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
-        wanted = Wanted(self.array, self.part, "vtk")
+        wanted = ArrayQuery(self.array, self.part, "vtk")
         steps, name = steps_of(self.spacing), stem(path, self.suffixes)
         return read_vtk(existing_file(path), wanted, steps, name, check)
 
@@ -229,7 +229,7 @@ class TiffStack:
         values = order.sorted(slices.stack_values(paths, known))
         return recording(values, every, channels_first=known.parts == 1)
 
-    def _header(self, pages: list[slices.Page], name: str) -> Header:
+    def _header(self, pages: list[slices.SlicePage], name: str) -> VolumeHeader:
         shape = (pages[0].width, pages[0].height, len(pages))
         known = header(shape, pages[0].dtype, name, spacing=three_numbers("spacing", self.spacing))
         parts = pages[0].channels
@@ -293,7 +293,7 @@ class Raw:
         shape = (known.times, *known.shape[::-1])
         return recording(np.memmap(path, known.dtype, "r", self.offset, shape), known)
 
-    def _header(self, path: Path) -> Header:
+    def _header(self, path: Path) -> VolumeHeader:
         name = stem(path, self.suffixes)
         found = re.fullmatch(r"(.+)_(\d+x\d+x\d+(?:x\d+)?)_(\w+)", name)
         if not (found or (self.shape and self.dtype)):

@@ -16,7 +16,7 @@ from resample.reading.names import plain
 from resample.words import one_line
 from resample_volume.data.memory import require_memory
 from resample_volume.files.parsing.headers import (
-    Header,
+    VolumeHeader,
     check_shape,
     existing_file,
     header,
@@ -109,7 +109,7 @@ def _volume(grid: Any, path: Path, name: str) -> Volume:
     return volume(values, known._replace(name=name))._replace(note=note)
 
 
-def _header(transform: Any, low: Any, shape: tuple[int, ...], name: str) -> Header:
+def _header(transform: Any, low: Any, shape: tuple[int, ...], name: str) -> VolumeHeader:
     """Return the header by a grid's transform from indices to world space."""
     kind = transform["type"]
     if kind == "affine":  # row vectors

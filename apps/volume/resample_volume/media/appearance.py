@@ -123,14 +123,14 @@ class Appearance:
 VolumeLayer = tuple[Volume, Appearance]  # one of several in a scene, and its look
 
 
-class Met(NamedTuple):
+class SceneObjects(NamedTuple):
     """Objects that rays meet besides the volume."""
 
     meshes: tuple[SceneMesh, ...]
     planes: tuple[ImagePlane, ...]
     surfaces: tuple[IsoSurface, ...]
 
-    def within(self, span: tuple[float, float]) -> "Met":
+    def within(self, span: tuple[float, float]) -> "SceneObjects":
         """Return a copy in which planes without a window get one of these values."""
         return self._replace(planes=tuple(plane.within(span) for plane in self.planes))
 

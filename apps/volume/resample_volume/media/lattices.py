@@ -18,7 +18,7 @@ SAME = 1e-3  # voxels by which lattices may differ and still count as equal
 BYTES_PER_RESAMPLED = 16  # bytes per voxel before and after resampling
 
 
-class Lattice(NamedTuple):
+class CommonLattice(NamedTuple):
     """A lattice that covers several volumes."""
 
     steps: Doubles  # (3, 3) columns are the steps to the next place along x, y, z; scene units
@@ -37,7 +37,7 @@ class Lattice(NamedTuple):
         return Volume(nothing, spacing, self.origin, self.steps / spacing, "scene")
 
 
-def common_lattice(volumes: Sequence[Volume]) -> Lattice:
+def common_lattice(volumes: Sequence[Volume]) -> CommonLattice:
     """Return the lattice of the finest volume, extended to cover all.
 
     The finest has the smallest voxels. The result does not depend on the order of the volumes.
@@ -47,10 +47,10 @@ def common_lattice(volumes: Sequence[Volume]) -> Lattice:
     boxes = [_box(volume, steps, finest.origin) for volume in volumes]
     first = np.min([box[0] for box in boxes], axis=0)
     last = np.max([box[1] for box in boxes], axis=0)
-    return Lattice(steps, finest.origin + steps @ first, last - first + 1)
+    return CommonLattice(steps, finest.origin + steps @ first, last - first + 1)
 
 
-def first_in(volume: Volume, lattice: Lattice) -> Step | None:
+def first_in(volume: Volume, lattice: CommonLattice) -> Step | None:
     """Return the index (z, y, x) of the first voxel in a lattice; None if voxels are off it."""
     to_index = np.linalg.inv(lattice_of(volume))
     start = to_index @ (lattice.origin - volume.origin)
@@ -60,7 +60,7 @@ def first_in(volume: Volume, lattice: Lattice) -> Step | None:
     return z, y, x
 
 
-def onto(volume: Volume, lattice: Lattice) -> Volume:
+def onto(volume: Volume, lattice: CommonLattice) -> Volume:
     """Resample a volume to the part of a lattice that it covers.
 
     A volume that is on the lattice already is returned unchanged. Otherwise values are interpolated
@@ -95,7 +95,7 @@ def onto(volume: Volume, lattice: Lattice) -> Volume:
     )
 
 
-def bytes_onto(volume: Volume, lattice: Lattice) -> int:
+def bytes_onto(volume: Volume, lattice: CommonLattice) -> int:
     """Return the bytes needed to resample a volume to a lattice."""
     first, last = _box(volume, lattice.steps, lattice.origin)
     count = int(np.maximum(last - first + 1, 1).prod()) + volume.values.size

@@ -11,7 +11,7 @@ import numpy as np
 
 from resample.types import Doubles, Floats, Samples
 from resample_volume.data.memory import require_memory
-from resample_volume.media.lattices import Lattice
+from resample_volume.media.lattices import CommonLattice
 from resample_volume.voxels.reaching import voxels_reached
 from resample_volume.voxels.shading import Light
 from resample_volume.voxels.visible import BYTES_PER_VOXEL, Indices, Voxels, positions_at
@@ -20,7 +20,7 @@ BYTES_PER_BRICK = 8  # of 8 voxels per side, whether any is seen or not
 BRICK = 8**3
 
 
-class Mixed(NamedTuple):
+class MixedMedia(NamedTuple):
     """The N voxels of a lattice at which any of several media is visible."""
 
     position: Floats  # (N, 3) scene units
@@ -35,7 +35,7 @@ class Mixed(NamedTuple):
         return np.zeros_like(self.position)
 
 
-def mixed(parts: Sequence[Voxels], lattice: Lattice) -> Mixed:
+def mixed(parts: Sequence[Voxels], lattice: CommonLattice) -> MixedMedia:
     """Mix the voxels of several media on one lattice.
 
     Raises
@@ -56,15 +56,17 @@ def mixed(parts: Sequence[Voxels], lattice: Lattice) -> Mixed:
     return _mixed(list(zip(flat, parts, strict=True)), lattice, every, order)
 
 
-def mixed_at(parts: Sequence[tuple[Indices, Voxels]], lattice: Lattice) -> tuple[Indices, Mixed]:
+def mixed_at(
+    parts: Sequence[tuple[Indices, Voxels]], lattice: CommonLattice
+) -> tuple[Indices, MixedMedia]:
     """Return ascending flat indices (N,) into a lattice, and a part of the voxels of `mixed`."""
     every = np.unique(np.concatenate([flat for flat, _ in parts]))
     return every, _mixed(parts, lattice, every, np.arange(every.size))
 
 
 def _mixed(
-    parts: Sequence[tuple[Indices, Voxels]], lattice: Lattice, every: Indices, order: Indices
-) -> Mixed:
+    parts: Sequence[tuple[Indices, Voxels]], lattice: CommonLattice, every: Indices, order: Indices
+) -> MixedMedia:
     """Mix voxels of several media by flat indices; `every` has each index once."""
     rank = np.empty_like(order)
     rank[order] = np.arange(order.size)
@@ -74,10 +76,10 @@ def _mixed(
         extinction[index] += part.extinction
     position = positions_at(lattice.volume(), every[order])
     voxels = tuple(part for _, part in parts)
-    return Mixed(position, extinction.astype(np.float32), lattice.steps, voxels, place)
+    return MixedMedia(position, extinction.astype(np.float32), lattice.steps, voxels, place)
 
 
-def with_light(media: Mixed, light: Light) -> Mixed:
+def with_light(media: MixedMedia, light: Light) -> MixedMedia:
     """Return the media with the light that reaches them, shadowed by all of them."""
     nothing = np.empty((0, 3), np.float32)
     whole = Voxels(media.position, nothing, media.extinction, nothing, media.lattice)
@@ -86,7 +88,7 @@ def with_light(media: Mixed, light: Light) -> Mixed:
     return media._replace(parts=tuple(part._replace(reached=share[at]) for part, at in each))
 
 
-def added(media: Mixed, colors: Sequence[Floats]) -> Samples:
+def added(media: MixedMedia, colors: Sequence[Floats]) -> Samples:
     """Return samples with the light of all media.
 
     Parameters
@@ -103,7 +105,7 @@ def added(media: Mixed, colors: Sequence[Floats]) -> Samples:
     return Samples(media.position, total.astype(np.float32), media.extinction, media.lattice)
 
 
-def _flat(part: Voxels, lattice: Lattice) -> Indices:
+def _flat(part: Voxels, lattice: CommonLattice) -> Indices:
     """Return flat indices (N,) of voxels into a lattice, z slowest."""
     index = (part.position - lattice.origin) @ np.linalg.inv(lattice.steps).T
     whole = np.rint(index).astype(np.int64)

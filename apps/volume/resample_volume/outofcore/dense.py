@@ -11,15 +11,15 @@ from resample_volume.classification.regions import Faded
 from resample_volume.data.bricks import Bricks, Step
 from resample_volume.data.statistics.caches import LruCache
 from resample_volume.media.appearance import Appearance, Classification, VolumeLayer, transfer_of
-from resample_volume.media.lattices import Lattice, common_lattice, first_in
+from resample_volume.media.lattices import CommonLattice, common_lattice, first_in
 from resample_volume.outofcore.caching import cached
 from resample_volume.outofcore.classified import Classifying, classified_by_bricks
 from resample_volume.outofcore.outline import Finish
 from resample_volume.outofcore.passes import PassContext
 from resample_volume.outofcore.steepness import Slopes, steepness_by_bricks
 from resample_volume.outofcore.together import (
+    CombinedBricks,
     Member,
-    Together,
     in_grid,
     mixed_by_bricks,
     resampled_bricks,
@@ -36,7 +36,7 @@ OF_LABELS = 8  # memory over that for the cache of label bricks
 
 
 @dataclass(frozen=True, eq=False)
-class Cutting:
+class Cropping:
     """Removes voxels that planes cut away."""
 
     clip: Doubles  # (M, 4) planes
@@ -55,8 +55,8 @@ class Dense:
     """Volumes in bricks, classified brick by brick."""
 
     members: tuple[Member, ...]
-    lattice: Lattice | None  # of several together
-    cut: Cutting
+    lattice: CommonLattice | None  # of several together
+    cut: Cropping
     beside: int  # bytes of the cache of label bricks
 
     @property
@@ -134,7 +134,7 @@ def dense_of(
         by = _classifying(volume, replace(look, light=light), looking)
         first = (0, 0, 0) if lattice is None else _first(volume, lattice)
         members.append(Member(volume, by, first))
-    cut = Cutting(clip, painter.reconstruction.radius)
+    cut = Cropping(clip, painter.reconstruction.radius)
     return scene, Dense(tuple(members), lattice, cut, beside)
 
 
@@ -144,7 +144,7 @@ def share_lattice(media: Sequence[VolumeLayer]) -> bool:
     return all(first_in(volume, lattice) is not None for volume, _ in media)
 
 
-def _on_lattice(medium: VolumeLayer, lattice: Lattice, most: int) -> VolumeLayer:
+def _on_lattice(medium: VolumeLayer, lattice: CommonLattice, most: int) -> VolumeLayer:
     """Return a volume on the common lattice, and its look; mapped pages take limited memory."""
     volume, look = medium
     if first_in(volume, lattice) is not None:
@@ -157,22 +157,22 @@ def _on_lattice(medium: VolumeLayer, lattice: Lattice, most: int) -> VolumeLayer
     return there, resampled_appearance(volume, look)
 
 
-def _together(placed: Sequence[VolumeLayer], lattice: Lattice) -> Volume:
+def _together(placed: Sequence[VolumeLayer], lattice: CommonLattice) -> Volume:
     """Combine volumes in bricks on the common lattice; cached."""
     x, y, z = map(int, lattice.size)
     bricks: list[Any] = [volume.values for volume, _ in placed]
     firsts = [_first(volume, lattice) for volume, _ in placed]
 
-    def make() -> Together:
+    def make() -> CombinedBricks:
         pairs = zip(bricks, firsts, strict=True)
         parts = [in_grid(own, first, (z, y, x), bricks[0].side) for own, first in pairs]
-        return Together(parts, bricks[0].found)
+        return CombinedBricks(parts, bricks[0].found)
 
     values: Any = cached(placed[0][0], ("together", bricks, firsts, lattice), make)
     return lattice.volume()._replace(values=values)
 
 
-def _first(volume: Volume, lattice: Lattice) -> Step:
+def _first(volume: Volume, lattice: CommonLattice) -> Step:
     """Return the index of a volume's first voxel in the common lattice."""
     first = first_in(volume, lattice)
     if first is None:

@@ -11,8 +11,8 @@ from resample.memory.mapped import array_in_file
 from resample.types import Doubles
 from resample_volume.data.bricks import Asked, Box, Bricks, Step
 from resample_volume.data.statistics.caches import LruCache
-from resample_volume.media.lattices import Lattice, onto
-from resample_volume.media.mixing import Mixed, mixed_at
+from resample_volume.media.lattices import CommonLattice, onto
+from resample_volume.media.mixing import MixedMedia, mixed_at
 from resample_volume.outofcore.classified import Classifying, classified, range_for
 from resample_volume.types import Volume
 from resample_volume.voxels.streaming import (
@@ -27,7 +27,7 @@ from resample_volume.voxels.visible import Indices, Voxels, to_scene_of
 R = TypeVar("R")
 
 
-class Together:
+class CombinedBricks:
     """Bricks of several volumes on one grid, with the interface of `Bricks` that windows use."""
 
     def __init__(
@@ -81,13 +81,13 @@ class Together:
 
     def within(
         self, asked: Asked | None, recent: "LruCache | tuple[LruCache, ...] | None" = None
-    ) -> "Together":
+    ) -> "CombinedBricks":
         """Do as `Bricks.within`."""
         if isinstance(recent, LruCache):
             recent = tuple(LruCache(recent.most // len(self.parts)) for _ in self.parts)
         each = [None] * len(self.parts) if recent is None else recent
         parts = [part.within(asked, own) for part, own in zip(self.parts, each, strict=True)]
-        return Together(parts, self.found, recent)
+        return CombinedBricks(parts, self.found, recent)
 
     def __getstate__(self) -> dict[str, Any]:
         return self.__dict__ | {"found": {}, "recent": None}
@@ -213,7 +213,7 @@ def _joined(
 
 
 @dataclass(frozen=True, eq=False)
-class Sliced:
+class ArrayBoxes:
     """Reads boxes of an array of this process."""
 
     values: NDArray[Any]
@@ -229,7 +229,7 @@ class Sliced:
         )
 
 
-def resampled_bricks(volume: Volume, lattice: Lattice, most: int) -> Volume:
+def resampled_bricks(volume: Volume, lattice: CommonLattice, most: int) -> Volume:
     """Resample a volume in bricks to a lattice, into a temporary file of the user's cache.
 
     Parameters
@@ -252,7 +252,7 @@ def resampled_bricks(volume: Volume, lattice: Lattice, most: int) -> Volume:
     there = onto(volume._replace(values=values), lattice)
     shape, kind = there.values.shape, there.values.dtype
     size: Step = (shape[0], shape[1], shape[2])
-    in_file: Any = Bricks(Sliced(there.values), size, kind, bricks.side, memory=bricks.memory)
+    in_file: Any = Bricks(ArrayBoxes(there.values), size, kind, bricks.side, memory=bricks.memory)
     return there._replace(values=in_file)
 
 
@@ -265,11 +265,11 @@ class Member(NamedTuple):
 
 
 def mixed_by_bricks(
-    together: Together,
-    lattice: Lattice,
+    together: CombinedBricks,
+    lattice: CommonLattice,
     members: Sequence[Member],
     cut: Callable[[Indices, Voxels], tuple[Indices, Voxels]],
-    finish: Callable[[Indices, Mixed], R],
+    finish: Callable[[Indices, MixedMedia], R],
 ) -> Iterator[R]:
     """Run a job on the visible voxels of several volumes, brick by brick.
 

@@ -106,7 +106,7 @@ class FoundInLayers(NamedTuple):
     spaced: PicturePlan | None  # knows how fine the tiles are that show them
 
 
-class Task(NamedTuple):
+class WindowTask(NamedTuple):
     """A window to paint."""
 
     window: Window
@@ -276,7 +276,7 @@ def _scan_layers(job: RenderJob, lattice: Lattice, guess: Guess, bricks: Bricks)
     return found._replace(spaced=spaced)
 
 
-def tasks_of(job: RenderJob, known: Surveyed, fewest: int = 1) -> list[Task]:
+def tasks_of(job: RenderJob, known: Surveyed, fewest: int = 1) -> list[WindowTask]:
     """Return windows of whole tiles, each within the memory limit.
 
     If the picture does not fit in memory at once, there is a least number of windows.
@@ -288,7 +288,7 @@ def tasks_of(job: RenderJob, known: Surveyed, fewest: int = 1) -> list[Task]:
     """
     (height, width), tile = known.plan.size, known.plan.tile
     values: Bricks = job.volume.values  # type: ignore[assignment]
-    found: list[Task] = []
+    found: list[WindowTask] = []
     waiting: deque[Window] = deque([(0, 0, width, height)])
     while waiting:
         window = x0, y0, x1, y1 = waiting.popleft()
@@ -316,12 +316,12 @@ def tasks_of(job: RenderJob, known: Surveyed, fewest: int = 1) -> list[Task]:
     return found
 
 
-def _task(job: RenderJob, known: Surveyed, window: Window) -> tuple[Task, bool]:
+def _task(job: RenderJob, known: Surveyed, window: Window) -> tuple[WindowTask, bool]:
     """Return a window, and whether it fits in the allowed memory."""
     blocks = known.blocks
     are_asked = blocks.within(window, known.plan.margin + 1)
     number, seen = (part[are_asked].astype(np.int32) for part in (blocks.number, blocks.visible))
-    task = Task(window, number, seen)
+    task = WindowTask(window, number, seen)
     values: Bricks = job.volume.values  # type: ignore[assignment]
     free = job.memory - job.beside - values.shelved - _bytes_of_bricks(job, blocks, are_asked)
     if task.voxels * BYTES_PER_SAMPLE <= free or not job.resampler.can_step(known.plan):
@@ -360,7 +360,7 @@ def _bytes_of_bricks(job: RenderJob, blocks: Blocks, are_asked: NDArray[np.bool_
     return (held + threads) * bricks.bytes_each + (threads + 1) * job.volumes * each
 
 
-def _painted(job: RenderJob, known: Surveyed, task: Task) -> PaintedWindow:
+def _painted(job: RenderJob, known: Surveyed, task: WindowTask) -> PaintedWindow:
     """Paint a window, and release its voxels."""
     if job.folder is not None:
         stored = kept_tile(job.folder, task.window)
@@ -386,7 +386,7 @@ def _painted(job: RenderJob, known: Surveyed, task: Task) -> PaintedWindow:
     return PaintedWindow(task.window, None, bricks.reads)
 
 
-def _source(job: RenderJob, known: Surveyed, task: Task, bricks: Bricks) -> SamplesInParts:
+def _source(job: RenderJob, known: Surveyed, task: WindowTask, bricks: Bricks) -> SamplesInParts:
     """Return the source of a window's blocks, which counts bricks read."""
     lattice, number = known.blocks.lattice, task.number.astype(np.int64)
 

@@ -25,7 +25,7 @@ from resample.watching import Progress
 from resample_volume.data.memory import require_memory
 
 if TYPE_CHECKING:
-    from resample_volume.rivals.kernels.raycasting import FieldClassifier, Grid, Plan
+    from resample_volume.rivals.kernels.raycasting import CastingOptions, FieldClassifier, Grid
 
 NO_LAMP = Lamp(np.zeros(3), np.zeros(4), 1.0, 0.0, 0.0, 1.0, 0.0)
 NO_CLASSIFIER = Classifier(np.zeros((1, 1, 4), np.float32), 0.0, 1.0, 1.0, NO_LAMP, 0.0, 1.0, 0.0)
@@ -322,14 +322,14 @@ def _density(reconstruction: Reconstruction) -> Doubles:
     return np.asarray(reconstruction(np.sqrt(squared) * radius) / mass, np.float64)
 
 
-def _plan(source: _RaySource, view: View, look: Casting) -> "Plan":
-    from resample_volume.rivals.kernels.raycasting import Plan
+def _plan(source: _RaySource, view: View, look: Casting) -> "CastingOptions":
+    from resample_volume.rivals.kernels.raycasting import CastingOptions
 
     voxel = float(abs(np.linalg.det(source.lattice)) ** (1 / 3))
     planes = np.array(look.clip, np.float64)
     normal = planes[:, :3] @ view.rotation.T
     offset = planes[:, 3] - normal @ view.translation
-    return Plan(
+    return CastingOptions(
         int(look.rays),
         float(look.step * voxel),
         voxel,

@@ -13,7 +13,7 @@ TITLES = {"engine": "Engine", "lobster": "Lobster", "aneurism": "Aneurism", "sku
 STAND_INS = {"skull": "vis_male", "aneurism": "vessel-tree:size=256"}
 
 
-class Subject(NamedTuple):
+class FigureVolume(NamedTuple):
     """The volume of a figure."""
 
     volume: Volume
@@ -44,7 +44,7 @@ class VolumeFolder:
         files = [place / f"{name}{suffix}" for place in places for suffix in SUFFIXES]
         return next((file for file in files if file.is_file()), None)
 
-    def subject(self, name: str) -> Subject | None:
+    def subject(self, name: str) -> FigureVolume | None:
         """Return one of the paper's volumes or its substitute; None if there is neither.
 
         Parameters
@@ -59,10 +59,10 @@ class VolumeFolder:
         """
         path = self.find(name)
         if path is not None:
-            return Subject(open_volume(path), name, TITLES[name], "")
+            return FigureVolume(open_volume(path), name, TITLES[name], "")
         return self._stand_in(name, STAND_INS[name]) if name in STAND_INS else None
 
-    def _stand_in(self, name: str, other: str) -> Subject | None:
+    def _stand_in(self, name: str, other: str) -> FigureVolume | None:
         generated = ":" in other
         path = None if generated else self.find(other)
         if path is None and not generated:
@@ -70,7 +70,7 @@ class VolumeFolder:
         volume = generate(other) if path is None else open_volume(path)
         kind = f"the generated {other}" if generated else other
         note = f"{missing(name)}; {kind} stands in for it"
-        return Subject(volume, other, f"{other} (for {TITLES[name]})", note)
+        return FigureVolume(volume, other, f"{other} (for {TITLES[name]})", note)
 
 
 def missing(name: str) -> str:

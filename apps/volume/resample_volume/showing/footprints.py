@@ -52,7 +52,7 @@ class ErrorGrid:
 QUICK = ErrorGrid((1, 15), (0, 30), (5,), 40)
 
 
-class Sphere(NamedTuple):
+class KernelBall(NamedTuple):
     """A kernel's sphere as seen from the eye."""
 
     angle: float  # degrees off the camera's axis
@@ -79,7 +79,7 @@ class Sphere(NamedTuple):
         return Samples(position, np.ones((1, 3), np.float32), extinction, spacing * np.eye(3))
 
 
-class Ellipse(NamedTuple):
+class ScreenEllipse(NamedTuple):
     """Where a quadratic form is 1, in units of the image plane at depth 1."""
 
     center: Doubles  # (2,)
@@ -90,7 +90,7 @@ def make(folder: Path, shelf: VolumeFolder, *, quick: bool = False) -> str:
     """Write the figure and return its summary."""
     del shelf  # only one sphere is shown
     rows = error_rows(QUICK if quick else ErrorGrid())
-    sphere = Sphere(TILT, CONE, 0.0)
+    sphere = KernelBall(TILT, CONE, 0.0)
     ellipse = ellipse_of(record_of(sphere, Footprint.CORRECTED))
     touched = tangent_rays(sphere)
     off = float(np.abs(index_of(record_of(sphere, Footprint.CORRECTED), touched) - 1).max())
@@ -115,7 +115,7 @@ def make(folder: Path, shelf: VolumeFolder, *, quick: bool = False) -> str:
 # The resampler's footprints.
 
 
-def record_of(sphere: Sphere, model: Footprint) -> Record:
+def record_of(sphere: KernelBall, model: Footprint) -> Record:
     """Return the resampler's record of a sphere."""
     camera, samples = Camera.from_intrinsics(FOCAL, FOCAL, 0.0, 0.0), sphere.samples()
     records = _splatting(model).footprints(samples, camera, height=FRAME, width=FRAME)
@@ -131,18 +131,18 @@ def index_of(record: Record, ray: Doubles) -> Doubles:
     return np.asarray(np.sqrt(np.maximum(0.0, a * dx * dx + 2 * b * dx * dy + c * dy * dy)))
 
 
-def ellipse_of(record: Record) -> Ellipse:
+def ellipse_of(record: Record) -> ScreenEllipse:
     """Return the outline of a record's quadratic form."""
     a, b, c = (float(record[name]) for name in "abc")
     squared, axes = np.linalg.eigh(np.array([[a, b], [b, c]]))
     center = np.array([record["form_x"], record["form_y"]], np.float64)
-    return Ellipse(center / FOCAL, axes / np.sqrt(squared) / FOCAL)
+    return ScreenEllipse(center / FOCAL, axes / np.sqrt(squared) / FOCAL)
 
 
 # Rays at known distances.
 
 
-def rays_at(sphere: Sphere, distance: Doubles, count: int = 180) -> Doubles:
+def rays_at(sphere: KernelBall, distance: Doubles, count: int = 180) -> Doubles:
     """Return rays (D, count, 2) that pass the center at distances (D,) in radii, at depth 1."""
     center = sphere.center
     far = float(np.linalg.norm(center))
@@ -157,12 +157,12 @@ def rays_at(sphere: Sphere, distance: Doubles, count: int = 180) -> Doubles:
     return np.asarray(ray[..., :2] / ray[..., 2:])
 
 
-def tangent_rays(sphere: Sphere) -> Doubles:
+def tangent_rays(sphere: KernelBall) -> Doubles:
     """Return rays (180, 2) tangent to a sphere, at depth 1."""
     return np.asarray(rays_at(sphere, np.array([1.0]))[0])
 
 
-def distance_of(sphere: Sphere, ray: Doubles) -> Doubles:
+def distance_of(sphere: KernelBall, ray: Doubles) -> Doubles:
     """Return the distance in radii at which rays (..., 2) pass the center."""
     whole = np.concatenate([ray, np.ones_like(ray[..., :1])], axis=-1)
     across = np.linalg.norm(np.cross(sphere.center, whole), axis=-1)
@@ -177,14 +177,14 @@ def printed_distance(index: Doubles, cone: Doubles) -> Doubles:
     return np.asarray(np.sin(np.arctan(index * np.tan(cone))) / np.tan(cone))
 
 
-def disc_distance(sphere: Sphere, ray: Doubles) -> Doubles:
+def disc_distance(sphere: KernelBall, ray: Doubles) -> Doubles:
     """Return where rays meet the disc that faces the eye (Mueller and Yagel, 1996)."""
     sine = distance_of(sphere, ray) * sphere.radius / float(np.linalg.norm(sphere.center))
     far = float(np.linalg.norm(sphere.center))
     return np.asarray(np.tan(np.arcsin(sine)) * far / sphere.radius)
 
 
-def model_distances(sphere: Sphere, ray: Doubles) -> dict[str, Doubles]:
+def model_distances(sphere: KernelBall, ray: Doubles) -> dict[str, Doubles]:
     """Return the models' distances of rays (..., 2) in radii, by name."""
     cone = np.array(np.radians(sphere.cone))
     ellipse = index_of(record_of(sphere, Footprint.CORRECTED), ray)
@@ -208,11 +208,11 @@ def error_rows(choices: ErrorGrid) -> list[Row]:
     distance = np.linspace(0, 1, choices.rays)
     rows: list[Row] = []
     for angle, cone in dict.fromkeys([*on, *off]):
-        rows += _errors(Sphere(float(angle), float(cone)), distance)
+        rows += _errors(KernelBall(float(angle), float(cone)), distance)
     return rows
 
 
-def _errors(sphere: Sphere, distance: Doubles) -> list[Row]:
+def _errors(sphere: KernelBall, distance: Doubles) -> list[Row]:
     models = model_distances(sphere, rays_at(sphere, distance))
     truth = line_integral(distance)[:, None]
     pictures = picture_errors(sphere)
@@ -241,7 +241,7 @@ def _table() -> tuple[Doubles, Doubles]:
     return np.linspace(0, 1, values.size), values
 
 
-def picture_errors(sphere: Sphere) -> dict[str, float]:
+def picture_errors(sphere: KernelBall) -> dict[str, float]:
     """Return the largest error of any drawn pixel, as a fraction of the peak, by model."""
     low, high = np.tan(np.radians([sphere.angle - sphere.cone, sphere.angle + sphere.cone]))
     focal = (SIDE - 6) / (high - low)
@@ -258,7 +258,7 @@ def picture_errors(sphere: Sphere) -> dict[str, float]:
     }
 
 
-def _drawn(sphere: Sphere, camera: Camera, model: Footprint) -> Doubles:
+def _drawn(sphere: KernelBall, camera: Camera, model: Footprint) -> Doubles:
     """Return the optical depth (SIDE, SIDE) that the resampler gives one splat."""
     frame = _splatting(model)(sphere.samples(), camera, height=SIDE, width=SIDE)
     return np.asarray(-np.log1p(-frame.rgba[..., 3].astype(np.float64)))
@@ -292,7 +292,7 @@ def _draw_side(axes: "Axes") -> None:
     """Draw Figure 3 in the plane of P and Q."""
     from matplotlib.patches import Circle
 
-    sphere = Sphere(TILT, CONE, 0.0)
+    sphere = KernelBall(TILT, CONE, 0.0)
     center, radius = sphere.center[[0, 2]], sphere.radius
     ellipse = ellipse_of(record_of(sphere, Footprint.CORRECTED))
     plane = 3.5
@@ -324,7 +324,7 @@ def _draw_side(axes: "Axes") -> None:
 
 def _draw_plane(axes: "Axes") -> None:
     """Draw Figure 3 on the image plane."""
-    sphere = Sphere(TILT, CONE, 0.0)
+    sphere = KernelBall(TILT, CONE, 0.0)
     around = np.linspace(0, 2 * np.pi, 200)
     circle = np.array([np.cos(around), np.sin(around)])
     for model, style in ((Footprint.CORRECTED, "-"), (Footprint.AFFINE, "--")):

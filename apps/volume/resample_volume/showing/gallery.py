@@ -15,7 +15,7 @@ from resample.types import Frame
 from resample_volume.classification.transfer import from_points
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import render
-from resample_volume.showing.data import Subject, VolumeFolder, missing
+from resample_volume.showing.data import FigureVolume, VolumeFolder, missing
 from resample_volume.showing.writing import Row, write_numbers
 from resample_volume.voxels.shading import Light
 
@@ -50,7 +50,7 @@ class Taken(NamedTuple):
     """A shot that was taken."""
 
     shot: Shot
-    subject: Subject
+    subject: FigureVolume
     frame: Frame
 
 
@@ -106,7 +106,7 @@ def make(folder: Path, shelf: VolumeFolder, *, quick: bool = False) -> str:
 
 def _taken(shelf: VolumeFolder, side: int) -> Iterator[Taken]:
     """Pictures of all volumes that are there."""
-    subjects: dict[str, Subject | None] = {}
+    subjects: dict[str, FigureVolume | None] = {}
     for shot in SHOTS:
         if shot.subject not in subjects:
             subjects = {shot.subject: shelf.subject(shot.subject)}  # one at a time in memory
@@ -115,7 +115,7 @@ def _taken(shelf: VolumeFolder, side: int) -> Iterator[Taken]:
             yield Taken(shot, subject, _picture(shot, subject, side))
 
 
-def _picture(shot: Shot, subject: Subject, side: int) -> Frame:
+def _picture(shot: Shot, subject: FigureVolume, side: int) -> Frame:
     transfer = TRANSFERS.get(subject.name, TRANSFERS[shot.subject])
     look = Appearance(transfer, shot.light())
     return render(subject.volume, look, shot.orbit, size=(side, side), resampler=shot.resampler)

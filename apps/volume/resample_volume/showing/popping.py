@@ -43,7 +43,7 @@ MEASURE = (
 
 
 @dataclass(frozen=True)
-class Turn:
+class CheckerRotation:
     """A rotation: the volume and the angular step."""
 
     volume: str = "checker-box:size=40,block=8"
@@ -59,7 +59,7 @@ class Turn:
     zoom: float = 0.95
 
 
-QUICK = Turn("checker-box:size=12,block=3", side=24, large=48, step=0.5)
+QUICK = CheckerRotation("checker-box:size=12,block=3", side=24, large=48, step=0.5)
 
 
 class TurnedVolume(NamedTuple):
@@ -67,7 +67,7 @@ class TurnedVolume(NamedTuple):
 
     voxels: Voxels
     sphere: Sphere
-    choices: Turn
+    choices: CheckerRotation
 
     def camera(self, azimuth: float, side: int) -> AnyCamera:
         """Return the camera for a square picture."""
@@ -81,7 +81,7 @@ class TurnedVolume(NamedTuple):
         return resample(samples, camera, height=side, width=side).rgba
 
 
-class Curve(NamedTuple):
+class JumpCurve(NamedTuple):
     """Size of the picture's jumps at each angle of a rotation."""
 
     azimuth: Doubles  # (K,) degrees, of the middle one of three frames
@@ -92,7 +92,7 @@ class Curve(NamedTuple):
 def make(folder: Path, shelf: VolumeFolder, *, quick: bool = False) -> str:
     """Write the figure; returns what is said about it."""
     del shelf  # the box is generated
-    choices = QUICK if quick else Turn()
+    choices = QUICK if quick else CheckerRotation()
     scene = scene_of(choices)
     orders = {
         name: Resampler(order=registry.build("orders", spec), primitive=_form(name))
@@ -130,7 +130,7 @@ def _form(order: str) -> Primitive:
     return Primitive.PAPER if order.startswith("every-sample") else Primitive.HYBRID
 
 
-def scene_of(choices: Turn) -> TurnedVolume:
+def scene_of(choices: CheckerRotation) -> TurnedVolume:
     """Return the box with its looks."""
     volume, _ = centered(generate(choices.volume))
     look = Appearance(choices.transfer, LIGHT)
@@ -138,7 +138,7 @@ def scene_of(choices: Turn) -> TurnedVolume:
     return TurnedVolume(voxels, sphere_around(voxels, volume), choices)
 
 
-def popping(scene: TurnedVolume, resample: Resampler) -> Curve:
+def popping(scene: TurnedVolume, resample: Resampler) -> JumpCurve:
     """Compute second differences along a rotation, as `MEASURE` says."""
     chosen = scene.choices
     count = round((chosen.last - chosen.first) / chosen.step)
@@ -151,10 +151,10 @@ def popping(scene: TurnedVolume, resample: Resampler) -> Curve:
             jump = frames[0] - 2 * frames[1] + frames[2]
             rms.append(float(np.sqrt(np.mean(np.square(jump, dtype=np.float64)))))
             largest.append(float(np.abs(jump).max()))
-    return Curve(azimuth[1:-1], np.array(rms), np.array(largest))
+    return JumpCurve(azimuth[1:-1], np.array(rms), np.array(largest))
 
 
-def summarised(curves: Mapping[str, Curve]) -> dict[str, dict[str, float]]:
+def summarised(curves: Mapping[str, JumpCurve]) -> dict[str, dict[str, float]]:
     """Return each order's largest jump and its angle, and the ratio to that of axis-sheets."""
     reference = float(curves["axis-sheets"].rms.max())
     return {
@@ -194,7 +194,7 @@ def _write_views(folder: Path, scene: TurnedVolume, orders: Mapping[str, Resampl
     contact_sheet(cells, folder / f"{NAME}.png", columns=3)
 
 
-def _draw(path: Path, curves: Mapping[str, Curve]) -> None:
+def _draw(path: Path, curves: Mapping[str, JumpCurve]) -> None:
     figure = drawing(8, 4.5)
     axes = figure.subplots()
     for name, curve in curves.items():

@@ -24,7 +24,7 @@ from resample_volume.files.source import generate
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import visible_voxels
 from resample_volume.rivals.peers import Peer, VtkRenderer
-from resample_volume.showing.data import Subject, VolumeFolder, missing
+from resample_volume.showing.data import FigureVolume, VolumeFolder, missing
 from resample_volume.showing.writing import Row, drawing, save, write_numbers
 from resample_volume.types import Volume
 from resample_volume.voxels.framing import centered, sphere_around
@@ -76,7 +76,7 @@ class Case:
     """A volume whose samples a camera sees from near and far."""
 
     name: str  # one of `PAPER`
-    subject: Subject
+    subject: FigureVolume
     volume: Volume  # around the origin
     transfer: TransferFunction
     samples: Samples
@@ -151,7 +151,7 @@ def case_of(name: str, shelf: VolumeFolder, choices: Effort) -> Case | None:
     """
     if name == "checker-box":
         box = generate(choices.box)
-        subject: Subject | None = Subject(box, choices.box, "Checker Box", "")
+        subject: FigureVolume | None = FigureVolume(box, choices.box, "Checker Box", "")
     else:
         subject = shelf.subject(name)
     if subject is None:

@@ -23,7 +23,7 @@ BESIDE = 1e-6  # fraction of the depth range added at both ends
 
 
 @dataclass(frozen=True, eq=False)
-class Sliced:
+class DepthClippedCamera:
     """A camera clipped to a range of depths."""
 
     camera: AnyCamera
@@ -90,12 +90,12 @@ def slabs(paint: Painter, camera: AnyCamera, planes: Doubles) -> Iterator[DepthS
     """
     first, shown = float(planes[0]), None
     for near, far in zip(planes[:-1].tolist(), planes[1:].tolist(), strict=True):
-        front = paint(Sliced(camera, first, far)).rgba
+        front = paint(DepthClippedCamera(camera, first, far)).rgba
         alone = front
         if shown is None:
             shown = np.zeros(front.shape)
         else:
-            alone = paint(Sliced(camera, near, far)).rgba
+            alone = paint(DepthClippedCamera(camera, near, far)).rgba
         left = 1 - shown[..., 3:]
         more = np.divide(front - shown, left, out=np.zeros(front.shape), where=left > LEAST)
         more = np.maximum(more, 0) * (alone[..., 3:] > 0) * (more[..., 3:] > 0)

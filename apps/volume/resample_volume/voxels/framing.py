@@ -46,7 +46,7 @@ class Placed(Protocol):
         """(3, 3) columns are the steps to the neighbours, scene units."""
 
 
-class Shown(NamedTuple):
+class FramedVoxels(NamedTuple):
     """Voxels that a camera frames."""
 
     position: Floats  # (N, 3) scene units
@@ -55,7 +55,7 @@ class Shown(NamedTuple):
 
 def shown_by(
     volume: Volume, transfer: Transfer, planes: Doubles, radius: float, iso: float | None = None
-) -> Shown:
+) -> FramedVoxels:
     """Return the voxels that are visible when composited, under any projection.
 
     Parameters
@@ -90,7 +90,7 @@ def shown_by(
             f"a camera around the {count} or more visible voxels of {volume.name}",
             "fit it to the whole volume (--fit volume), or show less of it",
         )
-    shown = Shown(positions_at(volume, np.concatenate(places)), lattice_of(volume))
+    shown = FramedVoxels(positions_at(volume, np.concatenate(places)), lattice_of(volume))
     if not len(planes):
         return shown
     kept = inside(shown.position, shown.lattice, planes, radius)

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 from resample_volume.data.recordings import alone
 from resample_volume.files.cells.blocks import read_grid, read_pieces
 from resample_volume.files.cells.resampling import resampled
-from resample_volume.files.parsing.choosing import Wanted, check_part
+from resample_volume.files.parsing.choosing import ArrayQuery, check_part
 from resample_volume.files.parsing.headers import (
     Check,
     check_alone,
@@ -38,7 +38,7 @@ class _Cells:
         return alone(self.recorded(path, check_alone))
 
     def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
-        wanted, steps = Wanted(self.array, self.part, self.kind), steps_of(self.spacing)
+        wanted, steps = ArrayQuery(self.array, self.part, self.kind), steps_of(self.spacing)
         pieces = self._pieces(existing_file(path))
         return resampled(pieces, wanted, steps, stem(path, self.suffixes), check)
 

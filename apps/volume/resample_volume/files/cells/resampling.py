@@ -10,7 +10,7 @@ from resample.memory import require_memory
 from resample_volume.files.cells.lattice import Leaf, Raster, lattice_of, mean_cell
 from resample_volume.files.cells.probing import NAME, Error, probed
 from resample_volume.files.cells.validity import check_cells
-from resample_volume.files.parsing.choosing import Named, Wanted, choose, of_parts, part_of
+from resample_volume.files.parsing.choosing import ArrayQuery, Named, choose, of_parts, part_of
 from resample_volume.files.parsing.headers import Check, header, recording
 from resample_volume.files.xml.vti import arrays_of
 from resample_volume.types import Recording
@@ -22,7 +22,7 @@ OVERHEAD = 16  # bytes of temporaries per voxel
 
 def resampled(
     pieces: Sequence[Any],
-    wanted: Wanted,
+    wanted: ArrayQuery,
     spacing: tuple[float, ...],
     name: str,
     check: Check,
@@ -92,7 +92,7 @@ def pieces_of(data: Any) -> list[Any]:
 
 
 def _leaves(
-    pieces: Sequence[Any], wanted: Wanted, name: str
+    pieces: Sequence[Any], wanted: ArrayQuery, name: str
 ) -> tuple[Named, list[Named], list[Leaf]]:
     """Return the chosen array, all arrays of its first piece, and the pieces with it alone."""
     held = [arrays_of(piece) for piece in pieces]
@@ -113,7 +113,7 @@ def _leaves(
     return chosen, every, leaves
 
 
-def _leaf(piece: Any, chosen: Named, array: Any, wanted: Wanted) -> Leaf:
+def _leaf(piece: Any, chosen: Named, array: Any, wanted: ArrayQuery) -> Leaf:
     """Reduce a piece to one array, of floats that hold its numbers."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
 

@@ -14,7 +14,13 @@ from resample.reading.headers import whole
 from resample.reading.limits import check_items, check_size
 from resample.types import Doubles
 from resample_volume.data.memory import require_memory
-from resample_volume.files.parsing.headers import Check, Header, check_shape, header, recording
+from resample_volume.files.parsing.headers import (
+    Check,
+    VolumeHeader,
+    check_shape,
+    header,
+    recording,
+)
 from resample_volume.files.parsing.numbers import check_enough, numbers
 from resample_volume.types import Recording
 
@@ -53,7 +59,7 @@ def read_cube(path: Path, name: str, check: Check) -> Recording:
 
 
 @np.errstate(all="ignore")  # absurd numbers are rejected, without warnings
-def _header(file: BinaryIO, path: Path, name: str) -> Header:
+def _header(file: BinaryIO, path: Path, name: str) -> VolumeHeader:
     for _ in range(2):
         file.readline(LONGEST)  # titles
     words = _words(file)

@@ -9,7 +9,13 @@ import numpy as np
 
 from resample.reading.headers import check_meta_numbers, whole
 from resample_volume.data.recordings import is_color
-from resample_volume.files.parsing.headers import Check, Header, check_shape, header, recording
+from resample_volume.files.parsing.headers import (
+    Check,
+    VolumeHeader,
+    check_shape,
+    header,
+    recording,
+)
 from resample_volume.files.parsing.texts import Fields, files_named, is_hounsfield, text_fields
 from resample_volume.files.parsing.voxels import VoxelData, voxels
 from resample_volume.types import Recording, Volume
@@ -90,7 +96,7 @@ def _first(value: Mapping[str, str], keys: tuple[str, ...], count: int) -> Any:
     return np.array([float(word) for word in found.split()][:count])
 
 
-def _header(value: Mapping[str, str], path: Path, name: str) -> Header:
+def _header(value: Mapping[str, str], path: Path, name: str) -> VolumeHeader:
     axes = whole(path, value["ndims"])
     sizes = tuple(whole(path, word) for word in value["dimsize"].split())
     word = value.get("elementtype", "")

@@ -11,7 +11,13 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from resample.types import Doubles
-from resample_volume.files.parsing.headers import Check, Header, check_shape, header, recording
+from resample_volume.files.parsing.headers import (
+    Check,
+    VolumeHeader,
+    check_shape,
+    header,
+    recording,
+)
 from resample_volume.files.parsing.voxels import VoxelData, first_bytes, voxels
 from resample_volume.types import Recording
 
@@ -52,10 +58,10 @@ STAMP, IS_SIGNED = 1146047817, 1  # IMOD's; without the flag its bytes have no s
 LARGEST = 1 << 30  # bytes of a second header
 
 
-class _Told(NamedTuple):
+class _MrcHeader(NamedTuple):
     """A header, and the layout of voxels in the file."""
 
-    known: Header
+    known: VolumeHeader
     axes: tuple[int, ...]  # of x, y, z (0, 1, 2) those of columns, rows and sections
     start: int  # bytes before the voxels
     note: str
@@ -95,7 +101,7 @@ def _fields(start: bytes, name: str) -> Any:
     raise ValueError(f"{name} is damaged: neither order of bytes gives its mode a meaning")
 
 
-def _told(fields: Any, file: str, name: str) -> _Told:
+def _told(fields: Any, file: str, name: str) -> _MrcHeader:
     kind = _type(fields, file)
     order = tuple(map(int, fields["order"]))
     axes = tuple(axis - 1 for axis in order) if any(order) else (0, 1, 2)
@@ -118,7 +124,7 @@ def _told(fields: Any, file: str, name: str) -> _Told:
     known = header(shape, kind, name, spacing=spacing, origin=origin, direction=direction)
     is_pictures = int(fields["group"]) == PICTURES and int(fields["grid"][2]) == 1
     note = "a stack of pictures: its slices are those pictures" if is_pictures else ""
-    return _Told(known._replace(times=times), axes, LENGTH + extended, note)
+    return _MrcHeader(known._replace(times=times), axes, LENGTH + extended, note)
 
 
 def _type(fields: Any, file: str) -> np.dtype[Any]:

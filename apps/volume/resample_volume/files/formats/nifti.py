@@ -16,7 +16,13 @@ from numpy.typing import NDArray
 from resample.types import Doubles
 from resample_volume.data.memory import require_memory
 from resample_volume.data.recordings import is_color
-from resample_volume.files.parsing.headers import Check, Header, check_shape, header, recording
+from resample_volume.files.parsing.headers import (
+    Check,
+    VolumeHeader,
+    check_shape,
+    header,
+    recording,
+)
 from resample_volume.files.parsing.texts import is_hounsfield
 from resample_volume.files.parsing.voxels import VoxelData, first_bytes, voxels
 from resample_volume.types import Recording, Volume
@@ -64,11 +70,11 @@ MILLIMETERS = 2
 TO_LPS = np.diag([-1.0, -1.0, 1.0])
 
 
-class _Told(NamedTuple):
+class _NiftiHeader(NamedTuple):
     """A header, and derived facts."""
 
     fields: Any
-    known: Header
+    known: VolumeHeader
     size: tuple[int, ...]  # along all axes, the fastest first
 
 
@@ -120,7 +126,7 @@ def write_nifti(path: Path, volume: Volume, *, is_packed: bool) -> None:
             target.close()
 
 
-def _told(start: bytes, path: Path, name: str) -> _Told:
+def _told(start: bytes, path: Path, name: str) -> _NiftiHeader:
     fields = _fields(start, path.name)
     count = int(fields["dim"][0])
     if not 1 <= count <= 7:
@@ -151,7 +157,7 @@ def _told(start: bytes, path: Path, name: str) -> _Told:
         pixel=f"vector of {kind.name}",
         units="hu" if is_hounsfield(_word(fields["intent"])) else "",
     )
-    return _Told(fields, known, size)
+    return _NiftiHeader(fields, known, size)
 
 
 def _fields(start: bytes, name: str) -> Any:
@@ -224,7 +230,7 @@ def _quaternion(matrix: Doubles) -> Doubles:
     return np.array([b, c, d]) * (-1.0 if a < 0 else 1.0)
 
 
-def _scaled(values: NDArray[Any], told: _Told) -> NDArray[Any]:
+def _scaled(values: NDArray[Any], told: _NiftiHeader) -> NDArray[Any]:
     """Apply slope and intercept, to floats; unchanged if there is nothing to do."""
     slope, inter = float(told.fields["slope"]), float(told.fields["inter"])
     if not math.isfinite(slope) or not math.isfinite(inter):

@@ -16,7 +16,13 @@ import numpy as np
 from resample.reading.headers import check_nrrd_numbers, whole
 from resample.types import Doubles
 from resample_volume.data.recordings import is_color
-from resample_volume.files.parsing.headers import Check, Header, check_shape, header, recording
+from resample_volume.files.parsing.headers import (
+    Check,
+    VolumeHeader,
+    check_shape,
+    header,
+    recording,
+)
 from resample_volume.files.parsing.texts import Fields, files_named, is_hounsfield, text_fields
 from resample_volume.files.parsing.voxels import VoxelData, voxels
 from resample_volume.types import Recording, Volume
@@ -140,7 +146,7 @@ def _axes(value: Mapping[str, str], path: Path) -> _Axes:
     return _Axes(space, apart[0] if apart else None, size)
 
 
-def _header(value: Mapping[str, str], axes: _Axes, path: Path, name: str) -> Header:
+def _header(value: Mapping[str, str], axes: _Axes, path: Path, name: str) -> VolumeHeader:
     kind = _dtype(value, path)
     sizes = tuple(axes.size[axis] for axis in axes.space)
     if len(sizes) != 4:

@@ -17,7 +17,7 @@ from resample_volume.data.rectilinear import rectilinear
 from resample_volume.files.cells.legacy import GRIDS, legacy_grid
 from resample_volume.files.cells.resampling import resampled
 from resample_volume.files.parsing.choosing import (
-    Wanted,
+    ArrayQuery,
     cells_between,
     check_single,
     choose,
@@ -25,7 +25,13 @@ from resample_volume.files.parsing.choosing import (
     of_parts,
     part_of,
 )
-from resample_volume.files.parsing.headers import Check, Header, check_shape, header, recording
+from resample_volume.files.parsing.headers import (
+    Check,
+    VolumeHeader,
+    check_shape,
+    header,
+    recording,
+)
 from resample_volume.files.parsing.numbers import numbers
 from resample_volume.files.parsing.sections import Array, Sections
 from resample_volume.files.parsing.voxels import VoxelData, voxels
@@ -48,7 +54,7 @@ class _Lattice(NamedTuple):
 
 
 def read_vtk(
-    path: Path, wanted: Wanted, spacing: tuple[float, ...], name: str, check: Check
+    path: Path, wanted: ArrayQuery, spacing: tuple[float, ...], name: str, check: Check
 ) -> Recording:
     """Read one array, at points or cells; components are channels, or a color.
 
@@ -140,7 +146,7 @@ def _fields(found: Sections) -> tuple[dict[str, list[float]], dict[str, Doubles]
     return told, planes
 
 
-def _header(lattice: _Lattice, array: Array, name: str) -> Header:
+def _header(lattice: _Lattice, array: Array, name: str) -> VolumeHeader:
     dtype = np.dtype(np.uint8) if array.is_shade else array.dtype
     if not array.named.is_of_cells:
         return header(lattice.points, dtype, name, spacing=lattice.spacing, origin=lattice.origin)

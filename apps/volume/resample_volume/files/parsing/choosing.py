@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 from resample.types import Doubles
 from resample_volume.data.memory import require_memory
 from resample_volume.data.recordings import is_color
-from resample_volume.files.parsing.headers import Header
+from resample_volume.files.parsing.headers import VolumeHeader
 
 PARTS = ("", "magnitude")
 ROWS = 1 << 18  # vectors whose lengths are computed at a time
 HIDDEN = "vtkGhost"  # begins names of arrays that VTK keeps for itself
 
 
-class Wanted(NamedTuple):
+class ArrayQuery(NamedTuple):
     """The user's choice."""
 
     array: str  # its name; empty: the active one, or the only one that it can be
@@ -33,7 +33,7 @@ class Named(NamedTuple):
     is_active: bool  # whether the file marks it as the scalars
 
 
-def choose(known: Sequence[Named], wanted: Wanted, file: str) -> Named:
+def choose(known: Sequence[Named], wanted: ArrayQuery, file: str) -> Named:
     """Choose an array: by name, else the active one, the only one, or the only one of scalars.
 
     Point arrays take precedence: if there are any, cell arrays must be chosen by name.
@@ -70,7 +70,9 @@ def listed(known: Sequence[Named]) -> str:
     return f"arrays are {', '.join(f'{each.name}: {each.parts}' for each in known)}"
 
 
-def of_parts(known: Header, chosen: Named, every: Sequence[Named], wanted: Wanted) -> Header:
+def of_parts(
+    known: VolumeHeader, chosen: Named, every: Sequence[Named], wanted: ArrayQuery
+) -> VolumeHeader:
     """Return the header for an array, with the chosen part of its components.
 
     Raises
@@ -90,7 +92,7 @@ def of_parts(known: Header, chosen: Named, every: Sequence[Named], wanted: Wante
     return known._replace(parts=parts, is_color=is_color((parts,), known.dtype), pixel=kind)
 
 
-def part_of(values: NDArray[Any], chosen: Named, wanted: Wanted, name: str) -> NDArray[Any]:
+def part_of(values: NDArray[Any], chosen: Named, wanted: ArrayQuery, name: str) -> NDArray[Any]:
     """Return values (N * C,), or the lengths (N,) of vectors if asked for."""
     if not wanted.part:
         return values
@@ -103,7 +105,7 @@ def part_of(values: NDArray[Any], chosen: Named, wanted: Wanted, name: str) -> N
     return found
 
 
-def check_single(known: Header, file: str) -> None:
+def check_single(known: VolumeHeader, file: str) -> None:
     """Reject several components on an uneven grid.
 
     Raises

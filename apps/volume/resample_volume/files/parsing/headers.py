@@ -18,7 +18,7 @@ KEPT = ("uint8", "int8", "uint16", "int16", "int32", "float32", "float64")
 WIDENED = {"bool": "uint8", "float16": "float32"}  # widened without loss
 
 
-class Header(NamedTuple):
+class VolumeHeader(NamedTuple):
     """A volume without its values."""
 
     shape: tuple[int, ...]  # voxels along x, y, z
@@ -47,7 +47,7 @@ def header(
     spacing: ArrayLike = (1, 1, 1),
     origin: ArrayLike = (0, 0, 0),
     direction: ArrayLike = ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
-) -> Header:
+) -> VolumeHeader:
     """Make a header, and reject what is not a scalar volume.
 
     The lengths of the columns of `direction` move to the spacing, which preserves all positions.
@@ -67,7 +67,7 @@ def header(
             f"{name}: origin {_listed(start)} is not finite; correct the file's header"
         )
     check_places(start, f"{name}: its origin")
-    return Header(tuple(shape), kind, steps, start, lattice, name)
+    return VolumeHeader(tuple(shape), kind, steps, start, lattice, name)
 
 
 def check_shape(shape: tuple[int, ...], name: str) -> None:
@@ -95,7 +95,7 @@ def check_type(dtype: np.dtype[Any], name: str) -> np.dtype[Any]:
     return dtype
 
 
-def check_held(known: Header) -> None:
+def check_held(known: VolumeHeader) -> None:
     """Reject a header without times or components.
 
     Raises
@@ -110,7 +110,7 @@ def check_held(known: Header) -> None:
         )
 
 
-def check_alone(known: Header) -> None:
+def check_alone(known: VolumeHeader) -> None:
     """Reject more than one volume; the components of colors are one."""
     if known.times > 1:
         raise SeveralTimesError(
@@ -124,14 +124,14 @@ def check_alone(known: Header) -> None:
         )
 
 
-Check = Callable[[Header], None]  # check of a header before values are read
+Check = Callable[[VolumeHeader], None]  # check of a header before values are read
 
 
-def check_nothing(known: Header) -> None:
+def check_nothing(known: VolumeHeader) -> None:
     """Accept any header."""
 
 
-def volume(values: NDArray[Any], known: Header) -> Volume:
+def volume(values: NDArray[Any], known: VolumeHeader) -> Volume:
     """Make a volume of values (Z, Y, X); unsupported types are widened.
 
     Raises
@@ -143,7 +143,9 @@ def volume(values: NDArray[Any], known: Header) -> Volume:
     return alone(recording(values, known))
 
 
-def recording(values: NDArray[Any], known: Header, *, channels_first: bool = False) -> Recording:
+def recording(
+    values: NDArray[Any], known: VolumeHeader, *, channels_first: bool = False
+) -> Recording:
     """Make a recording of all values; unsupported types are widened.
 
     Parameters

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from resample.reading.limits import check_size, check_unpacked
 from resample_volume.data.memory import require_memory
-from resample_volume.files.parsing.headers import Header, check_held
+from resample_volume.files.parsing.headers import VolumeHeader, check_held
 
 BLOCK = 1 << 20  # bytes decompressed at a time
 TEXTS = ("text", "hex")
@@ -30,7 +30,7 @@ class VoxelData(NamedTuple):
     is_exact: bool = True  # nothing may follow them
 
 
-def voxels(stored: VoxelData, known: Header) -> NDArray[Any]:
+def voxels(stored: VoxelData, known: VolumeHeader) -> NDArray[Any]:
     """Read all numbers (N,) of a volume, in the file's type; raw ones are memory mapped.
 
     Raises

@@ -13,12 +13,12 @@ from resample.reading.limits import check_items, check_unpacked
 from resample.reading.pictures import check_picture, opened
 from resample.reading.silence import suppressed_output
 from resample_volume.data.memory import require_memory
-from resample_volume.files.parsing.headers import Header
+from resample_volume.files.parsing.headers import VolumeHeader
 
 NUMPY = {"half": "float16", "float": "float32", "double": "float64"}  # OpenImageIO's name: NumPy's
 
 
-class Page(NamedTuple):
+class SlicePage(NamedTuple):
     """One slice, not yet read."""
 
     name: str
@@ -41,7 +41,7 @@ def files_with(folder: Path, suffixes: tuple[str, ...]) -> list[Path]:
     return sorted((file for file in found if not file.name.startswith(".")), key=natural)
 
 
-def stack_pages(paths: list[Path]) -> list[Page]:
+def stack_pages(paths: list[Path]) -> list[SlicePage]:
     """Return all slices of picture files, which must be alike.
 
     Raises
@@ -69,7 +69,7 @@ def stack_pages(paths: list[Path]) -> list[Page]:
     return pages
 
 
-def stack_values(paths: list[Path], known: Header) -> NDArray[Any]:
+def stack_values(paths: list[Path], known: VolumeHeader) -> NDArray[Any]:
     """Read values (Z, Y, X), or colors (Z, Y, X, C), of picture files."""
     require_memory(known.size, known.name)
     check_unpacked(known.name, sum(path.stat().st_size for path in paths), known.size)
@@ -85,7 +85,7 @@ def stack_values(paths: list[Path], known: Header) -> NDArray[Any]:
     return values if known.parts > 1 else values[..., 0]
 
 
-def _walk(path: Path) -> Iterator[tuple[Page, Any]]:
+def _walk(path: Path) -> Iterator[tuple[SlicePage, Any]]:
     """Yield the pages of one file, each with the open image at it."""
     with _opened(path) as image:
         n = 0
@@ -93,7 +93,7 @@ def _walk(path: Path) -> Iterator[tuple[Page, Any]]:
             spec = image.spec()
             kind = NUMPY.get(str(spec.format), str(spec.format))
             told = spec.get_string_attribute("ImageDescription")
-            yield Page(path.name, spec.width, spec.height, spec.nchannels, kind, told), image
+            yield SlicePage(path.name, spec.width, spec.height, spec.nchannels, kind, told), image
             n += 1
         image.geterror()  # clears the error that there is no page n
 

@@ -12,7 +12,7 @@ from resample.files.stores.holes import Holes, values_of
 from resample.files.stores.opening import reading
 from resample_volume.data.bricks import Box, Bricks, Step, Values
 from resample_volume.files.parsing.headers import WIDENED
-from resample_volume.files.stores.kept import Kept
+from resample_volume.files.stores.kept import StoredFindings
 from resample_volume.files.stores.states import Portion
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ class Boxes:
 
 
 @dataclass(frozen=True, eq=False)
-class Behind:
+class StackedBoxes:
     """Reads boxes of several volumes stacked along z."""
 
     reads: tuple[Callable[[Box], NDArray[Any]], ...]
@@ -143,10 +143,15 @@ class Chunked:
         rest = () if self.alone is None else (self.alone,)
         keeper = None
         if self.store is not None:
-            keeper = Kept(self.store, Portion(self.array, self.axes, rest))
+            keeper = StoredFindings(self.store, Portion(self.array, self.axes, rest))
         shape = (depth * len(every), across[0], across[1])
         return Bricks(
-            Behind(reads, depth), shape, self.dtype, every[0].side, keeper=keeper, period=depth
+            StackedBoxes(reads, depth),
+            shape,
+            self.dtype,
+            every[0].side,
+            keeper=keeper,
+            period=depth,
         )
 
     def _along(self, letter: str) -> int:
@@ -160,7 +165,7 @@ class Chunked:
         at |= {} if self.alone is None else dict([self.alone])
         boxes = Boxes(self.array, self.axes, tuple(at.items()), self.dtype, self.holes)
         part = Portion(self.array, self.axes, boxes.at)
-        keeper = None if self.store is None else Kept(self.store, part)
+        keeper = None if self.store is None else StoredFindings(self.store, part)
         side = self.brick or self._side(shape)
         return Bricks(boxes, shape, self.dtype, side, keeper=keeper)
 

@@ -17,7 +17,7 @@ from resample_volume.data.memory import require_memory
 from resample_volume.data.recordings import alone
 from resample_volume.files.parsing.headers import (
     Check,
-    Header,
+    VolumeHeader,
     check_alone,
     check_held,
     check_nothing,
@@ -135,7 +135,9 @@ class Zarr:
             )
         return self.level
 
-    def _header(self, layout: Layout, level: Level, array: "zarr.Array[Any]", name: str) -> Header:
+    def _header(
+        self, layout: Layout, level: Level, array: "zarr.Array[Any]", name: str
+    ) -> VolumeHeader:
         size = dict(zip(layout.axes, map(int, array.shape), strict=True))
         spacing, origin = _lengths(level, layout.axes)
         direction = np.diag(np.where(spacing < 0, -1.0, 1.0))

@@ -15,8 +15,8 @@ from resample.reading.silence import suppressed_output
 from resample_volume.data.memory import require_memory
 from resample_volume.data.rectilinear import rectilinear
 from resample_volume.files.parsing.choosing import (
+    ArrayQuery,
     Named,
-    Wanted,
     cells_between,
     check_single,
     choose,
@@ -24,7 +24,13 @@ from resample_volume.files.parsing.choosing import (
     of_parts,
     part_of,
 )
-from resample_volume.files.parsing.headers import Check, Header, check_nothing, header, recording
+from resample_volume.files.parsing.headers import (
+    Check,
+    VolumeHeader,
+    check_nothing,
+    header,
+    recording,
+)
 from resample_volume.files.xml.offsets import check_offsets
 from resample_volume.files.xml.vtk_blocks import check_blocks
 from resample_volume.types import Recording, Volume
@@ -33,7 +39,7 @@ UNSTRUCTURED = "vtkXMLUnstructuredGridReader"
 BASE64 = re.compile(rb"[A-Za-z0-9+/=\s]*")
 
 
-def read_vti(path: Path, wanted: Wanted, name: str, check: Check = check_nothing) -> Recording:
+def read_vti(path: Path, wanted: ArrayQuery, name: str, check: Check = check_nothing) -> Recording:
     """Read one array at points or cells; components are channels, or a color.
 
     Parameters
@@ -55,7 +61,7 @@ def read_vti(path: Path, wanted: Wanted, name: str, check: Check = check_nothing
     return recording(part_of(values, chosen, wanted, name), known)
 
 
-def read_vtr(path: Path, wanted: Wanted, name: str) -> Volume:
+def read_vtr(path: Path, wanted: ArrayQuery, name: str) -> Volume:
     """Read one array of a rectilinear grid; parameters as of `read_vti`."""
     grid = grid_of(path, "vtkXMLRectilinearGridReader")
     from vtkmodules.util.numpy_support import vtk_to_numpy
@@ -110,7 +116,7 @@ def grid_of(path: Path, reader_name: str) -> Any:
     return reader.GetOutput()
 
 
-def _values(grid: Any, wanted: Wanted, name: str) -> tuple[Named, list[Named], Any]:
+def _values(grid: Any, wanted: ArrayQuery, name: str) -> tuple[Named, list[Named], Any]:
     """Return the chosen array, all arrays, and the values (N,), or (N, C) with components."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
@@ -142,7 +148,9 @@ def arrays_of(grid: Any) -> list[tuple[Named, Any]]:
     ]
 
 
-def image_header(image: Any, dtype: Any, spacing: Any, name: str, *, is_of_cells: bool) -> Header:
+def image_header(
+    image: Any, dtype: Any, spacing: Any, name: str, *, is_of_cells: bool
+) -> VolumeHeader:
     """Return the header of image data, whose first voxel may have any index.
 
     Parameters

@@ -8,7 +8,7 @@ BLOCK = 1 << 16  # bytes parsed at a time
 APPENDED = "AppendedData"  # what follows its beginning is no XML
 
 
-class _EndError(Exception):
+class _NotXmlError(Exception):
     """The XML part of the file has ended."""
 
 
@@ -33,7 +33,7 @@ def elements_of(content: mmap) -> list[Element]:
     try:
         for start in range(0, len(content), BLOCK):
             parser.Parse(content[start : start + BLOCK], False)
-    except (expat.ExpatError, LookupError, _EndError):  # look-ups are of encodings
+    except (expat.ExpatError, LookupError, _NotXmlError):  # look-ups are of encodings
         pass
     return seen.every
 
@@ -58,7 +58,7 @@ class _Tracker:
         """Enter an element."""
         self.every.append(Element(name, told, self.parser.CurrentByteIndex))
         if name == APPENDED:
-            raise _EndError
+            raise _NotXmlError
         self.around.append(self.every[-1])
         self.parser.CharacterDataHandler = self.text
 

@@ -62,7 +62,7 @@ class Content(NamedTuple):
     lamp: Lamp
 
 
-class Plan(NamedTuple):
+class CastingOptions(NamedTuple):
     """Choices as numbers."""
 
     rays: int  # per side of a pixel
@@ -74,7 +74,7 @@ class Plan(NamedTuple):
     clip: Doubles  # (M, 4) planes in camera axes
 
 
-class Ray(NamedTuple):
+class ReferenceRay(NamedTuple):
     """Part of a ray that may hit something; all depths are along the view axis."""
 
     start: Vector  # at depth 0, sample coordinates
@@ -98,7 +98,7 @@ def _cut(part: tuple[float, float], here: float, slope: float) -> tuple[float, f
 
 
 @kernel
-def _new_ray(x: float, y: float, grid: Grid, view: View, plan: Plan) -> Ray:
+def _new_ray(x: float, y: float, grid: Grid, view: View, plan: CastingOptions) -> ReferenceRay:
     """Ray through a point of the screen, px, clipped to all that bounds it.
 
     That is the samples' box, the near plane and the clip planes.
@@ -127,9 +127,9 @@ def _new_ray(x: float, y: float, grid: Grid, view: View, plan: Plan) -> Ray:
     length = math.sqrt(dot(way, way))
     enter, leave = part
     if not leave > enter:
-        return Ray(start, along, length, 0.0, 0.0, 0, 0.0)
+        return ReferenceRay(start, along, length, 0.0, 0.0, 0, 0.0)
     steps = max(1, math.ceil((leave - enter) * length / plan.step))
-    return Ray(start, along, length, enter, leave, steps, (leave - enter) / steps)
+    return ReferenceRay(start, along, length, enter, leave, steps, (leave - enter) / steps)
 
 
 @kernel
@@ -170,14 +170,14 @@ def _gather(place: Vector, radius: float, node: Indices, matter: Floats, density
 
 
 @kernel
-def _sums(ray: Ray, depth: float, grid: Grid) -> Sums:
+def _sums(ray: ReferenceRay, depth: float, grid: Grid) -> Sums:
     """Sum all kernels at a depth of a ray."""
     place = combine(ray.start, depth, ray.way)
     return _gather(place, grid.radius, grid.node, grid.properties, grid.density)
 
 
 @kernel
-def _next_step(ray: Ray, step: int, grid: Grid) -> int:
+def _next_step(ray: ReferenceRay, step: int, grid: Grid) -> int:
     """First step from this one on in a brick that is not empty (empty space skipping)."""
     depth, height, width = grid.occupied.shape
     while step < ray.steps:
@@ -203,7 +203,7 @@ def _brick(place: float, grid: Grid, count: int) -> int:
 
 
 @kernel
-def _wall(ray: Ray, axis: int, brick: int, grid: Grid) -> float:
+def _wall(ray: ReferenceRay, axis: int, brick: int, grid: Grid) -> float:
     """Depth at which a ray leaves a brick along one axis."""
     way = ray.way[axis]
     if way == 0.0:
@@ -274,7 +274,7 @@ def _lit(light: Light, place: Vector, gradient: Vector, slope: float, lamp: Lamp
 def _surface(
     sums: Sums,
     value: float,
-    ray: Ray,
+    ray: ReferenceRay,
     depth: float,
     grid: Grid,
     look: FieldClassifier,
@@ -307,7 +307,7 @@ def _sample_light(sums: Sums) -> Light:
 
 
 @kernel
-def _composite(ray: Ray, content: Content, plan: Plan) -> Result:
+def _composite(ray: ReferenceRay, content: Content, plan: CastingOptions) -> Result:
     """Composite front to back, with a step's opacity by its middle's extinction."""
     grid, look, lamp = content
     red = green = blue = deep = 0.0
@@ -335,7 +335,7 @@ def _composite(ray: Ray, content: Content, plan: Plan) -> Result:
 
 
 @kernel
-def _measure(ray: Ray, grid: Grid, look: FieldClassifier, plan: Plan) -> Result:
+def _measure(ray: ReferenceRay, grid: Grid, look: FieldClassifier, plan: CastingOptions) -> Result:
     """Largest value, mean or integral along a ray, and the color of the former two.
 
     Values are weighed by the length within samples, in voxels and at most 1; colors are as opaque
@@ -383,13 +383,15 @@ def _measure(ray: Ray, grid: Grid, look: FieldClassifier, plan: Plan) -> Result:
 
 
 @kernel
-def _is_within(ray: Ray, depth: float, grid: Grid, look: FieldClassifier, iso: float) -> bool:
+def _is_within(
+    ray: ReferenceRay, depth: float, grid: Grid, look: FieldClassifier, iso: float
+) -> bool:
     """Whether the field is at least `iso` at a depth of a ray."""
     return _value(_sums(ray, depth, grid), look) >= iso
 
 
 @kernel
-def _first_hit(ray: Ray, content: Content, plan: Plan) -> Result:
+def _first_hit(ray: ReferenceRay, content: Content, plan: CastingOptions) -> Result:
     """Find the surface on which the field first rises to `iso`; it is opaque."""
     grid, look, lamp = content
     # Step through occupied bricks.
@@ -414,7 +416,7 @@ def _first_hit(ray: Ray, content: Content, plan: Plan) -> Result:
 
 
 @kernel
-def _cast(ray: Ray, content: Content, plan: Plan) -> Result:
+def _cast(ray: ReferenceRay, content: Content, plan: CastingOptions) -> Result:
     """Cast a ray with the projection of the plan."""
     if plan.projection == COMPOSITE:
         return _composite(ray, content, plan)
@@ -424,7 +426,9 @@ def _cast(ray: Ray, content: Content, plan: Plan) -> Result:
 
 
 @kernel
-def _cast_row(row: int, view: View, content: Content, plan: Plan, picture: Doubles) -> None:
+def _cast_row(
+    row: int, view: View, content: Content, plan: CastingOptions, picture: Doubles
+) -> None:
     """Average over the rays of every pixel in a row."""
     share = 1.0 / (plan.rays * plan.rays)
     for column in range(picture.shape[1]):
@@ -447,7 +451,7 @@ def cast_rows(
     count: int,
     view: View,
     content: Content,
-    plan: Plan,
+    plan: CastingOptions,
     picture: Doubles,
 ) -> None:
     """Fill `count` rows of a picture (H, W, 7) from row `first` on; see `Result`."""

@@ -22,7 +22,7 @@ Size = tuple[int, int, int]
 Found = tuple[int, float]  # flat index of a voxel, and the transmittance behind it
 
 
-class Rays(NamedTuple):
+class PickingRays(NamedTuple):
     """Rays through a lattice, by their depth along the view axis in scene units."""
 
     origin: Doubles  # (N, 3) voxels along x, y and z, at depth 0
@@ -32,7 +32,7 @@ class Rays(NamedTuple):
     last: Doubles  # (N,)
 
 
-class Splatted(NamedTuple):
+class SplattedVoxels(NamedTuple):
     """Voxels with splatting kernels around them."""
 
     extinction: Floats  # (N,) optical depth per scene unit, z slowest; 0: invisible
@@ -107,7 +107,13 @@ def _axis_of(direction: Vector) -> int:
 
 @kernel
 def _meet(
-    splatted: Splatted, rays: Rays, n: int, axis: int, k: int, waiting: Waiting, count: int
+    splatted: SplattedVoxels,
+    rays: PickingRays,
+    n: int,
+    axis: int,
+    k: int,
+    waiting: Waiting,
+    count: int,
 ) -> int:
     """Queue the voxels of slice k across an axis whose kernels ray n meets."""
     origin, direction, size = _vector(rays.origin, n), _vector(rays.direction, n), splatted.size
@@ -164,7 +170,9 @@ def _pass(
 
 
 @kernel
-def _among_voxels(splatted: Splatted, rays: Rays, n: int, level: float, waiting: Waiting) -> Found:
+def _among_voxels(
+    splatted: SplattedVoxels, rays: PickingRays, n: int, level: float, waiting: Waiting
+) -> Found:
     """Voxel at which the share of light that ray n loses exceeds a level."""
     # Slice the volume across the axis along which the ray advances most.
     origin, direction = _vector(rays.origin, n), _vector(rays.direction, n)
@@ -194,7 +202,12 @@ def _among_voxels(splatted: Splatted, rays: Rays, n: int, level: float, waiting:
 
 @parallel_kernel
 def find_among_voxels(
-    counter: Counter, splatted: Splatted, rays: Rays, level: float, voxel: Indices, kept: Doubles
+    counter: Counter,
+    splatted: SplattedVoxels,
+    rays: PickingRays,
+    level: float,
+    voxel: Indices,
+    kept: Doubles,
 ) -> None:
     """Find voxels (N,) where absorbed light exceeds a level, and transmittances."""
     waiting = Waiting(np.empty(MOST), np.empty(MOST, np.int64), np.empty(MOST))
@@ -247,7 +260,7 @@ def _voxel_at(place: Vector, shape: Size) -> int:
 
 
 @kernel
-def _in_field(looked: PickedField, rays: Rays, n: int, level: float) -> Found:
+def _in_field(looked: PickedField, rays: PickingRays, n: int, level: float) -> Found:
     """Voxel around which ray n meets what is picked."""
     # Step along the ray, several times per voxel.
     origin, direction = _vector(rays.origin, n), _vector(rays.direction, n)
@@ -279,7 +292,12 @@ def _in_field(looked: PickedField, rays: Rays, n: int, level: float) -> Found:
 
 @parallel_kernel
 def find_in_field(
-    counter: Counter, looked: PickedField, rays: Rays, level: float, voxel: Indices, kept: Doubles
+    counter: Counter,
+    looked: PickedField,
+    rays: PickingRays,
+    level: float,
+    voxel: Indices,
+    kept: Doubles,
 ) -> None:
     """Return `find_among_voxels` for a field: voxels around which it is found."""
     for chunk in tasks(counter, (voxel.size + CHUNK - 1) // CHUNK):
