@@ -9,7 +9,7 @@ from benchmarks.contest import AbsentError, Contender, Goal, Options, Workload, 
 from benchmarks.measure import Run, Spread, take_turns
 from benchmarks.tables import Section
 from resample import registry
-from resample_warp3d.showing.compare import Case
+from resample_warp3d.showing.compare import WarpCase
 from resample_warp3d.showing.scoring import score
 from tests.benchmarks import warp3d_table as scene
 
@@ -32,7 +32,7 @@ def _source(options: Options) -> tuple[Any, Any]:
     return work, scene.source_of(work.color, work.depth)
 
 
-def _case(view: str, options: Options) -> Case:
+def _case(view: str, options: Options) -> WarpCase:
     work, source = _source(options)
     return scene.case_of(work, view, source)
 

@@ -33,11 +33,11 @@ from resample.profiles.filters import PixelFilter
 from resample_warp3d.depth.equation import between
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.methods.filtering import filtered
-from resample_warp3d.showing.compare import Case, scene_case, screen_of
+from resample_warp3d.showing.compare import WarpCase, scene_case, screen_of
 from resample_warp3d.showing.pairs import load_pairs
 from resample_warp3d.showing.scenes import STANDS, generated
 from resample_warp3d.showing.scoring import (
-    Target,
+    ScoringTarget,
     delivered,
     filled_alike,
     flicker,
@@ -76,7 +76,7 @@ class View(NamedTuple):
     """One of the workload's views."""
 
     camera: Camera
-    target: Target
+    target: ScoringTarget
 
 
 class Workload(NamedTuple):
@@ -114,7 +114,7 @@ def workload(size: int, file: Path | None) -> Workload:
     views = {}
     for name in bench().CASES:
         case = {key: arrays[f"{name}/{key}"] for key in ("T", "B", "visible", "edge")}
-        target = Target(case["B"], case["visible"] > SEEN, case["edge"])
+        target = ScoringTarget(case["B"], case["visible"] > SEEN, case["edge"])
         views[name] = View(camera_of(arrays["K"], case["T"]), target)
     return Workload(arrays["A"], arrays["z"], camera_of(arrays["K"], np.eye(4)), views)
 
@@ -132,12 +132,12 @@ def source_of(color: Any, depth: Any) -> Source:
     return prepare(DepthImage(np.asarray(color, np.float32), nearness, np.empty((0, 0, 2))))
 
 
-def case_of(work: Workload, name: str, source: Source) -> Case:
+def case_of(work: Workload, name: str, source: Source) -> WarpCase:
     view = work.views[name]
-    return Case(name, source, between(work.camera, view.camera), view.target, is_light=False)
+    return WarpCase(name, source, between(work.camera, view.camera), view.target, is_light=False)
 
 
-def warped(case: Case, method: str) -> tuple[Any, Any]:
+def warped(case: WarpCase, method: str) -> tuple[Any, Any]:
     """Picture and which pixels are covered."""
     shape = case.target.mask.shape
     rendered = registry.build("warps", method)(case.source, case.equation, shape)
@@ -156,7 +156,7 @@ def milliseconds(run: Callable[[], object]) -> float:
     return statistics.median(times)
 
 
-def measured(case: Case, method: str) -> tuple[str, str]:
+def measured(case: WarpCase, method: str) -> tuple[str, str]:
     """PSNR / edge PSNR / holes, and CPU milliseconds."""
     measures = score(*warped(case, method), case.target)
     shape, build = case.target.mask.shape, registry.build("warps", method)
@@ -166,7 +166,7 @@ def measured(case: Case, method: str) -> tuple[str, str]:
     return numbers, f"{duration:.0f}"
 
 
-def one_view_each(cases: Sequence[Case], methods: Sequence[str]) -> Iterator[Row]:
+def one_view_each(cases: Sequence[WarpCase], methods: Sequence[str]) -> Iterator[Row]:
     for method in methods:
         results = {case.name: measured(case, method) for case in cases}
         row = {"method": method} | {name: numbers for name, (numbers, _) in results.items()}
@@ -228,7 +228,9 @@ def identity(run: Run) -> Iterator[Row]:
     whole = np.ones(work.depth.shape, np.bool_)
     equation = between(work.camera, work.camera)
     for method in run.methods:
-        case = Case("identity", source, equation, Target(work.color, whole, whole), is_light=False)
+        case = WarpCase(
+            "identity", source, equation, ScoringTarget(work.color, whole, whole), is_light=False
+        )
         rendered = registry.build("warps", method)(source, equation, work.depth.shape)
         image, covered = delivered(rendered.image, rendered.coverage)
         yield {
@@ -257,7 +259,7 @@ def flickering(run: Run) -> Iterator[Row]:
             errors, masks = [], []
             for view in views:
                 equation = between(dolly_camera(0.0, name), view.camera)
-                case = Case(name, source, equation, view.target, is_light=False)
+                case = WarpCase(name, source, equation, view.target, is_light=False)
                 screen, covered = warped(case, method)
                 errors.append(np.where(covered[..., None], screen, 0) - view.target.truth)
                 masks.append(view.target.mask)
@@ -336,7 +338,7 @@ def dolly(name: str) -> tuple[list[View], Source]:
         truth, _, _ = scene.render(matrix, pose, size)
         visible, _, _ = scene.visible(matrix, pose, matrix, np.eye(4), size, size)
         mask = visible > SEEN
-        views.append(View(camera_of(matrix, pose), Target(truth, mask, mask)))
+        views.append(View(camera_of(matrix, pose), ScoringTarget(truth, mask, mask)))
     return views, source_of(color, depth)
 
 
@@ -360,8 +362,8 @@ def pairs(run: Run) -> Iterator[Row]:
     for method in run.methods:
         numbers = []
         for pair, source in zip(loaded, sources, strict=True):
-            target = Target(pair.truth, pair.mask, pair.mask)
-            case = Case(pair.name, source, pair.equation, target, is_light=False)
+            target = ScoringTarget(pair.truth, pair.mask, pair.mask)
+            case = WarpCase(pair.name, source, pair.equation, target, is_light=False)
             screen, covered = warped(case, method)
             image = np.where(covered[..., None], screen, 0)
             filled = filled_alike(screen, covered)

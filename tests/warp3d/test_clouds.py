@@ -15,7 +15,7 @@ from resample_warp3d.clouds.files import Cloud, read_cloud
 from resample_warp3d.clouds.framing import framed, framed_together
 from resample_warp3d.clouds.kernels.discs import REACH
 from resample_warp3d.clouds.kernels.painting import AMPLE
-from resample_warp3d.clouds.rendering import TOLERANCE, CloudStyle, Light, render_cloud
+from resample_warp3d.clouds.rendering import TOLERANCE, CloudStyle, Shading, render_cloud
 from resample_warp3d.clouds.spacing import prepare_cloud
 from tests.bits import assert_threads_change_nothing
 from tests.conftest import real
@@ -255,7 +255,7 @@ def test_scanned_colors_are_shown_unlit_unless_asked_for():
     cloud = _cloud(_grid(100), np.full((10000, 3), 0.5))
     aside = _camera(3.0, eye=(80, 0, -60))
     assert _render(cloud, aside).rgba[24, 32, 0] == pytest.approx(0.5, rel=1e-5)
-    lit = _render(cloud, aside, light=Light.HEADLIGHT)
+    lit = _render(cloud, aside, light=Shading.HEADLIGHT)
     named = _render(cloud, aside, light="headlight")
     np.testing.assert_array_equal(lit.rgba, named.rgba)
     assert lit.rgba[24, 32, 0] == pytest.approx(0.3, rel=1e-2)

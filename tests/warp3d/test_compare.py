@@ -11,7 +11,7 @@ from resample_warp3d.depth.equation import of_rectified
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.showing import figures
 from resample_warp3d.showing.compare import (
-    Case,
+    WarpCase,
     busiest,
     compare_cases,
     compare_scene,
@@ -19,7 +19,7 @@ from resample_warp3d.showing.compare import (
     screen_of,
     sheet,
 )
-from resample_warp3d.showing.scoring import Target
+from resample_warp3d.showing.scoring import ScoringTarget
 from resample_warp3d.types import DepthImage, Rendered
 
 SIZE = 32
@@ -133,14 +133,18 @@ def test_light_is_compared_as_a_screen_shows_it(source):
 def test_encoded_values_are_compared_as_they_are(source):
     whole = np.ones(SHAPE, np.bool_)
     truth = source.color + np.float32(0.1)
-    case = Case("here", source, of_rectified(0.0), Target(truth, whole, whole), is_light=False)
+    case = WarpCase(
+        "here", source, of_rectified(0.0), ScoringTarget(truth, whole, whole), is_light=False
+    )
     comparison = compare_cases([case], ["copy"])
     assert comparison.rows[0]["psnr"] == pytest.approx(20.0, abs=1e-3)
 
 
 def test_a_gray_picture_is_shown_in_three_channels(source):
     gray = source._replace(color=source.color[..., :1])
-    case = Case("", gray, of_rectified(0.0), Target(source.color, *[np.ones(SHAPE, np.bool_)] * 2))
+    case = WarpCase(
+        "", gray, of_rectified(0.0), ScoringTarget(source.color, *[np.ones(SHAPE, np.bool_)] * 2)
+    )
     screen, covered = screen_of(case, Copy()(gray, case.equation, SHAPE))
     assert screen.shape == (*SHAPE, 3)
     assert covered.all()
@@ -171,7 +175,7 @@ def test_the_detail_is_where_methods_err_at_edges():
     edge[:, :16] = False
     error = np.zeros(SHAPE, np.float32)
     error[4, 4] = error[24, 24] = 1.0
-    rows, columns = busiest([error], Target(np.zeros((*SHAPE, 3)), mask, edge), 8)
+    rows, columns = busiest([error], ScoringTarget(np.zeros((*SHAPE, 3)), mask, edge), 8)
     assert rows.start <= 24 < rows.stop
     assert columns.start <= 24 < columns.stop
 

@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 from resample_warp3d.clouds import sorting, spacing
 from resample_warp3d.clouds.cloud import Cloud
 from resample_warp3d.clouds.kernels.cells import Spaced
-from resample_warp3d.clouds.kernels.measuring import Wanted, measure_all
+from resample_warp3d.clouds.kernels.measuring import NeighbourCounts, measure_all
 from resample_warp3d.clouds.kernels.neighbours import blocks_of
 from resample_warp3d.clouds.sorting import canonical, curve_through
 from resample_warp3d.clouds.spacing import prepare_cloud
@@ -44,7 +44,7 @@ def sorted_along(place):
 def nearest_of(place):
     """Neighbours (N, k) of places in order, without themselves."""
     count = len(place)
-    wanted = Wanted(min(FEW, count), min(MANY, count))
+    wanted = NeighbourCounts(min(FEW, count), min(MANY, count))
     discs = Spaced(np.zeros((count, 2, 3), np.float32), np.zeros(count, np.float32))
     nearest = np.zeros((count, wanted.few - 1), np.int32)
     measure_all(blocks_of(place), wanted, np.zeros((count, 3), np.float32), discs, nearest)

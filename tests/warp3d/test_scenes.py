@@ -9,10 +9,10 @@ from resample_warp3d.depth.equation import between, places, warp_places
 from resample_warp3d.showing.scenes import (
     STANDS,
     Ball,
-    Material,
     ObjectScene,
     Panel,
     Stand,
+    SurfaceMaterial,
     _objects,
     generated,
     pose_of,
@@ -20,7 +20,7 @@ from resample_warp3d.showing.scenes import (
 from resample_warp3d.types import DepthImage
 from tests.bits import assert_threads_change_nothing
 
-PLAIN = Material("checker", 1.0, "#ffffff", "#ffffff")
+PLAIN = SurfaceMaterial("checker", 1.0, "#ffffff", "#ffffff")
 SHAPE = (12, 16)
 CAMERA = Camera.from_fov(60.0, *SHAPE)
 
@@ -172,7 +172,7 @@ def test_colors_are_light_between_none_and_white(small):
 
 @pytest.mark.parametrize("pattern", ["photo", "checker", "stripes", "text", "cloth"])
 def test_patterns_have_contrast(pattern):
-    look = Material(pattern, 4.0, "#101010", "#e0e0e0")
+    look = SurfaceMaterial(pattern, 4.0, "#101010", "#e0e0e0")
     page = Panel((-50.0, -50.0, 3.0), (100.0, 0.0, 0.0), (0.0, 100.0, 0.0), look)
     color, _ = scene_of(page).render(CAMERA, (48, 64), rays=1)
     assert color.std() > 0.05

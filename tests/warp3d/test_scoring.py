@@ -5,7 +5,7 @@ import pytest
 
 from resample_warp3d.showing.scoring import (
     HIGHEST,
-    Target,
+    ScoringTarget,
     delivered,
     filled_alike,
     flicker,
@@ -34,7 +34,7 @@ def mask():
 def target_of(truth, mask):
     edge = np.zeros(SHAPE, np.bool_)
     edge[:, 20:] = True
-    return Target(truth, mask, edge)
+    return ScoringTarget(truth, mask, edge)
 
 
 def test_the_truth_scores_best(truth, mask):
@@ -70,7 +70,7 @@ def test_edges_count_alone_in_their_measure(truth, mask):
 
 
 def test_without_edges_their_measure_is_left_out(truth, mask):
-    target = Target(truth, mask, np.zeros(SHAPE, np.bool_))
+    target = ScoringTarget(truth, mask, np.zeros(SHAPE, np.bool_))
     assert score(truth, mask, target)["edge psnr"] is None
 
 

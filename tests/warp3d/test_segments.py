@@ -4,7 +4,7 @@ import pytest
 from resample.engine.jit import kernel
 from resample_warp3d.sheet.kernels import fragments, screen, segments
 from resample_warp3d.sheet.kernels.colors import write_colors
-from resample_warp3d.sheet.kernels.segments import BEGIN, END, PIXEL, WAY, Frame
+from resample_warp3d.sheet.kernels.segments import BEGIN, END, PIXEL, WAY, BandFrame
 from resample_warp3d.sheet.sheets import sheet_of
 from resample_warp3d.types import DOWN, LEFT, MARGIN, RIGHT, UP
 from tests.warp3d.naive_warp import random_source
@@ -15,7 +15,7 @@ WIDTH = 24
 
 
 def frame_of(size=64, *, is_label=False):
-    return Frame(0, size, size, np.float32(1), np.float32(1), is_label)
+    return BandFrame(0, size, size, np.float32(1), np.float32(1), is_label)
 
 
 def row_of(numbers, row):

@@ -17,6 +17,7 @@ from resample_warp3d.command.cameras.source import SourceCamera
 from resample_warp3d.command.cameras.target import Aim, TargetCamera
 from resample_warp3d.command.choices import (
     Depth,
+    DepthWarping,
     Extras,
     Joint,
     PairDepth,
@@ -24,7 +25,6 @@ from resample_warp3d.command.choices import (
     Refine,
     Showing,
     Travel,
-    Warping,
 )
 from resample_warp3d.command.clouds import CloudAim, CloudFormat, CloudOptions, CloudStart
 
@@ -37,7 +37,7 @@ app = App(
 )
 app.register_install_completion_command()
 
-EYE, DEPTH, AIM, WARPING = SourceCamera.usual(), Depth.usual(), Aim.usual(), Warping.usual()
+EYE, DEPTH, AIM, WARPING = SourceCamera.usual(), Depth.usual(), Aim.usual(), DepthWarping.usual()
 WRITTEN, EXTRAS, TRAVEL, CLOUD = (
     Written.usual(),
     Extras.usual(),
@@ -66,7 +66,7 @@ def render(
     aim: Annotated[Aim, flags.Flat] = AIM,
     view: Annotated[list[str] | None, OptionTopic.SOURCE, flags.Switch] = None,
     joint: Annotated[Joint, flags.Flat] = JOINT,
-    warping: Annotated[Warping, flags.Flat] = WARPING,
+    warping: Annotated[DepthWarping, flags.Flat] = WARPING,
     written: Annotated[Written, flags.Flat] = WRITTEN,
     showing: Annotated[Showing, flags.Flat] = SHOWING,
     extras: Annotated[Extras, flags.Flat] = EXTRAS,
@@ -94,7 +94,7 @@ def render(
     from resample.files.writing import check_targets, write_json
     from resample_warp3d.command.export import write_geometry
     from resample_warp3d.command.films import film_with_depth, render_film
-    from resample_warp3d.command.inputs import Reader, read_views, view_names
+    from resample_warp3d.command.inputs import DepthReader, read_views, view_names
     from resample_warp3d.command.rendering import (
         check_memory,
         joined,
@@ -107,7 +107,7 @@ def render(
 
     aim.check()
     showing.check(unmixed=warping.unmixed)
-    reader = Reader.checked(eye, meaning, labels=warping.unmixed)
+    reader = DepthReader.checked(eye, meaning, labels=warping.unmixed)
     warping.built()
     look = WriteOptions(written.bits, is_light=False) if warping.unmixed else written.options()
     further = [view_names(text) for text in view or []]
@@ -156,7 +156,7 @@ def stereo(
     given: Annotated[
         Literal["left", "right"], OptionTopic.APPEARANCE, Parameter(name="--from")
     ] = "left",
-    warping: Annotated[Warping, flags.Flat] = WARPING,
+    warping: Annotated[DepthWarping, flags.Flat] = WARPING,
     written: Annotated[Written, flags.Flat] = WRITTEN,
     holes: flags.Target = None,
     coverage: flags.Target = None,
@@ -189,7 +189,7 @@ def stereo(
     from resample.command.session import Session
     from resample.files.pictures import check_output, write_picture
     from resample.files.writing import check_targets
-    from resample_warp3d.command.inputs import Reader, read_rectified, read_view
+    from resample_warp3d.command.inputs import DepthReader, read_rectified, read_view
     from resample_warp3d.command.pairs import Eyes, together
     from resample_warp3d.command.rendering import check_memory, mention_holes, prepared, shifted
     from resample_warp3d.command.writing import check_extras, warped_picture, write_extras
@@ -199,7 +199,7 @@ def stereo(
     check_extras(extras)
     parallax.check(meaning, eye)
     is_pair = meaning.depth_kind == "pair"
-    reader = None if is_pair else Reader.checked(eye.guessed(), meaning)
+    reader = None if is_pair else DepthReader.checked(eye.guessed(), meaning)
     warping.built()
     look = written.options()
     check_output(output, look, transparent=not warping.fill)
@@ -240,7 +240,7 @@ def animate(
     travel: Annotated[Travel, flags.Flat] = TRAVEL,
     fps: flags.FramesPerSecond = 24.0,
     target: Annotated[TargetCamera, flags.Flat] = TARGET,
-    warping: Annotated[Warping, flags.Flat] = WARPING,
+    warping: Annotated[DepthWarping, flags.Flat] = WARPING,
     background: flags.FilmBackground = "black",
     depth_output: flags.Target = None,
     resume: flags.Resume = False,
@@ -275,10 +275,10 @@ def animate(
         frames_of,
         shots_with_depth,
     )
-    from resample_warp3d.command.inputs import Reader, read_views
+    from resample_warp3d.command.inputs import DepthReader, read_views
     from resample_warp3d.command.rendering import check_memory, film_of
 
-    reader = Reader.checked(eye, meaning)
+    reader = DepthReader.checked(eye, meaning)
     warping.built()
     check_path(travel.path, travel.frames, travel.amount)
     behind = linear_color(background) or (0.0, 0.0, 0.0)
@@ -360,7 +360,7 @@ def view(
     further: Annotated[
         list[str] | None, OptionTopic.SOURCE, Parameter(name="--view"), flags.Switch
     ] = None,
-    warping: Annotated[Warping, flags.Flat] = WARPING,
+    warping: Annotated[DepthWarping, flags.Flat] = WARPING,
     start: Annotated[CloudStart, flags.Flat] = CLOUD_START,
     page: Annotated[Serving, flags.Flat] = SERVING,
 ) -> None:
@@ -503,7 +503,7 @@ def compare(
     from resample.files.writing import check_targets, rows_as_json
     from resample.measuring.compare import check_sheet, plain
     from resample_warp3d.command.compare import compare_files
-    from resample_warp3d.command.inputs import Reader, TrueView
+    from resample_warp3d.command.inputs import DepthReader, TrueView
     from resample_warp3d.showing.compare import check_views, compare_scene, sheet
 
     names = method_names(methods)
@@ -521,7 +521,7 @@ def compare(
         comparison = compare_scene(names, side, chosen)
     else:
         aim.check()
-        comparison = compare_files(given, Reader.checked(eye, meaning), aim, names, refine)
+        comparison = compare_files(given, DepthReader.checked(eye, meaning), aim, names, refine)
     if output is not None:
         sheet(comparison, output)
     sys.stdout.write(rows_as_json(comparison.rows) if as_json else plain(comparison.rows))
@@ -580,7 +580,7 @@ def figures(
     from resample import registry
     from resample.measuring.compare import plain
     from resample_warp3d.command.compare import figure_of_files
-    from resample_warp3d.command.inputs import Reader
+    from resample_warp3d.command.inputs import DepthReader
     from resample_warp3d.showing.compare import check_views
     from resample_warp3d.showing.figures import generated_figure, write_figures
 
@@ -595,7 +595,7 @@ def figures(
         figure = generated_figure(side, views, names)
     else:
         aim.check()
-        reader = Reader.checked(eye, meaning)
+        reader = DepthReader.checked(eye, meaning)
         output.mkdir(parents=True, exist_ok=True)
         figure = figure_of_files((color, depth), reader, aim, names, refine)
     write_figures(output, figure)

@@ -139,7 +139,7 @@ class Rendered(NamedTuple):
     bridged: NDArray[np.bool_]  # (H, W) filled between samples
 
 
-class _Warped(NamedTuple):
+class _WarpedDepth(NamedTuple):
     """Fields of `Warped`."""
 
     image: Floats  # (H, W, C) multiplied by the coverage
@@ -154,7 +154,7 @@ class _Warped(NamedTuple):
     )
 
 
-class Warped(Showable, _Warped):
+class Warped(Showable, _WarpedDepth):
     """A warped depth image.
 
     Examples

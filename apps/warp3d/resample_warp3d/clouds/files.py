@@ -18,7 +18,7 @@ from resample.watching import look
 from resample_warp3d.clouds.cloud import Cloud, kept_columns, some_of
 from resample_warp3d.clouds.fields import COLORS, NORMALS, PLACES, Fields, cloud_of
 from resample_warp3d.clouds.las import read_las
-from resample_warp3d.clouds.parts import STEP, Gathering, storage_for
+from resample_warp3d.clouds.parts import STEP, CloudBuilder, storage_for
 
 MOST_DIGITS = 30  # digits of a count
 LONGEST_HEADER = 1000  # lines
@@ -259,7 +259,7 @@ def _binary_cloud(path: Path, file: BinaryIO, count: int, kind: np.dtype[Any]) -
     wanted, given = count * kind.itemsize, path.stat().st_size - file.tell()
     if not 0 <= wanted <= given or count > given:  # points without fields have no bytes
         raise OSError(f"{path} is cut off: {given} of {wanted} bytes are there")
-    gathering = Gathering(storage_for(count, path.name))
+    gathering = CloudBuilder(storage_for(count, path.name))
     for first in range(0, max(count, 1), STEP):
         some = min(STEP, count - first)
         points = np.frombuffer(file.read(some * kind.itemsize), kind, some)

@@ -21,7 +21,7 @@ from resample.words import one_line
 from resample_warp3d.clouds.cloud import Cloud, kept_columns
 from resample_warp3d.clouds.coloring import SCANNED, colored_as_scanned
 from resample_warp3d.clouds.fields import COLORS, Fields, cloud_of
-from resample_warp3d.clouds.parts import PER_POINT, STEP, Gathering, memory_left, storage_for
+from resample_warp3d.clouds.parts import PER_POINT, STEP, CloudBuilder, memory_left, storage_for
 
 ENTRY = np.dtype(
     {
@@ -126,7 +126,7 @@ def _gathered(
         chunks = _chunks(laser) if entries is None else _coarse(entries, level)
         count = _checked_points(laser, chunks)
         records = _chunks_in_parts(laspy, laser, chunks)
-    gathering, read = Gathering(storage_for(count, laser.path.name, _hint(entries, level))), 0
+    gathering, read = CloudBuilder(storage_for(count, laser.path.name, _hint(entries, level))), 0
     for record in records:
         with _damage(laser.path):
             levels, fields = _fields(laser, record)

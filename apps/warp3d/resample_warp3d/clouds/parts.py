@@ -78,7 +78,7 @@ def memory_left() -> int | None:
     return max(allowed - held(), allowed // LEAST_SHARE)
 
 
-class Gathering:
+class CloudBuilder:
     """Collector of a cloud that arrives in parts with the same columns."""
 
     def __init__(self, storage: Storage) -> None:

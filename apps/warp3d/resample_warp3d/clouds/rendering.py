@@ -29,15 +29,15 @@ from resample_warp3d.clouds.windows import (
     SPLAT,
     STAGES,
     VISIBILITY_KINDS,
-    Canvas,
     Projector,
     Visibility,
+    WindowCanvas,
     kinds_of,
     paint_in_windows,
 )
 
 if TYPE_CHECKING:
-    from resample_warp3d.clouds.kernels.discs import Eye
+    from resample_warp3d.clouds.kernels.discs import CloudCamera
 
 TILE = 16  # px
 MOST_SUBPIXELS = 16
@@ -45,7 +45,7 @@ TOLERANCE = 1.5  # radii; discs that differ by more in depth belong to two surfa
 GRAY = 0.8  # albedo of clouds without colors
 
 
-class Light(StrEnum):
+class Shading(StrEnum):
     """Light source that shades a cloud."""
 
     NONE = "none"  # no shading: colors as scanned
@@ -89,7 +89,7 @@ class CloudStyle:
     """
 
     point_size: float = 1.0
-    light: Light | str | None = None
+    light: Shading | str | None = None
     cull: bool = False
     subpixels: int = 4
     near: float = 0.0
@@ -97,8 +97,8 @@ class CloudStyle:
     def __post_init__(self) -> None:
         if not (np.isfinite(self.point_size) and self.point_size > 0):
             raise ValueError(f"a point size of {self.point_size}; give a factor above 0")
-        if self.light is not None and self.light not in list(Light):
-            raise ValueError(f"light {self.light!r}; it can be {' or '.join(Light)}")
+        if self.light is not None and self.light not in list(Shading):
+            raise ValueError(f"light {self.light!r}; it can be {' or '.join(Shading)}")
         if not 1 <= self.subpixels <= MOST_SUBPIXELS:
             raise ValueError(f"{self.subpixels} sub-pixels; give 1 to {MOST_SUBPIXELS}")
         if not (np.isfinite(self.near) and self.near >= 0):
@@ -187,7 +187,7 @@ def _drawn(
     shape: tuple[int, int],
     style: CloudStyle,
     filter: str | PixelFilter | None,  # noqa: A002
-) -> "Painted":
+) -> "PaintedCloud":
     pixel_filter = registry.build("filters", filter) if isinstance(filter, str) else filter
     if pixel_filter is None or subpixels_of(pixel_filter).weight.size == 1:
         return _painted(surfels, camera, shape, style, TILE)
@@ -195,7 +195,7 @@ def _drawn(
     return _filtered(surfels, camera, shape, style, parts)
 
 
-class Painted(NamedTuple):
+class PaintedCloud(NamedTuple):
     """A painted cloud."""
 
     rgba: Floats  # (H, W, 4)
@@ -208,7 +208,7 @@ class Painted(NamedTuple):
 
 def _painted(
     surfels: Surfels, camera: Camera, shape: tuple[int, int], style: CloudStyle, tile: int
-) -> Painted:
+) -> PaintedCloud:
     """Paint a cloud in tiles; each pixel is the mean of its sub-pixels."""
     from resample_warp3d.clouds.kernels.discs import project_discs
     from resample_warp3d.clouds.kernels.painting import CloudPicture
@@ -218,7 +218,7 @@ def _painted(
         np.full(shape, np.inf, np.float32),
         np.full(shape, np.inf, np.float32),
     )
-    canvas = Canvas(
+    canvas = WindowCanvas(
         Screen(shape[1], shape[0], 0.0, np.zeros((4, 4))), tile, style.subpixels, picture
     )
     eye = eye_of(surfels, camera, shape, style)
@@ -233,11 +233,11 @@ def _painted(
         seen, seconds = _painted_at_once(len(surfels.position), project_some, canvas)
     else:
         seen, seconds = paint_in_windows(surfels, project_some, canvas, pages)
-    return Painted(*picture, seen, style.subpixels, seconds)
+    return PaintedCloud(*picture, seen, style.subpixels, seconds)
 
 
 def _painted_at_once(
-    count: int, see: Projector, canvas: Canvas
+    count: int, see: Projector, canvas: WindowCanvas
 ) -> tuple[Visibility, dict[str, float]]:
     """Paint all discs; return what is visible of each, and seconds per stage."""
     from resample_warp3d.clouds.kernels.discs import SURFEL
@@ -260,7 +260,7 @@ def _painted_at_once(
 
 def _filtered(
     surfels: Surfels, camera: Camera, shape: tuple[int, int], style: CloudStyle, parts: Subpixels
-) -> Painted:
+) -> PaintedCloud:
     """Paint a cloud on sub-pixels, strip by strip, and filter them."""
     from resample.engine.surfaces.resolve import nearest_of_rows, resolve_rows
 
@@ -286,20 +286,22 @@ def _filtered(
     rgba /= np.maximum(rgba[..., 3:], np.float32(1))  # keep light consistent with coverage
     depth = np.full(shape, np.inf, np.float32)
     np.divide(away[..., 0], light[..., 3], out=depth, where=covered[..., 0])
-    return Painted(rgba, depth, first, seen, n, seconds)
+    return PaintedCloud(rgba, depth, first, seen, n, seconds)
 
 
-def eye_of(surfels: Surfels, camera: Camera, shape: tuple[int, int], style: CloudStyle) -> "Eye":
+def eye_of(
+    surfels: Surfels, camera: Camera, shape: tuple[int, int], style: CloudStyle
+) -> "CloudCamera":
     """Return the camera for the kernels, in the discs' own coordinates."""
-    from resample_warp3d.clouds.kernels.discs import Eye
+    from resample_warp3d.clouds.kernels.discs import CloudCamera
 
     pose = np.asarray(camera.world_to_camera, np.float64)
     matrix = np.asarray(camera.matrix, np.float64)
     shift = pose[:3, :3] @ surfels.origin + pose[:3, 3]
     light = style.light
     if light is None:
-        light = Light.NONE if len(surfels.color) else Light.HEADLIGHT
-    return Eye(
+        light = Shading.NONE if len(surfels.color) else Shading.HEADLIGHT
+    return CloudCamera(
         np.ascontiguousarray(matrix @ np.column_stack([pose[:3, :3], shift])),
         -pose[:3, :3].T @ shift,
         *shape,
@@ -307,7 +309,7 @@ def eye_of(surfels: Surfels, camera: Camera, shape: tuple[int, int], style: Clou
         float(max(style.near, camera.near)),
         style.subpixels,
         float(style.point_size),
-        light == Light.HEADLIGHT,
+        light == Shading.HEADLIGHT,
         style.cull,
         TOLERANCE,
     )

@@ -27,7 +27,7 @@ Indices = NDArray[np.int64]
 Codes = NDArray[np.uint64]
 
 
-class Curve(NamedTuple):
+class MortonCurve(NamedTuple):
     """A Morton curve with 2²¹ steps per axis through a box."""
 
     low: Floats  # (3,) least coordinates
@@ -112,18 +112,18 @@ def corners(position: Floats | Doubles) -> tuple[Floats | Doubles, Floats | Doub
     return np.concatenate([low, rest]).min(axis=0), np.concatenate([high, rest]).max(axis=0)
 
 
-def curve_through(position: Floats | Doubles) -> Curve:
+def curve_through(position: Floats | Doubles) -> MortonCurve:
     """Return the curve through the bounding box of points (N, 3)."""
     if not len(position):
-        return Curve(np.zeros(3, np.float32), 1.0)
+        return MortonCurve(np.zeros(3, np.float32), 1.0)
     return _curve_in(*(np.asarray(corner, np.float32) for corner in corners(position)))
 
 
-def _curve_in(low: Floats, high: Floats) -> Curve:
-    return Curve(low, float((high - low).max()) or 1.0)
+def _curve_in(low: Floats, high: Floats) -> MortonCurve:
+    return MortonCurve(low, float((high - low).max()) or 1.0)
 
 
-def canonical(cloud: Cloud, curve: Curve) -> Indices:
+def canonical(cloud: Cloud, curve: MortonCurve) -> Indices:
     """Return the order along a curve; points with equal codes by all their attributes."""
     code = curve.codes(cloud.position)
     order, ordered = _ascending(code)  # unstable for equal codes, which are ordered below
@@ -230,7 +230,7 @@ def _by_buckets(cloud: Cloud, radius: float | None, most: int) -> Ordered:
     return Ordered(origin, ordered)
 
 
-def _ends(given: _Given, curve: Curve, buckets: int) -> Codes:
+def _ends(given: _Given, curve: MortonCurve, buckets: int) -> Codes:
     """Return the codes at which buckets of about equal size end."""
     every = max(1, len(given.cloud.position) // SAMPLED)
     sample = np.sort(curve.codes(given.part(slice(None, None, every)).position))
@@ -238,7 +238,7 @@ def _ends(given: _Given, curve: Curve, buckets: int) -> Codes:
     return ends
 
 
-def _moved(given: _Given, curve: Curve, ends: Codes, count: int) -> tuple[Cloud, Indices]:
+def _moved(given: _Given, curve: MortonCurve, ends: Codes, count: int) -> tuple[Cloud, Indices]:
     """Move points to buckets that end at given codes; also return the buckets' starts."""
     bucket = zeros_beside(given.cloud.position, (count,), np.uint32)
     held, first = np.zeros(len(ends) + 1, np.int64), 0

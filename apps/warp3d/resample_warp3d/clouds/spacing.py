@@ -189,12 +189,12 @@ def _permuted(values: Floats, order: Indices) -> Floats:
 def _measured_places(position: Floats, normal: Floats, axes: Floats, largest: float | None) -> None:
     """Fill in normals and discs of distinct points sorted along a curve."""
     from resample_warp3d.clouds.kernels.cells import Spaced, limit
-    from resample_warp3d.clouds.kernels.measuring import Wanted, measure_all
+    from resample_warp3d.clouds.kernels.measuring import NeighbourCounts, measure_all
     from resample_warp3d.clouds.kernels.neighbours import blocks_of
 
     count = len(position)
     discs = Spaced(axes, zeros_beside(position, (count,), F4))
-    wanted = Wanted(min(NEIGHBOURS, count), min(MORE_NEIGHBOURS, count))
+    wanted = NeighbourCounts(min(NEIGHBOURS, count), min(MORE_NEIGHBOURS, count))
     nearest = zeros_beside(position, (count, wanted.few - 1), np.int32)
     with portion(0.0, MEASURING):
         measure_all(blocks_of(position), wanted, normal, discs, nearest)

@@ -32,7 +32,7 @@ Projector = Callable[[slice, Records], None]  # projects discs into as many reco
 Visibility = NDArray[np.uint8]  # (N,) `POINT` or `SPLAT`, if a disc is in the frame, and `SHOWN`
 
 
-class Canvas(NamedTuple):
+class WindowCanvas(NamedTuple):
     """A frame, cut into tiles."""
 
     screen: Screen
@@ -48,7 +48,7 @@ def kinds_of(records: Records) -> Visibility:
 
 
 def paint_in_windows(
-    surfels: Surfels, see: Projector, canvas: Canvas, most: int
+    surfels: Surfels, see: Projector, canvas: WindowCanvas, most: int
 ) -> tuple[Visibility, dict[str, float]]:
     """Paint discs in files.
 
@@ -90,7 +90,7 @@ class _RenderJob(NamedTuple):
 
     surfels: Surfels
     project: Projector
-    canvas: Canvas
+    canvas: WindowCanvas
     most: int  # bytes
     seconds: dict[str, float]  # so far, per stage
 

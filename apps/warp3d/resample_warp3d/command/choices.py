@@ -18,7 +18,7 @@ from resample_warp3d.command.cameras.source import SourceCamera
 
 if TYPE_CHECKING:
     from resample.cameras.models import Camera
-    from resample_warp3d.depth.encodings import Encoding
+    from resample_warp3d.depth.encodings import DepthEncoding
     from resample_warp3d.types import Method
     from resample_warp3d.views.together import Joining
 
@@ -120,7 +120,7 @@ class Depth(Choices):
         near = encodings.NEAR if self.near is None else self.near
         return near, encodings.FAR * near if self.far is None else self.far
 
-    def _relative(self) -> "Encoding":
+    def _relative(self) -> "DepthEncoding":
         from resample_warp3d.depth.encodings import RelativeDepth
 
         return RelativeDepth(*self.range(), self.depth_kind == "relative-z")
@@ -153,7 +153,7 @@ class Depth(Choices):
         own = with_intrinsics("depth-intrinsics", self.depth_intrinsics, "corner")
         return own.sized(*stored).moved(pose)
 
-    def encoding(self, camera: "Camera") -> "Encoding":
+    def encoding(self, camera: "Camera") -> "DepthEncoding":
         """Return the encoding of the numbers, for a picture of the camera.
 
         Raises
@@ -227,7 +227,7 @@ class Parallax(Choices):
                 raise ValueError(f"--{option} needs depth, by --depth-kind; a pair has --fraction")
 
 
-class Warping(Choices):
+class DepthWarping(Choices):
     """How pictures are warped."""
 
     heading: ClassVar[str] = "Method"

@@ -132,9 +132,9 @@ class CloudOptions(Choices):
 
     def style(self) -> Any:
         """Return the style that `render_cloud` takes."""
-        from resample_warp3d.clouds.rendering import CloudStyle, Light
+        from resample_warp3d.clouds.rendering import CloudStyle, Shading
 
-        lights = {None: None, "none": Light.NONE, "eye": Light.HEADLIGHT}
+        lights = {None: None, "none": Shading.NONE, "eye": Shading.HEADLIGHT}
         return CloudStyle(point_size=self.point_size, light=lights[self.light], cull=self.one_sided)
 
 

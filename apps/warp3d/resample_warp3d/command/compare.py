@@ -10,11 +10,11 @@ from resample.files.pictures import Kind, Picture
 from resample_warp3d.command.animation import Range, poses_of, shots
 from resample_warp3d.command.cameras.intrinsics import Shape
 from resample_warp3d.command.cameras.target import Aim
-from resample_warp3d.command.choices import Warping
+from resample_warp3d.command.choices import DepthWarping
 from resample_warp3d.command.inputs import (
-    DepthView,
-    Reader,
-    Taken,
+    DepthInput,
+    DepthReader,
+    Inputs,
     TrueView,
     read_truth,
     read_view,
@@ -25,15 +25,15 @@ from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.types import Equation, Source
 
 if TYPE_CHECKING:
-    from resample_warp3d.showing.compare import Comparison
+    from resample_warp3d.showing.compare import DepthComparison
     from resample_warp3d.showing.figures import Figure
 
 DEMO_SIZE, DEMO_FRAMES, DEMO_FPS = 256, 24, 12.0
 
 
 def compare_files(
-    given: TrueView, reader: Reader, aim: Aim, names: Sequence[str], refine: str = "auto"
-) -> "Comparison":
+    given: TrueView, reader: DepthReader, aim: Aim, names: Sequence[str], refine: str = "auto"
+) -> "DepthComparison":
     """Compare methods with a true picture.
 
     Parameters
@@ -64,7 +64,11 @@ def compare_files(
 
 
 def figure_of_files(
-    files: tuple[str, str], reader: Reader, aim: Aim, names: Sequence[str], refine: str = "auto"
+    files: tuple[str, str],
+    reader: DepthReader,
+    aim: Aim,
+    names: Sequence[str],
+    refine: str = "auto",
 ) -> "Figure":
     """Make the paper's Figure 6 from color and depth files; see `compare_files`."""
     from resample_warp3d.showing.figures import figure_of
@@ -74,7 +78,7 @@ def figure_of_files(
 
 
 def _placed(
-    seen: DepthView, reader: Reader, aim: Aim, refine: str = "auto"
+    seen: DepthInput, reader: DepthReader, aim: Aim, refine: str = "auto"
 ) -> tuple[Source, Equation, Shape]:
     """Return the prepared source, the equation of its new view, and the frame's shape."""
     full = seen.image.nearness.shape[0], seen.image.nearness.shape[1]
@@ -89,11 +93,11 @@ def write_demo(folder: Path) -> None:
     from resample_warp3d.showing.scenes import generated
 
     write_figures(folder, generated_figure(DEMO_SIZE, "oblique", ("hybrid", "mcmillan")))
-    scene, session, choice = generated(DEMO_SIZE), Session(), Warping()
+    scene, session, choice = generated(DEMO_SIZE), Session(), DepthWarping()
     image = scene.depth_image()
     kind = Kind(("R", "G", "B"), 8, is_encoded=True)
-    view = DepthView(Picture(image.color, kind), image, scene.source, None)
-    taken = Taken([view], view.picture, scene.source, scene.shape)
+    view = DepthInput(Picture(image.color, kind), image, scene.source, None)
+    taken = Inputs([view], view.picture, scene.source, scene.shape)
     film = film_of(session, taken, scene.shape, choice, (0.0, 0.0, 0.0))
     distance = Range.of(image.nearness)
     poses = poses_of("sway", DEMO_FRAMES, None, scene.source.world_to_camera, distance)

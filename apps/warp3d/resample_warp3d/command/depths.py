@@ -16,9 +16,9 @@ from resample.files.animations import Levels, Shots
 from resample.files.writing import check_targets
 from resample.types import Doubles, Floats
 from resample_warp3d.command.animation import as_levels, shots
-from resample_warp3d.command.choices import Depth, Warping
-from resample_warp3d.command.inputs import Reader, read_views
-from resample_warp3d.command.rendering import Film, film_of
+from resample_warp3d.command.choices import Depth, DepthWarping
+from resample_warp3d.command.inputs import DepthReader, read_views
+from resample_warp3d.command.rendering import CameraFilm, film_of
 from resample_warp3d.command.writing import MILLIMETERS, check_depth, write_depth
 from resample_warp3d.wide.projections import CameraModel
 
@@ -162,10 +162,10 @@ def depths_of(
 class ToFilm(NamedTuple):
     """Inputs of a film's frames, by name, for workers."""
 
-    reader: Reader
+    reader: DepthReader
     color: str
     depth: str
-    warping: Warping
+    warping: DepthWarping
     shape: tuple[int, int]  # height and width, px
     background: Background
 
@@ -188,7 +188,7 @@ def appearing(
 
 
 def shots_with_depth(
-    poses: Sequence[Doubles], camera: CameraModel, film: Film, depths: DepthFrames | None
+    poses: Sequence[Doubles], camera: CameraModel, film: CameraFilm, depths: DepthFrames | None
 ) -> Shots:
     """Return the frames of a path, as `shots` does, that also write depth if requested."""
     if depths is None:

@@ -15,9 +15,9 @@ from resample.files.sequences import Frames, check_frames, frames_of, write_fram
 from resample.files.writing import check_targets
 from resample.types import Floats
 from resample_warp3d.command.cameras.target import Aim
-from resample_warp3d.command.choices import Extras, Showing, Warping
+from resample_warp3d.command.choices import DepthWarping, Extras, Showing
 from resample_warp3d.command.depths import appearing, depths_of
-from resample_warp3d.command.inputs import Reader, mention_doubt, view_of
+from resample_warp3d.command.inputs import DepthReader, mention_doubt, view_of
 from resample_warp3d.command.rendering import check_memory, prepared, warped
 from resample_warp3d.command.writing import warped_picture
 from resample_warp3d.depth.encodings import Raw, RelativeDepth
@@ -80,7 +80,7 @@ class DepthFilm:
             return (read_depth(file) for file in self._files)
         return (_gray_levels(picture) for picture in self._levels.read())
 
-    def reader(self, reader: Reader) -> Reader:
+    def reader(self, reader: DepthReader) -> DepthReader:
         """Return a reader with one range of relative depth for all pictures, to avoid pumping."""
         if not reader.meaning.is_relative:
             return reader
@@ -111,8 +111,8 @@ def film_with_depth(
 
 
 def render_film(
-    film: DepthFilm, output: Path, reader: Reader, aim: Aim, warping: Warping, look: WriteOptions,
-    depth_output: Path | None = None,
+    film: DepthFilm, output: Path, reader: DepthReader, aim: Aim,
+    warping: DepthWarping, look: WriteOptions,     depth_output: Path | None = None,
 ) -> None:  # fmt: skip
     """Write a film from another viewpoint, and its depth if requested.
 
@@ -141,7 +141,12 @@ def render_film(
 
 
 def _pictures(
-    session: Session, film: DepthFilm, reader: Reader, aim: Aim, warping: Warping, output: Path
+    session: Session,
+    film: DepthFilm,
+    reader: DepthReader,
+    aim: Aim,
+    warping: DepthWarping,
+    output: Path,
 ) -> Iterator[tuple[Picture, Floats]]:
     """Yield the pictures of a film from the new viewpoint, and their depth (H, W).
 

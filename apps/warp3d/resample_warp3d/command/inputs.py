@@ -21,7 +21,13 @@ from resample_warp3d.command.cameras.intrinsics import Shape
 from resample_warp3d.command.cameras.source import SourceCamera
 from resample_warp3d.command.choices import Depth
 from resample_warp3d.depth.agreement import pose_warning
-from resample_warp3d.depth.encodings import BareDisparity, Encoding, Raw, RelativeDepth, check_scale
+from resample_warp3d.depth.encodings import (
+    BareDisparity,
+    DepthEncoding,
+    Raw,
+    RelativeDepth,
+    check_scale,
+)
 from resample_warp3d.depth.equation import lens_places
 from resample_warp3d.depth.files import read_depth
 from resample_warp3d.depth.refining.conditioning import fitted
@@ -33,7 +39,7 @@ BYTES_PER_PIXEL = 144  # for refining and preparing a source, without its colors
 BYTES_PER_VALUE = 23  # per channel of a source, for refining, preparing and warping
 
 
-class DepthView(NamedTuple):
+class DepthInput(NamedTuple):
     """One input: a picture, its depth and its camera."""
 
     picture: Picture
@@ -65,10 +71,10 @@ class DepthView(NamedTuple):
         return "snap" if name == "auto" and self.is_fitted else name
 
 
-class Taken(NamedTuple):
+class Inputs(NamedTuple):
     """All inputs, from one picture or several."""
 
-    views: list[DepthView]  # a panorama's are its faces
+    views: list[DepthInput]  # a panorama's are its faces
     picture: Picture  # the first picture, whole
     camera: CameraModel  # camera of that picture
     shape: Shape  # its height and width, px
@@ -142,7 +148,7 @@ def view_names(text: str) -> ViewNames:
     return ViewNames(*words)
 
 
-class Reader(NamedTuple):
+class DepthReader(NamedTuple):
     """Settings for reading depth images."""
 
     eye: SourceCamera
@@ -151,7 +157,7 @@ class Reader(NamedTuple):
     ends: tuple[float, float] | None = None  # range of relative depth, for films
 
     @classmethod
-    def checked(cls, eye: SourceCamera, meaning: Depth, *, labels: bool = False) -> "Reader":
+    def checked(cls, eye: SourceCamera, meaning: Depth, *, labels: bool = False) -> "DepthReader":
         """Return a checked reader of the command line's options; report assumptions.
 
         Raises
@@ -175,7 +181,7 @@ class Reader(NamedTuple):
         return cls(eye, meaning, labels)
 
 
-def read_view(reader: Reader, color: str, depth: str, pose: str | None = None) -> DepthView:
+def read_view(reader: DepthReader, color: str, depth: str, pose: str | None = None) -> DepthInput:
     """Read a depth image of a calibrated camera; report a doubtful scale.
 
     Parameters
@@ -203,8 +209,8 @@ def read_view(reader: Reader, color: str, depth: str, pose: str | None = None) -
 
 
 def view_of(
-    reader: Reader, picture: Picture, raw: Raw, names: tuple[str, str], pose: str | None = None
-) -> DepthView:
+    reader: DepthReader, picture: Picture, raw: Raw, names: tuple[str, str], pose: str | None = None
+) -> DepthInput:
     """Make a depth image from a picture and the raw numbers of its depth.
 
     Parameters
@@ -239,22 +245,22 @@ def view_of(
     image = _depth_image(picture, names, nearness)
     image = image._replace(place=lens_places(camera, shape))
     is_fitted = nearness.shape != shape
-    return DepthView(picture, image, camera, encoding.quantum(raw), is_fitted=is_fitted)
+    return DepthInput(picture, image, camera, encoding.quantum(raw), is_fitted=is_fitted)
 
 
 def _parallel_view(
-    reader: Reader, picture: Picture, raw: Raw, names: tuple[str, str], camera: Orthographic
-) -> DepthView:
+    reader: DepthReader, picture: Picture, raw: Raw, names: tuple[str, str], camera: Orthographic
+) -> DepthInput:
     """Make a depth image of an orthographic camera."""
     encoding = _plain_encoding(reader, ("z", "inverse", "relative", "relative-z"))
     image, moved = taken_by(camera, _depth_image(picture, names, encoding.nearness(raw)))
     if not isinstance(moved, Orthographic):
         raise TypeError("an orthographic camera stays orthographic")
     is_fitted = raw.shape[:2] != picture.data.shape[:2]
-    return DepthView(picture, image, moved, None, is_fitted=is_fitted)
+    return DepthInput(picture, image, moved, None, is_fitted=is_fitted)
 
 
-def _plain_encoding(reader: Reader, kinds: tuple[str, ...]) -> Encoding:
+def _plain_encoding(reader: DepthReader, kinds: tuple[str, ...]) -> DepthEncoding:
     """Return the encoding of depth whose camera is not a pinhole."""
     meaning = reader.meaning
     if meaning.depth_kind not in kinds or meaning.depth_intrinsics is not None:
@@ -269,7 +275,7 @@ def _plain_encoding(reader: Reader, kinds: tuple[str, ...]) -> Encoding:
     return replace(encoding, ends=reader.ends) if isinstance(encoding, RelativeDepth) else encoding
 
 
-def _taken_around(reader: Reader, color: str, depth: str) -> Taken:
+def _taken_around(reader: DepthReader, color: str, depth: str) -> Inputs:
     """Read a panorama, split into faces."""
     from resample_warp3d.views.panoramas import faces
 
@@ -283,23 +289,25 @@ def _taken_around(reader: Reader, color: str, depth: str) -> Taken:
     length = np.divide(1.0, near, out=np.zeros_like(near), where=near > 0)
     camera, is_fitted = reader.eye.camera_model(shape), raw.shape[:2] != shape
     views = [
-        DepthView(
+        DepthInput(
             Picture(each.image.color, picture.kind), each.image, each.camera, None,
             is_fitted=is_fitted,
         )
         for each in faces(image.color, length, camera.world_to_camera)
     ]  # fmt: skip
-    return Taken(views, picture, camera, shape)
+    return Inputs(views, picture, camera, shape)
 
 
-def mention_doubt(reader: Reader, view: DepthView, depth: str) -> None:
+def mention_doubt(reader: DepthReader, view: DepthInput, depth: str) -> None:
     """Warn if the scale of a depth file looks wrong."""
     doubt = check_scale(view.image.nearness)
     if doubt is not None and not reader.meaning.is_relative:
         say(f"{depth}: {doubt}")
 
 
-def read_views(reader: Reader, color: str, depth: str, further: Sequence[ViewNames] = ()) -> Taken:
+def read_views(
+    reader: DepthReader, color: str, depth: str, further: Sequence[ViewNames] = ()
+) -> Inputs:
     """Read a depth image and further ones of the same scene; warn of doubtful poses.
 
     Raises
@@ -314,7 +322,7 @@ def read_views(reader: Reader, color: str, depth: str, further: Sequence[ViewNam
     views = [read_view(reader, color, depth), *(read_view(reader, *names) for names in further)]
     check_poses(views)
     camera = reader.eye.camera_model(views[0].shape)
-    return Taken(views, views[0].picture, camera, views[0].shape)
+    return Inputs(views, views[0].picture, camera, views[0].shape)
 
 
 def bytes_of_source(form: tuple[int, ...]) -> int:
@@ -322,7 +330,7 @@ def bytes_of_source(form: tuple[int, ...]) -> int:
     return BYTES_PER_VALUE * prod(form)
 
 
-def read_rectified(color: str, disparity: str, scale: float | None) -> DepthView:
+def read_rectified(color: str, disparity: str, scale: float | None) -> DepthInput:
     """Read one picture of a rectified pair, with disparity in px as nearness.
 
     Raises
@@ -339,7 +347,7 @@ def read_rectified(color: str, disparity: str, scale: float | None) -> DepthView
             f"{raw.shape[0]}; they must be the same"
         )
     image = _depth_image(picture, (color, disparity), encoding.nearness(raw))
-    return DepthView(picture, image, Camera.from_fov(60.0, *shape), encoding.quantum(raw))
+    return DepthInput(picture, image, Camera.from_fov(60.0, *shape), encoding.quantum(raw))
 
 
 def read_names(path: str) -> Picture:
@@ -350,7 +358,7 @@ def read_names(path: str) -> Picture:
     return Picture(np.ascontiguousarray(data), kind)
 
 
-def check_poses(views: Sequence[DepthView]) -> None:
+def check_poses(views: Sequence[DepthInput]) -> None:
     """Warn if poses look inverted: the views' depths would agree better with the inverses."""
     first, *others = views
     for other in others:

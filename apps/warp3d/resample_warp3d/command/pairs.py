@@ -8,7 +8,7 @@ from resample.console.messages import say
 from resample.files.pictures import Picture
 from resample.types import Floats
 from resample_warp3d.command.choices import Parallax
-from resample_warp3d.command.inputs import DepthView
+from resample_warp3d.command.inputs import DepthInput
 
 COMFORT = 0.015  # default parallax before and behind the screen, as a share of the width
 STRAY = 0.01  # share of the depth at each end that may exceed this parallax
@@ -21,7 +21,7 @@ class Eyes(NamedTuple):
     zero: float
 
     @classmethod
-    def of(cls, view: DepthView, choice: Parallax) -> "Eyes":
+    def of(cls, view: DepthInput, choice: Parallax) -> "Eyes":
         """Choose eyes for a picture, and report them."""
         nearness, width = view.image.nearness, view.image.nearness.shape[1]
         known = nearness[nearness > 0].astype(np.float64)

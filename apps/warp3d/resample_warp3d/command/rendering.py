@@ -18,8 +18,8 @@ from resample.memory import require
 from resample.types import Floats
 from resample_warp3d.command.animation import on_screen
 from resample_warp3d.command.cameras.intrinsics import Shape
-from resample_warp3d.command.choices import Warping
-from resample_warp3d.command.inputs import DepthView, Taken, bytes_of_source
+from resample_warp3d.command.choices import DepthWarping
+from resample_warp3d.command.inputs import DepthInput, Inputs, bytes_of_source
 from resample_warp3d.depth.preparation import sourced
 from resample_warp3d.depth.refining.conditioning import Refined, refine
 from resample_warp3d.sheet.behind import background, behind
@@ -54,14 +54,14 @@ class Prepared(NamedTuple):
     layer: Source | None  # background behind its silhouettes, if requested and not empty
 
 
-class Together(NamedTuple):
+class JoinedPicture(NamedTuple):
     """Several sources combined into one picture."""
 
     warped: Warped
     found: list[dict[str, Any]] | None  # each source's corrections; None: one source
 
 
-class Film(NamedTuple):
+class CameraFilm(NamedTuple):
     """Renderer of a film's frames."""
 
     render: Callable[[CameraModel], Warped]
@@ -73,13 +73,13 @@ class Film(NamedTuple):
         return self.screen(self.render(camera))
 
 
-def prepared(session: Session, views: Sequence[DepthView], choice: Warping) -> list[Prepared]:
+def prepared(session: Session, views: Sequence[DepthInput], choice: DepthWarping) -> list[Prepared]:
     """Prepare sources for warping."""
     with session.stage("prepare", bar="preparing"):
         return [_prepared(view, choice) for view in views]
 
 
-def _prepared(view: DepthView, choice: Warping) -> Prepared:
+def _prepared(view: DepthInput, choice: DepthWarping) -> Prepared:
     """Prepare a view; report what `--refine auto` did to its depth."""
     name = view.refine(choice.refine)
     if choice.refine == "auto" and choice.unmixed:  # differences of labels have no meaning
@@ -93,7 +93,7 @@ def _prepared(view: DepthView, choice: Warping) -> Prepared:
 
 
 def warped(
-    session: Session, source: Prepared, target: CameraModel, shape: Shape, choice: Warping
+    session: Session, source: Prepared, target: CameraModel, shape: Shape, choice: DepthWarping
 ) -> Warped:
     """Render a source for a camera in a frame (height, width)."""
     return _rendered(session, source, way_between(source.camera, target, shape), shape, choice)
@@ -104,14 +104,14 @@ def joined(
     sources: Sequence[Prepared],
     target: CameraModel,
     shape: Shape,
-    choice: Warping,
+    choice: DepthWarping,
     joining: "Joining",
-) -> Together:
+) -> JoinedPicture:
     """Render several sources together for a camera in a frame (height, width)."""
     from resample_warp3d.views.together import Standing, agreed, layers_of, render_together
 
     if len(sources) == 1:
-        return Together(warped(session, sources[0], target, shape, choice), None)
+        return JoinedPicture(warped(session, sources[0], target, shape, choice), None)
     look = partial(
         render_together, target=target, shape=shape, method=choice.built(), joining=joining,
         filter=choice.filter, threads=choice.threads,
@@ -136,18 +136,18 @@ def joined(
         }
         for scale, gain, bias in zip(ready.scale, *viewed.match, strict=True)
     ]
-    return Together(filled(session, viewed.warped, layer, choice), found)
+    return JoinedPicture(filled(session, viewed.warped, layer, choice), found)
 
 
 def shifted(
-    session: Session, source: Prepared, equation: Equation, shape: Shape, choice: Warping
+    session: Session, source: Prepared, equation: Equation, shape: Shape, choice: DepthWarping
 ) -> Warped:
     """Render a picture of a rectified pair by the equation of another eye."""
     return _rendered(session, source, equation, shape, choice)
 
 
 def _rendered(
-    session: Session, source: Prepared, equation: Way, shape: Shape, choice: Warping
+    session: Session, source: Prepared, equation: Way, shape: Shape, choice: DepthWarping
 ) -> Warped:
     from resample_warp3d.warping import render
 
@@ -162,7 +162,7 @@ def _rendered(
     return filled(session, viewed, layer, choice)
 
 
-def filled(session: Session, viewed: Warped, layer: Warped | None, choice: Warping) -> Warped:
+def filled(session: Session, viewed: Warped, layer: Warped | None, choice: DepthWarping) -> Warped:
     """Fill a picture's holes if requested, first from a layer if there is one."""
     if not choice.fill:
         return viewed
@@ -171,7 +171,7 @@ def filled(session: Session, viewed: Warped, layer: Warped | None, choice: Warpi
 
 
 def report(
-    session: Session, sources: Sequence[Prepared], viewed: Together, choice: Warping
+    session: Session, sources: Sequence[Prepared], viewed: JoinedPicture, choice: DepthWarping
 ) -> dict[str, Any]:
     """Return sizes, depth refinement, corrections of views, shares and times for `--stats`."""
     warped = viewed.warped
@@ -209,8 +209,8 @@ def _findings(refined: Refined) -> dict[str, Any]:
 
 
 def film_of(
-    session: Session, taken: Taken, shape: Shape, choice: Warping, background: Background
-) -> Film:
+    session: Session, taken: Inputs, shape: Shape, choice: DepthWarping, background: Background
+) -> CameraFilm:
     """Return the renderer of a film's frames (H, W, 3), and what they depend on."""
     sources = prepared(session, taken.views, choice)
     joining = joining_of(taken, None)
@@ -231,10 +231,10 @@ def film_of(
         "background": list(background),
         "version": installed_version(),
     }
-    return Film(viewed, screen, job)
+    return CameraFilm(viewed, screen, job)
 
 
-def joining_of(taken: Taken, chosen: "Joining | None") -> "Joining":
+def joining_of(taken: Inputs, chosen: "Joining | None") -> "Joining":
     """Return how views are combined; a panorama's faces are feathered."""
     from resample_warp3d.views.panoramas import SEAMLESS
     from resample_warp3d.views.together import Joining
@@ -251,7 +251,7 @@ def words_of(camera: CameraModel) -> list[object]:
     return [part.tolist() if isinstance(part, np.ndarray) else part for part in parts]
 
 
-def check_memory(views: Sequence[DepthView], shape: Shape, output: Path, others: int = 0) -> None:
+def check_memory(views: Sequence[DepthInput], shape: Shape, output: Path, others: int = 0) -> None:
     """Refuse a warp that does not fit into memory; log what it needs (DEBUG).
 
     Measured as the peak of fresh processes (`python -m benchmarks.memory`).

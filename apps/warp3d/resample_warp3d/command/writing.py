@@ -19,7 +19,7 @@ from resample.files.pictures import (
 from resample.files.writing import replacing, save_array
 from resample.types import Floats
 from resample_warp3d.command.cameras.source import SourceCamera
-from resample_warp3d.command.choices import Extras, Warping
+from resample_warp3d.command.choices import DepthWarping, Extras
 from resample_warp3d.command.export import check_export
 from resample_warp3d.types import Hole, Warped
 
@@ -34,7 +34,7 @@ HOLE_COLORS = {
 }
 
 
-def made_of(warped: Warped, kind: Kind, choice: Warping, show: str = "picture") -> Picture:
+def made_of(warped: Warped, kind: Kind, choice: DepthWarping, show: str = "picture") -> Picture:
     """Return the picture to write: the warped one, labels, holes, or false colors."""
     if choice.unmixed:
         return names_picture(warped, kind)

@@ -28,7 +28,7 @@ STRAY = 1e-3  # share of outliers of relative depth at each end of its range
 OUT_OF_RANGE = 1e-3  # by which normalized values may exceed 1
 
 
-class Encoding(Protocol):
+class DepthEncoding(Protocol):
     """Role of an encoding of a file's numbers."""
 
     def nearness(self, raw: Raw) -> Floats:
@@ -281,7 +281,7 @@ class RelativeDepth:
         return (low, high) if low < high else (float(known.min()), float(known.max()))
 
 
-ENCODINGS: Mapping[str, type[Encoding]] = {
+ENCODINGS: Mapping[str, type[DepthEncoding]] = {
     "z": PlanarDepth,
     "ray": RayLength,
     "inverse": InverseDepth,

@@ -13,13 +13,13 @@ import numpy as np
 from resample.types import Doubles
 from resample_warp3d.depth.identity import is_identity, unmoved
 from resample_warp3d.sheet.holes import bridged
-from resample_warp3d.sheet.sheets import Sheets
+from resample_warp3d.sheet.sheets import SheetCache
 from resample_warp3d.types import Equation, Rendered, Sheet, Source
 from resample_warp3d.wide.passages import Passage, Way
 
 if TYPE_CHECKING:
-    from resample_warp3d.sheet.kernels.screen import Screen
-    from resample_warp3d.sheet.kernels.segments import Frame
+    from resample_warp3d.sheet.kernels.screen import SheetScreen
+    from resample_warp3d.sheet.kernels.segments import BandFrame
 
 BAND = 32  # rows of the target that one thread paints at a time
 LARGEST_BAND = 1 << 30  # px; kernels count them in 32 bits
@@ -55,7 +55,7 @@ class Hybrid:
 
     quality: float = 1.0
     labels: bool = False
-    _sheets: Sheets = field(default_factory=Sheets, init=False, repr=False, compare=False)
+    _sheets: SheetCache = field(default_factory=SheetCache, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if not 0.25 <= self.quality <= 8.0:
@@ -74,12 +74,12 @@ class Hybrid:
 
     def layers(self, source: Source, equation: Way, shape: tuple[int, int]) -> Rendered:
         """Warp and leave narrow gaps open, for pixels that are parts of others."""
-        from resample_warp3d.sheet.kernels.layers import Colors, DepthPicture, paint_layers
+        from resample_warp3d.sheet.kernels.layers import CellColors, LayerPicture, paint_layers
 
         sheet = self.sheet(source)
         screen, orientation, scale = laid(sheet, equation)
         blank = empty(shape, source.color.shape[2])
-        colors, picture = Colors(sheet.color, sheet.links), DepthPicture(*blank[:4])
+        colors, picture = CellColors(sheet.color, sheet.links), LayerPicture(*blank[:4])
         frame = whole_frame(orientation, shape, self.quality, is_label=self.labels)
         paint_layers(screen, colors, band_of(shape), frame, picture)
         blank.nearness[:] /= np.float32(scale)
@@ -90,11 +90,11 @@ class Hybrid:
 class Preview:
     """The nearest cell over each pixel's center: quick, but not antialiased."""
 
-    _sheets: Sheets = field(default_factory=Sheets, init=False, repr=False, compare=False)
+    _sheets: SheetCache = field(default_factory=SheetCache, init=False, repr=False, compare=False)
 
     def __call__(self, source: Source, equation: Equation, shape: tuple[int, int]) -> Rendered:
         """Warp; what the source does not show stays empty."""
-        from resample_warp3d.sheet.kernels.layers import Colors, DepthPicture
+        from resample_warp3d.sheet.kernels.layers import CellColors, LayerPicture
         from resample_warp3d.sheet.kernels.preview import fill_picture
 
         if is_identity(source, equation, shape):
@@ -102,7 +102,7 @@ class Preview:
         sheet = self._sheets(source)
         screen, volume, scale = laid(sheet, equation)
         blank = empty(shape, source.color.shape[2])
-        colors, picture = Colors(sheet.color, sheet.links), DepthPicture(*blank[:4])
+        colors, picture = CellColors(sheet.color, sheet.links), LayerPicture(*blank[:4])
         fill_picture(screen, colors, band_of(shape), whole_frame(volume, shape), picture)
         blank.nearness[:] /= np.float32(scale)
         return blank
@@ -119,7 +119,7 @@ def band_of(shape: tuple[int, int]) -> int:
     return max(1, min(BAND, LARGEST_BAND // shape[1]))
 
 
-def laid(sheet: Sheet, way: Way) -> tuple["Screen", float, float]:
+def laid(sheet: Sheet, way: Way) -> tuple["SheetScreen", float, float]:
     """Sheet on a target's screen, orientation of that, and what its nearness is divided by."""
     if isinstance(way, Passage):
         return way.laid(sheet), way.orientation, 1.0
@@ -129,15 +129,15 @@ def laid(sheet: Sheet, way: Way) -> tuple["Screen", float, float]:
 
 def whole_frame(
     volume: float, shape: tuple[int, int], quality: float = 1.0, *, is_label: bool = False
-) -> "Frame":
+) -> "BandFrame":
     """All rows of a target's frame; the volume is below 0 where it is a mirror image."""
-    from resample_warp3d.sheet.kernels.segments import Frame
+    from resample_warp3d.sheet.kernels.segments import BandFrame
 
     orientation = np.float32(np.sign(volume))
-    return Frame(0, *shape, orientation, np.float32(quality), is_label)
+    return BandFrame(0, *shape, orientation, np.float32(quality), is_label)
 
 
-def project(sheet: Sheet, matrix: Doubles, epipole: Doubles) -> "Screen":
+def project(sheet: Sheet, matrix: Doubles, epipole: Doubles) -> "SheetScreen":
     """Sheet on the screen of a target."""
     from resample_warp3d.sheet.kernels import screen
     from resample_warp3d.sheet.kernels.limbs import project_ends
@@ -150,7 +150,7 @@ def project(sheet: Sheet, matrix: Doubles, epipole: Doubles) -> "Screen":
     project_ends(sheet.corner, sheet.ends, sheet.roundness, matrix, epipole, torn)
     bounds = np.empty((height, screen.segment_count(width), 4), np.int32)
     screen.bound_segments(vertices, torn, sheet.torn, bounds)
-    return screen.Screen(vertices, torn, sheet.torn, bounds)
+    return screen.SheetScreen(vertices, torn, sheet.torn, bounds)
 
 
 def empty(shape: tuple[int, int], channels: int) -> Rendered:

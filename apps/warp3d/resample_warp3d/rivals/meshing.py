@@ -18,7 +18,7 @@ BAND = 32  # height of a band in sub-pixels
 
 
 @dataclass(frozen=True)
-class Mesh:
+class DepthMesh:
     """Two triangles between 2 × 2 samples, with perspective and a z-buffer (Mark et al. 1997).
 
     Triangles have the samples as corners, so the outer half pixel of the source is missing.

@@ -9,7 +9,7 @@ KEPT = 4  # sheets
 PRECISION = 1e-6  # relative error of a float's nearness
 
 
-class Sheets:
+class SheetCache:
     """Cache of the sheets of the last few sources."""
 
     def __init__(self) -> None:

@@ -19,7 +19,14 @@ from resample_warp3d.depth.equation import between
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.showing.pairs import edges_in_view, expected_nearness
 from resample_warp3d.showing.scenes import STANDS, ObjectScene, generated
-from resample_warp3d.showing.scoring import Mask, Screen, Target, delivered, near_steps, score
+from resample_warp3d.showing.scoring import (
+    Mask,
+    ScoringTarget,
+    Screen,
+    delivered,
+    near_steps,
+    score,
+)
 from resample_warp3d.types import Equation, Method, Rendered, Source
 
 Row = dict[str, object]
@@ -32,18 +39,18 @@ SEVERE = 0.2  # larger errors count as this in the choice of details
 TRUTH = "truth"
 
 
-class Case(NamedTuple):
+class WarpCase(NamedTuple):
     """A depth image, a view to warp it to, and the true view."""
 
     name: str
     source: Source
     equation: Equation
-    target: Target
+    target: ScoringTarget
     is_light: bool = True  # the source's values are linear light, else sRGB-encoded
 
 
 @dataclass(frozen=True)
-class Comparison:
+class DepthComparison:
     """Pictures of views by several methods, and their errors.
 
     Parameters
@@ -64,7 +71,7 @@ class Comparison:
 
 def compare_scene(
     names: Sequence[str], size: int = 512, views: Sequence[str] = tuple(STANDS)
-) -> Comparison:
+) -> DepthComparison:
     """Compare methods in the generated scene.
 
     Parameters
@@ -100,7 +107,7 @@ def compare_view(
     truth: Floats,
     mask: Mask | None,
     names: Sequence[str],
-) -> Comparison:
+) -> DepthComparison:
     """Compare methods with a true view.
 
     Parameters
@@ -132,22 +139,22 @@ def compare_view(
         )
     if not mask.any():
         raise ValueError("no part of the true view is in the source; check poses and intrinsics")
-    target = Target(shown(truth), mask, edges_in_view(source, equation, shape))
-    return _compare([Case("view", source, equation, target)], _built(names))
+    target = ScoringTarget(shown(truth), mask, edges_in_view(source, equation, shape))
+    return _compare([WarpCase("view", source, equation, target)], _built(names))
 
 
-def compare_cases(cases: Sequence[Case], names: Sequence[str]) -> Comparison:
+def compare_cases(cases: Sequence[WarpCase], names: Sequence[str]) -> DepthComparison:
     """Compare methods in views with known truth; raises as `compare_view` does."""
     return _compare(cases, _built(names))
 
 
-def scene_case(scene: ObjectScene, view: str, source: Source) -> Case:
+def scene_case(scene: ObjectScene, view: str, source: Source) -> WarpCase:
     """Return a view of a generated scene; pixels that the source sees fully count."""
     camera, shape = scene.views[view], scene.shape
     truth, _ = scene.render(camera, shape)
     fraction, nearest, farthest = scene.visible(camera, shape, scene.source, shape)
-    target = Target(shown(truth), fraction > WHOLE, near_steps(nearest, farthest))
-    return Case(view, source, between(scene.source, camera), target)
+    target = ScoringTarget(shown(truth), fraction > WHOLE, near_steps(nearest, farthest))
+    return WarpCase(view, source, between(scene.source, camera), target)
 
 
 def check_views(views: Sequence[str]) -> None:
@@ -159,7 +166,7 @@ def check_views(views: Sequence[str]) -> None:
         raise ValueError(f"give views to compare, from {', '.join(STANDS)}")
 
 
-def sheet(comparison: Comparison, path: Path, zoom: int | None = None) -> None:
+def sheet(comparison: DepthComparison, path: Path, zoom: int | None = None) -> None:
     """Write one PNG of all pictures and enlarged details, two rows per view.
 
     Parameters
@@ -188,7 +195,7 @@ def sheet(comparison: Comparison, path: Path, zoom: int | None = None) -> None:
     contact_sheet(light, path, columns=columns, captions=captions, zoom=zoom)
 
 
-def note(comparison: Comparison, view: str, method: str) -> str:
+def note(comparison: DepthComparison, view: str, method: str) -> str:
     """Return the caption of a picture: PSNR, holes and time; empty for the truth."""
     for row in comparison.rows:
         if (row["view"], row["method"]) == (view, method):
@@ -196,7 +203,7 @@ def note(comparison: Comparison, view: str, method: str) -> str:
     return ""
 
 
-def screen_of(case: Case, rendered: Rendered) -> tuple[Screen, Mask]:
+def screen_of(case: WarpCase, rendered: Rendered) -> tuple[Screen, Mask]:
     """Return the picture as a screen shows it, and the pixels that are not holes."""
     color, covered = delivered(rendered.image, rendered.coverage)
     if case.is_light:
@@ -204,7 +211,7 @@ def screen_of(case: Case, rendered: Rendered) -> tuple[Screen, Mask]:
     return np.clip(color[..., [0, 0, 0]] if color.shape[2] == 1 else color, 0.0, 1.0), covered
 
 
-def timed(method: Method, case: Case) -> tuple[Rendered, float]:
+def timed(method: Method, case: WarpCase) -> tuple[Rendered, float]:
     """Return a method's picture, and the median time of several warm runs in ms."""
     shape = (case.target.truth.shape[0], case.target.truth.shape[1])
     rendered = method(case.source, case.equation, shape)
@@ -217,7 +224,9 @@ def timed(method: Method, case: Case) -> tuple[Rendered, float]:
     return rendered, statistics.median(duration)
 
 
-def busiest(errors: Sequence[Floats], target: Target, side: int = CROP) -> tuple[slice, slice]:
+def busiest(
+    errors: Sequence[Floats], target: ScoringTarget, side: int = CROP
+) -> tuple[slice, slice]:
     """Return the square where methods err most, at depth edges if there are any.
 
     Parameters
@@ -253,7 +262,7 @@ def _built(names: Sequence[str]) -> Mapping[str, Method]:
     return {name: registry.build("warps", name) for name in names}
 
 
-def _compare(cases: Sequence[Case], methods: Mapping[str, Method]) -> Comparison:
+def _compare(cases: Sequence[WarpCase], methods: Mapping[str, Method]) -> DepthComparison:
     rows: list[Row] = []
     pictures: dict[str, dict[str, Screen]] = {}
     details: dict[str, tuple[slice, slice]] = {}
@@ -270,7 +279,7 @@ def _compare(cases: Sequence[Case], methods: Mapping[str, Method]) -> Comparison
                     progress(len(rows) / (len(cases) * len(methods)))
             pictures[case.name] = screens
             details[case.name] = busiest(_errors(screens), case.target)
-    return Comparison(rows, pictures, details)
+    return DepthComparison(rows, pictures, details)
 
 
 def _errors(screens: Mapping[str, Screen]) -> list[Floats]:

@@ -13,9 +13,9 @@ from resample.measuring.compare import contact_sheet, enlarged, shown
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.showing.compare import (
     TRUTH,
-    Case,
-    Comparison,
+    DepthComparison,
     Row,
+    WarpCase,
     busiest,
     check_views,
     compare_cases,
@@ -23,7 +23,7 @@ from resample_warp3d.showing.compare import (
 )
 from resample_warp3d.showing.pairs import edges_in_view, expected_nearness
 from resample_warp3d.showing.scenes import generated
-from resample_warp3d.showing.scoring import Screen, Target
+from resample_warp3d.showing.scoring import ScoringTarget, Screen
 from resample_warp3d.types import Equation, Source
 
 METHODS = ("paper", "mcmillan")
@@ -98,14 +98,14 @@ def figure_of(
     mask = expected_nearness(source, equation, shape) > 0
     if not mask.any():
         raise ValueError("the view shows nothing of the depth image; check pose and intrinsics")
-    target = Target(np.zeros((*shape, 3)), mask, edges_in_view(source, equation, shape))
-    case = Case("view", source, equation, target)
+    target = ScoringTarget(np.zeros((*shape, 3)), mask, edges_in_view(source, equation, shape))
+    case = WarpCase("view", source, equation, target)
     comparison = compare_cases([case], methods)
     rows = [{key: row[key] for key in ("method", "hole %", "ms")} for row in comparison.rows]
     pictures = {
         name: screen for name, screen in comparison.pictures["view"].items() if name != TRUTH
     }
-    return _figure(case, Comparison(rows, {}, {}), pictures)
+    return _figure(case, DepthComparison(rows, {}, {}), pictures)
 
 
 def write_figures(folder: Path, figure: Figure) -> dict[str, object]:
@@ -148,7 +148,7 @@ def write_figures(folder: Path, figure: Figure) -> dict[str, object]:
     return numbers
 
 
-def _figure(case: Case, comparison: Comparison, pictures: dict[str, Screen]) -> Figure:
+def _figure(case: WarpCase, comparison: DepthComparison, pictures: dict[str, Screen]) -> Figure:
     """Figure whose region shows where methods differ most."""
     warped = [screen for name, screen in pictures.items() if name != TRUTH]
     behind = case.target.truth if TRUTH in pictures else np.mean(warped, axis=0)

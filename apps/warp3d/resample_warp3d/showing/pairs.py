@@ -20,7 +20,7 @@ from resample.types import Doubles, Floats
 from resample_warp3d.depth.encodings import BareDisparity, PlanarDepth
 from resample_warp3d.depth.equation import between, inverse, of_rectified, places, warp_places
 from resample_warp3d.depth.files import read_depth
-from resample_warp3d.showing.scoring import NEAR_EDGE, Mask, Screen, Target, widened
+from resample_warp3d.showing.scoring import NEAR_EDGE, Mask, ScoringTarget, Screen, widened
 from resample_warp3d.types import DepthImage, Equation, Source
 
 SAME_PX = 1.0  # px, tolerance between two disparity maps
@@ -35,7 +35,7 @@ FRAMES: Mapping[str, Sequence[tuple[int, int]]] = {
 }
 
 
-class Pair(NamedTuple):
+class PicturePair(NamedTuple):
     """A depth image, and the true picture of a view to warp it to.
 
     Colors are sRGB-encoded, as in the files; they are warped and compared as such.
@@ -47,10 +47,10 @@ class Pair(NamedTuple):
     truth: Screen  # (H, W, 3)
     mask: Mask  # (H, W) pixels of the picture that the depth image also shows
 
-    def target(self) -> Target:
+    def target(self) -> ScoringTarget:
         """Return the target for scores, with the depth image's edges in the picture's view."""
         shape = (self.truth.shape[0], self.truth.shape[1])
-        return Target(self.truth, self.mask, edges_in_view(self.image, self.equation, shape))
+        return ScoringTarget(self.truth, self.mask, edges_in_view(self.image, self.equation, shape))
 
 
 class PairView(NamedTuple):
@@ -60,7 +60,7 @@ class PairView(NamedTuple):
     nearness: Floats  # (H, W), or (0, 0)
 
 
-def load_pairs(folder: str | Path) -> list[Pair]:
+def load_pairs(folder: str | Path) -> list[PicturePair]:
     """Load all pairs of a data folder, ordered by name.
 
     Parameters
@@ -138,7 +138,7 @@ def _warped(image: DepthImage | Source, equation: Equation) -> tuple[Doubles, Do
     return place[valid], there[valid]
 
 
-def _pairs_of(path: Path) -> Iterator[Pair]:
+def _pairs_of(path: Path) -> Iterator[PicturePair]:
     """Yield the pairs that a `calib.json` describes."""
     facts = json.loads(path.read_text(encoding="utf-8"))
     if "disp_left" in facts:
@@ -148,7 +148,7 @@ def _pairs_of(path: Path) -> Iterator[Pair]:
     raise ValueError(f"{path} names neither disparity maps (disp_left) nor poses (pose)")
 
 
-def _stereo_pairs(folder: Path, facts: Mapping[str, Any]) -> Iterator[Pair]:
+def _stereo_pairs(folder: Path, facts: Mapping[str, Any]) -> Iterator[PicturePair]:
     """Yield left to right, and right to left if the right view has a map."""
     left, right = (_stereo_frame(folder, facts, side) for side in ("left", "right"))
     for name, source, target, fraction in (
@@ -170,7 +170,7 @@ def _stereo_frame(folder: Path, facts: Mapping[str, Any], side: str) -> PairView
     return PairView(color, BareDisparity(facts["disparity_scale"]).nearness(raw))
 
 
-def _frame_pairs(folder: Path, facts: Mapping[str, Any]) -> Iterator[Pair]:
+def _frame_pairs(folder: Path, facts: Mapping[str, Any]) -> Iterator[PicturePair]:
     """Yield pairs of frames of a moving camera."""
     colors, depths = (
         sorted(file for file in (folder / str(facts[kind]).partition("/")[0]).iterdir())
@@ -197,7 +197,9 @@ def _frame_pairs(folder: Path, facts: Mapping[str, Any]) -> Iterator[Pair]:
         yield _pair(f"{folder.name}: {first} to {second}", source, target, equation, _same_depth)
 
 
-def _pair(name: str, source: PairView, target: PairView, equation: Equation, same: Any) -> Pair:
+def _pair(
+    name: str, source: PairView, target: PairView, equation: Equation, same: Any
+) -> PicturePair:
     """Make a pair whose mask holds the pixels that the source sees."""
     image = DepthImage(source.color, source.nearness, np.empty((0, 0, 2)))
     height, width = target.color.shape[:2]
@@ -205,7 +207,7 @@ def _pair(name: str, source: PairView, target: PairView, equation: Equation, sam
         mask = _cross_checked(image, target, equation, same)
     else:
         mask = expected_nearness(image, equation, (height, width)) > 0
-    return Pair(name, image, equation, target.color, mask)
+    return PicturePair(name, image, equation, target.color, mask)
 
 
 def _cross_checked(image: DepthImage, target: PairView, equation: Equation, same: Any) -> Mask:

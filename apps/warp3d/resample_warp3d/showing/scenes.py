@@ -45,7 +45,7 @@ STANDS: Mapping[str, Stand] = {
 }
 
 
-class Material(NamedTuple):
+class SurfaceMaterial(NamedTuple):
     """Pattern and colors of a surface."""
 
     pattern: str
@@ -59,7 +59,7 @@ class Ball(NamedTuple):
 
     center: Point
     radius: float
-    material: Material
+    material: SurfaceMaterial
 
 
 class Panel(NamedTuple):
@@ -68,7 +68,7 @@ class Panel(NamedTuple):
     corner: Point
     right: Point  # first side
     down: Point  # second side, perpendicular to the first
-    material: Material
+    material: SurfaceMaterial
 
 
 @dataclass(frozen=True)
@@ -184,26 +184,26 @@ def pose_of(stand: Stand) -> Doubles:
 
 def _things() -> list[Ball | Panel]:
     """Return all objects in the room, in meters."""
-    leaves = Material("photo", 2.6, "#182214", "#e6dfa8")
-    sky = Material("photo", 1.5, "#24395c", "#eef0e4")
-    plaster = Material("cloth", 2.2, "#6b4a3a", "#e0c8a6")
-    tiles = Material("checker", 2.2, "#2b2a33", "#cfc9b8")
+    leaves = SurfaceMaterial("photo", 2.6, "#182214", "#e6dfa8")
+    sky = SurfaceMaterial("photo", 1.5, "#24395c", "#eef0e4")
+    plaster = SurfaceMaterial("cloth", 2.2, "#6b4a3a", "#e0c8a6")
+    tiles = SurfaceMaterial("checker", 2.2, "#2b2a33", "#cfc9b8")
     room: list[Ball | Panel] = [
         Panel((-13.0, -13.0, 8.6), (26.0, 0.0, 0.0), (0.0, 14.7, 0.0), leaves),
         Panel((-13.0, 1.7, 8.6), (26.0, 0.0, 0.0), (0.0, 0.0, -21.0), tiles),
         Panel((4.3, -8.0, 8.6), (1.9, 0.0, -17.9), (0.0, 9.7, 0.0), plaster),
-        Ball((-1.9, 0.75, 5.6), 0.95, Material("photo", 5.0, "#3a1410", "#f2b98c")),
-        Ball((1.55, 0.95, 4.5), 0.75, Material("stripes", 5.0, "#15324a", "#e8e2d0")),
-        Ball((0.5, -1.25, 6.6), 0.85, Material("cloth", 4.0, "#2a3d1c", "#d4e39a")),
-        Ball((2.75, -0.2, 7.4), 0.6, Material("checker", 6.0, "#40204a", "#e2c43c")),
+        Ball((-1.9, 0.75, 5.6), 0.95, SurfaceMaterial("photo", 5.0, "#3a1410", "#f2b98c")),
+        Ball((1.55, 0.95, 4.5), 0.75, SurfaceMaterial("stripes", 5.0, "#15324a", "#e8e2d0")),
+        Ball((0.5, -1.25, 6.6), 0.85, SurfaceMaterial("cloth", 4.0, "#2a3d1c", "#d4e39a")),
+        Ball((2.75, -0.2, 7.4), 0.6, SurfaceMaterial("checker", 6.0, "#40204a", "#e2c43c")),
         Panel((-2.75, -1.5, 4.4), (1.25, 0.0, -0.35), (0.0, 1.6, 0.0), _page()),
         Panel((0.9, -1.9, 3.9), (0.8, 0.0, 0.25), (0.0, 0.62, 0.0), sky),
     ]
     return [*room, *_cards(), *_railing()]
 
 
-def _page() -> Material:
-    return Material("text", 11.0, "#1a1a22", "#efe9da")
+def _page() -> SurfaceMaterial:
+    return SurfaceMaterial("text", 11.0, "#1a1a22", "#efe9da")
 
 
 def _cards() -> list[Panel]:
@@ -212,14 +212,14 @@ def _cards() -> list[Panel]:
     cards = []
     for n, color in enumerate(colors):
         corner = (-0.75 - 0.22 * n, -0.62 - 0.16 * n, 4.9 * 1.06**n)
-        look = Material("photo", 6.0, "#1d1d1d", color)
+        look = SurfaceMaterial("photo", 6.0, "#1d1d1d", color)
         cards.append(Panel(corner, (0.5, 0.0, 0.0), (0.0, 0.5, 0.0), look))
     return cards
 
 
 def _railing() -> list[Panel]:
     """Return posts of 1.5 cm to 5 cm, two handrails, and a slanted bar of 2 cm."""
-    wood = Material("stripes", 16.0, "#5a3216", "#d8a468")
+    wood = SurfaceMaterial("stripes", 16.0, "#5a3216", "#d8a468")
     posts = [
         Panel((-0.62 + 0.27 * n, 0.0, 3.5), (0.015 + 0.007 * n, 0.0, 0.0), (0.0, 1.7, 0.0), wood)
         for n in range(6)

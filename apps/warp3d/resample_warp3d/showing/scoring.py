@@ -31,7 +31,7 @@ BLOCK = 2  # px, largest shift of a match
 UNNOTICEABLE = 0.01  # invisible offset of a whole component
 
 
-class Target(NamedTuple):
+class ScoringTarget(NamedTuple):
     """True picture of a view, and the pixels that count."""
 
     truth: Screen  # (H, W, 3)
@@ -39,7 +39,7 @@ class Target(NamedTuple):
     edge: Mask  # (H, W) pixels near a step in depth
 
 
-def score(screen: Screen, covered: Mask, target: Target) -> dict[str, float | None]:
+def score(screen: Screen, covered: Mask, target: ScoringTarget) -> dict[str, float | None]:
     """Return all measures of one picture.
 
     Parameters

@@ -21,8 +21,8 @@ from resample.watching import Cancel, Progress, cancellable
 from resample_warp3d.command.animation import Range
 from resample_warp3d.command.cameras.source import SourceCamera
 from resample_warp3d.command.cameras.target import Aim
-from resample_warp3d.command.choices import Depth, Joint, Showing, Warping
-from resample_warp3d.command.inputs import Reader, Taken, read_views, view_names
+from resample_warp3d.command.choices import Depth, DepthWarping, Joint, Showing
+from resample_warp3d.command.inputs import DepthReader, Inputs, read_views, view_names
 from resample_warp3d.command.rendering import Prepared, joined, joining_of, prepared
 from resample_warp3d.command.writing import made_of
 from resample_warp3d.types import Hole, Warped
@@ -32,7 +32,15 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 COMMAND = "resample-warp3d render"
-SHOWN = (SourceCamera, Depth, Aim, Joint, Warping, Written, Showing)  # options that a page changes
+SHOWN = (
+    SourceCamera,
+    Depth,
+    Aim,
+    Joint,
+    DepthWarping,
+    Written,
+    Showing,
+)  # options that a page changes
 LEFT_OUT = ("size", "bits", "export-as")
 LITTLE = 16  # px per side of the pictures that compile the kernels
 KINDS: Sequence[Settings] = ({"fill": True}, {"method": "mesh"}, {"method": "mcmillan"})
@@ -53,7 +61,7 @@ class _DepthRequest(NamedTuple):
     meaning: Depth
     aim: Aim
     joint: Joint
-    warping: Warping
+    warping: DepthWarping
     written: Written
     showing: Showing
 
@@ -68,7 +76,7 @@ class _DepthRequest(NamedTuple):
 class _Ready(NamedTuple):
     """Sources read and prepared."""
 
-    taken: Taken
+    taken: Inputs
     sources: list[Prepared]
 
 
@@ -154,7 +162,7 @@ class DepthPainter:
             raise ValueError("films are made from one view; open the page without --view")
         write_depth_film((self.color, self.depth), settings, size, keyframes, path, progress)
 
-    def taken(self, settings: Settings) -> Taken:
+    def taken(self, settings: Settings) -> Inputs:
         """Return the files, read and prepared; raises as `save` does."""
         return self._sources(_checked(settings)).taken
 
@@ -171,7 +179,7 @@ class DepthPainter:
         eye, meaning, warping = request.eye, request.meaning, request.warping
         key = eye, meaning, warping.noise, warping.refine, warping.unmixed, warping.has_layer
         if self._ready is None or self._ready[0] != key:
-            reader = Reader.checked(eye, meaning, labels=warping.unmixed)
+            reader = DepthReader.checked(eye, meaning, labels=warping.unmixed)
             further = [view_names(text) for text in self.further]
             taken = read_views(reader, self.color, self.depth, further)
             self._ready = key, _Ready(taken, prepared(Session(), taken.views, warping))

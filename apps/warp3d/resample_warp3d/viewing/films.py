@@ -17,13 +17,13 @@ from resample.watching import Progress
 from resample_warp3d.command.animation import Range, poses_of, shots
 from resample_warp3d.command.cameras.source import SourceCamera
 from resample_warp3d.command.cameras.target import Aim, TargetCamera
-from resample_warp3d.command.choices import Depth, Warping
-from resample_warp3d.command.inputs import Reader, Taken, read_views
+from resample_warp3d.command.choices import Depth, DepthWarping
+from resample_warp3d.command.inputs import DepthReader, Inputs, read_views
 from resample_warp3d.command.rendering import film_of
 
 RATE = 24.0  # frames per second, of the command
 EACH = round(STEP * RATE)  # frames from one keyframe to the next
-MODELS = (SourceCamera, Depth, TargetCamera, Warping)  # option models that the command shares
+MODELS = (SourceCamera, Depth, TargetCamera, DepthWarping)  # option models that the command shares
 FILE = "poses.txt"
 STEERED = ["move", "turn", "pose"]
 OPTIONS = [
@@ -39,7 +39,7 @@ FILM = {
 }
 
 
-def poses_as_text(cameras: Sequence[str], taken: Taken, settings: Settings) -> str:
+def poses_as_text(cameras: Sequence[str], taken: Inputs, settings: Settings) -> str:
     """Return poses, world to camera, of cameras that a page writes as `move;turn`.
 
     Raises
@@ -89,7 +89,7 @@ def write_depth_film(
     spelled = {**given, "size": f"{size[0]}x{size[1]}"}
     eye, meaning, target, warping = chosen(spelled, MODELS)
     target.check_target()
-    taken = read_views(Reader.checked(eye, meaning), *inputs)
+    taken = read_views(DepthReader.checked(eye, meaning), *inputs)
     with TemporaryDirectory(prefix="film-") as folder:
         file = Path(folder) / FILE
         file.write_text(poses, encoding="utf-8")

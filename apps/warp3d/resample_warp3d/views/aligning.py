@@ -22,7 +22,7 @@ UNNOTICED = 2e-4  # smaller corrections are ignored
 ALL = RIGHT | DOWN | LEFT | UP
 
 
-class Met(NamedTuple):
+class Correspondences(NamedTuple):
     """Points of one source that meet another's surface."""
 
     error: Doubles  # (N,) logarithm of the other's nearness over that of the point
@@ -108,13 +108,15 @@ def _points(source: Source) -> tuple[Doubles, Doubles]:
     return places(image)[chosen, chosen][inside], nearness[inside]
 
 
-def _met(place: Doubles, nearness: Doubles, equation: Equation, other: Source, scale: float) -> Met:
+def _met(
+    place: Doubles, nearness: Doubles, equation: Equation, other: Source, scale: float
+) -> Correspondences:
     """Return the points that meet a surface of the other source, given its scale."""
     error = _errors(place, nearness, equation, other)
     moved = _errors(place, nearness * math.exp(STEP), equation, other)
     known = np.isfinite(error) & np.isfinite(moved)
     known[known] = np.abs(error[known] + scale) < CLOSE
-    return Met(error[known] + scale, (moved[known] - error[known]) / STEP)
+    return Correspondences(error[known] + scale, (moved[known] - error[known]) / STEP)
 
 
 def _errors(place: Doubles, nearness: Doubles, equation: Equation, other: Source) -> Doubles:

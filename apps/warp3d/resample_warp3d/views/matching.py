@@ -81,7 +81,7 @@ def balanced(views: Sequence[Warped], match: Match) -> list[Warped]:
     return made
 
 
-class Pair(NamedTuple):
+class SharedPoints(NamedTuple):
     """Blocks of pixels that two views share."""
 
     first: int
@@ -90,7 +90,7 @@ class Pair(NamedTuple):
     usable: NDArray[np.bool_]  # (N, C)
 
 
-def _pairs(views: Sequence[Warped]) -> Iterator[Pair]:
+def _pairs(views: Sequence[Warped]) -> Iterator[SharedPoints]:
     top = np.max([view.image.max(axis=(0, 1)) for view in views], axis=0)
     for first, second in combinations(range(len(views)), 2):
         one, other = views[first], views[second]
@@ -101,7 +101,7 @@ def _pairs(views: Sequence[Warped]) -> Iterator[Pair]:
         whole = _blocks(clear) >= FULL
         color = _means(one, clear), _means(other, clear)
         usable = whole & (np.minimum(*color) > DARK * top)
-        yield Pair(first, second, color, usable)
+        yield SharedPoints(first, second, color, usable)
 
 
 def _means(view: Warped, where: NDArray[np.bool_]) -> Doubles:
@@ -120,7 +120,7 @@ def _blocks(values: NDArray[np.generic]) -> Doubles:
 
 
 def _of_channel(
-    pairs: Sequence[Pair], count: int, channel: int, *, has_bias: bool
+    pairs: Sequence[SharedPoints], count: int, channel: int, *, has_bias: bool
 ) -> tuple[Doubles, Doubles]:
     """Gain (V,) and bias (V,) of a channel."""
     rows = []

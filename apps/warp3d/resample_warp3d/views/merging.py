@@ -77,7 +77,7 @@ def merge(
     )
 
 
-class Surface(NamedTuple):
+class MergedSurface(NamedTuple):
     """One surface as shown by several views, (H, W[, C]); all 0 where there is none."""
 
     image: Floats
@@ -89,7 +89,7 @@ class Surface(NamedTuple):
 
 def _surface(
     views: Sequence[Warped], nearness: Floats, shares: Sequence[Floats], blend: str
-) -> tuple[Surface, NDArray[np.bool_]]:
+) -> tuple[MergedSurface, NDArray[np.bool_]]:
     """Return the nearest surface of several views (V, H, W), and where each shows it."""
     solid = np.stack([view.coverage >= SOLID for view in views])
     front = np.where(solid, nearness, 0).max(axis=0)
@@ -106,7 +106,7 @@ def _surface(
         magnification += weight * view.magnification
         confidence = np.maximum(confidence, np.where(shown, view.confidence, 0))
     share = np.divide(1.0, total, out=np.zeros_like(total), where=total > 0)
-    return Surface(
+    return MergedSurface(
         image * share[..., None], coverage * share, near * share, magnification * share, confidence
     ), is_front
 

@@ -22,7 +22,7 @@ from resample_warp3d.wide.projections import (
 )
 
 if TYPE_CHECKING:
-    from resample_warp3d.sheet.kernels.screen import Screen
+    from resample_warp3d.sheet.kernels.screen import SheetScreen
 
 ROWS = 64  # of a sheet's corners projected at a time
 FARTHEST = 1e6  # px: positions farther out are dropped
@@ -92,7 +92,7 @@ class Passage:
         step = np.asarray(np.linalg.inv(self._step()), np.float64)
         return project(source, self.shape, *_moved(step, point, weight))
 
-    def laid(self, sheet: Sheet) -> "Screen":
+    def laid(self, sheet: Sheet) -> "SheetScreen":
         """Project a sheet to the target, without cells cut by a panorama's seam or pole."""
         from resample_warp3d.sheet.kernels import screen
 
@@ -112,7 +112,7 @@ class Passage:
             torn[_wide(list(np.moveaxis(torn[..., 0], 1, 0)), most), :, 2] = -1.0
         bounds = np.empty((height, screen.segment_count(width), 4), np.int32)
         screen.bound_segments(vertices, torn, own, bounds)
-        return screen.Screen(vertices, torn, own, bounds)
+        return screen.SheetScreen(vertices, torn, own, bounds)
 
     @property
     def orientation(self) -> float:

@@ -18,7 +18,7 @@ from resample_warp3d.clouds.kernels.lines import (
     AWAY,
     BEGIN,
     END,
-    Lines,
+    DiscLines,
     X,
     Y,
     cuts,
@@ -94,7 +94,7 @@ def _cell(
     n: int,
     frame: tuple[Vector, Vector],
     far: float,
-    lines: Lines,
+    lines: DiscLines,
 ) -> tuple[int, int, float]:
     """Cell of a point in the plane of two unit vectors; returns as `meet`."""
     here, count, corners, reach = neighbour[n, 0], 0, 0, np.inf
@@ -160,7 +160,7 @@ def _half_turned(x: float, y: float, length: float) -> tuple[float, float]:
 
 
 @inner_kernel
-def _ellipse(lines: Lines, count: int, corners: int) -> tuple[float, float, float, float]:
+def _ellipse(lines: DiscLines, count: int, corners: int) -> tuple[float, float, float, float]:
     """Half axes (x₁, y₁), (x₂, y₂) of a centered ellipse that contains a cell.
 
     Its shape is that of the cell's second moments.
@@ -203,7 +203,7 @@ def measure(
     neighbour: Indices,
     n: int,
     is_last: bool,
-    lines: Lines,
+    lines: DiscLines,
     normal: Floats,
     discs: Spaced,
 ) -> bool:

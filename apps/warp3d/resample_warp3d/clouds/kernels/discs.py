@@ -50,7 +50,7 @@ SURFEL = np.dtype(
 )
 
 
-class Eye(NamedTuple):
+class CloudCamera(NamedTuple):
     """Camera and drawing options of discs."""
 
     projection: Doubles  # (3, 4) takes places (x, y, z, 1) to px × depth
@@ -67,7 +67,7 @@ class Eye(NamedTuple):
 
 
 @kernel
-def _project(eye: Eye, vector: Vector, last: float) -> Vector:
+def _project(eye: CloudCamera, vector: Vector, last: float) -> Vector:
     """Homogeneous px of a place (`last` 1) or a direction (0)."""
     p = eye.projection
     return (
@@ -87,7 +87,7 @@ def _is_beside(center: float, a: float, b: float) -> bool:
 
 
 @kernel
-def _is_outside(eye: Eye, center: Vector, a: Vector, b: Vector) -> bool:
+def _is_outside(eye: CloudCamera, center: Vector, a: Vector, b: Vector) -> bool:
     """Whether a disc lies wholly outside one side of the frame."""
     wide, high = float(eye.width), float(eye.height)
     return (
@@ -134,7 +134,7 @@ def _set_exact(record: Record, center: Vector, a: Vector, b: Vector) -> None:
 
 
 @kernel
-def _slopes(eye: Eye, center: Vector, a: Vector, b: Vector) -> tuple[float, float]:
+def _slopes(eye: CloudCamera, center: Vector, a: Vector, b: Vector) -> tuple[float, float]:
     """Change of relative nearness per px on a disc's plane, limited for points."""
     w = cross(a, b)
     volume = dot(w, center)
@@ -149,7 +149,7 @@ def _slopes(eye: Eye, center: Vector, a: Vector, b: Vector) -> tuple[float, floa
 @kernel
 def _set_clamped(
     record: Record,
-    eye: Eye,
+    eye: CloudCamera,
     slopes: tuple[float, float],
     spread: Vector,
     values: tuple[float, float],
@@ -175,7 +175,7 @@ def _set_clamped(
 
 
 @kernel
-def _set_shape(record: Record, eye: Eye, center: Vector, a: Vector, b: Vector) -> bool:
+def _set_shape(record: Record, eye: CloudCamera, center: Vector, a: Vector, b: Vector) -> bool:
     """Set place and forms of a disc; return whether any of it is visible."""
     # Differentiate the projection at the center.
     x, y = center[0] / center[2], center[1] / center[2]
@@ -206,7 +206,7 @@ def _set_shape(record: Record, eye: Eye, center: Vector, a: Vector, b: Vector) -
 
 
 @kernel
-def _facing(eye: Eye, place: Vector, a: Vector, b: Vector) -> float:
+def _facing(eye: CloudCamera, place: Vector, a: Vector, b: Vector) -> float:
     """Cosine between a disc's normal and the direction to the camera."""
     normal = cross(a, b)
     toward = (eye.place[0] - place[0], eye.place[1] - place[1], eye.place[2] - place[2])
@@ -216,7 +216,7 @@ def _facing(eye: Eye, place: Vector, a: Vector, b: Vector) -> float:
 
 @kernel
 def _project_disc(
-    position: Floats, axes: Floats, color: Floats, n: int, eye: Eye, record: Record
+    position: Floats, axes: Floats, color: Floats, n: int, eye: CloudCamera, record: Record
 ) -> None:
     """Fill in a disc's record; bounds with left > right mean that it is culled."""
     # Cull discs in front of the near plane.
@@ -261,7 +261,7 @@ def _project_disc(
 
 @kernel
 def _project_chunk(
-    position: Floats, axes: Floats, color: Floats, eye: Eye, records: Records, chunk: int
+    position: Floats, axes: Floats, color: Floats, eye: CloudCamera, records: Records, chunk: int
 ) -> None:
     """Project the discs of a chunk."""
     start = int(np.int64(chunk)) * CHUNK
@@ -271,7 +271,12 @@ def _project_chunk(
 
 @parallel_kernel
 def project_discs(
-    counter: Counter, position: Floats, axes: Floats, color: Floats, eye: Eye, records: Records
+    counter: Counter,
+    position: Floats,
+    axes: Floats,
+    color: Floats,
+    eye: CloudCamera,
+    records: Records,
 ) -> None:
     """Project all discs.
 

@@ -25,7 +25,7 @@ PARALLEL = 1e-9  # sine of an angle below which lines count as one
 X, Y, AWAY, BEGIN, END = 0, 1, 2, 3, 4
 
 
-class Lines(NamedTuple):
+class DiscLines(NamedTuple):
     """Lines, and the corners of the cell that they bound.
 
     Along a line, places are counted from the one nearest to the origin, counterclockwise.
@@ -36,9 +36,9 @@ class Lines(NamedTuple):
 
 
 @kernel
-def no_lines() -> Lines:
+def no_lines() -> DiscLines:
     """Allocate lines."""
-    return Lines(np.zeros((5, MOST_LINES)), np.zeros((2, 2 * MOST_LINES)))
+    return DiscLines(np.zeros((5, MOST_LINES)), np.zeros((2, 2 * MOST_LINES)))
 
 
 @inner_kernel
@@ -96,7 +96,7 @@ def _leave(line: Doubles, count: int, far: float) -> None:
 
 
 @inner_kernel
-def meet(lines: Lines, count: int, far: float) -> tuple[int, int, float]:
+def meet(lines: DiscLines, count: int, far: float) -> tuple[int, int, float]:
     """Clip the lines, and keep those that bound the cell.
 
     Returns their number, the number of the cell's corners, and the squared distance of the

@@ -14,7 +14,7 @@ TOGETHER = 2048  # points that a thread takes at a time
 MARGIN = 1.15  # factor from the squared distance that was enough to the next guess
 
 
-class Wanted(NamedTuple):
+class NeighbourCounts(NamedTuple):
     """Numbers of neighbours to find, each point included as its own first one."""
 
     few: int
@@ -23,7 +23,12 @@ class Wanted(NamedTuple):
 
 @kernel
 def _measure_blocks(
-    blocks: PointBlocks, wanted: Wanted, chunk: int, normal: Floats, discs: Spaced, nearest: Nearest
+    blocks: PointBlocks,
+    wanted: NeighbourCounts,
+    chunk: int,
+    normal: Floats,
+    discs: Spaced,
+    nearest: Nearest,
 ) -> None:
     """Measure the points of consecutive blocks."""
     few, many = search(wanted.few), search(wanted.many)
@@ -54,7 +59,7 @@ def _measure_blocks(
 def measure_all(
     counter: Counter,
     blocks: PointBlocks,
-    wanted: Wanted,
+    wanted: NeighbourCounts,
     normal: Floats,
     discs: Spaced,
     nearest: Nearest,

@@ -16,7 +16,7 @@ from resample_warp3d.depth.refining.measuring import known, linked, noise_of, qu
 from resample_warp3d.types import DepthImage
 
 if TYPE_CHECKING:
-    from resample_warp3d.depth.refining.kernels.voting import Window
+    from resample_warp3d.depth.refining.kernels.voting import VotingWindow
 
 Kinds = NDArray[np.uint8]
 
@@ -120,7 +120,9 @@ def refine(
         return Refined(image, confidence, findings, chosen, quantum)
     if findings.block > 1 and chosen == "snap":
         nearness = _without_blocks(nearness, findings.block)
-    task = Task(_scaled(color), findings, noise, quantum, RECIPES.get(chosen, RECIPES["snap"]))
+    task = RefinementTask(
+        _scaled(color), findings, noise, quantum, RECIPES.get(chosen, RECIPES["snap"])
+    )
     if chosen != "complete":
         nearness, confidence = _hardened(task, nearness)
     if name != "auto" or findings.is_measured:
@@ -128,7 +130,7 @@ def refine(
     return Refined(image._replace(nearness=nearness), confidence, findings, chosen, quantum)
 
 
-class Task(NamedTuple):
+class RefinementTask(NamedTuple):
     """Inputs of a refinement."""
 
     color: Floats  # (H, W, C) in units of the difference between similar colors
@@ -147,7 +149,7 @@ class Ballot(NamedTuple):
     kind: Kinds  # (H, W) as `ramps.classify` writes them, and `BESIDE` in the band around edges
 
 
-def _hardened(task: Task, nearness: Floats) -> tuple[Floats, Floats]:
+def _hardened(task: RefinementTask, nearness: Floats) -> tuple[Floats, Floats]:
     """Move edges of nearness to those of color; also return the share of votes."""
     ballot = _ballot(task, nearness)
     band = np.where(nearness > 0, ballot.kind, np.uint8(0))
@@ -158,7 +160,7 @@ def _hardened(task: Task, nearness: Floats) -> tuple[Floats, Floats]:
     return refined, agreed
 
 
-def _filled(task: Task, nearness: Floats, agreed: Floats) -> tuple[Floats, Floats]:
+def _filled(task: RefinementTask, nearness: Floats, agreed: Floats) -> tuple[Floats, Floats]:
     """Fill unknown nearness from known samples, round by round."""
     for _ in range(MOST_ROUNDS):
         unknown = (nearness <= 0).astype(np.uint8)
@@ -171,7 +173,7 @@ def _filled(task: Task, nearness: Floats, agreed: Floats) -> tuple[Floats, Float
     return nearness, agreed
 
 
-def _ballot(task: Task, nearness: Floats) -> Ballot:
+def _ballot(task: RefinementTask, nearness: Floats) -> Ballot:
     """Make the voters of a map; samples between surfaces have no weight."""
     import cv2
 
@@ -192,7 +194,9 @@ def _ballot(task: Task, nearness: Floats) -> Ballot:
     return Ballot(nearness, trust, slope, kind)
 
 
-def _counted(task: Task, ballot: Ballot, band: Kinds, nearness: Floats) -> tuple[Floats, Floats]:
+def _counted(
+    task: RefinementTask, ballot: Ballot, band: Kinds, nearness: Floats
+) -> tuple[Floats, Floats]:
     """Count the votes for a band of samples; return nearness and share of votes."""
     from resample_warp3d.depth.refining.kernels.voting import Voters, vote_rows
 
@@ -202,7 +206,7 @@ def _counted(task: Task, ballot: Ballot, band: Kinds, nearness: Floats) -> tuple
     return refined, agreed
 
 
-def _with_thin_things(task: Task, ballot: Ballot, refined: Floats) -> Ballot:
+def _with_thin_things(task: RefinementTask, ballot: Ballot, refined: Floats) -> Ballot:
     """Restore the nearness of thin objects that blur has reduced, for the votes."""
     from resample_warp3d.depth.refining.kernels.softness import Blur, restore
 
@@ -220,9 +224,9 @@ def _with_thin_things(task: Task, ballot: Ballot, refined: Floats) -> Ballot:
 
 
 @cache
-def window() -> "Window":
+def window() -> "VotingWindow":
     """Return the window of voters: all near samples and axes, every other one farther out."""
-    from resample_warp3d.depth.refining.kernels.voting import Window
+    from resample_warp3d.depth.refining.kernels.voting import VotingWindow
 
     down, across = np.mgrid[-REACH : REACH + 1, -REACH : REACH + 1].reshape(2, -1)
     far, near = np.maximum(abs(down), abs(across)), np.minimum(abs(down), abs(across))
@@ -231,7 +235,7 @@ def window() -> "Window":
     squared = (offset**2).sum(axis=1)
     share = np.exp(-0.5 * squared / FAR**2)
     beside = np.abs(offset).min(axis=1) ** 2
-    return Window(offset, share, np.exp(-0.5 * squared / NEAR**2 - ACROSS * beside))
+    return VotingWindow(offset, share, np.exp(-0.5 * squared / NEAR**2 - ACROSS * beside))
 
 
 def _scaled(color: Floats) -> Floats:

@@ -56,7 +56,7 @@ from resample_warp3d.sheet.kernels.segments import (
     V_Y,
     WEST,
     ZERO,
-    Frame,
+    BandFrame,
     X,
     Y,
 )
@@ -76,7 +76,7 @@ def nearness_at(numbers: Floats, m: np.uint64, column: Pixel, row: Pixel) -> Sin
 
 @inner_kernel
 def fill_depths(
-    begin: int, end: int, i: int, j: int, frame: Frame, numbers: Floats, places: Indices
+    begin: int, end: int, i: int, j: int, frame: BandFrame, numbers: Floats, places: Indices
 ) -> int:
     """Fill the slot in column i, row j of cells' pixels with their nearness.
 
@@ -97,7 +97,7 @@ def fill_depths(
 
 @inner_kernel
 def set_boxes(
-    begin: int, end: int, frame: Frame, numbers: Floats, places: Indices
+    begin: int, end: int, frame: BandFrame, numbers: Floats, places: Indices
 ) -> tuple[int, int]:
     """Turn upright cells into boxes; return the most rows and columns that one meets."""
     rows, columns = np.int32(0), np.int32(0)
@@ -128,7 +128,7 @@ def set_boxes(
 
 @inner_kernel
 def fill_from_boxes(
-    begin: int, end: int, i: int, j: int, frame: Frame, numbers: Floats, places: Indices
+    begin: int, end: int, i: int, j: int, frame: BandFrame, numbers: Floats, places: Indices
 ) -> int:
     """Fill a slot with boxes' mean colors over the part of a pixel they cover."""
     found = 0
@@ -164,7 +164,7 @@ def fill_from_boxes(
 
 @inner_kernel
 def count_parts(
-    begin: int, end: int, frame: Frame, numbers: Floats, places: Indices
+    begin: int, end: int, frame: BandFrame, numbers: Floats, places: Indices
 ) -> tuple[int, int]:
     """Count the parts of cells along both sides; return the largest counts."""
     most_u, most_v = np.int32(1), np.int32(1)
@@ -182,7 +182,7 @@ def count_parts(
 
 @inner_kernel
 def set_parts(
-    begin: int, end: int, i: int, j: int, is_whole: bool, frame: Frame,
+    begin: int, end: int, i: int, j: int, is_whole: bool, frame: BandFrame,
     numbers: Floats, places: Indices,
 ) -> int:  # fmt: skip
     """Cut part (i, j) out of every cell; count those that may lie in the band.
@@ -230,7 +230,7 @@ def set_parts(
 
 @inner_kernel
 def fill_from_parts(
-    begin: int, end: int, i: int, j: int, is_flat: bool, frame: Frame,
+    begin: int, end: int, i: int, j: int, is_flat: bool, frame: BandFrame,
     numbers: Floats, places: Indices,
 ) -> int:  # fmt: skip
     """Fill one slot of 2 × 2 with parts' contributions; labels are not weighted."""

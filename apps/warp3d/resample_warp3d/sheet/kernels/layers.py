@@ -26,7 +26,7 @@ from resample_warp3d.sheet.kernels.fragments import (
     set_boxes,
     set_parts,
 )
-from resample_warp3d.sheet.kernels.screen import SEGMENT, Indices, Screen
+from resample_warp3d.sheet.kernels.screen import SEGMENT, Indices, SheetScreen
 from resample_warp3d.sheet.kernels.segments import (
     AREA,
     BEGIN,
@@ -49,9 +49,9 @@ from resample_warp3d.sheet.kernels.segments import (
     WAY,
     WHOLE,
     ZERO,
-    Cells,
-    Frame,
-    Strip,
+    BandFrame,
+    SegmentCells,
+    SheetStrip,
 )
 from resample_warp3d.types import Links
 
@@ -61,14 +61,14 @@ TRACE: Single = np.float32(1e-4)  # coverage below which a pixel is empty
 EVERYTHING: Single = np.float32(np.inf)  # nearer than all
 
 
-class Colors(NamedTuple):
+class CellColors(NamedTuple):
     """Colors of cells."""
 
     color: Floats  # (G, 3, H, W) channels in groups of three
     links: Links  # (H, W) which neighbours a color may be interpolated with
 
 
-class DepthPicture(NamedTuple):
+class LayerPicture(NamedTuple):
     """Pictures that layers are written to."""
 
     image: Floats  # (height, width, C), premultiplied by the coverage
@@ -77,7 +77,7 @@ class DepthPicture(NamedTuple):
     magnification: Floats  # (height, width)
 
 
-class Nearest(NamedTuple):
+class FrontPass(NamedTuple):
     """The pass that finds the nearest surface over each pixel of a band."""
 
     front: Floats  # (pixels,) its nearness
@@ -85,7 +85,7 @@ class Nearest(NamedTuple):
     least: Floats  # (members,) nearness of the farthest corner of each member
 
 
-class Behind(NamedTuple):
+class BackPass(NamedTuple):
     """The pass that finds the nearest surface behind the front."""
 
     front: Floats
@@ -105,13 +105,13 @@ class TwoLayers(NamedTuple):
 class Adding(NamedTuple):
     """The pass that adds the color of covered areas to the two layers of pixels."""
 
-    colors: Colors
+    colors: CellColors
     group: int  # of channels
     layers: TwoLayers
 
 
 @inner_kernel
-def _find_front(begin: int, end: int, cells: Cells, front: Floats, area: Floats) -> None:
+def _find_front(begin: int, end: int, cells: SegmentCells, front: Floats, area: Floats) -> None:
     """Depth-test fragments: keep the nearest of each pixel, and the area of its cell."""
     numbers, places = cells
     for n in range(begin, end):
@@ -126,7 +126,7 @@ def _find_front(begin: int, end: int, cells: Cells, front: Floats, area: Floats)
 
 
 @inner_kernel
-def _find_behind(begin: int, end: int, cells: Cells, front: Floats, behind: Floats) -> None:
+def _find_behind(begin: int, end: int, cells: SegmentCells, front: Floats, behind: Floats) -> None:
     """Depth-test fragments behind the front: keep the nearest of each pixel."""
     numbers, places = cells
     for n in range(begin, end):
@@ -140,7 +140,7 @@ def _find_behind(begin: int, end: int, cells: Cells, front: Floats, behind: Floa
 
 
 @inner_kernel
-def _is_front(bounds: Indices, least: Single, frame: Frame, front: Floats) -> bool:
+def _is_front(bounds: Indices, least: Single, frame: BandFrame, front: Floats) -> bool:
     """Occlusion test: whether nothing as near as `least` is hidden within bounds."""
     left, right = max(0, bounds[0]), min(frame.width, bounds[2])
     top, bottom = max(frame.first, bounds[1]), min(frame.last, bounds[3])
@@ -153,21 +153,21 @@ def _is_front(bounds: Indices, least: Single, frame: Frame, front: Floats) -> bo
     return hidden == 0
 
 
-@plays(skips, Nearest)
-def _skips_none(look: Nearest, strip: Strip, member: int, nth: int) -> bool:  # noqa: ARG001
+@plays(skips, FrontPass)
+def _skips_none(look: FrontPass, strip: SheetStrip, member: int, nth: int) -> bool:  # noqa: ARG001
     """Skip nothing in the first pass; start each member's farthest corner at infinity."""
     look.least[nth] = EVERYTHING
     return False
 
 
-@plays(take, Nearest)
+@plays(take, FrontPass)
 def _take_nearest(
-    look: Nearest,
-    strip: Strip,
+    look: FrontPass,
+    strip: SheetStrip,
     member: int,  # noqa: ARG001
     nth: int,
     run: int,
-    cells: Cells,
+    cells: SegmentCells,
 ) -> None:
     """Find the nearest surface: depth-test all fragments of a run."""
     k, least = np.uint64(run), look.least[nth]
@@ -183,21 +183,21 @@ def _take_nearest(
                 _find_front(begin, end, cells, look.front, look.area)
 
 
-@plays(skips, Behind)
-def _skips_front(look: Behind, strip: Strip, member: int, nth: int) -> bool:
+@plays(skips, BackPass)
+def _skips_front(look: BackPass, strip: SheetStrip, member: int, nth: int) -> bool:
     """Skip segments of cells that lie in front everywhere: nothing of them is behind."""
     row, segment = divmod(member, strip.screen.bounds.shape[1])
     return _is_front(strip.screen.bounds[row, segment], look.least[nth], strip.frame, look.front)
 
 
-@plays(take, Behind)
+@plays(take, BackPass)
 def _take_behind(
-    look: Behind,
-    strip: Strip,
+    look: BackPass,
+    strip: SheetStrip,
     member: int,  # noqa: ARG001
     nth: int,  # noqa: ARG001
     run: int,
-    cells: Cells,
+    cells: SegmentCells,
 ) -> None:
     """Find the second surface: depth-test a run's fragments behind the front."""
     k = np.uint64(run)
@@ -224,7 +224,7 @@ def _vote(sums: Floats, at: np.uint64, a: Single, b: Single, c: Single, d: Singl
 
 
 @inner_kernel
-def _add(begin: int, end: int, is_label: bool, cells: Cells, layers: TwoLayers) -> None:
+def _add(begin: int, end: int, is_label: bool, cells: SegmentCells, layers: TwoLayers) -> None:
     """Add fragments to the visible layers of their pixels; labels are voted for."""
     numbers, places = cells
     front, behind, sums, voted = layers
@@ -254,7 +254,9 @@ def _add(begin: int, end: int, is_label: bool, cells: Cells, layers: TwoLayers) 
 
 
 @inner_kernel
-def _add_boxes(begin: int, end: int, frame: Frame, cells: Cells, layers: TwoLayers) -> None:
+def _add_boxes(
+    begin: int, end: int, frame: BandFrame, cells: SegmentCells, layers: TwoLayers
+) -> None:
     """Add a run of upright cells as boxes, slot by slot."""
     numbers, places = cells
     rows, columns = set_boxes(begin, end, frame, numbers, places)
@@ -266,7 +268,7 @@ def _add_boxes(begin: int, end: int, frame: Frame, cells: Cells, layers: TwoLaye
 
 @inner_kernel
 def _add_parts(
-    begin: int, end: int, is_whole: bool, frame: Frame, cells: Cells, layers: TwoLayers
+    begin: int, end: int, is_whole: bool, frame: BandFrame, cells: SegmentCells, layers: TwoLayers
 ) -> None:
     """Add a run of cells that are cut into parts, or have one color each."""
     numbers, places = cells
@@ -286,11 +288,11 @@ def _add_parts(
 @plays(take, Adding)
 def _take_colors(
     look: Adding,
-    strip: Strip,
+    strip: SheetStrip,
     member: int,
     nth: int,  # noqa: ARG001
     run: int,
-    cells: Cells,
+    cells: SegmentCells,
 ) -> None:
     """Add the colors of a run of cells to the layers."""
     (color, links), group, (numbers, places) = look.colors, look.group, cells
@@ -311,7 +313,7 @@ def _take_colors(
 
 
 @inner_kernel
-def _resolve(look: Adding, area: Floats, frame: Frame, picture: DepthPicture) -> None:
+def _resolve(look: Adding, area: Floats, frame: BandFrame, picture: LayerPicture) -> None:
     """Composite a band's two layers, front over behind, into the picture."""
     image, coverage, nearness, magnification = picture
     group, (front, behind, sums, voted) = look.group, look.layers
@@ -351,7 +353,12 @@ def _resolve(look: Adding, area: Floats, frame: Frame, picture: DepthPicture) ->
 
 @parallel_kernel
 def paint_layers(
-    counter: Counter, screen: Screen, colors: Colors, band: int, like: Frame, picture: DepthPicture
+    counter: Counter,
+    screen: SheetScreen,
+    colors: CellColors,
+    band: int,
+    like: BandFrame,
+    picture: LayerPicture,
 ) -> None:
     """Paint a source's cells; each band of rows belongs to one thread.
 
@@ -365,15 +372,15 @@ def paint_layers(
     bounds = screen.bounds.reshape((-1, 4))
     for first, last in bands(counter, like.last, band):
         # Allocate the band, and find the segments that meet it.
-        frame = Frame(first, last, like.width, like.orientation, like.quality, like.is_label)
-        strip, size = Strip(screen, frame), (last - first) * like.width
+        frame = BandFrame(first, last, like.width, like.orientation, like.quality, like.is_label)
+        strip, size = SheetStrip(screen, frame), (last - first) * like.width
         members = met(bounds, (first, last), like.width)
-        cells = Cells(np.zeros(NUMBERS, np.float32), np.zeros(PLACES, np.int32))
+        cells = SegmentCells(np.zeros(NUMBERS, np.float32), np.zeros(PLACES, np.int32))
         front, behind = np.zeros(size, np.float32), np.zeros(size, np.float32)
         area, least = np.zeros(size, np.float32), np.empty(members.size, np.float32)
         # Find the nearest surface, then the one behind it.
-        walk(Nearest(front, area, least), strip, members, cells)
-        walk(Behind(front, behind, least), strip, members, cells)
+        walk(FrontPass(front, area, least), strip, members, cells)
+        walk(BackPass(front, behind, least), strip, members, cells)
         # Add colors in groups of three channels, and composite them.
         for group in range(colors.color.shape[0]):
             sums = np.zeros(size * 8, np.float32)

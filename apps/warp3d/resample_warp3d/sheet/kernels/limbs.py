@@ -32,7 +32,7 @@ class Silhouettes(NamedTuple):
     error: Doubles  # (2,) of the nearness: relative, and absolute
 
 
-class End(NamedTuple):
+class SilhouetteEnd(NamedTuple):
     """End of the nearer surface of a silhouette between two samples."""
 
     member: int  # its sample, as of `corners._linked`; −1: there is no silhouette
@@ -84,7 +84,7 @@ def end_of(
 @kernel
 def _end(
     nearness: Floats, links: Links, silhouettes: Silhouettes, row: int, column: int, side: int
-) -> End:
+) -> SilhouetteEnd:
     """Return one of the silhouettes around a corner: above, below, left, right."""
     edge, error = silhouettes
     # Find the pair of samples that it runs between.
@@ -92,7 +92,7 @@ def _end(
     r, c = (row - 1, column - 1 + second) if down else (row - 1 + second, column - 1)
     t = float(edge[r, c, 1 if down else 0])
     if t < 0.0:
-        return End(-1, 0.0, 0.0, 0.0, 0.0)
+        return SilhouetteEnd(-1, 0.0, 0.0, 0.0, 0.0)
     # Take the nearer of the two as the surface that ends.
     r_next, c_next = (row, c) if down else (r, column)
     sign = 1 if nearness[r, c] > nearness[r_next, c_next] else -1
@@ -102,7 +102,7 @@ def _end(
     # Measure the end from the corner.
     along, beside = sign * (t - 0.5), second - 0.5
     x, y = (beside, along) if down else (along, beside)
-    return End(2 * (r - row + 1) + c - column + 1, x, y, near, sign * roundness)
+    return SilhouetteEnd(2 * (r - row + 1) + c - column + 1, x, y, near, sign * roundness)
 
 
 @kernel

@@ -10,8 +10,8 @@ from resample.engine.jit import Counter, inner_kernel, parallel_kernel
 from resample.engine.roles import plays
 from resample.types import Floats, Single
 from resample_warp3d.sheet.kernels.fragments import NONE
-from resample_warp3d.sheet.kernels.layers import Colors, DepthPicture
-from resample_warp3d.sheet.kernels.screen import SEGMENT, Indices, Screen
+from resample_warp3d.sheet.kernels.layers import CellColors, LayerPicture
+from resample_warp3d.sheet.kernels.screen import SEGMENT, Indices, SheetScreen
 from resample_warp3d.sheet.kernels.segments import (
     A_X,
     A_Y,
@@ -46,9 +46,9 @@ from resample_warp3d.sheet.kernels.segments import (
     TO_COLUMN,
     TO_ROW,
     ZERO,
-    Cells,
-    Frame,
-    Strip,
+    BandFrame,
+    SegmentCells,
+    SheetStrip,
     X,
     Y,
 )
@@ -68,7 +68,7 @@ class NearestCells(NamedTuple):
 
 @inner_kernel
 def _fill_slots(
-    begin: int, end: int, i: int, j: int, frame: Frame, numbers: Floats, places: Indices
+    begin: int, end: int, i: int, j: int, frame: BandFrame, numbers: Floats, places: Indices
 ) -> None:
     """Fill a slot with the pixels whose centers cells cover, and their nearness."""
     for n in range(begin, end):
@@ -98,7 +98,9 @@ def _fill_slots(
 
 
 @inner_kernel
-def _keep_nearest(begin: int, end: int, first: int, cells: Cells, looks: NearestCells) -> None:
+def _keep_nearest(
+    begin: int, end: int, first: int, cells: SegmentCells, looks: NearestCells
+) -> None:
     """Depth-test fragments and keep their cells, numbered from `first` on."""
     (numbers, places), (front, owner) = cells, looks
     for n in range(begin, end):
@@ -112,11 +114,11 @@ def _keep_nearest(begin: int, end: int, first: int, cells: Cells, looks: Nearest
 @plays(take, NearestCells)
 def _take(
     looks: NearestCells,
-    strip: Strip,
+    strip: SheetStrip,
     member: int,
     nth: int,  # noqa: ARG001
     run: int,
-    cells: Cells,
+    cells: SegmentCells,
 ) -> None:
     """Find the nearest cells: depth-test a run, slot by slot."""
     k, (numbers, places) = np.uint64(run), cells
@@ -169,7 +171,9 @@ def _slopes(
 
 
 @inner_kernel
-def _resolve(strip: Strip, looks: NearestCells, colors: Colors, picture: DepthPicture) -> None:
+def _resolve(
+    strip: SheetStrip, looks: NearestCells, colors: CellColors, picture: LayerPicture
+) -> None:
     """Color each pixel of a band by the cell that it shows."""
     (screen, torn, index, _), frame, (front, owner) = strip.screen, strip.frame, looks
     (color, links), (image, coverage, nearness, magnification) = colors, picture
@@ -206,7 +210,12 @@ def _resolve(strip: Strip, looks: NearestCells, colors: Colors, picture: DepthPi
 
 @parallel_kernel
 def fill_picture(
-    counter: Counter, screen: Screen, colors: Colors, band: int, like: Frame, picture: DepthPicture
+    counter: Counter,
+    screen: SheetScreen,
+    colors: CellColors,
+    band: int,
+    like: BandFrame,
+    picture: LayerPicture,
 ) -> None:
     """Give each pixel the color of the nearest cell over its center.
 
@@ -214,9 +223,9 @@ def fill_picture(
     """
     bounds = screen.bounds.reshape((-1, 4))
     for first, last in bands(counter, like.last, band):
-        strip = Strip(screen, Frame(first, last, like.width, like.orientation, ONE, False))
+        strip = SheetStrip(screen, BandFrame(first, last, like.width, like.orientation, ONE, False))
         size = (last - first) * like.width
         looks = NearestCells(np.zeros(size, np.float32), np.zeros(size, np.int32))
-        cells = Cells(np.zeros(NUMBERS, np.float32), np.zeros(PLACES, np.int32))
+        cells = SegmentCells(np.zeros(NUMBERS, np.float32), np.zeros(PLACES, np.int32))
         walk(looks, strip, met(bounds, (first, last), like.width), cells)
         _resolve(strip, looks, colors, picture)

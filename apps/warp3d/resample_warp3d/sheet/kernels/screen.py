@@ -18,7 +18,7 @@ OFF_SCREEN = np.int32(2**30)  # px
 BLOCK = 256  # torn cells that a thread projects at a time
 
 
-class Screen(NamedTuple):
+class SheetScreen(NamedTuple):
     """A sheet, projected to the target's screen."""
 
     vertex: Floats  # (3, H + 1, W + 1) of `project_vertices`

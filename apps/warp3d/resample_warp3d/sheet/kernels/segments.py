@@ -15,7 +15,7 @@ from resample.engine.cells.passes import placed
 from resample.engine.jit import inner_kernel
 from resample.engine.roles import plays
 from resample.types import Floats, Single
-from resample_warp3d.sheet.kernels.screen import SEGMENT, Indices, Screen
+from resample_warp3d.sheet.kernels.screen import SEGMENT, Indices, SheetScreen
 
 
 def _rows(first: int, count: int) -> Any:
@@ -66,7 +66,7 @@ BEGIN, END, ROWS, COLUMNS = _rows(10, 4)
 PLACES = SEGMENT * 14
 
 
-class Frame(NamedTuple):
+class BandFrame(NamedTuple):
     """A band of a target's frame, and painting options as numbers."""
 
     first: int  # row of the target
@@ -77,14 +77,14 @@ class Frame(NamedTuple):
     is_label: bool  # colors are labels, which must not be mixed
 
 
-class Strip(NamedTuple):
+class SheetStrip(NamedTuple):
     """A sheet, of which a band is painted; members are segments, row by row."""
 
-    screen: Screen
-    frame: Frame
+    screen: SheetScreen
+    frame: BandFrame
 
 
-class Cells(NamedTuple):
+class SegmentCells(NamedTuple):
     """A segment's cells, in rows of quantities."""
 
     numbers: Floats  # (NUMBERS,)
@@ -160,7 +160,7 @@ def _measure_shapes(count: int, numbers: Floats) -> None:
 
 
 @inner_kernel
-def _measure_extents(count: int, frame: Frame, numbers: Floats, places: Indices) -> None:
+def _measure_extents(count: int, frame: BandFrame, numbers: Floats, places: Indices) -> None:
     """Bound the pixels of cells, within the band."""
     for n in range(count):
         m = np.uint64(n)
@@ -173,7 +173,7 @@ def _measure_extents(count: int, frame: Frame, numbers: Floats, places: Indices)
 
 
 @inner_kernel
-def _choose_ways(count: int, frame: Frame, numbers: Floats, places: Indices) -> None:
+def _choose_ways(count: int, frame: BandFrame, numbers: Floats, places: Indices) -> None:
     """Choose how cells are painted; back faces and empty cells are culled."""
     # Squared lengths up to which cells have one color: upright ones, and those that lean.
     whole = ONE / (frame.quality * frame.quality)
@@ -234,7 +234,7 @@ def _find_runs(count: int, places: Indices) -> int:
 
 @inner_kernel
 def measure(
-    screen: Floats, torn: Floats, index: Indices, row: int, segment: int, frame: Frame,
+    screen: Floats, torn: Floats, index: Indices, row: int, segment: int, frame: BandFrame,
     numbers: Floats, places: Indices,
 ) -> int:  # fmt: skip
     """Measure the cells of a segment; return how many visible runs they form."""
@@ -254,8 +254,8 @@ def measure(
     return _find_runs(count, places)
 
 
-@plays(placed, Strip)
-def _placed(strip: Strip, member: int, cells: Cells) -> int:
+@plays(placed, SheetStrip)
+def _placed(strip: SheetStrip, member: int, cells: SegmentCells) -> int:
     """Measure a member of a strip: one segment."""
     vertex, torn, index, bounds = strip.screen
     row, segment = divmod(member, bounds.shape[1])

@@ -34,7 +34,7 @@ class Voters(NamedTuple):
     slope: Floats  # (H, W, 4) change to the next column and row, and change of these
 
 
-class Window(NamedTuple):
+class VotingWindow(NamedTuple):
     """Samples that vote, relative to the one in question."""
 
     offset: NDArray[np.int64]  # (K, 2) rows and columns
@@ -120,7 +120,7 @@ def _change(slope: float, bend: float, away: int) -> float:
 
 
 @kernel
-def _collect(voters: Voters, window: Window, row: int, column: int, votes: Votes) -> int:
+def _collect(voters: Voters, window: VotingWindow, row: int, column: int, votes: Votes) -> int:
     """Write the votes for a sample; return how many."""
     height, width = voters.nearness.shape
     count = 0
@@ -159,7 +159,7 @@ def _median_of(votes: Votes, weight: Doubles, count: int, middle: float, reach: 
 
 @kernel
 def _vote(
-    voters: Voters, window: Window, row: int, column: int, votes: Votes
+    voters: Voters, window: VotingWindow, row: int, column: int, votes: Votes
 ) -> tuple[float, float]:
     """Nearness of a sample by vote, and the share of votes for its surface.
 
@@ -190,7 +190,7 @@ def _vote(
 
 @kernel
 def _vote_in_row(
-    voters: Voters, window: Window, band: Marks, row: int, refined: Floats, agreed: Floats
+    voters: Voters, window: VotingWindow, band: Marks, row: int, refined: Floats, agreed: Floats
 ) -> None:
     """Refine a row of samples; see `vote_rows`."""
     count = window.share.size
@@ -206,7 +206,12 @@ def _vote_in_row(
 
 @parallel_kernel
 def vote_rows(
-    counter: Counter, voters: Voters, window: Window, band: Marks, refined: Floats, agreed: Floats
+    counter: Counter,
+    voters: Voters,
+    window: VotingWindow,
+    band: Marks,
+    refined: Floats,
+    agreed: Floats,
 ) -> None:
     """Refine the samples of a band by a vote of those around them.
 
