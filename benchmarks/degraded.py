@@ -21,11 +21,11 @@ from resample.colors import from_srgb
 from resample.measuring.compare import contact_sheet
 from resample.measuring.quality import psnr
 from resample.types import Doubles
+from resample_warp3d.baselines.mcmillan import blank
+from resample_warp3d.baselines.meshing import orientation_of
 from resample_warp3d.depth.preparation import prepare
-from resample_warp3d.rivals.mcmillan import blank
-from resample_warp3d.rivals.meshing import orientation_of
-from resample_warp3d.showing.compare import screen_of
-from resample_warp3d.showing.scoring import hole_percent
+from resample_warp3d.figures.compare import screen_of
+from resample_warp3d.figures.scoring import hole_percent
 from resample_warp3d.types import DepthImage, Equation, Rendered, Source
 from tests.benchmarks import warp3d_table as scene
 

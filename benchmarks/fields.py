@@ -34,10 +34,10 @@ from resample.painting.choices import Projection
 from resample.profiles.orders import ImageSheets, Rays
 from resample.resampler import Resampler
 from resample.types import Doubles, Floats
+from resample_volume.baselines.peers import Peer, VtkRenderer
 from resample_volume.classification.transfer import from_points
 from resample_volume.media.appearance import BY_DEFAULT, Appearance, Classification
 from resample_volume.rendering import Subject
-from resample_volume.rivals.peers import Peer, VtkRenderer
 from resample_volume.types import Volume
 from resample_volume.voxels.shading import Light
 
@@ -177,7 +177,7 @@ def _triangles(volume: Volume, formula: Formula) -> Row:
     from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkFiltersCore import vtkFlyingEdges3D
 
-    from resample_volume.rivals.peers import image_of
+    from resample_volume.baselines.peers import image_of
 
     edges: Any = vtkFlyingEdges3D()
     edges.SetInputData(image_of(volume))

@@ -30,8 +30,8 @@ from resample.files.images import read_image
 from resample.measuring.quality import psnr
 from resample_warp3d.depth.files import read_depth
 from resample_warp3d.depth.preparation import prepare
-from resample_warp3d.showing.scenes import Stand, generated, pose_of
-from resample_warp3d.showing.scoring import near_steps, widened
+from resample_warp3d.figures.scenes import Stand, generated, pose_of
+from resample_warp3d.figures.scoring import near_steps, widened
 from resample_warp3d.types import DepthImage
 from resample_warp3d.views.together import PLAIN, Joining, Standing, agreed, render_together
 from tests.benchmarks.warp3d_table import BENCH, DATA, SEEN, bench, camera_of, markdown

@@ -24,11 +24,11 @@ from resample.painting.rays import spacing_of
 from resample.profiles.orders import Rays
 from resample.resampler import Resampler
 from resample.types import Classifier, Doubles, Floats, LatticeField
+from resample_volume.baselines.peers import Peer, VtkRenderer
 from resample_volume.classification.surveys import survey, without_padding
 from resample_volume.files.source import open_volume
 from resample_volume.media.appearance import BY_DEFAULT, Appearance, Classification, transfer_of
 from resample_volume.rendering import Subject
-from resample_volume.rivals.peers import Peer, VtkRenderer
 from resample_volume.types import Volume
 from resample_volume.voxels.framing import centered
 from resample_volume.voxels.visible import lattice_of

@@ -13,11 +13,11 @@ from resample.painting.choices import Primitive
 from resample.resampler import Resampler
 from resample.types import Field, LatticeField, Samples
 from resample.types import View as Perspective
+from resample_volume.baselines.peers import Peer, VtkRenderer
+from resample_volume.figures import timing
+from resample_volume.figures.data import VolumeFolder
 from resample_volume.media.appearance import Appearance, Classification
 from resample_volume.rendering import Subject
-from resample_volume.rivals.peers import Peer, VtkRenderer
-from resample_volume.showing import timing
-from resample_volume.showing.data import VolumeFolder
 from resample_volume.voxels.shading import Light
 from tests.benchmarks.volume_scenes import object_psnr
 

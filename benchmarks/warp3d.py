@@ -9,8 +9,8 @@ from benchmarks.contest import AbsentError, Contender, Goal, Options, Workload, 
 from benchmarks.measure import Run, Spread, take_turns
 from benchmarks.tables import Section
 from resample import registry
-from resample_warp3d.showing.compare import WarpCase
-from resample_warp3d.showing.scoring import score
+from resample_warp3d.figures.compare import WarpCase
+from resample_warp3d.figures.scoring import score
 from tests.benchmarks import warp3d_table as scene
 
 VIEWS = {"side": "same scale", "back4": "moved back, 4 × smaller", "in3": "moved in, 3 × larger"}

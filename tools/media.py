@@ -125,7 +125,7 @@ def stills(opened: Any, folder: Path, volume: str) -> None:
 
 def picture(folder: Path) -> str:
     """Write a picture of a brick wall."""
-    from resample_texture.showing.figures import generated
+    from resample_texture.figures.paper import generated
 
     levels = np.rint(255 * np.clip(generated("bricks").picture, 0, 1)).astype(np.uint8)
     Image.fromarray(np.squeeze(levels)[:480, :640]).save(folder / "bricks.png")
@@ -135,7 +135,7 @@ def picture(folder: Path) -> str:
 def depth_image(folder: Path) -> tuple[str, str]:
     """Write a generated depth image."""
     from resample.colors import to_srgb
-    from resample_warp3d.showing.scenes import generated
+    from resample_warp3d.figures.scenes import generated
 
     image = generated(480).depth_image(4)
     levels = np.rint(255 * to_srgb(image.color)).astype(np.uint8)
@@ -171,8 +171,8 @@ def moving(opened: Any, volume: str) -> None:
 def flicker() -> None:
     """Animation of a distant rotating checker box: one ray per pixel, and ours, enlarged."""
     from resample_volume import Appearance, Scene
+    from resample_volume.baselines.peers import VtkRenderer
     from resample_volume.media.appearance import transfer_of
-    from resample_volume.rivals.peers import VtkRenderer
 
     scene, size = Scene(BLOCKS), (FLICKER, FLICKER)
     look = Appearance("checker", light=None)

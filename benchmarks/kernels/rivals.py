@@ -6,7 +6,7 @@ import numpy as np
 
 from resample.engine.jit import kernel
 from resample.types import Doubles, Floats
-from resample_warp3d.rivals.kernels.mcmillan import place_of, projected
+from resample_warp3d.baselines.kernels.mcmillan import place_of, projected
 from resample_warp3d.types import Equation, Source
 
 BEST, WORST, PER_PX = 10000.0, 1.0, 1000.0  # quality of a triangle, and its decrease per px

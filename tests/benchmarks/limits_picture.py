@@ -8,7 +8,7 @@ import numpy as np
 
 from resample.measuring.compare import contact_sheet
 from resample_texture import warp
-from resample_texture.showing.scenes import bricks, checker, means
+from resample_texture.figures.scenes import bricks, checker, means
 
 PICTURE = Path(__file__).parents[2] / "docs/images/limits.png"
 ZOOM, SIDE = 8.0, 220

@@ -16,11 +16,11 @@ from resample.measuring.quality import psnr, rms
 from resample.painting.choices import Footprint, Primitive
 from resample.resampler import Resampler
 from resample.types import Field, Samples
+from resample_volume.baselines.peers import Peer, VtkRenderer
 from resample_volume.classification.presets import load_transfer
 from resample_volume.classification.transfer import Transfer, from_points
 from resample_volume.files.generated import checker_box
 from resample_volume.files.source import open_volume
-from resample_volume.rivals.peers import Peer, VtkRenderer
 from resample_volume.types import Volume
 from resample_volume.voxels.fields import field_voxels, lit_field
 from resample_volume.voxels.framing import centered

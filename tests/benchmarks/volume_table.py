@@ -23,9 +23,9 @@ from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
 from resample.profiles.reconstruction import GaussianKernel
 from resample.resampler import Resampler
 from resample.types import Field, Samples
+from resample_volume.baselines.raycasting import Casting, cast_rays
 from resample_volume.classification.presets import load_transfer
 from resample_volume.files.generated import vessel_tree
-from resample_volume.rivals.raycasting import Casting, cast_rays
 from tests.benchmarks import volume_scenes as scenes
 from tests.benchmarks.volume_scenes import FORMS, RAYS, SPLATS, TRUTH, Flicker, Scene, Shot
 from tests.naive import all_line_integrals, composite, in_camera

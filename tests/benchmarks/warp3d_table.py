@@ -32,11 +32,10 @@ from resample.measuring.quality import psnr
 from resample.profiles.filters import PixelFilter
 from resample_warp3d.depth.equation import between
 from resample_warp3d.depth.preparation import prepare
-from resample_warp3d.methods.filtering import filtered
-from resample_warp3d.showing.compare import WarpCase, scene_case, screen_of
-from resample_warp3d.showing.pairs import load_pairs
-from resample_warp3d.showing.scenes import STANDS, generated
-from resample_warp3d.showing.scoring import (
+from resample_warp3d.figures.compare import WarpCase, scene_case, screen_of
+from resample_warp3d.figures.pairs import load_pairs
+from resample_warp3d.figures.scenes import STANDS, generated
+from resample_warp3d.figures.scoring import (
     ScoringTarget,
     delivered,
     filled_alike,
@@ -45,6 +44,7 @@ from resample_warp3d.showing.scoring import (
     iv_psnr,
     score,
 )
+from resample_warp3d.methods.filtering import filtered
 from resample_warp3d.types import DepthImage, Source
 
 BENCH = Path(__file__).parents[2] / "../shared/bench"

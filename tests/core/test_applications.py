@@ -107,7 +107,7 @@ def test_a_mistyped_command_or_option_is_put_right(application, mistyped, comman
 @pytest.mark.parametrize("command", ["demo", "figures"])
 @pytest.mark.parametrize("application", registry.names("apps"))
 def test_a_file_is_refused_as_a_folder(application, command, capsys, monkeypatch):
-    monkeypatch.setattr("resample_texture.showing.scenes.FINER", 1)  # what is made first is small
+    monkeypatch.setattr("resample_texture.figures.scenes.FINER", 1)  # what is made first is small
     Path(command).write_text("a file")
     assert command in refused(app_of(application), capsys, command)
     assert command in refused(app_of(application), capsys, command, "-o", command)

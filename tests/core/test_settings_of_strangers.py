@@ -23,8 +23,8 @@ from resample.command.about import Inline, OptionTopic, about, marks_of
 from resample.command.settings import Choices
 from resample.command.settings_files import OWN, options_of, read_settings
 from resample.files.facts.origin import KEY, settings_in
+from resample_texture.figures import scenes
 from resample_texture.geometry.matrices import parse_matrix
-from resample_texture.showing import scenes
 from resample_volume.classification.presets import is_file
 from resample_volume.command import animation as volume_films
 from resample_warp3d.command import animation as depth_films

@@ -249,7 +249,7 @@ def _add_depth_images() -> None:
 def _warped(method: str, part: tuple[slice, slice] = ALL, unit: float = 1.0) -> Any:
     from resample.cameras.models import Camera
     from resample_warp3d import warp
-    from resample_warp3d.showing.scenes import generated
+    from resample_warp3d.figures.scenes import generated
 
     scene = generated(64)
     image = scene.depth_image(4)

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from resample_texture import Edge, Homography
+from resample_texture.baselines.opencv import InterLinear
 from resample_texture.methods.forward import Hybrid, Points, Splats, Supersample
 from resample_texture.methods.paper import Paper
-from resample_texture.rivals.opencv import InterLinear
 
 SOURCE = 160  # texels per side
 SHAPE = (60, 120)  # px

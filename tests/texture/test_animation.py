@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from resample_texture.baselines.opencv import InterLinear
 from resample_texture.command.animation import FlightOptions, Flyover, frame, shots, with_alpha
-from resample_texture.rivals.opencv import InterLinear
 
 SMALL = (24, 40)
 SKY = FlightOptions(InterLinear(), background=(0.0, 0.0, 1.0))

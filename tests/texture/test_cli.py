@@ -556,7 +556,7 @@ def test_mesh_refuses_in_one_line(model, words, complaint, capsys):
 
 
 def test_compare_prints_a_row_for_each_zone_and_method(monkeypatch, capsys):
-    monkeypatch.setattr("resample_texture.showing.scenes.SMALLEST_SIDE", 96)
+    monkeypatch.setattr("resample_texture.figures.scenes.SMALLEST_SIDE", 96)
     assert ended("compare", "photo.png", "--methods", "bilinear, hybrid") == 0
     header, *rows = capsys.readouterr().out.splitlines()
     assert header.split() == ["zone", "method", "psnr", "ssim", "flip", "ms"]
@@ -624,15 +624,15 @@ def test_animate_refuses_in_one_line(words, complaint, capsys):
 
 
 def small(monkeypatch) -> None:
-    monkeypatch.setattr("resample_texture.showing.scenes.SMALLEST_SIDE", 64)
+    monkeypatch.setattr("resample_texture.figures.scenes.SMALLEST_SIDE", 64)
     for name in ("checker", "bricks"):
-        fine = getattr(import_module("resample_texture.showing.scenes"), name)(128)
-        monkeypatch.setattr(f"resample_texture.showing.scenes.{name}", lambda *_, fine=fine: fine)
+        fine = getattr(import_module("resample_texture.figures.scenes"), name)(128)
+        monkeypatch.setattr(f"resample_texture.figures.scenes.{name}", lambda *_, fine=fine: fine)
 
 
 def test_figures_write_a_sheet_the_pictures_and_the_table(monkeypatch, capsys):
     small(monkeypatch)
-    monkeypatch.setattr("resample_texture.showing.figures.FIGURE", {"points": "a", "bilinear": "c"})
+    monkeypatch.setattr("resample_texture.figures.paper.FIGURE", {"points": "a", "bilinear": "c"})
     assert ended("figures", "-o", "deep/figures") == 0
     written = {path.name for path in Path("deep/figures").iterdir()}
     assert {"figure5.png", "table.txt", "checker-points.png", "bricks-truth.png"} <= written

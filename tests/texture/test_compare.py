@@ -7,10 +7,10 @@ from resample.colors import to_srgb
 from resample.command.settings import method_names
 from resample.files.images import read_image
 from resample.measuring.compare import enlarged
+from resample_texture.figures import compare
+from resample_texture.figures.compare import Judge, measured, sheet, source_values, timed
+from resample_texture.figures.scenes import ComparedView
 from resample_texture.geometry.mappings import Homography
-from resample_texture.showing import compare
-from resample_texture.showing.compare import Judge, measured, sheet, source_values, timed
-from resample_texture.showing.scenes import ComparedView
 from resample_texture.types import Edge, Warped
 
 LINEAR = "hybrid:interpolation=area-spline:limit=none"  # as the truth is

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from resample.files.images import read_image
-from resample_texture.showing import scenes
-from resample_texture.showing.figures import (
+from resample_texture.figures import scenes
+from resample_texture.figures.paper import (
     FIGURE,
     FloorPicture,
     compare_floors,

@@ -5,15 +5,15 @@ import pytest
 
 from resample import registry
 from resample.engine.jit import threads
+from resample_texture.baselines.graphics_card import Anisotropic, Mipmap
+from resample_texture.baselines.oiio import OIIO_FILTERS, Warp
+from resample_texture.baselines.opencv import Cubic, InterArea, InterLinear, Lanczos4, Supersampled
 from resample_texture.geometry.mappings import (
     BackwardMap,
     ForwardMap,
     Homography,
     source_coordinates,
 )
-from resample_texture.rivals.graphics_card import Anisotropic, Mipmap
-from resample_texture.rivals.oiio import OIIO_FILTERS, Warp
-from resample_texture.rivals.opencv import Cubic, InterArea, InterLinear, Lanczos4, Supersampled
 from resample_texture.texels.pyramid import pyramid, shrunk
 from resample_texture.types import Edge
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates, spline_filter
 
+from resample_texture.figures import scenes
+from resample_texture.figures.scenes import ComparedView, scene_of, tiled, truth, zones
 from resample_texture.geometry.mappings import Homography
-from resample_texture.showing import scenes
-from resample_texture.showing.scenes import ComparedView, scene_of, tiled, truth, zones
 
 
 def plain(source: np.ndarray, matrix: object, shape: tuple[int, int]) -> ComparedView:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from resample_texture import Homography, drawing, warp
-from resample_texture.asking import geometry_of, method_named
+from resample_texture.arguments import geometry_of, method_named
 from resample_texture.geometry.mappings import BackwardMap
 from resample_texture.geometry.sizes import turning
 from resample_texture.geometry.windows import Rect, windows_of

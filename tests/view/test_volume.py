@@ -95,7 +95,7 @@ def test_vtk_is_a_rival_where_it_is_installed(
     place: Served, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("vtkmodules", reason="pip install 'hybrid-resample[peers]'")
-    from resample_volume.rivals.peers import Peer, vtk_picture
+    from resample_volume.baselines.peers import Peer, vtk_picture
 
     volume = VolumeView(BOX).volume
     with place.page() as page:

@@ -11,8 +11,8 @@ from resample.files.images import read_channels, read_image
 from resample.profiles.orders import ImageSheets
 from resample.resampler import Resampler
 from resample_volume import cli
+from resample_volume.figures.compare import thickest, variants
 from resample_volume.files.generated import checker_box, vessel_tree
-from resample_volume.showing.compare import thickest, variants
 from tests import commands
 
 BOX = "checker-box:size=16,block=4"  # values 64 and 192

@@ -12,9 +12,9 @@ from resample.profiles.filters import Gaussian
 from resample.profiles.orders import ImageSheets
 from resample.resampler import Resampler
 from resample_volume.command.choices import AppearanceChoices
+from resample_volume.figures.compare import Contest, variants
 from resample_volume.files.generated import checker_box
 from resample_volume.rendering import Subject
-from resample_volume.showing.compare import Contest, variants
 from resample_volume.voxels.framing import centered
 
 SPLATS = Resampler(primitive=Primitive.SPLATS)

@@ -11,12 +11,12 @@ from resample.files.images import read_image
 from resample.painting.choices import FOOTPRINTS, Footprint, Primitive
 from resample.profiles.orders import AxisSheets, EverySample
 from resample.resampler import Resampler
+from resample_volume.figures import data, footprints, gallery, paper, popping, schematic, timing
+from resample_volume.figures.data import VolumeFolder
+from resample_volume.figures.footprints import KernelBall
+from resample_volume.figures.writing import write_numbers
 from resample_volume.files.source import generate
 from resample_volume.files.writing import write_volume
-from resample_volume.showing import data, figures, footprints, gallery, popping, schematic, timing
-from resample_volume.showing.data import VolumeFolder
-from resample_volume.showing.footprints import KernelBall
-from resample_volume.showing.writing import write_numbers
 
 SMALL = "vessel-tree:size=24"
 
@@ -51,23 +51,23 @@ def numbers(folder, name):
 
 
 def test_no_numbers_mean_all_figures():
-    assert figures.chosen_figures(None) == ["1-2", "3-4", "7", "8", "9"]
+    assert paper.chosen_figures(None) == ["1-2", "3-4", "7", "8", "9"]
 
 
 def test_halves_of_a_figure_stand_for_the_whole():
-    assert figures.chosen_figures(["8", "2", "1"]) == ["1-2", "8"]
+    assert paper.chosen_figures(["8", "2", "1"]) == ["1-2", "8"]
 
 
 @pytest.mark.parametrize("number", ["5", "10", "", "8a"])
 def test_an_unknown_figure_lists_the_known_ones(number, tmp_path):
     with pytest.raises(ValueError, match="there are 1-2, 3-4, 7, 8, 9"):
-        figures.make(tmp_path / "new", [number])
+        paper.make(tmp_path / "new", [number])
     assert not (tmp_path / "new").exists()
 
 
 def test_a_missing_folder_of_volumes_is_refused(tmp_path):
     with pytest.raises(NotADirectoryError, match="no such folder of volumes"):
-        figures.make(tmp_path, ["8"], tmp_path / "absent")
+        paper.make(tmp_path, ["8"], tmp_path / "absent")
 
 
 # Where volumes come from.
@@ -401,7 +401,7 @@ def test_figure_9_paints_as_many_voxels_as_the_paper(name, volumes):
 
 
 def test_all_figures_together(shelf, tmp_path):
-    said = figures.make(tmp_path / "out", ["1", "8"], shelf.folder, quick=True)
+    said = paper.make(tmp_path / "out", ["1", "8"], shelf.folder, quick=True)
     assert said.startswith("figures 1 and 2")
     assert "figure 8" in said
     assert (tmp_path / "out" / "figure-8.png").is_file()

@@ -9,10 +9,10 @@ from resample.measuring.quality import psnr
 from resample.painting.choices import Projection
 from resample.profiles.reconstruction import GaussianKernel
 from resample.types import Classifier, Field, Lamp
+from resample_volume.baselines.peers import Peer, VtkRenderer, vtk_picture
+from resample_volume.baselines.raycasting import Casting, cast_rays
 from resample_volume.classification.transfer import extinction, from_points
 from resample_volume.files.generated import vessel_tree
-from resample_volume.rivals.peers import Peer, VtkRenderer, vtk_picture
-from resample_volume.rivals.raycasting import Casting, cast_rays
 from resample_volume.types import Volume
 from resample_volume.voxels.shading import Light
 from resample_volume.voxels.visible import lattice_of

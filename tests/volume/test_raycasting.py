@@ -7,7 +7,7 @@ from resample.painting.choices import Primitive, Projection
 from resample.profiles.reconstruction import BSplineKernel, GaussianKernel
 from resample.resampler import Resampler
 from resample.types import Classifier, Field, Lamp, Samples
-from resample_volume.rivals.raycasting import Casting, cast_rays
+from resample_volume.baselines.raycasting import Casting, cast_rays
 
 # A rival, whose kernel is compiled for it alone.
 pytestmark = pytest.mark.sweep(

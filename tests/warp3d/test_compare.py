@@ -9,8 +9,8 @@ from resample.colors import from_srgb
 from resample.files.images import read_image
 from resample_warp3d.depth.equation import of_rectified
 from resample_warp3d.depth.preparation import prepare
-from resample_warp3d.showing import figures
-from resample_warp3d.showing.compare import (
+from resample_warp3d.figures import paper
+from resample_warp3d.figures.compare import (
     WarpCase,
     busiest,
     compare_cases,
@@ -19,7 +19,7 @@ from resample_warp3d.showing.compare import (
     screen_of,
     sheet,
 )
-from resample_warp3d.showing.scoring import ScoringTarget
+from resample_warp3d.figures.scoring import ScoringTarget
 from resample_warp3d.types import DepthImage, Rendered
 
 SIZE = 32
@@ -195,11 +195,11 @@ def test_sheets_are_png(scene_comparison, tmp_path):
 
 @pytest.fixture
 def figure(source):
-    return figures.figure_of(source, of_rectified(0.0), SHAPE, ["copy", "nothing"])
+    return paper.figure_of(source, of_rectified(0.0), SHAPE, ["copy", "nothing"])
 
 
 def test_a_figure_is_written_with_all_its_parts(figure, tmp_path):
-    numbers = figures.write_figures(tmp_path, figure)
+    numbers = paper.write_figures(tmp_path, figure)
     names = {f"{name}{part}.png" for name in ("copy", "nothing") for part in ("", "-zoom")}
     assert {path.name for path in tmp_path.iterdir()} == {
         *names,
@@ -209,12 +209,12 @@ def test_a_figure_is_written_with_all_its_parts(figure, tmp_path):
 
 
 def test_pictures_of_a_figure_are_1_to_1(figure, tmp_path):
-    figures.write_figures(tmp_path, figure)
+    paper.write_figures(tmp_path, figure)
     assert read_image(tmp_path / "copy.png").shape == (*SHAPE, 3)
 
 
 def test_the_figure_of_the_generated_scene_has_a_truth():
-    figure = figures.generated_figure(SIZE, "roll", ["copy", "nothing"])
+    figure = paper.generated_figure(SIZE, "roll", ["copy", "nothing"])
     assert list(figure.pictures) == ["truth", "copy", "nothing"]
     assert figure.rows[0]["psnr"] > 5
     assert list(figure.notes) == ["copy", "nothing"]
@@ -222,4 +222,4 @@ def test_the_figure_of_the_generated_scene_has_a_truth():
 
 def test_a_figure_of_nothing_is_refused(source):
     with pytest.raises(ValueError, match="shows nothing of the depth image"):
-        figures.figure_of(source, of_rectified(1000.0), SHAPE, ["copy"])
+        paper.figure_of(source, of_rectified(1000.0), SHAPE, ["copy"])

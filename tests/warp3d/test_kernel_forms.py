@@ -5,9 +5,9 @@ import numpy as np
 from resample.engine.surfaces.resolve import resolve_rows
 from resample_warp3d import Camera, Cloud, prepare, render_cloud, warp
 from resample_warp3d.clouds.kernels.discs import project_discs
+from resample_warp3d.figures.scenes import generated
 from resample_warp3d.sheet.kernels.limbs import project_ends
 from resample_warp3d.sheet.sheets import sheet_of
-from resample_warp3d.showing.scenes import generated
 from tests.kernels import compiled_only, specialisations
 
 pytestmark = compiled_only

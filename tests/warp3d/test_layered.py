@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
+from resample_warp3d.baselines.layered import LayeredDepthImage, build, patches, splat
+from resample_warp3d.baselines.mcmillan import McMillan
 from resample_warp3d.depth.equation import inverse
 from resample_warp3d.depth.preparation import prepare
-from resample_warp3d.rivals.layered import LayeredDepthImage, build, patches, splat
-from resample_warp3d.rivals.mcmillan import McMillan
 from resample_warp3d.types import DepthImage, Equation
 from tests.bits import assert_threads_change_nothing
 from tests.warp3d.naive_warp import EMPTY, EQUATIONS, IDENTITY, blocks, moved, random_source

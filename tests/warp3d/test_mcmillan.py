@@ -1,16 +1,16 @@
 import numpy as np
 import pytest
 
-from resample_warp3d.depth.equation import of_rectified
-from resample_warp3d.depth.preparation import prepare
-from resample_warp3d.rivals.kernels.mcmillan import copy_rows, place_samples
-from resample_warp3d.rivals.mcmillan import (
+from resample_warp3d.baselines.kernels.mcmillan import copy_rows, place_samples
+from resample_warp3d.baselines.mcmillan import (
     McMillan,
     McMillanZBuffer,
     blank,
     eye_in_source,
     walks_of,
 )
+from resample_warp3d.depth.equation import of_rectified
+from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.types import DepthImage, Equation
 from tests.bits import assert_threads_change_nothing
 from tests.warp3d import naive_warp

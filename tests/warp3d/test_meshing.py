@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 
+from resample_warp3d.baselines.meshing import DepthMesh
 from resample_warp3d.depth.preparation import prepare
-from resample_warp3d.rivals.meshing import DepthMesh
 from resample_warp3d.types import DepthImage, Equation
 from tests.bits import assert_threads_change_nothing
 from tests.warp3d import naive_warp

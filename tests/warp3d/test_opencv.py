@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from resample_warp3d.rivals.opencv import OpenCv
+from resample_warp3d.baselines.opencv import OpenCv
 from resample_warp3d.types import Equation
 from tests.warp3d import naive_warp
 from tests.warp3d.naive_warp import EQUATIONS, IDENTITY, random_source

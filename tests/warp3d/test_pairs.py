@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from resample_warp3d.depth.equation import of_rectified, warp_places
-from resample_warp3d.showing.pairs import edges_in_view, expected_nearness, load_pairs
+from resample_warp3d.figures.pairs import edges_in_view, expected_nearness, load_pairs
 from resample_warp3d.types import DepthImage, Equation
 from tests.conftest import real
 

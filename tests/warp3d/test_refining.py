@@ -7,8 +7,8 @@ from resample_warp3d import warp
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.depth.refining.conditioning import REFINES, enlarged, refine, window
 from resample_warp3d.depth.refining.kernels.voting import Voters, vote_rows, weighted_median
+from resample_warp3d.figures.scenes import generated
 from resample_warp3d.registering import registered
-from resample_warp3d.showing.scenes import generated
 from resample_warp3d.types import DepthImage
 from tests.warp3d import naive_refining
 from tests.warp3d.naive_sheet import EMPTY, camera_at

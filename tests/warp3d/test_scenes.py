@@ -6,7 +6,7 @@ import pytest
 from resample.cameras.models import Camera
 from resample.cameras.pixels import pixel_centers
 from resample_warp3d.depth.equation import between, places, warp_places
-from resample_warp3d.showing.scenes import (
+from resample_warp3d.figures.scenes import (
     STANDS,
     Ball,
     ObjectScene,

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from resample_warp3d.showing.scoring import (
+from resample_warp3d.figures.scoring import (
     HIGHEST,
     ScoringTarget,
     delivered,

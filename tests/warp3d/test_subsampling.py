@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from resample_warp3d.baselines.subsampling import Subsample
 from resample_warp3d.depth.preparation import prepare
-from resample_warp3d.rivals.subsampling import Subsample
 from resample_warp3d.types import DepthImage, Equation
 from tests.bits import assert_threads_change_nothing
 from tests.warp3d import naive_warp

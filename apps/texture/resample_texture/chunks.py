@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.reading.limits import check_free
-from resample_texture.asking import (
+from resample_texture.arguments import (
     REFLECT_101,
     Places,
     edge_named,

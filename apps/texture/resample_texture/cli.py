@@ -259,8 +259,8 @@ def compare(
     from resample.files.pictures import flattened, read_picture
     from resample.files.writing import check_targets, rows_as_json
     from resample.measuring.compare import plain
-    from resample_texture.showing.compare import Judge, sheet, source_values
-    from resample_texture.showing.scenes import check_scene, scene_of
+    from resample_texture.figures.compare import Judge, sheet, source_values
+    from resample_texture.figures.scenes import check_scene, scene_of
     from resample_texture.types import Edge
 
     names = method_names(methods)
@@ -278,7 +278,7 @@ def compare(
     seen = scene_of(values, scene, shape)
     comparison = judge.compare(f"{image.name}, {scene}", seen, names)
     if output is not None and output.suffix.lower() == ".html":
-        from resample_texture.showing.report import write_report
+        from resample_texture.figures.report import write_report
 
         write_report(comparison, output, about=judge.about(seen))
     elif output is not None:
@@ -370,7 +370,7 @@ def figures(
         Picture to show beside the checkerboard. Default: a generated brick wall.
     """
     from resample.files.pictures import flattened, read_picture
-    from resample_texture.showing.figures import (
+    from resample_texture.figures.paper import (
         FIGURE,
         SHEET,
         FloorPicture,
@@ -396,7 +396,7 @@ def demo(*, output: flags.DemoOutput = DEMO) -> None:
     from resample.console.messages import progress_bar
     from resample.files.animations import write_film
     from resample_texture.command import animation
-    from resample_texture.showing.figures import (
+    from resample_texture.figures.paper import (
         FIGURE,
         compare_floors,
         generated,

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Floats
-from resample_texture.asking import REFLECT_101, check_out, within
+from resample_texture.arguments import REFLECT_101, check_out, within
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
 from resample_texture.geometry.shifts import Picks, picks_of_move, texels_at, unfolded, whole_move
 from resample_texture.geometry.windows import PictureWindow, VisibleTiles, between, windows_of

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from resample_texture.asking import (
+from resample_texture.arguments import (
     Places,
     check_shape,
     edge_named,

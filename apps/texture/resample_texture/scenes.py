@@ -12,7 +12,7 @@ from resample.painting.previews import enlarged
 from resample.painting.scenes.plans import shape_of
 from resample.types import Doubles, Floats
 from resample.watching import Cancel, cancellable
-from resample_texture.asking import Places, check_shape, edge_named, geometry_of, method_named
+from resample_texture.arguments import Places, check_shape, edge_named, geometry_of, method_named
 from resample_texture.drawing import Drawing, finished, run
 from resample_texture.geometry.mappings import (
     BackwardMap,
@@ -160,8 +160,8 @@ class PictureScene:
 
     def _preview(self, geometry: Geometry, shape: tuple[int, int], edge: str) -> Previewed:
         """Sample a reduced level at every other pixel, and enlarge that to the target."""
+        from resample_texture.baselines.opencv import InterLinear
         from resample_texture.methods.forward import Hybrid
-        from resample_texture.rivals.opencv import InterLinear
 
         border = Edge.MIRROR if edge_named(edge) not in list(Edge) else Edge(edge)
         small = -(-shape[0] // PER), -(-shape[1] // PER)

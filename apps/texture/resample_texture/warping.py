@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.files.exchange.inputs import as_picture
-from resample_texture.asking import (
+from resample_texture.arguments import (
     Places,
     check_shape,
     edge_named,

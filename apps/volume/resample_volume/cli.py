@@ -100,7 +100,7 @@ def render(
         report,
         to_paint,
     )
-    from resample_volume.showing.color_bar import with_bar
+    from resample_volume.figures.color_bar import with_bar
     from resample_volume.space.annotations import annotated
     from resample_volume.space.slabs import boxed, write_slabs
 
@@ -188,7 +188,7 @@ def compare(
     from resample.measuring.compare import check_sheet, contact_sheet, plain
     from resample_volume.command.inputs import prepared, require_values
     from resample_volume.command.rendering import BYTES_PER_PIXEL, subject_of
-    from resample_volume.showing.compare import Contest, check_vtk, gathered_for, thickest, variants
+    from resample_volume.figures.compare import Contest, check_vtk, gathered_for, thickest, variants
     from resample_volume.voxels.framing import centered
 
     pixels = PictureFormat(size=size).height_and_width()
@@ -472,7 +472,7 @@ def figures(
     data
         Folder of the paper's volumes (engine.nhdr, ...). Default: where fetch stores them.
     """
-    from resample_volume.showing.figures import make
+    from resample_volume.figures.paper import make
 
     sys.stdout.write(make(output, figure or None, data))
 

@@ -6,7 +6,7 @@ The names below are imported on first use, so that `import resample_warp3d` is f
 from typing import TYPE_CHECKING
 
 try:
-    from resample.lazy import attributes, listing
+    from resample.lazy import attributes, listing, moved
 except ModuleNotFoundError as error:
     raise ImportError(
         "`resample` is here another project's package, the distribution `resample`; "
@@ -114,3 +114,4 @@ __all__ = [
 
 __getattr__ = attributes(__name__, _HOMES)
 __dir__ = listing(_HOMES)
+moved(__name__, {"showing": "figures", "rivals": "baselines"})

@@ -504,7 +504,7 @@ def compare(
     from resample.measuring.compare import check_sheet, plain
     from resample_warp3d.command.compare import compare_files
     from resample_warp3d.command.inputs import DepthReader, TrueView
-    from resample_warp3d.showing.compare import check_views, compare_scene, sheet
+    from resample_warp3d.figures.compare import check_views, compare_scene, sheet
 
     names = method_names(methods)
     registry.check("warps", names)
@@ -581,8 +581,8 @@ def figures(
     from resample.measuring.compare import plain
     from resample_warp3d.command.compare import figure_of_files
     from resample_warp3d.command.inputs import DepthReader
-    from resample_warp3d.showing.compare import check_views
-    from resample_warp3d.showing.figures import generated_figure, write_figures
+    from resample_warp3d.figures.compare import check_views
+    from resample_warp3d.figures.paper import generated_figure, write_figures
 
     names = method_names(methods)
     registry.check("warps", names)

@@ -7,7 +7,7 @@ from functools import cached_property
 from pathlib import Path
 
 from resample.cameras.calibrations.lens_files import Calibration, pinhole_of, read_calibration
-from resample_texture.asking import Places, geometry_of
+from resample_texture.arguments import Places, geometry_of
 from resample_texture.command.choices import WarpGeometry
 from resample_texture.geometry.mappings import Geometry
 

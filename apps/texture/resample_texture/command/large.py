@@ -16,7 +16,7 @@ from resample.files.stores.addresses import Place
 from resample.files.strips.reading import Keepable, KeptPicture, keepable
 from resample.memory import ALLOWED, GIB
 from resample.types import Floats
-from resample_texture.asking import method_named, within
+from resample_texture.arguments import method_named, within
 from resample_texture.command.choices import PictureWarping
 from resample_texture.command.inputs import Aim, PictureTarget
 from resample_texture.command.needs import BYTES_IN_STRIP, InStrips

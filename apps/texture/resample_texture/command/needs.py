@@ -12,7 +12,7 @@ from resample.files.pictures import form_of
 from resample.files.stores.addresses import Place
 from resample.memory import require
 from resample.memory.mapped import pages_of
-from resample_texture.asking import method_named
+from resample_texture.arguments import method_named
 from resample_texture.command.choices import PictureWarping
 
 BYTES_PER_TEXEL = 6  # per texel and channel: the source and its decoding buffers

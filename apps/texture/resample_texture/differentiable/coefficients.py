@@ -7,7 +7,7 @@ import numpy as np
 
 from resample.profiles.interpolation import Interpolation, prefilter
 from resample.types import Doubles
-from resample_texture.asking import REFLECT_101
+from resample_texture.arguments import REFLECT_101
 from resample_texture.texels.plates import texels_at
 from resample_texture.types import Edge
 

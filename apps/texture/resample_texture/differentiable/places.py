@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.types import Doubles
-from resample_texture.asking import check_shape, whole_pair
+from resample_texture.arguments import check_shape, whole_pair
 from resample_texture.geometry.mappings import BackwardMap, oriented, pixel_centers
 from resample_texture.geometry.matrices import homography
 from resample_texture.texels.kernels.gather import FARTHEST, TORN, TWELFTH

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from resample import registry
 from resample.memory.alike import alike
 from resample.types import Doubles
-from resample_texture.asking import REFLECT_101, edge_named
+from resample_texture.arguments import REFLECT_101, edge_named
 from resample_texture.differentiable.coefficients import (
     coefficients,
     margin_of,

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resample_texture.asking import check_shape, method_named
+from resample_texture.arguments import check_shape, method_named
 from resample_texture.drawing import Drawing, continued, copied, run
 from resample_texture.geometry.shifts import Picks
 from resample_texture.texels.encoding import check_picture, decoded, encoded

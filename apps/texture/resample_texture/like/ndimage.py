@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from resample.types import Doubles
-from resample_texture.asking import REFLECT_101, check_out, whole_pair
+from resample_texture.arguments import REFLECT_101, check_out, whole_pair
 from resample_texture.drawing import Drawing
 from resample_texture.geometry.mappings import BackwardMap, Geometry
 from resample_texture.geometry.matrices import homography

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from resample_texture.asking import REFLECT_101, check_shape, whole_pair
+from resample_texture.arguments import REFLECT_101, check_shape, whole_pair
 from resample_texture.drawing import Drawing
 from resample_texture.geometry.mappings import BackwardMap, Geometry, Homography
 from resample_texture.geometry.matrices import homography

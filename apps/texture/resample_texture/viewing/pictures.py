@@ -13,7 +13,7 @@ from resample.files.exchange.results import levels_of
 from resample.view.files import file_of, levels_in
 from resample.view.views import PagePicture, Settings, Size, chosen, settings_of
 from resample.watching import Cancel, cancellable
-from resample_texture.asking import geometry_of
+from resample_texture.arguments import geometry_of
 from resample_texture.command.choices import Besides, PictureWarping, WarpGeometry, region
 from resample_texture.command.inputs import PictureTarget, target_of
 from resample_texture.command.jobs import Job, warp_file

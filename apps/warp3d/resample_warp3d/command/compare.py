@@ -25,8 +25,8 @@ from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.types import Equation, Source
 
 if TYPE_CHECKING:
-    from resample_warp3d.showing.compare import DepthComparison
-    from resample_warp3d.showing.figures import Figure
+    from resample_warp3d.figures.compare import DepthComparison
+    from resample_warp3d.figures.paper import Figure
 
 DEMO_SIZE, DEMO_FRAMES, DEMO_FPS = 256, 24, 12.0
 
@@ -52,7 +52,7 @@ def compare_files(
     OSError, ValueError, LookupError
         A file cannot be read, or an option is invalid.
     """
-    from resample_warp3d.showing.compare import compare_view
+    from resample_warp3d.figures.compare import compare_view
 
     truth = read_truth(Path(str(given.truth)), given.mask)
     size = f"{truth.color.shape[1]}x{truth.color.shape[0]}"
@@ -71,7 +71,7 @@ def figure_of_files(
     refine: str = "auto",
 ) -> "Figure":
     """Make the paper's Figure 6 from color and depth files; see `compare_files`."""
-    from resample_warp3d.showing.figures import figure_of
+    from resample_warp3d.figures.paper import figure_of
 
     source, equation, shape = _placed(read_view(reader, *files), reader, aim, refine)
     return figure_of(source, equation, shape, names)
@@ -89,8 +89,8 @@ def _placed(
 
 def write_demo(folder: Path) -> None:
     """Write a figure and an animation of the generated scene."""
-    from resample_warp3d.showing.figures import generated_figure, write_figures
-    from resample_warp3d.showing.scenes import generated
+    from resample_warp3d.figures.paper import generated_figure, write_figures
+    from resample_warp3d.figures.scenes import generated
 
     write_figures(folder, generated_figure(DEMO_SIZE, "oblique", ("hybrid", "mcmillan")))
     scene, session, choice = generated(DEMO_SIZE), Session(), DepthWarping()
