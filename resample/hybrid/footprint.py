@@ -52,7 +52,7 @@ GAUSSIAN = flat_table(lowered_gaussian)
 
 
 @inner_step
-def look_up(table: Floats, squared: Single) -> Single:
+def interpolate(table: Floats, squared: Single) -> Single:
     """F at d², 0 to 1, linear between entries."""
     place = squared * LAST
     entry = min(int(place), ENTRIES - 1)

@@ -11,7 +11,7 @@ from resample.types import Record
 TILE, BLOCK = 32, 8  # px, sides of a tile and of its blocks
 ACROSS = TILE // BLOCK
 
-Blocks = NDArray[np.int32]  # (ACROSS²,) open pixels of each block of a tile
+OpenBlocks = NDArray[np.int32]  # (ACROSS²,) open pixels of each block of a tile
 
 
 class TileBox(NamedTuple):
@@ -24,7 +24,7 @@ class TileBox(NamedTuple):
 
 
 @kernel
-def open_blocks(box: TileBox) -> Blocks:
+def open_blocks(box: TileBox) -> OpenBlocks:
     """Blocks of a tile, all of whose pixels are open."""
     blocks = np.zeros(ACROSS * ACROSS, np.int32)
     for row in range(box.bottom - box.top):
@@ -34,7 +34,7 @@ def open_blocks(box: TileBox) -> Blocks:
 
 
 @inner_step
-def is_any_open(blocks: Blocks, s: Record, box: TileBox) -> bool:
+def is_any_open(blocks: OpenBlocks, s: Record, box: TileBox) -> bool:
     """Whether a sample's box meets a block of the tile that is open."""
     top, bottom = max(box.top, s["top"]) - box.top, min(box.bottom, s["bottom"]) - box.top
     left, right = max(box.left, s["left"]) - box.left, min(box.right, s["right"]) - box.left
@@ -46,6 +46,6 @@ def is_any_open(blocks: Blocks, s: Record, box: TileBox) -> bool:
 
 
 @inner_step
-def close(blocks: Blocks, row: int, column: int, box: TileBox) -> None:
+def close(blocks: OpenBlocks, row: int, column: int, box: TileBox) -> None:
     """Count a pixel that became opaque."""
     blocks[(row - box.top) // BLOCK * ACROSS + (column - box.left) // BLOCK] -= 1

@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from resample.engine.jit import inner_step
-from resample.hybrid.footprint import look_up
-from resample.hybrid.occlusion import Blocks, TileBox, close
+from resample.hybrid.footprint import interpolate
+from resample.hybrid.occlusion import OpenBlocks, TileBox, close
 from resample.hybrid.record import NOTHING, POINT, place_box
 from resample.hybrid.roles import Blend, is_open, sample_of, touch
 from resample.types import Floats, Record
@@ -51,13 +51,19 @@ def point_at(
             dx = np.float32(column) + HALF - px
             d2 = above + scale * dx * dx
             if d2 < ONE:
-                total += look_up(table, d2)
+                total += interpolate(table, d2)
     record["weight"] = mass / total if total > ZERO else 0.0
 
 
 @inner_step
 def filter_point(
-    s: Record, n: np.uint64, box: TileBox, blocks: Blocks, table: Floats, blend: Blend, sweep: int
+    s: Record,
+    n: np.uint64,
+    box: TileBox,
+    blocks: OpenBlocks,
+    table: Floats,
+    blend: Blend,
+    sweep: int,
 ) -> bool:
     """Add point n to the pixels of a box whose filters reach it.
 
@@ -79,7 +85,7 @@ def filter_point(
             c = np.uint64(column)
             if d2 < ONE and is_open(blend, r, c):
                 met = True
-                amount = weight * look_up(table, d2)
+                amount = weight * interpolate(table, d2)
                 if touch(blend, sweep, r, c, n, sample, d2, amount):
                     close(blocks, row, column, box)
     return met

@@ -15,7 +15,7 @@ import numpy as np
 from resample.engine.roles import role
 from resample.types import Record, Single
 
-Blend = Any  # one of `WeightedSum`, `NearestSurface`, `Over`
+Blend = Any  # one of `WeightedSum`, `NearestSurface`, `OverBlend`
 
 
 @role

@@ -14,8 +14,8 @@ from resample.hybrid.correction import (
     from_table,
     row_of,
 )
-from resample.hybrid.footprint import look_up
-from resample.hybrid.occlusion import Blocks, TileBox, close
+from resample.hybrid.footprint import interpolate
+from resample.hybrid.occlusion import OpenBlocks, TileBox, close
 from resample.hybrid.roles import Blend, is_open, sample_of, touch
 from resample.types import Floats, Record
 
@@ -36,7 +36,7 @@ def scan_splat(
     s: Record,
     n: np.uint64,
     box: TileBox,
-    blocks: Blocks,
+    blocks: OpenBlocks,
     tables: LookupTables,
     blend: Blend,
     sweep: int,
@@ -78,7 +78,7 @@ def scan_splat(
                 d2 = min(by_equation(i2, sine2), ONE)
             else:
                 d2 = from_table(tables.correction, entry, i2)
-            amount = weight * look_up(tables.splat, d2)
+            amount = weight * interpolate(tables.splat, d2)
             if touch(blend, sweep, r, c, n, sample, i2, amount):
                 close(blocks, row, column, box)
     return met

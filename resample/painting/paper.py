@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from resample.engine.jit import Counter, inner_step, parallel_kernel, tasks
 from resample.engine.sorting import LOWER, settle_ties
 from resample.engine.vectors import matrix_of, multiply, vector_at
-from resample.hybrid.blend.over import WAITING, Over
+from resample.hybrid.blend.over import WAITING, OverBlend
 from resample.hybrid.classify import Widths, ball_of, projector_of, voxel
 from resample.hybrid.footprint import flat_table, footprint_table
 from resample.hybrid.occlusion import TILE
@@ -213,7 +213,7 @@ def _blend(
     color: Floats,
     density: Floats,
     is_linear: bool,
-) -> Over:
+) -> OverBlend:
     """Empty pictures of a size, of which memory is taken where there is something to paint."""
     y0, y1 = (0, size[0]) if window is None else (window[1], window[3])
     first_depth = np.empty(size, np.float32)
@@ -224,4 +224,4 @@ def _blend(
         first_depth,
         np.zeros(size, np.float32),
     )
-    return Over(color, density, is_linear, film, np.zeros(size, WAITING))
+    return OverBlend(color, density, is_linear, film, np.zeros(size, WAITING))

@@ -9,7 +9,7 @@ import resample.engine.jit
 from resample import Camera, Footprint, Resampler, Samples
 from resample.engine.compiled import sources
 from resample.hybrid.blend.nearest import NearestSurface
-from resample.hybrid.blend.over import Over
+from resample.hybrid.blend.over import OverBlend
 from resample.hybrid.blend.sum import WeightedSum
 from resample.hybrid.splats import LookupTables
 from resample_texture import warp as warp_texture
@@ -60,7 +60,7 @@ def depth_image():
 
 
 APPLICATIONS = {
-    "volume": (volume, Over, "resample.painting.paper"),
+    "volume": (volume, OverBlend, "resample.painting.paper"),
     "texture": (texture, WeightedSum, "resample_texture.methods.paper"),
     "warp3d": (depth_image, NearestSurface, "resample_warp3d.methods.kernels.placing"),
 }

@@ -30,7 +30,7 @@ WAITING = np.dtype(
 )
 
 
-class Over(NamedTuple):
+class OverBlend(NamedTuple):
     """Composite samples that come in depth order.
 
     A splat's amount is a length, a point's the part of the pixel that it covers. Points do not hide
@@ -45,12 +45,12 @@ class Over(NamedTuple):
     points: Record  # (H, W) of WAITING, 0
 
 
-@plays(sweeps, Over)
+@plays(sweeps, OverBlend)
 def _front_to_back(blend):  # type: ignore[no-untyped-def]  # noqa: ARG001
     return 1
 
 
-@plays(is_open, Over)
+@plays(is_open, OverBlend)
 def _is_transparent(blend, row, column):  # type: ignore[no-untyped-def]
     return blend.film.rgba[row, column, 3] < OPAQUE
 
@@ -67,14 +67,14 @@ class Composited(NamedTuple):
     depth: Single
 
 
-@plays(sample_of, Over)
+@plays(sample_of, OverBlend)
 def _matter_of(blend, s, n):  # type: ignore[no-untyped-def]
     red, green, blue = blend.color[n, 0], blend.color[n, 1], blend.color[n, 2]
     is_point = s["kind"] == POINT
     return Composited(is_point, s["layer"], blend.density[n], red, green, blue, s["depth"])
 
 
-@plays(touch, Over)
+@plays(touch, OverBlend)
 def _composite(blend, sweep, row, column, n, sample, index2, amount):  # type: ignore[no-untyped-def]  # noqa: ARG001
     points = blend.points[row, column]
     if points["cover"] != ZERO and not (sample.is_point and sample.layer == points["layer"]):
@@ -103,7 +103,7 @@ def _add_point(points: Record, sample: Composited, amount: Single) -> None:
 
 @inner_step
 def _composite_splat(
-    blend: Over, row: np.uint64, column: np.uint64, sample: Composited, amount: Single
+    blend: OverBlend, row: np.uint64, column: np.uint64, sample: Composited, amount: Single
 ) -> int:
     """Composite a splat; returns 1 if the pixel is opaque then."""
     rgba, film = blend.film.rgba, blend.film
@@ -126,7 +126,7 @@ def _composite_splat(
 
 
 @inner_step
-def _composite_points(blend: Over, row: np.uint64, column: np.uint64) -> None:
+def _composite_points(blend: OverBlend, row: np.uint64, column: np.uint64) -> None:
     """Composite the points that wait; together they hide no more than all of the pixel."""
     points, film, rgba = blend.points[row, column], blend.film, blend.film.rgba
     opacity, cover, before = points["opacity"], points["cover"], rgba[row, column, 3]
@@ -147,7 +147,7 @@ def _composite_points(blend: Over, row: np.uint64, column: np.uint64) -> None:
     points["opacity"] = points["depth"] = points["cover"] = ZERO
 
 
-@plays(finish, Over)
+@plays(finish, OverBlend)
 def _composite_rest(blend, row, column):  # type: ignore[no-untyped-def]
     _composite_points(blend, row, column)
     opacity = blend.film.rgba[row, column, 3]
