@@ -33,7 +33,7 @@ from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.figures.scenes import Stand, generated, pose_of
 from resample_warp3d.figures.scoring import near_steps, widened
 from resample_warp3d.types import DepthImage
-from resample_warp3d.views.together import PLAIN, Joining, Standing, agreed, render_together
+from resample_warp3d.views.together import PLAIN, Joining, PosedSource, agreed, render_together
 from tests.benchmarks.warp3d_table import BENCH, DATA, SEEN, bench, camera_of, markdown
 
 KINECT = DATA / "open3d_rgbd"
@@ -135,7 +135,7 @@ def cases(count: int, shape: tuple[int, int]) -> dict[str, tuple[Any, Any]]:
     }
 
 
-def standing(views: Sequence[Seen], gains: Any, factors: Any) -> list[Standing]:
+def standing(views: Sequence[Seen], gains: Any, factors: Any) -> list[PosedSource]:
     """Views with applied errors, prepared."""
     made = []
     for view, gain, factor in zip(views, gains, factors, strict=True):
@@ -143,11 +143,13 @@ def standing(views: Sequence[Seen], gains: Any, factors: Any) -> list[Standing]:
         depth = np.asarray(view.depth, np.float64) * factor
         nearness = np.divide(1.0, depth, out=np.zeros(depth.shape), where=depth > 0)
         image = DepthImage(color, nearness.astype(np.float32), np.empty((0, 0, 2)))
-        made.append(Standing(prepare(image), view.camera))
+        made.append(PosedSource(prepare(image), view.camera))
     return made
 
 
-def joined(given: Sequence[Standing], target: Camera, shape: Any, way: Joining) -> tuple[Any, Any]:
+def joined(
+    given: Sequence[PosedSource], target: Camera, shape: Any, way: Joining
+) -> tuple[Any, Any]:
     """Colors (H, W, 3) over black, and coverage (H, W)."""
     seen = render_together(agreed(given, way), target, shape, "hybrid", way).warped
     return seen.image, seen.coverage
@@ -200,7 +202,7 @@ def kinect(ways: dict[str, Joining]) -> Iterator[Row]:
             yield row
 
 
-def borders(given: Sequence[Standing], target: Camera, shape: Any) -> Any:
+def borders(given: Sequence[PosedSource], target: Camera, shape: Any) -> Any:
     """Pixels (H, W) at borders of any view."""
     found = np.zeros(shape, np.bool_)
     for each in given:

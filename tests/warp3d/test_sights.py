@@ -8,7 +8,7 @@ import pytest
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.panoramic import Equirectangular, turn
 from resample.measuring.quality import psnr
-from resample_warp3d import SEAMLESS, panorama, render_together, warp, way_between
+from resample_warp3d import SEAMLESS, mapping_between, panorama, render_together, warp
 from resample_warp3d.types import Hole
 from tests.warp3d.naive_sheet import ball, flat, pattern, plane
 from tests.warp3d.naive_sights import traced
@@ -83,7 +83,7 @@ def test_what_is_beyond_the_source_is_outside(name):
     _, depth = traced(THINGS, camera, SHAPE)
     columns, rows = np.meshgrid(np.arange(SHAPE[1]) + 0.5, np.arange(SHAPE[0]) + 0.5)
     at = np.stack([columns, rows], -1).reshape(-1, 2)
-    back = way_between(SOURCES[name], TARGETS["fisheye"], SHAPE).back(at, 1 / depth.ravel())[0]
+    back = mapping_between(SOURCES[name], TARGETS["fisheye"], SHAPE).back(at, 1 / depth.ravel())[0]
     inside = (back > 2).all(1) & (back[:, 0] < SHAPE[1] - 2) & (back[:, 1] < SHAPE[0] - 2)
     beyond = ~((back > -2).all(1) & (back[:, 0] < SHAPE[1] + 2) & (back[:, 1] < SHAPE[0] + 2))
     holes = made.holes.ravel()

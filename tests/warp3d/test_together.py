@@ -12,7 +12,7 @@ from resample_warp3d.views import blending, voting
 from resample_warp3d.views.aligning import match_depths, scaled
 from resample_warp3d.views.matching import balanced, match_colors
 from resample_warp3d.views.merging import merge
-from resample_warp3d.views.together import PLAIN, Joining, Standing, agreed, render_together
+from resample_warp3d.views.together import PLAIN, Joining, PosedSource, agreed, render_together
 from resample_warp3d.warping import render
 from tests.warp3d import naive_together as naive
 from tests.warp3d.naive_sheet import camera_at, depth_image, pattern, plane, see
@@ -49,7 +49,7 @@ def standing(gains=(1, 1, 1), factors=(1, 1, 1), biases=(0, 0, 0)):
         color = np.float32(gain) * image.color + np.float32(bias)
         nearness = (image.nearness / factor).astype(np.float32)
         source = prepare(image._replace(color=color, nearness=nearness), noise=0.0, step=0.0)
-        made.append(Standing(source, camera_at(eye, shape=SHAPE)))
+        made.append(PosedSource(source, camera_at(eye, shape=SHAPE)))
     return made
 
 
@@ -225,7 +225,7 @@ def test_outliers_are_those_that_half_of_the_sources_look_through(rng):
     depth = 1 / source.nearness
     flying = rng.random(SHAPE) < 0.05
     nearness = np.where(flying, 1 / (0.7 * depth), source.nearness).astype(np.float32)
-    given[0] = Standing(source._replace(nearness=nearness), camera)
+    given[0] = PosedSource(source._replace(nearness=nearness), camera)
     views = views_of(given)
     equations = [between(each.camera, target()) for each in given]
     sources = [each.source for each in given]

@@ -10,7 +10,7 @@ from resample_warp3d.depth.equation import of_rectified
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.types import AS_GIVEN, DepthImage, Equation
 from resample_warp3d.warping import render
-from resample_warp3d.wide.passages import way_between
+from resample_warp3d.wide.passages import mapping_between
 from tests.warp3d.naive_sheet import EMPTY
 
 SHAPE = (24, 32)
@@ -75,7 +75,7 @@ def test_targets_that_bend_rays_ask_the_samples_that_their_pixels_see(name, rng)
     else:
         shape = 40, 80
         target, ray = Equirectangular(np.eye(4)), rays_of_panorama(shape)
-    way = way_between(Camera(matrix), target, shape)
+    way = mapping_between(Camera(matrix), target, shape)
     moved = render(source_of(trust), way, shape, "hybrid")
     given = render(source_of(AS_GIVEN), way, shape, "hybrid")
     # The eye stays where it is, so pixels see along the same rays, whatever the depth.

@@ -32,9 +32,9 @@ if TYPE_CHECKING:
     from resample_warp3d.types import DepthImage, Equation, Hole, Source, Warped
     from resample_warp3d.views.merging import merge
     from resample_warp3d.views.panoramas import SEAMLESS, panorama
-    from resample_warp3d.views.together import Joining, Standing, agreed, render_together
+    from resample_warp3d.views.together import Joining, PosedSource, agreed, render_together
     from resample_warp3d.warping import render, warp, warp_disparity
-    from resample_warp3d.wide.passages import way_between
+    from resample_warp3d.wide.passages import mapping_between
 
 _HOMES = {
     "Camera": "resample.cameras.models",
@@ -50,7 +50,7 @@ _HOMES = {
     "Orthographic": "resample.cameras.models",
     "SEAMLESS": "views.panoramas",
     "Source": "types",
-    "Standing": "views.together",
+    "PosedSource": "views.together",
     "Warped": "types",
     "agreed": "views.together",
     "background": "sheet.behind",
@@ -70,7 +70,7 @@ _HOMES = {
     "render_together": "views.together",
     "view": "notebooks",
     "warp": "warping",
-    "way_between": "wide.passages",
+    "mapping_between": "wide.passages",
     "warp_disparity": "warping",
 }
 
@@ -87,14 +87,15 @@ __all__ = [
     "Hybrid",
     "Joining",
     "Orthographic",
+    "PosedSource",
     "Source",
-    "Standing",
     "Warped",
     "agreed",
     "background",
     "behind",
     "between",
     "framed",
+    "mapping_between",
     "merge",
     "of_rectified",
     "panorama",
@@ -109,9 +110,10 @@ __all__ = [
     "view",
     "warp",
     "warp_disparity",
-    "way_between",
 ]
 
-__getattr__ = attributes(__name__, _HOMES)
+__getattr__ = attributes(
+    __name__, _HOMES, {"way_between": "mapping_between", "Standing": "PosedSource"}
+)
 __dir__ = listing(_HOMES)
 moved(__name__, {"showing": "figures", "rivals": "baselines"})

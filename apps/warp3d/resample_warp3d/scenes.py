@@ -16,7 +16,7 @@ from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.methods.hybrid import Hybrid, Preview
 from resample_warp3d.types import DepthImage, Equation, Method, Previewed, Source, Warped
 from resample_warp3d.warping import Filling, as_light, filled, nearness_of, render, shape_of
-from resample_warp3d.wide.passages import way_between
+from resample_warp3d.wide.passages import mapping_between
 from resample_warp3d.wide.projections import CameraModel, taken_by
 
 PER = 2  # px of the target per px of its preview, along each axis
@@ -110,7 +110,7 @@ class DepthScene:
             chosen = self._method(method)
             if quality == "preview":
                 return self._preview(sight, shape, threads)
-            way = way_between(self.camera, sight, shape)
+            way = mapping_between(self.camera, sight, shape)
             seen = partial(render, equation=way, shape=shape, method=chosen, threads=threads)
             return filled(self.source, partial(seen, filter=filter), fill)
 
@@ -138,7 +138,7 @@ class DepthScene:
             raise ValueError(f"{rows} × {columns} samples; at most {MOST_NAMED} can be numbered")
         index = np.arange(rows * columns, dtype=np.float32).reshape(rows, columns, 1)
         shape = self.shape if size is None else shape_of(size)
-        way = way_between(self.camera, self._camera_model(target), shape)
+        way = mapping_between(self.camera, self._camera_model(target), shape)
         named = render(self.source._replace(color=index), way, shape, Hybrid(labels=True))
         is_seen = named.coverage > 0
         share = np.where(is_seen, named.coverage, np.float32(1))
@@ -176,7 +176,7 @@ class DepthScene:
     ) -> Previewed:
         """Render nearest samples at every other pixel, and enlarge that to the target."""
         small = -(-shape[0] // PER), -(-shape[1] // PER)
-        way = way_between(self.camera, sight, shape)
+        way = mapping_between(self.camera, sight, shape)
         per = np.diag([1 / PER, 1 / PER, 1.0])
         if isinstance(way, Equation):
             source, way = self._merged(), way.in_frame(per)

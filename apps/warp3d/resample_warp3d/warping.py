@@ -23,7 +23,7 @@ from resample_warp3d.sheet.behind import background, behind
 from resample_warp3d.sheet.filling import fill as fill_holes
 from resample_warp3d.sheet.holes import explained, trusted
 from resample_warp3d.types import DepthImage, Equation, Method, Rendered, Source, Warped
-from resample_warp3d.wide.passages import Passage, Way, way_between
+from resample_warp3d.wide.passages import Passage, Way, mapping_between
 from resample_warp3d.wide.projections import CameraModel, taken_by
 
 Filling = Literal["picture", "layer"]
@@ -112,7 +112,7 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     image, source = taken_by(source, DepthImage(light, nearness, np.empty((0, 0, 2))))
     prepared = prepare(image, noise=noise, step=step, refine=refine)
     shape = (height, width) if size is None else shape_of(size)
-    equation = way_between(source, target, shape)
+    equation = mapping_between(source, target, shape)
     seen = partial(render, equation=equation, shape=shape, method=method, threads=threads)
     return filled(prepared, partial(seen, filter=filter), fill)
 

@@ -25,7 +25,7 @@ from resample_warp3d.depth.refining.conditioning import Refined, refine
 from resample_warp3d.sheet.behind import background, behind
 from resample_warp3d.sheet.filling import fill
 from resample_warp3d.types import Equation, Hole, Source, Warped
-from resample_warp3d.wide.passages import Way, way_between
+from resample_warp3d.wide.passages import Way, mapping_between
 from resample_warp3d.wide.projections import CameraModel
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ def warped(
     session: Session, source: Prepared, target: CameraModel, shape: Shape, choice: DepthWarping
 ) -> Warped:
     """Render a source for a camera in a frame (height, width)."""
-    return _rendered(session, source, way_between(source.camera, target, shape), shape, choice)
+    return _rendered(session, source, mapping_between(source.camera, target, shape), shape, choice)
 
 
 def joined(
@@ -108,7 +108,7 @@ def joined(
     joining: "Joining",
 ) -> JoinedPicture:
     """Render several sources together for a camera in a frame (height, width)."""
-    from resample_warp3d.views.together import Standing, agreed, layers_of, render_together
+    from resample_warp3d.views.together import PosedSource, agreed, layers_of, render_together
 
     if len(sources) == 1:
         return JoinedPicture(warped(session, sources[0], target, shape, choice), None)
@@ -118,7 +118,7 @@ def joined(
     )  # fmt: skip
     with session.stage("match"):
         standing = [
-            Standing(each.source, each.camera)
+            PosedSource(each.source, each.camera)
             for each in sources
             if isinstance(each.camera, Camera)
         ]

@@ -19,7 +19,7 @@ from resample.cameras.panoramic import rays_at, turn
 from resample.types import Doubles, Floats
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.types import DepthImage
-from resample_warp3d.views.together import Agreed, Joining, Standing, agreed
+from resample_warp3d.views.together import Agreed, Joining, PosedSource, agreed
 from resample_warp3d.warping import as_light
 
 SIDES = 4
@@ -72,7 +72,7 @@ def panorama(
     """
     cut = faces(as_light(color), length, world_to_camera)
     prepared = [
-        Standing(prepare(face.image, noise=noise, refine=refine), face.camera) for face in cut
+        PosedSource(prepare(face.image, noise=noise, refine=refine), face.camera) for face in cut
     ]
     return agreed(prepared, SEAMLESS)
 

@@ -16,7 +16,7 @@ from resample_warp3d.views.blending import angle_share, check_blend
 from resample_warp3d.views.matching import Match, balanced, check_colors, match_colors
 from resample_warp3d.views.merging import merge, order_of_bits
 from resample_warp3d.views.voting import check_votes, outvoted
-from resample_warp3d.wide.passages import way_between
+from resample_warp3d.wide.passages import mapping_between
 from resample_warp3d.wide.projections import CameraModel
 
 
@@ -66,18 +66,18 @@ class Joining:
 PLAIN = Joining("confident", "none", "none", "none")  # without corrections or votes
 
 
-class Standing(NamedTuple):
+class PosedSource(NamedTuple):
     """A prepared source and its camera.
 
     Examples
     --------
     >>> import numpy as np
-    >>> from resample_warp3d import Camera, DepthImage, Joining, Standing, agreed, prepare
+    >>> from resample_warp3d import Camera, DepthImage, Joining, PosedSource, agreed, prepare
     >>> color, nearness = np.ones((24, 32, 3), np.float32), np.full((24, 32), 0.5, np.float32)
     >>> source = prepare(DepthImage(color, nearness, np.empty((0, 0, 2))))
     >>> camera = Camera.from_fov(60, 24, 32)
     >>> right = camera.moved(np.c_[np.eye(3), [-0.1, 0, 0]])
-    >>> agreed([Standing(source, camera), Standing(source, right)], Joining()).scale.tolist()
+    >>> agreed([PosedSource(source, camera), PosedSource(source, right)], Joining()).scale.tolist()
     [1.0, 1.0]
     """
 
@@ -88,7 +88,7 @@ class Standing(NamedTuple):
 class Agreed(NamedTuple):
     """Sources with matched depths, in canonical order."""
 
-    standing: list[Standing]
+    standing: list[PosedSource]
     order: list[int]  # indices into the sources as given
     scale: Doubles  # (V,) factors of the nearness, in the given order
 
@@ -100,18 +100,18 @@ class Joined(NamedTuple):
     match: Match  # in the given order of the sources
 
 
-def agreed(given: Sequence[Standing], joining: Joining) -> Agreed:
+def agreed(given: Sequence[PosedSource], joining: Joining) -> Agreed:
     """Match the depths of several sources; the result serves every target.
 
     Examples
     --------
     >>> import numpy as np
-    >>> from resample_warp3d import Camera, DepthImage, Joining, Standing, agreed, prepare
+    >>> from resample_warp3d import Camera, DepthImage, Joining, PosedSource, agreed, prepare
     >>> color, none = np.ones((24, 32, 3), np.float32), np.empty((0, 0, 2))
     >>> maps = [np.full((24, 32), nearness, np.float32) for nearness in (0.5, 0.51)]
     >>> sources = [prepare(DepthImage(color, nearness, none)) for nearness in maps]
     >>> camera = Camera.from_fov(60, 24, 32)
-    >>> together = agreed([Standing(source, camera) for source in sources], Joining())
+    >>> together = agreed([PosedSource(source, camera) for source in sources], Joining())
     >>> together.scale.round(3).tolist()  # of their nearness
     [1.01, 0.99]
     """
@@ -172,7 +172,7 @@ def render_together(  # noqa: PLR0913 - what a user may say about a warp
     Examples
     --------
     >>> import numpy as np
-    >>> from resample_warp3d import Camera, DepthImage, Joining, Standing
+    >>> from resample_warp3d import Camera, DepthImage, Joining, PosedSource
     >>> from resample_warp3d import agreed, prepare, render_together
     >>> color = np.repeat(np.linspace(0.1, 0.9, 48, dtype=np.float32), 64).reshape(48, 64, 1)
     >>> nearness, none = np.full((48, 64), 0.5, np.float32), np.empty((0, 0, 2))
@@ -180,7 +180,7 @@ def render_together(  # noqa: PLR0913 - what a user may say about a warp
     >>> views = []
     >>> for exposure, x in ((1.0, -0.2), (0.5, 0.2)):
     ...     source = prepare(DepthImage(exposure * color, nearness, none))
-    ...     views.append(Standing(source, camera.moved(np.c_[np.eye(3), [x, 0, 0]])))
+    ...     views.append(PosedSource(source, camera.moved(np.c_[np.eye(3), [x, 0, 0]])))
     >>> joined = render_together(agreed(views, Joining()), camera, (48, 64))
     >>> joined.warped
     Warped(48 × 64 × 1 float32, 100 % covered)
@@ -190,7 +190,7 @@ def render_together(  # noqa: PLR0913 - what a user may say about a warp
     from resample_warp3d.warping import render
 
     chosen = Joining() if joining is None else joining
-    equations = [way_between(each.camera, target, shape) for each in sources.standing]
+    equations = [mapping_between(each.camera, target, shape) for each in sources.standing]
     views = [
         render(each.source, equation, shape, method, threads, filter=filter)
         for each, equation in zip(sources.standing, equations, strict=True)

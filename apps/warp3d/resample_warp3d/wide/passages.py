@@ -180,7 +180,7 @@ def _cross(a: Doubles, b: Doubles) -> Doubles:
 Way = Equation | Passage
 
 
-def way_between(source: CameraModel, target: CameraModel, shape: Shape) -> Way:
+def mapping_between(source: CameraModel, target: CameraModel, shape: Shape) -> Way:
     """Return the map from a source to a target (height, width): an equation if possible.
 
     Raises
@@ -192,10 +192,10 @@ def way_between(source: CameraModel, target: CameraModel, shape: Shape) -> Way:
     --------
     >>> import numpy as np
     >>> from resample_warp3d import Camera, DepthImage, Equirectangular
-    >>> from resample_warp3d import prepare, render, way_between
+    >>> from resample_warp3d import prepare, render, mapping_between
     >>> color, nearness = np.ones((24, 32, 3), np.float32), np.full((24, 32), 0.5, np.float32)
     >>> source = prepare(DepthImage(color, nearness, np.empty((0, 0, 2))))
-    >>> way = way_between(Camera.from_fov(90, 24, 32), Equirectangular(), (32, 64))
+    >>> way = mapping_between(Camera.from_fov(90, 24, 32), Equirectangular(), (32, 64))
     >>> render(source, way, (32, 64), "hybrid")
     Warped(32 × 64 × 3 float32, 15.6 % covered)
     """
