@@ -128,9 +128,9 @@ def portion(first: float, last: float) -> Iterator[None]:
 
     Examples
     --------
-    >>> from resample.watching import look, portion, told
+    >>> from resample.watching import report, portion, told
     >>> with told(print), portion(0.5, 0.75):
-    ...     look(1, 2)
+    ...     report(1, 2)
     0.625
     1.0
     """
@@ -153,7 +153,7 @@ def is_watched() -> bool:
     return watch.cancel is not None or watch.progress is not None
 
 
-def look(taken: int, count: int) -> None:
+def report(taken: int, count: int) -> None:
     """Report the number of a kernel's tasks that were taken.
 
     Raises

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.engine.compiled import library
-from resample.watching import OFTEN, is_watched, look
+from resample.watching import OFTEN, is_watched, report
 
 LOG = logging.getLogger("resample")
 P = ParamSpec("P")
@@ -167,7 +167,7 @@ def _on_all_threads(
 
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> None:
-        look(0, 0)
+        report(0, 0)
         counter, begin = np.zeros(2, np.int64), time.perf_counter()
         # To wait for others takes a tenth of a millisecond: too costly for small pictures.
         takes_part = seconds[0] < SHORT and not is_watched()
@@ -201,7 +201,7 @@ def _await(started: list[Future[None]], counter: Counter) -> None:
     """Wait for threads, and look at what they do."""
     with _stopping(started, counter):
         while wait(started, OFTEN).not_done:
-            look(int(counter[0]), int(counter[1]))
+            report(int(counter[0]), int(counter[1]))
     for thread in started:
         thread.result()
 

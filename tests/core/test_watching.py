@@ -98,7 +98,7 @@ def test_work_stops_in_its_midst_and_leaves_nothing_behind(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(jit, "OFTEN", 0.0002)
-    draw, cancel, look, told = WORK[name](SMALL), Cancel(), jit.look, []
+    draw, cancel, look, told = WORK[name](SMALL), Cancel(), jit.report, []
     before, counts = draw(), Counter[int]()
 
     def looked(taken: int, count: int) -> None:
@@ -113,14 +113,14 @@ def test_work_stops_in_its_midst_and_leaves_nothing_behind(
         look(taken, count)
 
     with cancellable(cancel):
-        monkeypatch.setattr(jit, "look", looked)
+        monkeypatch.setattr(jit, "report", looked)
         while not any(counts.values()):
             draw()
         longest = max(counts, key=counts.__getitem__)
-        monkeypatch.setattr(jit, "look", stopping)
+        monkeypatch.setattr(jit, "report", stopping)
         with pytest.raises(CancelledError, match="was cancelled"):
             _again_and_again(draw)
-    monkeypatch.setattr(jit, "look", look)
+    monkeypatch.setattr(jit, "report", look)
     taken, count = told[-1]
     assert 0 < taken < count == longest  # and no look came after that one
     np.testing.assert_array_equal(draw(), before)

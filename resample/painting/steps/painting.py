@@ -23,7 +23,7 @@ from resample.painting.scenes.scene import (
 )
 from resample.profiles.orders import Summing
 from resample.types import Field, Floats, Indices, Samples, Tiles
-from resample.watching import Progress, look, told
+from resample.watching import Progress, report, told
 
 if TYPE_CHECKING:
     from resample.engine.ellipsoids.steps import Carried, Step
@@ -79,7 +79,7 @@ def paint_in_steps(
                 waiting = _behind(scene, by, samples, end) if left.size else None
             carried = carried._replace(step=_next_step(step, by.between, end))
         done = total - int(source.sizes[left].sum())
-        look(done, total)
+        report(done, total)
         if progress is not None:
             progress(done / max(1, total))
     return painted

@@ -18,7 +18,7 @@ from resample.memory import amount
 from resample.memory.mapped import array_in_file, folder
 from resample.painting.splines import bytes_of_field
 from resample.types import Doubles
-from resample.watching import look
+from resample.watching import report
 from resample_volume.data.memory import require_memory
 from resample_volume.data.parts import slabs, threads_at_work
 from resample_volume.data.statistics.caches import LruCache, PinnedCache, is_known_by_its_ends
@@ -258,7 +258,7 @@ class Bricks:
             values[self.box(index)] = self.brick(index)
 
         for n, _ in enumerate(self.each(put, self.all())):
-            look(n + 1, prod(self.count))
+            report(n + 1, prod(self.count))
 
     def without(self, padding: Sequence[float], by: Any) -> "Bricks":
         """Return a copy in which values for missing ones, and infinite ones, are replaced."""

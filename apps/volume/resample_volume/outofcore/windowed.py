@@ -24,7 +24,7 @@ from resample.painting.scenes.plans import SPLATS, PicturePlan, PlansOfPart, Win
 from resample.painting.steps.planning import EVERYBODY
 from resample.resampler import Resampler
 from resample.types import Doubles, Film, Samples
-from resample.watching import Executor, Progress, look, shared_out, told
+from resample.watching import Executor, Progress, report, shared_out, told
 from resample_volume.data.bricks import Bricks, held_together, with_neighbours
 from resample_volume.data.parts import threads_at_work
 from resample_volume.data.statistics.caches import LruCache
@@ -439,5 +439,5 @@ def _samples(job: RenderJob, bricks: Bricks, known: Surveyed, count: int) -> Sam
         own = slice(done, done + len(part.position))
         position[own], color[own], extinction[own] = part[:3]
         lattice, done = part.lattice, own.stop
-        look(done, count)
+        report(done, count)
     return Samples(position[:done], color[:done], extinction[:done], lattice)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from resample import memory
 from resample.types import Doubles, Floats
-from resample.watching import look
+from resample.watching import report
 from resample_volume.classification.transfer import DataRange, Transfer, visible_places
 from resample_volume.data.bricks import Box, Bricks, Step, held_together, with_neighbours
 from resample_volume.data.parts import layers_alike, side_by_side, threads_at_work
@@ -77,7 +77,7 @@ def visible_in_bricks(bricks: Bricks, wanted: BrickClassifier, name: str) -> Can
         parts.append(part)
         count += part.place.size
         _require(bricks, wanted.transfer, count, name, bricks.most_held)
-        look(n + 1, len(chosen))
+        report(n + 1, len(chosen))
     return _in_order(parts, bricks)
 
 

@@ -14,7 +14,7 @@ from resample.memory.mapped import is_in_file
 from resample.reading.arrays import read_npz
 from resample.reading.limits import check_size, check_unpacked
 from resample.types import Doubles
-from resample.watching import look
+from resample.watching import report
 from resample_warp3d.clouds.cloud import Cloud, kept_columns, some_of
 from resample_warp3d.clouds.fields import COLORS, NORMALS, PLACES, Fields, cloud_of
 from resample_warp3d.clouds.las import read_las
@@ -265,7 +265,7 @@ def _binary_cloud(path: Path, file: BinaryIO, count: int, kind: np.dtype[Any]) -
         points = np.frombuffer(file.read(some * kind.itemsize), kind, some)
         fields = {name: points[name] for name in kind.names or () if points[name].ndim == 1}
         gathering.add(cloud_of(fields))
-        look(first + some, count)
+        report(first + some, count)
     return gathering.cloud()
 
 

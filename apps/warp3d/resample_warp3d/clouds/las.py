@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.reading.limits import check_free, check_ratio
-from resample.watching import look
+from resample.watching import report
 from resample.words import one_line
 from resample_warp3d.clouds.cloud import Cloud, kept_columns
 from resample_warp3d.clouds.coloring import SCANNED, colored_as_scanned
@@ -135,7 +135,7 @@ def _gathered(
         shown = {name: part.columns[name] for name in SCANNED if name in part.columns}
         gathering.add(kept._replace(columns={**kept.columns, **shown, **levels}))
         read += len(record)
-        look(read, count)
+        report(read, count)
     cloud = colored_as_scanned(gathering.cloud())
     return cloud if columns is None else kept_columns(cloud, columns)
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from resample.memory.mapped import most_of
 from resample.types import Doubles, Floats
-from resample.watching import look, told
+from resample.watching import report, told
 from resample_warp3d.clouds.cloud import Cloud, checked, some_of
 from resample_warp3d.clouds.parts import on_threads, rows_of, zeros_beside
 
@@ -226,7 +226,7 @@ def _by_buckets(cloud: Cloud, radius: float | None, most: int) -> Ordered:
         part = some_of(part, canonical(part, curve))
         for each, values in zip(ordered[:4], part[:4], strict=True):
             each[first:last] = values
-        look(last, count)
+        report(last, count)
     return Ordered(origin, ordered)
 
 

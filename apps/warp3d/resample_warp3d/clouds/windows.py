@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from resample.memory.mapped import array_in_file
 from resample.painting.scenes.scene import dealt_to_tiles, tiles_along
 from resample.types import Records, Screen
-from resample.watching import look, portion, told
+from resample.watching import portion, report, told
 from resample_warp3d.clouds.parts import rows_of, zeros_beside
 from resample_warp3d.clouds.spacing import Surfels
 
@@ -81,7 +81,7 @@ def paint_in_windows(
         with told(None):  # of each part
             _paint_span(job, survey, span)
         with portion(SURVEYING, 1.0):
-            look(n + 1, len(spans))
+            report(n + 1, len(spans))
     return survey.visible, job.seconds
 
 
@@ -122,7 +122,7 @@ def _surveyed(job: _RenderJob) -> _Survey:
         held += count.sum(axis=0)
         tiles = np.flatnonzero(count.any(axis=0))
         touched.append((tiles[0], tiles[-1]) if tiles.size else (0, -1))
-        look(part.stop, len(position))
+        report(part.stop, len(position))
     start = np.concatenate([[0], np.cumsum(held)])
     job.seconds["project"] += perf_counter() - begin
     return _Survey(seen, start, np.array(touched, np.int64).reshape(-1, 2))

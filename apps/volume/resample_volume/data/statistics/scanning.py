@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Doubles
-from resample.watching import Executor, look, shared_out
+from resample.watching import Executor, report, shared_out
 
 Step = tuple[int, int, int]  # z, y, x
 Box = tuple[slice, slice, slice]  # z, y, x
@@ -106,7 +106,7 @@ def scanned(bricks: InBricks, helpers: Helpers | None = None) -> BrickStats:
     for part in shared_out(executor, partial(_scan_layers, bricks, threads), spans):
         found.append(part)
         bricks.reads += part.reads
-        look(spans[len(found) - 1][1], layers)
+        report(spans[len(found) - 1][1], layers)
     least, greatest, some = (np.concatenate([part[n] for part in found]) for n in (0, 1, 4))
     codes = [part.codes for part in found if part.codes is not None]
     beyond = _beyond(bricks, least, greatest, some, helpers)
@@ -159,7 +159,7 @@ def _scan_layers(bricks: InBricks, threads: int | None, span: tuple[int, int]) -
     infinite = missing = 0
     with _on(threads):
         for n, (more, none, counted) in enumerate(own.each(scan, indices)):
-            look(n + 1, len(indices))
+            report(n + 1, len(indices))
             infinite, missing = infinite + more, missing + none
             if codes is not None and counted is not None:
                 codes += counted
@@ -191,7 +191,7 @@ def _beyond(
     ):
         found.append(values)
         bricks.reads += reads
-        look(len(found) - 1, len(parts))
+        report(len(found) - 1, len(parts))
     return np.concatenate(found)
 
 

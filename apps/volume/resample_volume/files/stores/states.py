@@ -15,7 +15,7 @@ from itertools import islice, product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from resample.watching import look
+from resample.watching import report
 
 if TYPE_CHECKING:
     import zarr
@@ -148,7 +148,7 @@ def _asked(place: Any, portion: Portion) -> Iterator[Told]:
     pool = ThreadPoolExecutor(TOGETHER)
     try:
         while batch := list(islice(names, PAGE)):
-            look(0, 1)
+            report(0, 1)
             yield from (told for told in pool.map(head, batch) if told is not None)
     finally:
         pool.shutdown(cancel_futures=True)
