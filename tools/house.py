@@ -8,8 +8,10 @@ included. Known violations are listed in `pyproject.toml`; that list may only sh
 """
 
 import ast
+import io
 import re
 import sys
+import tokenize
 import tomllib
 from collections import Counter, defaultdict
 from collections.abc import Iterator
@@ -25,6 +27,8 @@ MOST_FILES = 12  # of a folder, besides __init__.py
 MOST_ARGUMENTS = 8  # of a kernel; ruff counts arguments of other functions
 MOST_LINES = 60  # of a function, without its docstring
 MOST_HOMES = 1  # of a class name
+LEAST_COMMENTS = 40  # lines of comments per 1,000 lines of kernels
+MOST_BUNDLES = 286  # named tuples that are built in one place; may only fall
 PRIVATE_WORDS = re.compile(  # where the field has others: classify, gather, visible, scratch, cache
     r"look(s|ed|ing)?|sees?|seen|unseen|sights?|sighting|gazes?|glances?|shelf|shelves|rooms?|matters?"
 )
@@ -128,6 +132,39 @@ def private_words(known: list[Module]) -> Iterator[str]:
                 yield f"{module.path}:{name}: not a word of the field"
 
 
+def silent_kernels(known: list[Module]) -> Iterator[str]:
+    """Report if the steps of kernels are not named by comments."""
+    lines = comments = 0
+    for module in known:
+        if KERNELS & set(module.path.parts):
+            text = (ROOT / module.path).read_text(encoding="utf-8")
+            lines += text.count("\n")
+            tokens = tokenize.generate_tokens(io.StringIO(text).readline)
+            comments += sum(
+                token.type == tokenize.COMMENT and token.line.lstrip().startswith("#")
+                for token in tokens
+            )
+    if 1000 * comments < LEAST_COMMENTS * lines:
+        yield (
+            f"{1000 * comments / lines:.0f} lines of comments per 1,000 lines of kernels, at least "
+            f"{LEAST_COMMENTS}"
+        )
+
+
+def bundles_built_once(known: list[Module]) -> Iterator[str]:
+    """Report if more named tuples than on record are built in one place only."""
+    bundles, built = set(), Counter[str]()
+    for module in known:
+        for node in ast.walk(module.tree):
+            if isinstance(node, ast.ClassDef) and "NamedTuple" in map(ast.unparse, node.bases):
+                bundles.add(node.name)
+            elif isinstance(node, ast.Call):
+                built[ast.unparse(node.func).rpartition(".")[2]] += 1
+    count = sum(built[name] == 1 for name in bundles)
+    if count > MOST_BUNDLES:
+        yield f"{count} named tuples are built in one place only, at most {MOST_BUNDLES}"
+
+
 def circles(known: list[Module]) -> Iterator[str]:
     """Import cycles; at most one is reported."""
     names = {module.name for module in known}
@@ -198,6 +235,8 @@ def main() -> int:
         long_functions,
         ambiguous_names,
         private_words,
+        silent_kernels,
+        bundles_built_once,
         circles,
         circles_of_folders,
         untrue_map,

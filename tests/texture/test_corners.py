@@ -101,7 +101,7 @@ def test_three_corners_on_a_line_are_refused(corners):
 
 @pytest.mark.parametrize("order", [(0, 2, 1, 3), (1, 0, 2, 3), (0, 1, 3, 2)])
 def test_corners_in_two_orders_are_refused(order):
-    with pytest.raises(ValueError, match="give both in one order"):
+    with pytest.raises(ValueError, match="give both in the same order"):
         from_corners(PAGE, SQUARE[list(order)])
 
 

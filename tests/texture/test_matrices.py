@@ -174,7 +174,7 @@ def test_a_text_that_is_no_matrix_is_refused(text, complaint):
         (b"1 2\n3 4\n5 6\n", "2, 2, 2 numbers"),
         (b"one two three\n", "not a text file of numbers"),
         (b"\x89PNG\r\n\x1a\n\xff\xfe", "not a text file of numbers"),
-        (b"1 " * 40000, "no file of nine numbers"),
+        (b"1 " * 40000, "a file of nine numbers is smaller"),
     ],
 )
 def test_a_file_that_is_no_matrix_is_refused(tmp_path, content, complaint):

@@ -190,7 +190,7 @@ def test_films_and_names_have_no_other_parts(
     color, depth, _ = files
     words = ["--fov", 60, "--depth-scale", 1000, "--move", "0.1,0,0", "--show", "depth"]
     said = refused(app, capsys, "render", color, depth, *words, "--unmixed", "-o", "a.png")
-    assert "--show depth is in colors" in said
+    assert "--show depth is in false colors" in said
     assert ended(app, "render", color, depth, *words, "-o", "a.jpg") == 0  # nothing transparent
 
 
@@ -223,7 +223,7 @@ def test_a_film_through_cameras_of_the_page_is_that_of_the_command(
 def test_films_are_made_of_one_view(files: tuple[str, str, str]) -> None:
     further = [f"{files[0]},{files[1]},move.txt"]
     painter = DepthView(*files[:2], further=further).painter()
-    with pytest.raises(ValueError, match="films are made of one view"):
+    with pytest.raises(ValueError, match="films are made from one view"):
         painter.film({}, (36, 30), "", Path("film.mp4"), print)
 
 

@@ -295,7 +295,7 @@ def test_a_volume_of_one_value_is_seen():
     ("words", "complaint"),
     [
         (["--method", "dots"], "'hybrid', 'points', 'splats', 'paper', 'inflate' or 'ewa'"),
-        (["--footprint", "round"], "'exact', 'corrected', 'small-angle', 'affine' or 'disc'"),
+        (["--footprint", "round"], "'affine', 'disc', 'equation' or 'projected'"),
         (["--filter", "sinc"], "known filters: area, box, catmull-rom, gaussian,"),
         (["--kernel", "cone"], "known reconstructions: bspline, gaussian"),
         (["--order", "random"], "known orders: axis-sheets, every-sample, image-sheets"),

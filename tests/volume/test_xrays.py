@@ -178,7 +178,7 @@ def test_all_times_share_a_window():
     values = np.stack([ball(inside=hu).values for hu in (WATER, BONE)])[:, None]
     recording = Recording(values, np.ones(3), np.zeros(3), np.eye(3), "times", "hu")
     series = Series.of(recording)
-    look = series.classifier(Appearance(), Projection.XRAY)
+    look = series.appearance(Appearance(), Projection.XRAY)
     assert look.xray.added == 0
     assert look.xray.window[1] == pytest.approx(2 * MU * 2 * RADIUS, rel=0.02)
 

@@ -142,5 +142,5 @@ def test_a_camera_without_a_lens_has_no_places_of_one():
 
 
 def test_a_parallel_camera_is_none_of_depth_images():
-    with pytest.raises(ValueError, match="not by Orthographic"):
+    with pytest.raises(ValueError, match="needs a Camera; got Orthographic"):
         between(SKEWED, Orthographic(5, 5, 1, 1))

@@ -129,8 +129,8 @@ class Added(Choices):
         str | None,
         TRANSFER,
         Field(
-            description="AppearanceChoices of each channel of the file: a color, a transfer function or none "
-            "(hidden), such as red,#00ff80,none or gray,300..900,auto:opacity=0.2."
+            description="Appearance of each channel of the file: a color, a transfer function or "
+            "none (hidden), such as red,#00ff80,none or gray,300..900,auto:opacity=0.2."
         ),
     ] = None
 
@@ -241,7 +241,7 @@ class AppearanceChoices(Choices):
     label: Annotated[
         tuple[str, ...],
         Several,
-        Field(description="AppearanceChoices of a label: 1:color=tomato,opacity=0.5 or 2:hidden."),
+        Field(description="Appearance of a label: 1:color=tomato,opacity=0.5 or 2:hidden."),
     ] = ()
     crop: Annotated[
         str | None,

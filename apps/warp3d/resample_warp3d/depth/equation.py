@@ -27,7 +27,7 @@ def between(source: Camera, target: Camera) -> Equation:
     """
     for camera in (source, target):
         if not isinstance(camera, Camera):
-            raise ValueError(f"the warping equation needs a Camera, not a {type(camera).__name__}")
+            raise ValueError(f"the warping equation needs a Camera; got {type(camera).__name__}")
     relative = target.world_to_camera @ np.linalg.inv(source.world_to_camera)
     turned: Doubles = target.matrix @ relative[:3, :3] @ np.linalg.inv(source.matrix)
     shift = np.asarray(target.matrix @ relative[:3, 3], np.float64)
