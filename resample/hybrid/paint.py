@@ -61,10 +61,10 @@ def paint(
     """
     height, width = size
     down, across = -(-height // TILE), -(-width // TILE)
-    load = np.zeros(down * across, np.int64)
     counts = np.zeros(len(Counts._fields), np.int64)
-    count_members(records, across, tables.largest, load, counts)
-    tiles = _deal(records, (down, across), load, window or (0, 0, width, height))
+    member, start = deal_members(records, (down, across), tables.largest, counts)
+    shown = _shown(start, (down, across), window or (0, 0, width, height))
+    tiles = TileMembers(member, start, across, shown)
     met = np.zeros(len(records), np.bool_)
     paint_tiles(records, tiles, tables, blend, (height, width), met)
     points, splats, _, from_table, by_equation = map(int, counts)
@@ -72,19 +72,16 @@ def paint(
     return Counts(points, splats, hidden, from_table, by_equation)
 
 
-def _deal(
-    records: Records, grid: tuple[int, int], load: Indices, window: Sequence[int]
-) -> TileMembers:
-    """Samples of each tile of a grid (rows, columns) of tiles, in order."""
-    down, across = grid
-    start = np.concatenate([[0], np.cumsum(load)])
-    member = np.empty(start[-1], np.int32)
-    deal_members(records, across, start[:-1].copy(), member)
+def _shown(start: Indices, grid: tuple[int, int], window: Sequence[int]) -> Indices:
+    """Tiles of a grid (rows, columns) that meet a window, the fullest first.
+
+    So no thread is left with a full one at the end.
+    """
     x0, y0, x1, y1 = window
     rows, columns = slice(y0 // TILE, -(-y1 // TILE)), slice(x0 // TILE, -(-x1 // TILE))
-    shown = np.arange(down * across).reshape(grid)[rows, columns].ravel()
-    # The fullest first, so that no thread is left with one of them at the end.
-    return TileMembers(member, start, across, shown[np.argsort(-load[shown], kind="stable")])
+    shown = np.arange(grid[0] * grid[1]).reshape(grid)[rows, columns].ravel()
+    load = start[shown + 1] - start[shown]
+    return shown[np.argsort(-load, kind="stable")]
 
 
 @parallel_kernel
@@ -141,10 +138,10 @@ def _paint_tile(
 
 
 @kernel
-def count_members(
+def _count_members(
     records: Records, across: int, largest: Single, load: Indices, counts: Indices
 ) -> None:
-    """Count the samples of each tile, and of each kind; `counts` are those of `Counts`."""
+    """Count the samples of each tile, and of each kind."""
     for n in range(records.size):
         s = records[n]
         if s["kind"] == NOTHING:
@@ -161,8 +158,29 @@ def count_members(
 
 
 @kernel
-def deal_members(records: Records, across: int, filled: Indices, member: NDArray[np.int32]) -> None:
-    """List the samples of each tile from filled[t] on, in order."""
+def deal_members(
+    records: Records, grid: tuple[int, int], largest: Single, counts: Indices
+) -> tuple[NDArray[np.int32], Indices]:
+    """List the samples (M,) of each tile of a grid in order, and where each tile's begin (T + 1,).
+
+    Parameters
+    ----------
+    grid
+        Rows and columns of tiles.
+    largest
+        Angle up to which the index correction has a table, rad.
+    counts
+        Samples of each kind, as in `Counts`; filled.
+    """
+    down, across = grid
+    load = np.zeros(down * across, np.int64)
+    _count_members(records, across, largest, load, counts)
+    start = np.zeros(load.size + 1, np.int64)
+    for tile in range(load.size):
+        start[tile + 1] = start[tile] + load[tile]
+
+    # Each tile takes its samples in the order of the records.
+    member, filled = np.empty(start[-1], np.int32), start.copy()
     for n in range(records.size):
         s = records[n]
         if s["kind"] == NOTHING:
@@ -172,3 +190,4 @@ def deal_members(records: Records, across: int, filled: Indices, member: NDArray
                 tile = row * across + column
                 member[filled[tile]] = n
                 filled[tile] += 1
+    return member, start

@@ -6,16 +6,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.jit import Counter, inner_step, parallel_kernel, tasks
-from resample.engine.sorting import LOWER, settle_ties
-from resample.engine.vectors import matrix_of, multiply, vector_at
+from resample.engine.jit import kernel
+from resample.engine.sorting import member_of, settle_ties
 from resample.hybrid.blend.over import WAITING, OverBlend
-from resample.hybrid.classify import Widths, ball_of, projector_of, voxel
+from resample.hybrid.classify import Widths
 from resample.hybrid.footprint import flat_table, footprint_table
 from resample.hybrid.occlusion import TILE
 from resample.hybrid.paint import paint
-from resample.hybrid.record import NOTHING, RECORD, SPLAT, depth_order
+from resample.hybrid.record import RECORD, SPLAT, depth_order
 from resample.hybrid.splats import LookupTables
+from resample.hybrid.voxels import OrderedVoxels, place_voxels
 from resample.painting.choices import Footprint
 from resample.painting.layers import sheets_of
 from resample.painting.scenes.plans import NOTHING as NO_WINDOW
@@ -27,75 +27,21 @@ from resample.profiles.reconstruction import Reconstruction
 from resample.types import (
     Film,
     Floats,
-    Records,
     Samples,
-    Stage,
     Statistics,
 )
 from resample.watching import Progress, told
 
-CHUNK = 4096  # samples that a thread places at a time
 
-
-class OrderedVoxels(NamedTuple):
-    """Samples of a volume, and the order in which they are painted."""
-
-    position: Floats  # (3 N,) x, y and z in turn, scene units
-    extinction: Floats  # (N,) per scene unit
-    order: NDArray[np.int32]  # (N,)
-    layer: NDArray[np.int32]  # (N,) in which points are summed
-    thickness: float  # of a layer, scene units
-
-
-@parallel_kernel
-def place_voxels(
-    counter: Counter,
-    records: Records,
-    density: Floats,
-    voxels: OrderedVoxels,
-    stage: Stage,
-    widths: Widths,
-) -> None:
-    """Fill the records and densities (N,) of voxels, in their order."""
-    for task in tasks(counter, -(-records.size // CHUNK)):
-        last = min((task + 1) * CHUNK, records.size)
-        _place(records, density, voxels, stage, widths, range(task * CHUNK, last))
-
-
-@inner_step
-def _place(
-    records: Records,
-    density: Floats,
-    voxels: OrderedVoxels,
-    stage: Stage,
-    widths: Widths,
-    part: range,
-) -> None:
-    """Fill some of the records."""
-    camera, screen = stage.camera, stage.screen
-    projector, ball, shape = (
-        projector_of(camera),
-        ball_of(stage.ellipsoid),
-        (screen.height, screen.width),
-    )
-    rotation, shift = matrix_of(camera.rotation), camera.translation
-    for k in part:
-        n, s = np.uint64(voxels.order[k]), records[k]
-        world = vector_at(voxels.position, n)
-        turned = multiply(rotation, world)
-        center = (turned[0] + shift[0], turned[1] + shift[1], turned[2] + shift[2])
-        # Cull what is transparent, behind the eye or beyond a clipping plane.
-        is_seen = voxels.extinction[n] > 0.0 and center[2] > camera.near
-        is_seen &= center[2] > 0.0 or not camera.perspective
-        for plane in range(screen.planes.shape[0]):
-            across = screen.planes[plane, 0] * center[0] + screen.planes[plane, 1] * center[1]
-            is_seen &= across + screen.planes[plane, 2] * center[2] + screen.planes[plane, 3] > 0.0
-        s["kind"], s["layer"] = NOTHING, voxels.layer[n]
-        if is_seen:
-            extinction = float(voxels.extinction[n])
-            density[k] = voxel(
-                s, center, extinction, voxels.thickness, projector, ball, widths, shape
-            )
+@kernel
+def ordered(key: Floats, position: Floats, color: Floats, extinction: Floats) -> NDArray[np.int32]:
+    """Indices (N,) of samples from near to far, whatever order they came in."""
+    pair = depth_order(key)
+    settle_ties(pair, position, color, extinction)
+    order = np.empty(key.size, np.int32)
+    for n in range(key.size):
+        order[n] = member_of(pair[n])
+    return order
 
 
 class PaperChoices(NamedTuple):
@@ -167,9 +113,7 @@ def paint_paper(
 
     # Put the samples in depth order.
     key, layer = sheets_of(scene.layers, scene.summing, samples.position, scene.view)
-    pair = depth_order(key)
-    settle_ties(pair, samples.position, samples.color, samples.extinction)
-    order = (pair & LOWER).astype(np.int32)
+    order = ordered(key, samples.position, samples.color, samples.extinction)
     clock.lap("sort")
 
     # Point or splat, and where on the screen.

@@ -60,7 +60,7 @@ def depth_image():
 
 
 APPLICATIONS = {
-    "volume": (volume, OverBlend, "resample.painting.paper"),
+    "volume": (volume, OverBlend, "resample.hybrid.voxels"),
     "texture": (texture, WeightedSum, "resample_texture.methods.paper"),
     "warp3d": (depth_image, NearestSurface, "resample_warp3d.methods.kernels.placing"),
 }
