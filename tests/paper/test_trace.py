@@ -20,7 +20,6 @@ CORE = {
     for name in [
         "record",
         "classify",
-        "ellipse",
         "footprint",
         "correction",
         "points",
@@ -94,6 +93,7 @@ def test_all_applications_pass_through_the_same_modules(name):
     compiled = sources.modules("resample.hybrid.paint", [blend, LookupTables])
     assert compiled | sources.modules(adapter) >= CORE
     assert blend.__module__ in compiled
+    assert "resample.hybrid.ellipse" in sources.modules("resample.hybrid.voxels")
 
 
 def test_the_index_correction_table_is_read(monkeypatch):
