@@ -45,7 +45,7 @@ def attributes(
         if name == "__version__":
             return installed_version()
         if former is not None and name in former:
-            _warn_of_old_name(f"{package}.{name}", f"{package}.{former[name]}")
+            warn_of_old_name(f"{package}.{name}", f"{package}.{former[name]}")
             name = former[name]
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
@@ -61,7 +61,7 @@ def listing(homes: Mapping[str, str]) -> Callable[[], list[str]]:
     return lambda: sorted([*homes, "__version__"])
 
 
-def _warn_of_old_name(old: str, new: str) -> None:
+def warn_of_old_name(old: str, new: str) -> None:
     """Warn whoever uses a name that was another in the release before."""
     import warnings
 
@@ -78,7 +78,7 @@ def renamed(module: str, names: Mapping[str, str]) -> Callable[[str], Any]:
     def get(name: str) -> Any:
         if name not in names:
             raise AttributeError(f"module {module!r} has no attribute {name!r}")
-        _warn_of_old_name(f"{module}.{name}", f"{module}.{names[name]}")
+        warn_of_old_name(f"{module}.{name}", f"{module}.{names[name]}")
         return getattr(import_module(module), names[name])
 
     return get
@@ -99,7 +99,7 @@ def _old_member(kind: str, old: str, new: str) -> property:
     """A property that reads a member by its new name."""
 
     def get(self: Any) -> Any:
-        _warn_of_old_name(f"{kind}.{old}", f"{kind}.{new}")
+        warn_of_old_name(f"{kind}.{old}", f"{kind}.{new}")
         return getattr(self, new)
 
     return property(get)
@@ -121,7 +121,7 @@ class _Moved:
         """What loads the module that has another name now."""
         for old, new in self.folders.items():
             if name == old:
-                _warn_of_old_name(old, new)
+                warn_of_old_name(old, new)
             if name == old or name.startswith(f"{old}."):
                 loader: Any = _NewHome(new + name[len(old) :])
                 return ModuleSpec(name, loader)

@@ -14,7 +14,7 @@ from resample_volume.classification.automatic import levels
 from resample_volume.classification.labels import MOST_RULES
 from resample_volume.classification.presets import Window, transfer_for
 from resample_volume.classification.surveys import survey
-from resample_volume.classification.transfer import Transfer
+from resample_volume.classification.transfer import Transfer, as_transfer
 from resample_volume.data.bricks import Bricks, Values
 from resample_volume.media.xrays import XRay
 from resample_volume.surfaces.image_planes import ImagePlane
@@ -150,7 +150,9 @@ def named_or_own(
     given: Transfer | str, volume: Volume, projection: Projection = Projection.COMPOSITE
 ) -> Transfer:
     """Return the transfer function, which may be given by name."""
-    return named_transfer(given, volume, projection) if isinstance(given, str) else given
+    if isinstance(given, str):
+        return named_transfer(given, volume, projection)
+    return as_transfer(given)
 
 
 def named_transfer(
