@@ -29,7 +29,7 @@ def spiral(count=20_000):
     return np.stack([x, y, z + 7], axis=1), color, np.full(count, 0.9), radius
 
 
-def seen(position, color, opacity, radius):
+def visible(position, color, opacity, radius):
     """Render spheres."""
     samples = particles(position, color, opacity, radius)
     return Resampler()(samples, CAMERA, height=HEIGHT, width=WIDTH)
@@ -37,7 +37,7 @@ def seen(position, color, opacity, radius):
 
 def main(path: Path) -> None:
     """Write the spiral over black."""
-    write_png(path, seen(*spiral()).rgba, background=(0.0, 0.0, 0.0))
+    write_png(path, visible(*spiral()).rgba, background=(0.0, 0.0, 0.0))
 
 
 if __name__ == "__main__":

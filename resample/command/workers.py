@@ -30,8 +30,8 @@ def at_work(sharing: Sharing, threads: int | None = None) -> Iterator[WorkerPool
 
     Parameters and errors as in `worker_pools`.
     """
-    with worker_pools(sharing, threads) as hire:
-        yield hire()
+    with worker_pools(sharing, threads) as start:
+        yield start()
 
 
 @contextmanager
@@ -65,7 +65,7 @@ def worker_pools(sharing: Sharing, threads: int | None = None) -> Iterator[Start
     with ExitStack() as held:
         client = cache(lambda: held.enter_context(_client(sharing, held)))
         try:
-            yield cache(lambda: _crew(client(), sharing, threads))
+            yield cache(lambda: _pool_of(client(), sharing, threads))
         except KilledWorker as error:
             with suppress(OSError, TimeoutError):  # workers may still be starting
                 client().wait_for_workers(sharing.workers or 1, timeout=5)
@@ -178,7 +178,7 @@ def _environment() -> dict[str, object]:
     return {**own, **held, "DASK_LOGGING__DISTRIBUTED": "critical"}
 
 
-def _crew(client: "Client", sharing: Sharing, threads: int | None) -> WorkerPool:
+def _pool_of(client: "Client", sharing: Sharing, threads: int | None) -> WorkerPool:
     executor = client.get_executor(pure=False)
     if sharing.workers is not None:
         own = threads or max(1, (os.cpu_count() or 1) // sharing.workers)

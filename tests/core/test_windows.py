@@ -166,7 +166,7 @@ def test_plans_of_any_parts_give_the_plan_of_all(paint, near, parts, is_along):
         shares = [some_of(samples, slice(a, b)) for a, b in itertools.pairwise(cuts)]
     every = [paint.plans(share, eye, **PICTURE) for share in shares]
     found = paint.plan_of(pickle.loads(pickle.dumps(every)), np.eye(3), eye, **PICTURE)
-    for name in ("painter", "size", "tile", "margin", "strongest", "layers", "seen"):
+    for name in ("painter", "size", "tile", "margin", "strongest", "layers", "visible"):
         assert getattr(found, name) == getattr(plan, name), name
     fine = paint.with_spacing(plan, samples, eye)
     for share in shares:

@@ -76,7 +76,7 @@ def test_what_is_said_of_another_volume_is_read():
     (other,) = others([text])
     assert other.name == "vessel-tree:size=16"
     assert (other.source.channel, other.source.units) == (0, "none")
-    assert other.classifier == {"window": "40/80", "transfer": "skin:opacity=0.1+bone"}
+    assert other.appearance == {"window": "40/80", "transfer": "skin:opacity=0.1+bone"}
     assert others(["b.nrrd"]) == [("b.nrrd", ReadOptions(), {})]
 
 

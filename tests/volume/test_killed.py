@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from resample.files.animations import write_film
-from resample_volume.command.animation import Flight, Paint, cameras_of, shots
+from resample_volume.command.animation import Flight, FrameOptions, cameras_of, shots
 from resample_volume.files.generated import vessel_tree
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import Subject
@@ -25,7 +25,7 @@ from resample_volume.rendering import Subject
 TIMES = 20
 subject = Subject.of(vessel_tree(24), Appearance())
 cameras = cameras_of(subject, Flight(frames=12), (32, 32))
-frames = shots(subject, cameras, Paint(size=(32, 32)))
+frames = shots(subject, cameras, FrameOptions(size=(32, 32)))
 frames.frame(0)
 
 

@@ -33,7 +33,7 @@ import os, signal, sys
 from contextlib import contextmanager
 from pathlib import Path
 
-from resample.command.workers import Crew
+from resample.command.workers import WorkerPool
 from resample_volume.command import rendering
 from resample_volume.cli import app
 
@@ -47,11 +47,11 @@ class Ending:
 
 
 @contextmanager
-def hiring(sharing, threads=None):
-    yield lambda: Crew(Ending(), 1, 1, None, True)
+def worker_pools(sharing, threads=None):
+    yield lambda: WorkerPool(Ending(), 1, 1, None, True)
 
 
-rendering.hiring = hiring
+rendering.worker_pools = worker_pools
 app(sys.argv[2:])
 """
 

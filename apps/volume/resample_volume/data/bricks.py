@@ -219,8 +219,8 @@ class Bricks:
     @property
     def noted(self) -> int:
         """Bytes of the statistics, if found or loaded here."""
-        glance = self.__dict__.get("glance", ())
-        return sum(np.asarray(part).nbytes for part in glance if part is not None)
+        statistics = self.__dict__.get("statistics", ())
+        return sum(np.asarray(part).nbytes for part in statistics if part is not None)
 
     def hold(self, count: int) -> None:
         """Record the number of bricks in memory."""
@@ -285,7 +285,7 @@ class Bricks:
         """Whether the statistics are cached, so that no scan is needed."""
         kept = None if self.keeper is None else self.keeper.load(self)
         if kept is not None:
-            self.__dict__["glance"] = kept
+            self.__dict__["statistics"] = kept
         return kept is not None
 
     def state(self) -> tuple[Any, ...] | None:

@@ -23,7 +23,7 @@ from resample_volume.data.statistics.scanning import BrickStats, are_few, step_o
 from resample_volume.files.stores.states import Portion, State, state_of_files, state_of_server
 
 LEAST = 1 << 23  # voxels; a pass over fewer takes less than a second
-FORM = 1  # of the cache files
+FORM = 2  # of the cache files
 LOG = logging.getLogger("resample")
 
 
@@ -98,9 +98,9 @@ def _statistics(held: dict[str, Any], bricks: Bricks) -> BrickStats | None:
         "least": bricks.count,
         "greatest": bricks.count,
         "some": tuple(-(-size // step) for size in bricks.shape),
-        "rim": (2 * (y * x + z * x + z * y),),
+        "border": (2 * (y * x + z * x + z * y),),
     }
-    types = {"some": bricks.dtype, "rim": bricks.dtype}
+    types = {"some": bricks.dtype, "border": bricks.dtype}
     if held["beyond"].ndim != 1 or held["beyond"].dtype != bricks.dtype:
         return None
     for name, shape in shapes.items():
@@ -110,4 +110,4 @@ def _statistics(held: dict[str, Any], bricks: Bricks) -> BrickStats | None:
     if int(held["codes"].sum()) != (bricks.size if are_few(bricks.dtype) else 0):
         return None
     ends, counts = (held["least"], held["greatest"]), (int(held["infinite"]), int(held["missing"]))
-    return BrickStats(*ends, *counts, held["some"], held["rim"], held["beyond"], codes)
+    return BrickStats(*ends, *counts, held["some"], held["border"], held["beyond"], codes)
