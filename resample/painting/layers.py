@@ -3,9 +3,7 @@
 import numpy as np
 
 from resample.profiles.orders import CompositingOrder, Summing
-from resample.types import Doubles, Floats, Layers, Sheets, View
-
-CHUNKS = 64  # of samples per task
+from resample.types import LAST_SHEET, Doubles, Floats, Layers, Sheets, View
 
 
 def layers_of(order: CompositingOrder, position: Floats, view: View, lattice: Doubles) -> Layers:
@@ -13,11 +11,8 @@ def layers_of(order: CompositingOrder, position: Floats, view: View, lattice: Do
     layers = order(view, lattice)
     if not layers.begins_at_first:
         return layers
-    from resample.engine.layers import find_first_places
-
-    first = np.full(CHUNKS, np.inf)
-    find_first_places(layers, position, first)
-    begin = (first.min() if len(position) else 0.0) - 0.5 * layers.thickness
+    begin = float(_places(layers, position, view).min(initial=np.inf)) if len(position) else 0.0
+    begin -= 0.5 * layers.thickness
     return layers._replace(
         offset=float(layers.offset - begin),
         eye=float(layers.eye - begin),
@@ -26,12 +21,27 @@ def layers_of(order: CompositingOrder, position: Floats, view: View, lattice: Do
 
 
 def sheets_of(layers: Layers, summing: Summing, position: Floats, view: View) -> Sheets:
-    """Keys and sheets of samples (N, 3), as painters compute them."""
-    from resample.engine.layers import fill_layers
+    """Keys and sheets of samples (N, 3), as painters compute them (`resample.engine.layers`)."""
+    place = _places(layers, position, view)
+    number = np.floor(place.astype(np.float32) / np.float32(layers.thickness))
+    sheet = np.clip(number.astype(np.float64), -LAST_SHEET, LAST_SHEET).astype(np.int32)
+    if summing is not Summing.SHEETS:
+        key = np.abs(place - layers.eye) if layers.eye > -np.inf else place
+        return Sheets(key.astype(np.float32), sheet)
+    if layers.eye == -np.inf:
+        return Sheets(sheet.astype(np.float32), sheet)
+    # No two sheets have the same key: an eye between sheets has some on both sides.
+    ahead = sheet + 0.5 - layers.eye / layers.thickness
+    away = np.abs(ahead).astype(np.float32)
+    return Sheets(np.where(ahead < 0.0, np.nextafter(away, np.float32(np.inf)), away), sheet)
 
-    count = len(position)
-    sheets = Sheets(np.zeros(count, np.float32), np.zeros(count, np.int32))
-    eye = -view.rotation.T @ view.translation
-    by_sheets = summing is Summing.SHEETS
-    fill_layers(layers, by_sheets, position, (float(eye[0]), float(eye[1]), float(eye[2])), *sheets)
-    return sheets
+
+def _places(layers: Layers, position: Floats, view: View) -> Doubles:
+    """Places (N,) of samples (N, 3), by which layers are numbered."""
+    x, y, z = position.T.astype(np.float64)
+    if layers.is_around:
+        eye = -view.rotation.T @ view.translation
+        x, y, z = x - eye[0], y - eye[1], z - eye[2]
+        return np.asarray(np.sqrt(x * x + y * y + z * z), np.float64)
+    a, b, c = layers.axis
+    return np.asarray(layers.offset + (a * x + b * y + c * z), np.float64)

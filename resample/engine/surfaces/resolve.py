@@ -79,19 +79,14 @@ def _middle_of_row(
         middle_beside[row, column] = other[count // 2] if is_any else np.float32(0)
 
 
-@parallel_kernel
-def nearest_of_rows(counter: Counter, depth: Floats, n: int, margin: int, nearest: Floats) -> None:
+def nearest_of_rows(depth: Floats, n: int, margin: int, nearest: Floats) -> None:
     """Find the least depth (H, W) in each pixel's own square, of those of n² sub-pixels each.
 
     These lie around the picture for `margin` px, too.
     """
-    for row in tasks(counter, nearest.shape[0]):
-        for column in range(nearest.shape[1]):
-            least = np.float32(np.inf)
-            for part in range(n * n):
-                r, c = (row + margin) * n + part // n, (column + margin) * n + part % n
-                least = min(least, depth[r, c])
-            nearest[row, column] = least
+    height, width = nearest.shape
+    own = depth[margin * n : (margin + height) * n, margin * n : (margin + width) * n]
+    own.reshape(height, n, width, n).min(axis=(1, 3), out=nearest)
 
 
 @parallel_kernel

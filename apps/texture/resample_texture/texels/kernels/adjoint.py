@@ -14,7 +14,7 @@ from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.windows.edges import mapped
 from resample.types import Doubles, Floats
-from resample_texture.texels.kernels.blocks import CUT, LEVEL, START, Integers
+from resample_texture.texels.kernels.blocks import CUT, LENGTH, LEVEL, START, Integers
 from resample_texture.texels.kernels.placing import TexelMapping, place
 from resample_texture.texels.kernels.texels import (
     _prefix,
@@ -42,14 +42,11 @@ def _patch_shape(block: Integers, taps: int) -> tuple[int, int]:
     return texels_along(block, 1) + 2 * pad_v, texels_along(block, 0) + 2 * pad_u
 
 
-@kernel
 def patch_offsets(axes: Integers, taps: int, channels: int) -> Integers:
     """Where the patch of each block begins (B + 1,)."""
-    start = np.zeros(axes.shape[0] + 1, np.int64)
-    for n in range(axes.shape[0]):
-        rows, columns = _patch_shape(axes[n], taps)
-        start[n + 1] = start[n] + rows * columns * channels
-    return start
+    padded = 2 * (taps // 2) * (axes[:, :, CUT] > 1)
+    sides = (axes[:, :, LENGTH] >> axes[:, :, LEVEL]) + padded
+    return np.concatenate([[0], np.cumsum(sides.prod(axis=1) * channels)]).astype(np.int64)
 
 
 @kernel

@@ -3,42 +3,36 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.jit import Counter, inner_kernel, kernel, parallel_kernel, tasks
 from resample.types import Floats
 
 Codes = NDArray[np.uint64]
 
-CHUNK = 16384  # points that a thread takes at a time
+CHUNK = 16384  # points whose codes are found together
+SPREADS = (
+    (32, 0x1F00000000FFFF),
+    (16, 0x1F0000FF0000FF),
+    (8, 0x100F00F00F00F00F),
+    (4, 0x10C30C30C30C30C3),
+    (2, 0x1249249249249249),
+)
 
 
-@inner_kernel
-def _spaced(bits: int) -> int:
-    """Spread the 21 bits of a number, with two zeros after each."""
+def _spaced(bits: Codes) -> Codes:
+    """Spread the 21 bits of numbers, with two zeros after each."""
     # Split the bits in halves again and again, moving the upper halves up.
-    bits = (bits | bits << 32) & 0x1F00000000FFFF
-    bits = (bits | bits << 16) & 0x1F0000FF0000FF
-    bits = (bits | bits << 8) & 0x100F00F00F00F00F
-    bits = (bits | bits << 4) & 0x10C30C30C30C30C3
-    return (bits | bits << 2) & 0x1249249249249249
+    for shift, mask in SPREADS:
+        bits = (bits | bits << np.uint64(shift)) & np.uint64(mask)
+    return bits
 
 
-@kernel
-def _codes(position: Floats, low: Floats, scale: float, code: Codes, chunk: int) -> None:
-    """Fill in the codes of a chunk; see `codes`."""
-    start = int(np.int64(chunk)) * CHUNK
-    for n in range(start, min(start + CHUNK, code.size)):
-        # Quantize to 21 bits per axis, and interleave.
-        x = _spaced(int(float(position[n, 0] - low[0]) * scale))
-        y = _spaced(int(float(position[n, 1] - low[1]) * scale))
-        z = _spaced(int(float(position[n, 2] - low[2]) * scale))
-        code[n] = x | y << 1 | z << 2
-
-
-@parallel_kernel
-def codes(counter: Counter, position: Floats, low: Floats, scale: float, code: Codes) -> None:
+def codes(position: Floats, low: Floats, scale: float, code: Codes) -> None:
     """Fill in the Morton codes (N,) of points (N, 3).
 
     `low` (3,) are their least coordinates; the rest times `scale` is at most 2²¹ − 1.
     """
-    for chunk in tasks(counter, (code.size + CHUNK - 1) // CHUNK):
-        _codes(position, low, scale, code, chunk)
+    for start in range(0, code.size, CHUNK):
+        # Quantize to 21 bits per axis, and interleave.
+        part = slice(start, start + CHUNK)
+        place = ((position[part] - low).astype(np.float64) * scale).astype(np.uint64)
+        x, y, z = (_spaced(place[:, axis]) for axis in range(3))
+        code[part] = x | y << np.uint64(1) | z << np.uint64(2)

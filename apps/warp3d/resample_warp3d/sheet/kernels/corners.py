@@ -143,30 +143,14 @@ def fill_vertices(counter: Counter, nearness: Floats, links: Links, vertex: Floa
         _fill_vertices(nearness, links, row, vertex)
 
 
-@kernel
-def _is_torn(nearness: Floats, vertex: Floats, row: int, column: int) -> bool:
-    """Whether a sample has depth, but not all four corners are shared."""
-    return nearness[row, column] > 0 and not (
-        vertex[row, column] > 0
-        and vertex[row, column + 1] > 0
-        and vertex[row + 1, column] > 0
-        and vertex[row + 1, column + 1] > 0
-    )
-
-
-@kernel
 def number_torn(nearness: Floats, vertex: Floats, index: Indices) -> int:
     """Number the cells with their own corners; −1 for the others, −2 for none."""
-    count = 0
-    for row in range(nearness.shape[0]):
-        for column in range(nearness.shape[1]):
-            if not nearness[row, column] > 0:
-                index[row, column] = -2
-            elif _is_torn(nearness, vertex, row, column):
-                index[row, column] = count
-                count += 1
-            else:
-                index[row, column] = -1
+    shared = vertex > 0
+    is_whole = shared[:-1, :-1] & shared[:-1, 1:] & shared[1:, :-1] & shared[1:, 1:]
+    is_torn = (nearness > 0) & ~is_whole
+    count = int(np.count_nonzero(is_torn))
+    index[:] = np.where(nearness > 0, -1, -2)
+    index[is_torn] = np.arange(count)
     return count
 
 
