@@ -11,7 +11,9 @@ from resample.types import Record
 TILE, BLOCK = 32, 8  # px, sides of a tile and of its blocks
 ACROSS = TILE // BLOCK
 
-OpenBlocks = NDArray[np.int32]  # (ACROSS²,) open pixels of each block of a tile
+OpenBlocks = NDArray[np.int32]  # (ACROSS² + 1,) open pixels of each block of a tile; and a mask
+MASK = ACROSS * ACROSS  # entry of the mask, whose bits are set for the blocks with open pixels
+FIRST_COLUMN = 0x1111  # mask of the blocks at the left of a tile, one per row of four
 
 
 class TileBox(NamedTuple):
@@ -26,26 +28,31 @@ class TileBox(NamedTuple):
 @kernel
 def open_blocks(box: TileBox) -> OpenBlocks:
     """Blocks of a tile, all of whose pixels are open."""
-    blocks = np.zeros(ACROSS * ACROSS, np.int32)
+    blocks = np.zeros(ACROSS * ACROSS + 1, np.int32)
     for row in range(box.bottom - box.top):
         for column in range(box.right - box.left):
-            blocks[row // BLOCK * ACROSS + column // BLOCK] += 1
+            block = row // BLOCK * ACROSS + column // BLOCK
+            blocks[block] += 1
+            blocks[MASK] |= 1 << block
     return blocks
 
 
 @inner_step
-def is_any_open(blocks: OpenBlocks, s: Record, box: TileBox) -> bool:
-    """Whether a sample's box meets a block of the tile that is open."""
-    top, bottom = max(box.top, s["top"]) - box.top, min(box.bottom, s["bottom"]) - box.top
-    left, right = max(box.left, s["left"]) - box.left, min(box.right, s["right"]) - box.left
-    for row in range(top // BLOCK, (bottom - 1) // BLOCK + 1):
-        for column in range(left // BLOCK, (right - 1) // BLOCK + 1):
-            if blocks[row * ACROSS + column] > 0:
-                return True
-    return False
+def blocks_met(s: Record, tile_row: int, tile_column: int) -> int:
+    """Mask of the blocks of a tile that a sample's box meets."""
+    above, beside = tile_row * TILE, tile_column * TILE
+    top, bottom = max(s["top"] - above, 0) // BLOCK, min(s["bottom"] - above, TILE) - 1
+    left, right = max(s["left"] - beside, 0) // BLOCK, min(s["right"] - beside, TILE) - 1
+    # Rows of blocks, at the left of the tile; each times the columns.
+    rows = FIRST_COLUMN & ((1 << (bottom // BLOCK + 1) * ACROSS) - (1 << top * ACROSS))
+    columns = (1 << right // BLOCK + 1) - (1 << left)
+    return int(rows * columns)
 
 
 @inner_step
 def close(blocks: OpenBlocks, row: int, column: int, box: TileBox) -> None:
     """Count a pixel that became opaque."""
-    blocks[(row - box.top) // BLOCK * ACROSS + (column - box.left) // BLOCK] -= 1
+    block = (row - box.top) // BLOCK * ACROSS + (column - box.left) // BLOCK
+    blocks[block] -= 1
+    if blocks[block] == 0:
+        blocks[MASK] &= ~(1 << block)

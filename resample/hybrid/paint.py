@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.engine.jit import Counter, inner_kernel, kernel, parallel_kernel, tasks
-from resample.hybrid.occlusion import TILE, TileBox, is_any_open, open_blocks
+from resample.hybrid.occlusion import MASK, TILE, TileBox, blocks_met, open_blocks
 from resample.hybrid.points import filter_point
 from resample.hybrid.record import NOTHING, POINT
 from resample.hybrid.roles import Blend, finish, sweeps
@@ -38,6 +38,7 @@ class TileMembers(NamedTuple):
     """Which samples touch which tile (compressed rows)."""
 
     member: NDArray[np.int32]  # (M,) samples of tile t from start[t] on, in order
+    blocks: NDArray[np.uint16]  # (M,) mask of the tile's blocks that the sample's box meets
     start: Indices  # (T + 1,)
     across: int  # tiles in a row of them
     shown: Indices  # tiles to paint
@@ -62,9 +63,9 @@ def paint(
     height, width = size
     down, across = -(-height // TILE), -(-width // TILE)
     counts = np.zeros(len(Counts._fields), np.int64)
-    member, start = deal_members(records, (down, across), tables.largest, counts)
+    member, blocks, start = deal_members(records, (down, across), tables.largest, counts)
     shown = _shown(start, (down, across), window or (0, 0, width, height))
-    tiles = TileMembers(member, start, across, shown)
+    tiles = TileMembers(member, blocks, start, across, shown)
     met = np.zeros(len(records), np.bool_)
     paint_tiles(records, tiles, tables, blend, (height, width), met)
     points, splats, _, from_table, by_equation = map(int, counts)
@@ -106,14 +107,14 @@ def paint_tiles(
         tile = tiles.shown[task]
         top, left = tile // tiles.across * TILE, tile % tiles.across * TILE
         box = TileBox(top, min(top + TILE, height), left, min(left + TILE, width))
-        member = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
-        _paint_tile(records, member, box, open_blocks(box), tables, blend, met)
+        _paint_tile(records, tiles, tile, box, open_blocks(box), tables, blend, met)
 
 
 @inner_kernel
 def _paint_tile(
     records: Records,
-    member: NDArray[np.int32],
+    tiles: TileMembers,
+    tile: int,
     box: TileBox,
     blocks: NDArray[np.int32],
     tables: LookupTables,
@@ -122,12 +123,12 @@ def _paint_tile(
 ) -> None:
     """Paint the members of a tile whose pixels are those of a box."""
     for sweep in range(sweeps(blend)):
-        for m in range(member.size):
-            n = np.uint64(member[m])
-            s = records[n]
-            # Occlusion culling: what meets opaque blocks alone is not looked at (section 6).
-            if not is_any_open(blocks, s, box):
+        for m in range(tiles.start[tile], tiles.start[tile + 1]):
+            # Occlusion culling: what meets opaque blocks alone is skipped (section 6).
+            if tiles.blocks[m] & blocks[MASK] == 0:
                 continue
+            n = np.uint64(tiles.member[m])
+            s = records[n]
             if s["kind"] == POINT:
                 met[n] |= filter_point(s, n, box, blocks, tables.point, blend, sweep)
             else:
@@ -160,8 +161,8 @@ def _count_members(
 @kernel
 def deal_members(
     records: Records, grid: tuple[int, int], largest: Single, counts: Indices
-) -> tuple[NDArray[np.int32], Indices]:
-    """List the samples (M,) of each tile of a grid in order, and where each tile's begin (T + 1,).
+) -> tuple[NDArray[np.int32], NDArray[np.uint16], Indices]:
+    """Members, blocks and starts of `TileMembers` for a grid of tiles.
 
     Parameters
     ----------
@@ -180,7 +181,8 @@ def deal_members(
         start[tile + 1] = start[tile] + load[tile]
 
     # Each tile takes its samples in the order of the records.
-    member, filled = np.empty(start[-1], np.int32), start.copy()
+    member, blocks = np.empty(start[-1], np.int32), np.empty(start[-1], np.uint16)
+    filled = start.copy()
     for n in range(records.size):
         s = records[n]
         if s["kind"] == NOTHING:
@@ -188,6 +190,6 @@ def deal_members(
         for row in range(s["top"] >> SHIFT, (s["bottom"] - 1 >> SHIFT) + 1):
             for column in range(s["left"] >> SHIFT, (s["right"] - 1 >> SHIFT) + 1):
                 tile = row * across + column
-                member[filled[tile]] = n
+                member[filled[tile]], blocks[filled[tile]] = n, blocks_met(s, row, column)
                 filled[tile] += 1
-    return member, start
+    return member, blocks, start
