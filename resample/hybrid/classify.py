@@ -8,7 +8,8 @@ import math
 from typing import NamedTuple
 
 from resample.engine.jit import inner_step
-from resample.hybrid.points import point_at
+from resample.hybrid.footprint import DEVIATIONS, GAUSSIAN
+from resample.hybrid.points import LEAST_RADIUS, point_at
 from resample.hybrid.record import NOTHING, SPLAT, place_box
 from resample.types import Floats, Record
 
@@ -28,6 +29,14 @@ class Widths(NamedTuple):
     largest: float = math.inf  # px, radius of a flat sample's splat; longer axes shrink
     is_projected: bool = False  # put voxels' ellipses around C' instead of the midpoint of A'B'
     is_affine: bool = False  # leave out the index correction of voxels
+
+
+def gaussian_widths(
+    threshold: float, sigma: float, filter_sigma: float, largest: float = math.inf
+) -> Widths:
+    """Sizes for flat samples whose kernel, steps, and pixel filter, px, are Gaussians."""
+    radius = max(DEVIATIONS * filter_sigma, LEAST_RADIUS)
+    return Widths(float(threshold), radius, GAUSSIAN, DEVIATIONS * sigma, largest)
 
 
 @inner_step

@@ -17,6 +17,7 @@ ZERO, HALF, ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 # and leave gaps between points a pixel apart, wider ones blur: 0.4 stands between what is best for
 # flat samples, 0.29, and for voxels, 0.5 (docs/theory/paper.md has the figures).
 FILTER_SIGMA = 0.4
+LEAST_RADIUS = 0.75  # px, of the filter; under a narrower one a point may meet no pixel's center
 
 
 @inner_step

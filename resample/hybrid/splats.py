@@ -14,7 +14,7 @@ from resample.hybrid.correction import (
     from_table,
     row_of,
 )
-from resample.hybrid.footprint import interpolate
+from resample.hybrid.footprint import GAUSSIAN, interpolate
 from resample.hybrid.occlusion import OpenBlocks, TileBox, close
 from resample.hybrid.roles import Blend, is_open, sample_of, touch
 from resample.types import Floats, Record
@@ -29,6 +29,9 @@ class LookupTables(NamedTuple):
     point: Floats  # the pixel filter
     correction: Floats = correction_table()  # of the index
     largest: np.float32 = np.float32(LARGEST)  # rad; the equation serves beyond it; −1: always
+
+
+FLAT_TABLES = LookupTables(GAUSSIAN, GAUSSIAN)  # of texels and of depth pixels
 
 
 @inner_step

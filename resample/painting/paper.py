@@ -1,6 +1,5 @@
 """Volumes for the paper's own painter (`resample.hybrid`): voxels in strict depth order."""
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +12,7 @@ from resample.hybrid.classify import Widths
 from resample.hybrid.footprint import flat_table, footprint_table
 from resample.hybrid.occlusion import TILE
 from resample.hybrid.paint import paint
+from resample.hybrid.points import LEAST_RADIUS
 from resample.hybrid.record import RECORD, SPLAT, depth_order
 from resample.hybrid.splats import LookupTables
 from resample.hybrid.voxels import OrderedVoxels, place_voxels
@@ -72,8 +72,8 @@ class PaperChoices(NamedTuple):
 
 
 def radius_of(pixel_filter: PixelFilter) -> float:
-    """Radius, px, of the circle of a filter, without which a point may meet no pixel's center."""
-    return max(float(pixel_filter.radius), math.sqrt(0.5))
+    """Radius, px, of the circle that a filter is evaluated in."""
+    return max(float(pixel_filter.radius), LEAST_RADIUS)
 
 
 @once
@@ -123,12 +123,11 @@ def paint_paper(
     )
     place_voxels(records, density, voxels, scene.stage, choices.widths)
     color = samples.color.take(order, axis=0)
+    is_splat = records["kind"] == SPLAT
     if style.tint_red >= 0.0:
-        is_splat = records["kind"] == SPLAT
         tint = np.array([style.tint_red, style.tint_green, style.tint_blue], np.float32)
         color[is_splat] = color[is_splat].max(axis=1, keepdims=True) * tint
     if style.linear_opacity:
-        is_splat = records["kind"] == SPLAT
         density[is_splat] = -np.expm1(-density[is_splat] * style.layer) / style.layer
     clock.lap("project")
 

@@ -9,12 +9,17 @@ from numpy.typing import NDArray
 
 from resample.engine.jit import Counter, inner_step, parallel_kernel, tasks
 from resample.hybrid.blend.sum import WeightedSum, mean_of
-from resample.hybrid.classify import THRESHOLD, Jacobian, Widths, flat_sample
-from resample.hybrid.footprint import DEVIATIONS, GAUSSIAN
+from resample.hybrid.classify import (
+    THRESHOLD,
+    Jacobian,
+    Widths,
+    flat_sample,
+    gaussian_widths,
+)
 from resample.hybrid.paint import paint
 from resample.hybrid.points import FILTER_SIGMA
 from resample.hybrid.record import NOTHING, RECORD
-from resample.hybrid.splats import LookupTables
+from resample.hybrid.splats import FLAT_TABLES
 from resample.types import Doubles, Floats, Indices, Records
 from resample_texture.geometry.mappings import ForwardMap, Geometry
 from resample_texture.texels.forward import (
@@ -37,7 +42,6 @@ from resample_texture.types import Edge, Warped
 
 MOST_AT_ONCE = 1 << 18  # texels whose records are in memory together
 Placed = tuple[bool, tuple[float, float], Jacobian]  # whether there is any; its place, px; and J
-NARROWEST = 0.25  # px, of the pixel filter, without which a point may meet no pixel's center
 
 
 @dataclass(frozen=True)
@@ -82,9 +86,7 @@ class Paper:
     @property
     def widths(self) -> Widths:
         """Sizes of footprints."""
-        radius = DEVIATIONS * max(self.filter_sigma, NARROWEST)
-        kernel = DEVIATIONS * self.sigma
-        return Widths(float(self.threshold), radius, GAUSSIAN, kernel)
+        return gaussian_widths(self.threshold, self.sigma, self.filter_sigma)
 
     def __call__(
         self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
@@ -95,9 +97,7 @@ class Paper:
         for color, records, area in _batches(source, geometry, shape, edge, self.widths):
             share = np.divide(1.0, area, out=np.zeros_like(area), where=area > 0.0)
             values = color * share[:, None] if self.total else color
-            paint(
-                records, LookupTables(GAUSSIAN, GAUSSIAN), WeightedSum(values, image, weight), shape
-            )
+            paint(records, FLAT_TABLES, WeightedSum(values, image, weight), shape)
         lines, full = borders_of_splats(geometry, size, edge, self.sigma, self.widths.kernel)
         is_full = (weight >= full) | _is_within(lines, shape, self.widths.filter)
         mean, coverage = mean_of(WeightedSum(image, image, weight), is_full)

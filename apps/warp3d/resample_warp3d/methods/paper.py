@@ -15,12 +15,11 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from resample.hybrid.blend.nearest import NearestSurface, SurfaceRule
-from resample.hybrid.classify import THRESHOLD, Widths
-from resample.hybrid.footprint import DEVIATIONS, GAUSSIAN
+from resample.hybrid.classify import THRESHOLD, Widths, gaussian_widths
 from resample.hybrid.paint import paint
 from resample.hybrid.points import FILTER_SIGMA
 from resample.hybrid.record import RECORD
-from resample.hybrid.splats import LookupTables
+from resample.hybrid.splats import FLAT_TABLES
 from resample.types import Doubles
 from resample_warp3d.types import DOWN, RIGHT, Equation, Links, Rendered, Source
 
@@ -31,7 +30,6 @@ TOLERANCE = 0.01  # of the nearness
 LOOSE, TURN = 5.0, 0.9  # tolerances, and least cosine, on one side of all boundaries
 LARGEST_RADIUS = 64.0  # px; splats that would be larger leave gaps, or a few cost as much as all
 LEAST, MOST = 0.1, 2.0  # px, of a deviation
-NARROWEST = 0.25  # px, of the pixel filter, lest points meet no pixel's center
 
 
 @dataclass(frozen=True)
@@ -69,7 +67,7 @@ class Paper:
         _check_visibility(self.tolerance, self.core)
 
     def __call__(self, source: Source, equation: Equation, shape: tuple[int, int]) -> Rendered:
-        widths = _widths(THRESHOLD, self.filter_sigma, self.sigma)
+        widths = gaussian_widths(THRESHOLD, self.sigma, self.filter_sigma, LARGEST_RADIUS)
         return _painted(source, equation, shape, widths, (self.tolerance, self.core))
 
 
@@ -89,7 +87,7 @@ class Splat:
         _check_visibility(self.tolerance, self.core)
 
     def __call__(self, source: Source, equation: Equation, shape: tuple[int, int]) -> Rendered:
-        widths = _widths(0.0, NARROWEST, self.sigma)
+        widths = gaussian_widths(0.0, self.sigma, 0.0, LARGEST_RADIUS)
         return _painted(source, equation, shape, widths, (self.tolerance, self.core))
 
 
@@ -110,13 +108,8 @@ class Point:
         _check_visibility(self.tolerance, self.core)
 
     def __call__(self, source: Source, equation: Equation, shape: tuple[int, int]) -> Rendered:
-        widths = _widths(math.inf, self.filter_sigma, SIGMA)
+        widths = gaussian_widths(math.inf, SIGMA, self.filter_sigma, LARGEST_RADIUS)
         return _painted(source, equation, shape, widths, (self.tolerance, self.core))
-
-
-def _widths(threshold: float, filter_sigma: float, sigma: float) -> Widths:
-    reach = DEVIATIONS * max(filter_sigma, NARROWEST)
-    return Widths(threshold, reach, GAUSSIAN, DEVIATIONS * sigma, LARGEST_RADIUS)
 
 
 def _painted(
@@ -152,7 +145,7 @@ def _painted(
         np.zeros(shape, np.float32),
         np.zeros(shape, np.int32),
     )
-    paint(placed.record, LookupTables(GAUSSIAN, GAUSSIAN), blend, shape)
+    paint(placed.record, FLAT_TABLES, blend, shape)
     covered = blend.weight > 0.0
     return Rendered(
         blend.image,
