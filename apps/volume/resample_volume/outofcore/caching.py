@@ -5,11 +5,9 @@ whatever their camera, is also kept in the user's cache: later commands need not
 again, and read no hidden bricks.
 """
 
-import hashlib
 import json
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -19,7 +17,7 @@ from numpy.typing import NDArray
 from resample.cameras.viewpoints import Sphere
 from resample.files.cached import evict, note_use
 from resample.files.writing import replacing
-from resample.fingerprints import fingerprint
+from resample.fingerprints import fingerprint, source_fingerprint
 from resample.memory import mapped
 from resample.reading.arrays import read_npz
 from resample_volume.data.bricks import Bricks
@@ -119,7 +117,8 @@ def _file_of(volume: Volume, depends: Any) -> Path | None:
     bricks: Any = volume.values
     if not isinstance(bricks, Bricks) or bricks.size < kept.LEAST:
         return None
-    name = fingerprint((_code(), bricks, depends, volume[1:4]), _content_of)
+    code = source_fingerprint("resample_volume.voxels", "resample_volume.classification")
+    name = fingerprint((code, bricks, depends, volume[1:4]), _content_of)
     return None if name is None else mapped.folder() / "looks" / f"{name[:40]}.npz"
 
 
@@ -139,17 +138,6 @@ def _content_of(part: Any) -> object | None:
     if isinstance(part, np.ndarray) and part.nbytes > LARGEST:
         raise ValueError("an array is too large")
     return None
-
-
-@cache
-def _code() -> str:
-    """Return a fingerprint of the source code that scans voxels."""
-    from resample.engine.compiled.sources import engine_digest
-
-    home = Path(__file__).parents[2]
-    sources = sorted(file for name in ("voxels", "looks") for file in (home / name).rglob("*.py"))
-    read = b"".join(source.read_bytes() for source in sources)
-    return hashlib.sha256(engine_digest().encode() + read).hexdigest()
 
 
 def _read(file: Path) -> CachedResult | None:
