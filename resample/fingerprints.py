@@ -1,10 +1,7 @@
 """Fingerprints: texts that are equal if two values are, across processes."""
 
 from collections.abc import Callable, Iterator, Sequence, Set
-from functools import cache
 from hashlib import sha256
-from importlib.util import find_spec
-from pathlib import Path
 from types import BuiltinFunctionType, FunctionType, ModuleType, NoneType
 from typing import Any
 
@@ -41,31 +38,6 @@ def fingerprint(value: Any, place_of: Callable[[Any], object | None] | None = No
             digest.update(b"%d:" % len(word) + word)
     except (ValueError, TypeError, AttributeError, RecursionError):
         return None
-    return digest.hexdigest()
-
-
-@cache
-def source_fingerprint(*names: str) -> str:
-    """Fingerprint of the source code of modules and packages, and of the engine.
-
-    Cached results that such code computed are keyed by it.
-
-    Raises
-    ------
-    ModuleNotFoundError
-        There is no module of a name.
-    """
-    from resample.engine.compiled.sources import engine_digest
-
-    digest = sha256(engine_digest().encode())
-    for name in names:
-        spec = find_spec(name)
-        if spec is None or spec.origin is None:
-            raise ModuleNotFoundError(f"no source code of {name}", name=name)
-        folders = spec.submodule_search_locations or ()
-        files = [file for folder in folders for file in sorted(Path(folder).rglob("*.py"))]
-        for file in files or [Path(spec.origin)]:
-            digest.update(file.read_bytes())
     return digest.hexdigest()
 
 

@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from resample.fingerprints import fingerprint, source_fingerprint
+from resample.files.cached import source_fingerprint
+from resample.fingerprints import fingerprint
 
 
 class Pair(NamedTuple):

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from resample.types import Doubles, Frame, Indices, Samples, Statistics
 from resample.watching import Executor, Progress
 from resample_volume.data.bricks import Bricks
 from resample_volume.data.statistics.caches import SHARE
+from resample_volume.data.values import streamed
 from resample_volume.media.appearance import (
     OF_VOXELS,
     Appearance,
@@ -312,8 +313,8 @@ def _shelve(media: Sequence[VolumeLayer], budget: Budget) -> None:
 
 def _bricks_of(media: Sequence[VolumeLayer]) -> list[Bricks]:
     """Return the values of those volumes that are in bricks."""
-    values: list[Any] = [volume.values for volume, _ in media]
-    return [bricks for bricks in values if isinstance(bricks, Bricks)]
+    found = [streamed(volume.values) for volume, _ in media]
+    return [bricks for bricks in found if bricks is not None]
 
 
 __getattr__ = renamed(__name__, {"Spent": "Budget"})

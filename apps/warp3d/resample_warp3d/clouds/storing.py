@@ -13,9 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from resample.files.cached import evict, note_use
+from resample.files.cached import evict, note_use, source_fingerprint
 from resample.files.writing import replacing
-from resample.fingerprints import source_fingerprint
 from resample.memory import mapped
 from resample.reading.arrays import read_npz
 from resample.types import Floats
