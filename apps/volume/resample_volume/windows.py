@@ -89,7 +89,7 @@ def render_in_windows(
         Orbits go around the whole volume, not around its visible part.
     size
         Height and width of the picture, px.
-    spent
+    budget
         Memory limit of each process, and who paints windows.
     resampler
         Paints splats of voxels; None: the default one.
@@ -118,20 +118,6 @@ def render_in_windows(
     )
 
 
-def paint_in_windows(
-    volume: Volume,
-    appearance: Appearance,
-    camera: AnyCamera,
-    size: tuple[int, int],
-    budget: Budget,
-    resampler: Resampler | None = None,
-    progress: Progress | None = None,
-) -> tuple[Frame, int]:
-    """Do as `render_in_windows`, with a camera of the volume's `streamed_volume` subject."""
-    media = [(volume, appearance)]
-    return paint_streamed(media, streamed_subject(media), camera, size, budget, resampler, progress)
-
-
 def paint_streamed(
     media: Sequence[VolumeLayer],
     subject: Subject,
@@ -151,7 +137,7 @@ def paint_streamed(
         What `streamed_subject` gives for them.
     camera
         One of the subject's.
-    size, spent, resampler, progress
+    size, budget, resampler, progress
         As of `render_in_windows`.
 
     Raises
@@ -245,11 +231,6 @@ def _unheard(share: float) -> None:
     """Ignore progress."""
 
 
-def streamed_volume(volume: Volume, appearance: Appearance) -> Subject:
-    """Do as `streamed_subject`, for a single volume."""
-    return streamed_subject([(volume, appearance)])
-
-
 def streamed_subject(
     media: Sequence[VolumeLayer],
     fit: Fit = "volume",
@@ -265,7 +246,7 @@ def streamed_subject(
         Volumes, each with its look.
     fit
         Cameras orbit all of the volumes, or what is visible, which needs a scan of all voxels.
-    resampler, spent, progress
+    resampler, budget, progress
         As of `render_in_windows`, for that scan.
 
     Raises

@@ -137,7 +137,7 @@ def painted_in_windows(
 
     Parameters
     ----------
-    work
+    job
         What is painted.
     known
         Facts from `surveyed`.
