@@ -86,4 +86,5 @@ def test_docstrings_describe_arguments_that_there_are(house):
         "app/a.py:f: describes old, which it does not take"
     ]
     wrong = described(house, "mask", "Of pixels that, each")
-    assert len(wrong) == 2 and any("Of pixels that" in line for line in wrong)
+    assert len(wrong) == 2
+    assert any("Of pixels that" in line for line in wrong)
