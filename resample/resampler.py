@@ -25,14 +25,6 @@ from resample.painting.choices import (
     number_of,
 )
 from resample.painting.layers import layers_of
-from resample.painting.points import (
-    can_defer_points,
-    paint_points,
-    points_in_steps,
-    spacings_of_points,
-)
-from resample.painting.rays import Gathering, paint_field
-from resample.painting.scenes.cuts import InSteps, most_waiting
 from resample.painting.scenes.parts import SamplesInParts
 from resample.painting.scenes.plans import (
     NOTHING,
@@ -57,16 +49,6 @@ from resample.painting.scenes.scene import (
     samples_of,
     screen_of,
 )
-from resample.painting.slabs import paint_summed, spacings_of_summed, summed_in_steps
-from resample.painting.splats import (
-    are_splats_exact,
-    formula_of,
-    paint_mixture,
-    paint_splats,
-    spacings_of,
-    splats_in_steps,
-)
-from resample.painting.steps.painting import bytes_kept, paint_in_steps
 from resample.painting.steps.planning import (
     EVERYBODY,
     Painters,
@@ -110,6 +92,7 @@ from resample.watching import Progress
 
 if TYPE_CHECKING:
     from resample.painting.paper import PaperChoices
+    from resample.painting.scenes.cuts import InSteps
 
 filter_table = once(filters.table)
 
@@ -257,6 +240,8 @@ class Resampler:
         self, scene: PreparedScene, samples: Samples, progress: Progress | None
     ) -> tuple[PaintTarget, Statistics]:
         """Picture of a scene by whom its order asks for."""
+        from resample.painting.slabs import paint_summed
+
         if self._is_paper:
             from resample.painting.paper import paint_paper
 
@@ -477,6 +462,10 @@ class Resampler:
         samples, camera, clip
             As of a call; samples of one part of the picture after the other.
         """
+        from resample.painting.points import spacings_of_points
+        from resample.painting.slabs import spacings_of_summed
+        from resample.painting.splats import spacings_of
+
         checked, look = self._checked_for_windows(samples)
         with _kernels(None):
             scene = self._scene(checked, camera.view(), plan.size, look, clip)
@@ -497,6 +486,8 @@ class Resampler:
 
         It may stand for `plan` of them all: windows have the same bits.
         """
+        from resample.painting.splats import are_splats_exact
+
         check_size(height, width)
         with _kernels(None):
             scene = self._of_nothing(source.lattice, camera, (height, width))
@@ -534,6 +525,8 @@ class Resampler:
         ValueError
             As `paint_window` does; or it is not known how fine tiles are.
         """
+        from resample.painting.steps.painting import paint_in_steps
+
         window = checked_window(window, *plan.size)
         self._check_whole(source.classifier is not None)
         if self._is_paper:
@@ -574,6 +567,9 @@ class Resampler:
         -------
         Bytes, and samples that wait for nearer ones, at most.
         """
+        from resample.painting.scenes.cuts import most_waiting
+        from resample.painting.steps.painting import bytes_kept
+
         scene, by = self._in_steps(source, camera, plan, window, None)
         return bytes_kept(scene, by), most_waiting(scene, source, by.between)
 
@@ -584,8 +580,12 @@ class Resampler:
         plan: PicturePlan,
         window: Window,
         clip: ArrayLike | None,
-    ) -> tuple[PreparedScene, InSteps]:
+    ) -> "tuple[PreparedScene, InSteps]":
         """Scene of a picture that was planned, and how its samples are painted step by step."""
+        from resample.painting.points import points_in_steps
+        from resample.painting.slabs import summed_in_steps
+        from resample.painting.splats import formula_of, splats_in_steps
+
         none = np.zeros((0, 3), np.float32)
         nothing = Samples(none, none, none[:, 0], source.lattice)
         look = None if source.classifier is None else alike_classifier(source.classifier)
@@ -656,6 +656,8 @@ class Resampler:
         progress: Progress | None,
     ) -> Frame:
         """Picture of a field that rays go through."""
+        from resample.painting.rays import Gathering, paint_field
+
         field = field_alike(field)
         style = self._style(field.lattice, field.classifier)
         rays, step = self.order if isinstance(self.order, Rays) else Rays(), self.order.thickness
@@ -678,6 +680,14 @@ class Resampler:
         self, scene: PreparedScene, samples: Samples, progress: Progress | None
     ) -> tuple[PaintTarget, Statistics]:
         """Picture of samples that are composited one by one, or as points in layers."""
+        from resample.painting.points import can_defer_points, paint_points
+        from resample.painting.splats import (
+            are_splats_exact,
+            formula_of,
+            paint_mixture,
+            paint_splats,
+        )
+
         painted, formula = None, formula_of(scene, self._profile, self._pieces)
         by = None if scene.plan is None else scene.plan.painter
         if are_splats_exact(scene) and by in (None, SPLATS):

@@ -11,10 +11,12 @@ import tempfile
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from resample import registry
-from resample.samples.writing import Said, store
+
+if TYPE_CHECKING:
+    from resample.samples.writing import Said
 
 PREFIX = "sample:"
 VIEW = "--view"  # option for pictures with depth and pose
@@ -28,7 +30,7 @@ class CachedSample(NamedTuple):
 
     folder: Path
     files: list[Path]
-    said: list[Said]
+    said: "list[Said]"
 
 
 def sample(spec: str) -> Any:
@@ -162,8 +164,10 @@ def _view(text: str) -> str:
     return ",".join(map(str, [*files[:2], pose]))
 
 
-def _said(folder: Path, stored: Sequence[Sequence[Any]]) -> list[Said]:
+def _said(folder: Path, stored: Sequence[Sequence[Any]]) -> "list[Said]":
     """Insert the folder's name into options."""
+    from resample.samples.writing import Said
+
     return [
         Said(commands, [word.replace("FOLDER/", f"{folder}{os.sep}") for word in words], unless)
         for commands, words, unless in stored
@@ -172,6 +176,8 @@ def _said(folder: Path, stored: Sequence[Sequence[Any]]) -> list[Said]:
 
 def _fill(folder: Path, spec: str, name: str) -> None:
     """Write a sample and its list of files."""
+    from resample.samples.writing import store
+
     stored = store(sample(spec), folder, name)
     contents = {"files": list(stored.files), "said": [list(map(list, s)) for s in stored.said]}
     (folder / CONTENTS).write_text(json.dumps(contents), "utf-8")

@@ -95,14 +95,12 @@ def render(
     from resample_volume.command.media import media, with_met
     from resample_volume.command.rendering import (
         BYTES_PER_PIXEL,
+        annotated_picture,
         doing_by,
         picture_of,
         report,
         to_paint,
     )
-    from resample_volume.figures.color_bar import with_bar
-    from resample_volume.space.annotations import annotated
-    from resample_volume.space.slabs import boxed, write_slabs
 
     size = picture.height_and_width()
     background = picture.behind(output.suffix)
@@ -125,12 +123,11 @@ def render(
         frame = picture_of(scene, shown, resampler.projection)
         with session.stage("write"):
             if beside.deep is not None:
+                from resample_volume.space.slabs import boxed, write_slabs
+
                 write_slabs(output, beside.deep, paint, camera, boxed(shown, subject))
             else:
-                marks = beside.annotations(background)
-                drawn = annotated(frame, camera, subject.placed(shown[0][0]), marks)
-                if beside.color_bar:
-                    drawn = with_bar(drawn, *shown[0], resampler, background, subject.tone)
+                drawn = annotated_picture(scene, frame, shown[0], resampler, beside, background)
                 write_frame(output, drawn, picture.bits, background)
     if stats is not None:
         write_json(stats, report(session, frame, subject))

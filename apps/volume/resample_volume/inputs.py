@@ -13,7 +13,6 @@ from resample_volume.classification.scales import LINEAR, scaled
 from resample_volume.data.recordings import in_color, is_color
 from resample_volume.data.values import is_streamed
 from resample_volume.exchange.parts import Part, check_whole
-from resample_volume.exchange.taking import taker_of
 from resample_volume.files.parsing.headers import KEPT
 from resample_volume.files.source import open_volume
 from resample_volume.types import Volume
@@ -74,6 +73,8 @@ def as_volume(given: Any, name: str = "array", *, part: Part = "", scale: str = 
 
 
 def _as_it_is(given: Any, name: str, part: Part) -> Volume:
+    from resample_volume.exchange.taking import taker_of
+
     if isinstance(given, Volume | str | PathLike):
         check_whole(part, "a file" if not isinstance(given, Volume) else given.name)
     if isinstance(given, Volume):

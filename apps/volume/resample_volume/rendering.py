@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -47,13 +47,8 @@ from resample_volume.media.appearance import (
     resampler_for,
     transfer_of,
 )
-from resample_volume.media.lattices import CommonLattice, bytes_onto, common_lattice, first_in, onto
-from resample_volume.media.mixing import MixedMedia, added, mixed, with_light
+from resample_volume.media.mixing import MixedMedia
 from resample_volume.media.xrays import AS_IT_IS, Tone, XRay, exposed, settled, tone_of
-from resample_volume.surfaces.image_planes import settled as settled_plane
-from resample_volume.surfaces.meshes import SceneMesh, placed
-from resample_volume.surfaces.plane_meshes import plane_mesh
-from resample_volume.surfaces.surface_meshes import surface_mesh
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import faced, keep, planes
 from resample_volume.voxels.fields import FieldVoxels, field_voxels, framed, lit_field
@@ -79,6 +74,10 @@ from resample_volume.voxels.visible import (
     unit_of,
 )
 
+if TYPE_CHECKING:
+    from resample_volume.media.lattices import CommonLattice
+    from resample_volume.surfaces.meshes import SceneMesh
+
 NOTHING = np.zeros((0, 3), np.float32)
 NO_VOXELS = Voxels(NOTHING, NOTHING, NOTHING[:, 0], NOTHING, np.eye(3))
 
@@ -90,13 +89,15 @@ class Placement(NamedTuple):
     """Several volumes in a scene, moved around its origin."""
 
     media: list[VolumeLayer]
-    lattice: CommonLattice  # of all of them
+    lattice: "CommonLattice"  # of all of them
     middle: Doubles  # (3,) former place of the origin, scene units
     clip: Doubles  # (M, 4) planes
 
 
 def placement(media: Sequence[VolumeLayer]) -> Placement:
     """Place several volumes in a scene; crop and clip are those of the first look."""
+    from resample_volume.media.lattices import common_lattice
+
     whole = common_lattice([volume for volume, _ in media])
     middle = whole.middle
     whole = whole._replace(origin=whole.origin - middle)
@@ -106,8 +107,10 @@ def placement(media: Sequence[VolumeLayer]) -> Placement:
     return Placement(moved, whole, middle, np.concatenate(cuts))
 
 
-def _onto(volume: Volume, lattice: CommonLattice, parts: Sequence[Voxels]) -> Volume:
+def _onto(volume: Volume, lattice: "CommonLattice", parts: Sequence[Voxels]) -> Volume:
     """Resample a volume onto a lattice, if it fits in memory; errors as of `onto`."""
+    from resample_volume.media.lattices import bytes_onto, first_in, onto
+
     allowed = values_of(volume.values).memory
     if allowed and first_in(volume, lattice) is None:
         size = bytes_onto(volume, lattice) + _bytes_of(parts)
@@ -232,14 +235,27 @@ def _reached(
 
 def _pictures(
     volume: Volume, values: Any, appearance: Appearance, voxels: Visible
-) -> list[SceneMesh]:
+) -> "list[SceneMesh]":
     """Return planes and isosurfaces of a look as meshes in the volume's scene."""
-    if not isinstance(voxels, Gathered):
+    if not isinstance(voxels, Gathered) or not (appearance.planes or appearance.surfaces):
         return []
+    from resample_volume.surfaces.image_planes import settled as settled_plane
+    from resample_volume.surfaces.plane_meshes import plane_mesh
+    from resample_volume.surfaces.surface_meshes import surface_mesh
+
     planes = [settled_plane(plane, volume) for plane in appearance.planes]
     made = [plane_mesh(plane, volume, voxels) for plane in planes]
     known = volume._replace(values=values)
     return made + [surface_mesh(one, known, voxels) for one in appearance.surfaces]
+
+
+def _placed(meshes: "tuple[SceneMesh, ...]", middle: Doubles) -> Triangles:
+    """Return all meshes for ray casting, in a scene whose origin was moved to `middle`."""
+    if not meshes:
+        return NO_TRIANGLES
+    from resample_volume.surfaces.meshes import placed
+
+    return placed(meshes, middle)
 
 
 def lit_samples(
@@ -312,7 +328,7 @@ class Subject:
         if appearance.light is not None and appearance.light.is_blocked:
             voxels = _reached(voxels, scene, resampler, clip, appearance.light)
         pictures = _pictures(volume, scene.values, appearance, voxels)
-        mesh = placed((*appearance.meshes, *pictures), middle)
+        mesh = _placed((*appearance.meshes, *pictures), middle)
         if around is not None:
             ball = ball_around(around._replace(origin=around.origin - middle))
             return cls(voxels, appearance, ball, middle, clip, mesh, tone)
@@ -341,6 +357,8 @@ class Subject:
             As of `of`; or fields were asked for, of which only one can be shown; or a volume with
             labels would have to be resampled.
         """
+        from resample_volume.media.mixing import mixed, with_light
+
         if len(media) == 1:
             return cls.of(*media[0], resampler, around=media[0][0] if fit == "volume" else None)
         resampler = resampler or BY_DEFAULT
@@ -434,6 +452,8 @@ class Subject:
 
     def samples_for(self, camera: AnyCamera) -> Samples | Field | LatticeField:
         """Return the input of a renderer: samples, or a field, shaded for a camera."""
+        from resample_volume.media.mixing import added
+
         cue, light = self.appearance.cue, self.appearance.light
         near, far = cue_range(camera, self.sphere)
         if isinstance(self.voxels, Voxels):

@@ -31,10 +31,6 @@ from resample_volume.files.source import (
     open_streamed,
     open_volume,
 )
-from resample_volume.files.stores import kept
-from resample_volume.files.stores.chunks import Single
-from resample_volume.files.stores.reader import with_level
-from resample_volume.media.series import whole
 from resample_volume.types import Recording, Volume
 
 
@@ -134,6 +130,8 @@ def with_memory(volume: Volume, allowed: int | None, hire: StartWorkers | None =
 
     Workers scan a large one, unless its statistics are cached.
     """
+    from resample_volume.files.stores import kept
+
     if is_streamed(volume):
         values = bricks_of(volume)
         give_back()
@@ -191,6 +189,8 @@ def read_as_whole(recording: Recording, source: ReadOptions) -> Recording:
     ValueError, OSError
         As of `opened`.
     """
+    from resample_volume.media.series import whole
+
     shape = recording.values.shape
     every = _as_array(with_memory(whole(recording), allowed_memory(source)))
     return recording._replace(values=every.values.reshape(shape))
@@ -212,6 +212,8 @@ def channels_in_chunks(source: ReadOptions, name: str) -> Recording | None:
 
 def stored(source: ReadOptions, name: str) -> Recording:
     """Open what `source` chooses of a name; values of chunked files stay in their file."""
+    from resample_volume.files.stores.chunks import Single
+
     require_linear(source, "convert keeps values as they are")
     if source.time is not None or source.channel is not None:
         volume = opened(source, name, streamed=True)
@@ -224,6 +226,8 @@ def stored(source: ReadOptions, name: str) -> Recording:
 
 def _named(source: ReadOptions, name: str) -> tuple[Path | str, Reader | None]:
     """Return the file or generated volume of a name, and its reader."""
+    from resample_volume.files.stores.reader import with_level
+
     if not name:
         raise ValueError("the volume has no name; give a file, a folder or checker-box")
     reader = None if source.reader is None else registry.build("readers", source.reader)

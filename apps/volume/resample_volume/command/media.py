@@ -24,15 +24,13 @@ from resample_volume.command.inputs import (
     with_memory,
 )
 from resample_volume.data.recordings import volume_at, with_times_first
-from resample_volume.files.labels import read_labels
-from resample_volume.files.stores.chunks import Chunked
 from resample_volume.media.appearance import Appearance, SceneObjects, VolumeLayer
-from resample_volume.media.series import Series
 from resample_volume.rendering import Subject
 from resample_volume.types import Recording
 
 if TYPE_CHECKING:
     from resample_volume.command.animation import Course
+    from resample_volume.media.series import Series
 
 KEYS = ("time", "channel", "level", "units", "spacing", "scale", "window", "transfer")
 START = re.compile(rf":(?=(?:{'|'.join(KEYS)})=)")  # of what is said of a file
@@ -120,6 +118,8 @@ def with_met(shown: list[VolumeLayer], met: SceneObjects) -> list[VolumeLayer]:
 
 def times_of(source: ReadOptions, recording: Recording) -> Recording | None:
     """Return the times of a recording's chosen channel; None if there is only one."""
+    from resample_volume.files.stores.chunks import Chunked
+
     values: Any = recording.values
     if source.channel is not None:
         if 1 in values.shape[:2]:
@@ -147,7 +147,7 @@ def filmed(subject: Callable[[int], Subject], times: int) -> "Course":
 
 
 def appearance_over_time(
-    series: Series, look: AppearanceChoices, resampler: Resampler
+    series: "Series", look: AppearanceChoices, resampler: Resampler
 ) -> Appearance:
     """Return one look for all times of a series, without labels; print the statistics."""
     for line in findings(series.known):
@@ -157,8 +157,10 @@ def appearance_over_time(
     return series.appearance(chosen, resampler.projection)
 
 
-def labelled(own: Appearance, series: Series, look: AppearanceChoices) -> Appearance:
+def labelled(own: Appearance, series: "Series", look: AppearanceChoices) -> Appearance:
     """Return the look of all times with the labels of another look, if it has some."""
+    from resample_volume.files.labels import read_labels
+
     if look.labels is None:
         return own
     return replace(own, labels=read_labels(look.labels, look.label, series[0]))

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from resample.cameras.viewpoints import Viewpoint
 from resample.command.session import Session
 from resample.command.settings import Sharing
 from resample.command.workers import StartWorkers, worker_pools
+from resample.console.backgrounds import Color
 from resample.console.messages import say
 from resample.files.painted.tiles import NAME
 from resample.files.writing import beside, inheriting
@@ -38,11 +39,13 @@ from resample_volume.media.appearance import (
     decided,
     fits_as_field,
 )
-from resample_volume.outofcore.dense import is_in_store, share_lattice
 from resample_volume.rendering import Fit, Subject, painted_with_bar
 from resample_volume.types import Volume
 from resample_volume.voxels.streaming import TooManyVoxelsError
-from resample_volume.windows import Budget, paint_streamed, streamed_subject
+
+if TYPE_CHECKING:
+    from resample_volume.command.choices import BesidePicture
+    from resample_volume.windows import Budget
 
 MARK = "picture"  # file in a folder of windows that identifies their picture
 BYTES_PER_PIXEL = needs.BYTES_PER_PIXEL
@@ -170,6 +173,27 @@ def picture_of(
     return frame
 
 
+def annotated_picture(
+    scene: PreparedPicture,
+    frame: Frame,
+    shown: VolumeLayer,
+    resampler: Resampler,
+    beside: "BesidePicture",
+    background: Color | None,
+) -> Frame:
+    """Draw the annotations of a picture, and its color bar, as far as they are asked for."""
+    if beside.is_annotated:
+        from resample_volume.space.annotations import annotated
+
+        marks = beside.annotations(background)
+        frame = annotated(frame, scene.camera, scene.subject.placed(shown[0]), marks)
+    if beside.color_bar:
+        from resample_volume.figures.color_bar import with_bar
+
+        frame = with_bar(frame, *shown, resampler, background, scene.subject.tone)
+    return frame
+
+
 def _emptiness(frame: Frame, volume: Volume, projection: Projection) -> str | None:
     """Return the message about an empty picture; None if it is not empty."""
     if projection not in SUMS:
@@ -234,6 +258,8 @@ def to_paint(
         As of `scene_of`; or windows serve neither.
     """
     if context.sharing.is_asked:
+        from resample_volume.outofcore.dense import share_lattice
+
         for medium in media:
             _check_bricks(*medium)
         if not share_lattice(media):
@@ -261,6 +287,8 @@ def to_paint(
 
 def _check_bricks(volume: Volume, look: Appearance) -> None:
     """Reject workers for a picture that is not painted by windows."""
+    from resample_volume.outofcore.dense import is_in_store
+
     if not is_streamed(volume):
         raise ValueError(
             f"workers paint windows of a volume in chunks, and {volume.name} is in memory as a "
@@ -283,6 +311,8 @@ def _in_windows(
     context: ExecutionContext,
 ) -> PreparedPicture:
     """Prepare volumes in bricks, to hold one window's voxels in memory at a time."""
+    from resample_volume.windows import paint_streamed, streamed_subject
+
     spent = spent_here(media, context.threads)
     with session.stage("classify", bar="scanning voxels") as progress:
         subject = streamed_subject(media, fit, resampler, spent, progress)
@@ -306,8 +336,10 @@ def _in_windows(
     return PreparedPicture(subject, camera, paint)
 
 
-def spent_here(media: Sequence[VolumeLayer], threads: int | None) -> Budget:
+def spent_here(media: Sequence[VolumeLayer], threads: int | None) -> "Budget":
     """Return the budget of windows that this process paints."""
+    from resample_volume.windows import Budget
+
     allowed = values_of(media[0][0].values).memory
     return Budget(allowed or available_memory() or 0, threads)
 
@@ -328,11 +360,13 @@ def _mark(media: Sequence[VolumeLayer], shown: tuple[Any, ...]) -> str | None:
 @contextmanager
 def shared(
     context: ExecutionContext, media: Sequence[VolumeLayer], shown: tuple[Any, ...]
-) -> Iterator[Budget]:
+) -> "Iterator[Budget]":
     """Provide the budget and the executor of windows, until the end of the block.
 
     Windows that a killed command left of the same picture are reused.
     """
+    from resample_volume.windows import Budget
+
     here = spent_here(media, context.threads)
     allowed, crew = here.memory, context.hire()
     if crew is None:

@@ -10,18 +10,12 @@ import re
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
 from resample.reading.arrays import DamageError, read_npy
 from resample_volume.data.recordings import alone, is_color
-from resample_volume.files.formats.cube import read_cube
-from resample_volume.files.formats.metaimage import read_metaimage
-from resample_volume.files.formats.mrc import SUFFIXES, read_mrc
-from resample_volume.files.formats.nifti import read_nifti
-from resample_volume.files.formats.nrrd import read_nrrd
-from resample_volume.files.formats.vtk import read_vtk
 from resample_volume.files.parsing.choosing import ArrayQuery, check_part
 from resample_volume.files.parsing.headers import (
     Check,
@@ -37,10 +31,10 @@ from resample_volume.files.parsing.headers import (
 )
 from resample_volume.files.parsing.steps import Numbers, sizes_of, steps_of, three_numbers
 from resample_volume.files.parsing.voxels import VoxelData, voxels, wrong_size
-from resample_volume.files.stacks import dicom, slices
-from resample_volume.files.stacks.pages import page_order
-from resample_volume.files.xml.vti import read_vti
 from resample_volume.types import Recording, Volume
+
+if TYPE_CHECKING:
+    from resample_volume.files.stacks.slices import SlicePage
 
 BYTE_ORDERS = {"<": "little", ">": "big", "=": sys.byteorder}  # by NumPy's sign
 
@@ -87,6 +81,8 @@ class Nrrd:
         return alone(self.recorded(path, check_alone))
 
     def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+        from resample_volume.files.formats.nrrd import read_nrrd
+
         return read_nrrd(existing_file(path), stem(path, self.suffixes), check)
 
 
@@ -100,6 +96,8 @@ class MetaImage:
         return alone(self.recorded(path, check_alone))
 
     def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+        from resample_volume.files.formats.metaimage import read_metaimage
+
         return read_metaimage(existing_file(path), stem(path, self.suffixes), check)
 
 
@@ -117,6 +115,8 @@ class Nifti:
         return alone(self.recorded(path, check_alone))
 
     def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+        from resample_volume.files.formats.nifti import read_nifti
+
         return read_nifti(existing_file(path), stem(path, self.suffixes), check)
 
 
@@ -136,6 +136,8 @@ class Vti:
         return alone(self.recorded(path, check_alone))
 
     def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+        from resample_volume.files.xml.vti import read_vti
+
         wanted = ArrayQuery(self.array, self.part, "vti")
         return read_vti(existing_file(path), wanted, stem(path, self.suffixes), check)
 
@@ -163,6 +165,8 @@ class Vtk:
         return alone(self.recorded(path, check_alone))
 
     def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+        from resample_volume.files.formats.vtk import read_vtk
+
         wanted = ArrayQuery(self.array, self.part, "vtk")
         steps, name = steps_of(self.spacing), stem(path, self.suffixes)
         return read_vtk(existing_file(path), wanted, steps, name, check)
@@ -172,12 +176,16 @@ class Vtk:
 class Mrc:
     """MRC and CCP4 maps, in Å; volumes of a stack are times. Raw voxels are memory mapped."""
 
-    suffixes: ClassVar[tuple[str, ...]] = SUFFIXES
+    suffixes: ClassVar[tuple[str, ...]] = (
+        *(".mrc", ".map", ".ccp4", ".mrcs", ".mrc.gz", ".map.gz", ".ccp4.gz", ".mrcs.gz"),
+    )
 
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
     def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+        from resample_volume.files.formats.mrc import read_mrc
+
         return read_mrc(existing_file(path), stem(path, self.suffixes), check)
 
 
@@ -191,6 +199,8 @@ class Cube:
         return alone(self.recorded(path, check_alone))
 
     def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+        from resample_volume.files.formats.cube import read_cube
+
         return read_cube(existing_file(path), stem(path, self.suffixes), check)
 
 
@@ -209,6 +219,9 @@ class TiffStack:
         return alone(self.recorded(path, check_alone))
 
     def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+        from resample_volume.files.stacks import slices
+        from resample_volume.files.stacks.pages import page_order
+
         if path.is_dir():
             paths, name = slices.files_with(path, self.suffixes), path.resolve().name
         else:
@@ -229,7 +242,7 @@ class TiffStack:
         values = order.sorted(slices.stack_values(paths, known))
         return recording(values, every, channels_first=known.parts == 1)
 
-    def _header(self, pages: list[slices.SlicePage], name: str) -> VolumeHeader:
+    def _header(self, pages: "list[SlicePage]", name: str) -> VolumeHeader:
         shape = (pages[0].width, pages[0].height, len(pages))
         known = header(shape, pages[0].dtype, name, spacing=three_numbers("spacing", self.spacing))
         parts = pages[0].channels
@@ -246,6 +259,8 @@ class Dicom:
     suffixes: ClassVar[tuple[str, ...]] = (".dcm",)
 
     def __call__(self, path: Path) -> Volume:
+        from resample_volume.files.stacks import dicom
+
         if path.is_dir():
             files = dicom.dicom_slices(path, self.series)
             return dicom.dicom_volume(files, path.resolve().name)

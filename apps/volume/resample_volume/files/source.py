@@ -10,7 +10,6 @@ import numpy as np
 from resample import registry
 from resample.files.stores.addresses import Address, is_address
 from resample.files.stores.opening import is_store
-from resample.samples.finding import PREFIX, sample_path
 from resample_volume.classification.scales import LINEAR, value_at
 from resample_volume.classification.surveys import findings, survey
 from resample_volume.data.recordings import volume_at
@@ -18,7 +17,6 @@ from resample_volume.data.thresholds import otsu
 from resample_volume.data.values import Stored, values_of
 from resample_volume.files.generated import GENERATED
 from resample_volume.files.readers import Reader, Recorder, Streamer
-from resample_volume.files.stacks.dicom import is_dicom
 from resample_volume.types import Recording, Volume
 
 if TYPE_CHECKING:
@@ -272,6 +270,8 @@ def describe(volume: Volume, bins: int = 32) -> dict[str, Any]:
 
 def _unprefixed(name: str | Path) -> str | Path:
     """Resolve names of built-in data to a generated volume or file; others are unchanged."""
+    from resample.samples.finding import PREFIX, sample_path
+
     text = str(name)
     if not text.startswith(PREFIX):
         return name
@@ -310,6 +310,8 @@ def _suffix(name: str, known: Iterable[str]) -> str:
 def _folder_suffix(folder: Path, readers: dict[str, list[str]]) -> str:
     """Return the suffix of a folder's files; DICOM is recognised without one."""
     files = [file for file in folder.iterdir() if file.is_file() and file.name[0] != "."]
+    from resample_volume.files.stacks.dicom import is_dicom
+
     found = {".dcm" if is_dicom(file) else _suffix(file.name, readers) for file in files} - {""}
     if len({tuple(readers[suffix]) for suffix in found}) > 1:
         raise ValueError(f"{folder} holds files of {' and '.join(sorted(found))}; name one of them")

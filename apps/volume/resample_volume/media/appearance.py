@@ -1,6 +1,6 @@
 """Appearance of a volume, and the renderer that suits it."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, NamedTuple
@@ -17,16 +17,16 @@ from resample_volume.classification.surveys import survey
 from resample_volume.classification.transfer import Transfer, as_transfer
 from resample_volume.data.values import values_of
 from resample_volume.media.xrays import XRay
-from resample_volume.surfaces.image_planes import ImagePlane
-from resample_volume.surfaces.iso_surfaces import IsoSurface
-from resample_volume.surfaces.meshes import SceneMesh
-from resample_volume.surfaces.sections import Section
 from resample_volume.types import Volume
 from resample_volume.voxels.shading import DepthCue, Light
 from resample_volume.voxels.visible import finite_range
 
 if TYPE_CHECKING:
     from resample_volume.classification.labels import Labels
+    from resample_volume.surfaces.image_planes import ImagePlane
+    from resample_volume.surfaces.iso_surfaces import IsoSurface
+    from resample_volume.surfaces.meshes import SceneMesh
+    from resample_volume.surfaces.sections import Section
 
 # Each keeps its own tables.
 OF_VOXELS, ALONG_RAYS = Resampler(), Resampler(order=Rays())
@@ -68,26 +68,27 @@ class Appearance:
     crop: str | None = None  # ranges of voxels along x, y and z, see `cropping.planes`
     clip: tuple[str, ...] = ()  # planes through the middle, see `cropping.planes`
     framing: Transfer | str | None = None  # the camera frames what this shows; None: `transfer`
-    meshes: tuple[SceneMesh, ...] = ()  # in the volume's scene; not clipped
-    planes: tuple[ImagePlane, ...] = ()  # show unshaded values; not clipped
-    surfaces: tuple[IsoSurface, ...] = ()  # isosurfaces; not clipped
+    meshes: "tuple[SceneMesh, ...]" = ()  # in the volume's scene; not clipped
+    planes: "tuple[ImagePlane, ...]" = ()  # show unshaded values; not clipped
+    surfaces: "tuple[IsoSurface, ...]" = ()  # isosurfaces; not clipped
     slab: str | None = None  # outside of which nothing is shown, see `Section.of`
     xray: XRay | None = None  # for the projection xray, which it selects; None: the default
     invert: bool = False  # swap black and white, for projections of values
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "classification", Classification(self.classification))
-        planes = (ImagePlane.of(one) if isinstance(one, str) else one for one in self.planes)
-        object.__setattr__(self, "planes", tuple(planes))
-        surfaces = (IsoSurface.of(one) if isinstance(one, str) else one for one in self.surfaces)
-        object.__setattr__(self, "surfaces", tuple(surfaces))
-        if self.slab is not None:
-            Section.of(self.slab)
+        object.__setattr__(self, "planes", _planes_of(self.planes))
+        object.__setattr__(self, "surfaces", _surfaces_of(self.surfaces))
+        _ = self.section  # refuses what is none
 
     @property
-    def section(self) -> Section | None:
+    def section(self) -> "Section | None":
         """Slab outside of which nothing is shown."""
-        return None if self.slab is None else Section.of(self.slab)
+        if self.slab is None:
+            return None
+        from resample_volume.surfaces.sections import Section
+
+        return Section.of(self.slab)
 
     @property
     def cuts(self) -> tuple[str, ...]:
@@ -120,15 +121,33 @@ class Appearance:
         return None if self.light is None else self.gradient
 
 
+def _planes_of(given: "Iterable[ImagePlane | str]") -> "tuple[ImagePlane, ...]":
+    """Return planes, of which some may be texts."""
+    if not given:
+        return ()
+    from resample_volume.surfaces.image_planes import ImagePlane
+
+    return tuple(ImagePlane.of(one) if isinstance(one, str) else one for one in given)
+
+
+def _surfaces_of(given: "Iterable[IsoSurface | str]") -> "tuple[IsoSurface, ...]":
+    """Return isosurfaces, of which some may be texts."""
+    if not given:
+        return ()
+    from resample_volume.surfaces.iso_surfaces import IsoSurface
+
+    return tuple(IsoSurface.of(one) if isinstance(one, str) else one for one in given)
+
+
 VolumeLayer = tuple[Volume, Appearance]  # one of several in a scene, and its look
 
 
 class SceneObjects(NamedTuple):
     """Objects that rays meet besides the volume."""
 
-    meshes: tuple[SceneMesh, ...]
-    planes: tuple[ImagePlane, ...]
-    surfaces: tuple[IsoSurface, ...]
+    meshes: "tuple[SceneMesh, ...]"
+    planes: "tuple[ImagePlane, ...]"
+    surfaces: "tuple[IsoSurface, ...]"
 
     def within(self, span: tuple[float, float]) -> "SceneObjects":
         """Return a copy in which planes without a window get one of these values."""

@@ -13,7 +13,6 @@ from resample_volume.classification.surveys import Survey, survey, without_paddi
 from resample_volume.classification.transfer import DataRange, Transfer
 from resample_volume.data.recordings import alone, volume_at, with_times_first
 from resample_volume.data.values import is_streamed
-from resample_volume.files.stores.chunks import Chunked, Single
 from resample_volume.media.appearance import Appearance, named_or_own, transfer_of
 from resample_volume.media.xrays import XRay, settled
 from resample_volume.types import Recording, Volume
@@ -116,6 +115,8 @@ class Series:
 
 def whole(recording: Recording) -> Volume:
     """Stack all times of a recording in one volume."""
+    from resample_volume.files.stores.chunks import Single
+
     values: Any = recording.values
     times, parts, *size = values.shape
     if not recording.is_color and parts != 1:
@@ -128,6 +129,8 @@ def whole(recording: Recording) -> Volume:
 
 def is_chunked(recording: Recording) -> bool:
     """Return whether a recording's values stay in their file."""
+    from resample_volume.files.stores.chunks import Chunked
+
     values: Any = recording.values
     return isinstance(values, Chunked)
 

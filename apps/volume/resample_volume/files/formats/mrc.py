@@ -21,7 +21,6 @@ from resample_volume.files.parsing.headers import (
 from resample_volume.files.parsing.voxels import VoxelData, first_bytes, voxels
 from resample_volume.types import Recording
 
-SUFFIXES = (".mrc", ".map", ".ccp4", ".mrcs", ".mrc.gz", ".map.gz", ".ccp4.gz", ".mrcs.gz")
 LENGTH = 1024  # bytes of a header
 FIELDS = {  # name: NumPy's type, and its place
     "count": ("3i4", 0),  # columns, rows, sections
