@@ -89,7 +89,7 @@ def _composite(blend, sweep, row, column, n, sample, index2, amount):  # type: i
 
 @inner_step
 def _add_point(points: Record, sample: Composited, amount: Single) -> None:
-    """WeightedSum a point side by side with the others of its layer."""
+    """Add a point to the others of its layer."""
     opacity = amount * sample.density
     if points["cover"] == ZERO:
         points["layer"], points["first"] = sample.layer, sample.depth

@@ -61,7 +61,7 @@ Lit = Callable[
 class RenderJob(NamedTuple):
     """Paint job of a volume in bricks; must be picklable for other processes."""
 
-    volume: Volume  # around the scene's origin; in `Bricks`, or several `JoinedPicture`
+    volume: Volume  # around the scene's origin; in `Bricks`, or several as `CombinedBricks`
     classified: Classified
     lit: Lit
     resampler: Resampler

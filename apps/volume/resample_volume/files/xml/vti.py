@@ -191,7 +191,7 @@ def _require_memory(reader: Any, path: Path) -> None:
 
     told = reader.GetOutputInformation(0)
     if not told.Has(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT()):
-        return  # of no lattice; see `check_counts`
+        return  # not a grid; the caller rejects it
     extent = told.Get(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT())
     first, last = np.reshape(extent, (3, 2)).T.tolist()
     count = math.prod(b - a + 1 for a, b in zip(first, last, strict=True))

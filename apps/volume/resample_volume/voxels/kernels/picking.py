@@ -49,7 +49,7 @@ class PickedField(NamedTuple):
     spline: SplineField
     known: Flags  # as of `LatticeField`
     classifiers: int  # transfer functions beside each other in the table
-    table: Floats  # (G, L K, 4) as of `NearestCells`
+    table: Floats  # (G, L K, 4) as of `Classifier`
     low: float
     high: float
     steep: float
