@@ -70,7 +70,7 @@ from resample.engine.mixtures.models import POINT, choose_points, form_models, t
 from resample.engine.mixtures.sizes import gather_sizes, resize, stand_alone
 from resample.engine.points.point_sheets import (
     PointSheet,
-    add_among,
+    add_to_open_sheet,
     before_sheet,
     is_empty,
     new_sheet,
@@ -292,7 +292,9 @@ def _paint_samples(
             # Add a point to its sheet; a new sheet ends before the next splat behind it.
             if mixture is not None and scratch[np.uint64(every[n]) + CUT] == POINT:
                 is_new = is_empty(sheet)
-                points += add_among(sheet, rows, open_groups, scratch, every[n], place, stage)
+                points += add_to_open_sheet(
+                    sheet, rows, open_groups, scratch, every[n], place, stage
+                )
                 if is_new:
                     end = n + before_sheet(sheet, scratch, every[n:last], stage)
                 n += 1

@@ -45,7 +45,7 @@ from resample_volume.voxels.slices.thin import (
     EXTREMES,
     SAME,
     Thin,
-    among_samples,
+    cells_over_samples,
     of_samples,
     repeated,
     thin_that_fits,
@@ -238,7 +238,7 @@ def with_reached(
     parts = _extinctions(field, volume, resampler.iso)
     reached = field_reached(volume, parts, clip, light)
     samples = field.spline.shape[field.thin.axis]
-    return field._replace(reached=among_samples(reached, samples, field.thin))
+    return field._replace(reached=cells_over_samples(reached, samples, field.thin))
 
 
 def _extinctions(field: Gathered, volume: Volume, iso: float | None) -> Iterator[Floats]:

@@ -119,7 +119,7 @@ def repeated(flags: NDArray[Any], thin: Thin) -> NDArray[Any]:
     return np.repeat(flags, thin.parts, axis=thin.axis)
 
 
-def among_samples(reached: Reached, samples: int, thin: Thin) -> Reached:
+def cells_over_samples(reached: Reached, samples: int, thin: Thin) -> Reached:
     """Convert cells of light over voxels to cells over samples along the thin axis."""
     if thin.parts == 1:
         return reached
