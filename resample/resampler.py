@@ -68,7 +68,7 @@ from resample.painting.splats import (
 )
 from resample.painting.steps.painting import bytes_kept, paint_in_steps
 from resample.painting.steps.planning import (
-    EVERYBODY,
+    ALL_PAINTERS,
     Painters,
     margin_beyond_window,
     plan_of_all,
@@ -320,7 +320,7 @@ class Resampler:
         height: int,
         width: int,
         clip: ArrayLike | None = None,
-        painters: Sequence[str] = EVERYBODY,
+        painters: Sequence[str] = ALL_PAINTERS,
     ) -> PlansOfPart:
         """What some samples say of a picture, of which others are seen, too.
 

@@ -57,11 +57,11 @@ def worker_pools(sharing: Sharing, threads: int | None = None) -> Iterator[Start
     """
     check_sharing(sharing)
     if not sharing.is_asked:
-        yield _nobody
+        yield _start_no_workers
         return
     from distributed import KilledWorker
 
-    nobody_left = _nobody_left()
+    no_worker_errors = _no_worker_errors()
     with ExitStack() as held:
         client = cache(lambda: held.enter_context(_client(sharing, held)))
         try:
@@ -73,14 +73,14 @@ def worker_pools(sharing: Sharing, threads: int | None = None) -> Iterator[Start
                 f"a task failed because {_attempts(error)} workers ended while running it, most "
                 "likely because memory ran out; allow less --memory, or use fewer workers"
             ) from None
-        except nobody_left:
+        except no_worker_errors:
             raise ChildProcessError(
                 f"all workers have ended and none restarted within {PATIENCE} seconds; allow "
                 "less --memory, or use fewer workers, or none"
             ) from None
 
 
-def _nobody_left() -> tuple[type[Exception], ...]:
+def _no_worker_errors() -> tuple[type[Exception], ...]:
     """Exceptions of tasks that no worker takes; older versions of dask have only one."""
     from distributed import scheduler
 
@@ -88,7 +88,7 @@ def _nobody_left() -> tuple[type[Exception], ...]:
     return tuple(getattr(scheduler, name) for name in names if hasattr(scheduler, name))
 
 
-def _nobody() -> None:
+def _start_no_workers() -> None:
     """Start no workers."""
 
 

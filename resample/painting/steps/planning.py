@@ -20,7 +20,7 @@ from resample.painting.slabs import columns_of, planned_as_summed
 from resample.painting.splats import are_splats_exact, has_points, planned_as
 from resample.types import AFFINE, MOST_COLUMNS, SMALL_ANGLE, Samples
 
-EVERYBODY = (SPLATS, POINTS, MIXTURE)
+ALL_PAINTERS = (SPLATS, POINTS, MIXTURE)
 MIRRORED = (AFFINE, SMALL_ANGLE)  # footprints that are symmetric about their center
 
 

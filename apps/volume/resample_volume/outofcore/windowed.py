@@ -21,7 +21,7 @@ from resample.files.painted.tiles import keep_tile, kept_tile
 from resample.memory import trim
 from resample.painting.scenes.parts import SamplesInParts
 from resample.painting.scenes.plans import SPLATS, PicturePlan, PlansOfPart, Window
-from resample.painting.steps.planning import EVERYBODY
+from resample.painting.steps.planning import ALL_PAINTERS
 from resample.resampler import Resampler
 from resample.types import Doubles, Film, Samples
 from resample.watching import Executor, Progress, report, shared_out, told
@@ -222,14 +222,14 @@ def _guessed(job: RenderJob) -> Guess:
     height, width = job.size
     plan = job.resampler.plan(samples, job.camera, height=height, width=width)
     is_uneven = plan.visible > 0 and not job.resampler.is_even(plan)
-    painters = (SPLATS,) if plan.painter == SPLATS else EVERYBODY
+    painters = (SPLATS,) if plan.painter == SPLATS else ALL_PAINTERS
     return Guess(painters, plan if is_uneven else None)
 
 
 def _better(job: RenderJob, guess: Guess, plan: PicturePlan | None) -> Guess | None:
     """Return better queries if a plan is incomplete; None if it is complete."""
     if plan is None:
-        return Guess(EVERYBODY, guess.spaced)
+        return Guess(ALL_PAINTERS, guess.spaced)
     is_known = plan.spacing is not None or job.resampler.is_even(plan)
     return None if is_known else Guess(guess.painters, plan)
 
