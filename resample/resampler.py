@@ -48,10 +48,10 @@ from resample.painting.scenes.plans import (
 from resample.painting.scenes.scene import (
     PaintTarget,
     PreparedScene,
-    alike_classifier,
     check_samples,
     ellipsoid_of,
-    field_alike,
+    kernel_classifier,
+    kernel_field,
     nothing_painted,
     planes_of,
     samples_of,
@@ -588,7 +588,7 @@ class Resampler:
         """Scene of a picture that was planned, and how its samples are painted step by step."""
         none = np.zeros((0, 3), np.float32)
         nothing = Samples(none, none, none[:, 0], source.lattice)
-        look = None if source.classifier is None else alike_classifier(source.classifier)
+        look = None if source.classifier is None else kernel_classifier(source.classifier)
         scene = self._scene(nothing, camera.view(), plan.size, look, clip)
         scene = replace(scene, layers=plan.layers, plan=plan, window=window)
         if not self._is_streamed(scene):
@@ -656,7 +656,7 @@ class Resampler:
         progress: Progress | None,
     ) -> Frame:
         """Picture of a field that rays go through."""
-        field = field_alike(field)
+        field = kernel_field(field)
         style = self._style(field.lattice, field.classifier)
         rays, step = self.order if isinstance(self.order, Rays) else Rays(), self.order.thickness
         how = Gathering(style, self._tables, step, rays.quality, rays.interpolation, clip)
@@ -855,7 +855,7 @@ def _position(iso: float, look: Classifier) -> float:
 def _checked(samples: Samples | Field) -> tuple[Samples, Classifier | None]:
     """Samples for the painters, and what a field looks like."""
     if isinstance(samples, Field):
-        return samples_of(samples), alike_classifier(samples.classifier)
+        return samples_of(samples), kernel_classifier(samples.classifier)
     return check_samples(samples), None
 
 

@@ -38,9 +38,9 @@ from resample_warp3d.figures.scenes import STANDS, generated
 from resample_warp3d.figures.scoring import (
     ScoringTarget,
     delivered,
-    filled_alike,
     flicker,
     hole_percent,
+    inpainted,
     iv_psnr,
     score,
 )
@@ -366,7 +366,7 @@ def pairs(run: Run) -> Iterator[Row]:
             case = WarpCase(pair.name, source, pair.equation, target, is_light=False)
             screen, covered = warped(case, method)
             image = np.where(covered[..., None], screen, 0)
-            filled = filled_alike(screen, covered)
+            filled = inpainted(screen, covered)
             numbers.append(
                 [psnr(picture, pair.truth, mask=pair.mask) for picture in (image, filled)]
                 + [hole_percent(covered, pair.mask), iv_psnr(image, pair.truth, pair.mask)]

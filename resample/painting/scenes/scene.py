@@ -163,7 +163,7 @@ def samples_of(field: Field) -> Samples:
     return check_samples(samples)._replace(extinction=position.astype(np.float32))
 
 
-def alike_classifier(look: Classifier) -> Classifier:
+def kernel_classifier(look: Classifier) -> Classifier:
     """Classifier with the array and number types that kernels are compiled for."""
     lamp = look.lamp
     toward, viewer = alike(lamp.toward, np.float64), alike(lamp.viewer, np.float64)
@@ -179,12 +179,12 @@ def alike_classifier(look: Classifier) -> Classifier:
     )
 
 
-def field_alike(field: LatticeField) -> LatticeField:
+def kernel_field(field: LatticeField) -> LatticeField:
     """Field with the lattice and classifier types that kernels are compiled for."""
     return field._replace(
         lattice=alike(field.lattice, np.float64),
         origin=alike(field.origin, np.float64),
-        classifier=alike_classifier(field.classifier),
+        classifier=kernel_classifier(field.classifier),
     )
 
 

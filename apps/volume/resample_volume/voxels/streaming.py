@@ -14,7 +14,7 @@ from resample.types import Doubles, Floats
 from resample.watching import report
 from resample_volume.classification.transfer import DataRange, Transfer, visible_places
 from resample_volume.data.bricks import Box, Bricks, Step, held_together, with_neighbours
-from resample_volume.data.parts import layers_alike, side_by_side, threads_at_work
+from resample_volume.data.parts import kernel_layers, side_by_side, threads_at_work
 from resample_volume.data.statistics.scanning import are_few
 
 BYTES_PER_VOXEL = 100  # bytes of a possibly visible voxel, from here to the picture, at most
@@ -324,7 +324,7 @@ def slopes_at(
     from resample_volume.data.kernels.gradients import find_gradients
 
     slope, is_smooth = np.empty((index.size, 3), np.float32), gradient == "sobel"
-    for voxels, near, first in layers_alike(values, index):
+    for voxels, near, first in kernel_layers(values, index):
         place, found = index[voxels] - first if first else index[voxels], slope[voxels]
 
         def fill(share: slice, near: Any = near, place: Any = place, found: Any = found) -> None:
