@@ -55,11 +55,11 @@ from resample.engine.ellipsoids.runs import finest_of, home_of, in_order, is_run
 from resample.engine.ellipsoids.steps import Carried, checkpoint, leave_out, resume
 from resample.engine.ellipsoids.work_queue import (
     WorkQueue,
-    ask_for,
     enlarged,
     gather,
     new_queue,
     part,
+    prefetch,
     put_in_order,
     take,
 )
@@ -178,7 +178,7 @@ def take_runs(
         # Prefetch a run some way ahead.
         if next_run + AHEAD < members.size:
             soon = members[next_run + AHEAD]
-            ask_for(position, extinction, color, start[soon], start[soon + 1] - start[soon])
+            prefetch(position, extinction, color, start[soon], start[soon + 1] - start[soon])
         # Cull runs behind opaque sub-pixels; cull the samples of the others by the tile's sides.
         if is_run_open(known[run], place, height, width, open_groups):
             if mixture is None or mixture.is_plain:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.painting.layers import sheets_of
-from resample.painting.runs import dealt, film_of, plan_of, shown, turn_of, values_of
+from resample.painting.runs import dealt, film_of, plan_of, shown, tile_order, values_of
 from resample.painting.scenes.cuts import NEVER, Between, EndOfStep, InSteps, cut_at, keys_of
 from resample.painting.scenes.parts import SamplesInParts
 from resample.painting.scenes.scene import (
@@ -185,7 +185,7 @@ def _paint_step(
     runs = by.runs(samples)
     runs.known["seen"][runs.known["key"] >= carried.step.last] = 0
     tiles, load = dealt(scene, runs, _find_nothing)
-    turn = turn_of(load, are_open)
+    turn = tile_order(load, are_open)
     if turn.size:
         by.paint(turn, tiles, runs, (painted.film, painted.value, painted.tally, carried))
 
