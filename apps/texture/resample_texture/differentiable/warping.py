@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample import registry
-from resample.memory.alike import alike
+from resample.memory.contiguous import contiguous
 from resample.types import Doubles
 from resample_texture.arguments import REFLECT_101, edge_named
 from resample_texture.differentiable.coefficients import (
@@ -232,7 +232,7 @@ def _picture(given: ArrayLike, name: str) -> Doubles:
             f"not {array.dtype} of {array.shape}"
         )
     array = array if array.ndim == 3 else array[..., None]
-    return alike(array, np.float64)
+    return contiguous(array, np.float64)
 
 
 def _check_source(shape: tuple[int, ...], places: Places) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import from_srgb, to_srgb
-from resample.memory.alike import alike
+from resample.memory.contiguous import contiguous
 from resample.types import Floats
 from resample_texture.texels.gaps import Booleans, masked, missing_in, unmasked, weighed
 from resample_texture.texels.spans import ValueSpan, rounded, span_of
@@ -99,7 +99,7 @@ def decoded(
     texels, gaps = weighed(texels, missing, least=gaps)
     fill = None if mask is None else mask.fill
     encoding = Encoding(image.dtype, image.ndim == 2, is_encoded, is_straight, gaps, span, fill)
-    return alike(texels, np.float32), encoding
+    return contiguous(texels, np.float32), encoding
 
 
 def is_together(planes: NDArray[Any], alpha: str | None) -> bool:
