@@ -101,6 +101,14 @@ def stored(folder, values):
     return path
 
 
+def test_other_processes_get_the_ends_of_bricks_and_no_more_of_their_statistics():
+    bricks = bricks_of(noise((16, 16, 16), "float32"), (8, 8, 8))
+    ends = bricks.statistics.least, bricks.statistics.greatest
+    copy = pickle.loads(pickle.dumps(bricks))
+    assert "statistics" not in vars(copy)
+    np.testing.assert_equal(vars(copy)["ends"], ends)
+
+
 @pytest.mark.sweep(
     kept_by="tests/volume/test_windows.py::test_a_killed_worker_costs_a_picture_its_own_windows_alone"
 )

@@ -197,8 +197,8 @@ class Bricks:
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what another process needs; of the statistics only the ends of bricks."""
-        known = {"ends": self.ends} if {"ends", "glance"} & self.__dict__.keys() else {}
-        left = {name: part for name, part in self.__dict__.items() if name != "glance"}
+        known = {"ends": self.ends} if {"ends", "statistics"} & self.__dict__.keys() else {}
+        left = {name: part for name, part in self.__dict__.items() if name != "statistics"}
         return left | known | {"found": {}, "recent": None, "helpers": None, "_lock": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
