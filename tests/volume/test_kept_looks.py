@@ -54,7 +54,7 @@ def opened(path, side=16):
         return values.read(box)
 
     bricks = replace(values, read=at, side=(side,) * 3)
-    bricks.shelve(0)
+    bricks.pin_bricks(0)
     return volume._replace(values=bricks), read
 
 

@@ -160,7 +160,7 @@ def paint_streamed(
     """
     painter, tell = of_voxels(resampler or OF_VOXELS), progress or _unheard
     looking = PassContext(budget.executor, budget.threads, tell)
-    _shelve(media, budget)
+    _pin_bricks(media, budget)
     scene, dense = dense_of(media, painter, budget.memory, looking)
     reaching = _reaching(scene, dense, media[0][1], subject, budget, looking)
     cue = cue_range(camera, subject.sphere)
@@ -304,10 +304,10 @@ def _noted(media: Sequence[VolumeLayer]) -> int:
     return sum(bricks.noted for bricks in _bricks_of(media))
 
 
-def _shelve(media: Sequence[VolumeLayer], budget: Budget) -> None:
+def _pin_bricks(media: Sequence[VolumeLayer], budget: Budget) -> None:
     """Let volumes pin the bricks read first, in a share of a process's memory budget."""
     for bricks in _bricks_of(media):
-        bricks.shelve(budget.memory // SHARE // len(media))
+        bricks.pin_bricks(budget.memory // SHARE // len(media))
 
 
 def _bricks_of(media: Sequence[VolumeLayer]) -> list[Bricks]:

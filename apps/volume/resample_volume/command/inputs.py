@@ -139,7 +139,7 @@ def with_memory(volume: Volume, allowed: int | None, hire: StartWorkers | None =
         free = available_memory()
         values.memory = allowed if allowed or free is None else free // 2
         if values.memory is not None:
-            values.shelve(values.memory // SHARE)
+            values.pin_bricks(values.memory // SHARE)
         if hire is not None and values.size >= kept.LEAST:
             values.helpers = partial(_helpers, hire, values)
     return volume
@@ -150,7 +150,7 @@ def _helpers(hire: StartWorkers, bricks: Bricks) -> Helpers | None:
     crew = hire()
     if crew is None:
         return None
-    bricks.shelve((bricks.memory or 0) // SHARE // crew.tasks)
+    bricks.pin_bricks((bricks.memory or 0) // SHARE // crew.tasks)
     return Helpers(crew.executor, crew.threads)
 
 

@@ -204,7 +204,7 @@ class Bricks:
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state, _lock=Lock())
 
-    def shelve(self, most: int) -> None:
+    def pin_bricks(self, most: int) -> None:
         """Pin the bricks read first, up to a limit in bytes."""
         if self.pinned is None:
             self.pinned = PinnedCache(most)
@@ -212,7 +212,7 @@ class Bricks:
             self.pinned.limit(min(most, self.pinned.most))
 
     @property
-    def shelved(self) -> int:
+    def pinned_bytes(self) -> int:
         """Limit of the pinned bricks in bytes."""
         return 0 if self.pinned is None else self.pinned.most
 

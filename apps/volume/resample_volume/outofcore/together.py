@@ -69,15 +69,15 @@ class CombinedBricks:
         """Bytes of a brick of all of them."""
         return sum(part.bytes_each for part in self.parts)
 
-    def shelve(self, most: int) -> None:
-        """Do as `Bricks.shelve`, with shares of these bytes."""
+    def pin_bricks(self, most: int) -> None:
+        """Do as `Bricks.pin_bricks`, with shares of these bytes."""
         for part in self.parts:
-            part.shelve(most // len(self.parts))
+            part.pin_bricks(most // len(self.parts))
 
     @property
-    def shelved(self) -> int:
+    def pinned_bytes(self) -> int:
         """Limit in bytes of the pinned bricks of all of them."""
-        return sum(part.shelved for part in self.parts)
+        return sum(part.pinned_bytes for part in self.parts)
 
     def within(
         self, asked: Asked | None, recent: "LruCache | tuple[LruCache, ...] | None" = None
@@ -103,12 +103,12 @@ class InGrid(Bricks):
     def limits(self) -> Box:
         return self.own
 
-    def shelve(self, most: int) -> None:
-        self._inner.shelve(most)
+    def pin_bricks(self, most: int) -> None:
+        self._inner.pin_bricks(most)
 
     @property
-    def shelved(self) -> int:
-        return self._inner.shelved
+    def pinned_bytes(self) -> int:
+        return self._inner.pinned_bytes
 
     @property
     def _inner(self) -> Bricks:

@@ -298,8 +298,8 @@ def tasks_of(job: RenderJob, known: Surveyed, fewest: int = 1) -> list[WindowTas
         if fits and (task.step == 0 or is_tile or len(found) + len(waiting) + 1 >= fewest):
             found.append(task)
             continue
-        if is_tile and values.shelved:
-            values.shelve(0)
+        if is_tile and values.pinned_bytes:
+            values.pin_bricks(0)
             waiting.appendleft(window)
             continue
         if is_tile:
@@ -323,7 +323,7 @@ def _task(job: RenderJob, known: Surveyed, window: Window) -> tuple[WindowTask, 
     number, seen = (part[are_asked].astype(np.int32) for part in (blocks.number, blocks.visible))
     task = WindowTask(window, number, seen)
     values: Bricks = job.volume.values  # type: ignore[assignment]
-    free = job.memory - job.beside - values.shelved - _bytes_of_bricks(job, blocks, are_asked)
+    free = job.memory - job.beside - values.pinned_bytes - _bytes_of_bricks(job, blocks, are_asked)
     if task.voxels * BYTES_PER_SAMPLE <= free or not job.resampler.can_step(known.plan):
         return task, task.voxels * BYTES_PER_SAMPLE <= free
     source = _source(job, known, task, values)

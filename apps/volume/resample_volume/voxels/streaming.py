@@ -191,8 +191,8 @@ def _require(bricks: Bricks, transfer: Transfer, count: int, name: str, together
     """
     each = BYTES_PER_VOXEL + (BYTES_OF_SLOPE if transfer.needs_gradient else 0)
     what, size = f"{name} with {count} visible voxels", each * count + together
-    if bricks.memory is not None and size <= bricks.memory < size + bricks.shelved:
-        bricks.shelve(bricks.memory - size)
+    if bricks.memory is not None and size <= bricks.memory < size + bricks.pinned_bytes:
+        bricks.pin_bricks(bricks.memory - size)
     if bricks.memory is not None and size > bricks.memory:
         raise TooManyVoxelsError(
             f"{what} or more needs {memory.amount(size)}, {memory.amount(bricks.memory)} are "
