@@ -46,21 +46,21 @@ def held_together(is_needed: NDArray[np.bool_]) -> int:
     return int((layers[1:] + layers[:-1]).max(initial=layers.max(initial=0)))
 
 
-class Asked(NamedTuple):
+class BrickRequest(NamedTuple):
     """Blocks whose voxels are requested."""
 
     side: int  # voxels along each axis
-    is_asked: NDArray[np.bool_]  # (Z, Y, X) of blocks
+    is_requested: NDArray[np.bool_]  # (Z, Y, X) of blocks
 
     def has_any(self, box: Box) -> bool:
         """Return whether any voxel of a box is requested."""
         z, y, x = (slice(p.start // self.side, (p.stop - 1) // self.side + 1) for p in box)
-        return bool(self.is_asked[z, y, x].any())
+        return bool(self.is_requested[z, y, x].any())
 
     def holds(self, at: Sequence[NDArray[np.int64]]) -> NDArray[np.bool_]:
         """Return which voxels (N,) are requested, by indices along z, y and x."""
         z, y, x = (n // self.side for n in at)
-        return self.is_asked[z, y, x]
+        return self.is_requested[z, y, x]
 
 
 class Keeper(Protocol):
@@ -102,7 +102,7 @@ class Bricks:
     memory: int | None = None  # memory limit for all that is made of them; None: the machine's
     reads: int = 0  # counts bricks read
     most_held: int = 0  # peak bytes of bricks in memory together
-    asked: Asked | None = None  # blocks whose voxels are requested; None: all
+    request: BrickRequest | None = None  # blocks whose voxels are requested; None: all
     keeper: "Keeper | None" = None  # of the statistics
     recent: LruCache | None = None  # cache of bricks
     pinned: PinnedCache | None = None  # pinned bricks, as stored in the file
@@ -185,9 +185,9 @@ class Bricks:
             is_none |= np.isinf(values)
         return np.where(is_none, np.asarray(by, self.dtype), values)
 
-    def within(self, asked: Asked | None, recent: LruCache | None = None) -> "Bricks":
+    def within(self, request: BrickRequest | None, recent: LruCache | None = None) -> "Bricks":
         """Return a copy restricted to some blocks; it counts its own reads."""
-        part = replace(self.anew(), asked=asked, recent=recent)
+        part = replace(self.anew(), request=request, recent=recent)
         part.__dict__["ends"] = self.ends  # of the whole
         return part
 

@@ -167,7 +167,7 @@ def _groups(
 
 def _ordered(seen: OutlineQuery, lattice: Lattice, number: Indices, bricks: Bricks) -> Floats:
     """Return positions (N, 3) of visible voxels, block after block, z slowest in each."""
-    values: Any = bricks.within(lattice.asked(number))
+    values: Any = bricks.within(lattice.request(number))
     volume = seen.volume._replace(values=values)
     parts = list(seen.classified(volume, lambda place, voxels: (place, voxels.position)))
     place = np.concatenate([part for part, _ in parts])
@@ -192,7 +192,7 @@ def _farthest(
         own = order[first : first + step]
         if bound[own[0]] * (1 + ROUNDED) < best:
             break
-        part = bricks.within(lattice.asked(np.sort(number[own])))
+        part = bricks.within(lattice.request(np.sort(number[own])))
         for position in _positions(seen, part):
             kept = position if bulk is None else position[bulk.holds(position)]
             if kept.size:

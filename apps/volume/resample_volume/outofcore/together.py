@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from resample.memory.mapped import array_in_file
 from resample.types import Doubles
-from resample_volume.data.bricks import Asked, Box, Bricks, Step
+from resample_volume.data.bricks import Box, BrickRequest, Bricks, Step
 from resample_volume.data.statistics.caches import LruCache
 from resample_volume.media.lattices import CommonLattice, onto
 from resample_volume.media.mixing import MixedMedia, mixed_at
@@ -80,13 +80,13 @@ class CombinedBricks:
         return sum(part.pinned_bytes for part in self.parts)
 
     def within(
-        self, asked: Asked | None, recent: "LruCache | tuple[LruCache, ...] | None" = None
+        self, request: BrickRequest | None, recent: "LruCache | tuple[LruCache, ...] | None" = None
     ) -> "CombinedBricks":
         """Do as `Bricks.within`."""
         if isinstance(recent, LruCache):
             recent = tuple(LruCache(recent.most // len(self.parts)) for _ in self.parts)
         each = [None] * len(self.parts) if recent is None else recent
-        parts = [part.within(asked, own) for part, own in zip(self.parts, each, strict=True)]
+        parts = [part.within(request, own) for part, own in zip(self.parts, each, strict=True)]
         return CombinedBricks(parts, self.found, recent)
 
     def __getstate__(self) -> dict[str, Any]:

@@ -319,11 +319,15 @@ def tasks_of(job: RenderJob, known: Surveyed, fewest: int = 1) -> list[WindowTas
 def _task(job: RenderJob, known: Surveyed, window: Window) -> tuple[WindowTask, bool]:
     """Return a window, and whether it fits in the allowed memory."""
     blocks = known.blocks
-    are_asked = blocks.within(window, known.plan.margin + 1)
-    number, seen = (part[are_asked].astype(np.int32) for part in (blocks.number, blocks.visible))
+    are_requested = blocks.within(window, known.plan.margin + 1)
+    number, seen = (
+        part[are_requested].astype(np.int32) for part in (blocks.number, blocks.visible)
+    )
     task = WindowTask(window, number, seen)
     values: Bricks = job.volume.values  # type: ignore[assignment]
-    free = job.memory - job.beside - values.pinned_bytes - _bytes_of_bricks(job, blocks, are_asked)
+    free = (
+        job.memory - job.beside - values.pinned_bytes - _bytes_of_bricks(job, blocks, are_requested)
+    )
     if task.voxels * BYTES_PER_SAMPLE <= free or not job.resampler.can_step(known.plan):
         return task, task.voxels * BYTES_PER_SAMPLE <= free
     source = _source(job, known, task, values)
@@ -338,13 +342,16 @@ def _task(job: RenderJob, known: Surveyed, window: Window) -> tuple[WindowTask, 
     return task, False
 
 
-def _bytes_of_bricks(job: RenderJob, blocks: Blocks, are_asked: NDArray[np.bool_]) -> int:
+def _bytes_of_bricks(job: RenderJob, blocks: Blocks, are_requested: NDArray[np.bool_]) -> int:
     """Bytes of the bricks held together, and of the temporaries of those being scanned."""
     bricks: Bricks = job.volume.values  # type: ignore[assignment]
-    if not are_asked.any():
+    if not are_requested.any():
         return 0
-    lattice, seen = blocks.lattice, blocks.visible[are_asked]
-    at = np.stack(np.unravel_index(blocks.number[are_asked], lattice.blocks), axis=1) * lattice.side
+    lattice, seen = blocks.lattice, blocks.visible[are_requested]
+    at = (
+        np.stack(np.unravel_index(blocks.number[are_requested], lattice.blocks), axis=1)
+        * lattice.side
+    )
     last = np.minimum(at + lattice.side, bricks.shape) - 1
     is_near = np.zeros(bricks.count, bool)
     for ends in product((0, 1), repeat=3):
@@ -391,7 +398,7 @@ def _source(job: RenderJob, known: Surveyed, task: WindowTask, bricks: Bricks) -
     lattice, number = known.blocks.lattice, task.number.astype(np.int64)
 
     def load(parts: Indices) -> Samples:
-        part = bricks.within(lattice.asked(number[parts]), bricks.recent)
+        part = bricks.within(lattice.request(number[parts]), bricks.recent)
         samples = _samples(job, part, known, int(task.visible[parts].sum(dtype=np.int64)))
         bricks.reads += part.reads
         return samples

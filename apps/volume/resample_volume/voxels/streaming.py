@@ -169,7 +169,7 @@ def _as_it_is(part: Candidates, _: Box) -> Candidates:
 def _known_count(bricks: Bricks, wanted: BrickClassifier) -> int:
     """Return the number of visible voxels, as far as known before reading."""
     codes = bricks.statistics.codes
-    if codes is None or bricks.asked is not None:
+    if codes is None or bricks.request is not None:
         return 0
     every = np.arange(codes.size, dtype=np.uint32).astype(f"u{bricks.dtype.itemsize}")
     values = every.view(bricks.dtype.newbyteorder("="))
@@ -216,7 +216,7 @@ def visible_bricks(bricks: Bricks, transfer: Transfer, data_range: DataRange) ->
         values = np.where(is_seen, least, 0).astype(bricks.dtype)
         is_opaque = transfer.opacities(values.ravel(), data_range).reshape(values.shape) > 0
         is_seen &= is_opaque | (least < greatest)
-    some = bricks.asked
+    some = bricks.request
     chosen = [(int(z), int(y), int(x)) for z, y, x in np.argwhere(is_seen)]
     return [n for n in chosen if some is None or some.has_any(bricks.box(n))]
 
@@ -302,8 +302,8 @@ def _visible(
     local = visible_places(wanted.transfer, flat, wanted.data_range)
     within = np.unravel_index(local, own.shape)
     at = [n + part.start for n, part in zip(within, box, strict=True)]
-    if bricks.asked is not None:
-        is_shown = bricks.asked.holds(at)
+    if bricks.request is not None:
+        is_shown = bricks.request.holds(at)
         local, at = local[is_shown], [n[is_shown] for n in at]
     place = (at[0] * bricks.shape[1] + at[1]) * bricks.shape[2] + at[2]
     slope = np.empty((0, 3), np.float32)
