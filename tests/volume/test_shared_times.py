@@ -268,10 +268,12 @@ def test_a_killed_worker_costs_a_film_of_times_its_own_frames_alone(monkeypatch)
 
     @contextmanager
     def hiring(sharing, threads=None):
-        with asked(sharing, threads) as hire:
+        with asked(sharing, threads) as start_workers:
             Path("marks").mkdir()
-            killers.append(Killing(hire().executor, Path("marks").resolve(), 1, is_late=True))
-            yield lambda: hire()._replace(executor=killers[0])
+            killers.append(
+                Killing(start_workers().executor, Path("marks").resolve(), 1, is_late=True)
+            )
+            yield lambda: start_workers()._replace(executor=killers[0])
 
     monkeypatch.setattr(workers, "worker_pools", hiring)
     assert ended("animate", "a.zarr", *FILM, "-o", "b", "--workers", "2") == 0

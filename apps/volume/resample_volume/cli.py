@@ -95,7 +95,7 @@ def render(
     from resample_volume.command.media import media, with_met
     from resample_volume.command.rendering import (
         BYTES_PER_PIXEL,
-        doing_by,
+        execution_context,
         picture_of,
         report,
         to_paint,
@@ -113,14 +113,16 @@ def render(
     viewpoint = look.viewpoint()
     require_picture(size, BYTES_PER_PIXEL)
     session = Session()
-    with doing_by(picture.threads, sharing, output) as doing:
+    with execution_context(picture.threads, sharing, output) as context:
         check_targets(output, stats)
         with session.stage("read"):
-            shown = media(source, volume, look, added, resampler, hire=doing.hire)
+            shown = media(
+                source, volume, look, added, resampler, start_workers=context.start_workers
+            )
             shown = with_met(shown, met)
             if beside.color_bar:
                 require_values(shown[0][0], "a color bar")
-        scene = to_paint(session, shown, resampler, beside.fit(look), viewpoint, size, doing)
+        scene = to_paint(session, shown, resampler, beside.fit(look), viewpoint, size, context)
         subject, camera, paint = scene
         frame = picture_of(scene, shown, resampler.projection)
         with session.stage("write"):
@@ -282,12 +284,12 @@ def animate(
     paint = animation.FrameOptions(resampler, shape, behind, threads)
     script = filming.Script(volume, source, look, added, beside, resampling, frames)
     about = {"volume": volume, "path": path, "transfer": look.transfer}
-    with worker_pools(sharing, threads) as hire:
+    with worker_pools(sharing, threads) as start_workers:
         recording = None
         if source.time is None and not added.channels:
             recording = over_time(source, volume)
-        film = filming.film_of(script, recording, flight, paint, about, hire)
-        made, executor = filming.shared_by(hire(), script, film)
+        film = filming.film_of(script, recording, flight, paint, about, start_workers)
+        made, executor = filming.shared_by(start_workers(), script, film)
         with progress_bar("filming") as progress:
             write_film(output, made, fps, resume=resume, progress=progress, executor=executor)
 

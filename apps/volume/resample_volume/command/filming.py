@@ -47,7 +47,7 @@ from resample_volume.command.media import (
     with_met,
 )
 from resample_volume.command.needs import is_in_bricks
-from resample_volume.command.rendering import say_lost_field, say_missed, scene_of, spent_here
+from resample_volume.command.rendering import local_budget, say_lost_field, say_missed, scene_of
 from resample_volume.data.bricks import Bricks, Values
 from resample_volume.media.appearance import Appearance, VolumeLayer, transfer_of
 from resample_volume.media.series import Ready, Series, is_chunked, whole
@@ -109,7 +109,7 @@ def film_of(
     flight: Flight | Tour,
     paint: FrameOptions,
     about: Mapping[str, Any],
-    hire: StartWorkers | None = None,
+    start_workers: StartWorkers | None = None,
 ) -> ReadyFilm:
     """Read and prepare the scene of a film.
 
@@ -125,7 +125,7 @@ def film_of(
         How frames are painted.
     about
         Names of volume and path, see `animation.shots`.
-    hire
+    start_workers
         Starts workers to scan a store, unless its statistics are cached.
 
     Raises
@@ -135,11 +135,11 @@ def film_of(
     """
     times = None if recording is None else times_of(script.source, recording)
     if times is not None:
-        return _film_of_times(script, times, flight, paint, about, hire)
+        return _film_of_times(script, times, flight, paint, about, start_workers)
     if recording is not None and is_chunked(recording):
         recording = None  # one of its volumes is read by itself
     given = script.beside.annotations(paint.background)
-    scene = scene_for(script, paint.size, recording, hire)
+    scene = scene_for(script, paint.size, recording, start_workers)
     if not scene.is_whole:
         say("the visible voxels do not fit in memory: frames are painted window by window")
         say_missed(scene.shown, scene.subject)
@@ -157,10 +157,10 @@ def _film_of_times(
     flight: Flight | Tour,
     paint: FrameOptions,
     about: Mapping[str, Any],
-    hire: StartWorkers | None,
+    start_workers: StartWorkers | None,
 ) -> ReadyFilm:
     """A film of a volume that changes over time; see `film_of`."""
-    times, ready = _read(script, times, hire)
+    times, ready = _read(script, times, start_workers)
     every: Any = whole(times).values if is_chunked(times) else None
     count = 0 if every is None else prod(every.count)
     with progress_bar("scanning bricks", count) as progress, told(progress):
@@ -183,7 +183,9 @@ def _film_of_times(
     return ReadyFilm(made, cameras, paint, is_chunked(times), course[0].is_of_field, known)
 
 
-def _read(script: Script, times: Recording, hire: StartWorkers | None) -> tuple[Recording, Ready]:
+def _read(
+    script: Script, times: Recording, start_workers: StartWorkers | None
+) -> tuple[Recording, Ready]:
     """Return the times, streamed or as one array; and for streamed times, how they are read.
 
     Fields need arrays, and so do several volumes.
@@ -197,7 +199,7 @@ def _read(script: Script, times: Recording, hire: StartWorkers | None) -> tuple[
         size = f"{count} times of {across} x {down} x {deep} voxels"
         say(f"{times.name}: {size} are read one after the other, brick by brick")
     allowed = allowed_memory(script.source)
-    return times, partial(with_memory, allowed=allowed, hire=hire)
+    return times, partial(with_memory, allowed=allowed, start_workers=start_workers)
 
 
 @dataclass
@@ -226,7 +228,7 @@ class TimeScenes:
             return Subject.of_several(shown, self.resampler, self.fit)
         except TooManyVoxelsError:
             self.dense.add(time)
-            return streamed_subject(shown, self.fit, self.resampler, spent_here(shown, None))
+            return streamed_subject(shown, self.fit, self.resampler, local_budget(shown, None))
 
 
 def _scenes(script: Script, series: Series, look: Appearance, resampler: Resampler) -> TimeScenes:
@@ -253,7 +255,10 @@ def _frames_over(
 
 
 def scene_for(
-    script: Script, size: Size, recording: Recording | None = None, hire: StartWorkers | None = None
+    script: Script,
+    size: Size,
+    recording: Recording | None = None,
+    start_workers: StartWorkers | None = None,
 ) -> ReadScene:
     """Return the scene of a script for frames (height, width); errors as of `film_of`."""
     look, resampler = (
@@ -262,14 +267,14 @@ def scene_for(
     )
     met = script.beside.met(look, resampler)
     words = (script.source, script.volume, look, script.added, resampler)
-    given = media(*words, recording=recording, hire=hire)
+    given = media(*words, recording=recording, start_workers=start_workers)
     shown = with_met(given, met)
     try:
         return ReadScene(
             shown, scene_of(Session(), shown, resampler, look.fit, size), is_whole=True
         )
     except TooManyVoxelsError:
-        subject = streamed_subject(shown, look.fit, resampler, spent_here(shown, None))
+        subject = streamed_subject(shown, look.fit, resampler, local_budget(shown, None))
         return ReadScene(shown, subject, is_whole=False)
 
 
@@ -306,7 +311,7 @@ def frame_of(scene: ReadScene, camera: AnyCamera, paint: FrameOptions) -> Levels
         from resample_volume.command.animation import frame
 
         return frame(scene.subject, camera, paint)
-    by = (camera, paint.size, spent_here(scene.shown, paint.threads), paint.resampler)
+    by = (camera, paint.size, local_budget(scene.shown, paint.threads), paint.resampler)
     painted, _ = paint_streamed(scene.shown, scene.subject, *by)
     return finished(painted, camera, paint)
 

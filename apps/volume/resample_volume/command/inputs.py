@@ -38,7 +38,11 @@ from resample_volume.types import Recording, Volume
 
 
 def opened(
-    source: ReadOptions, name: str, *, streamed: bool = False, hire: StartWorkers | None = None
+    source: ReadOptions,
+    name: str,
+    *,
+    streamed: bool = False,
+    start_workers: StartWorkers | None = None,
 ) -> Volume:
     """Open a volume: a file, a folder or a generated one.
 
@@ -50,7 +54,7 @@ def opened(
         Name of the volume.
     streamed
         Leave values in their file, as bricks, if it has chunks.
-    hire
+    start_workers
         Starts workers to scan these, unless their statistics are cached.
 
     Raises
@@ -58,11 +62,15 @@ def opened(
     ValueError, LookupError, OSError
         See `resample_volume.files.source.open_volume`.
     """
-    return opened_of_several(source, name, streamed=streamed, hire=hire)[0]
+    return opened_of_several(source, name, streamed=streamed, start_workers=start_workers)[0]
 
 
 def opened_of_several(
-    source: ReadOptions, name: str, *, streamed: bool = False, hire: StartWorkers | None = None
+    source: ReadOptions,
+    name: str,
+    *,
+    streamed: bool = False,
+    start_workers: StartWorkers | None = None,
 ) -> tuple[Volume, tuple[int, int]]:
     """Open a volume, and return the number of times and channels with it.
 
@@ -70,7 +78,7 @@ def opened_of_several(
 
     Parameters
     ----------
-    source, name, streamed, hire
+    source, name, streamed, start_workers
         As of `opened`; errors as well.
     """
     place, reader = _named(source, name)
@@ -79,7 +87,7 @@ def opened_of_several(
     if held is None and allowed is not None:
         allow(allowed)
     if held is not None:
-        volume = with_memory(_chosen(held, source), allowed, hire)
+        volume = with_memory(_chosen(held, source), allowed, start_workers)
         volume = volume if streamed else _as_array(volume)
     else:
         volume, held = _read(place, reader, source)
@@ -128,7 +136,9 @@ def allowed_memory(source: ReadOptions) -> int | None:
     return None if source.memory is None else bytes_of(source.memory)
 
 
-def with_memory(volume: Volume, allowed: int | None, hire: StartWorkers | None = None) -> Volume:
+def with_memory(
+    volume: Volume, allowed: int | None, start_workers: StartWorkers | None = None
+) -> Volume:
     """Return a chunked volume with a memory limit in bytes, or half of the free memory.
 
     Workers scan a large one, unless its statistics are cached.
@@ -140,14 +150,14 @@ def with_memory(volume: Volume, allowed: int | None, hire: StartWorkers | None =
         values.memory = allowed if allowed or free is None else free // 2
         if values.memory is not None:
             values.pin_bricks(values.memory // SHARE)
-        if hire is not None and values.size >= kept.LEAST:
-            values.helpers = partial(_helpers, hire, values)
+        if start_workers is not None and values.size >= kept.LEAST:
+            values.helpers = partial(_helpers, start_workers, values)
     return volume
 
 
-def _helpers(hire: StartWorkers, bricks: Bricks) -> Helpers | None:
+def _helpers(start_workers: StartWorkers, bricks: Bricks) -> Helpers | None:
     """Start workers to scan a chunked volume; None if no workers were asked for."""
-    crew = hire()
+    crew = start_workers()
     if crew is None:
         return None
     bricks.pin_bricks((bricks.memory or 0) // SHARE // crew.tasks)
@@ -251,13 +261,17 @@ def _changes(source: ReadOptions) -> dict[str, Any]:
 
 
 def prepared(
-    source: ReadOptions, name: str, *, streamed: bool = False, hire: StartWorkers | None = None
+    source: ReadOptions,
+    name: str,
+    *,
+    streamed: bool = False,
+    start_workers: StartWorkers | None = None,
 ) -> Volume:
     """Open a volume, remove its padding and print its statistics.
 
     Parameters
     ----------
-    source, name, streamed, hire
+    source, name, streamed, start_workers
         As of `opened`.
 
     Raises
@@ -265,7 +279,7 @@ def prepared(
     ValueError, LookupError, OSError
         See `opened`.
     """
-    return said(announced(opened(source, name, streamed=streamed, hire=hire)))
+    return said(announced(opened(source, name, streamed=streamed, start_workers=start_workers)))
 
 
 def said(volume: Volume) -> Volume:

@@ -76,7 +76,7 @@ def media(
     resampler: Resampler,
     *,
     recording: Recording | None = None,
-    hire: StartWorkers | None = None,
+    start_workers: StartWorkers | None = None,
 ) -> list[VolumeLayer]:
     """Read the volumes of a scene with their looks, each file once.
 
@@ -91,7 +91,7 @@ def media(
     if added.channels is None:
         if recording is None:
             is_streamed = can_stream(look, resampler)
-            volume = prepared(source, name, streamed=is_streamed, hire=hire)
+            volume = prepared(source, name, streamed=is_streamed, start_workers=start_workers)
         else:
             volume = said(scaled(volume_at(recording, None, source.channel), source.scale))
         first = [(volume, look.appearance(volume, resampler))]

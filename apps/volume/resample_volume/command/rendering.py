@@ -192,13 +192,15 @@ class ExecutionContext(NamedTuple):
 
     threads: int | None
     sharing: Sharing
-    hire: StartWorkers
+    start_workers: StartWorkers
     output: Path  # several processes may keep windows beside it
     left: list[Path]  # folders with windows of commands that were killed
 
 
 @contextmanager
-def doing_by(threads: int | None, sharing: Sharing, output: Path) -> Iterator[ExecutionContext]:
+def execution_context(
+    threads: int | None, sharing: Sharing, output: Path
+) -> Iterator[ExecutionContext]:
     """Provide threads, processes and memory for a picture, until the end of the block.
 
     Raises
@@ -206,12 +208,12 @@ def doing_by(threads: int | None, sharing: Sharing, output: Path) -> Iterator[Ex
     ValueError, OSError
         As of `worker_pools`.
     """
-    with worker_pools(sharing, threads) as hire:
+    with worker_pools(sharing, threads) as start_workers:
         if not sharing.is_asked:
-            yield ExecutionContext(threads, sharing, hire, output, [])
+            yield ExecutionContext(threads, sharing, start_workers, output, [])
             return
         with inheriting(Path(os.path.realpath(output))) as left:
-            yield ExecutionContext(threads, sharing, hire, output, left)
+            yield ExecutionContext(threads, sharing, start_workers, output, left)
 
 
 def to_paint(
@@ -284,7 +286,7 @@ def _in_windows(
     context: ExecutionContext,
 ) -> PreparedPicture:
     """Prepare volumes in bricks, to hold one window's voxels in memory at a time."""
-    spent = spent_here(media, context.threads)
+    spent = local_budget(media, context.threads)
     with session.stage("classify", bar="scanning voxels") as progress:
         subject = streamed_subject(media, fit, resampler, spent, progress)
     say_missed(media, subject)
@@ -307,7 +309,7 @@ def _in_windows(
     return PreparedPicture(subject, camera, paint)
 
 
-def spent_here(media: Sequence[VolumeLayer], threads: int | None) -> Budget:
+def local_budget(media: Sequence[VolumeLayer], threads: int | None) -> Budget:
     """Return the budget of windows that this process paints."""
     bricks: Any = media[0][0].values
     return Budget(getattr(bricks, "memory", None) or available_memory() or 0, threads)
@@ -335,8 +337,8 @@ def shared(
 
     Windows that a killed command left of the same picture are reused.
     """
-    here = spent_here(media, context.threads)
-    allowed, crew = here.memory, context.hire()
+    here = local_budget(media, context.threads)
+    allowed, crew = here.memory, context.start_workers()
     if crew is None:
         yield here
         return
