@@ -115,9 +115,9 @@ class Viewer(anywidget.AnyWidget):
     def _heard(self, _: Any, content: Any, __: Any) -> None:
         """Handle a message of the page."""
         if isinstance(content, dict) and isinstance(content.get("page"), str):
-            _soon(self._told(content["page"], content))
+            _soon(self._handle(content["page"], content))
 
-    async def _told(self, page: str, content: dict[str, Any]) -> None:
+    async def _handle(self, page: str, content: dict[str, Any]) -> None:
         session = self._sessions.get(page)
         if content.get("kind") == "opened" and len(self._sessions) < MOST_PAGES:
             send = partial(self._say, page)
@@ -134,7 +134,7 @@ class Viewer(anywidget.AnyWidget):
                 await self._say(page, json.dumps(unknown))
                 return
             self._size = message.width, message.height
-            await session.told(message)
+            await session.handle(message)
 
     async def _forget(self, page: str) -> None:
         session = self._sessions.pop(page, None)

@@ -31,7 +31,7 @@ class Holes(NamedTuple):
     total: int  # number of all
     is_there: NDArray[np.bool_] | None  # by chunk index; None: all exist, or it is unknown
 
-    def told(self, fill: Any) -> str:
+    def message(self, fill: Any) -> str:
         """Message about missing chunks; empty if there are none."""
         if not self.missing:
             return ""

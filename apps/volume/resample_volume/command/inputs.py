@@ -243,7 +243,7 @@ def _named(source: ReadOptions, name: str) -> tuple[Path | str, Reader | None]:
     }
     told = {name: word for name, word in of_raw.items() if word}
     if told:
-        reader = _told(Raw() if reader is None else reader, told)
+        reader = _with_raw_options(Raw() if reader is None else reader, told)
     if source.level is not None:
         reader = with_level(reader or find_reader(name), source.level)
     return (Path(name) if Path(name).exists() else name), reader
@@ -314,7 +314,7 @@ def require_values(volume: Volume, what: str) -> None:
         )
 
 
-def _told(reader: Reader, told: dict[str, str]) -> Reader:
+def _with_raw_options(reader: Reader, told: dict[str, str]) -> Reader:
     """Return the reader of raw files, with shape and type from the options."""
     if not isinstance(reader, Raw):
         names = " and ".join(told)

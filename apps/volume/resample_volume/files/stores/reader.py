@@ -105,7 +105,7 @@ class Zarr:
         values: Any = Chunked(array, layout.axes, brick=brick, store=path.resolve(), holes=holes)
         place = (known.spacing, known.origin, known.direction)
         told = Recording(values, *place, name, layout.units, layout.is_color, space=layout.space)
-        missing = holes.told(array.fill_value)
+        missing = holes.message(array.fill_value)
         if not number:
             return told._replace(note=missing)
         finest = _lengths(layout.levels[0], layout.axes)[0]

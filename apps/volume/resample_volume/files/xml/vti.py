@@ -189,10 +189,10 @@ def _spacing(path: Path) -> list[float] | None:
 def _require_memory(reader: Any, path: Path) -> None:
     from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 
-    told = reader.GetOutputInformation(0)
-    if not told.Has(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT()):
+    attributes = reader.GetOutputInformation(0)
+    if not attributes.Has(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT()):
         return  # not a grid; the caller rejects it
-    extent = told.Get(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT())
+    extent = attributes.Get(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT())
     first, last = np.reshape(extent, (3, 2)).T.tolist()
     count = math.prod(b - a + 1 for a, b in zip(first, last, strict=True))
     require_memory(count, path.name)  # at least a byte per voxel
