@@ -92,7 +92,7 @@ def render(
     from resample.files.painted.frames import check_frame, write_frame
     from resample.files.writing import check_targets, write_json
     from resample_volume.command.inputs import require_values
-    from resample_volume.command.media import media, with_met
+    from resample_volume.command.media import media, with_objects
     from resample_volume.command.rendering import (
         BYTES_PER_PIXEL,
         execution_context,
@@ -109,7 +109,7 @@ def render(
     check_frame(output, picture.bits, background)
     resampler = look.renderer(resampling, source.scale)
     beside.check(output, resampler, size[0])
-    met = beside.met(look, resampler)
+    objects = beside.scene_objects(look, resampler)
     viewpoint = look.viewpoint()
     require_picture(size, BYTES_PER_PIXEL)
     session = Session()
@@ -119,7 +119,7 @@ def render(
             shown = media(
                 source, volume, look, added, resampler, start_workers=context.start_workers
             )
-            shown = with_met(shown, met)
+            shown = with_objects(shown, objects)
             if beside.color_bar:
                 require_values(shown[0][0], "a color bar")
         scene = to_paint(session, shown, resampler, beside.fit(look), viewpoint, size, context)
@@ -279,7 +279,7 @@ def animate(
     shape = PictureFormat(size=size, threads=threads).height_and_width()
     behind = linear_color(background) or (0.0, 0.0, 0.0)
     resampler = look.renderer(resampling, source.scale)
-    beside.met(look, resampler)
+    beside.scene_objects(look, resampler)
     require_picture(shape, BYTES_PER_PIXEL)
     paint = animation.FrameOptions(resampler, shape, behind, threads)
     script = filming.Script(volume, source, look, added, beside, resampling, frames)

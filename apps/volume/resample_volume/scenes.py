@@ -293,7 +293,7 @@ class Scene:
     def _quickly(self, look: Appearance, paint: Resampler) -> tuple[Appearance, Resampler]:
         """Return look and renderer of previews: voxels by default; the renderer is reused."""
         is_auto = look.classification is Classification.AUTO
-        is_auto = is_auto and not look.met
+        is_auto = is_auto and not look.scene_objects
         if is_auto and paint.projection is Projection.COMPOSITE:
             look, paint = replace(look, classification=Classification.PRE), of_voxels(paint)
         if paint.subpixels is not None:

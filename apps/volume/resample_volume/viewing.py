@@ -267,7 +267,7 @@ class VolumePainter:
         if appearance is None:
             with memoizing(self._found):
                 appearance = look.appearance(self.volume, resampler)
-            appearance = beside.met(look, resampler).beside(appearance)
+            appearance = beside.scene_objects(look, resampler).beside(appearance)
             before = list(self._appearances.items())[
                 1 - MOST_COMPARED :
             ]  # replaced whole: picks ask meanwhile

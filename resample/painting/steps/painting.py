@@ -67,7 +67,7 @@ def paint_in_steps(
     while left.size or waiting is not None:
         with told(None):
             are_open = are_shown & (carried.state < OPAQUE)
-            left = left[_are_met(scene, tiles, carried, source.bounds[left])]
+            left = left[_are_open(scene, tiles, carried, source.bounds[left])]
             samples, left = _with_next(source, left, waiting)
             first = near[left[0]] if left.size else np.float32(np.inf)
             end = cut_at(scene, by.between, first, slack)
@@ -131,7 +131,7 @@ def _all_open(scene: PreparedScene, tiles: Tiles) -> Flags:
     return is_open
 
 
-def _are_met(scene: PreparedScene, tiles: Tiles, carried: "Carried", bounds: Floats) -> Flags:
+def _are_open(scene: PreparedScene, tiles: Tiles, carried: "Carried", bounds: Floats) -> Flags:
     """Mask of bounds (N, 4), px, that contain an open pixel."""
     (rows, columns), side = tiles_along(scene.screen, tiles.size), tiles.size
     is_open = carried.is_open.reshape(rows, columns, side, side).swapaxes(1, 2)

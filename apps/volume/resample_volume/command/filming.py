@@ -44,7 +44,7 @@ from resample_volume.command.media import (
     media,
     others,
     times_of,
-    with_met,
+    with_objects,
 )
 from resample_volume.command.needs import is_in_bricks
 from resample_volume.command.rendering import local_budget, say_lost_field, say_missed, scene_of
@@ -233,8 +233,8 @@ class TimeScenes:
 
 def _scenes(script: Script, series: Series, look: Appearance, resampler: Resampler) -> TimeScenes:
     """Return the scenes of a script, all under one look."""
-    met = script.beside.met(script.appearance, resampler).within(series.known.span)
-    own = met.beside(labelled(look, series, script.appearance))
+    objects = script.beside.scene_objects(script.appearance, resampler).within(series.known.span)
+    own = objects.beside(labelled(look, series, script.appearance))
     further = beside(others(script.added.also, script.source), script.appearance, resampler)
     return TimeScenes(series, own, further, resampler, script.appearance.fit)
 
@@ -265,10 +265,10 @@ def scene_for(
         script.appearance,
         script.appearance.renderer(script.resampling, script.source.scale),
     )
-    met = script.beside.met(look, resampler)
+    objects = script.beside.scene_objects(look, resampler)
     words = (script.source, script.volume, look, script.added, resampler)
     given = media(*words, recording=recording, start_workers=start_workers)
-    shown = with_met(given, met)
+    shown = with_objects(given, objects)
     try:
         return ReadScene(
             shown, scene_of(Session(), shown, resampler, look.fit, size), is_whole=True

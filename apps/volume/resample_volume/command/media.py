@@ -112,10 +112,10 @@ def beside(
     return found
 
 
-def with_met(shown: list[VolumeLayer], met: SceneObjects) -> list[VolumeLayer]:
+def with_objects(shown: list[VolumeLayer], objects: SceneObjects) -> list[VolumeLayer]:
     """Add meshes and planes to the look of the first volume."""
     (volume, look), *others = shown
-    return [(volume, met.beside(look)), *others]
+    return [(volume, objects.beside(look)), *others]
 
 
 def times_of(source: ReadOptions, recording: Recording) -> Recording | None:

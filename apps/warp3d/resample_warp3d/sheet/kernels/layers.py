@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from resample.engine.cells.passes import skips, take, walk
-from resample.engine.cells.tiles import bands, met
+from resample.engine.cells.tiles import bands, overlapping
 from resample.engine.jit import Counter, inner_kernel, parallel_kernel
 from resample.engine.roles import plays
 from resample.types import Floats, Single
@@ -374,7 +374,7 @@ def paint_layers(
         # Allocate the band, and find the segments that meet it.
         frame = BandFrame(first, last, like.width, like.orientation, like.quality, like.is_label)
         strip, size = SheetStrip(screen, frame), (last - first) * like.width
-        members = met(bounds, (first, last), like.width)
+        members = overlapping(bounds, (first, last), like.width)
         cells = SegmentCells(np.zeros(NUMBERS, np.float32), np.zeros(PLACES, np.int32))
         front, behind = np.zeros(size, np.float32), np.zeros(size, np.float32)
         area, least = np.zeros(size, np.float32), np.empty(members.size, np.float32)
