@@ -23,7 +23,7 @@ from resample.view.views import (
     PagePicture,
     Settings,
     Viewable,
-    check_said,
+    check_page_options,
 )
 from resample.watching import Cancel, CancelledError, cancellable
 from resample.words import one_line
@@ -116,9 +116,9 @@ class PageSession:
     def _check(self, message: Message) -> None:
         """Reject settings that a page must not change."""
         command, begun = self._view.about["command"], self._begun()
-        check_said(command, message.settings, begun)
+        check_page_options(command, message.settings, begun)
         if isinstance(message, Draw) and message.other is not None:
-            check_said(command, message.other, begun)
+            check_page_options(command, message.other, begun)
 
     def _answer(self, message: Pick | Ask | Export | Save) -> str | bytes:
         size = message.width, message.height

@@ -17,7 +17,7 @@ from resample.view.messages import message_of
 from resample.view.modules import PAGE, joined
 from resample.view.server import MOST_PAGES
 from resample.view.sessions import PageSession
-from resample.view.views import Viewable, check_said
+from resample.view.views import Viewable, check_page_options
 
 try:
     import anywidget
@@ -102,8 +102,8 @@ class Viewer(anywidget.AnyWidget):
 
     def set_state(self, sync_data: Mapping[str, Any]) -> None:
         """Accept changes from the page if they are allowed."""
-        if isinstance(said := sync_data.get("settings"), Mapping):
-            check_said(self._view.about["command"], said, self.settings)
+        if isinstance(options := sync_data.get("settings"), Mapping):
+            check_page_options(self._view.about["command"], options, self.settings)
         super().set_state(sync_data)
 
     def _repr_mimebundle_(self, **kwargs: Any) -> Any:

@@ -279,10 +279,12 @@ def prepared(
     ValueError, LookupError, OSError
         See `opened`.
     """
-    return said(announced(opened(source, name, streamed=streamed, start_workers=start_workers)))
+    return padding_removed(
+        announced(opened(source, name, streamed=streamed, start_workers=start_workers))
+    )
 
 
-def said(volume: Volume) -> Volume:
+def padding_removed(volume: Volume) -> Volume:
     """Remove a volume's padding and print its statistics."""
     known = _surveyed(volume)
     for line in [volume.note] * bool(volume.note) + findings(known):

@@ -18,9 +18,9 @@ from resample_volume.command.inputs import (
     announced,
     channels_in_chunks,
     held,
+    padding_removed,
     prepared,
     require_linear,
-    said,
     with_memory,
 )
 from resample_volume.data.recordings import volume_at, with_times_first
@@ -93,7 +93,9 @@ def media(
             is_streamed = can_stream(look, resampler)
             volume = prepared(source, name, streamed=is_streamed, start_workers=start_workers)
         else:
-            volume = said(scaled(volume_at(recording, None, source.channel), source.scale))
+            volume = padding_removed(
+                scaled(volume_at(recording, None, source.channel), source.scale)
+            )
         first = [(volume, look.appearance(volume, resampler))]
     else:
         first = _channels(source, name, look, added.channels, resampler)
@@ -190,7 +192,7 @@ def _channels(
         if word != HIDDEN:
             volume = volume_at(recording, source.time, channel)
             volume = scaled(with_memory(volume, allowed_memory(source)), source.scale)
-            volume = said(announced(volume))
+            volume = padding_removed(announced(volume))
             transfer = f"auto:color={word}" if _is_color(word) else word
             own = look if not found else _alone(look, transfer, look.window)
             own = own.model_copy(update={"transfer": transfer})

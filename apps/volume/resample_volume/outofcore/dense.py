@@ -92,7 +92,7 @@ def check_windows(media: Sequence[VolumeLayer]) -> None:
     for volume, look in media:
         is_pre = look.classification is not Classification.POST
         if look.scene_objects or not is_pre:
-            what = f"a {look.met[0]}" if look.scene_objects else "the classification post"
+            what = f"a {look.scene_objects[0]}" if look.scene_objects else "the classification post"
             raise ValueError(
                 f"{what} needs rays through a field, which cannot be painted window by window; "
                 "render it as a whole by classify post: the field goes to a file if it does not "
