@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, NamedTuple
 
+from resample.lazy import old_members
 from resample.memory import available_memory
 from resample.painting.choices import MEASURING, Projection
 from resample.painting.splines import LARGEST, bytes_of_field
@@ -44,6 +45,7 @@ class Classification(StrEnum):
     POST = "post"  # values are interpolated, then classified
 
 
+@old_members(met="scene_objects")
 @dataclass(frozen=True)
 class Appearance:
     """What is visible of a volume, and its look.

@@ -39,7 +39,6 @@ from resample_volume.data.parts import slabs
 from resample_volume.data.statistics.scanning import are_few
 from resample_volume.types import Volume
 from resample_volume.voxels.fields import UNLIT, check_iso, columns_of, table_range
-from resample_volume.voxels.reaching import field_reached
 from resample_volume.voxels.shading import Light, lamp_of
 from resample_volume.voxels.slices.thin import (
     EXTREMES,
@@ -52,6 +51,7 @@ from resample_volume.voxels.slices.thin import (
     thinned,
 )
 from resample_volume.voxels.tints import PAD, numbered, tint_of
+from resample_volume.voxels.transmittance import field_transmittance
 from resample_volume.voxels.visible import (
     finite_range,
     gradients_at,
@@ -212,7 +212,7 @@ def lit_lattice(
     )
 
 
-def with_reached(
+def with_shadows(
     field: Gathered, volume: Volume, resampler: Resampler, clip: Doubles, light: Light
 ) -> Gathered:
     """Add shadows and ambient occlusion to a field.
@@ -236,7 +236,7 @@ def with_reached(
         The grid of light does not fit in memory.
     """
     parts = _extinctions(field, volume, resampler.iso)
-    reached = field_reached(volume, parts, clip, light)
+    reached = field_transmittance(volume, parts, clip, light)
     samples = field.spline.shape[field.thin.axis]
     return field._replace(reached=cells_over_samples(reached, samples, field.thin))
 
