@@ -77,7 +77,7 @@ from resample.painting.steps.planning import (
 )
 from resample.profiles import filters
 from resample.profiles.filters import Box, Gaussian, PixelFilter
-from resample.profiles.kept import once
+from resample.profiles.memoization import once
 from resample.profiles.orders import OF_FIELDS, CompositingOrder, EverySample, Rays, Summing
 from resample.profiles.reconstruction import (
     GaussianKernel,

@@ -10,7 +10,7 @@ from resample.cameras.viewpoints import Orbit
 from resample_volume.classification.labels import Labels, Rule
 from resample_volume.data.recordings import volume_at
 from resample_volume.files.source import open_streamed
-from resample_volume.files.stores import kept
+from resample_volume.files.stores import statistics_cache
 from resample_volume.files.stores.chunks import Single
 from resample_volume.files.stores.writing import Layered, write_store
 from resample_volume.outofcore import caching, windowed
@@ -26,7 +26,7 @@ LABELS = Labels(np.ones((32, 32, 32), np.uint8), {1: Rule((1, 0, 0))})
 
 @pytest.fixture(autouse=True)
 def in_small_steps(monkeypatch, tmp_path):
-    monkeypatch.setattr(kept, "LEAST", 0)
+    monkeypatch.setattr(statistics_cache, "LEAST", 0)
     monkeypatch.setattr(windowed, "LEAST", 500)
     monkeypatch.setenv("HYBRID_RESAMPLE_CACHE", str(tmp_path / "cache"))
 
@@ -181,7 +181,7 @@ def test_no_more_is_kept_than_there_is_room_for(store, tmp_path, monkeypatch):
 
 
 def test_small_volumes_are_looked_at_each_time(store, tmp_path, monkeypatch):
-    monkeypatch.setattr(kept, "LEAST", 1 << 23)
+    monkeypatch.setattr(statistics_cache, "LEAST", 1 << 23)
     painted(store, SOLID, Orbit(10, 20, 1.5))
     assert not (tmp_path / "cache" / "looks").exists()
 

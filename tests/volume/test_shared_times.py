@@ -13,7 +13,7 @@ from resample.command import workers
 from resample.command.workers import WorkerPool
 from resample_volume import cli
 from resample_volume.files.source import open_recording, open_streamed
-from resample_volume.files.stores import chunks, kept
+from resample_volume.files.stores import chunks, statistics_cache
 from resample_volume.media.series import Series, whole
 from tests import commands
 from tests.killing import Killing
@@ -207,7 +207,7 @@ def pickled(monkeypatch):
 )
 @pytest.mark.usefixtures("pickled")
 def test_frames_of_times_are_shared_out(name, words, is_kept, monkeypatch):
-    monkeypatch.setattr(kept, "LEAST", 0 if is_kept else 1 << 30)
+    monkeypatch.setattr(statistics_cache, "LEAST", 0 if is_kept else 1 << 30)
     beats("float32")
     assert ended("animate", name, *FILM, *words, "-o", "a") == 0
     assert ended("animate", name, *FILM, *words, "-o", "b", "--workers", "2") == 0
@@ -253,7 +253,7 @@ def test_times_that_memory_does_not_hold_as_fields_are_said_to_be_voxels(capsys)
 )
 @pytest.mark.usefixtures("pickled")
 def test_padding_of_all_times_is_known_elsewhere_too(is_kept, monkeypatch):
-    monkeypatch.setattr(kept, "LEAST", 0 if is_kept else 1 << 30)
+    monkeypatch.setattr(statistics_cache, "LEAST", 0 if is_kept else 1 << 30)
     beats("int16", padding=-3000)
     assert ended("animate", "a.zarr", *FILM, "-o", "a") == 0
     assert ended("animate", "a.zarr", *FILM, "-o", "b", "--workers", "1") == 0

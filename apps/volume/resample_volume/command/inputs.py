@@ -30,7 +30,7 @@ from resample_volume.files.source import (
     open_streamed,
     open_volume,
 )
-from resample_volume.files.stores import kept
+from resample_volume.files.stores import statistics_cache
 from resample_volume.files.stores.chunks import Single
 from resample_volume.files.stores.reader import with_level
 from resample_volume.media.series import whole
@@ -150,7 +150,7 @@ def with_memory(
         values.memory = allowed if allowed or free is None else free // 2
         if values.memory is not None:
             values.pin_bricks(values.memory // SHARE)
-        if start_workers is not None and values.size >= kept.LEAST:
+        if start_workers is not None and values.size >= statistics_cache.LEAST:
             values.helpers = partial(_helpers, start_workers, values)
     return volume
 

@@ -63,7 +63,7 @@ class BrickRequest(NamedTuple):
         return self.is_requested[z, y, x]
 
 
-class Keeper(Protocol):
+class StatisticsCache(Protocol):
     """Stores statistics of values for later commands."""
 
     @property
@@ -103,7 +103,7 @@ class Bricks:
     reads: int = 0  # counts bricks read
     most_held: int = 0  # peak bytes of bricks in memory together
     request: BrickRequest | None = None  # blocks whose voxels are requested; None: all
-    keeper: "Keeper | None" = None  # of the statistics
+    statistics_cache: "StatisticsCache | None" = None  # for later commands
     recent: LruCache | None = None  # cache of bricks
     pinned: PinnedCache | None = None  # pinned bricks, as stored in the file
     helpers: Callable[[], Helpers | None] | None = None  # workers of the first pass
@@ -272,29 +272,29 @@ class Bricks:
     @cached_property
     def statistics(self) -> BrickStats:
         """Return statistics of all values; the first call reads each brick."""
-        keeper = self.keeper
-        kept = None if keeper is None else keeper.load(self)
-        if keeper is None or kept is not None:
+        cache = self.statistics_cache
+        kept = None if cache is None else cache.load(self)
+        if cache is None or kept is not None:
             return kept or scanned(self, self._helped())
-        state = keeper.state()
+        state = cache.state()
         found = scanned(self, self._helped())
-        keeper.keep(self, found, state)
+        cache.keep(self, found, state)
         return found
 
     def is_kept(self) -> bool:
         """Whether the statistics are cached, so that no scan is needed."""
-        kept = None if self.keeper is None else self.keeper.load(self)
+        kept = None if self.statistics_cache is None else self.statistics_cache.load(self)
         if kept is not None:
             self.__dict__["statistics"] = kept
         return kept is not None
 
     def state(self) -> tuple[Any, ...] | None:
         """Return what identifies the values of a store; None if nothing does."""
-        state = None if self.keeper is None else self.keeper.state()
-        if self.keeper is None or state is None:
+        state = None if self.statistics_cache is None else self.statistics_cache.state()
+        if self.statistics_cache is None or state is None:
             return None
         form = (self.shape, self.dtype.str, self.side, self.period, self.replaced)
-        return (str(self.keeper.store), state, *form)
+        return (str(self.statistics_cache.store), state, *form)
 
     def _helped(self) -> Helpers | None:
         return None if self.helpers is None else self.helpers()

@@ -23,7 +23,7 @@ from resample.fingerprints import fingerprint
 from resample.memory import mapped
 from resample.reading.arrays import read_npz
 from resample_volume.data.bricks import Bricks
-from resample_volume.files.stores import kept
+from resample_volume.files.stores import statistics_cache
 from resample_volume.outofcore.outline import VisibleBlocks
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import Steep
@@ -117,7 +117,7 @@ def _place_of(part: Any) -> int | None:
 def _file_of(volume: Volume, depends: Any) -> Path | None:
     """Return the cache file for a volume in a store; None: it is small, or may change unnoticed."""
     bricks: Any = volume.values
-    if not isinstance(bricks, Bricks) or bricks.size < kept.LEAST:
+    if not isinstance(bricks, Bricks) or bricks.size < statistics_cache.LEAST:
         return None
     name = fingerprint((_code(), bricks, depends, volume[1:4]), _content_of)
     return None if name is None else mapped.folder() / "looks" / f"{name[:40]}.npz"
