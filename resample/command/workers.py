@@ -174,7 +174,7 @@ def _environment() -> dict[str, object]:
     import dask.config
 
     own: dict[str, object] = dask.config.get("distributed.nanny.pre-spawn-environ", {})
-    held = {"MALLOC_MMAP_THRESHOLD_": str(GIVEN_BACK)}  # as in `give_back`
+    held = {"MALLOC_MMAP_THRESHOLD_": str(GIVEN_BACK)}  # as in `return_freed_memory`
     return {**own, **held, "DASK_LOGGING__DISTRIBUTED": "critical"}
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from resample import registry
 from resample.command.workers import StartWorkers
 from resample.console.messages import progress_bar, say
-from resample.memory import allow, amount, available_memory, bytes_of, give_back
+from resample.memory import allow, amount, available_memory, bytes_of, return_freed_memory
 from resample.memory.mapped import is_in_file
 from resample.watching import told
 from resample_volume.classification.scales import LINEAR, scaled
@@ -145,7 +145,7 @@ def with_memory(
     """
     values: Values = volume.values
     if isinstance(values, Bricks):
-        give_back()
+        return_freed_memory()
         free = available_memory()
         values.memory = allowed if allowed or free is None else free // 2
         if values.memory is not None:
