@@ -198,3 +198,8 @@ def test_what_is_kept_comes_back_as_it_was(store):
         again = cached(volume, ("a name", repr(given)), pytest.fail, lasts=True)
         assert repr(again) == repr(given)
         assert type(again) is type(given)
+
+
+def test_what_is_cached_depends_on_the_code_that_scans_and_classifies():
+    names = {"/".join(file.parts[-2:]) for file in caching._sources()}
+    assert {"voxels/visible.py", "classification/transfer.py"} <= names

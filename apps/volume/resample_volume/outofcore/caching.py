@@ -146,10 +146,16 @@ def _code() -> str:
     """Return a fingerprint of the source code that scans voxels."""
     from resample.engine.compiled.sources import engine_digest
 
-    home = Path(__file__).parents[2]
-    sources = sorted(file for name in ("voxels", "looks") for file in (home / name).rglob("*.py"))
-    read = b"".join(source.read_bytes() for source in sources)
+    read = b"".join(source.read_bytes() for source in _sources())
     return hashlib.sha256(engine_digest().encode() + read).hexdigest()
+
+
+def _sources() -> list[Path]:
+    """Return the files of this application that scan and classify voxels."""
+    home = Path(__file__).parents[1]
+    return sorted(
+        file for name in ("voxels", "classification") for file in (home / name).rglob("*.py")
+    )
 
 
 def _read(file: Path) -> CachedResult | None:
