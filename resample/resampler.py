@@ -66,7 +66,7 @@ from resample.painting.splats import (
     spacings_of,
     splats_in_steps,
 )
-from resample.painting.steps.painting import bytes_kept, paint_in_steps
+from resample.painting.steps.painting import paint_in_steps, state_bytes
 from resample.painting.steps.planning import (
     ALL_PAINTERS,
     Painters,
@@ -575,7 +575,7 @@ class Resampler:
         Bytes, and samples that wait for nearer ones, at most.
         """
         scene, by = self._in_steps(source, camera, plan, window, None)
-        return bytes_kept(scene, by), most_waiting(scene, source, by.between)
+        return state_bytes(scene, by), most_waiting(scene, source, by.between)
 
     def _in_steps(
         self,

@@ -34,7 +34,7 @@ from resample_warp3d.depth.equation import between
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.figures.compare import WarpCase, scene_case, screen_of
 from resample_warp3d.figures.pairs import load_pairs
-from resample_warp3d.figures.scenes import STANDS, generated
+from resample_warp3d.figures.scenes import VIEWPOINTS, generated
 from resample_warp3d.figures.scoring import (
     ScoringTarget,
     delivered,
@@ -187,7 +187,7 @@ def own_scene(run: Run) -> Iterator[Row]:
     """PSNR / edge PSNR (dB) / holes (%) in the generated scene, warped in linear light."""
     scene = generated(run.size)
     source = prepare(scene.depth_image())
-    yield from one_view_each([scene_case(scene, view, source) for view in STANDS], run.methods)
+    yield from one_view_each([scene_case(scene, view, source) for view in VIEWPOINTS], run.methods)
 
 
 def stored(run: Run) -> Iterator[Row]:

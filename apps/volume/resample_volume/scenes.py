@@ -136,7 +136,7 @@ class Scene:
             frame = enlarged(frame, per, height, width)
         return frame._replace(statistics=frame.statistics._replace(is_preview=is_preview))
 
-    def standing(
+    def placed_view(
         self,
         look: Appearance | str = "auto",
         camera: Spelled = None,

@@ -67,7 +67,7 @@ from resample.engine.grid import grid
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.mixtures.keys import key_by_sheets
 from resample.engine.mixtures.models import POINT, choose_points, form_models, tint_splats
-from resample.engine.mixtures.sizes import gather_sizes, resize, stand_alone
+from resample.engine.mixtures.sizes import gather_sizes, match_splat_opacity, resize
 from resample.engine.points.point_sheets import (
     PointSheet,
     add_to_open_sheet,
@@ -245,7 +245,7 @@ def form(
         if mixture is not None and are_measured:
             choose_points(batch, size, window, style)
             n = window.place.subpixels
-            stand_alone(batch, position, scale, size, setup, n, stage.tables.footprint)
+            match_splat_opacity(batch, position, scale, size, setup, n, stage.tables.footprint)
     # Tint after points are chosen, as they keep their colors.
     if mixture is not None and style.tint_red >= 0.0:
         tint_splats(scratch, count, style)

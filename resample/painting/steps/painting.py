@@ -33,7 +33,7 @@ BORDER = 1.0  # px, largest rounding error of bounds
 Flags = NDArray[np.bool_]
 
 
-def bytes_kept(scene: PreparedScene, by: InSteps) -> int:
+def state_bytes(scene: PreparedScene, by: InSteps) -> int:
     """Bytes of a window's state between steps, without samples."""
     return 4 * by.kept * int(_subpixels(scene, _tiles_of(scene)).sum())
 
@@ -57,7 +57,7 @@ def paint_in_steps(
     from resample.engine.ellipsoids.steps import OPAQUE
 
     tiles = _tiles_of(scene)
-    carried, are_shown = _nothing_carried(scene, by, tiles), shown(scene, tiles)
+    carried, are_shown = _initial_state(scene, by, tiles), shown(scene, tiles)
     painted = nothing_painted(0, 0, tiles.spacing.size)
     painted = painted._replace(plan=scene.plan, film=film_of(scene, tiles))
     if by.is_measuring:
@@ -112,7 +112,7 @@ def _subpixels(scene: PreparedScene, tiles: Tiles) -> Indices:
     return count
 
 
-def _nothing_carried(scene: PreparedScene, by: InSteps, tiles: Tiles) -> "Carried":
+def _initial_state(scene: PreparedScene, by: InSteps, tiles: Tiles) -> "Carried":
     """State of the tiles before the first step."""
     from resample.engine.ellipsoids.steps import Carried, Step
 

@@ -83,7 +83,7 @@ def decoded(
     image, mask = unmasked(image)
     check_picture(image)
     planes = image.reshape(*image.shape[:2], -1)
-    is_straight = is_together(planes, alpha)
+    is_straight = has_straight_alpha(planes, alpha)
     has_alpha = planes.shape[2] == 4 and alpha != Alpha.NONE
     missing = missing_in(planes, mask, together=is_straight)
     if gaps and missing is None:
@@ -102,7 +102,7 @@ def decoded(
     return contiguous(texels, np.float32), encoding
 
 
-def is_together(planes: NDArray[Any], alpha: str | None) -> bool:
+def has_straight_alpha(planes: NDArray[Any], alpha: str | None) -> bool:
     """Whether the fourth channel of planes (H, W, C) is straight opacity.
 
     Raises

@@ -84,7 +84,7 @@ class ReadScene(NamedTuple):
     is_whole: bool
 
 
-class KnownOfTimes(NamedTuple):
+class TimesStatistics(NamedTuple):
     """Statistics over all times of a volume."""
 
     survey: Survey  # without its levels
@@ -100,7 +100,7 @@ class ReadyFilm(NamedTuple):
     paint: FrameOptions
     is_in_bricks: bool  # whether values stay in their file
     is_of_field: bool  # whether it is ray cast
-    known: KnownOfTimes | None = None  # if the volume changes over time
+    known: TimesStatistics | None = None  # if the volume changes over time
 
 
 def film_of(
@@ -169,7 +169,7 @@ def _film_of_times(
     scenes = _scenes(script, series, look, paint.resampler)
     say_lost_field(scenes.at(0), paint.resampler)
     course = filmed(scenes.subject, len(series))
-    known = KnownOfTimes(series.known._replace(levels=NO_LEVELS), look, course.sphere)
+    known = TimesStatistics(series.known._replace(levels=NO_LEVELS), look, course.sphere)
     given = script.beside.annotations(paint.background)
     paint = replace(paint, drawing=drawing(series[0], course[0], given))
     cameras = cameras_of(course[0], over_time(flight, script.frames, course.times), paint.size)
@@ -290,7 +290,7 @@ def _frames_of_times(
     script: Script,
     cameras: Sequence[AnyCamera],
     paint: FrameOptions,
-    known: KnownOfTimes,
+    known: TimesStatistics,
     threads: int,
 ) -> Frames:
     """Return the frames of a changing volume, by statistics that another process found."""

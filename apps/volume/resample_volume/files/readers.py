@@ -26,8 +26,8 @@ from resample_volume.files.parsing.choosing import ArrayQuery, check_part
 from resample_volume.files.parsing.headers import (
     Check,
     VolumeHeader,
+    accept_any,
     check_alone,
-    check_nothing,
     check_shape,
     check_type,
     existing_file,
@@ -62,7 +62,7 @@ class Reader(Protocol):
 class Recorder(Protocol):
     """Protocol of readers whose format may hold more than one volume."""
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         """Read all times and channels; `check` may reject the header before values are read."""
 
 
@@ -70,7 +70,7 @@ class Recorder(Protocol):
 class Streamer(Protocol):
     """Protocol of readers whose files can be read brick by brick."""
 
-    def streamed(self, path: Path, check: Check = check_nothing) -> Recording:
+    def streamed(self, path: Path, check: Check = accept_any) -> Recording:
         """Open all times and channels; a chosen one has `data.bricks.Bricks`."""
 
     def levels(self, path: Path) -> list[dict[str, Any]]:
@@ -86,7 +86,7 @@ class Nrrd:
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         return read_nrrd(existing_file(path), stem(path, self.suffixes), check)
 
 
@@ -99,7 +99,7 @@ class MetaImage:
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         return read_metaimage(existing_file(path), stem(path, self.suffixes), check)
 
 
@@ -116,7 +116,7 @@ class Nifti:
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         return read_nifti(existing_file(path), stem(path, self.suffixes), check)
 
 
@@ -135,7 +135,7 @@ class Vti:
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         wanted = ArrayQuery(self.array, self.part, "vti")
         return read_vti(existing_file(path), wanted, stem(path, self.suffixes), check)
 
@@ -162,7 +162,7 @@ class Vtk:
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         wanted = ArrayQuery(self.array, self.part, "vtk")
         steps, name = steps_of(self.spacing), stem(path, self.suffixes)
         return read_vtk(existing_file(path), wanted, steps, name, check)
@@ -177,7 +177,7 @@ class Mrc:
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         return read_mrc(existing_file(path), stem(path, self.suffixes), check)
 
 
@@ -190,7 +190,7 @@ class Cube:
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         return read_cube(existing_file(path), stem(path, self.suffixes), check)
 
 
@@ -208,7 +208,7 @@ class TiffStack:
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         if path.is_dir():
             paths, name = slices.files_with(path, self.suffixes), path.resolve().name
         else:
@@ -282,7 +282,7 @@ class Raw:
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         known = self._header(existing_file(path))
         check(known)
         if path.suffix.lower() == ".gz":
@@ -331,7 +331,7 @@ class Npy:
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         try:
             values = read_npy(existing_file(path), mapped=True)
         except DamageError as error:

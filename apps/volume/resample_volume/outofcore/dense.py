@@ -27,7 +27,7 @@ from resample_volume.outofcore.together import (
 from resample_volume.rendering import placement, resampled_appearance
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import chosen as chosen_of
-from resample_volume.voxels.cropping import kept_index, planes
+from resample_volume.voxels.cropping import inside_index, planes
 from resample_volume.voxels.framing import centered
 from resample_volume.voxels.visible import Voxels, check_gradient
 
@@ -46,7 +46,7 @@ class Cropping:
         """Return voxels and their positions, without those wholly cut away."""
         if not len(self.clip):
             return place, voxels
-        index = kept_index(voxels, self.clip, self.radius)
+        index = inside_index(voxels, self.clip, self.radius)
         return place[index], chosen_of(voxels, index)
 
 

@@ -19,7 +19,7 @@ from resample_volume.voxels.streaming import (
     BrickClassifier,
     Candidates,
     OnGrid,
-    bricks_together,
+    map_bricks,
     visible_bricks,
 )
 from resample_volume.voxels.visible import Indices, Voxels, to_scene_of
@@ -303,7 +303,7 @@ def mixed_by_bricks(
             each.append((_moved(place, size, together.shape, first, 1), voxels))
         return finish(*mixed_at(each, lattice))
 
-    return bricks_together(parts, job)
+    return map_bricks(parts, job)
 
 
 def _moved(place: Indices, size: Step, to: Step, first: Step, sign: int) -> Indices:

@@ -104,7 +104,7 @@ def brick_by_brick(
     def only(found: list[Candidates], boxes: list[Box]) -> R:
         return finish(found[0], boxes[0])
 
-    return bricks_together([OnGrid(bricks, wanted, chosen)], only)
+    return map_bricks([OnGrid(bricks, wanted, chosen)], only)
 
 
 class OnGrid(NamedTuple):
@@ -124,7 +124,7 @@ class OnGrid(NamedTuple):
         return _visible(values, box, corner, self.bricks, self.wanted)
 
 
-def bricks_together(
+def map_bricks(
     parts: Sequence[OnGrid], finish: Callable[[list[Candidates], list[Box]], R]
 ) -> Iterator[R]:
     """Run a job on the visible voxels of each brick of any volume, in order.

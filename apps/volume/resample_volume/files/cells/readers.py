@@ -10,8 +10,8 @@ from resample_volume.files.cells.resampling import resampled
 from resample_volume.files.parsing.choosing import ArrayQuery, check_part
 from resample_volume.files.parsing.headers import (
     Check,
+    accept_any,
     check_alone,
-    check_nothing,
     existing_file,
     stem,
 )
@@ -37,7 +37,7 @@ class _Cells:
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         wanted, steps = ArrayQuery(self.array, self.part, self.kind), steps_of(self.spacing)
         pieces = self._pieces(existing_file(path))
         return resampled(pieces, wanted, steps, stem(path, self.suffixes), check)

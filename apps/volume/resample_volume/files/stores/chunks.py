@@ -132,7 +132,7 @@ class Chunked:
         """Read all values into memory."""
         return np.stack([np.asarray(self[n]) for n in range(self.shape[0])])
 
-    def behind_each_other(self) -> Bricks:
+    def stacked_along_z(self) -> Bricks:
         """Stack all volumes of the first axis along z, if the second has length 1.
 
         Its bricks are those of the volumes.

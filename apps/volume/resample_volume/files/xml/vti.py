@@ -27,7 +27,7 @@ from resample_volume.files.parsing.choosing import (
 from resample_volume.files.parsing.headers import (
     Check,
     VolumeHeader,
-    check_nothing,
+    accept_any,
     header,
     recording,
 )
@@ -39,7 +39,7 @@ UNSTRUCTURED = "vtkXMLUnstructuredGridReader"
 BASE64 = re.compile(rb"[A-Za-z0-9+/=\s]*")
 
 
-def read_vti(path: Path, wanted: ArrayQuery, name: str, check: Check = check_nothing) -> Recording:
+def read_vti(path: Path, wanted: ArrayQuery, name: str, check: Check = accept_any) -> Recording:
     """Read one array at points or cells; components are channels, or a color.
 
     Parameters
