@@ -56,7 +56,7 @@ def worker_pools(sharing: Sharing, threads: int | None = None) -> Iterator[Start
         starting.
     """
     check_sharing(sharing)
-    if not sharing.is_asked:
+    if not sharing.has_workers:
         yield _start_no_workers
         return
     from distributed import KilledWorker
@@ -102,7 +102,7 @@ def check_sharing(sharing: Sharing) -> None:
     """
     if sharing.workers is not None and sharing.scheduler is not None:
         raise ValueError("--workers starts processes, --scheduler has its own; give only one")
-    if sharing.is_asked:
+    if sharing.has_workers:
         try:
             import distributed  # noqa: F401
         except ImportError as error:

@@ -27,7 +27,7 @@ def return_freed_memory() -> None:
 
     By default glibc keeps arrays of up to 32 MiB in each thread. No effect elsewhere.
     """
-    _tell_glibc("mallopt", M_MMAP_THRESHOLD, GIVEN_BACK)
+    _tune_glibc("mallopt", M_MMAP_THRESHOLD, GIVEN_BACK)
 
 
 def trim() -> None:
@@ -35,10 +35,10 @@ def trim() -> None:
 
     Useful between two stages that both need much memory. No effect without glibc.
     """
-    _tell_glibc("malloc_trim", 0)
+    _tune_glibc("malloc_trim", 0)
 
 
-def _tell_glibc(name: str, *numbers: int) -> None:
+def _tune_glibc(name: str, *numbers: int) -> None:
     """Call a function of glibc, if the platform uses it."""
     import ctypes
 

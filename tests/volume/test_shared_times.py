@@ -184,7 +184,7 @@ def pickled(monkeypatch):
     def hiring(sharing, threads=None):
         with ThreadPoolExecutor(1) as executor:
             crew = WorkerPool(Elsewhere(executor), sharing.workers or 1, threads or 1, None, True)
-            yield lambda: crew if sharing.is_asked else None
+            yield lambda: crew if sharing.has_workers else None
 
     monkeypatch.setattr(workers, "worker_pools", hiring)
 

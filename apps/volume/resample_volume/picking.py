@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 HALF = 0.5  # accumulated opacity at which a voxel counts as the visible one
 
 Indices = NDArray[np.int64]
-Behind = Callable[..., tuple[Indices, Doubles]]  # `voxels_at` of pixels and perhaps a level
-Wanted = {
+VoxelLookup = Callable[..., tuple[Indices, Doubles]]  # `voxels_at` of pixels and perhaps a level
+PICKED_BY_PROJECTION = {
     Projection.COMPOSITE: 0,
     Projection.MAXIMUM: 1,
     Projection.MINIMUM: 2,
@@ -82,7 +82,7 @@ def voxels_at(
     from resample_volume.voxels.kernels.picking import pick_in_field, pick_voxels
 
     voxels, projection = subject.voxels, resampler.projection
-    if projection not in Wanted or not isinstance(voxels, Voxels | Gathered):
+    if projection not in PICKED_BY_PROJECTION or not isinstance(voxels, Voxels | Gathered):
         raise ValueError(
             f"the projection {projection} of {volume.name} shows no single voxel; take composite, "
             "maximum, minimum or first-hit, the last three along rays"
@@ -215,6 +215,6 @@ def _picked_field(field: Gathered, resampler: Resampler) -> "PickedField":
         looks.high,
         looks.steep,
         np.ascontiguousarray(np.linalg.inv(field.lattice).T),
-        Wanted[resampler.projection],
+        PICKED_BY_PROJECTION[resampler.projection],
         float(resampler.iso or 0.0),
     )

@@ -20,7 +20,7 @@ from resample_volume.data.memoization import Memo, memoizing
 from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Appearance, Classification, of_voxels, resampler_for
 from resample_volume.media.xrays import XRay, settled
-from resample_volume.picking import Behind, Picked, picked, voxels_at
+from resample_volume.picking import Picked, VoxelLookup, picked, voxels_at
 from resample_volume.previews import PER, Shrunk, enlarged, kept_cuts, merged, merged_labels
 from resample_volume.rendering import Fit, Subject, resampled_appearance
 from resample_volume.surfaces.image_planes import settled as settled_plane
@@ -232,7 +232,7 @@ class Scene:
         size: tuple[int, int],
         resampler: Resampler | None,
         fit: Fit,
-    ) -> Behind:
+    ) -> VoxelLookup:
         """Return the voxels behind points of a picture; see `voxels_at`."""
         subject, eye, paint = self._prepared(look, camera, size, resampler, fit)
         return partial(voxels_at, subject, self.volume, eye, paint)

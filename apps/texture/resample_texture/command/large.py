@@ -37,7 +37,7 @@ from resample_texture.types import Edge, Warped
 MOST_AT_ONCE = 1 << 30  # bytes that a warp of the whole picture may take
 MOST_IN_STRIP, LEAST_IN_STRIP = 1 << 24, 1 << 22  # target values per strip
 SHARE_OF_STRIP = 8  # a strip takes 1 / 8 of what --memory allows
-EVERYTHING = 1 << 62  # px of a window
+WHOLE_PICTURE = 1 << 62  # px of a window
 ROWS = 32  # strips have a multiple of this, so that files keep their blocks
 
 Roi = tuple[int, int, int, int]  # left, top, width and height, px
@@ -174,7 +174,7 @@ class Large:
         size = self.form.shape[:2]
         geometry, shape, _ = self._part(first, count)
         seen = self.method.visible_tiles(size, geometry, shape, Edge(self.choice.edge))
-        return next(windows_of(seen, size, EVERYTHING)).source
+        return next(windows_of(seen, size, WHOLE_PICTURE)).source
 
     @cached_property
     def kind(self) -> Kind:

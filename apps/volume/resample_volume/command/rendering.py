@@ -209,7 +209,7 @@ def execution_context(
         As of `worker_pools`.
     """
     with worker_pools(sharing, threads) as start_workers:
-        if not sharing.is_asked:
+        if not sharing.has_workers:
             yield ExecutionContext(threads, sharing, start_workers, output, [])
             return
         with inheriting(Path(os.path.realpath(output))) as left:
@@ -235,7 +235,7 @@ def to_paint(
     ValueError
         As of `scene_of`; or windows serve neither.
     """
-    if context.sharing.is_asked:
+    if context.sharing.has_workers:
         for medium in media:
             _check_bricks(*medium)
         if not share_lattice(media):
@@ -303,7 +303,7 @@ def _in_windows(
         if spent.executor is None:
             say(f"the visible voxels do not fit in memory: painted in {count} windows")
         else:
-            say(f"painted in {count} windows by {context.sharing.who}")
+            say(f"painted in {count} windows by {context.sharing.description}")
         return frame
 
     return PreparedPicture(subject, camera, paint)

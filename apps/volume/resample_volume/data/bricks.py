@@ -40,7 +40,7 @@ def with_neighbours(is_chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return found[1:-1, 1:-1, 1:-1]
 
 
-def held_together(is_needed: NDArray[np.bool_]) -> int:
+def bricks_in_memory(is_needed: NDArray[np.bool_]) -> int:
     """Return the number of bricks held at once, as slopes need adjacent ones: two layers."""
     layers = is_needed.sum(axis=(1, 2))
     return int((layers[1:] + layers[:-1]).max(initial=layers.max(initial=0)))

@@ -29,7 +29,7 @@ from resample_volume.voxels.framing import (
 )
 from resample_volume.voxels.visible import lattice_of
 
-TOGETHER = 1 << 20  # voxels scanned together in the second pass, about
+BATCH_SIZE = 1 << 20  # voxels scanned together in the second pass, about
 ROUNDED = 1e-5  # relative rounding error of a distance
 SLACK = 1e-3  # voxels by which places of blocks are not known
 
@@ -186,7 +186,7 @@ def _farthest(
     far = np.maximum(np.abs(starts - center), np.abs(ends - center))
     bound = np.sqrt((far * far).sum(axis=1))
     order = np.argsort(-bound, kind="stable")
-    step = max(1, TOGETHER // lattice.side**3)
+    step = max(1, BATCH_SIZE // lattice.side**3)
     best = -np.inf
     for first in range(0, order.size, step):
         own = order[first : first + step]

@@ -25,7 +25,7 @@ from resample.painting.steps.planning import ALL_PAINTERS
 from resample.resampler import Resampler
 from resample.types import Doubles, Film, Samples
 from resample.watching import Executor, Progress, report, shared_out, told
-from resample_volume.data.bricks import Bricks, held_together, with_neighbours
+from resample_volume.data.bricks import Bricks, bricks_in_memory, with_neighbours
 from resample_volume.data.parts import threads_at_work
 from resample_volume.data.statistics.caches import LruCache
 from resample_volume.outofcore.caching import cache_visible, cached_visible
@@ -97,7 +97,7 @@ class Guess(NamedTuple):
     spaced: PicturePlan | None  # learns how fine tiles are; None: all are equally fine
 
 
-class FoundInLayers(NamedTuple):
+class LayerScan(NamedTuple):
     """Result of the scan of some layers of blocks."""
 
     plans: list[PlansOfPart]
@@ -234,7 +234,7 @@ def _better(job: RenderJob, guess: Guess, plan: PicturePlan | None) -> Guess | N
     return None if is_known else Guess(guess.painters, plan)
 
 
-def _planned(job: RenderJob, found: list[FoundInLayers]) -> PicturePlan | None:
+def _planned(job: RenderJob, found: list[LayerScan]) -> PicturePlan | None:
     """Return the plan of all samples; None: more painters must be queried."""
     height, width = job.size
     plans = [plan for part in found for plan in part.plans]
@@ -248,10 +248,10 @@ def _planned(job: RenderJob, found: list[FoundInLayers]) -> PicturePlan | None:
     return plan._replace(spacing=np.minimum.reduce(spacings)) if spacings else plan
 
 
-def _scan_layers(job: RenderJob, lattice: Lattice, guess: Guess, bricks: Bricks) -> FoundInLayers:
+def _scan_layers(job: RenderJob, lattice: Lattice, guess: Guess, bricks: Bricks) -> LayerScan:
     """Scan the requested layers of bricks for a picture."""
     values: Any = bricks
-    found = FoundInLayers([], [], [], None)
+    found = LayerScan([], [], [], None)
 
     def counted(place: Indices, voxels: Any) -> tuple[tuple[Indices, Indices], Any]:
         return lattice.counted(place), voxels
@@ -357,7 +357,7 @@ def _bytes_of_bricks(job: RenderJob, blocks: Blocks, are_requested: NDArray[np.b
     for ends in product((0, 1), repeat=3):
         z, y, x = (np.where(ends, last, at) // bricks.side).T
         is_near[z, y, x] = True
-    held = held_together(with_neighbours(is_near))
+    held = bricks_in_memory(with_neighbours(is_near))
     threads = job.threads or threads_at_work()
     within = np.ravel_multi_index(tuple((at // bricks.side).T), bricks.count)
     each = int(np.bincount(within, seen).max()) * BYTES_PER_VOXEL

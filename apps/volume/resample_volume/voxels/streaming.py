@@ -13,7 +13,7 @@ from resample import memory
 from resample.types import Doubles, Floats
 from resample.watching import report
 from resample_volume.classification.transfer import DataRange, Transfer, visible_places
-from resample_volume.data.bricks import Box, Bricks, Step, held_together, with_neighbours
+from resample_volume.data.bricks import Box, Bricks, Step, bricks_in_memory, with_neighbours
 from resample_volume.data.parts import kernel_layers, side_by_side, threads_at_work
 from resample_volume.data.statistics.scanning import are_few
 
@@ -69,7 +69,7 @@ def visible_in_bricks(bricks: Bricks, wanted: BrickClassifier, name: str) -> Can
         They do not fit in memory.
     """
     chosen = visible_bricks(bricks, wanted.transfer, wanted.data_range)
-    together = held_together(_with_those_beside(bricks, chosen if wanted.gradient else ()))
+    together = bricks_in_memory(_with_those_beside(bricks, chosen if wanted.gradient else ()))
     known = _known_count(bricks, wanted)
     _require(bricks, wanted.transfer, known, name, together * bricks.bytes_each)
     parts, count = [_nothing(bricks)], 0

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 RECENT = 2.0  # seconds within which a file may change without a new timestamp
 SETTLED = 3600.0  # the same for web servers, whose clocks may differ, seconds
-TOGETHER = 32  # chunks that a web server is asked about at a time
+BATCH_SIZE = 32  # chunks that a web server is asked about at a time
 PAGE = 1000  # that are listed, or asked about, before work looks up
 
 
@@ -145,7 +145,7 @@ def _request_metadata(place: Any, portion: Portion) -> Iterator[ChunkMetadata]:
             return None
 
     names = _names(portion)
-    pool = ThreadPoolExecutor(TOGETHER)
+    pool = ThreadPoolExecutor(BATCH_SIZE)
     try:
         while batch := list(islice(names, PAGE)):
             report(0, 1)

@@ -58,7 +58,7 @@ from resample_warp3d.types import Links
 DISTINCT: Single = np.float32(0.99)  # of the nearness: what is nearer than that is the same surface
 FULL: Single = np.float32(0.97)  # coverage of a full pixel; boxes only approximate cells
 TRACE: Single = np.float32(1e-4)  # coverage below which a pixel is empty
-EVERYTHING: Single = np.float32(np.inf)  # nearer than all
+NEAREST_OF_ALL: Single = np.float32(np.inf)  # nearer than all
 
 
 class CellColors(NamedTuple):
@@ -156,7 +156,7 @@ def _is_front(bounds: Indices, least: Single, frame: BandFrame, front: Floats) -
 @plays(skips, FrontPass)
 def _skips_none(look: FrontPass, strip: SheetStrip, member: int, nth: int) -> bool:  # noqa: ARG001
     """Skip nothing in the first pass; start each member's farthest corner at infinity."""
-    look.least[nth] = EVERYTHING
+    look.least[nth] = NEAREST_OF_ALL
     return False
 
 
