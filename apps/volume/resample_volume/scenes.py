@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Spelled, viewpoint_of
+from resample.lazy import old_members
 from resample.painting.choices import Projection
 from resample.painting.scenes.plans import shape_of
 from resample.resampler import Resampler
@@ -34,6 +35,7 @@ FINEST = 1  # sub-pixels per side of a ray cast preview
 Quality = Literal["final", "preview"]
 
 
+@old_members(standing="placed_view")
 @dataclass(eq=False)
 class Scene:
     """A volume for many pictures: changing looks, changing cameras, quick previews.
