@@ -28,14 +28,14 @@ OFTEN = 0.01  # seconds between two checks of the pages in memory
 SPARE = 1 << 26  # bytes to leave free on the disk
 
 
-class _Held(NamedTuple):
+class _MappedFile(NamedTuple):
     """Properties of a mapped file."""
 
     most: int  # bytes of pages in memory, of all files together, at most
     others: int  # bytes of pages of other files, mostly libraries
 
 
-_held: "WeakKeyDictionary[mmap.mmap, _Held]" = WeakKeyDictionary()
+_held: "WeakKeyDictionary[mmap.mmap, _MappedFile]" = WeakKeyDictionary()
 _lock = Lock()
 _thread: Thread | None = None
 
@@ -75,7 +75,7 @@ def array_in_file(shape: tuple[int, ...], kind: DTypeLike, most: int, what: str)
     size = prod(shape) * dtype.itemsize
     mapping = _mapping_of(max(1, size), what)
     with _lock:
-        _held[mapping] = _Held(most, mapped_memory())
+        _held[mapping] = _MappedFile(most, mapped_memory())
         _watch()
     return np.ndarray(shape, dtype, buffer=mapping)
 
@@ -129,7 +129,7 @@ def most_of(values: NDArray[Any]) -> int | None:
     return None if held is None else held.most
 
 
-def _of(values: Any) -> _Held | None:
+def _of(values: Any) -> _MappedFile | None:
     while values is not None and not isinstance(values, mmap.mmap):
         values = getattr(values, "base", None)
     with _lock:

@@ -190,7 +190,7 @@ class Scene:
         height, width = shape_of(size)
         row, column = np.indices((height, width)) + 0.5
         pixels = np.column_stack([column.ravel(), row.ravel()])
-        found, _ = self._behind(look, camera, size, resampler, fit)(pixels)
+        found, _ = self._voxel_lookup(look, camera, size, resampler, fit)(pixels)
         index = np.stack(np.unravel_index(np.maximum(found, 0), self.volume.values.shape), axis=-1)
         index[found < 0] = -1
         return index.reshape(height, width, 3).astype(np.int32)
@@ -221,13 +221,13 @@ class Scene:
         ValueError
             As of `sample_ids`.
         """
-        pixel, behind = np.array([[x, y]]), self._behind(look, camera, size, resampler, fit)
+        pixel, behind = np.array([[x, y]]), self._voxel_lookup(look, camera, size, resampler, fit)
         (found,), (kept,) = behind(pixel)
         if found < 0 and kept < 1:
             (found,), _ = behind(pixel, (1 - kept) / 2)
         return None if found < 0 else picked(self.volume, int(found))
 
-    def _behind(
+    def _voxel_lookup(
         self,
         look: Appearance | str,
         camera: Spelled,

@@ -76,7 +76,7 @@ def paint_in_steps(
             if samples is not None:
                 carried = carried._replace(step=step)
                 _paint_step(scene, by, samples, carried, are_open, painted)
-                waiting = _behind(scene, by, samples, end) if left.size else None
+                waiting = _samples_to_keep(scene, by, samples, end) if left.size else None
             carried = carried._replace(step=_next_step(step, by.between, end))
         done = total - int(source.sizes[left].sum())
         report(done, total)
@@ -157,10 +157,10 @@ def _with_next(
     if left.size:
         loaded = source.load(left[:taken])
         found.append(samples_of(loaded) if isinstance(loaded, Field) else check_samples(loaded))
-    return _together(found), left[taken:]
+    return _concatenated(found), left[taken:]
 
 
-def _together(parts: list[Samples]) -> Samples | None:
+def _concatenated(parts: list[Samples]) -> Samples | None:
     """Concatenate samples of parts; None if there are none."""
     some = [part for part in parts if len(part.extinction)]
     if len(some) < 2:
@@ -184,17 +184,19 @@ def _paint_step(
     """Paint the samples of a step on open tiles."""
     runs = by.runs(samples)
     runs.known["seen"][runs.known["key"] >= carried.step.last] = 0
-    tiles, load = dealt(scene, runs, _find_nothing)
+    tiles, load = dealt(scene, runs, _keep_spacings)
     turn = tile_order(load, are_open)
     if turn.size:
         by.paint(turn, tiles, runs, (painted.film, painted.value, painted.tally, carried))
 
 
-def _find_nothing(tiles: Tiles) -> None:
+def _keep_spacings(tiles: Tiles) -> None:
     """Do nothing: the spacings of tiles are known."""
 
 
-def _behind(scene: PreparedScene, by: InSteps, samples: Samples, end: EndOfStep) -> Samples | None:
+def _samples_to_keep(
+    scene: PreparedScene, by: InSteps, samples: Samples, end: EndOfStep
+) -> Samples | None:
     """Samples to keep for the next step; None if there are none."""
     summing = Summing.SHEETS if by.between is Between.SHEETS else Summing.POINTS
     key = sheets_of(scene.layers, summing, samples.position, scene.view).key

@@ -62,7 +62,7 @@ def plan_of_all(
     scene: PreparedScene, by: Painters, parts: Sequence[PlansOfPart]
 ) -> PicturePlan | None:
     """Plan of all samples together; None: plans for other painters are needed."""
-    splats, points, mixture = (_together(plans) for plans in zip(*parts, strict=True))
+    splats, points, mixture = (_combined_plan(plans) for plans in zip(*parts, strict=True))
     found = None
     if are_splats_exact(scene):
         if splats is None:
@@ -78,7 +78,7 @@ def plan_of_all(
     return found._replace(tile=_tile_of(scene, by, found), spacing=None)
 
 
-def _together(plans: Sequence[PicturePlan | None]) -> PicturePlan | None:
+def _combined_plan(plans: Sequence[PicturePlan | None]) -> PicturePlan | None:
     """Combined plan of one painter; None if it is missing for a part."""
     known = [plan for plan in plans if plan is not None]
     return together(known) if len(known) == len(plans) else None

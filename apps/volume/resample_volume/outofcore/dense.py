@@ -128,7 +128,7 @@ def dense_of(
         given, lattice, _, clip = placement(media)
         placed = [_on_lattice(medium, lattice, memory // OF_FILES) for medium in given]
         beside += memory // OF_FILES * (not share_lattice(media))
-        scene = _together(placed, lattice)
+        scene = _combined(placed, lattice)
     members = []
     for volume, look in placed:
         by = _classifying(volume, replace(look, light=light), looking)
@@ -157,7 +157,7 @@ def _on_lattice(medium: VolumeLayer, lattice: CommonLattice, most: int) -> Volum
     return there, resampled_appearance(volume, look)
 
 
-def _together(placed: Sequence[VolumeLayer], lattice: CommonLattice) -> Volume:
+def _combined(placed: Sequence[VolumeLayer], lattice: CommonLattice) -> Volume:
     """Combine volumes in bricks on the common lattice; cached."""
     x, y, z = map(int, lattice.size)
     bricks: list[Any] = [volume.values for volume, _ in placed]

@@ -424,10 +424,10 @@ def _in_parts(
     bounds = bounds_of(volume, lattice, number, reach, job.camera.view())
     if plan is not None:
         bounds = widened(bounds, *job.resampler.margin_beyond_window(plan, steps, job.camera))
-    return SamplesInParts(center, radius, bounds, seen, steps, _load_nothing, 0)
+    return SamplesInParts(center, radius, bounds, seen, steps, _refuse_to_load, 0)
 
 
-def _load_nothing(_: Indices) -> Samples:
+def _refuse_to_load(_: Indices) -> Samples:
     raise RuntimeError("blocks of a planned picture cannot be loaded")
 
 

@@ -72,7 +72,7 @@ def visible_in_bricks(bricks: Bricks, wanted: BrickClassifier, name: str) -> Can
     together = bricks_in_memory(_with_those_beside(bricks, chosen if wanted.gradient else ()))
     known = _known_count(bricks, wanted)
     _require(bricks, wanted.transfer, known, name, together * bricks.bytes_each)
-    parts, count = [_nothing(bricks)], 0
+    parts, count = [_no_candidates(bricks)], 0
     for n, part in enumerate(brick_by_brick(bricks, wanted, chosen, _as_it_is)):
         parts.append(part)
         count += part.place.size
@@ -142,7 +142,7 @@ def map_bricks(
 
     def classify(index: Step, around: list[dict[Step, NDArray[Any]]]) -> R:
         found = [
-            part.visible(index, near) if index in some else _nothing(part.bricks)
+            part.visible(index, near) if index in some else _no_candidates(part.bricks)
             for part, near, some in zip(parts, around, own, strict=True)
         ]
         return finish(found, [part.bricks.box(index) for part in parts])
@@ -221,7 +221,7 @@ def visible_bricks(bricks: Bricks, transfer: Transfer, data_range: DataRange) ->
     return [n for n in chosen if some is None or some.has_any(bricks.box(n))]
 
 
-def _nothing(bricks: Bricks) -> Candidates:
+def _no_candidates(bricks: Bricks) -> Candidates:
     """Return empty typed arrays."""
     value = np.zeros(0, bricks.dtype)
     return Candidates(np.zeros(0, np.int64), value, np.zeros((0, 3), np.float32))

@@ -226,7 +226,7 @@ def field_transmittance(
     thick = np.zeros(_grid_of(size, per), np.float32)
     first = 0
     for part in extinctions:
-        kept = np.where(_is_kept(part.shape, first, volume, clip), part, np.float32(0))
+        kept = np.where(_is_uncut(part.shape, first, volume, clip), part, np.float32(0))
         across = _merged(kept, (1, per, per))
         for n, row in enumerate(across, first):
             thick[n // per] += row / np.float32(per)
@@ -234,7 +234,7 @@ def field_transmittance(
     return Reached(light_transmittance(thick, per * lattice, light), per)
 
 
-def _is_kept(
+def _is_uncut(
     shape: tuple[int, ...], first: int, volume: Volume, clip: Doubles
 ) -> NDArray[np.bool_]:
     """Return which voxels (Z, Y, X) of some slices are not cut away."""

@@ -167,7 +167,7 @@ def _rows(cloud: Cloud, rows: slice) -> Cloud:
     return Cloud(position[rows], normal[rows], color[rows], radius[rows])
 
 
-class _Given(NamedTuple):
+class _PreparedCloud(NamedTuple):
     """A cloud in files that is prepared for sorting part by part."""
 
     cloud: Cloud
@@ -215,7 +215,7 @@ def _by_buckets(cloud: Cloud, radius: float | None, most: int) -> Ordered:
             low, high = np.minimum(low, least), np.maximum(high, greatest)
         count += len(position)
     origin = _middle(low, high) if count else np.zeros(3)
-    given = _Given(cloud, radius, origin)
+    given = _PreparedCloud(cloud, radius, origin)
     if not count:
         return Ordered(origin, given.part(slice(0)))
     curve = _curve_in((low - origin).astype(np.float32), (high - origin).astype(np.float32))
@@ -230,7 +230,7 @@ def _by_buckets(cloud: Cloud, radius: float | None, most: int) -> Ordered:
     return Ordered(origin, ordered)
 
 
-def _ends(given: _Given, curve: MortonCurve, buckets: int) -> Codes:
+def _ends(given: _PreparedCloud, curve: MortonCurve, buckets: int) -> Codes:
     """Return the codes at which buckets of about equal size end."""
     every = max(1, len(given.cloud.position) // SAMPLED)
     sample = np.sort(curve.codes(given.part(slice(None, None, every)).position))
@@ -238,7 +238,9 @@ def _ends(given: _Given, curve: MortonCurve, buckets: int) -> Codes:
     return ends
 
 
-def _moved(given: _Given, curve: MortonCurve, ends: Codes, count: int) -> tuple[Cloud, Indices]:
+def _moved(
+    given: _PreparedCloud, curve: MortonCurve, ends: Codes, count: int
+) -> tuple[Cloud, Indices]:
     """Move points to buckets that end at given codes; also return the buckets' starts."""
     bucket = zeros_beside(given.cloud.position, (count,), np.uint32)
     held, first = np.zeros(len(ends) + 1, np.int64), 0
