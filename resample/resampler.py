@@ -27,6 +27,7 @@ from resample.painting.choices import (
 from resample.painting.layers import layers_of
 from resample.painting.scenes.parts import SamplesInParts
 from resample.painting.scenes.plans import (
+    ALL_PAINTERS,
     NOTHING,
     POINTS,
     SPLATS,
@@ -40,26 +41,18 @@ from resample.painting.scenes.plans import (
 from resample.painting.scenes.scene import (
     PaintTarget,
     PreparedScene,
-    alike_classifier,
     check_samples,
     ellipsoid_of,
-    field_alike,
+    kernel_classifier,
+    kernel_field,
     nothing_painted,
     planes_of,
     samples_of,
     screen_of,
 )
-from resample.painting.steps.planning import (
-    EVERYBODY,
-    Painters,
-    margin_beyond_window,
-    plan_of_all,
-    plan_of_parts,
-    plans_of,
-)
 from resample.profiles import filters
 from resample.profiles.filters import Box, Gaussian, PixelFilter
-from resample.profiles.kept import once
+from resample.profiles.memoization import once
 from resample.profiles.orders import OF_FIELDS, CompositingOrder, EverySample, Rays, Summing
 from resample.profiles.reconstruction import (
     GaussianKernel,
@@ -93,6 +86,7 @@ from resample.watching import Progress
 if TYPE_CHECKING:
     from resample.painting.paper import PaperChoices
     from resample.painting.scenes.cuts import InSteps
+    from resample.painting.steps.planning import Painters
 
 filter_table = once(filters.table)
 
@@ -305,13 +299,15 @@ class Resampler:
         height: int,
         width: int,
         clip: ArrayLike | None = None,
-        painters: Sequence[str] = EVERYBODY,
+        painters: Sequence[str] = ALL_PAINTERS,
     ) -> PlansOfPart:
         """What some samples say of a picture, of which others are seen, too.
 
         Parameters and errors as of `plan`; of who may turn out to paint all samples those are
         asked that are in `painters`: "splats", "points", "mixture".
         """
+        from resample.painting.steps.planning import plans_of
+
         check_size(height, width)
         self._check_field(samples)
         checked, look = self._checked_for_windows(samples)
@@ -346,6 +342,8 @@ class Resampler:
         -------
         None where painters have to be asked that were left out.
         """
+        from resample.painting.steps.planning import plan_of_all
+
         if self._is_paper:
             return together([part.mixture for part in parts if part.mixture is not None])
         with _kernels(None):
@@ -361,6 +359,8 @@ class Resampler:
         -------
         Whether they reach as far on one side of their center as on the other; and px, at most.
         """
+        from resample.painting.steps.planning import margin_beyond_window
+
         if self._is_paper:
             return self._choices_of_paper.widths.is_projected, self._point_filter.radius
         return margin_beyond_window(self._of_nothing(lattice, camera, plan.size), plan)
@@ -373,8 +373,10 @@ class Resampler:
         nothing = Samples(nobody, nobody, nobody[:, 0], lattice)
         return self._scene(nothing, camera.view(), size, None, None)
 
-    def _painters(self, scene: PreparedScene) -> Painters:
+    def _painters(self, scene: PreparedScene) -> "Painters":
         """Who may paint samples."""
+        from resample.painting.steps.planning import Painters
+
         return Painters(self._is_streamed(scene), self._point_profile is not None)
 
     def _checked_for_windows(
@@ -487,6 +489,7 @@ class Resampler:
         It may stand for `plan` of them all: windows have the same bits.
         """
         from resample.painting.splats import are_splats_exact
+        from resample.painting.steps.planning import plan_of_parts
 
         check_size(height, width)
         with _kernels(None):
@@ -568,10 +571,10 @@ class Resampler:
         Bytes, and samples that wait for nearer ones, at most.
         """
         from resample.painting.scenes.cuts import most_waiting
-        from resample.painting.steps.painting import bytes_kept
+        from resample.painting.steps.painting import state_bytes
 
         scene, by = self._in_steps(source, camera, plan, window, None)
-        return bytes_kept(scene, by), most_waiting(scene, source, by.between)
+        return state_bytes(scene, by), most_waiting(scene, source, by.between)
 
     def _in_steps(
         self,
@@ -588,7 +591,7 @@ class Resampler:
 
         none = np.zeros((0, 3), np.float32)
         nothing = Samples(none, none, none[:, 0], source.lattice)
-        look = None if source.classifier is None else alike_classifier(source.classifier)
+        look = None if source.classifier is None else kernel_classifier(source.classifier)
         scene = self._scene(nothing, camera.view(), plan.size, look, clip)
         scene = replace(scene, layers=plan.layers, plan=plan, window=window)
         if not self._is_streamed(scene):
@@ -658,7 +661,7 @@ class Resampler:
         """Picture of a field that rays go through."""
         from resample.painting.rays import Gathering, paint_field
 
-        field = field_alike(field)
+        field = kernel_field(field)
         style = self._style(field.lattice, field.classifier)
         rays, step = self.order if isinstance(self.order, Rays) else Rays(), self.order.thickness
         how = Gathering(style, self._tables, step, rays.quality, rays.interpolation, clip)
@@ -865,7 +868,7 @@ def _position(iso: float, look: Classifier) -> float:
 def _checked(samples: Samples | Field) -> tuple[Samples, Classifier | None]:
     """Samples for the painters, and what a field looks like."""
     if isinstance(samples, Field):
-        return samples_of(samples), alike_classifier(samples.classifier)
+        return samples_of(samples), kernel_classifier(samples.classifier)
     return check_samples(samples), None
 
 

@@ -106,7 +106,7 @@ def read_keyframes(path: Path) -> Keyframes:
         cameras = [_camera(n, keyframe) for n, keyframe in enumerate(content.camera)]
         time = [keyframe.time for keyframe in content.camera]
         _check_times(time)
-        _check_alike(cameras)
+        _check_interpolable(cameras)
     return Keyframes(np.array(time), cameras)
 
 
@@ -138,7 +138,7 @@ def keyframes_of(path: Path, fov: float) -> Keyframes:
             made = Calibrated(shot.camera, shot.shape)
         cameras.append(made)
     with naming(str(path)):
-        _check_alike(cameras)
+        _check_interpolable(cameras)
     return Keyframes(np.arange(float(len(shots))), cameras)
 
 
@@ -160,7 +160,7 @@ def _check_times(time: Sequence[float]) -> None:
             )
 
 
-def _check_alike(cameras: Sequence[Any]) -> None:
+def _check_interpolable(cameras: Sequence[Any]) -> None:
     """Reject cameras that cannot be interpolated with each other."""
     first = cameras[0]
     for n, camera in enumerate(cameras):

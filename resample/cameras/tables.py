@@ -34,7 +34,7 @@ class _Angles(_Strict):
         return Orbit(**self.model_dump())
 
 
-class _Standing(_Strict):
+class _PlacedCamera(_Strict):
     """A camera at a position in the scene; `fov` refers to its own size, if given."""
 
     eye: Vector
@@ -117,7 +117,7 @@ def read_toml(path: Path) -> list[Entry]:
 
 def viewpoint_of(content: dict[str, Any]) -> Viewpoint:
     """Camera from the content of a TOML file or one of its tables; see `read_viewpoint`."""
-    form = _Standing if "eye" in content else _Intrinsics if "fx" in content else _Angles
+    form = _PlacedCamera if "eye" in content else _Intrinsics if "fx" in content else _Angles
     return form.model_validate(content).camera()
 
 

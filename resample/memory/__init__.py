@@ -2,7 +2,7 @@
 
 A command adds up its peak memory (`require`): libraries, input, intermediate data, the picture and
 its copies. `RESAMPLE_LOG=debug` logs the sum; it is rejected if it exceeds `--memory` or the
-free memory. The log ends with the actual peak (`held_at_most`).
+free memory. The log ends with the actual peak (`peak_memory`).
 """
 
 import logging
@@ -22,12 +22,12 @@ LOG = logging.getLogger("resample")
 ALLOWED: ContextVar[int | None] = ContextVar("allowed", default=None)
 
 
-def give_back() -> None:
+def return_freed_memory() -> None:
     """Return large arrays to the system as soon as they are freed.
 
     By default glibc keeps arrays of up to 32 MiB in each thread. No effect elsewhere.
     """
-    _tell_glibc("mallopt", M_MMAP_THRESHOLD, GIVEN_BACK)
+    _tune_glibc("mallopt", M_MMAP_THRESHOLD, GIVEN_BACK)
 
 
 def trim() -> None:
@@ -35,10 +35,10 @@ def trim() -> None:
 
     Useful between two stages that both need much memory. No effect without glibc.
     """
-    _tell_glibc("malloc_trim", 0)
+    _tune_glibc("malloc_trim", 0)
 
 
-def _tell_glibc(name: str, *numbers: int) -> None:
+def _tune_glibc(name: str, *numbers: int) -> None:
     """Call a function of glibc, if the platform uses it."""
     import ctypes
 
@@ -95,17 +95,17 @@ def amount(count: int) -> str:
     return f"{count / GIB:.2f} GiB" if count >= GIB / 10 else f"{count / (1 << 20):.2f} MiB"
 
 
-def held() -> int:
+def memory_in_use() -> int:
     """Bytes of memory that this process holds now; 0 if the platform does not tell."""
     return _of_status("VmRSS")
 
 
-def held_at_most() -> int:
+def peak_memory() -> int:
     """Peak memory of this process in bytes; 0 if the platform does not tell."""
     return _of_status("VmHWM")
 
 
-def held_of_files() -> int:
+def mapped_memory() -> int:
     """Bytes of files that are mapped into memory now; 0 if the platform does not tell."""
     return _of_status("RssFile")
 
@@ -217,7 +217,7 @@ def _free() -> int | None:
     free, installed = available_memory(), physical_memory()
     if free is None or installed is None:
         return None
-    return min(free + held(), installed)
+    return min(free + memory_in_use(), installed)
 
 
 def require_memory(count: int, what: str, remedy: str) -> None:

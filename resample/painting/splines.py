@@ -46,7 +46,7 @@ def spline_of(
         Values are too large for float32, or the field fits neither in memory nor on disk.
     """
     from resample.engine.jit import threads
-    from resample.engine.rays.coefficients import BRICK, find_bounds, held_as
+    from resample.engine.rays.coefficients import BRICK, bundled, find_bounds
     from resample.engine.rays.splines import PAD
 
     given, base = _native(values)
@@ -63,7 +63,7 @@ def spline_of(
     deep, down, across = (-(-(count + 1) // BRICK) for count in shape)
     size = (deep, down, across)
     found = Bounds(*(array_like(values, size, np.float32, FIELD) for _ in Bounds._fields))
-    find_bounds(held_as(flat), shape, found)
+    find_bounds(bundled(flat), shape, found)
     bounds = Bounds(*(array_like(values, size, np.float64, FIELD) for _ in Bounds._fields))
     for bound, raw in zip(bounds, found, strict=True):
         for n, plane in enumerate(raw):

@@ -28,7 +28,7 @@ class FileLimits(NamedTuple):
     ratio: int = 200  # unpacked size relative to the packed one, above that
 
 
-ALIKE = 40  # factor on the ratio for animations with similar frames
+SIMILAR_FRAMES = 40  # factor on the ratio for animations with similar frames
 BYTES = ("text", "tree", "unpacked")  # limits that are amounts of memory
 
 
@@ -170,7 +170,7 @@ def check_animation(what: str, packed: int, frame: int, count: int) -> None:
     """
     known = limits()
     whole = frame * count
-    if whole > known.unpacked and whole > ALIKE * known.ratio * max(1, packed):
+    if whole > known.unpacked and whole > SIMILAR_FRAMES * known.ratio * max(1, packed):
         found = f"{amount(packed)} that unpack to {count} frames of {amount(frame)}"
         raise refused(what, found, "ratio")
 

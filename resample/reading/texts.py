@@ -51,7 +51,7 @@ def json_of(text: str) -> Any:
     except RecursionError:
         raise _too_deep() from None
     except ValueError as error:
-        raise _said(error) from None
+        raise _own_error(error) from None
 
 
 def toml_of(text: str) -> dict[str, Any]:
@@ -73,7 +73,7 @@ def toml_of(text: str) -> dict[str, Any]:
     except RecursionError:
         raise _too_deep() from None
     except ValueError as error:
-        raise _said(error) from None
+        raise _own_error(error) from None
     return found
 
 
@@ -81,7 +81,7 @@ def _too_deep() -> ValueError:
     return refused("too deep", "nested levels", "depth")
 
 
-def _said(error: ValueError) -> ValueError:
+def _own_error(error: ValueError) -> ValueError:
     """Convert a parser's error; for numbers of thousands of digits it mentions Python internals."""
     is_own = type(error) is ValueError and TOO_MANY_DIGITS.match(str(error))
     return ValueError(TOO_LARGE) if is_own else error

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from resample import registry
 
 if TYPE_CHECKING:
-    from resample.samples.writing import Said
+    from resample.samples.writing import DefaultOptions
 
 PREFIX = "sample:"
 VIEW = "--view"  # option for pictures with depth and pose
@@ -30,7 +30,7 @@ class CachedSample(NamedTuple):
 
     folder: Path
     files: list[Path]
-    said: "list[Said]"
+    options: "list[DefaultOptions]"
 
 
 def sample(spec: str) -> Any:
@@ -109,7 +109,7 @@ def kept(spec: str) -> CachedSample:
             shutil.rmtree(made, ignore_errors=True)
     facts = json.loads((target / CONTENTS).read_text("utf-8"))
     return CachedSample(
-        target, [target / file for file in facts["files"]], _said(target, facts["said"])
+        target, [target / file for file in facts["files"]], _with_folder(target, facts["said"])
     )
 
 
@@ -128,7 +128,7 @@ def expanded(words: Sequence[str]) -> list[str]:
         As in `sample`.
     """
     made: list[str] = []
-    said: list[Said] = []
+    options: list[DefaultOptions] = []
     before = ""
     for word in words:
         option, equals, value = word.partition("=")
@@ -140,13 +140,13 @@ def expanded(words: Sequence[str]) -> list[str]:
             found = kept(word)
             alone = before in PICTURES
             made += [str(file) for file in (found.files[:1] if alone else found.files)]
-            said += () if alone else found.said
+            options += () if alone else found.options
         elif option in PICTURES and equals and value.startswith(PREFIX):
             made.append(f"{option}={sample_path(value)}")
         else:
             made.append(word)
         before = word
-    for each in said:
+    for each in options:
         given = any(word.startswith(tuple(each.unless)) for word in words)
         if not given and set(words) & set(each.commands):
             made += expanded(each.words)
@@ -164,12 +164,14 @@ def _view(text: str) -> str:
     return ",".join(map(str, [*files[:2], pose]))
 
 
-def _said(folder: Path, stored: Sequence[Sequence[Any]]) -> "list[Said]":
+def _with_folder(folder: Path, stored: Sequence[Sequence[Any]]) -> "list[DefaultOptions]":
     """Insert the folder's name into options."""
-    from resample.samples.writing import Said
+    from resample.samples.writing import DefaultOptions
 
     return [
-        Said(commands, [word.replace("FOLDER/", f"{folder}{os.sep}") for word in words], unless)
+        DefaultOptions(
+            commands, [word.replace("FOLDER/", f"{folder}{os.sep}") for word in words], unless
+        )
         for commands, words, unless in stored
     ]
 
@@ -179,7 +181,7 @@ def _fill(folder: Path, spec: str, name: str) -> None:
     from resample.samples.writing import store
 
     stored = store(sample(spec), folder, name)
-    contents = {"files": list(stored.files), "said": [list(map(list, s)) for s in stored.said]}
+    contents = {"files": list(stored.files), "said": [list(map(list, s)) for s in stored.options]}
     (folder / CONTENTS).write_text(json.dumps(contents), "utf-8")
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 RGB = ("red", "green", "blue")
 
 
-class Said(NamedTuple):
+class DefaultOptions(NamedTuple):
     """Default options that a sample adds to a command."""
 
     commands: Sequence[str]  # commands that have these options
@@ -25,7 +25,7 @@ class SampleFiles(NamedTuple):
     """Files and options that replace a sample on a command line."""
 
     files: Sequence[str]  # names in the folder; the first represents all
-    said: Sequence[Said] = ()
+    options: Sequence[DefaultOptions] = ()
 
 
 @runtime_checkable

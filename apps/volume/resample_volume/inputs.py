@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.memory.alike import alike
+from resample.memory.contiguous import contiguous
 from resample.painting.scenes.scene import check_lattice, check_places
 from resample.types import Doubles
 from resample_volume.classification.scales import LINEAR, scaled
@@ -108,7 +108,7 @@ def _checked(given: Volume) -> Volume:
         Its values or geometry are not supported.
     """
     if any(isinstance(part, np.ma.MaskedArray) for part in given[1:4]):
-        spacing, origin, direction = (alike(part, np.float64) for part in given[1:4])
+        spacing, origin, direction = (contiguous(part, np.float64) for part in given[1:4])
         given = given._replace(spacing=spacing, origin=origin, direction=direction)
     made = given
     if not is_streamed(given):

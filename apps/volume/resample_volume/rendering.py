@@ -62,10 +62,10 @@ from resample_volume.voxels.framing import (
     shown_by,
     sphere_around,
 )
-from resample_volume.voxels.gathered import Gathered, gathered, lit_lattice, with_reached
-from resample_volume.voxels.reaching import voxels_reached
+from resample_volume.voxels.gathered import Gathered, gathered, lit_lattice, with_shadows
 from resample_volume.voxels.shading import Light, cue_range, cued, shade, viewer_of
 from resample_volume.voxels.streaming import REMEDY, TooManyVoxelsError
+from resample_volume.voxels.transmittance import voxel_transmittance
 from resample_volume.voxels.visible import (
     BYTES_PER_VOXEL,
     Voxels,
@@ -211,7 +211,7 @@ def _measured(
     return volume, appearance, tone_of(xray, projection, is_negative=appearance.invert)
 
 
-def _reached(
+def _shadowed(
     voxels: Voxels | FieldVoxels | Gathered,
     volume: Volume,
     resampler: Resampler,
@@ -229,8 +229,8 @@ def _reached(
             "shadows and occlusion of fields need the order rays; leave the order out or give rays"
         )
     if isinstance(voxels, Gathered):
-        return with_reached(voxels, volume, resampler, clip, light)
-    return voxels._replace(reached=voxels_reached(voxels, light))
+        return with_shadows(voxels, volume, resampler, clip, light)
+    return voxels._replace(reached=voxel_transmittance(voxels, light))
 
 
 def _pictures(
@@ -326,7 +326,7 @@ class Subject:
         if not isinstance(voxels, Gathered):
             voxels = faced(keep(voxels, clip, radius), clip)
         if appearance.light is not None and appearance.light.is_blocked:
-            voxels = _reached(voxels, scene, resampler, clip, appearance.light)
+            voxels = _shadowed(voxels, scene, resampler, clip, appearance.light)
         pictures = _pictures(volume, scene.values, appearance, voxels)
         mesh = _placed((*appearance.meshes, *pictures), middle)
         if around is not None:

@@ -9,6 +9,7 @@ import numpy as np
 from resample.types import Floats, Layers, Single
 
 SPLATS, POINTS, MIXTURE, PAPER = "splats", "points", "mixture", "paper"  # names of painters
+ALL_PAINTERS = (SPLATS, POINTS, MIXTURE)  # of which all samples decide
 
 Window = tuple[int, int, int, int]  # x0, y0, x1, y1, px of the whole picture; the end is exclusive
 NOTHING: Window = (0, 0, 0, 0)  # window for a plan without a picture

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from resample.memory.alike import alike
+from resample.memory.contiguous import contiguous
 from resample.painting.scenes.plans import PicturePlan, Window
 from resample.profiles.orders import Summing
 from resample.types import (
@@ -45,7 +45,7 @@ def check_lattice(lattice: ArrayLike, what: str) -> Doubles:
     ValueError
         It is not finite or singular, or its steps are extremely short, long or uneven.
     """
-    steps = alike(lattice, np.float64)
+    steps = contiguous(lattice, np.float64)
     if steps.shape != (3, 3) or not _is_regular(steps):
         raise ValueError(f"{what} must be a finite, regular matrix (3, 3)")
     length = np.linalg.norm(steps, axis=0)
@@ -87,7 +87,7 @@ def check_samples(samples: Samples) -> Samples:
         Shapes do not fit, a value is not finite, an extinction is negative, a scale is not above
         0, or the lattice is singular.
     """
-    position, color, extinction = (alike(given, np.float32) for given in samples[:3])
+    position, color, extinction = (contiguous(given, np.float32) for given in samples[:3])
     count = extinction.size
     if extinction.ndim != 1 or position.shape != (count, 3) or color.shape != (count, 3):
         raise ValueError(
@@ -109,7 +109,7 @@ def _checked_scale(scale: ArrayLike | None, extinction: Floats) -> Floats | None
     if scale is None:
         return None
     with np.errstate(over="ignore"):
-        sizes = alike(scale, np.float32)
+        sizes = contiguous(scale, np.float32)
         if sizes.shape != extinction.shape:
             raise ValueError(f"scales {sizes.shape} do not fit {extinction.size} samples")
         if not (_is_finite(sizes) and (sizes > 0).all()):
@@ -163,12 +163,12 @@ def samples_of(field: Field) -> Samples:
     return check_samples(samples)._replace(extinction=position.astype(np.float32))
 
 
-def alike_classifier(look: Classifier) -> Classifier:
+def kernel_classifier(look: Classifier) -> Classifier:
     """Classifier with the array and number types that kernels are compiled for."""
     lamp = look.lamp
-    toward, viewer = alike(lamp.toward, np.float64), alike(lamp.viewer, np.float64)
+    toward, viewer = contiguous(lamp.toward, np.float64), contiguous(lamp.viewer, np.float64)
     return Classifier(
-        alike(look.table, np.float32),
+        contiguous(look.table, np.float32),
         float(look.low),
         float(look.high),
         float(look.steep),
@@ -179,12 +179,12 @@ def alike_classifier(look: Classifier) -> Classifier:
     )
 
 
-def field_alike(field: LatticeField) -> LatticeField:
+def kernel_field(field: LatticeField) -> LatticeField:
     """Field with the lattice and classifier types that kernels are compiled for."""
     return field._replace(
-        lattice=alike(field.lattice, np.float64),
-        origin=alike(field.origin, np.float64),
-        classifier=alike_classifier(field.classifier),
+        lattice=contiguous(field.lattice, np.float64),
+        origin=contiguous(field.origin, np.float64),
+        classifier=kernel_classifier(field.classifier),
     )
 
 

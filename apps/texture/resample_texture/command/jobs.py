@@ -237,8 +237,8 @@ def _warp_large(
     session: Session, large: Large, output: Path, job: Job, coverage: Path | None, bar: str | None
 ) -> dict[str, Any]:
     """Warp a picture strip by strip; the output is the same."""
-    kept = large.kept
-    check_source(output, Picture(NOTHING, kept.kind, kept.about), job.options)
+    loaded = large.loaded
+    check_source(output, Picture(NOTHING, loaded.kind, loaded.about), job.options)
     check_output(output, job.options, transparent=large.kind.has_alpha)
     height, width = large.shape
     check_memory(large.form.shape, large.shape, job.warping, output, in_strips=large.in_strips)
@@ -257,7 +257,7 @@ def _warp_large(
                 put_share(coverage_picture(share))
             if progress is not None:
                 progress((done + strip.data.shape[0]) / height)
-    _say_lost(kept.about, large.about, output, has_nans=has_nans)
+    _say_lost(loaded.about, large.about, output, has_nans=has_nans)
     return report(session, large.form.shape, (height, width), large.kind, job.warping)
 
 

@@ -72,7 +72,7 @@ def check_memory(
             "the source": BYTES_PER_TEXEL * prod(form),
             "the result": values * bytes_written(shape, output),
         }
-    is_ours = ".rivals." not in type(method_named(choice.method)).__module__
+    is_ours = ".baselines." not in type(method_named(choice.method)).__module__
     require(what, {"libraries": libraries() if is_ours else OTHERS, **parts}, REMEDY)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import from_srgb, to_srgb
-from resample.memory.alike import alike
+from resample.memory.contiguous import contiguous
 from resample.types import Floats
 from resample_texture.texels.gaps import Booleans, masked, missing_in, unmasked, weighed
 from resample_texture.texels.spans import ValueSpan, rounded, span_of
@@ -83,7 +83,7 @@ def decoded(
     image, mask = unmasked(image)
     check_picture(image)
     planes = image.reshape(*image.shape[:2], -1)
-    is_straight = is_together(planes, alpha)
+    is_straight = has_straight_alpha(planes, alpha)
     has_alpha = planes.shape[2] == 4 and alpha != Alpha.NONE
     missing = missing_in(planes, mask, together=is_straight)
     if gaps and missing is None:
@@ -99,10 +99,10 @@ def decoded(
     texels, gaps = weighed(texels, missing, least=gaps)
     fill = None if mask is None else mask.fill
     encoding = Encoding(image.dtype, image.ndim == 2, is_encoded, is_straight, gaps, span, fill)
-    return alike(texels, np.float32), encoding
+    return contiguous(texels, np.float32), encoding
 
 
-def is_together(planes: NDArray[Any], alpha: str | None) -> bool:
+def has_straight_alpha(planes: NDArray[Any], alpha: str | None) -> bool:
     """Whether the fourth channel of planes (H, W, C) is straight opacity.
 
     Raises

@@ -102,7 +102,7 @@ def gather(plan: GatherPlan, source: Floats, *, near_only: bool = False) -> Warp
         As `forward.project` does.
     """
     _, geometry, shape, edge, cells, places, tiles, around = plan
-    held = _held(source, geometry)
+    held = _source_part(source, geometry)
     view = _view((*held.size, source.shape[2]), edge, cells)
     make = np.zeros if near_only else np.empty  # mending of gaps reads all pixels
     warped = Warped(make((*shape, source.shape[2]), np.float32), make(shape, np.float32))
@@ -290,7 +290,7 @@ def _sides(low: Doubles, high: Doubles, reach: int) -> Sides:
     return Sides((int(left), int(right)), (int(top), int(bottom)))
 
 
-def _held(source: Floats, geometry: Homography | BackwardMap) -> SourcePart:
+def _source_part(source: Floats, geometry: Homography | BackwardMap) -> SourcePart:
     """Return the source (H, W, C), with its place in the whole if it is a part."""
     size = source.shape[0], source.shape[1]
     region = geometry.region if isinstance(geometry, Homography) else None

@@ -192,16 +192,16 @@ def _blocks_of(
     matrix = oriented(geometry, source_shape)
     numbers = splatting.shape(matrix)
     reach = max(float(numbers.taps), math.sqrt(RIM * numbers.filter_variance))
-    lines = sight_of_splats(matrix, shape, reach, splatting.radius)
+    lines = splat_view_bounds(matrix, shape, reach, splatting.radius)
     root = _root(lines, source_shape, edge)
     axes, bounds = blocks_on_plane(matrix, root, lines, shape, numbers)
     return SourceBlocks(axes, bounds, matrix, NOTHING, NOTHING), numbers
 
 
-def sight_of_splats(
+def splat_view_bounds(
     matrix: Doubles, shape: tuple[int, int], reach: float, radius: float
 ) -> Doubles:
-    """Lines (5, 3) that bound the texels' centers whose splats a frame sees; see `sight`.
+    """Lines (5, 3) that bound the texels' centers whose splats a frame shows; see `view_bounds`.
 
     With J as at its center, a splat reaches no farther on screen than the source does within
     radius / (1 − radius |∇d| / d), which is twice the radius at most where texels are drawn. The

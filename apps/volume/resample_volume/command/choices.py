@@ -477,7 +477,7 @@ class Beside(Choices):
         is_dark = background is not None and ink_on(background) == DARK
         return Annotations(self.axes, self.box, self.cube, self.scale_bar, is_dark)
 
-    def met(self, look: AppearanceChoices, resampler: "Resampler") -> "SceneObjects":
+    def scene_objects(self, look: AppearanceChoices, resampler: "Resampler") -> "SceneObjects":
         """Read meshes and planes for a renderer that shows them.
 
         Raises

@@ -11,7 +11,7 @@ import numpy as np
 from resample import registry
 from resample.command.workers import StartWorkers
 from resample.console.messages import progress_bar, say
-from resample.memory import allow, amount, available_memory, bytes_of, give_back
+from resample.memory import allow, amount, available_memory, bytes_of, return_freed_memory
 from resample.memory.mapped import is_in_file
 from resample.watching import told
 from resample_volume.classification.scales import LINEAR, scaled
@@ -35,7 +35,11 @@ from resample_volume.types import Recording, Volume
 
 
 def opened(
-    source: ReadOptions, name: str, *, streamed: bool = False, hire: StartWorkers | None = None
+    source: ReadOptions,
+    name: str,
+    *,
+    streamed: bool = False,
+    start_workers: StartWorkers | None = None,
 ) -> Volume:
     """Open a volume: a file, a folder or a generated one.
 
@@ -47,7 +51,7 @@ def opened(
         Name of the volume.
     streamed
         Leave values in their file, as bricks, if it has chunks.
-    hire
+    start_workers
         Starts workers to scan these, unless their statistics are cached.
 
     Raises
@@ -55,11 +59,15 @@ def opened(
     ValueError, LookupError, OSError
         See `resample_volume.files.source.open_volume`.
     """
-    return opened_of_several(source, name, streamed=streamed, hire=hire)[0]
+    return opened_of_several(source, name, streamed=streamed, start_workers=start_workers)[0]
 
 
 def opened_of_several(
-    source: ReadOptions, name: str, *, streamed: bool = False, hire: StartWorkers | None = None
+    source: ReadOptions,
+    name: str,
+    *,
+    streamed: bool = False,
+    start_workers: StartWorkers | None = None,
 ) -> tuple[Volume, tuple[int, int]]:
     """Open a volume, and return the number of times and channels with it.
 
@@ -67,7 +75,7 @@ def opened_of_several(
 
     Parameters
     ----------
-    source, name, streamed, hire
+    source, name, streamed, start_workers
         As of `opened`; errors as well.
     """
     place, reader = _named(source, name)
@@ -76,7 +84,7 @@ def opened_of_several(
     if held is None and allowed is not None:
         allow(allowed)
     if held is not None:
-        volume = with_memory(_chosen(held, source), allowed, hire)
+        volume = with_memory(_chosen(held, source), allowed, start_workers)
         volume = volume if streamed else _as_array(volume)
     else:
         volume, held = _read(place, reader, source)
@@ -125,31 +133,33 @@ def allowed_memory(source: ReadOptions) -> int | None:
     return None if source.memory is None else bytes_of(source.memory)
 
 
-def with_memory(volume: Volume, allowed: int | None, hire: StartWorkers | None = None) -> Volume:
+def with_memory(
+    volume: Volume, allowed: int | None, start_workers: StartWorkers | None = None
+) -> Volume:
     """Return a chunked volume with a memory limit in bytes, or half of the free memory.
 
     Workers scan a large one, unless its statistics are cached.
     """
-    from resample_volume.files.stores import kept
+    from resample_volume.files.stores import statistics_cache
 
     if is_streamed(volume):
         values = bricks_of(volume)
-        give_back()
+        return_freed_memory()
         free = available_memory()
         values.memory = allowed if allowed or free is None else free // 2
         if values.memory is not None:
-            values.shelve(values.memory // SHARE)
-        if hire is not None and values.size >= kept.LEAST:
-            values.helpers = partial(_helpers, hire, values)
+            values.pin_bricks(values.memory // SHARE)
+        if start_workers is not None and values.size >= statistics_cache.LEAST:
+            values.helpers = partial(_helpers, start_workers, values)
     return volume
 
 
-def _helpers(hire: StartWorkers, bricks: Bricks) -> Helpers | None:
+def _helpers(start_workers: StartWorkers, bricks: Bricks) -> Helpers | None:
     """Start workers to scan a chunked volume; None if no workers were asked for."""
-    crew = hire()
+    crew = start_workers()
     if crew is None:
         return None
-    bricks.shelve((bricks.memory or 0) // SHARE // crew.tasks)
+    bricks.pin_bricks((bricks.memory or 0) // SHARE // crew.tasks)
     return Helpers(crew.executor, crew.threads)
 
 
@@ -238,7 +248,7 @@ def _named(source: ReadOptions, name: str) -> tuple[Path | str, Reader | None]:
     }
     told = {name: word for name, word in of_raw.items() if word}
     if told:
-        reader = _told(Raw() if reader is None else reader, told)
+        reader = _with_raw_options(Raw() if reader is None else reader, told)
     if source.level is not None:
         reader = with_level(reader or find_reader(name), source.level)
     return (Path(name) if Path(name).exists() else name), reader
@@ -256,13 +266,17 @@ def _changes(source: ReadOptions) -> dict[str, Any]:
 
 
 def prepared(
-    source: ReadOptions, name: str, *, streamed: bool = False, hire: StartWorkers | None = None
+    source: ReadOptions,
+    name: str,
+    *,
+    streamed: bool = False,
+    start_workers: StartWorkers | None = None,
 ) -> Volume:
     """Open a volume, remove its padding and print its statistics.
 
     Parameters
     ----------
-    source, name, streamed, hire
+    source, name, streamed, start_workers
         As of `opened`.
 
     Raises
@@ -270,10 +284,12 @@ def prepared(
     ValueError, LookupError, OSError
         See `opened`.
     """
-    return said(announced(opened(source, name, streamed=streamed, hire=hire)))
+    return padding_removed(
+        announced(opened(source, name, streamed=streamed, start_workers=start_workers))
+    )
 
 
-def said(volume: Volume) -> Volume:
+def padding_removed(volume: Volume) -> Volume:
     """Remove a volume's padding and print its statistics."""
     known = _surveyed(volume)
     for line in [volume.note] * bool(volume.note) + findings(known):
@@ -304,7 +320,7 @@ def require_values(volume: Volume, what: str) -> None:
         )
 
 
-def _told(reader: Reader, told: dict[str, str]) -> Reader:
+def _with_raw_options(reader: Reader, told: dict[str, str]) -> Reader:
     """Return the reader of raw files, with shape and type from the options."""
     if not isinstance(reader, Raw):
         names = " and ".join(told)

@@ -18,9 +18,9 @@ from resample_volume.command.inputs import (
     announced,
     channels_in_chunks,
     held,
+    padding_removed,
     prepared,
     require_linear,
-    said,
     with_memory,
 )
 from resample_volume.data.recordings import volume_at, with_times_first
@@ -74,7 +74,7 @@ def media(
     resampler: Resampler,
     *,
     recording: Recording | None = None,
-    hire: StartWorkers | None = None,
+    start_workers: StartWorkers | None = None,
 ) -> list[VolumeLayer]:
     """Read the volumes of a scene with their looks, each file once.
 
@@ -89,9 +89,11 @@ def media(
     if added.channels is None:
         if recording is None:
             is_streamed = can_stream(look, resampler)
-            volume = prepared(source, name, streamed=is_streamed, hire=hire)
+            volume = prepared(source, name, streamed=is_streamed, start_workers=start_workers)
         else:
-            volume = said(scaled(volume_at(recording, None, source.channel), source.scale))
+            volume = padding_removed(
+                scaled(volume_at(recording, None, source.channel), source.scale)
+            )
         first = [(volume, look.appearance(volume, resampler))]
     else:
         first = _channels(source, name, look, added.channels, resampler)
@@ -110,10 +112,10 @@ def beside(
     return found
 
 
-def with_met(shown: list[VolumeLayer], met: SceneObjects) -> list[VolumeLayer]:
+def with_objects(shown: list[VolumeLayer], objects: SceneObjects) -> list[VolumeLayer]:
     """Add meshes and planes to the look of the first volume."""
     (volume, look), *others = shown
-    return [(volume, met.beside(look)), *others]
+    return [(volume, objects.beside(look)), *others]
 
 
 def times_of(source: ReadOptions, recording: Recording) -> Recording | None:
@@ -192,7 +194,7 @@ def _channels(
         if word != HIDDEN:
             volume = volume_at(recording, source.time, channel)
             volume = scaled(with_memory(volume, allowed_memory(source)), source.scale)
-            volume = said(announced(volume))
+            volume = padding_removed(announced(volume))
             transfer = f"auto:color={word}" if _is_color(word) else word
             own = look if not found else _alone(look, transfer, look.window)
             own = own.model_copy(update={"transfer": transfer})

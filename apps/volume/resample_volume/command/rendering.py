@@ -216,13 +216,15 @@ class ExecutionContext(NamedTuple):
 
     threads: int | None
     sharing: Sharing
-    hire: StartWorkers
+    start_workers: StartWorkers
     output: Path  # several processes may keep windows beside it
     left: list[Path]  # folders with windows of commands that were killed
 
 
 @contextmanager
-def doing_by(threads: int | None, sharing: Sharing, output: Path) -> Iterator[ExecutionContext]:
+def execution_context(
+    threads: int | None, sharing: Sharing, output: Path
+) -> Iterator[ExecutionContext]:
     """Provide threads, processes and memory for a picture, until the end of the block.
 
     Raises
@@ -230,12 +232,12 @@ def doing_by(threads: int | None, sharing: Sharing, output: Path) -> Iterator[Ex
     ValueError, OSError
         As of `worker_pools`.
     """
-    with worker_pools(sharing, threads) as hire:
-        if not sharing.is_asked:
-            yield ExecutionContext(threads, sharing, hire, output, [])
+    with worker_pools(sharing, threads) as start_workers:
+        if not sharing.has_workers:
+            yield ExecutionContext(threads, sharing, start_workers, output, [])
             return
         with inheriting(Path(os.path.realpath(output))) as left:
-            yield ExecutionContext(threads, sharing, hire, output, left)
+            yield ExecutionContext(threads, sharing, start_workers, output, left)
 
 
 def to_paint(
@@ -257,7 +259,7 @@ def to_paint(
     ValueError
         As of `scene_of`; or windows serve neither.
     """
-    if context.sharing.is_asked:
+    if context.sharing.has_workers:
         from resample_volume.outofcore.dense import share_lattice
 
         for medium in media:
@@ -313,7 +315,7 @@ def _in_windows(
     """Prepare volumes in bricks, to hold one window's voxels in memory at a time."""
     from resample_volume.windows import paint_streamed, streamed_subject
 
-    spent = spent_here(media, context.threads)
+    spent = local_budget(media, context.threads)
     with session.stage("classify", bar="scanning voxels") as progress:
         subject = streamed_subject(media, fit, resampler, spent, progress)
     say_missed(media, subject)
@@ -330,13 +332,13 @@ def _in_windows(
         if spent.executor is None:
             say(f"the visible voxels do not fit in memory: painted in {count} windows")
         else:
-            say(f"painted in {count} windows by {context.sharing.who}")
+            say(f"painted in {count} windows by {context.sharing.description}")
         return frame
 
     return PreparedPicture(subject, camera, paint)
 
 
-def spent_here(media: Sequence[VolumeLayer], threads: int | None) -> "Budget":
+def local_budget(media: Sequence[VolumeLayer], threads: int | None) -> "Budget":
     """Return the budget of windows that this process paints."""
     from resample_volume.windows import Budget
 
@@ -367,8 +369,8 @@ def shared(
     """
     from resample_volume.windows import Budget
 
-    here = spent_here(media, context.threads)
-    allowed, crew = here.memory, context.hire()
+    here = local_budget(media, context.threads)
+    allowed, crew = here.memory, context.start_workers()
     if crew is None:
         yield here
         return

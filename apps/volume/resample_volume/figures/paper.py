@@ -51,7 +51,7 @@ def make(
         A folder is missing, or a file cannot be read or written.
     """
     chosen = chosen_figures(numbers)
-    return "\n".join(_said(folder, chosen, data, quick)) + "\n"
+    return "\n".join(_made_figures(folder, chosen, data, quick)) + "\n"
 
 
 def chosen_figures(numbers: Sequence[str] | None) -> list[str]:
@@ -74,7 +74,9 @@ def chosen_figures(numbers: Sequence[str] | None) -> list[str]:
     return [figure for figure in FIGURES if figure in wanted]
 
 
-def _said(folder: Path, chosen: Sequence[str], data: Path | None, quick: bool) -> Iterator[str]:
+def _made_figures(
+    folder: Path, chosen: Sequence[str], data: Path | None, quick: bool
+) -> Iterator[str]:
     from resample_volume.figures.data import VolumeFolder
 
     shelf = VolumeFolder(data)

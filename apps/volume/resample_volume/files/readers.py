@@ -20,8 +20,8 @@ from resample_volume.files.parsing.choosing import ArrayQuery, check_part
 from resample_volume.files.parsing.headers import (
     Check,
     VolumeHeader,
+    accept_any,
     check_alone,
-    check_nothing,
     check_shape,
     check_type,
     existing_file,
@@ -56,7 +56,7 @@ class Reader(Protocol):
 class Recorder(Protocol):
     """Protocol of readers whose format may hold more than one volume."""
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         """Read all times and channels; `check` may reject the header before values are read."""
 
 
@@ -64,7 +64,7 @@ class Recorder(Protocol):
 class Streamer(Protocol):
     """Protocol of readers whose files can be read brick by brick."""
 
-    def streamed(self, path: Path, check: Check = check_nothing) -> Recording:
+    def streamed(self, path: Path, check: Check = accept_any) -> Recording:
         """Open all times and channels; a chosen one has `data.bricks.Bricks`."""
 
     def levels(self, path: Path) -> list[dict[str, Any]]:
@@ -80,7 +80,7 @@ class Nrrd:
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         from resample_volume.files.formats.nrrd import read_nrrd
 
         return read_nrrd(existing_file(path), stem(path, self.suffixes), check)
@@ -95,7 +95,7 @@ class MetaImage:
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         from resample_volume.files.formats.metaimage import read_metaimage
 
         return read_metaimage(existing_file(path), stem(path, self.suffixes), check)
@@ -114,7 +114,7 @@ class Nifti:
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         from resample_volume.files.formats.nifti import read_nifti
 
         return read_nifti(existing_file(path), stem(path, self.suffixes), check)
@@ -135,7 +135,7 @@ class Vti:
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         from resample_volume.files.xml.vti import read_vti
 
         wanted = ArrayQuery(self.array, self.part, "vti")
@@ -164,7 +164,7 @@ class Vtk:
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         from resample_volume.files.formats.vtk import read_vtk
 
         wanted = ArrayQuery(self.array, self.part, "vtk")
@@ -183,7 +183,7 @@ class Mrc:
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         from resample_volume.files.formats.mrc import read_mrc
 
         return read_mrc(existing_file(path), stem(path, self.suffixes), check)
@@ -198,7 +198,7 @@ class Cube:
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         from resample_volume.files.formats.cube import read_cube
 
         return read_cube(existing_file(path), stem(path, self.suffixes), check)
@@ -218,7 +218,7 @@ class TiffStack:
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         from resample_volume.files.stacks import slices
         from resample_volume.files.stacks.pages import page_order
 
@@ -297,7 +297,7 @@ class Raw:
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         known = self._header(existing_file(path))
         check(known)
         if path.suffix.lower() == ".gz":
@@ -346,7 +346,7 @@ class Npy:
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         try:
             values = read_npy(existing_file(path), mapped=True)
         except DamageError as error:

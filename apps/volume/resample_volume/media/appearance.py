@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, NamedTuple
 
+from resample.lazy import old_members
 from resample.memory import available_memory
 from resample.painting.choices import MEASURING, Projection
 from resample.painting.splines import LARGEST, bytes_of_field
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 OF_VOXELS, ALONG_RAYS = Resampler(), Resampler(order=Rays())
 BY_DEFAULT = Resampler(order=Rays(quality="usual"))
 GRADIENT = "central"  # if none is asked for
-MET = ("mesh", "plane", "surface")  # objects that rays meet besides the volume
+SCENE_OBJECTS = ("mesh", "plane", "surface")  # objects that rays meet besides the volume
 X_RAYS = Resampler(order=Rays(), projection=Projection.XRAY)
 
 
@@ -44,6 +45,7 @@ class Classification(StrEnum):
     POST = "post"  # values are interpolated, then classified
 
 
+@old_members(met="scene_objects")
 @dataclass(frozen=True)
 class Appearance:
     """What is visible of a volume, and its look.
@@ -111,9 +113,9 @@ class Appearance:
         return [name for name, choice in chosen.items() if choice is not None]
 
     @property
-    def met(self) -> list[str]:
+    def scene_objects(self) -> list[str]:
         """Names of the objects that rays meet besides the volume."""
-        return [name for name in self.extras if name in MET]
+        return [name for name in self.extras if name in SCENE_OBJECTS]
 
     @property
     def needed_gradient(self) -> str | None:
@@ -206,7 +208,7 @@ def check_together(
     projection = resampler.projection
     is_composite = projection is Projection.COMPOSITE
     _check_values(projection, extras)
-    _check_met([name for name in MET if name in extras], resampler, classification)
+    _check_objects([name for name in SCENE_OBJECTS if name in extras], resampler, classification)
     if is_composite and _in_effect(classification, resampler) is Classification.PRE:
         if resampler.order.summing is Summing.RAYS:
             raise ValueError(
@@ -255,7 +257,7 @@ def _check_values(projection: Projection, extras: Collection[str]) -> None:
         )
 
 
-def _check_met(names: list[str], resampler: Resampler, classification: Classification) -> None:
+def _check_objects(names: list[str], resampler: Resampler, classification: Classification) -> None:
     """Reject meshes and planes for renderers that do not show them."""
     if not names:
         return
@@ -316,7 +318,7 @@ def decided(
         is_of_field = True
     else:
         is_of_field = is_by_rays and len(media) == 1 and _suits_rays(*media[0])
-        is_of_field = is_of_field or any(look.met for _, look in media)
+        is_of_field = is_of_field or any(look.scene_objects for _, look in media)
         resampler = resampler if is_of_field else of_voxels(resampler)
     found = Classification.POST if is_of_field else Classification.PRE
     of_auto = {Classification.AUTO: found}

@@ -122,7 +122,7 @@ def whole(recording: Recording) -> Volume:
     if not recording.is_color and parts != 1:
         return volume_at(recording, 0, None)  # the message says that there are channels
     if is_chunked(recording):
-        return alone(recording._replace(values=Single(values.behind_each_other())))  # type: ignore[arg-type]
+        return alone(recording._replace(values=Single(values.stacked_along_z())))  # type: ignore[arg-type]
     across = np.moveaxis(values, 0, 1).reshape(1, parts, times * size[0], *size[1:])
     return alone(recording._replace(values=across))
 

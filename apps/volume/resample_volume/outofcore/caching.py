@@ -21,7 +21,7 @@ from resample.fingerprints import fingerprint
 from resample.memory import mapped
 from resample.reading.arrays import read_npz
 from resample_volume.data.values import bricks_of, streamed
-from resample_volume.files.stores import kept
+from resample_volume.files.stores import statistics_cache
 from resample_volume.outofcore.outline import VisibleBlocks
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import Steep
@@ -115,7 +115,7 @@ def _place_of(part: Any) -> int | None:
 def _file_of(volume: Volume, depends: Any) -> Path | None:
     """Return the cache file for a volume in a store; None: it is small, or may change unnoticed."""
     bricks = streamed(volume.values)
-    if bricks is None or bricks.size < kept.LEAST:
+    if bricks is None or bricks.size < statistics_cache.LEAST:
         return None
     code = source_fingerprint("resample_volume.voxels", "resample_volume.classification")
     name = fingerprint((code, bricks, depends, volume[1:4]), _content_of)

@@ -95,7 +95,7 @@ def chosen(voxels: Kept, index: NDArray[np.int64]) -> Kept:
     return those
 
 
-def kept_index(voxels: Voxels, planes: Doubles, radius: float) -> NDArray[np.int64]:
+def inside_index(voxels: Voxels, planes: Doubles, radius: float) -> NDArray[np.int64]:
     """Return the indices that `keep` keeps."""
     return np.flatnonzero(inside(voxels.position, voxels.lattice, planes, radius))
 

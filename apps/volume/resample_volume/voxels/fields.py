@@ -77,7 +77,7 @@ def field_voxels(
         data_range = table_range(volume, transfer, data_range)
     shape = (64 if transfer.needs_gradient else 1, columns_of(volume, data_range))
     looks = tabulated(transfer, data_range, 1.0, unit, shape)
-    voxel = _needed(volume, looks, resampler)
+    voxel = _needed_voxels(volume, looks, resampler)
     require_memory(BYTES_PER_VOXEL * voxel.size, f"{volume.name} with {voxel.size} voxels")
     value = volume.values.reshape(-1)[voxel].astype(np.float32)
     slope = np.empty((0, 3), np.float32)
@@ -164,7 +164,7 @@ def columns_of(volume: Volume, data_range: tuple[float, float]) -> int:
     return int(span) * max(1, COLUMNS // int(span)) + 1
 
 
-def _needed(volume: Volume, looks: TransferTable, resampler: Resampler) -> Indices:
+def _needed_voxels(volume: Volume, looks: TransferTable, resampler: Resampler) -> Indices:
     """Return flat indices of the voxels that a projection depends on."""
     values, projection = volume.values, resampler.projection
     if projection in CLASSIFYING:

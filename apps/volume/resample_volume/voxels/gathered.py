@@ -39,19 +39,19 @@ from resample_volume.data.parts import slabs
 from resample_volume.data.statistics.scanning import are_few
 from resample_volume.types import Volume
 from resample_volume.voxels.fields import UNLIT, check_iso, columns_of, table_range
-from resample_volume.voxels.reaching import field_reached
 from resample_volume.voxels.shading import Light, lamp_of
 from resample_volume.voxels.slices.thin import (
     EXTREMES,
     SAME,
     Thin,
-    among_samples,
+    cells_over_samples,
     of_samples,
     repeated,
     thin_that_fits,
     thinned,
 )
 from resample_volume.voxels.tints import PAD, numbered, tint_of
+from resample_volume.voxels.transmittance import field_transmittance
 from resample_volume.voxels.visible import (
     finite_range,
     gradients_at,
@@ -212,7 +212,7 @@ def lit_lattice(
     )
 
 
-def with_reached(
+def with_shadows(
     field: Gathered, volume: Volume, resampler: Resampler, clip: Doubles, light: Light
 ) -> Gathered:
     """Add shadows and ambient occlusion to a field.
@@ -236,9 +236,9 @@ def with_reached(
         The grid of light does not fit in memory.
     """
     parts = _extinctions(field, volume, resampler.iso)
-    reached = field_reached(volume, parts, clip, light)
+    reached = field_transmittance(volume, parts, clip, light)
     samples = field.spline.shape[field.thin.axis]
-    return field._replace(reached=among_samples(reached, samples, field.thin))
+    return field._replace(reached=cells_over_samples(reached, samples, field.thin))
 
 
 def _extinctions(field: Gathered, volume: Volume, iso: float | None) -> Iterator[Floats]:

@@ -149,7 +149,7 @@ def shade(
     """
     color = voxels.color
     if light is not None and len(voxels.reached):
-        color = _lit_as_reached(voxels, light, viewer_of(eye, view), steepest)
+        color = _lit_with_shadows(voxels, light, viewer_of(eye, view), steepest)
     elif light is not None:
         color = _lit(voxels, light, viewer_of(eye, view), steepest)
     return Samples(voxels.position, color, voxels.extinction, voxels.lattice)
@@ -186,7 +186,7 @@ def _lit(voxels: Voxels, light: Light, viewer: Doubles, steepest: Floats | None 
     return shaded
 
 
-def _lit_as_reached(
+def _lit_with_shadows(
     voxels: Voxels, light: Light, viewer: Doubles, steepest: Floats | None = None
 ) -> Floats:
     """Do as `_lit`, with shadows and ambient occlusion."""

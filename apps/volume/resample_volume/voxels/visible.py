@@ -51,7 +51,7 @@ class Voxels(NamedTuple):
     extinction: Floats  # (N,) optical depth per scene unit, > 0
     gradient: Floats  # (N, 3) data units per scene unit, along the scene's axes; or (0, 3)
     lattice: Doubles  # (3, 3) columns are the steps from a voxel to its neighbours, scene units
-    reached: Floats = ALL_REACHED  # (N, 2) fractions of light that reach them; see `reaching`
+    reached: Floats = ALL_REACHED  # (N, 2) fractions of light that reach them; see `transmittance`
 
     @property
     def parts(self) -> tuple["Voxels", ...]:

@@ -18,7 +18,7 @@ from resample.types import Doubles, Floats
 from resample_warp3d.depth.equation import between
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.figures.pairs import edges_in_view, expected_nearness
-from resample_warp3d.figures.scenes import STANDS, ObjectScene, generated
+from resample_warp3d.figures.scenes import VIEWPOINTS, ObjectScene, generated
 from resample_warp3d.figures.scoring import (
     Mask,
     ScoringTarget,
@@ -70,7 +70,7 @@ class DepthComparison:
 
 
 def compare_scene(
-    names: Sequence[str], size: int = 512, views: Sequence[str] = tuple(STANDS)
+    names: Sequence[str], size: int = 512, views: Sequence[str] = tuple(VIEWPOINTS)
 ) -> DepthComparison:
     """Compare methods in the generated scene.
 
@@ -81,7 +81,7 @@ def compare_scene(
     size
         Height and width of all frames, px.
     views
-        Names from `scenes.STANDS`.
+        Names from `scenes.VIEWPOINTS`.
 
     Raises
     ------
@@ -160,10 +160,10 @@ def scene_case(scene: ObjectScene, view: str, source: Source) -> WarpCase:
 def check_views(views: Sequence[str]) -> None:
     """Refuse views that the generated scene does not have."""
     for view in views:
-        if view not in STANDS:
-            raise LookupError(f"unknown view {view!r}; known: {', '.join(STANDS)}")
+        if view not in VIEWPOINTS:
+            raise LookupError(f"unknown view {view!r}; known: {', '.join(VIEWPOINTS)}")
     if not views:
-        raise ValueError(f"give views to compare, from {', '.join(STANDS)}")
+        raise ValueError(f"give views to compare, from {', '.join(VIEWPOINTS)}")
 
 
 def sheet(comparison: DepthComparison, path: Path, zoom: int | None = None) -> None:

@@ -55,7 +55,7 @@ def generated_figure(size: int = 512, view: str = VIEW, methods: Sequence[str] =
     size
         Height and width, px.
     view
-        One of `scenes.STANDS`.
+        One of `scenes.VIEWPOINTS`.
     methods
         By name; the paper has two.
 

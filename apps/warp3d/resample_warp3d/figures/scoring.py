@@ -177,7 +177,7 @@ def flicker(errors: Sequence[Floats], masks: Sequence[Mask]) -> float:
     return 255.0 * math.sqrt(squares / count)
 
 
-def filled_alike(screen: Screen, covered: Mask) -> Floats:
+def inpainted(screen: Screen, covered: Mask) -> Floats:
     """Fill a picture's holes by OpenCV (Telea, radius 3 px), equally for all methods."""
     import cv2
 

@@ -73,7 +73,9 @@ def match_depths(
                 continue
             place, nearness = points[first]
             seen = nearness * math.exp(scale[first])
-            met = _met(place, seen, equations[first][second], sources[second], scale[second])
+            met = _points_on_surface(
+                place, seen, equations[first][second], sources[second], scale[second]
+            )
             if met.error.size < FEWEST:
                 continue
             row = np.zeros((met.error.size, count))
@@ -108,7 +110,7 @@ def _points(source: Source) -> tuple[Doubles, Doubles]:
     return places(image)[chosen, chosen][inside], nearness[inside]
 
 
-def _met(
+def _points_on_surface(
     place: Doubles, nearness: Doubles, equation: Equation, other: Source, scale: float
 ) -> Correspondences:
     """Return the points that meet a surface of the other source, given its scale."""

@@ -109,7 +109,7 @@ def scanned(bricks: InBricks, helpers: Helpers | None = None) -> BrickStats:
         report(spans[len(found) - 1][1], layers)
     least, greatest, some = (np.concatenate([part[n] for part in found]) for n in (0, 1, 4))
     codes = [part.codes for part in found if part.codes is not None]
-    beyond = _beyond(bricks, least, greatest, some, helpers)
+    beyond = _outliers(bricks, least, greatest, some, helpers)
     return BrickStats(
         least,
         greatest,
@@ -148,7 +148,7 @@ def _scan_layers(bricks: InBricks, threads: int | None, span: tuple[int, int]) -
         values, box = own.brick(index), own.box(index)
         at = (index[0] - first, *index[1:])
         least[at], greatest[at], infinite, missing = extent(values)
-        _keep_some(some, values, box, step, planes.start)
+        _copy_sample(some, values, box, step, planes.start)
         inner = (slice(box[0].start - low, box[0].stop - low), *box[1:])
         for axis, end in product(range(3), (0, 1)):
             if inner[axis].start == 0 if end == 0 else inner[axis].stop == shape[axis]:
@@ -168,7 +168,7 @@ def _scan_layers(bricks: InBricks, threads: int | None, span: tuple[int, int]) -
     return _Layers(least, greatest, infinite, missing, some, sides, codes, own.reads)
 
 
-def _beyond(
+def _outliers(
     bricks: InBricks,
     least: Doubles,
     greatest: Doubles,
@@ -274,7 +274,7 @@ def finite_outside(
     return np.concatenate(found), infinite
 
 
-def _keep_some(some: NDArray[Any], values: NDArray[Any], box: Box, step: int, plane: int) -> None:
+def _copy_sample(some: NDArray[Any], values: NDArray[Any], box: Box, step: int, plane: int) -> None:
     """Copy a brick's values into a regular sample, which begins at a plane."""
     starts = [-(-part.start // step) for part in box]
     firsts = [n * step - part.start for n, part in zip(starts, box, strict=True)]

@@ -35,7 +35,7 @@ def legacy_grid(found: Sections) -> Any:
     grid, cells = (_structured if is_structured else _unstructured)(found)
     points = grid.GetNumberOfPoints()
     for array in found.arrays(points, cells):
-        held = _held(found.values(array).reshape(-1, array.named.parts), array)
+        held = _vtk_array(found.values(array).reshape(-1, array.named.parts), array)
         where = grid.GetCellData() if array.named.is_of_cells else grid.GetPointData()
         where.AddArray(held)
         if array.named.is_active:
@@ -43,7 +43,7 @@ def legacy_grid(found: Sections) -> Any:
     return grid
 
 
-def _held(values: NDArray[Any], array: Array) -> Any:
+def _vtk_array(values: NDArray[Any], array: Array) -> Any:
     from vtkmodules.util.numpy_support import numpy_to_vtk
 
     made = numpy_to_vtk(values, deep=True)

@@ -8,8 +8,8 @@ from resample_volume.data.recordings import alone
 from resample_volume.files.parsing.choosing import ArrayQuery, check_part
 from resample_volume.files.parsing.headers import (
     Check,
+    accept_any,
     check_alone,
-    check_nothing,
     existing_file,
     stem,
 )
@@ -35,7 +35,7 @@ class _Cells:
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         from resample_volume.files.cells.resampling import resampled
 
         wanted, steps = ArrayQuery(self.array, self.part, self.kind), steps_of(self.spacing)

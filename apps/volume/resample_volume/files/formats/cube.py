@@ -21,7 +21,7 @@ from resample_volume.files.parsing.headers import (
     header,
     recording,
 )
-from resample_volume.files.parsing.numbers import check_enough, numbers
+from resample_volume.files.parsing.numbers import check_length, numbers
 from resample_volume.types import Recording
 
 BOHR = 0.529177210903  # Å (CODATA 2018)
@@ -48,7 +48,7 @@ def read_cube(path: Path, name: str, check: Check) -> Recording:
         known = _header(file, path, name)
         check(known)
         count = known.size // known.dtype.itemsize
-        check_enough(file, count, path.name)
+        check_length(file, count, path.name)
         require_memory(2 * known.size, name)
         values = numbers(file, count, known.dtype, path.name)
         if file.read(LONGEST).strip():

@@ -95,7 +95,7 @@ def check_type(dtype: np.dtype[Any], name: str) -> np.dtype[Any]:
     return dtype
 
 
-def check_held(known: VolumeHeader) -> None:
+def check_not_empty(known: VolumeHeader) -> None:
     """Reject a header without times or components.
 
     Raises
@@ -127,7 +127,7 @@ def check_alone(known: VolumeHeader) -> None:
 Check = Callable[[VolumeHeader], None]  # check of a header before values are read
 
 
-def check_nothing(known: VolumeHeader) -> None:
+def accept_any(known: VolumeHeader) -> None:
     """Accept any header."""
 
 
@@ -157,7 +157,7 @@ def recording(
     channels_first
         They are (T, C, Z, Y, X) instead.
     """
-    check_held(known)
+    check_not_empty(known)
     kind = known.dtype.newbyteorder("=")
     kept = np.dtype(WIDENED.get(kind.name, kind))
     if kept != values.dtype:

@@ -21,7 +21,7 @@ def numbers(file: BinaryIO, count: int, dtype: np.dtype[Any], name: str) -> NDAr
     ValueError
         There are fewer or more, or words instead of numbers.
     """
-    check_enough(file, count, name)
+    check_length(file, count, name)
     found, done = np.empty(count, dtype), 0
     for words in _batches(file, count, name):
         found[done : done + len(words)] = _converted(words, dtype, name)
@@ -31,12 +31,12 @@ def numbers(file: BinaryIO, count: int, dtype: np.dtype[Any], name: str) -> NDAr
 
 def skip_numbers(file: BinaryIO, count: int, name: str) -> None:
     """Skip numbers; errors as of `numbers`, except for words."""
-    check_enough(file, count, name)
+    check_length(file, count, name)
     for _ in _batches(file, count, name):
         pass
 
 
-def check_enough(file: BinaryIO, count: int, name: str) -> None:
+def check_length(file: BinaryIO, count: int, name: str) -> None:
     """Reject a text too short for this many numbers, at two characters each."""
     here = file.tell()
     left = file.seek(0, 2) - file.seek(here)

@@ -92,8 +92,8 @@ def _walk(path: Path) -> Iterator[tuple[SlicePage, Any]]:
         while image.seek_subimage(n, 0):
             spec = image.spec()
             kind = NUMPY.get(str(spec.format), str(spec.format))
-            told = spec.get_string_attribute("ImageDescription")
-            yield SlicePage(path.name, spec.width, spec.height, spec.nchannels, kind, told), image
+            header = spec.get_string_attribute("ImageDescription")
+            yield SlicePage(path.name, spec.width, spec.height, spec.nchannels, kind, header), image
             n += 1
         image.geterror()  # clears the error that there is no page n
 

@@ -9,7 +9,7 @@ from resample.types import Doubles
 UNDEFINED = 0xFFFFFFFF  # length of elements with an end mark
 
 
-def whole(told: Any, key: str, otherwise: int | None = None) -> int:
+def whole(dataset: Any, key: str, otherwise: int | None = None) -> int:
     """Return an integer of a header; `otherwise` if there is none.
 
     Raises
@@ -17,7 +17,7 @@ def whole(told: Any, key: str, otherwise: int | None = None) -> int:
     ValueError
         There are several, it is not an integer, or it is missing and required.
     """
-    given = told.get(key)
+    given = dataset.get(key)
     if given in (None, "") and otherwise is not None:
         return otherwise
     try:
@@ -29,15 +29,15 @@ def whole(told: Any, key: str, otherwise: int | None = None) -> int:
     return int(found)
 
 
-def text(told: Any, key: str) -> str:
+def text(dataset: Any, key: str) -> str:
     """Return a text of a header, the first of several; empty if there is none."""
-    given = told.get(key) or ""
+    given = dataset.get(key) or ""
     return given if isinstance(given, str) else str(next(iter(given), ""))
 
 
-def check_text(told: Any, key: str) -> None:
+def check_text(dataset: Any, key: str) -> None:
     """Reject several texts instead of one; errors as of `whole`."""
-    given = told.get(key) or ""
+    given = dataset.get(key) or ""
     if not isinstance(given, str):
         raise ValueError(f"its {key} is {_shown(given)}, where one text is")
 
@@ -62,7 +62,7 @@ def numbers(given: Any, key: str, *counts: int) -> Doubles:
     return found
 
 
-def check_lengths(told: Any) -> None:
+def check_lengths(dataset: Any) -> None:
     """Reject a header whose elements claim more bytes than there are.
 
     Raises
@@ -70,8 +70,8 @@ def check_lengths(told: Any) -> None:
     ValueError
         One does.
     """
-    for tag in told.keys():  # noqa: SIM118  iterating a header itself converts all values
-        raw = told.get_item(tag)
+    for tag in dataset.keys():  # noqa: SIM118  iterating a header itself converts all values
+        raw = dataset.get_item(tag)
         claimed, value = getattr(raw, "length", 0), getattr(raw, "value", None)
         if claimed != UNDEFINED and isinstance(value, bytes) and len(value) < claimed:
             raise ValueError(f"its {tag} claims {claimed} bytes, {len(value)} are there")

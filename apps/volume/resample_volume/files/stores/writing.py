@@ -188,7 +188,7 @@ def _fill(levels: "list[zarr.Array[Any]]", recording: Recording, form: Layered) 
     total, done = times * parts * sum(map(len, boxes)), 0
     for time, part in product(range(times), range(parts)):
         at = tuple(n for n, letter in ((time, "t"), (part, "c")) if letter in letters)
-        given = _given(recording, time, part)
+        given = _box_reader(recording, time, part)
         for n, level in enumerate(levels):
             for box in boxes[n]:
                 if n == 0:
@@ -201,7 +201,7 @@ def _fill(levels: "list[zarr.Array[Any]]", recording: Recording, form: Layered) 
                 yield done / total
 
 
-def _given(recording: Recording, time: int, part: int) -> Callable[[Box], NDArray[Any]]:
+def _box_reader(recording: Recording, time: int, part: int) -> Callable[[Box], NDArray[Any]]:
     """Return a reader of boxes."""
     return values_of(recording.values[time, part]).read
 

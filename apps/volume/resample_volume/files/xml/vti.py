@@ -27,7 +27,7 @@ from resample_volume.files.parsing.choosing import (
 from resample_volume.files.parsing.headers import (
     Check,
     VolumeHeader,
-    check_nothing,
+    accept_any,
     header,
     recording,
 )
@@ -39,7 +39,7 @@ UNSTRUCTURED = "vtkXMLUnstructuredGridReader"
 BASE64 = re.compile(rb"[A-Za-z0-9+/=\s]*")
 
 
-def read_vti(path: Path, wanted: ArrayQuery, name: str, check: Check = check_nothing) -> Recording:
+def read_vti(path: Path, wanted: ArrayQuery, name: str, check: Check = accept_any) -> Recording:
     """Read one array at points or cells; components are channels, or a color.
 
     Parameters
@@ -189,10 +189,10 @@ def _spacing(path: Path) -> list[float] | None:
 def _require_memory(reader: Any, path: Path) -> None:
     from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 
-    told = reader.GetOutputInformation(0)
-    if not told.Has(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT()):
-        return  # of no lattice; see `check_counts`
-    extent = told.Get(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT())
+    attributes = reader.GetOutputInformation(0)
+    if not attributes.Has(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT()):
+        return  # not a grid; the caller rejects it
+    extent = attributes.Get(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT())
     first, last = np.reshape(extent, (3, 2)).T.tolist()
     count = math.prod(b - a + 1 for a, b in zip(first, last, strict=True))
     require_memory(count, path.name)  # at least a byte per voxel

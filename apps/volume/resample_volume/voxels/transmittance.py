@@ -35,7 +35,7 @@ EXACT = 52  # bits for sums of optical depths
 Extinctions = Iterable[Floats]
 
 
-def reached(extinction: Floats, lattice: Doubles, light: Light) -> Flags:
+def light_transmittance(extinction: Floats, lattice: Doubles, light: Light) -> Flags:
     """Return fractions (Z, Y, X, 2) of the lamp's and of ambient light that reach cells.
 
     Parameters
@@ -60,7 +60,7 @@ def reached(extinction: Floats, lattice: Doubles, light: Light) -> Flags:
 
 
 def _open_share(extinction: Floats, lattice: Doubles) -> Floats:
-    """Return fractions (Z, Y, X) of ambient light that reach cells; see `reached`."""
+    """Return fractions (Z, Y, X) of ambient light that reach cells; see `light_transmittance`."""
     extent = float(np.linalg.norm(lattice @ np.array(extinction.shape[::-1])))
     total = np.zeros(extinction.shape, np.float32)
     for toward in _around(AROUND):
@@ -131,7 +131,7 @@ def optical_depths(
         yield place, np.maximum(0, _read(total, slices.shape[1:], base - n * shear))
 
 
-def voxels_reached(voxels: Voxels, light: Light) -> Floats:
+def voxel_transmittance(voxels: Voxels, light: Light) -> Floats:
     """Return fractions (N, 2), 0 to 1, of lamp and ambient light that reach voxels.
 
     Raises
@@ -147,7 +147,7 @@ def voxels_reached(voxels: Voxels, light: Light) -> Floats:
     cells = cells_around(index.max(axis=0) + 1)
     depth = exact_in_sums(voxels.extinction, float(voxels.extinction.max()), cells)
     total = np.bincount(cells.of(index), depth, math.prod(cells.grid)).astype(np.float64)
-    share = reached(cells.means(total), cells.per * voxels.lattice, light)
+    share = light_transmittance(cells.means(total), cells.per * voxels.lattice, light)
     return shares_at(index, share, cells)
 
 
@@ -200,7 +200,9 @@ def shares_at(index: NDArray[np.int64], share: Flags, cells: LightCells) -> Floa
     return np.asarray(np.stack(between, axis=1) / np.float32(ALL))
 
 
-def field_reached(volume: Volume, extinctions: Extinctions, clip: Doubles, light: Light) -> Reached:
+def field_transmittance(
+    volume: Volume, extinctions: Extinctions, clip: Doubles, light: Light
+) -> Reached:
     """Return the light that reaches the points of a field.
 
     Parameters
@@ -224,15 +226,15 @@ def field_reached(volume: Volume, extinctions: Extinctions, clip: Doubles, light
     thick = np.zeros(_grid_of(size, per), np.float32)
     first = 0
     for part in extinctions:
-        kept = np.where(_is_kept(part.shape, first, volume, clip), part, np.float32(0))
+        kept = np.where(_is_uncut(part.shape, first, volume, clip), part, np.float32(0))
         across = _merged(kept, (1, per, per))
         for n, row in enumerate(across, first):
             thick[n // per] += row / np.float32(per)
         first += len(part)
-    return Reached(reached(thick, per * lattice, light), per)
+    return Reached(light_transmittance(thick, per * lattice, light), per)
 
 
-def _is_kept(
+def _is_uncut(
     shape: tuple[int, ...], first: int, volume: Volume, clip: Doubles
 ) -> NDArray[np.bool_]:
     """Return which voxels (Z, Y, X) of some slices are not cut away."""
