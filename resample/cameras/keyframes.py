@@ -92,14 +92,6 @@ def read_keyframes(path: Path) -> Keyframes:
         time = 4
         azimuth = 120
         zoom = 3
-
-    Raises
-    ------
-    ValueError
-        The content is invalid, times do not ascend, or the cameras differ in form, in their axis
-        upwards or in being parallel; the message says which and why.
-    OSError
-        The file cannot be read.
     """
     with naming(str(path)):
         content = _File.model_validate(toml_of(text_of(path)))
@@ -117,15 +109,8 @@ def keyframes_of(path: Path, fov: float) -> Keyframes:
 
     Parameters
     ----------
-    path
-        A TOML file for `read_keyframes`, or a file for `resample.cameras.files.read_shots`.
     fov
         Field of view along the picture's shorter side in degrees, if the file has poses only.
-
-    Raises
-    ------
-    ValueError, OSError
-        As in both; or there is only one pose.
     """
     if path.suffix.lower() == ".toml":
         return read_keyframes(path)

@@ -90,13 +90,6 @@ def read_viewpoint(path: Path) -> Viewpoint:
     picture, whatever its size), or `fx`, `fy`, `cx`, `cy`, `skew`, `distortion`, `near`, the rows
     of `world_to_camera`, and the `width` and `height` that these are for (without them, the
     picture's).
-
-    Raises
-    ------
-    ValueError
-        The content is none of these; the message says which key and why.
-    OSError
-        The file cannot be read.
     """
     with naming(str(path)):
         return viewpoint_of(toml_of(text_of(path)))

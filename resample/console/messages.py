@@ -30,13 +30,7 @@ class _Listener(logging.Handler):
 
 @contextmanager
 def listening() -> Iterator[None]:
-    """Print the library's messages, such as compilation; all if `RESAMPLE_LOG=debug`.
-
-    Raises
-    ------
-    ValueError
-        The variable has an invalid value.
-    """
+    """Print the library's messages, such as compilation; all if `RESAMPLE_LOG=debug`."""
     level = os.environ.get(LOUDNESS, "info")
     if level not in LEVELS:
         raise ValueError(f"{LOUDNESS} is {level!r}; it can be {', '.join(LEVELS)}")

@@ -75,13 +75,7 @@ def available_memory() -> int | None:
 
 
 def bytes_of(text: str) -> int:
-    """Parse an amount of memory such as 2GiB, 512MB or 1.5G to bytes.
-
-    Raises
-    ------
-    ValueError
-        The text is not an amount of memory.
-    """
+    """Parse an amount of memory such as 2GiB, 512MB or 1.5G to bytes."""
     found = re.fullmatch(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*([KMGT])(i?)B?\s*", text, re.IGNORECASE)
     number = float(found[1]) if found else 0.0
     if found is None or not number > 0:
@@ -121,13 +115,7 @@ def _of_status(name: str) -> int:
 
 @contextmanager
 def allowing(memory: str | None) -> Iterator[None]:
-    """Limit the memory of work in this block, as `--memory` does; None: all free memory.
-
-    Raises
-    ------
-    ValueError
-        It is not an amount, or the limits of the process leave too little for libraries.
-    """
+    """Limit the memory of work in this block, as `--memory` does; None: all free memory."""
     check_limits()
     token = ALLOWED.set(None if memory is None else bytes_of(memory))
     try:
@@ -137,13 +125,7 @@ def allowing(memory: str | None) -> Iterator[None]:
 
 
 def check_limits() -> None:
-    """Reject limits of the process that would end it while libraries are loaded.
-
-    Raises
-    ------
-    ValueError
-        They leave too little memory.
-    """
+    """Reject limits of the process that would end it while libraries are loaded."""
     if _limit() == 0:
         raise ValueError(
             f"the limits of this process (ulimit) leave no room for libraries; allow more than "
@@ -158,20 +140,6 @@ def allow(count: int) -> None:
 
 def require(what: str, parts: dict[str, int], remedy: str) -> None:
     """Log (DEBUG) the peak memory of some work, and reject it if it is not allowed.
-
-    Parameters
-    ----------
-    what
-        Name of the work for the message.
-    parts
-        Bytes by name; libraries are one of the names.
-    remedy
-        What to do about it, for the message.
-
-    Raises
-    ------
-    ValueError
-        It is more than `--memory` allows, or than is free or already held by the process.
 
     Examples
     --------
@@ -221,22 +189,7 @@ def _free() -> int | None:
 
 
 def require_memory(count: int, what: str, remedy: str) -> None:
-    """Reject work that can never fit into this machine; its need is logged (DEBUG).
-
-    Parameters
-    ----------
-    count
-        Bytes held at the same time.
-    what
-        Name for the message.
-    remedy
-        What to do about it, for the message.
-
-    Raises
-    ------
-    ValueError
-        `--memory` allows less, or the machine's total memory is smaller.
-    """
+    """Reject work that can never fit into this machine; its need is logged (DEBUG)."""
     LOG.debug("%s: %.3g GiB of memory", what, count / GIB)
     allowed, installed = ALLOWED.get(), physical_memory()
     if allowed is not None and count > allowed:

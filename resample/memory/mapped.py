@@ -52,17 +52,8 @@ def array_in_file(shape: tuple[int, ...], kind: DTypeLike, most: int, what: str)
 
     Parameters
     ----------
-    shape, kind
-        Shape and type of the array.
     most
         Budget in bytes for the pages in memory of all arrays in files.
-    what
-        Name of the array for the message.
-
-    Raises
-    ------
-    ValueError
-        The disk is full, or the folder is not writable.
 
     Examples
     --------
@@ -81,13 +72,7 @@ def array_in_file(shape: tuple[int, ...], kind: DTypeLike, most: int, what: str)
 
 
 def array_where_it_fits(shape: tuple[int, ...], kind: DTypeLike, what: str) -> NDArray[Any]:
-    """Create an array in memory or, if it exceeds half of the memory limit, in a file.
-
-    Raises
-    ------
-    ValueError
-        As in `array_in_file`.
-    """
+    """Create an array in memory or, if it exceeds half of the memory limit, in a file."""
     dtype = np.dtype(kind)
     most = pages_of(prod(shape) * dtype.itemsize)
     if most is None:
@@ -107,13 +92,7 @@ def pages_of(size: int) -> int | None:
 def array_like(
     values: NDArray[Any], shape: tuple[int, ...], kind: DTypeLike, what: str
 ) -> NDArray[Any]:
-    """Create an array for results of others: in a file if one of them is in a file.
-
-    Raises
-    ------
-    ValueError
-        As in `array_in_file`.
-    """
+    """Create an array for results of others: in a file if one of them is in a file."""
     held = _of(values)
     return np.empty(shape, kind) if held is None else array_in_file(shape, kind, held.most, what)
 
@@ -153,13 +132,7 @@ def _mapping_of(size: int, what: str) -> mmap.mmap:
 
 
 def _claim(file: int, size: int, place: Path) -> None:
-    """Resize a file and reserve its disk space.
-
-    Raises
-    ------
-    OSError
-        The disk is full.
-    """
+    """Resize a file and reserve its disk space."""
     import shutil
 
     free = shutil.disk_usage(place).free

@@ -48,18 +48,6 @@ def is_npy(path: Path) -> bool:
 def read_npy(path: Path, *, mapped: bool = False) -> NDArray[Any]:
     """Read a `.npy` file.
 
-    Parameters
-    ----------
-    path
-        The file.
-    mapped
-        Map the values into memory instead of reading them.
-
-    Raises
-    ------
-    OSError
-        The file is missing, damaged or truncated, or contains objects.
-
     Examples
     --------
     >>> from pathlib import Path

@@ -15,15 +15,7 @@ PARTS = re.compile(r"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*"|'[^'\n]*')[ \t]*+\.[ \t
 
 
 def text_of(path: Path) -> str:
-    """Read a text file.
-
-    Raises
-    ------
-    OSError
-        It cannot be read.
-    ValueError
-        It is not text, or too long.
-    """
+    """Read a text file."""
     check_size(str(path), path.stat().st_size)
     try:
         return path.read_text(encoding="utf-8-sig")
@@ -33,11 +25,6 @@ def text_of(path: Path) -> str:
 
 def json_of(text: str) -> Any:
     """Parse JSON.
-
-    Raises
-    ------
-    ValueError
-        It is not JSON, too large, nested too deep, or has an integer that no array can hold.
 
     Examples
     --------

@@ -114,19 +114,7 @@ def kept(spec: str) -> CachedSample:
 
 
 def expanded(words: Sequence[str]) -> list[str]:
-    """Replace samples in a command's arguments by their files and options.
-
-    Parameters
-    ----------
-    words
-        Arguments that begin with `sample:` name samples, also as values of options for pictures; a
-        view is `sample:NAME,POSE`.
-
-    Raises
-    ------
-    LookupError, ValueError
-        As in `sample`.
-    """
+    """Replace samples in a command's arguments by their files and options."""
     made: list[str] = []
     options: list[DefaultOptions] = []
     before = ""

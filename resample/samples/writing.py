@@ -43,15 +43,6 @@ def store(sample: Any, folder: Path, name: str) -> SampleFiles:
     ----------
     sample
         A picture (H, W) or (H, W, 3 or 4) of bytes, a volume, or a `Storable`.
-    folder
-        An existing folder.
-    name
-        Name of the files, without suffix.
-
-    Raises
-    ------
-    TypeError
-        It is none of these.
     """
     if isinstance(sample, Storable):
         return sample.stored(folder, name)

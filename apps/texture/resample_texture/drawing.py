@@ -119,13 +119,7 @@ class DrawnParts(NamedTuple):
 
 
 def parts_of(image: Any, drawing: Drawing) -> DrawnParts | None:
-    """Return the parts of a sliceable picture; None if it is drawn whole.
-
-    Raises
-    ------
-    ValueError
-        As the method does.
-    """
+    """Return the parts of a sliceable picture; None if it is drawn whole."""
     from resample.engine import jit
 
     method, geometry, shape, edge, threads, *_ = drawing

@@ -21,14 +21,6 @@ Doubles = NDArray[np.float64]
 def points_of(transfer: Transfer, data_range: DataRange) -> list[tuple[float, str, float]]:
     """Approximate a transfer function by control points; see `spelled`.
 
-    Parameters
-    ----------
-    transfer
-        Any. If it has few control points these are returned, otherwise those of a polyline close to
-        it.
-    data_range
-        Least and greatest value of interest.
-
     Returns
     -------
     Value, color as `#rrggbb`, and opacity; values ascend.

@@ -100,13 +100,7 @@ def _is_part(given: Any) -> bool:
 
 
 def _checked(given: Volume) -> Volume:
-    """Check a volume's values and geometry, and return it with a supported type.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Its values or geometry are not supported.
-    """
+    """Check a volume's values and geometry, and return it with a supported type."""
     if any(isinstance(part, np.ma.MaskedArray) for part in given[1:4]):
         spacing, origin, direction = (contiguous(part, np.float64) for part in given[1:4])
         given = given._replace(spacing=spacing, origin=origin, direction=direction)
@@ -123,14 +117,7 @@ def _checked(given: Volume) -> Volume:
 
 
 def check_place(given: Volume) -> None:
-    """Reject an invalid or absurd spacing, origin or direction.
-
-    Raises
-    ------
-    ValueError
-        A number is not finite or not above 0, the direction is singular, or the lattice is far too
-        small, large or uneven.
-    """
+    """Reject an invalid or absurd spacing, origin or direction."""
     spacing, origin, direction = (np.asarray(part) for part in given[1:4])
     shapes = (spacing.shape, origin.shape, direction.shape)
     kinds = {part.dtype.kind for part in (spacing, origin, direction)}

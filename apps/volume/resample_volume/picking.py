@@ -54,14 +54,6 @@ def voxels_at(
 
     Parameters
     ----------
-    subject
-        The classified volume.
-    volume
-        The volume, at any place.
-    camera
-        As from `Subject.camera`.
-    resampler
-        Renderer of the picture, for its projection and kernel.
     pixels
         (N, 2) right and down, px; centers of pixels are at halves.
     level
@@ -73,11 +65,6 @@ def voxels_at(
     level; for a field, of the voxel around the point where its ray reaches the level, the surface,
     a plane of values more opaque than that, or its extreme; -1 where there is none. And the
     transmittance (N,) of all.
-
-    Raises
-    ------
-    ValueError
-        The projection shows no single voxel, or there are several volumes.
     """
     from resample_volume.voxels.kernels.picking import pick_in_field, pick_voxels
 

@@ -165,14 +165,7 @@ def visible_voxels(volume: Volume, appearance: Appearance) -> Voxels:
 def field_of(
     volume: Volume, appearance: Appearance, resampler: Resampler
 ) -> FieldVoxels | Gathered:
-    """Return the field for a projection: as voxels, or on its lattice for rays.
-
-    Raises
-    ------
-    ValueError
-        The transfer function needs gradients, where only values are shown; or see `field_voxels`
-        and `gathered`.
-    """
+    """Return the field for a projection: as voxels, or on its lattice for rays."""
     projection, order = resampler.projection, resampler.order
     if volume.colors is not None and not (
         order.summing is Summing.RAYS and projection is Projection.COMPOSITE
@@ -293,19 +286,10 @@ class Subject:
 
         Parameters
         ----------
-        volume
-            Without padding.
-        appearance
-            Its look.
         resampler
             Renderer; None: `resampler_for` the look.
         around
             Volume that cameras orbit as a whole; None: they orbit what is visible.
-
-        Raises
-        ------
-        ValueError
-            A choice is not allowed, or the voxels do not fit in memory.
         """
         resampler = resampler or resampler_for(appearance)
         check_together(resampler, appearance.classification, appearance.extras)
@@ -350,12 +334,6 @@ class Subject:
         Each is placed by its origin, spacing and direction. Light, crop (of its voxels), clip and
         depth cue are those of the first; each has its own transfer function, gradient and labels.
         Cameras orbit what is visible, or all of the volumes.
-
-        Raises
-        ------
-        ValueError
-            As of `of`; or fields were asked for, of which only one can be shown; or a volume with
-            labels would have to be resampled.
         """
         from resample_volume.media.mixing import mixed, with_light
 

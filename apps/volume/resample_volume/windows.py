@@ -127,24 +127,7 @@ def paint_streamed(
     resampler: Resampler | None = None,
     progress: Progress | None = None,
 ) -> tuple[Frame, int]:
-    """Do as `render_in_windows`, for one volume or several in one scene.
-
-    Parameters
-    ----------
-    media
-        Volumes in bricks, each with its look.
-    subject
-        What `streamed_subject` gives for them.
-    camera
-        One of the subject's.
-    size, budget, resampler, progress
-        As of `render_in_windows`.
-
-    Raises
-    ------
-    ValueError, OSError
-        As of `render_in_windows`.
-    """
+    """Do as `render_in_windows`, for one volume or several in one scene."""
     painter, tell = of_voxels(resampler or OF_VOXELS), progress or _unheard
     looking = PassContext(budget.executor, budget.threads, tell)
     _pin_bricks(media, budget)
@@ -242,17 +225,8 @@ def streamed_subject(
 
     Parameters
     ----------
-    media
-        Volumes, each with its look.
     fit
         Cameras orbit all of the volumes, or what is visible, which needs a scan of all voxels.
-    resampler, budget, progress
-        As of `render_in_windows`, for that scan.
-
-    Raises
-    ------
-    ValueError
-        They cannot be painted window by window.
     """
     check_windows(media)
     look = replace(media[0][1], classification=Classification.PRE)

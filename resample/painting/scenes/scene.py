@@ -38,13 +38,7 @@ MOST_STRETCHED = 1e6  # largest ratio of lengths of a lattice's steps
 
 
 def check_lattice(lattice: ArrayLike, what: str) -> Doubles:
-    """Check a lattice (3, 3), the steps to a sample's neighbours.
-
-    Raises
-    ------
-    ValueError
-        It is not finite or singular, or its steps are extremely short, long or uneven.
-    """
+    """Check a lattice (3, 3), the steps to a sample's neighbours."""
     steps = contiguous(lattice, np.float64)
     if steps.shape != (3, 3) or not _is_regular(steps):
         raise ValueError(f"{what} must be a finite, regular matrix (3, 3)")
@@ -63,13 +57,7 @@ def check_lattice(lattice: ArrayLike, what: str) -> Doubles:
 
 
 def check_places(position: Floats | Doubles, what: str) -> None:
-    """Reject positions beyond the range of kernels.
-
-    Raises
-    ------
-    ValueError
-        They are not finite, or too far away.
-    """
+    """Reject positions beyond the range of kernels."""
     if not _is_finite(position):
         raise ValueError(f"{what} is not finite; leave such samples out")
     if position.size and max(position.max(), -position.min()) > LENGTHS[1]:
@@ -79,14 +67,7 @@ def check_places(position: Floats | Doubles, what: str) -> None:
 
 
 def check_samples(samples: Samples) -> Samples:
-    """Convert samples to contiguous float32 arrays and check that they fit together.
-
-    Raises
-    ------
-    ValueError
-        Shapes do not fit, a value is not finite, an extinction is negative, a scale is not above
-        0, or the lattice is singular.
-    """
+    """Convert samples to contiguous float32 arrays and check that they fit together."""
     position, color, extinction = (contiguous(given, np.float32) for given in samples[:3])
     count = extinction.size
     if extinction.ndim != 1 or position.shape != (count, 3) or color.shape != (count, 3):
@@ -130,11 +111,6 @@ def samples_of(field: Field) -> Samples:
 
     Gradients take the place of colors, and the values' positions between the classifier's low and
     high that of extinctions.
-
-    Raises
-    ------
-    ValueError
-        As in `check_samples`, or the classifier is invalid.
     """
     look = field.classifier
     table = np.asarray(look.table)
@@ -209,13 +185,7 @@ def ellipsoid_of(lattice: Doubles, view: View, radius: float) -> Ellipsoid:
 
 
 def planes_of(clip: ArrayLike | None, view: View, ellipsoid: Ellipsoid) -> Doubles:
-    """Convert clipping planes (M, 4) of the scene to those of `Screen`, (M, 5).
-
-    Raises
-    ------
-    ValueError
-        They are not four finite numbers each, or a normal has length 0.
-    """
+    """Convert clipping planes (M, 4) of the scene to those of `Screen`, (M, 5)."""
     given = np.asarray([] if clip is None else clip, np.float64)
     if given.size == 0 or given.shape == (4,):
         given = given.reshape(-1, 4)

@@ -45,12 +45,6 @@ def paint_in_steps(
 
     Parameters
     ----------
-    scene
-        Scene with a window, and a plan with the spacings of its tiles.
-    by
-        Painter of its samples.
-    source
-        All parts that may be visible in the window.
     progress
         Called with the fraction of samples that are painted or hidden.
     """

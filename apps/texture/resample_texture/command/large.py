@@ -53,13 +53,7 @@ class Destination(NamedTuple):
 def large_picture(
     path: Place, aim: Aim, choice: PictureWarping, roi: Roi | None, written: Destination
 ) -> "Large | None":
-    """Return a large picture to warp strip by strip; None if it is small or cannot be.
-
-    Raises
-    ------
-    ValueError, OSError
-        The file or an option is invalid.
-    """
+    """Return a large picture to warp strip by strip; None if it is small or cannot be."""
     form = loadable_picture(path)
     if form is None or choice.total:
         return None

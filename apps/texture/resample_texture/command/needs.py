@@ -42,23 +42,8 @@ def check_memory(
 
     Parameters
     ----------
-    form
-        Height, width and channels of the source, including opacity.
     shape
         Height and width of the result, px.
-    choice
-        How it is warped.
-    output
-        Output file: integer formats are encoded by way of floats.
-    has_alpha
-        Whether a channel is opacity.
-    in_strips
-        Memory of a large picture, which is drawn strip by strip.
-
-    Raises
-    ------
-    ValueError
-        It needs more memory than is allowed or free.
     """
     height, width = shape
     what = f"a picture of {width} x {height} pixels"
@@ -77,13 +62,7 @@ def check_memory(
 
 
 def require_film(source: Place, size: tuple[int, int]) -> None:
-    """Refuse a flight over a picture that does not fit into memory, as `check_memory` does.
-
-    Raises
-    ------
-    ValueError, OSError
-        It needs more memory than is allowed or free, or the file is not a picture.
-    """
+    """Refuse a flight over a picture that does not fit into memory, as `check_memory` does."""
     (height, width, _), _ = form_of(source)
     texel, pixel = BYTES_OF_FILM
     require_picture(size, pixel, {"the source": texel * height * width})

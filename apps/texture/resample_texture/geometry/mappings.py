@@ -271,8 +271,6 @@ def source_coordinates(
 
     Parameters
     ----------
-    geometry
-        A homography or a backward map.
     shape
         Height and width of the target, px.
     source_shape
@@ -282,11 +280,6 @@ def source_coordinates(
     -------
     x and y, (height, width) each; not a number where a pixel lies beyond the horizon or shows
     nothing.
-
-    Raises
-    ------
-    ValueError
-        The geometry is a forward map, or a map of another shape.
     """
     if isinstance(geometry, ForwardMap):
         raise ValueError("a forward map cannot be inverted; give a homography or a backward map")

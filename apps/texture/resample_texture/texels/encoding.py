@@ -62,23 +62,14 @@ def decoded(
 
     Parameters
     ----------
-    image
-        Of a type in `DTYPES`, in any layout. Values masked or not finite are missing.
     linear_light
         Take the color of `LEVELS` for sRGB-encoded; False: take all values as given.
     alpha
         Meaning of a fourth channel, an `Alpha`; by default straight for `LEVELS`, else
         premultiplied.
-    is_sum
-        Texels will be added, so use no offset.
     gaps
         Least number of channels that mark missing values: 0, or all, if this is a part of a picture
         with missing values.
-
-    Raises
-    ------
-    ValueError
-        The picture has a wrong shape or type, or no pixel; or `alpha` is unknown.
     """
     image, mask = unmasked(image)
     check_picture(image)
@@ -103,13 +94,7 @@ def decoded(
 
 
 def has_straight_alpha(planes: NDArray[Any], alpha: str | None) -> bool:
-    """Whether the fourth channel of planes (H, W, C) is straight opacity.
-
-    Raises
-    ------
-    ValueError
-        `alpha` is unknown.
-    """
+    """Whether the fourth channel of planes (H, W, C) is straight opacity."""
     if alpha is None:
         alpha = Alpha.STRAIGHT if planes.dtype.name in LEVELS else Alpha.PREMULTIPLIED
     if alpha not in list(Alpha):

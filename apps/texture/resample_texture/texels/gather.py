@@ -71,13 +71,7 @@ def planned(
     size: tuple[int, int], geometry: Homography | BackwardMap, shape: tuple[int, int], edge: Edge,
     cells: CellGrid,
 ) -> GatherPlan:  # fmt: skip
-    """Plan how a target (height, width) gathers from sources (height, width).
-
-    Raises
-    ------
-    ValueError
-        A map has another shape than the picture.
-    """
+    """Plan how a target (height, width) gathers from sources (height, width)."""
     region = geometry.region if isinstance(geometry, Homography) else None
     whole = size if region is None else region.size or size
     places, view = _places(size, geometry, shape), _view((*whole, 1), edge, cells)
@@ -95,11 +89,6 @@ def gather(plan: GatherPlan, source: Floats, *, near_only: bool = False) -> Warp
     """Warp a source (H, W, C) to (height, width) under the area filter.
 
     With `near_only`, tiles that do not gather stay empty.
-
-    Raises
-    ------
-    ValueError
-        As `forward.project` does.
     """
     _, geometry, shape, edge, cells, places, tiles, around = plan
     held = _source_part(source, geometry)

@@ -102,13 +102,7 @@ class Splatting:
 
 
 def check_deviations(sigma: float, filter_sigma: float) -> None:
-    """Refuse standard deviations, texels and px, that are out of range.
-
-    Raises
-    ------
-    ValueError
-        One is.
-    """
+    """Refuse standard deviations, texels and px, that are out of range."""
     for name, value in (("sigma", sigma), ("filter_sigma", filter_sigma)):
         if not LEAST <= value <= MOST:
             raise ValueError(f"{name} lies between {LEAST} and {MOST:g}, not at {value}")
@@ -124,13 +118,7 @@ def nearest_drawn(matrix: Doubles, radius: float) -> float:
 
 
 def forward_of(geometry: Geometry, source_shape: tuple[int, int]) -> Forward:
-    """Geometry that leads from a source (height, width) to the target.
-
-    Raises
-    ------
-    ValueError
-        The map does not fit the source or leads backward.
-    """
+    """Geometry that leads from a source (height, width) to the target."""
     if isinstance(geometry, BackwardMap):
         raise ValueError("a backward map cannot be followed forward")
     if isinstance(geometry, ForwardMap) and geometry.x.shape != source_shape:

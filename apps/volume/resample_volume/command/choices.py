@@ -531,14 +531,7 @@ class BesidePicture(Beside):
         return "picture" if self.zoom_in else look.fit
 
     def check(self, output: "Path", resampler: "Resampler", height: int) -> None:
-        """Reject an impossible color bar or deep picture before any work is done.
-
-        Raises
-        ------
-        ValueError
-            There is no room for a color bar; or the suffix or projection allows no deep picture, or
-            annotations were asked for in one.
-        """
+        """Reject an impossible color bar or deep picture before any work is done."""
         if self.color_bar:
             from resample.measuring.color_bars import check_bar
 

@@ -110,28 +110,7 @@ def film_of(
     about: Mapping[str, Any],
     start_workers: StartWorkers | None = None,
 ) -> ReadyFilm:
-    """Read and prepare the scene of a film.
-
-    Parameters
-    ----------
-    script
-        Its content.
-    recording
-        Its volume, if already read; with several times, the film shows them.
-    flight
-        Camera path.
-    paint
-        How frames are painted.
-    about
-        Names of volume and path, see `animation.shots`.
-    start_workers
-        Starts workers to scan a store, unless its statistics are cached.
-
-    Raises
-    ------
-    ValueError, LookupError, OSError
-        Something cannot be read, does not fit in memory, or is not allowed.
-    """
+    """Read and prepare the scene of a film."""
     times = None if recording is None else times_of(script.source, recording)
     if times is not None:
         return _film_of_times(script, times, flight, paint, about, start_workers)

@@ -41,24 +41,7 @@ def opened(
     streamed: bool = False,
     start_workers: StartWorkers | None = None,
 ) -> Volume:
-    """Open a volume: a file, a folder or a generated one.
-
-    Parameters
-    ----------
-    source
-        How it is read.
-    name
-        Name of the volume.
-    streamed
-        Leave values in their file, as bricks, if it has chunks.
-    start_workers
-        Starts workers to scan these, unless their statistics are cached.
-
-    Raises
-    ------
-    ValueError, LookupError, OSError
-        See `resample_volume.files.source.open_volume`.
-    """
+    """Open a volume: a file, a folder or a generated one."""
     return opened_of_several(source, name, streamed=streamed, start_workers=start_workers)[0]
 
 
@@ -72,11 +55,6 @@ def opened_of_several(
     """Open a volume, and return the number of times and channels with it.
 
     Of several times the first is taken, with a message, unless another is chosen.
-
-    Parameters
-    ----------
-    source, name, streamed, start_workers
-        As of `opened`; errors as well.
     """
     place, reader = _named(source, name)
     allowed = allowed_memory(source)
@@ -192,13 +170,7 @@ def over_time(source: ReadOptions, name: str) -> Recording | None:
 
 
 def read_as_whole(recording: Recording, source: ReadOptions) -> Recording:
-    """Read a store's times into an array: in memory or, if they do not fit, in a mapped file.
-
-    Raises
-    ------
-    ValueError, OSError
-        As of `opened`.
-    """
+    """Read a store's times into an array: in memory or, if they do not fit, in a mapped file."""
     from resample_volume.media.series import whole
 
     shape = recording.values.shape
@@ -272,18 +244,7 @@ def prepared(
     streamed: bool = False,
     start_workers: StartWorkers | None = None,
 ) -> Volume:
-    """Open a volume, remove its padding and print its statistics.
-
-    Parameters
-    ----------
-    source, name, streamed, start_workers
-        As of `opened`.
-
-    Raises
-    ------
-    ValueError, LookupError, OSError
-        See `opened`.
-    """
+    """Open a volume, remove its padding and print its statistics."""
     return padding_removed(
         announced(opened(source, name, streamed=streamed, start_workers=start_workers))
     )

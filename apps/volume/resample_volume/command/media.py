@@ -50,11 +50,6 @@ def others(texts: tuple[str, ...], source: ReadOptions | None = None) -> list[Ot
     """Parse further volumes such as `pet.nrrd:window=5/10,transfer=hot:opacity=0.3`.
 
     Chunked volumes get the memory limit of `source`.
-
-    Raises
-    ------
-    ValueError
-        A text is not of this form.
     """
     memory = {"memory": None if source is None else source.memory}
     found = [_other(text) for text in texts]
@@ -79,11 +74,6 @@ def media(
     """Read the volumes of a scene with their looks, each file once.
 
     Workers scan a store without cached statistics.
-
-    Raises
-    ------
-    ValueError, LookupError, OSError
-        See `inputs.opened` and `AppearanceChoices.appearance`.
     """
     further = others(added.also, source)
     if added.channels is None:

@@ -69,13 +69,7 @@ def scene_of(
     fit: Fit = "visible",
     size: tuple[int, int] = (0, 0),
 ) -> Subject:
-    """Prepare the volumes of a scene for pictures (height, width).
-
-    Raises
-    ------
-    ValueError
-        They cannot be combined, or do not fit in memory.
-    """
+    """Prepare the volumes of a scene for pictures (height, width)."""
     needs.check_memory(media, size)
     if len(media) > 1:
         check_several(media, resampler)
@@ -96,17 +90,7 @@ def scene_of(
 def say_lost_field(
     media: Sequence[VolumeLayer], resampler: Resampler, *, in_windows: bool = False
 ) -> None:
-    """Say why voxels of one volume are painted, if rays through its field were asked for.
-
-    Parameters
-    ----------
-    media
-        Volumes with their looks.
-    resampler
-        Renderer that was asked for.
-    in_windows
-        Whether workers paint windows of it, whatever memory holds.
-    """
+    """Say why voxels of one volume are painted, if rays through its field were asked for."""
     (volume, look), *others = media
     is_by_rays = resampler.order.summing is Summing.RAYS
     if others or not is_by_rays or look.classification is not Classification.AUTO:
@@ -134,10 +118,6 @@ def slab_missed(
 
     Parameters
     ----------
-    media
-        Volumes with their looks.
-    subject
-        The prepared volumes.
     camera
         For slabs across the view; None: check those across a scene direction.
     """
@@ -225,13 +205,7 @@ class ExecutionContext(NamedTuple):
 def execution_context(
     threads: int | None, sharing: Sharing, output: Path
 ) -> Iterator[ExecutionContext]:
-    """Provide threads, processes and memory for a picture, until the end of the block.
-
-    Raises
-    ------
-    ValueError, OSError
-        As of `worker_pools`.
-    """
+    """Provide threads, processes and memory for a picture, until the end of the block."""
     with worker_pools(sharing, threads) as start_workers:
         if not sharing.has_workers:
             yield ExecutionContext(threads, sharing, start_workers, output, [])
@@ -253,11 +227,6 @@ def to_paint(
 
     With workers it is always by windows. The fit `picture` is `visible` with the camera zoomed and
     panned to fill the picture; that camera is printed.
-
-    Raises
-    ------
-    ValueError
-        As of `scene_of`; or windows serve neither.
     """
     if context.sharing.has_workers:
         from resample_volume.outofcore.dense import share_lattice

@@ -80,13 +80,7 @@ def open_volume(
 
 
 def open_recording(name: str | Path, reader: Reader | None = None) -> Recording:
-    """Open all times and channels by name.
-
-    Parameters
-    ----------
-    name, reader
-        As in `open_volume`; errors as well.
-    """
+    """Open all times and channels by name."""
     if is_address(name):
         return _distant(reader).recorded(Address(str(name)))
     name = _unprefixed(name)
@@ -105,13 +99,7 @@ def open_recording(name: str | Path, reader: Reader | None = None) -> Recording:
 
 
 def open_streamed(name: str | Path, reader: Reader | None = None) -> Recording | None:
-    """Open a recording whose values stay in their file; None if it must be read as a whole.
-
-    Parameters
-    ----------
-    name, reader
-        As in `open_volume`; errors as well.
-    """
+    """Open a recording whose values stay in their file; None if it must be read as a whole."""
     if is_address(name):
         return _distant(reader).streamed(Address(str(name)))
     path = Path(_unprefixed(name))
@@ -124,13 +112,7 @@ def open_streamed(name: str | Path, reader: Reader | None = None) -> Recording |
 
 
 def levels_of(name: str | Path, reader: Reader | None = None) -> list[dict[str, Any]]:
-    """Return the levels of a multiscale file, see `Streamer.levels`; empty for a single one.
-
-    Parameters
-    ----------
-    name, reader
-        As in `open_volume`; errors as well.
-    """
+    """Return the levels of a multiscale file, see `Streamer.levels`; empty for a single one."""
     if is_address(name):
         return _distant(reader).levels(Address(str(name)))
     path = Path(_unprefixed(name))
@@ -141,13 +123,7 @@ def levels_of(name: str | Path, reader: Reader | None = None) -> list[dict[str, 
 
 
 def _distant(reader: Reader | None) -> "Zarr":
-    """Return the reader of an address.
-
-    Raises
-    ------
-    ValueError
-        It is not of a zarr store.
-    """
+    """Return the reader of an address."""
     from resample_volume.files.stores.reader import Zarr
 
     if reader is None:
@@ -165,13 +141,7 @@ def _not_empty(path: Path) -> Path:
 
 
 def find_reader(path: str | Path) -> Reader:
-    """Find the reader for a file's longest known suffix, or for a folder or an address.
-
-    Raises
-    ------
-    ValueError
-        No installed reader fits, or two do.
-    """
+    """Find the reader for a file's longest known suffix, or for a folder or an address."""
     if is_address(path):
         return _distant(None)
     path = Path(path)
@@ -195,13 +165,7 @@ def find_reader(path: str | Path) -> Reader:
 
 
 def generate(spec: str) -> Volume:
-    """Generate a volume by name and parameters, `checker-box:size=64`.
-
-    Raises
-    ------
-    ValueError
-        A parameter is unknown, or not a number of its kind.
-    """
+    """Generate a volume by name and parameters, `checker-box:size=64`."""
     name, _, text = spec.partition(":")
     if name not in GENERATED:
         raise ValueError(f"unknown volume {name!r}; generated are {', '.join(GENERATED)}")
@@ -219,13 +183,6 @@ def generate(spec: str) -> Volume:
 
 def describe(volume: Volume, bins: int = 32) -> dict[str, Any]:
     """Describe a volume, in plain Python values.
-
-    Parameters
-    ----------
-    volume
-        May be mapped from a file, or stay there as bricks: it is processed in parts.
-    bins
-        Number of bins of the histogram, of equal width over the robust range.
 
     Returns
     -------

@@ -188,23 +188,7 @@ def named_transfer(
 def check_together(
     resampler: Resampler, classification: Classification, extras: Collection[str] = ()
 ) -> None:
-    """Reject options that exclude each other, and say which are allowed.
-
-    Parameters
-    ----------
-    resampler
-        Renderer.
-    classification
-        When values are classified.
-    extras
-        Names of other chosen options, see `Appearance.extras`.
-
-    Raises
-    ------
-    ValueError
-        The order composites colors but a field was asked for; or the field has no labels, light or
-        gradients to show.
-    """
+    """Reject options that exclude each other, and say which are allowed."""
     projection = resampler.projection
     is_composite = projection is Projection.COMPOSITE
     _check_values(projection, extras)
@@ -305,8 +289,6 @@ def decided(
 
     Parameters
     ----------
-    media
-        Volumes with their looks.
     resampler
         Renderer; one of samples paints voxels in any case.
     """

@@ -36,13 +36,7 @@ class MixedMedia(NamedTuple):
 
 
 def mixed(parts: Sequence[Voxels], lattice: CommonLattice) -> MixedMedia:
-    """Mix the voxels of several media on one lattice.
-
-    Raises
-    ------
-    ValueError
-        They do not fit in memory.
-    """
+    """Mix the voxels of several media on one lattice."""
     from resample_volume.data.kernels.gradients import brick_order
 
     x, y, z = map(int, lattice.size)

@@ -36,20 +36,7 @@ class Series:
 
     @classmethod
     def of(cls, recording: Recording, ready: Ready = _as_it_is) -> "Series":
-        """Make a series of a recording's times, or of its channels if it has only these.
-
-        Parameters
-        ----------
-        recording
-            Whose values are an array, or `Chunked`.
-        ready
-            Sets how volumes in bricks are read.
-
-        Raises
-        ------
-        ValueError
-            It has channels as well.
-        """
+        """Make a series of a recording's times, or of its channels if it has only these."""
         ordered = with_times_first(recording)
         every = ready(whole(ordered))
         known = survey(every)

@@ -58,14 +58,10 @@ def ball_of(
 
     Parameters
     ----------
-    seen
-        Volumes to scan.
     outline
         Where their voxels are visible.
     voxel
         Longest step of the lattice, scene units.
-    looking
-        Executor of the second pass, if there may be outliers.
     """
     low, high = outline.low, outline.high
     most, bulk, extent = most_strays(outline.total), None, high - low

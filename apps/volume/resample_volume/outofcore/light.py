@@ -50,13 +50,7 @@ class LightGrid(NamedTuple):
         return 2 * prod(self.cells.grid)
 
     def stored_in(self, folder: Path | None) -> "LightGrid":
-        """Return a copy in a file of this folder, for other processes; None: itself.
-
-        Raises
-        ------
-        OSError
-            It cannot be written.
-        """
+        """Return a copy in a file of this folder, for other processes; None: itself."""
         if folder is None or isinstance(self.share, Path):
             return self
         save_array(folder / FILE, self.share)
@@ -75,21 +69,8 @@ def transmittance_grid(
 
     Parameters
     ----------
-    seen, outline
-        Volumes to scan, and where they are visible.
-    light
-        The light source.
     steps
         (3, 3) columns are the steps of the lattice, scene units.
-    memory
-        Bytes that the grid of light may take.
-    looking
-        Executor of the scan.
-
-    Raises
-    ------
-    ValueError
-        The grid needs more memory.
     """
     cells = cells_around(outline.last - outline.first + 1)
     size = BYTES_PER_CELL * prod(cells.grid)

@@ -32,14 +32,8 @@ def passed(
 
     Parameters
     ----------
-    bricks
-        Values; bricks read are counted there.
-    lattice
-        Lattice of blocks.
     job
         Called with bricks restricted to some layers. Must be picklable for other processes.
-    looking
-        Executor of the pass.
     """
     several = max(1, min(PARTS, bricks.count[0] // THICK))
     layers = _layers(bricks, lattice, 1 if looking.executor is None else several)

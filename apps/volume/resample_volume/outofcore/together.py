@@ -163,14 +163,8 @@ def in_grid(bricks: Bricks, first: Step, size: Step, side: Step) -> Bricks:
 
     Parameters
     ----------
-    bricks
-        Of the volume.
     first
         Index of its first voxel in the lattice.
-    size
-        Of the lattice, z, y, x.
-    side
-        Of the grid's bricks.
     """
     if first == (0, 0, 0) and (size, side) == (bricks.shape, bricks.side):
         return bricks
@@ -235,17 +229,8 @@ def resampled_bricks(volume: Volume, lattice: CommonLattice, most: int) -> Volum
 
     Parameters
     ----------
-    volume
-        In bricks.
-    lattice
-        Of several volumes.
     most
         Limit in bytes for mapped pages in memory.
-
-    Raises
-    ------
-    ValueError
-        It does not fit on the disk.
     """
     bricks = bricks_of(volume)
     values = array_in_file(bricks.shape, bricks.dtype, most, volume.name)
@@ -276,12 +261,6 @@ def mixed_by_bricks(
 
     Parameters
     ----------
-    together
-        Their values.
-    lattice
-        Of all of them.
-    members
-        The volumes.
     cut
         Removes voxels of a volume.
     finish

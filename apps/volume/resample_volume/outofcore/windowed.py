@@ -136,21 +136,10 @@ def painted_in_windows(
 
     Parameters
     ----------
-    job
-        What is painted.
-    known
-        Facts from `surveyed`.
     tell
         Called with the fraction of the work done, 0 to 1.
     executor
         Runs parts of it; None: this process.
-
-    Raises
-    ------
-    ValueError
-        A tile's voxels do not fit in memory, or the picture cannot be painted by windows.
-    OSError
-        A window cannot be written or read.
     """
     bricks = bricks_of(job.volume)
     tasks = tasks_of(job, known, 1 if executor is None else WINDOWS)
@@ -279,11 +268,6 @@ def tasks_of(job: RenderJob, known: Surveyed, fewest: int = 1) -> list[WindowTas
     """Return windows of whole tiles, each within the memory limit.
 
     If the picture does not fit in memory at once, there is a least number of windows.
-
-    Raises
-    ------
-    ValueError
-        A single tile exceeds the limit.
     """
     (height, width), tile = known.plan.size, known.plan.tile
     values = bricks_of(job.volume)

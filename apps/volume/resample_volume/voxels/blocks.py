@@ -95,14 +95,10 @@ def bounds_of(volume: Volume, lattice: Lattice, index: Indices, reach: float, vi
 
     Parameters
     ----------
-    volume
-        Around the scene's origin.
     lattice, index
         The blocks, (N,) flat.
     reach
         Radius of the kernels, voxels.
-    view
-        Of the camera.
 
     Returns
     -------

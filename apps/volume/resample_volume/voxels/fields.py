@@ -55,20 +55,11 @@ def field_voxels(
 
     Parameters
     ----------
-    volume
-        Of any type. Missing and infinite values are left out.
-    transfer
-        Gives colors and opacities.
     resampler
         Renderer, for its projection: an X-ray needs values other than 0, a mean all of them, and
         others those near visible voxels.
     gradient
         One of `resample_volume.voxels.visible.GRADIENTS`; None without shading.
-
-    Raises
-    ------
-    ValueError
-        The data do not cross the iso value, or the voxels do not fit in memory.
     """
     lattice = lattice_of(volume)
     data_range, unit = finite_range(volume.values), unit_of(transfer, volume)
@@ -124,8 +115,6 @@ def lit_field(
         None leaves the colors as they are.
     viewer
         (4,) position and 1, or direction to the viewer and 0; scene axes.
-    cue
-        Depths at which fading begins and ends, and the fraction lost at the end.
     """
     lamp = lamp_of(light or UNLIT, viewer, voxels.gradient)
     classifier = Classifier(*voxels.table, lamp, *cue)

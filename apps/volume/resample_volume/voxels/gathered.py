@@ -95,25 +95,11 @@ def gathered(
 
     Parameters
     ----------
-    volume
-        Of any type. Missing and infinite values are transparent.
-    transfer
-        Gives colors and opacities.
-    resampler
-        Renderer, for its projection.
-    sharpness
-        As of `resample.painting.splines.spline_of`.
     gradient
         One of `resample_volume.voxels.visible.GRADIENTS`, for the steepness of a full surface if
         the transfer function depends on it.
     labels
         Rules for voxels of some labels.
-
-    Raises
-    ------
-    ValueError
-        The data do not cross the iso value, or the field does not fit in memory, not even without
-        thin slices.
     """
     lattice = lattice_of(volume)
     data_range, unit = finite_range(volume.values), unit_of(transfer, volume)
@@ -219,21 +205,8 @@ def with_shadows(
 
     Parameters
     ----------
-    field
-        The volume's field.
-    volume
-        The volume.
-    resampler
-        Renderer; by its projection what is visible, or what is beyond a surface, occludes light.
     clip
         (M, 4) planes; what they cut away occludes no light.
-    light
-        The light source.
-
-    Raises
-    ------
-    ValueError
-        The grid of light does not fit in memory.
     """
     parts = _extinctions(field, volume, resampler.iso)
     reached = field_transmittance(volume, parts, clip, light)

@@ -104,12 +104,6 @@ def cued(samples: Samples, camera: "AnyCamera", cue: DepthCue, near: float, far:
     ----------
     samples
         Shaded; colors are multiplied by 1 up to `near` and by 1 - share from `far` on.
-    camera
-        Depth is distance along its axis.
-    cue
-        The fraction lost.
-    near, far
-        Scene units, the first less than the second; see `cue_range`.
     """
     view = camera.view()
     forward, ahead = view.rotation[2].astype(np.float32), np.float32(view.translation[2] - near)
@@ -141,11 +135,6 @@ def shade(
         (3,) scene direction of view of a parallel camera, instead of `eye`.
     steepest
         (N, 3) extreme components of all gradients, if these voxels are a part; see `lamp_of`.
-
-    Raises
-    ------
-    ValueError
-        There are no gradients, or not exactly one of `eye` and `view`.
     """
     color = voxels.color
     if light is not None and len(voxels.reached):
@@ -200,8 +189,6 @@ def lamp_of(light: Light, viewer: Doubles, gradient: Floats) -> Lamp:
 
     Parameters
     ----------
-    light
-        The light source.
     viewer
         (4,) from `viewer_of`.
     gradient

@@ -53,20 +53,6 @@ def visible_in_bricks(bricks: Bricks, wanted: BrickClassifier, name: str) -> Can
     If the histogram of values is known, nothing is read if they are too many. A brick without
     visible values is not read, unless slopes beside it need it; every other one is read once. The
     result equals that for an array, in the same order.
-
-    Parameters
-    ----------
-    bricks
-        Values, and the memory limit.
-    wanted
-        Parameters of the scan.
-    name
-        Of the volume.
-
-    Raises
-    ------
-    TooManyVoxelsError
-        They do not fit in memory.
     """
     chosen = visible_bricks(bricks, wanted.transfer, wanted.data_range)
     together = bricks_in_memory(_with_those_beside(bricks, chosen if wanted.gradient else ()))
@@ -93,10 +79,6 @@ def brick_by_brick(
     ----------
     bricks
         Values; if only some blocks are requested, other voxels count as hidden.
-    wanted
-        Parameters of the scan.
-    chosen
-        Bricks, ascending; see `visible_bricks`.
     finish
         The job, called with voxels and their brick's box; runs on several bricks at a time.
     """
@@ -131,8 +113,6 @@ def map_bricks(
 
     Parameters
     ----------
-    parts
-        Volumes with bricks on one grid.
     finish
         The job, called with each volume's voxels and its brick's box; runs on several bricks at a
         time.

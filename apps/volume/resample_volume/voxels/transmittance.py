@@ -44,8 +44,6 @@ def light_transmittance(extinction: Floats, lattice: Doubles, light: Light) -> F
         (Z, Y, X) optical depth per scene unit.
     lattice
         (3, 3) columns are the steps to the next cell along x, y and z, scene units.
-    light
-        Its options say whether there are shadows and ambient occlusion; without, all light arrives.
     """
     share = np.full((*extinction.shape, 2), ALL, np.uint8)
     if light.shadows and light.direction is not None:
@@ -102,8 +100,6 @@ def optical_depths(
         (3, 3) columns are the steps to the next cell along x, y and z, scene units.
     toward
         (3,) scene direction of the light.
-    reach
-        Scene units; what is farther away does not count.
 
     Yields
     ------
@@ -132,13 +128,7 @@ def optical_depths(
 
 
 def voxel_transmittance(voxels: Voxels, light: Light) -> Floats:
-    """Return fractions (N, 2), 0 to 1, of lamp and ambient light that reach voxels.
-
-    Raises
-    ------
-    ValueError
-        The grid of light does not fit in memory.
-    """
+    """Return fractions (N, 2), 0 to 1, of lamp and ambient light that reach voxels."""
     if not len(voxels.position):
         return np.ones((0, 2), np.float32)
     to_index = np.linalg.inv(voxels.lattice)
@@ -207,19 +197,10 @@ def field_transmittance(
 
     Parameters
     ----------
-    volume
-        The volume.
     extinctions
         Yields optical depths per scene unit of some slices at a time, in order.
     clip
         (M, 4) planes; what they cut away takes no light.
-    light
-        The light source.
-
-    Raises
-    ------
-    ValueError
-        The grid of light does not fit in memory.
     """
     size, lattice = np.array(volume.values.shape), lattice_of(volume)
     per = cells_of(size)
@@ -247,13 +228,7 @@ def _is_uncut(
 
 
 def _grid_of(size: NDArray[np.int64], per: int) -> tuple[int, ...]:
-    """Return the number of cells along z, y and x.
-
-    Raises
-    ------
-    ValueError
-        They do not fit in memory.
-    """
+    """Return the number of cells along z, y and x."""
     grid = tuple((-(-size // per)).tolist())
     require_memory(BYTES_PER_CELL * math.prod(grid), "the grid of light")
     return grid

@@ -76,17 +76,8 @@ def compare_scene(
 
     Parameters
     ----------
-    names
-        Methods, with parameters after a colon.
     size
         Height and width of all frames, px.
-    views
-        Names from `scenes.VIEWPOINTS`.
-
-    Raises
-    ------
-    ValueError, LookupError
-        A method or view is unknown, a method refuses its parameters, or the size does not fit.
     """
     methods = _built(names)
     check_views(views)
@@ -114,20 +105,11 @@ def compare_view(
     ----------
     source
         Prepared depth image, linear light.
-    equation
-        Equation to the true view.
     truth
         (H, W, C) gray or RGB, linear light; with opacity it is shown over black.
     mask
         (H, W) pixels that both views see. None: the pixels where a sample of the source arrives;
         then surfaces hidden only in the true view are taken for visible.
-    names
-        Methods, with parameters after a colon.
-
-    Raises
-    ------
-    ValueError, LookupError
-        A method is unknown or refuses its parameters, sizes differ, or no pixel counts.
     """
     shape = (truth.shape[0], truth.shape[1])
     if mask is None:
@@ -171,10 +153,6 @@ def sheet(comparison: DepthComparison, path: Path, zoom: int | None = None) -> N
 
     Parameters
     ----------
-    comparison
-        The comparison to show; the truth comes first, holes are black.
-    path
-        Output file, `.png`.
     zoom
         Enlargement of pixels; None enlarges small pictures.
     """
@@ -233,8 +211,6 @@ def busiest(
     ----------
     errors
         (H, W) absolute differences to the truth, of one or more methods.
-    target
-        Pixels that count.
     side
         Side of the square, px; smaller in small pictures.
     """

@@ -158,11 +158,6 @@ def generated(size: int = 512) -> ObjectScene:
     Returns
     -------
     The scene with the views of `VIEWPOINTS`.
-
-    Raises
-    ------
-    ValueError
-        The size is not in 8..4096.
     """
     if not SMALLEST <= size <= LARGEST:
         raise ValueError(f"a generated scene has {SMALLEST} to {LARGEST} px a side, not {size}")

@@ -40,25 +40,10 @@ def match_depths(
 ) -> Doubles:
     """Return factors (V,) of the sources' nearness that make their surfaces agree.
 
-    Parameters
-    ----------
-    sources
-        Sources of one scene; their order only changes the order of the result. Sources with a lens
-        are projected into others, but others not into them.
-    equations
-        Equations from each source to each source.
-    depths
-        `scale` or `none`.
-
     Returns
     -------
     Factors with product 1, as no source is known to be right. All are 1 if the sources agree within
     0.02 %; a source that shares nothing with the others gets 1.
-
-    Raises
-    ------
-    ValueError
-        The way to match is unknown.
     """
     check_depths(depths)
     count = len(sources)

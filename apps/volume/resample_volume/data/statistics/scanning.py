@@ -93,8 +93,6 @@ def scanned(bricks: InBricks, helpers: Helpers | None = None) -> BrickStats:
 
     Parameters
     ----------
-    bricks
-        Values.
     helpers
         Workers; None: this process only. A part is repeated if its worker ended.
     """
@@ -228,16 +226,7 @@ def are_few(dtype: np.dtype[Any]) -> bool:
 
 
 def count_codes(values: NDArray[Any], *, of: int | None = None) -> NDArray[np.int64]:
-    """Count each of few possible values, by its bits.
-
-    Parameters
-    ----------
-    values
-        Values to count.
-    of
-        Number of all values, if these are a part. OpenCV is ten times as fast as NumPy, but not
-        worth its import for few values.
-    """
+    """Count each of few possible values, by its bits."""
     size = 1 << (values.dtype.itemsize * 8)
     code = np.ascontiguousarray(values).view(f"u{values.dtype.itemsize}").reshape(1, -1)
     if of is not None and of <= LITTLE:

@@ -18,18 +18,7 @@ Cells = tuple[NDArray[Any], NDArray[Any]]  # where each begins, and its corners
 
 
 def legacy_grid(found: Sections) -> Any:
-    """Read a file to a data set of VTK's.
-
-    Parameters
-    ----------
-    found
-        A file of one of `GRIDS`, of which the first lines were read.
-
-    Raises
-    ------
-    ValueError
-        VTK is not installed, or the file is damaged or cut off.
-    """
+    """Read a file to a data set of VTK's."""
     require_vtk(found.name)
     is_structured = found.dataset == "structured_grid"
     grid, cells = (_structured if is_structured else _unstructured)(found)

@@ -36,13 +36,7 @@ class _Axis(NamedTuple):
 
 
 def read_cube(path: Path, name: str, check: Check) -> Recording:
-    """Read a cube; orbitals, or other multiple numbers per voxel, are channels.
-
-    Raises
-    ------
-    ValueError, OSError
-        It is not a cube, truncated, not of a volume, or rejected by `check`.
-    """
+    """Read a cube; orbitals, or other multiple numbers per voxel, are channels."""
     check_size(path.name, path.stat().st_size)
     with path.open("rb") as file:
         known = _header(file, path, name)

@@ -67,13 +67,7 @@ class _MrcHeader(NamedTuple):
 
 
 def read_mrc(path: Path, name: str, check: Check) -> Recording:
-    """Read a map, or a stack of volumes as times.
-
-    Raises
-    ------
-    ValueError, OSError
-        It is not an MRC file, damaged, not of a volume, or rejected by `check`.
-    """
+    """Read a map, or a stack of volumes as times."""
     parsed = _parsed_header(_fields(first_bytes(path, LENGTH), path.name), path.name, name)
     known = parsed.known
     check(known)

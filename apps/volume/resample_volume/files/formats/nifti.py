@@ -79,13 +79,7 @@ class _NiftiHeader(NamedTuple):
 
 
 def read_nifti(path: Path, name: str, check: Check) -> Recording:
-    """Read all times and channels of an existing file; slope and intercept are applied.
-
-    Raises
-    ------
-    ValueError, OSError
-        It is not a single-file NIfTI, damaged, not of a volume, or rejected by `check`.
-    """
+    """Read all times and channels of an existing file; slope and intercept are applied."""
     parsed = _parsed_header(first_bytes(path, LENGTHS[1]), path, name)
     check(parsed.known)
     offset = int(parsed.fields["offset"])

@@ -51,12 +51,6 @@ def header(
     """Make a header, and reject what is not a scalar volume.
 
     The lengths of the columns of `direction` move to the spacing, which preserves all positions.
-
-    Raises
-    ------
-    ValueError
-        There are not three dimensions, one is empty, there is a single slice, voxels are not plain
-        numbers, a spacing is not positive and finite, or a direction cannot be inverted.
     """
     check_shape(shape, name)
     kind = check_type(np.dtype(dtype), name)
@@ -96,13 +90,7 @@ def check_type(dtype: np.dtype[Any], name: str) -> np.dtype[Any]:
 
 
 def check_not_empty(known: VolumeHeader) -> None:
-    """Reject a header without times or components.
-
-    Raises
-    ------
-    ValueError
-        There are none.
-    """
+    """Reject a header without times or components."""
     if known.times < 1 or known.parts < 1:
         raise ValueError(
             f"{known.name} is empty: {known.times} times, {known.parts} numbers at each voxel; "
@@ -132,13 +120,7 @@ def accept_any(known: VolumeHeader) -> None:
 
 
 def volume(values: NDArray[Any], known: VolumeHeader) -> Volume:
-    """Make a volume of values (Z, Y, X); unsupported types are widened.
-
-    Raises
-    ------
-    ValueError
-        There is more than one volume.
-    """
+    """Make a volume of values (Z, Y, X); unsupported types are widened."""
     check_alone(known)
     return alone(recording(values, known))
 
@@ -152,8 +134,6 @@ def recording(
     ----------
     values
         (T, Z, Y, X, C) without the axes T and C of length 1.
-    known
-        The header.
     channels_first
         They are (T, C, Z, Y, X) instead.
     """
@@ -174,13 +154,7 @@ def recording(
 
 
 def existing_file(path: Path) -> Path:
-    """Return the path of a file that can be opened.
-
-    Raises
-    ------
-    OSError
-        It is missing, a folder, or not readable.
-    """
+    """Return the path of a file that can be opened."""
     if path.is_dir():
         raise IsADirectoryError(f"{path} is a folder; name one of its files")
     if not path.exists():

@@ -14,13 +14,7 @@ FORTRAN = re.compile(rb"(?<=[\d.])[dD]?(?=[+-]\d+$)|(?<=[\d.])[dD](?=\d+$)")  # 
 
 
 def numbers(file: BinaryIO, count: int, dtype: np.dtype[Any], name: str) -> NDArray[Any]:
-    """Read the next numbers (count,) of a file, up to the end of a line; name is for messages.
-
-    Raises
-    ------
-    ValueError
-        There are fewer or more, or words instead of numbers.
-    """
+    """Read the next numbers (count,) of a file, up to the end of a line; name is for messages."""
     check_length(file, count, name)
     found, done = np.empty(count, dtype), 0
     for words in _batches(file, count, name):

@@ -48,20 +48,7 @@ class _Slice(NamedTuple):
 
 
 def dicom_slices(folder: Path, series: str) -> list[Path]:
-    """Return the files of one series.
-
-    Parameters
-    ----------
-    folder
-        Folder with files of any name.
-    series
-        Its instance UID; empty: the only one.
-
-    Raises
-    ------
-    ValueError
-        There is no series of that UID, there are several, or a file is damaged.
-    """
+    """Return the files of one series."""
     known: dict[str, list[Path]] = {}
     for file in sorted(folder.iterdir(), key=natural):
         if file.name == "DICOMDIR" or not (is_dicom(file) or file.suffix.lower() == ".dcm"):
@@ -94,12 +81,6 @@ def dicom_volume(files: list[Path], name: str) -> Volume:
 
     Slices are sorted by position, otherwise by number, otherwise by file name. Slices with a
     lateral offset (tilted gantry) make a sheared volume.
-
-    Raises
-    ------
-    ValueError
-        A file is damaged or compressed in an unknown way, or slices differ, coincide, or do not lie
-        behind each other.
     """
     slices = [each for path in files for each in _slices(path)]
     with _quiet(files[0]):

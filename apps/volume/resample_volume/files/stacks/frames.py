@@ -7,20 +7,7 @@ from resample.reading.limits import LimitError
 
 
 def check_frames(dataset: Any, name: str) -> None:
-    """Reject compressed frames whose own size differs from the header's.
-
-    Parameters
-    ----------
-    dataset
-        The file's data set, by pydicom.
-    name
-        File name, for the message.
-
-    Raises
-    ------
-    ValueError
-        One is of another size.
-    """
+    """Reject compressed frames whose own size differs from the header's."""
     from pydicom.encaps import generate_frames
 
     wanted = (int(dataset.Rows), int(dataset.Columns))

@@ -42,13 +42,7 @@ def files_with(folder: Path, suffixes: tuple[str, ...]) -> list[Path]:
 
 
 def stack_pages(paths: list[Path]) -> list[SlicePage]:
-    """Return all slices of picture files, which must be alike.
-
-    Raises
-    ------
-    ValueError
-        A file is not a picture, has several channels, or differs from the first.
-    """
+    """Return all slices of picture files, which must be alike."""
     pages = []
     with suppressed_output():
         for page in (page for path in paths for page, _ in _walk(path)):

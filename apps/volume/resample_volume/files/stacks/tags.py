@@ -10,13 +10,7 @@ UNDEFINED = 0xFFFFFFFF  # length of elements with an end mark
 
 
 def whole(dataset: Any, key: str, otherwise: int | None = None) -> int:
-    """Return an integer of a header; `otherwise` if there is none.
-
-    Raises
-    ------
-    ValueError
-        There are several, it is not an integer, or it is missing and required.
-    """
+    """Return an integer of a header; `otherwise` if there is none."""
     given = dataset.get(key)
     if given in (None, "") and otherwise is not None:
         return otherwise
@@ -43,13 +37,7 @@ def check_text(dataset: Any, key: str) -> None:
 
 
 def numbers(given: Any, key: str, *counts: int) -> Doubles:
-    """Return the finite numbers (N,) of a header's key, of an allowed count.
-
-    Raises
-    ------
-    ValueError
-        They are not finite numbers, or more or fewer.
-    """
+    """Return the finite numbers (N,) of a header's key, of an allowed count."""
     try:
         found = np.atleast_1d(np.array(given, np.float64))
         is_right = found.ndim == 1 and len(found) in counts and bool(np.isfinite(found).all())
@@ -63,13 +51,7 @@ def numbers(given: Any, key: str, *counts: int) -> Doubles:
 
 
 def check_lengths(dataset: Any) -> None:
-    """Reject a header whose elements claim more bytes than there are.
-
-    Raises
-    ------
-    ValueError
-        One does.
-    """
+    """Reject a header whose elements claim more bytes than there are."""
     for tag in dataset.keys():  # noqa: SIM118  iterating a header itself converts all values
         raw = dataset.get_item(tag)
         claimed, value = getattr(raw, "length", 0), getattr(raw, "value", None)

@@ -158,13 +158,7 @@ class Zarr:
 
 
 def with_level(reader: Any, level: int) -> Any:
-    """Return the reader of a coarser level.
-
-    Raises
-    ------
-    ValueError
-        Its files have none.
-    """
+    """Return the reader of a coarser level."""
     if not isinstance(reader, Zarr):
         raise ValueError(
             "level chooses a size of an OME-Zarr; this file has one size, leave it out"

@@ -54,11 +54,6 @@ def state_of_files(store: Path, array: str) -> State | None:
     """Return the state of an array on disk, from names, sizes and times of its files.
 
     It is settled if none of them was just written.
-
-    Parameters
-    ----------
-    store, array
-        Location.
     """
     digest, newest = sha256(), 0.0
     before = time.time() - RECENT
@@ -78,16 +73,6 @@ def state_of_server(portion: Portion) -> State | None:
     Object stores list chunks with tags, which change with each write. A web server gets a HEAD
     request for every chunk of the part: it must return a strong tag or a time for each; with times,
     the state is settled an hour after the last.
-
-    Parameters
-    ----------
-    portion
-        Of an array whose store is opened by its address.
-
-    Raises
-    ------
-    CancelledError
-        It was cancelled.
     """
     import obstore
 
@@ -118,13 +103,7 @@ def _state(portion: Portion, chunks: Iterator[ChunkMetadata], *, is_web: bool) -
 
 
 def _listed(place: Any, portion: Portion) -> Iterator[ChunkMetadata]:
-    """List all objects of an array, by name.
-
-    Raises
-    ------
-    OSError
-        There are none, so that these cannot be all.
-    """
+    """List all objects of an array, by name."""
     import obstore
 
     pages = obstore.list(place, portion.array.path or None, chunk_size=PAGE)

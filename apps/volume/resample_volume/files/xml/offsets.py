@@ -31,13 +31,7 @@ class _Ends(NamedTuple):
 
 
 def check_offsets(path: Path) -> None:
-    """Reject an unstructured grid whose cells claim far more corners than the file can hold.
-
-    Raises
-    ------
-    ValueError
-        They do; or offsets cannot be read, or cells are polyhedra, which have other offsets.
-    """
+    """Reject an unstructured grid whose cells claim far more corners than the file can hold."""
     with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
         every = elements_of(content)
         about = {key: attributes for key, attributes in every[0].attributes.items() if key in KEPT}

@@ -23,15 +23,7 @@ LETTER = re.compile(rb"[A-Za-z0-9+/]*")
 
 
 def check_blocks(path: Path) -> None:
-    """Reject data whose sizes exceed what the file can hold: VTK would end the process.
-
-    Raises
-    ------
-    ValueError
-        There are more blocks, or bytes, than in the file, or they decompress to far too much;
-        points, cells or components exceed what the file can hold, or memory; or pieces do not fill
-        the whole.
-    """
+    """Reject data whose sizes exceed what the file can hold: VTK would end the process."""
     with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
         every = elements_of(content)
         if not every:

@@ -78,11 +78,6 @@ def thin_that_fits(volume: Volume, projection: Projection, *, stays: bool) -> Th
     """Return how slices are made thin; not if only thick ones fit in memory or are wanted.
 
     Nor for means along rays: a spline preserves sums of voxels.
-
-    Raises
-    ------
-    ValueError
-        The field does not fit in memory in any case.
     """
     is_mean = projection in MEASURING and projection not in EXTREMES
     thin = SAME if is_mean or stays else thin_of(volume)

@@ -247,13 +247,7 @@ def _scaled(color: Floats) -> Floats:
 
 
 def fitted(image: DepthImage) -> DepthImage:
-    """Enlarge a depth image's depth to the size of its color.
-
-    Raises
-    ------
-    ValueError
-        They do not show the same frame: their aspect ratios differ.
-    """
+    """Enlarge a depth image's depth to the size of its color."""
     height, width = image.nearness.shape
     shape = image.color.shape[0], image.color.shape[1]
     if (height, width) == shape:
@@ -282,8 +276,6 @@ def enlarged(nearness: Floats, shape: tuple[int, int], scale: tuple[float, float
     ----------
     nearness
         (h, w); 0 where unknown.
-    shape
-        Height and width of the result.
     scale
         Rows and columns of the map per row and column of the result.
     """
