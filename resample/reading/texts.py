@@ -8,7 +8,7 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
-from resample.reading.limits import check_items, check_size, limits, refused
+from resample.reading.limits import check_size, limits, refused
 from resample.words import TOO_LARGE, TOO_MANY_DIGITS
 
 OPENCV = re.compile(r"\A%YAML[^\n]*")  # a directive; OpenCV's has a colon, which is not YAML
@@ -18,15 +18,7 @@ PARTS = re.compile(r"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*"|'[^'\n]*')[ \t]*+\.[ \t
 
 
 def text_of(path: Path) -> str:
-    """Read a text file.
-
-    Raises
-    ------
-    OSError
-        It cannot be read.
-    ValueError
-        It is not text, or too long.
-    """
+    """Read a text file."""
     check_size(str(path), path.stat().st_size)
     try:
         return path.read_text(encoding="utf-8-sig")
@@ -36,11 +28,6 @@ def text_of(path: Path) -> str:
 
 def json_of(text: str) -> Any:
     """Parse JSON.
-
-    Raises
-    ------
-    ValueError
-        It is not JSON, too large, nested too deep, or has an integer that no array can hold.
 
     Examples
     --------
@@ -54,7 +41,7 @@ def json_of(text: str) -> Any:
     except RecursionError:
         raise _too_deep() from None
     except ValueError as error:
-        raise _said(error) from None
+        raise _own_error(error) from None
 
 
 def toml_of(text: str) -> dict[str, Any]:
@@ -76,7 +63,7 @@ def toml_of(text: str) -> dict[str, Any]:
     except RecursionError:
         raise _too_deep() from None
     except ValueError as error:
-        raise _said(error) from None
+        raise _own_error(error) from None
     return found
 
 
@@ -163,7 +150,7 @@ def _too_deep() -> ValueError:
     return refused("too deep", "nested levels", "depth")
 
 
-def _said(error: ValueError) -> ValueError:
+def _own_error(error: ValueError) -> ValueError:
     """Convert a parser's error; for numbers of thousands of digits it mentions Python internals."""
     is_own = type(error) is ValueError and TOO_MANY_DIGITS.match(str(error))
     return ValueError(TOO_LARGE) if is_own else error
@@ -184,8 +171,3 @@ def _checked(tree: Any) -> Any:
     if count:
         raise ValueError(f"{count} whole numbers are beyond 64 bits; write them as 1e30")
     return tree
-
-
-def check_names(what: str, names: list[str]) -> None:
-    """Reject a file that refers to too many others."""
-    check_items(what, len(names), "files are named")

@@ -12,7 +12,7 @@ from resample.cameras.models import AnyCamera
 from resample.painting import previews
 from resample.types import Frame, View
 from resample_volume.classification.labels import Labels
-from resample_volume.data.bricks import Bricks
+from resample_volume.data.values import values_of
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import planes
 from resample_volume.voxels.framing import centered
@@ -37,8 +37,6 @@ def enlarged(frame: Frame, per: int, height: int, width: int) -> Frame:
 
     Parameters
     ----------
-    frame
-        At least as large as the result divided by `per`, rounded up.
     per
         Pixels per side that one becomes.
     height, width
@@ -56,15 +54,7 @@ def enlarged(frame: Frame, per: int, height: int, width: int) -> Frame:
 
 
 def merged(volume: Volume, per: int) -> Volume:
-    """Downsample a volume by means over blocks of voxels, without missing values.
-
-    Parameters
-    ----------
-    volume
-        Volume of values or of colors.
-    per
-        Voxels along each axis that become one; the last blocks may be smaller.
-    """
+    """Downsample a volume by means over blocks of voxels, without missing values."""
     shift = volume.direction * volume.spacing @ np.full(3, (per - 1) / 2)
     colors = None if volume.colors is None else _means(volume.colors, per)
     return volume._replace(
@@ -77,9 +67,7 @@ def merged(volume: Volume, per: int) -> Volume:
 
 def merged_labels(labels: Labels, per: int) -> Labels:
     """Return labels of merged voxels, each that of the block's first voxel."""
-    given: Any = labels.values
-    values = given.whole() if isinstance(given, Bricks) else given
-    return replace(labels, values=values[::per, ::per, ::per])
+    return replace(labels, values=values_of(labels.values).whole()[::per, ::per, ::per])
 
 
 def kept_cuts(

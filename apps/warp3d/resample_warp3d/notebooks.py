@@ -19,8 +19,10 @@ def view(color: Any, depth: Any = None, /, **settings: Any) -> "Viewer":
 
     Parameters
     ----------
-    Picture of a depth image: a file, or 8 or 16 bits as `as_picture` takes them; or, alone,
-    the file of a cloud. Arrays are written to temporary files that live as long as the widget.
+    color
+        Picture of a depth image: a file, or 8 or 16 bits as `as_picture` takes them; or, without a
+        depth, the file of a cloud. Arrays are written to temporary files that live as long as the
+        widget.
     depth
         Depth of the picture: a file, or an array (H, W).
     settings

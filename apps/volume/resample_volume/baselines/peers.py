@@ -154,13 +154,7 @@ class VtkRenderer:
             ) from None
 
     def draw(self, camera: AnyCamera) -> None:
-        """Let VTK draw a frame into its window; this is timed.
-
-        Raises
-        ------
-        ValueError
-            The camera's pixels are not square.
-        """
+        """Let VTK draw a frame into its window; this is timed."""
         window, renderer, mapper, _ = self._stage
         _aim(renderer, camera.view(), self._size, self._corners)
         mapper.GetRayCastImage().ClearImage()  # one outside the view would leave the last frame
@@ -174,19 +168,6 @@ class VtkRenderer:
         height, width = self._size
         parts = fine.reshape(height, self._rays, width, self._rays, 4)
         return np.asarray(parts.mean(axis=(1, 3), dtype=np.float64) / FULL, np.float32)
-
-
-def vtk_picture(
-    volume: Volume,
-    transfer: Transfer,
-    camera: AnyCamera,
-    *,
-    height: int,
-    width: int,
-    look: Peer = DEFAULT,
-) -> Floats:
-    """Render one picture (H, W, 4) by VTK; parameters and errors as of `VtkRenderer`."""
-    return VtkRenderer(volume, transfer, height=height, width=width, look=look).render(camera)
 
 
 def _check_size(height: int, width: int, rays: int) -> None:

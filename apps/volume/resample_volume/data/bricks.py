@@ -1,6 +1,5 @@
 """Values that stay in their file: read brick by brick, with cached statistics."""
 
-import logging
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -14,22 +13,21 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.memory import amount
-from resample.memory.mapped import array_in_file, folder
-from resample.painting.splines import bytes_of_field
 from resample.types import Doubles
 from resample.watching import report
-from resample_volume.data.memory import require_memory
-from resample_volume.data.parts import slabs, threads_at_work
+from resample_volume.data.parts import threads_at_work
 from resample_volume.data.statistics.caches import LruCache, PinnedCache, is_known_by_its_ends
-from resample_volume.data.statistics.scanning import BrickStats, Helpers, scanned, step_of
-from resample_volume.types import Volume
+from resample_volume.data.statistics.scanning import (
+    BrickStats,
+    Helpers,
+    are_few,
+    finite_outside,
+    scanned,
+)
 
 Step = tuple[int, int, int]  # z, y, x
 Box = tuple[slice, slice, slice]  # z, y, x
 R = TypeVar("R")
-
-LOG = logging.getLogger("resample")
 
 
 def with_neighbours(is_chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -40,30 +38,30 @@ def with_neighbours(is_chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return found[1:-1, 1:-1, 1:-1]
 
 
-def held_together(is_needed: NDArray[np.bool_]) -> int:
+def bricks_in_memory(is_needed: NDArray[np.bool_]) -> int:
     """Return the number of bricks held at once, as slopes need adjacent ones: two layers."""
     layers = is_needed.sum(axis=(1, 2))
     return int((layers[1:] + layers[:-1]).max(initial=layers.max(initial=0)))
 
 
-class Asked(NamedTuple):
+class BrickRequest(NamedTuple):
     """Blocks whose voxels are requested."""
 
     side: int  # voxels along each axis
-    is_asked: NDArray[np.bool_]  # (Z, Y, X) of blocks
+    is_requested: NDArray[np.bool_]  # (Z, Y, X) of blocks
 
     def has_any(self, box: Box) -> bool:
         """Return whether any voxel of a box is requested."""
         z, y, x = (slice(p.start // self.side, (p.stop - 1) // self.side + 1) for p in box)
-        return bool(self.is_asked[z, y, x].any())
+        return bool(self.is_requested[z, y, x].any())
 
     def holds(self, at: Sequence[NDArray[np.int64]]) -> NDArray[np.bool_]:
         """Return which voxels (N,) are requested, by indices along z, y and x."""
         z, y, x = (n // self.side for n in at)
-        return self.is_asked[z, y, x]
+        return self.is_requested[z, y, x]
 
 
-class Keeper(Protocol):
+class StatisticsCache(Protocol):
     """Stores statistics of values for later commands."""
 
     @property
@@ -102,8 +100,8 @@ class Bricks:
     memory: int | None = None  # memory limit for all that is made of them; None: the machine's
     reads: int = 0  # counts bricks read
     most_held: int = 0  # peak bytes of bricks in memory together
-    asked: Asked | None = None  # blocks whose voxels are requested; None: all
-    keeper: "Keeper | None" = None  # of the statistics
+    request: BrickRequest | None = None  # blocks whose voxels are requested; None: all
+    statistics_cache: "StatisticsCache | None" = None  # for later commands
     recent: LruCache | None = None  # cache of bricks
     pinned: PinnedCache | None = None  # pinned bricks, as stored in the file
     helpers: Callable[[], Helpers | None] | None = None  # workers of the first pass
@@ -185,9 +183,9 @@ class Bricks:
             is_none |= np.isinf(values)
         return np.where(is_none, np.asarray(by, self.dtype), values)
 
-    def within(self, asked: Asked | None, recent: LruCache | None = None) -> "Bricks":
+    def within(self, request: BrickRequest | None, recent: LruCache | None = None) -> "Bricks":
         """Return a copy restricted to some blocks; it counts its own reads."""
-        part = replace(self.anew(), asked=asked, recent=recent)
+        part = replace(self.anew(), request=request, recent=recent)
         part.__dict__["ends"] = self.ends  # of the whole
         return part
 
@@ -197,14 +195,14 @@ class Bricks:
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what another process needs; of the statistics only the ends of bricks."""
-        known = {"ends": self.ends} if {"ends", "glance"} & self.__dict__.keys() else {}
-        left = {name: part for name, part in self.__dict__.items() if name != "glance"}
+        known = {"ends": self.ends} if {"ends", "statistics"} & self.__dict__.keys() else {}
+        left = {name: part for name, part in self.__dict__.items() if name != "statistics"}
         return left | known | {"found": {}, "recent": None, "helpers": None, "_lock": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state, _lock=Lock())
 
-    def shelve(self, most: int) -> None:
+    def pin_bricks(self, most: int) -> None:
         """Pin the bricks read first, up to a limit in bytes."""
         if self.pinned is None:
             self.pinned = PinnedCache(most)
@@ -212,7 +210,7 @@ class Bricks:
             self.pinned.limit(min(most, self.pinned.most))
 
     @property
-    def shelved(self) -> int:
+    def pinned_bytes(self) -> int:
         """Limit of the pinned bricks in bytes."""
         return 0 if self.pinned is None else self.pinned.most
 
@@ -260,7 +258,7 @@ class Bricks:
         for n, _ in enumerate(self.each(put, self.all())):
             report(n + 1, prod(self.count))
 
-    def without(self, padding: Sequence[float], by: Any) -> "Bricks":
+    def without(self, padding: Sequence[float], by: Any, _: str = "", /) -> "Bricks":
         """Return a copy in which values for missing ones, and infinite ones, are replaced."""
         return replace(self.anew(), replaced=(np.array(padding), by), found={})
 
@@ -272,86 +270,98 @@ class Bricks:
     @cached_property
     def statistics(self) -> BrickStats:
         """Return statistics of all values; the first call reads each brick."""
-        keeper = self.keeper
-        kept = None if keeper is None else keeper.load(self)
-        if keeper is None or kept is not None:
+        cache = self.statistics_cache
+        kept = None if cache is None else cache.load(self)
+        if cache is None or kept is not None:
             return kept or scanned(self, self._helped())
-        state = keeper.state()
+        state = cache.state()
         found = scanned(self, self._helped())
-        keeper.keep(self, found, state)
+        cache.keep(self, found, state)
         return found
 
     def is_kept(self) -> bool:
         """Whether the statistics are cached, so that no scan is needed."""
-        kept = None if self.keeper is None else self.keeper.load(self)
+        kept = None if self.statistics_cache is None else self.statistics_cache.load(self)
         if kept is not None:
             self.__dict__["statistics"] = kept
         return kept is not None
 
     def state(self) -> tuple[Any, ...] | None:
         """Return what identifies the values of a store; None if nothing does."""
-        state = None if self.keeper is None else self.keeper.state()
-        if self.keeper is None or state is None:
+        state = None if self.statistics_cache is None else self.statistics_cache.state()
+        if self.statistics_cache is None or state is None:
             return None
         form = (self.shape, self.dtype.str, self.side, self.period, self.replaced)
-        return (str(self.keeper.store), state, *form)
+        return (str(self.statistics_cache.store), state, *form)
+
+    @property
+    def is_streamed(self) -> bool:
+        """Whether the values stay in their file."""
+        return True
+
+    @property
+    def bytes_to_load(self) -> int:
+        """Bytes of all values."""
+        return self.size * self.dtype.itemsize
+
+    def parts(self) -> Iterator[NDArray[Any]]:
+        """Yield the values of all bricks."""
+        return self.each(self.brick, self.all())
+
+    def range(self) -> tuple[float, float]:
+        """Return the least and greatest finite value; infinite where there is none."""
+        least, greatest = self.ends
+        return float(least.min()), float(greatest.max())
+
+    def sample(self) -> NDArray[Any]:
+        """Return a regular sample, see `step_of`."""
+        return self.statistics.some
+
+    def border(self) -> NDArray[Any]:
+        """Return all values (N,) on the six sides."""
+        return self.statistics.border
+
+    def outside(self, low: float, high: float) -> tuple[NDArray[Any], int]:
+        """Return finite values (N,) outside the range of a sample, and the number of infinite."""
+        found, infinite = finite_outside([self.statistics.beyond], low, high)
+        return found, infinite + self.statistics.infinite
+
+    def codes(self) -> NDArray[np.int64]:
+        """Return counts of each value, by its bits, for types of few values."""
+        found = self.statistics.codes
+        if found is None:
+            raise TypeError(f"{self.dtype} has too many values to count each")
+        return found
+
+    def unique(self) -> set[int]:
+        """Return all whole numbers that occur."""
+        if are_few(self.dtype):
+            code = np.flatnonzero(self.codes()).astype(f"u{self.dtype.itemsize}")
+            return set(code.view(self.dtype).tolist())
+        _ = self.ends  # constant bricks need not be read after that
+        found: set[int] = set()
+        for part in self.each(lambda index: np.unique(self.brick(index)), self.all()):
+            found.update(part.tolist())
+        return found
+
+    def at(self, index: Sequence[NDArray[np.int64]]) -> NDArray[Any]:
+        """Return values (N,) at indices along z, y and x; each brick with any is read once."""
+        homes = [n // side for n, side in zip(index, self.side, strict=True)]
+        home = np.ravel_multi_index(homes, self.count)
+        order = np.argsort(home, kind="stable")
+        bricks, starts = np.unique(home[order], return_index=True)
+        found = np.empty(home.size, self.dtype)
+        for number, own in zip(bricks, np.split(order, starts[1:]), strict=True):
+            z, y, x = (int(n) for n in np.unravel_index(number, self.count))
+            box = self.box((z, y, x))
+            within = tuple(n[own] - part.start for n, part in zip(index, box, strict=True))
+            found[own] = self.brick((z, y, x))[within]
+        return found
+
+    def evidence(self) -> tuple[NDArray[Any], ...]:
+        """Return arrays that change with the values, in this process or another."""
+        known = self.statistics
+        return known.least, known.greatest, known.some, known.border
 
     def _helped(self) -> Helpers | None:
         return None if self.helpers is None else self.helpers()
-
-
-Values = NDArray[Any] | Bricks
-
-
-def as_array(volume: Volume) -> Volume:
-    """Return the volume with its values as an array, also if they are bricks.
-
-    If they and a field of them may not fit in memory, they are in a mapped file
-    (`resample.memory.mapped`). Its pages get the memory that a field leaves, at least a quarter.
-
-    Raises
-    ------
-    ValueError
-        They fit neither in memory nor on the disk, or cannot be read.
-    """
-    bricks: Values = volume.values
-    if not isinstance(bricks, Bricks):
-        return volume
-    size = bricks.size * bricks.dtype.itemsize
-    made = bytes_of_field(bricks.shape, bricks.dtype)
-    if bricks.memory is None or size + made <= bricks.memory:
-        require_memory(size, volume.name)
-        return volume._replace(values=bricks.whole())
-    beside = bytes_of_field(bricks.shape, bricks.dtype, bricks.memory)
-    pages = bricks.memory - beside
-    if pages < bricks.memory // 4:
-        raise ValueError(
-            f"{volume.name} is needed as a whole for this, with at least "
-            f"{amount(beside * 4 // 3)} of memory and a file for the rest; "
-            f"{amount(bricks.memory)} are allowed: give more memory or a coarser level, or "
-            "render it by classify pre and composite"
-        )
-    values = array_in_file(bricks.shape, bricks.dtype, pages, volume.name)
-    LOG.info(
-        "%s is needed as a whole and does not fit in %s of memory: it and its field are in a "
-        "temporary file of %s",
-        *(volume.name, amount(bricks.memory), folder()),
-    )
-    bricks.put_into(values)
-    return volume._replace(values=values)
-
-
-def parts(values: Values) -> Iterator[NDArray[Any]]:
-    """Yield the values of a volume in parts, in no particular order."""
-    if isinstance(values, Bricks):
-        yield from values.each(values.brick, values.all())
-    else:
-        yield from slabs(values)
-
-
-def sampled(values: Values) -> NDArray[Any]:
-    """Return a regular sample of a volume's values; see `step_of`."""
-    if isinstance(values, Bricks):
-        return values.statistics.some
-    step = step_of(values.size)
-    return values[::step, ::step, ::step]

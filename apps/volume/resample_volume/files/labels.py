@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 from resample_volume.classification.labels import Labels, check_known, parse_rules
-from resample_volume.data.bricks import Bricks
 from resample_volume.data.recordings import volume_at
+from resample_volume.data.values import is_streamed
 from resample_volume.files.source import open_streamed, open_volume
 from resample_volume.types import Volume
 
@@ -14,24 +14,12 @@ def read_labels(path: str, rules: Sequence[str], volume: Volume) -> Labels:
 
     Parameters
     ----------
-    path
-        What `open_volume` takes; labels in a store stay there if the volume's values do.
     rules
         Each such as `1:color=tomato,opacity=0.5` or `2:hidden`, one for a label.
-    volume
-        The volume; of the same shape.
-
-    Raises
-    ------
-    ValueError
-        The file does not hold integers, or differs in shape from the volume; a rule cannot be read,
-        or no voxel has its label.
-    OSError
-        The file cannot be read.
     """
     chosen = parse_rules(rules)
     try:
-        found = _volume_of(path, isinstance(volume.values, Bricks))
+        found = _volume_of(path, is_streamed(volume))
         if found.colors is not None:
             raise ValueError("labels are whole numbers, one for each voxel, not colors")
         labels = Labels(found.values, chosen)

@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from resample.memory.mapped import is_in_file
 from resample.types import Doubles
-from resample_volume.data.bricks import Step, as_array
+from resample_volume.data.bricks import Step
 from resample_volume.data.memory import require_memory
+from resample_volume.data.values import as_array
 from resample_volume.media.resampling import in_between, resampled
 from resample_volume.types import Volume
 from resample_volume.voxels.visible import lattice_of
@@ -66,11 +67,6 @@ def onto(volume: Volume, lattice: CommonLattice) -> Volume:
     A volume that is on the lattice already is returned unchanged. Otherwise values are interpolated
     by a cubic spline and clamped to their range; along axes on which the lattice is coarser they
     are smoothed first. Next to missing values, interpolation is linear.
-
-    Raises
-    ------
-    ValueError
-        The result does not fit in memory.
     """
     to_index = np.linalg.inv(lattice_of(volume))
     matrix = to_index @ lattice.steps

@@ -8,8 +8,9 @@ from resample.resampler import Resampler
 from resample.types import Doubles, Indices
 from resample_volume.classification.labels import Labels
 from resample_volume.classification.regions import Faded
-from resample_volume.data.bricks import Bricks, Step
+from resample_volume.data.bricks import Step
 from resample_volume.data.statistics.caches import LruCache
+from resample_volume.data.values import bricks_of, is_streamed, streamed, with_bricks
 from resample_volume.media.appearance import Appearance, Classification, VolumeLayer, transfer_of
 from resample_volume.media.lattices import CommonLattice, common_lattice, first_in
 from resample_volume.outofcore.caching import cached
@@ -27,7 +28,7 @@ from resample_volume.outofcore.together import (
 from resample_volume.rendering import placement, resampled_appearance
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import chosen as chosen_of
-from resample_volume.voxels.cropping import kept_index, planes
+from resample_volume.voxels.cropping import inside_index, planes
 from resample_volume.voxels.framing import centered
 from resample_volume.voxels.visible import Voxels, check_gradient
 
@@ -46,7 +47,7 @@ class Cropping:
         """Return voxels and their positions, without those wholly cut away."""
         if not len(self.clip):
             return place, voxels
-        index = kept_index(voxels, self.clip, self.radius)
+        index = inside_index(voxels, self.clip, self.radius)
         return place[index], chosen_of(voxels, index)
 
 
@@ -75,15 +76,16 @@ class Dense:
         if self.lattice is None:
             (member,) = members
             return classified_by_bricks(volume, member.by, lambda *one: finish(*self.cut(*one)))
-        together: Any = volume.values
+        together: Any = bricks_of(volume)
         return mixed_by_bricks(together, self.lattice, members, self.cut, finish)
 
     def _with_labels(self, member: Member) -> Member:
         """Return the volume with a cache of label bricks."""
         labels = member.by.labels
-        if labels is None or not isinstance(labels.values, Bricks):
+        bricks = None if labels is None else streamed(labels.values)
+        if labels is None or bricks is None:
             return member
-        values = labels.values.within(None, LruCache(self.beside // len(self.members)))
+        values = bricks.within(None, LruCache(self.beside // len(self.members)))
         return member._replace(by=member.by._replace(labels=replace(labels, values=values)))
 
 
@@ -91,8 +93,8 @@ def check_windows(media: Sequence[VolumeLayer]) -> None:
     """Reject options that need all visible voxels together, and volumes not in bricks."""
     for volume, look in media:
         is_pre = look.classification is not Classification.POST
-        if look.met or not is_pre:
-            what = f"a {look.met[0]}" if look.met else "the classification post"
+        if look.scene_objects or not is_pre:
+            what = f"a {look.scene_objects[0]}" if look.scene_objects else "the classification post"
             raise ValueError(
                 f"{what} needs rays through a field, which cannot be painted window by window; "
                 "render it as a whole by classify post: the field goes to a file if it does not "
@@ -103,7 +105,7 @@ def check_windows(media: Sequence[VolumeLayer]) -> None:
                 f"the slab {look.slab} is perpendicular to the view, which cannot be painted "
                 "window by window; give its direction in the scene, as in 20/10/0/0/1"
             )
-        if not isinstance(volume.values, Bricks):
+        if not is_streamed(volume):
             raise ValueError(
                 f"{volume.name} is in memory as a whole and cannot be painted window by window; "
                 "convert it to OME-Zarr"
@@ -128,7 +130,7 @@ def dense_of(
         given, lattice, _, clip = placement(media)
         placed = [_on_lattice(medium, lattice, memory // OF_FILES) for medium in given]
         beside += memory // OF_FILES * (not share_lattice(media))
-        scene = _together(placed, lattice)
+        scene = _combined(placed, lattice)
     members = []
     for volume, look in placed:
         by = _classifying(volume, replace(look, light=light), looking)
@@ -157,10 +159,10 @@ def _on_lattice(medium: VolumeLayer, lattice: CommonLattice, most: int) -> Volum
     return there, resampled_appearance(volume, look)
 
 
-def _together(placed: Sequence[VolumeLayer], lattice: CommonLattice) -> Volume:
+def _combined(placed: Sequence[VolumeLayer], lattice: CommonLattice) -> Volume:
     """Combine volumes in bricks on the common lattice; cached."""
     x, y, z = map(int, lattice.size)
-    bricks: list[Any] = [volume.values for volume, _ in placed]
+    bricks = [bricks_of(volume) for volume, _ in placed]
     firsts = [_first(volume, lattice) for volume, _ in placed]
 
     def make() -> CombinedBricks:
@@ -168,8 +170,8 @@ def _together(placed: Sequence[VolumeLayer], lattice: CommonLattice) -> Volume:
         parts = [in_grid(own, first, (z, y, x), bricks[0].side) for own, first in pairs]
         return CombinedBricks(parts, bricks[0].found)
 
-    values: Any = cached(placed[0][0], ("together", bricks, firsts, lattice), make)
-    return lattice.volume()._replace(values=values)
+    combined = cached(placed[0][0], ("together", bricks, firsts, lattice), make)
+    return with_bricks(lattice.volume(), combined)
 
 
 def _first(volume: Volume, lattice: CommonLattice) -> Step:
@@ -196,4 +198,4 @@ def _classifying(volume: Volume, look: Appearance, looking: PassContext) -> Clas
 
 def is_in_store(labels: Labels | None) -> bool:
     """Return whether labels stay in their file."""
-    return labels is not None and isinstance(labels.values, Bricks)
+    return labels is not None and streamed(labels.values) is not None

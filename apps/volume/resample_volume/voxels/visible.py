@@ -15,11 +15,11 @@ from resample_volume.classification.transfer import (
     extinction,
     visible_places,
 )
-from resample_volume.data.bricks import Bricks, Values
 from resample_volume.data.memoization import memoized
 from resample_volume.data.memory import require_memory
 from resample_volume.data.parts import side_by_side, slabs
 from resample_volume.data.recordings import linear_colors
+from resample_volume.data.values import Stored, bricks_of, is_streamed, values_of
 from resample_volume.types import Volume
 from resample_volume.voxels.streaming import (
     BrickClassifier,
@@ -51,7 +51,7 @@ class Voxels(NamedTuple):
     extinction: Floats  # (N,) optical depth per scene unit, > 0
     gradient: Floats  # (N, 3) data units per scene unit, along the scene's axes; or (0, 3)
     lattice: Doubles  # (3, 3) columns are the steps from a voxel to its neighbours, scene units
-    reached: Floats = ALL_REACHED  # (N, 2) fractions of light that reach them; see `reaching`
+    reached: Floats = ALL_REACHED  # (N, 2) fractions of light that reach them; see `transmittance`
 
     @property
     def parts(self) -> tuple["Voxels", ...]:
@@ -105,7 +105,7 @@ def classify(
     if labels is not None:
         color, opacity = labels.applied(seen.place, color, opacity)
     place, kept = seen.place, np.flatnonzero(opacity > 0)
-    if not isinstance(volume.values, Bricks):
+    if not is_streamed(volume):
         what = f"{volume.name} with {kept.size} visible voxels"
         require_memory(BYTES_PER_VOXEL * kept.size, what)
     if kept.size < place.size:
@@ -191,17 +191,9 @@ def unit_of(transfer: Transfer, volume: Volume) -> float:
 
 
 @memoized(lambda values: values)
-def finite_range(values: Values) -> DataRange:
+def finite_range(values: Stored) -> DataRange:
     """Return the least and greatest finite value; (0, 1) if there is none."""
-    if isinstance(values, Bricks):
-        least, greatest = values.ends
-        low, high = float(least.min()), float(greatest.max())
-        return (low, high) if low <= high else (0.0, 1.0)
-    low, high = np.inf, -np.inf
-    for chunk in slabs(values):
-        finite = chunk if values.dtype.kind in "iu" else chunk[np.isfinite(chunk)]
-        if finite.size:
-            low, high = min(low, float(finite.min())), max(high, float(finite.max()))
+    low, high = values_of(values).range()
     return (low, high) if low <= high else (0.0, 1.0)
 
 
@@ -215,12 +207,8 @@ def gradients_at(volume: Volume, voxel: Indices, gradient: str) -> Floats:
 
     Parameters
     ----------
-    volume
-        The volume.
     voxel
         (N,) indices into the flat volume, z slowest, in the order of it or of the painter's bricks.
-    gradient
-        One of `GRADIENTS`; see `classify`.
     """
     return slopes_at(np.asarray(volume.values), voxel, gradient, to_scene_of(volume))
 
@@ -258,8 +246,6 @@ def reachable(volume: Volume, looks: TransferTable, radius: float = 2.0) -> Indi
     ----------
     volume
         Of any type. Missing and infinite voxels are left out.
-    looks
-        Interpolated between columns; a value counts as visible if it is at some slope.
     radius
         Distance beyond which kernels are zero, voxels; plus half the length over which values are
         averaged, such as a ray's path through a slab.
@@ -321,10 +307,9 @@ def visible_with_slopes(
 
     Parameters and errors as of `classify`, values in the order of the painter's bricks.
     """
-    values: Values = volume.values
-    if isinstance(values, Bricks):
+    if is_streamed(volume):
         wanted = BrickClassifier(transfer, data_range, gradient, to_scene_of(volume))
-        return visible_in_bricks(values, wanted, volume.name)
+        return visible_in_bricks(bricks_of(volume), wanted, volume.name)
     seen = _in_bricks(_visible(volume, transfer, data_range), volume)
     if gradient is None:
         return seen
