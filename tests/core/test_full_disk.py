@@ -12,24 +12,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from resample.files import buffered_jpeg, images
+from resample.files import buffered_jpeg, saving
 from resample.files.animations import Shots, write_film
 from resample.files.buffered_jpeg import BufferedJpeg
 from resample.files.facts.metadata import FileMetadata
 from resample.files.facts.tags import ASCII, Tag
+from resample.files.formats import WriteOptions, page_of
 from resample.files.painted.deep import DepthSlab, write_deep
 from resample.files.painted.tiles import keep_tile
-from resample.files.pictures import (
-    Kind,
-    Picture,
-    WriteOptions,
-    page_of,
-    spec_of,
-    write_pages,
-    write_picture,
-)
+from resample.files.pictures import Kind, Picture
+from resample.files.saving import spec_of, write_pages, write_picture, writing_rows
 from resample.files.sequences import write_frames
-from resample.files.strips.writing import writing_rows
 from resample.files.writing import check_end, refused, write_json
 from resample.measuring.compare import contact_sheet
 from resample.types import Film, Frame
@@ -107,8 +100,8 @@ def window(path: Path) -> None:
 
 FIRST = ("animation.json", "frame-0000.png")  # that are written for a film
 WRITERS = {
-    "a.png": partial(images.write_png, rgba=NOISE, bits=16),
-    "a.exr": partial(images.write_exr, frame=FRAME),
+    "a.png": partial(saving.write_png, rgba=NOISE, bits=16),
+    "a.exr": partial(saving.write_exr, frame=FRAME),
     "deep.exr": partial(write_deep, slabs=[DepthSlab(0, 1, NOISE)]),
     **{f"picture{suffix}": picture for suffix in (".png", ".jpg", ".jpeg", ".tif", ".exr")},
     **{f"rows{suffix}": rows for suffix in (".png", ".jpg", ".tif", ".exr")},

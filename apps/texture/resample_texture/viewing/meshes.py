@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from resample.files.images import screen_levels
-from resample.files.painted.frames import write_frame
+from resample.files.saving import screen_levels, write_frame
 from resample.types import Frame
 from resample.view.files import file_of, levels_in
 from resample.view.views import PagePicture, Settings, Size, chosen, settings_of

@@ -241,7 +241,7 @@ class CloudFormat(Choices):
         OSError
             The file cannot be written.
         """
-        from resample.files.images import write_frame
+        from resample.files.saving import write_frame
 
         write_frame(path, self.shown(frame, scene), bits=self.bits, background=self.behind())
 

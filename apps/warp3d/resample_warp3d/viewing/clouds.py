@@ -16,7 +16,7 @@ import numpy as np
 from resample.cameras.models import Camera
 from resample.command.session import Session
 from resample.files.animations import write_film
-from resample.files.images import screen_levels
+from resample.files.saving import screen_levels
 from resample.view.exports import ORBITING, keyframes_as_toml
 from resample.view.files import file_of, levels_in
 from resample.view.views import PagePicture, Settings, Size, chosen, option_of, settings_of

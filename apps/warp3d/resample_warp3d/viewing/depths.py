@@ -14,7 +14,9 @@ import numpy as np
 
 from resample.command.session import Session
 from resample.command.settings import Written
-from resample.files.pictures import Kind, Picture, WriteOptions, page_of, write_picture
+from resample.files.formats import WriteOptions, page_of
+from resample.files.pictures import Kind, Picture
+from resample.files.saving import write_picture
 from resample.view.files import file_of, levels_in, shown
 from resample.view.views import PagePicture, Settings, Size, chosen, settings_of
 from resample.watching import Cancel, Progress, cancellable
