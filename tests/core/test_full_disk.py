@@ -15,6 +15,7 @@ import pytest
 from resample.files import buffered_jpeg, saving
 from resample.files.animations import Shots, write_film
 from resample.files.buffered_jpeg import BufferedJpeg
+from resample.files.cached import load_arrays, store_arrays
 from resample.files.facts.metadata import FileMetadata
 from resample.files.facts.tags import ASCII, Tag
 from resample.files.formats import WriteOptions, page_of
@@ -33,7 +34,6 @@ from resample_volume.figures.writing import write_numbers
 from resample_volume.files.stores.writing import Layered, write_store
 from resample_volume.files.writing import write_volume
 from resample_volume.types import Recording, Volume
-from resample_warp3d.clouds import storing
 from resample_warp3d.command.export import write_geometry
 from resample_warp3d.command.writing import write_depth, write_holes
 from tests.warp3d.test_export import camera, plane
@@ -113,7 +113,6 @@ WRITERS = {
     "screen.png": partial(_write_screen, screen=NOISE[..., :3]),
     "holes.png": partial(write_holes, holes=np.ones((30, 40), np.uint8)),
     **{f"depth{suffix}": depth for suffix in (".npy", ".exr", ".png")},
-    "cloud.npy": partial(storing._write, numbers=NOISE[..., 0]),
     **{f"mesh{suffix}": geometry for suffix in (".ply", ".glb")},
     **{f"a{suffix}": volume for suffix in (".nrrd", ".mha", ".nii", ".nii.gz", ".npy")},
     "look.toml": partial(save_transfer, transfer=GRAY),
@@ -154,6 +153,18 @@ def test_no_writer_loses_what_a_full_disk_does_not_take(name):
         shutil.rmtree(kept, ignore_errors=True)  # frames of films that are done stay
         assert names() == [name]
         assert path.read_bytes() == b"old"
+
+
+def test_a_cache_goes_without_a_file_that_a_full_disk_does_not_take():
+    file, arrays = Path("cache.npz"), {"noise": NOISE}
+    assert store_arrays(file, arrays, 1 << 30)
+    size = file.stat().st_size
+    file.unlink()
+    for most in (0, size // 2, size - 1):
+        with room(most):
+            assert not store_arrays(file, arrays, 1 << 30)
+        assert names() == []
+    assert load_arrays(file) is None
 
 
 STORES = {
