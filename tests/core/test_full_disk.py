@@ -33,6 +33,7 @@ from resample.files.strips.writing import writing_rows
 from resample.files.writing import check_end, refused, write_json
 from resample.measuring.compare import contact_sheet
 from resample.types import Film, Frame
+from resample_points.geometry import storing
 from resample_texture.figures.paper import _write_screen
 from resample_volume.classification.files import save_transfer
 from resample_volume.classification.transfer import TransferFunction
@@ -40,7 +41,6 @@ from resample_volume.figures.writing import write_numbers
 from resample_volume.files.stores.writing import Layered, write_store
 from resample_volume.files.writing import write_volume
 from resample_volume.types import Recording, Volume
-from resample_warp3d.clouds import storing
 from resample_warp3d.command.export import write_geometry
 from resample_warp3d.command.writing import write_depth, write_holes
 from tests.warp3d.test_export import camera, plane

@@ -1,0 +1,102 @@
+"""Disk cache of the normals and discs of clouds.
+
+Neighbours are searched once per cloud, not once per picture. Files are in the user's cache, or in
+the folder that HYBRID_RESAMPLE_CACHE names; the least recently used are deleted when all together
+exceed `MOST_BYTES`. A file that is damaged or cannot be written only costs the time to measure
+again.
+"""
+
+import hashlib
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from resample.files.cached import evict, note_use
+from resample.files.writing import replacing
+from resample.memory import mapped
+from resample.reading.arrays import read_npz
+from resample.types import Floats
+
+MOST_BYTES = 1 << 30
+LEAST_POINTS = 20_000  # fewer are measured about as fast as loaded
+WIDTH = 9  # numbers per point: a normal and two half axes
+
+
+def folder() -> Path:
+    """Return the cache's folder."""
+    return mapped.folder() / "clouds"
+
+
+def measured_once(
+    position: Floats, normal: Floats, axes: Floats, largest: float, measure: Callable[[], None]
+) -> None:
+    """Fill in normals and discs from the cache, or measure and cache them.
+
+    Parameters
+    ----------
+    position
+        (N, 3), sorted.
+    normal
+        (N, 3) 0 where unknown; filled in.
+    axes
+        (N, 2, 3) filled in.
+    largest
+        As `resample_points.geometry.spacing.prepare_cloud` takes it.
+    measure
+        Fills in both.
+    """
+    if len(position) < LEAST_POINTS:
+        measure()
+        return
+    path = folder() / f"{_name(position, normal, largest)}.npz"
+    found = _read(path, len(position))
+    if found is not None:
+        normal[:], axes[:] = found[:, :3], found[:, 3:].reshape(-1, 2, 3)
+        return
+    measure()
+    with suppress(OSError):
+        _write(path, np.concatenate([normal, axes.reshape(-1, 6)], axis=1, dtype=np.float32))
+
+
+def _name(position: Floats, normal: Floats, largest: float) -> str:
+    """Return the cache key of a cloud: a hash of its points and of the code."""
+    digest = hashlib.sha256(f"{_code()} {largest!r} {position.shape}".encode())
+    for array in (position, normal):
+        digest.update(np.ascontiguousarray(array, np.float32).data)
+    return digest.hexdigest()[:40]
+
+
+@cache
+def _code() -> str:
+    """Return a hash of the source code that measures discs."""
+    from resample.engine.compiled.sources import engine_digest
+
+    here = Path(__file__).parent
+    sources = [here / "spacing.py", *sorted((here / "kernels").glob("*.py"))]
+    read = b"".join(source.read_bytes() for source in sources)
+    return hashlib.sha256(engine_digest().encode() + read).hexdigest()
+
+
+def _read(path: Path, count: int) -> Floats | None:
+    """Read a cache file; None if it is missing or damaged."""
+    try:
+        found: Floats = read_npz(path, "measured")["measured"]  # checks its checksum
+    except (OSError, ValueError, LookupError):
+        return None
+    if found.shape != (count, WIDTH) or found.dtype != np.float32:
+        return None
+    note_use(path)
+    return found
+
+
+def _write(path: Path, numbers: Floats) -> None:
+    """Write numbers to a cache file, evicting others."""
+    if numbers.nbytes > MOST_BYTES:
+        return
+    path.parent.mkdir(parents=True, exist_ok=True)
+    evict(path.parent, numbers.nbytes, MOST_BYTES)
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        np.savez(file, measured=numbers)
