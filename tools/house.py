@@ -29,6 +29,7 @@ MOST_LINES = 60  # of a function, without its docstring
 MOST_HOMES = 1  # of a class name
 LEAST_COMMENTS = 40  # lines of comments per 1,000 lines of kernels
 MOST_BUNDLES = 286  # named tuples that are built in one place; may only fall
+PARAMETERS = re.compile(r"^Parameters\n-+\n(.*?)(?=^\w[\w ]*\n-+\n|\Z)", re.DOTALL | re.MULTILINE)
 PRIVATE_WORDS = re.compile(  # where the field has others: classify, gather, visible, scratch, cache
     r"look(s|ed|ing)?|sees?|seen|unseen|sights?|sighting|gazes?|glances?|shelf|shelves|rooms?|matters?"
 )
@@ -74,6 +75,24 @@ def long_functions(known: list[Module]) -> Iterator[str]:
                 yield f"{module.path}:{node.name}: {lines} lines, at most {MOST_LINES}"
             if KERNELS & set(module.path.parts) and arguments > MOST_ARGUMENTS:
                 yield f"{module.path}:{node.name}: {arguments} arguments, at most {MOST_ARGUMENTS}"
+
+
+def described_arguments(known: list[Module]) -> Iterator[str]:
+    """Arguments that a docstring describes and the function does not have."""
+    for module in known:
+        for node in ast.walk(module.tree):
+            if not isinstance(node, ast.FunctionDef):
+                continue
+            section = PARAMETERS.search(ast.get_docstring(node) or "")
+            if section is None:
+                continue
+            given = node.args
+            known_here = {a.arg for a in given.posonlyargs + given.args + given.kwonlyargs}
+            for many in filter(None, (given.vararg, given.kwarg)):
+                known_here |= {many.arg, f"*{many.arg}", f"**{many.arg}"}
+            for name in re.findall(r"^(?! )[^:\n]+", section[1], re.MULTILINE):
+                for one in set(name.strip().split(", ")) - known_here:
+                    yield f"{module.path}:{node.name}: describes {one}, which it does not take"
 
 
 def ambiguous_names(known: list[Module]) -> Iterator[str]:
@@ -233,6 +252,7 @@ def main() -> int:
     rules = (
         crowded_folders,
         long_functions,
+        described_arguments,
         ambiguous_names,
         private_words,
         silent_kernels,

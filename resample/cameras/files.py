@@ -57,8 +57,8 @@ def read_entries(path: str | Path, kind: str | None = None) -> list[Entry]:
     ----------
     path
         File, or the folder of a COLMAP model.
-    One of `KINDS`; None: detected from name and content.
-        One of `KINDS`; None recognises it by name and content.
+    kind
+        One of `KINDS`; None: detected from name and content.
 
     Raises
     ------

@@ -6,7 +6,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from resample.reading.limits import check_items, check_size, limits, refused
+from resample.reading.limits import check_size, limits, refused
 from resample.words import TOO_LARGE, TOO_MANY_DIGITS
 
 WIDEST = 1 << 63  # integers from here on do not fit into arrays
@@ -102,8 +102,3 @@ def _checked(tree: Any) -> Any:
     if count:
         raise ValueError(f"{count} whole numbers are beyond 64 bits; write them as 1e30")
     return tree
-
-
-def check_names(what: str, names: list[str]) -> None:
-    """Reject a file that refers to too many others."""
-    check_items(what, len(names), "files are named")

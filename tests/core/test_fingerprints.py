@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from resample.files.cached import source_fingerprint
 from resample.fingerprints import fingerprint
 
 
@@ -148,3 +149,20 @@ def test_other_processes_find_the_same():
     there = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True, text=True)
     here = fingerprint([{"b", "a", "c"}, frozenset({"x", "y"}), {"k": 1.5}])
     assert there.stdout.strip() == here
+
+
+def test_source_code_is_known_by_the_content_of_its_files(tmp_path, monkeypatch):
+    (tmp_path / "kept_code").mkdir()
+    for name in ("__init__.py", "part.py"):
+        (tmp_path / "kept_code" / name).write_text("")
+    monkeypatch.syspath_prepend(tmp_path)
+    before = source_fingerprint("kept_code"), source_fingerprint("kept_code.part")
+    (tmp_path / "kept_code" / "part.py").write_text("x = 1\n")
+    source_fingerprint.cache_clear()
+    after = source_fingerprint("kept_code"), source_fingerprint("kept_code.part")
+    assert all(new != old for new, old in zip(after, before, strict=True))
+
+
+def test_source_code_that_is_not_there_is_an_error():
+    with pytest.raises(ModuleNotFoundError, match="no_such"):
+        source_fingerprint("resample.no_such")

@@ -70,3 +70,21 @@ def test_folders_that_a_circle_leads_to_are_not_in_it(house):
         "app/c/one.py": "",
     }
     assert circles_in(house, texts) == ["folders import each other: app.a, app.b"]
+
+
+def described(house, head, *names):
+    lines = "".join(f"    {name}\n        What it is.\n" for name in names)
+    text = f'def f({head}):\n    """Do.\n\n    Parameters\n    ----------\n{lines}    """\n'
+    return list(
+        house.described_arguments([house.Module(Path("app/a.py"), "app.a", ast.parse(text))])
+    )
+
+
+def test_docstrings_describe_arguments_that_there_are(house):
+    assert described(house, "a, /, b, *c, d=1, **e", "a, b", "*c", "d", "e") == []
+    assert described(house, "a, *b", "b", "old") == [
+        "app/a.py:f: describes old, which it does not take"
+    ]
+    wrong = described(house, "mask", "Of pixels that, each")
+    assert len(wrong) == 2
+    assert any("Of pixels that" in line for line in wrong)

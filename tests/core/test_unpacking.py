@@ -18,7 +18,7 @@ from resample.files.facts.origin import settings_in
 from resample.files.facts.tags import read_tags
 from resample.files.films import film_picture, new_film, new_stream
 from resample.files.images import read_image, read_rows
-from resample.files.painted.deep import DepthSlab, read_deep, write_deep
+from resample.files.painted.deep import DepthSlab, write_deep
 from resample.files.painted.tiles import NAME, kept_tile
 from resample.files.pictures import read_picture
 from resample.files.sequences import frames_of
@@ -34,6 +34,7 @@ from resample_volume.files.readers import Dicom, Nrrd, TiffStack
 from resample_volume.files.xml.vtk_blocks import check_blocks
 from resample_volume.surfaces.meshes import read_mesh
 from resample_warp3d.depth.files import read_depth
+from tests.deep import read_deep
 
 DATA = b"abcdefgh" * 100
 PACKERS = {

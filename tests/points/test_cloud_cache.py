@@ -85,7 +85,7 @@ def test_what_discs_depend_on_is_told_apart(measured, rng):
 
 def test_other_sources_measure_again(kept, measured, monkeypatch):
     prepare_cloud(_cloud(), cache=True)
-    monkeypatch.setattr(storing, "_code", lambda: "others")
+    monkeypatch.setattr(storing, "source_fingerprint", lambda *_: "others")
     prepare_cloud(_cloud(), cache=True)
     assert measured == [500, 500]
     assert len(list(kept.iterdir())) == 2

@@ -95,7 +95,7 @@ def test_vtk_is_a_rival_where_it_is_installed(
     place: Served, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("vtkmodules", reason="pip install 'hybrid-resample[peers]'")
-    from resample_volume.baselines.peers import Peer, vtk_picture
+    from resample_volume.baselines.peers import Peer, VtkRenderer
 
     volume = VolumeView(BOX).volume
     with place.page() as page:
@@ -108,7 +108,8 @@ def test_vtk_is_a_rival_where_it_is_installed(
             look = painter._request(settings | {"camera": camera})
             eye, there = painter._standing(look, (48, 40))
             looks = transfer_of(volume, look.appearance)
-            light = vtk_picture(there, looks, eye, height=40, width=48, look=Peer(light=None))
+            by_vtk = VtkRenderer(there, looks, height=40, width=48, look=Peer(light=None))
+            light = by_vtk.render(eye)
             expected = screen_levels(light, background=(0, 0, 0))
             np.testing.assert_array_equal(levels(data), expected)
         page.say("draw", settings | {"crop": ":9,:,:"}, moving=False, rival="VTK")

@@ -9,7 +9,7 @@ from resample.measuring.quality import psnr
 from resample.painting.choices import Projection
 from resample.profiles.reconstruction import GaussianKernel
 from resample.types import Classifier, Field, Lamp
-from resample_volume.baselines.peers import Peer, VtkRenderer, vtk_picture
+from resample_volume.baselines.peers import Peer, VtkRenderer
 from resample_volume.baselines.raycasting import Casting, cast_rays
 from resample_volume.classification.transfer import extinction, from_points
 from resample_volume.files.generated import vessel_tree
@@ -46,7 +46,7 @@ def vtk(volume, transfer, camera, size=SIZE, **look):
     """A picture by VTK; skipped where it is not installed or cannot make one."""
     pytest.importorskip("vtkmodules.vtkRenderingVolumeOpenGL2", exc_type=ImportError)
     pytest.importorskip("vtkmodules.vtkRenderingOpenGL2", exc_type=ImportError)
-    picture = vtk_picture(volume, transfer, camera, **size, look=Peer(**look))
+    picture = VtkRenderer(volume, transfer, **size, look=Peer(**look)).render(camera)
     if not picture.any():
         pytest.skip("VTK draws nothing without a display here")
     return picture

@@ -6,7 +6,7 @@ from scipy.ndimage import gaussian_filter
 
 from resample.cameras.viewpoints import Orbit
 from resample.files.images import read_channels
-from resample.files.painted.deep import DepthSlab, read_deep, write_deep
+from resample.files.painted.deep import DepthSlab, write_deep
 from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
 from resample.resampler import Resampler
@@ -17,6 +17,7 @@ from resample_volume.space.slabs import boxed, check_slabs, depths, slabs
 from resample_volume.surfaces.meshes import scene_mesh
 from resample_volume.voxels.shading import Light
 from tests.commands import refused
+from tests.deep import read_deep
 from tests.volume.test_ray_truth import BLOBS, LOOK
 
 SIZE = (40, 48)

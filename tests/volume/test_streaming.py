@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from resample.memory import available_memory, bytes_of, physical_memory
 from resample_volume.classification.surveys import survey, without_padding
 from resample_volume.classification.transfer import from_points
-from resample_volume.data.bricks import Bricks, as_array
+from resample_volume.data.bricks import Bricks
+from resample_volume.data.values import as_array
 from resample_volume.files.labels import read_labels
 from resample_volume.files.source import generate
 from resample_volume.media.appearance import Appearance

@@ -35,7 +35,7 @@ from resample_volume.voxels.blocks import Lattice, bounds_of, lattice_for
 from resample_volume.voxels.framing import centered
 from resample_volume.voxels.shading import DepthCue
 from resample_volume.voxels.visible import gradients_at, lattice_of, steepness
-from resample_volume.windows import Budget, paint_in_windows, render_in_windows, streamed_volume
+from resample_volume.windows import Budget, render_in_windows
 from tests.killing import Killing
 from tests.volume.dense import EYE, LAYERS, SIZE, in_bricks, smoke
 from tests.volume.of_voxels import of_voxels
@@ -363,8 +363,6 @@ def test_bricks_that_others_hide_are_not_read(rng, monkeypatch):
     volume = Volume(values, np.ones(3), np.zeros(3), np.eye(3), "a solid cube")
     look, bricks = of_voxels("100/white/0,180/white/0.95", light=None), 8**3
     in_file, read = counted(volume, (8, 8, 8))
-    camera = streamed_volume(in_file, look).camera(EYE, *SIZE)
-    by = [camera, SIZE, Budget(9_000_000)]
     surveyed, before = windowed.surveyed, []
 
     def then(*given):
@@ -373,7 +371,7 @@ def test_bricks_that_others_hide_are_not_read(rng, monkeypatch):
         return known
 
     monkeypatch.setattr(windows, "surveyed", then)
-    found, _ = paint_in_windows(in_file, look, *by)
+    found, _ = render_in_windows(in_file, look, EYE, SIZE, Budget(9_000_000))
     painting = read[before[0] :]
     whole = whole_of(volume, look)
     for name in LAYERS:

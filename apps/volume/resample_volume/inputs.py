@@ -10,8 +10,8 @@ from resample.memory.alike import alike
 from resample.painting.scenes.scene import check_lattice, check_places
 from resample.types import Doubles
 from resample_volume.classification.scales import LINEAR, scaled
-from resample_volume.data.bricks import Bricks
 from resample_volume.data.recordings import in_color, is_color
+from resample_volume.data.values import is_streamed
 from resample_volume.exchange.parts import Part, check_whole
 from resample_volume.exchange.taking import taker_of
 from resample_volume.files.parsing.headers import KEPT
@@ -110,7 +110,7 @@ def _checked(given: Volume) -> Volume:
         spacing, origin, direction = (alike(part, np.float64) for part in given[1:4])
         given = given._replace(spacing=spacing, origin=origin, direction=direction)
     made = given
-    if not isinstance(given.values, Bricks):
+    if not is_streamed(given):
         values = _array(given.values)
         if values.ndim != 3 or 0 in values.shape:
             raise ValueError(

@@ -12,7 +12,7 @@ from resample.cameras.models import AnyCamera
 from resample.painting import previews
 from resample.types import Frame, View
 from resample_volume.classification.labels import Labels
-from resample_volume.data.bricks import Bricks
+from resample_volume.data.values import values_of
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import planes
 from resample_volume.voxels.framing import centered
@@ -77,9 +77,7 @@ def merged(volume: Volume, per: int) -> Volume:
 
 def merged_labels(labels: Labels, per: int) -> Labels:
     """Return labels of merged voxels, each that of the block's first voxel."""
-    given: Any = labels.values
-    values = given.whole() if isinstance(given, Bricks) else given
-    return replace(labels, values=values[::per, ::per, ::per])
+    return replace(labels, values=values_of(labels.values).whole()[::per, ::per, ::per])
 
 
 def kept_cuts(

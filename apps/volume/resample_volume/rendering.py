@@ -31,8 +31,8 @@ from resample_volume.classification.automatic import LEVELS
 from resample_volume.classification.materials import Windowed
 from resample_volume.classification.regions import Faded
 from resample_volume.classification.surveys import survey, without_padding
-from resample_volume.data.bricks import Bricks, Values, as_array
 from resample_volume.data.recordings import how
+from resample_volume.data.values import as_array, bricks_of, values_of, with_bricks
 from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import (
     BY_DEFAULT,
@@ -108,13 +108,13 @@ def placement(media: Sequence[VolumeLayer]) -> Placement:
 
 def _onto(volume: Volume, lattice: CommonLattice, parts: Sequence[Voxels]) -> Volume:
     """Resample a volume onto a lattice, if it fits in memory; errors as of `onto`."""
-    values: Values = volume.values
-    if isinstance(values, Bricks) and values.memory and first_in(volume, lattice) is None:
+    allowed = values_of(volume.values).memory
+    if allowed and first_in(volume, lattice) is None:
         size = bytes_onto(volume, lattice) + _bytes_of(parts)
-        if size > values.memory:
+        if size > allowed:
             raise TooManyVoxelsError(
                 f"{volume.name} on the finest lattice needs {amount(size)}, "
-                f"{amount(values.memory)} are allowed; {REMEDY}"
+                f"{amount(allowed)} are allowed; {REMEDY}"
             )
     return onto(volume, lattice)
 
@@ -126,12 +126,12 @@ def _bytes_of(parts: Sequence[Voxels]) -> int:
 
 def _beside(parts: Sequence[Voxels], volume: Volume) -> Volume:
     """Limit a chunked volume to the memory others leave; its voxels count twice for mixing."""
-    values: Values = volume.values
-    if not isinstance(values, Bricks) or values.memory is None:
+    allowed = values_of(volume.values).memory
+    if allowed is None:
         return volume
-    bricks: Any = values.within(None)
-    bricks.memory = max(1, (values.memory - _bytes_of(parts)) // 2)
-    return volume._replace(values=bricks)
+    bricks = bricks_of(volume).within(None)
+    bricks.memory = max(1, (allowed - _bytes_of(parts)) // 2)
+    return with_bricks(volume, bricks)
 
 
 def resampled_appearance(volume: Volume, look: Appearance) -> Appearance:

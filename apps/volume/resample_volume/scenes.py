@@ -15,8 +15,8 @@ from resample.resampler import Resampler
 from resample.types import Frame
 from resample.watching import Cancel, Progress, cancellable
 from resample_volume.classification.surveys import survey, without_padding
-from resample_volume.data.bricks import as_array
 from resample_volume.data.memoization import Memo, memoizing
+from resample_volume.data.values import as_array
 from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Appearance, Classification, of_voxels, resampler_for
 from resample_volume.media.xrays import XRay, settled

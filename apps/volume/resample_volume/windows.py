@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from resample.types import Doubles, Frame, Indices, Samples, Statistics
 from resample.watching import Executor, Progress
 from resample_volume.data.bricks import Bricks
 from resample_volume.data.statistics.caches import SHARE
+from resample_volume.data.values import streamed
 from resample_volume.media.appearance import (
     OF_VOXELS,
     Appearance,
@@ -88,7 +89,7 @@ def render_in_windows(
         Orbits go around the whole volume, not around its visible part.
     size
         Height and width of the picture, px.
-    spent
+    budget
         Memory limit of each process, and who paints windows.
     resampler
         Paints splats of voxels; None: the default one.
@@ -117,20 +118,6 @@ def render_in_windows(
     )
 
 
-def paint_in_windows(
-    volume: Volume,
-    appearance: Appearance,
-    camera: AnyCamera,
-    size: tuple[int, int],
-    budget: Budget,
-    resampler: Resampler | None = None,
-    progress: Progress | None = None,
-) -> tuple[Frame, int]:
-    """Do as `render_in_windows`, with a camera of the volume's `streamed_volume` subject."""
-    media = [(volume, appearance)]
-    return paint_streamed(media, streamed_subject(media), camera, size, budget, resampler, progress)
-
-
 def paint_streamed(
     media: Sequence[VolumeLayer],
     subject: Subject,
@@ -150,7 +137,7 @@ def paint_streamed(
         What `streamed_subject` gives for them.
     camera
         One of the subject's.
-    size, spent, resampler, progress
+    size, budget, resampler, progress
         As of `render_in_windows`.
 
     Raises
@@ -244,11 +231,6 @@ def _unheard(share: float) -> None:
     """Ignore progress."""
 
 
-def streamed_volume(volume: Volume, appearance: Appearance) -> Subject:
-    """Do as `streamed_subject`, for a single volume."""
-    return streamed_subject([(volume, appearance)])
-
-
 def streamed_subject(
     media: Sequence[VolumeLayer],
     fit: Fit = "volume",
@@ -264,7 +246,7 @@ def streamed_subject(
         Volumes, each with its look.
     fit
         Cameras orbit all of the volumes, or what is visible, which needs a scan of all voxels.
-    resampler, spent, progress
+    resampler, budget, progress
         As of `render_in_windows`, for that scan.
 
     Raises
@@ -312,8 +294,8 @@ def _shelve(media: Sequence[VolumeLayer], budget: Budget) -> None:
 
 def _bricks_of(media: Sequence[VolumeLayer]) -> list[Bricks]:
     """Return the values of those volumes that are in bricks."""
-    values: list[Any] = [volume.values for volume, _ in media]
-    return [bricks for bricks in values if isinstance(bricks, Bricks)]
+    found = [streamed(volume.values) for volume, _ in media]
+    return [bricks for bricks in found if bricks is not None]
 
 
 __getattr__ = renamed(__name__, {"Spent": "Budget"})

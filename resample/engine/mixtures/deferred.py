@@ -364,7 +364,7 @@ def paint_runs(
 
     Parameters
     ----------
-    turn
+    tile_order
         Numbers of tiles that have members.
     tiles
         Their members are runs.

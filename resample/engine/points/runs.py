@@ -320,7 +320,7 @@ def paint_point_runs(
 
     Parameters
     ----------
-    turn
+    tile_order
         Numbers of tiles, all of which have members.
     tiles
         Their members are runs.

@@ -413,7 +413,7 @@ def paint_summed_runs(
 
     Parameters
     ----------
-    turn, tiles, runs, stage
+    tile_order, tiles, runs, stage
         As of `resample.engine.mixtures.deferred.paint_runs`.
     ways
         How samples are grouped, integrated and composited.

@@ -254,7 +254,7 @@ def add_mean(
     ----------
     box
         In the grid's own coordinates: its first sample covers 0..1. It is moved onto the grid.
-    room
+    scratch
         Scratch of `scratch_size` numbers.
     """
     # Weights along both axes; the share is in those along v.

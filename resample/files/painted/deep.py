@@ -63,27 +63,8 @@ def write_deep(path: Path, slabs: Iterable[DepthSlab]) -> None:
             raise refused(path, temporary, INCOMPLETE) from None
 
 
-def read_deep(path: Path) -> list[list[Floats]]:
-    """Read samples (N, 6) of each pixel in the order of `CHANNELS`, row by row.
-
-    Raises
-    ------
-    OSError
-        The file is missing or not a deep picture.
-    """
-    spec, data = _stored(path)
-    order = [list(spec.channelnames).index(name) for name in CHANNELS]
-    pixels = [
-        np.array(
-            [[data.deep_value(n, c, k) for c in order] for k in range(data.samples(n))], np.float32
-        ).reshape(-1, len(CHANNELS))
-        for n in range(spec.height * spec.width)
-    ]
-    return [pixels[row * spec.width : (row + 1) * spec.width] for row in range(spec.height)]
-
-
 def _stored(path: Path) -> tuple[Any, Any]:
-    """Header and samples of a deep picture; errors as in `read_deep`."""
+    """Header and samples of a deep picture; an OSError if it is missing or not one."""
     import OpenImageIO
 
     source = OpenImageIO.ImageInput.open(plain(path))

@@ -9,12 +9,11 @@ again.
 import hashlib
 from collections.abc import Callable
 from contextlib import suppress
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 
-from resample.files.cached import evict, note_use
+from resample.files.cached import evict, note_use, source_fingerprint
 from resample.files.writing import replacing
 from resample.memory import mapped
 from resample.reading.arrays import read_npz
@@ -23,6 +22,7 @@ from resample.types import Floats
 MOST_BYTES = 1 << 30
 LEAST_POINTS = 20_000  # fewer are measured about as fast as loaded
 WIDTH = 9  # numbers per point: a normal and two half axes
+CODE = ("resample_points.geometry.spacing", "resample_points.geometry.kernels")  # that measures discs
 
 
 def folder() -> Path:
@@ -63,21 +63,10 @@ def measured_once(
 
 def _name(position: Floats, normal: Floats, largest: float) -> str:
     """Return the cache key of a cloud: a hash of its points and of the code."""
-    digest = hashlib.sha256(f"{_code()} {largest!r} {position.shape}".encode())
+    digest = hashlib.sha256(f"{source_fingerprint(*CODE)} {largest!r} {position.shape}".encode())
     for array in (position, normal):
         digest.update(np.ascontiguousarray(array, np.float32).data)
     return digest.hexdigest()[:40]
-
-
-@cache
-def _code() -> str:
-    """Return a hash of the source code that measures discs."""
-    from resample.engine.compiled.sources import engine_digest
-
-    here = Path(__file__).parent
-    sources = [here / "spacing.py", *sorted((here / "kernels").glob("*.py"))]
-    read = b"".join(source.read_bytes() for source in sources)
-    return hashlib.sha256(engine_digest().encode() + read).hexdigest()
 
 
 def _read(path: Path, count: int) -> Floats | None:

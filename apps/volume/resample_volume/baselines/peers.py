@@ -176,19 +176,6 @@ class VtkRenderer:
         return np.asarray(parts.mean(axis=(1, 3), dtype=np.float64) / FULL, np.float32)
 
 
-def vtk_picture(
-    volume: Volume,
-    transfer: Transfer,
-    camera: AnyCamera,
-    *,
-    height: int,
-    width: int,
-    look: Peer = DEFAULT,
-) -> Floats:
-    """Render one picture (H, W, 4) by VTK; parameters and errors as of `VtkRenderer`."""
-    return VtkRenderer(volume, transfer, height=height, width=width, look=look).render(camera)
-
-
 def _check_size(height: int, width: int, rays: int) -> None:
     if height < 1 or width < 1 or max(height, width) * rays > LARGEST_WINDOW:
         raise ValueError(

@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 
 from resample.painting.choices import Projection
 from resample_volume.classification.materials import spread
-from resample_volume.classification.surveys import Survey, border_values
+from resample_volume.classification.surveys import Survey
 from resample_volume.classification.tissues import LUNG, tissue, with_lungs
 from resample_volume.classification.transfer import Color, Transfer, TransferFunction, from_points
-from resample_volume.data.bricks import sampled
 from resample_volume.data.statistics.scanning import are_few, step_of
 from resample_volume.data.thresholds import Peak, peak_between
+from resample_volume.data.values import values_of
 from resample_volume.types import Volume
 
 WHITE, SAND, CLAY = (1.0, 1.0, 1.0), (0.95, 0.85, 0.6), (0.7, 0.5, 0.35)
@@ -53,7 +53,7 @@ def tomographic(volume: Volume, known: Survey) -> TransferFunction:
     lungs = peak_between(known.levels, low, FLESH + added, CLEAR, _each(volume))
     if lungs is None or not low <= lungs.value <= high:
         return tissue("ct", added)
-    around = np.asarray(border_values(volume.values), np.float64)
+    around = np.asarray(values_of(volume.values).border(), np.float64)
     is_around = np.mean((around >= lungs.before) & (around <= lungs.after)) > MOST_LUNG_AROUND
     if is_around or lungs.share(known.levels) < LEAST_LUNG:
         return tissue("ct", added)
@@ -72,11 +72,11 @@ def automatic(volume: Volume, known: Survey) -> TransferFunction:
     low, high = known.span
     if not low < high or not known.levels.value.size:
         return from_points([(0.0, SAND, 0.5)])
-    some = _codes(sampled(volume.values), known)
+    some = _codes(values_of(volume.values).sample(), known)
     if not some.size:  # the rest lies between the samples
         some = _codes(known.levels.value, known)
     threshold, _ = cv2.threshold(some, 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
-    around = _codes(border_values(volume.values), known)
+    around = _codes(values_of(volume.values).border(), known)
     is_dense = bool(around.size) and np.mean(around > threshold) >= SURROUNDING
     if is_dense and np.mean(some <= threshold) >= LEAST_WITHIN:
         return _reversed(ramp(1 - threshold / 256))

@@ -9,11 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample.colors import from_srgb
 from resample.types import Flags, Floats
-from resample_volume.classification.surveys import counted
 from resample_volume.classification.transfer import Color, DataRange, Transfer
-from resample_volume.data.bricks import Bricks, Values
-from resample_volume.data.parts import slabs
-from resample_volume.data.statistics.scanning import are_few
+from resample_volume.data.values import Stored, values_of
 from resample_volume.types import Volume
 
 LISTED = 16  # labels listed in an error message
@@ -56,7 +53,7 @@ class Labels:
         The labels are not integers.
     """
 
-    values: Values  # (Z, Y, X) integers; or bricks of them
+    values: Stored  # (Z, Y, X) integers; or bricks of them
     rules: Mapping[int, Rule] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -75,8 +72,7 @@ class Labels:
 
     def numbers(self, part: slice) -> Flags:
         """Number voxels of some slices (Z, Y, X): 1 without rule, otherwise from 2, cyclically."""
-        given: Any = self.values
-        values = given.whole()[part] if isinstance(given, Bricks) else given[part]
+        values = values_of(self.values).whole()[part]
         found = np.ones(values.shape, np.uint8)
         for n, label in enumerate(self.rules):
             found[values == label] = n + 2
@@ -98,7 +94,7 @@ class Labels:
         """
         if not self.rules:
             return color, opacity
-        label = _labels_at(self.values, voxel)
+        label = values_of(self.values).at(np.unravel_index(voxel, self.values.shape))
         color, opacity = color.copy(), opacity.copy()
         for number, rule in self.rules.items():
             chosen = label == number
@@ -201,7 +197,7 @@ def check_known(labels: Labels) -> None:
     """Reject rules for labels that no voxel has."""
     if not labels.rules:
         return
-    present = _present(labels.values)
+    present = values_of(labels.values).unique()
     for label in labels.rules:
         if label not in present:
             some = ", ".join(map(str, sorted(present)[:LISTED]))
@@ -209,38 +205,5 @@ def check_known(labels: Labels) -> None:
             raise ValueError(f"no voxel has the label {label}; there are {some}{more}")
 
 
-def _labels_at(values: Values, voxel: NDArray[np.int64]) -> NDArray[Any]:
-    """Return labels (N,) of voxels by flat index; each brick with any is read once."""
-    at = np.unravel_index(voxel, values.shape)
-    if not isinstance(values, Bricks):
-        return np.asarray(values[at])
-    homes = [n // side for n, side in zip(at, values.side, strict=True)]
-    home = np.ravel_multi_index(homes, values.count)
-    order = np.argsort(home, kind="stable")
-    bricks, starts = np.unique(home[order], return_index=True)
-    found = np.empty(voxel.size, values.dtype)
-    for number, own in zip(bricks, np.split(order, starts[1:]), strict=True):
-        z, y, x = (int(n) for n in np.unravel_index(number, values.count))
-        box = values.box((z, y, x))
-        within = tuple(n[own] - part.start for n, part in zip(at, box, strict=True))
-        found[own] = values.brick((z, y, x))[within]
-    return found
-
-
-def _present(values: Values) -> set[int]:
-    """Return the labels that occur."""
-    present: set[int] = set()
-    if isinstance(values, Bricks):
-        if are_few(values.dtype):
-            return {int(value) for value in counted(values).value}
-        _ = values.ends  # constant bricks need not be read after that
-        for part in values.each(lambda index: np.unique(values.brick(index)), values.all()):
-            present.update(part.tolist())
-        return present
-    for slab in slabs(values):
-        present.update(np.unique(slab).tolist())
-    return present
-
-
-def _size(values: Values) -> str:
+def _size(values: Stored) -> str:
     return " x ".join(map(str, values.shape[::-1]))

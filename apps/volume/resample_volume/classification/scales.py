@@ -13,8 +13,8 @@ from resample_volume.classification.materials import Materials
 from resample_volume.classification.regions import Faded, RegionTransfer
 from resample_volume.classification.surveys import findings, survey, without_padding
 from resample_volume.classification.transfer import Transfer, TransferFunction
-from resample_volume.data.bricks import as_array
 from resample_volume.data.parts import slabs
+from resample_volume.data.values import as_array
 from resample_volume.types import Volume
 
 LINEAR, LOG, SYMLOG = "linear", "log", "symlog"

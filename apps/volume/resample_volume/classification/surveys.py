@@ -1,20 +1,17 @@
 """Statistics of a volume's values: range, padding, outliers, units."""
 
-from math import prod
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.memory.mapped import array_like
 from resample.types import Doubles
 from resample_volume.classification.hounsfield import Units, resembles_ct, units_of
 from resample_volume.classification.tissues import METAL
-from resample_volume.data.bricks import Bricks, Values, parts, sampled
 from resample_volume.data.memoization import memoized
-from resample_volume.data.parts import slabs
-from resample_volume.data.statistics.scanning import are_few, count_codes, step_of
+from resample_volume.data.statistics.scanning import are_few, step_of
 from resample_volume.data.thresholds import Counts, Histogram
+from resample_volume.data.values import Stored, values_of
 from resample_volume.types import Volume
 
 STRAY_SHARE = 2e-5  # greatest share of voxels that are outliers, if far from all others
@@ -80,7 +77,7 @@ def survey(volume: Volume) -> Survey:
     total, most = int(levels.number.sum()), _most_strays(volume.values.size)
     is_byte = volume.values.dtype.itemsize == 1
     rest, padding = _without_padding(
-        levels, border_values(volume.values), most, 0 if is_byte else PADDINGS
+        levels, values_of(volume.values).border(), most, 0 if is_byte else PADDINGS
     )
     first, last = ends(rest.value, rest.number, most, STRAY_GAP)
     bulk = rest.between(first, last)
@@ -128,25 +125,9 @@ def without_padding(volume: Volume, known: Survey) -> Volume:
     if not known.padding and not known.infinite:
         return volume
     is_whole = volume.values.dtype.kind in "iu"
-    if isinstance(volume.values, Bricks):
-        by = known.low if is_whole else np.nan
-        return volume._replace(values=volume.values.without(known.padding, by))
-    given = volume.values
-    values = array_like(given, given.shape, given.dtype, volume.name)
-    for slab, with_padding in zip(slabs(values), slabs(given), strict=True):
-        slab[:] = with_padding
-        slab[np.isin(slab, known.padding)] = known.low if is_whole else np.nan
-        if not is_whole:
-            slab[np.isinf(slab)] = np.nan
+    by = known.low if is_whole else np.nan
+    values = values_of(volume.values).without(known.padding, by, volume.name)
     return volume._replace(values=values)
-
-
-def border_values(values: Values) -> NDArray[Any]:
-    """Return all values on the six sides of a volume (Z, Y, X)."""
-    if isinstance(values, Bricks):
-        return values.statistics.border
-    sides = [values.take(end, axis).ravel() for axis in range(3) for end in (0, -1)]
-    return np.concatenate(sides)
 
 
 def ends(value: Doubles, count: Counts, most: int, gap: float) -> tuple[int, int]:
@@ -230,40 +211,27 @@ def _is_padding(levels: Histogram, end: int, most: int) -> bool:
     return bool(gap > least * (high - low))
 
 
-def _levels(values: Values) -> tuple[Histogram, int]:
+def _levels(stored: Stored) -> tuple[Histogram, int]:
     """Return the distribution of finite values, exact at its ends, and the number of infinite."""
-    if are_few(values.dtype):
-        return counted(values), 0
-    step = step_of(values.size)
-    some = np.asarray(sampled(values), np.float64)
+    if are_few(stored.dtype):
+        return counted(stored), 0
+    values, step = values_of(stored), step_of(stored.size)
+    some = np.asarray(values.sample(), np.float64)
     some = some[np.isfinite(some)]
     low, high = (some.min(), some.max()) if some.size else (np.inf, -np.inf)
     value, count = np.unique(some, return_counts=True)
-    beyond, infinite = (
-        [np.zeros(0)],
-        values.statistics.infinite if isinstance(values, Bricks) else 0,
-    )
-    for part in [values.statistics.beyond] if isinstance(values, Bricks) else parts(values):
-        outside = part[(part < low) | (part > high)]
-        finite = outside[np.isfinite(outside)]
-        infinite += outside.size - finite.size
-        beyond.append(np.asarray(finite, np.float64))
-    more, often = np.unique(np.concatenate(beyond), return_counts=True)
+    beyond, infinite = values.outside(low, high)
+    more, often = np.unique(beyond, return_counts=True)
     order = np.argsort(np.concatenate([value, more]), kind="stable")
     counts = np.concatenate([count * step**3, often])
     return Histogram(np.concatenate([value, more])[order], counts[order].astype(np.int64)), infinite
 
 
 @memoized(lambda values: values)
-def counted(values: Values) -> Histogram:
+def counted(values: Stored) -> Histogram:
     """Count each of few possible values, see `bricks.are_few`."""
     bits, size = values.dtype.itemsize * 8, 1 << (values.dtype.itemsize * 8)
-    total = np.zeros(size, np.int64)
-    if isinstance(values, Bricks) and values.statistics.codes is not None:
-        total += values.statistics.codes
-    else:
-        for part in parts(values):
-            total += count_codes(part, of=prod(values.shape))
+    total = values_of(values).codes()
     if values.dtype.kind == "i":
         total = np.roll(total, size // 2)
     present = np.flatnonzero(total)

@@ -46,9 +46,8 @@ from resample_volume.command.media import (
     times_of,
     with_met,
 )
-from resample_volume.command.needs import is_in_bricks
 from resample_volume.command.rendering import say_lost_field, say_missed, scene_of, spent_here
-from resample_volume.data.bricks import Bricks, Values
+from resample_volume.data.values import bricks_of, is_streamed, values_of
 from resample_volume.media.appearance import Appearance, VolumeLayer, transfer_of
 from resample_volume.media.series import Ready, Series, is_chunked, whole
 from resample_volume.rendering import Fit, Subject
@@ -146,7 +145,7 @@ def film_of(
     paint = replace(paint, drawing=drawing(scene.shown[0][0], scene.subject, given))
     cameras = cameras_of(scene.subject, flight, paint.size)
     say_missed(scene.shown, scene.subject, cameras[0])
-    in_bricks = is_in_bricks(scene.shown[0][0])
+    in_bricks = is_streamed(scene.shown[0][0])
     is_of_field = scene.subject.is_of_field
     return ReadyFilm(_shots(scene, cameras, paint, about), cameras, paint, in_bricks, is_of_field)
 
@@ -324,27 +323,25 @@ def _shots(
 
 def _mark(volume: Volume, look: Appearance) -> str:
     """Return a key of a volume in bricks and its look."""
-    values: Values = volume.values
-    if not isinstance(values, Bricks):
-        raise TypeError("volumes in memory have voxels")
+    values = bricks_of(volume)
     low, high = finite_range(values)
     transfer = transfer_of(volume, look)
     slopes = np.linspace(0, SLOPES * transfer.steepest(1.0), ROWS if transfer.needs_gradient else 1)
     some = np.linspace(low, high, 1 << 12).astype(values.dtype)
     every, of_each = np.tile(some, slopes.size), np.repeat(slopes.astype(np.float32), some.size)
     looks = transfer.classify(every, of_each, (low, high), 1.0)
-    marks = [_mark_of(values), fingerprint(*looks), look.gradient, repr(look.gradient_opacity)]
+    marks = [
+        fingerprint(*values.evidence()),
+        fingerprint(*looks),
+        look.gradient,
+        repr(look.gradient_opacity),
+    ]
     if look.labels is not None:
-        marks += [_mark_of(look.labels.values), repr(sorted(look.labels.rules.items()))]
+        marks += [
+            fingerprint(*values_of(look.labels.values).evidence()),
+            repr(sorted(look.labels.rules.items())),
+        ]
     return " ".join(marks)
-
-
-def _mark_of(values: Values) -> str:
-    """Return a key of values."""
-    if not isinstance(values, Bricks):
-        return fingerprint(values)
-    known = values.statistics
-    return fingerprint(known.least, known.greatest, known.some, known.border)
 
 
 def shared_by(

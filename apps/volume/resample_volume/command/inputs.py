@@ -17,10 +17,11 @@ from resample.watching import told
 from resample_volume.classification.scales import LINEAR, scaled
 from resample_volume.classification.surveys import Survey, findings, survey, without_padding
 from resample_volume.command.choices import ReadOptions
-from resample_volume.data.bricks import Bricks, Values, as_array
+from resample_volume.data.bricks import Bricks
 from resample_volume.data.recordings import SeveralTimesError, how, volume_at
 from resample_volume.data.statistics.caches import SHARE
 from resample_volume.data.statistics.scanning import Helpers
+from resample_volume.data.values import as_array, bricks_of, is_streamed
 from resample_volume.files.parsing.steps import three_numbers
 from resample_volume.files.readers import Raw, Reader
 from resample_volume.files.source import (
@@ -113,9 +114,9 @@ def _chosen(recording: Recording, source: ReadOptions) -> Volume:
 
 def _as_array(volume: Volume) -> Volume:
     """Read a volume's values into an array; from a file, within the memory limit."""
-    bricks: Values = volume.values
-    if not isinstance(bricks, Bricks):
+    if not is_streamed(volume):
         return volume
+    bricks = bricks_of(volume)
     with progress_bar("reading bricks", prod(bricks.count)) as progress, told(progress):
         found = as_array(volume)
     if bricks.memory is not None and is_in_file(found.values):
@@ -133,8 +134,8 @@ def with_memory(volume: Volume, allowed: int | None, hire: StartWorkers | None =
 
     Workers scan a large one, unless its statistics are cached.
     """
-    values: Values = volume.values
-    if isinstance(values, Bricks):
+    if is_streamed(volume):
+        values = bricks_of(volume)
         give_back()
         free = available_memory()
         values.memory = allowed if allowed or free is None else free // 2
@@ -156,8 +157,8 @@ def _helpers(hire: StartWorkers, bricks: Bricks) -> Helpers | None:
 
 def announced(volume: Volume) -> Volume:
     """Print how a volume is read if that is brick by brick, and return it."""
-    values: Values = volume.values
-    if isinstance(values, Bricks):
+    if is_streamed(volume):
+        values = bricks_of(volume)
         size = " x ".join(map(str, values.shape[::-1]))
         limit = "" if values.memory is None else f", within {amount(values.memory)} of memory"
         say(f"{volume.name}: {size} voxels are read brick by brick ({prod(values.count)}){limit}")
@@ -278,10 +279,9 @@ def said(volume: Volume) -> Volume:
 
 def _surveyed(volume: Volume) -> Survey:
     """Return statistics of a volume's values, with a progress bar while bricks are read."""
-    values: Values = volume.values
-    if not isinstance(values, Bricks):
+    if not is_streamed(volume):
         return survey(volume)
-    with progress_bar("scanning bricks", prod(values.count)) as progress, told(progress):
+    with progress_bar("scanning bricks", prod(bricks_of(volume).count)) as progress, told(progress):
         return survey(volume)
 
 

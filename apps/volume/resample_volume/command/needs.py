@@ -12,7 +12,7 @@ from math import prod
 from resample.command.session import libraries
 from resample.memory import require
 from resample.memory.mapped import is_in_file
-from resample_volume.data.bricks import Bricks, Values
+from resample_volume.data.values import is_streamed
 from resample_volume.media.appearance import VolumeLayer
 from resample_volume.rendering import Fit, Subject
 from resample_volume.types import Volume
@@ -50,7 +50,7 @@ def check_memory(
         It needs more memory than is allowed or free.
     """
     volumes = [volume for volume, _ in media]
-    if any(is_in_bricks(volume) or is_in_file(volume.values) for volume in volumes):
+    if any(is_streamed(volume) or is_in_file(volume.values) for volume in volumes):
         return
     parts = {"libraries": libraries(), "values": sum(_bytes_of(volume) for volume in volumes)}
     parts["the picture"] = BYTES_PER_PIXEL * size[0] * size[1]
@@ -69,12 +69,6 @@ def _bytes_per_visible(voxels: object, fit: Fit) -> int:
     if not isinstance(voxels, Gathered):
         return VISIBLE
     return VISIBLE_OF_FIELD if fit == "visible" or len(voxels.table.table) > 1 else 0
-
-
-def is_in_bricks(volume: Volume) -> bool:
-    """Return whether a volume's values stay in their file."""
-    values: Values = volume.values
-    return isinstance(values, Bricks)
 
 
 def _bytes_of(volume: Volume) -> int:

@@ -28,7 +28,7 @@ from resample.watching import told
 from resample_volume.classification.surveys import survey
 from resample_volume.command import needs
 from resample_volume.command.filling import Fitted, ball_fit, filled, whole_fit
-from resample_volume.data.bricks import Bricks, Values
+from resample_volume.data.values import is_streamed, values_of
 from resample_volume.media.appearance import (
     Appearance,
     Classification,
@@ -78,7 +78,7 @@ def scene_of(
         check_several(media, resampler)
     check_together(resampler, media[0][1].classification, media[0][1].extras)
     say_lost_field(media, resampler)
-    in_bricks = len(media) == 1 and needs.is_in_bricks(media[0][0])
+    in_bricks = len(media) == 1 and is_streamed(media[0][0])
     bar = "reading visible bricks" if in_bricks else "classifying"
     with session.stage("classify", bar=bar) as progress, told(progress if in_bricks else None):
         subject = Subject.of_several(media, resampler, fit)
@@ -112,7 +112,7 @@ def say_lost_field(
     if painter.order.summing is Summing.RAYS:
         if in_windows:
             say("workers paint voxels (classify pre), not rays through the field")
-    elif needs.is_in_bricks(volume) and not fits_as_field(volume):
+    elif is_streamed(volume) and not fits_as_field(volume):
         say("memory does not hold the volume as a field: voxels are painted (classify pre)")
 
 
@@ -261,8 +261,7 @@ def to_paint(
 
 def _check_bricks(volume: Volume, look: Appearance) -> None:
     """Reject workers for a picture that is not painted by windows."""
-    values: Values = volume.values
-    if not isinstance(values, Bricks):
+    if not is_streamed(volume):
         raise ValueError(
             f"workers paint windows of a volume in chunks, and {volume.name} is in memory as a "
             "whole; convert it to OME-Zarr, composite it by classify pre, or leave workers out"
@@ -309,8 +308,8 @@ def _in_windows(
 
 def spent_here(media: Sequence[VolumeLayer], threads: int | None) -> Budget:
     """Return the budget of windows that this process paints."""
-    bricks: Any = media[0][0].values
-    return Budget(getattr(bricks, "memory", None) or available_memory() or 0, threads)
+    allowed = values_of(media[0][0].values).memory
+    return Budget(allowed or available_memory() or 0, threads)
 
 
 def _mark(media: Sequence[VolumeLayer], shown: tuple[Any, ...]) -> str | None:
@@ -318,8 +317,7 @@ def _mark(media: Sequence[VolumeLayer], shown: tuple[Any, ...]) -> str | None:
     known: list[Any] = [installed_version(), shown]
     for volume, look in media:
         labels = [] if look.labels is None else [look.labels.values]
-        stored: list[Any] = [volume.values, *labels]
-        states = [part.state() if isinstance(part, Bricks) else None for part in stored]
+        states = [values_of(stored).state() for stored in (volume.values, *labels)]
         if None in states:
             return None
         known += [states, volume[1:], replace(look, labels=None)]

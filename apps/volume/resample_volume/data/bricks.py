@@ -1,6 +1,5 @@
 """Values that stay in their file: read brick by brick, with cached statistics."""
 
-import logging
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -14,22 +13,21 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.memory import amount
-from resample.memory.mapped import array_in_file, folder
-from resample.painting.splines import bytes_of_field
 from resample.types import Doubles
 from resample.watching import report
-from resample_volume.data.memory import require_memory
-from resample_volume.data.parts import slabs, threads_at_work
+from resample_volume.data.parts import threads_at_work
 from resample_volume.data.statistics.caches import LruCache, PinnedCache, is_known_by_its_ends
-from resample_volume.data.statistics.scanning import BrickStats, Helpers, scanned, step_of
-from resample_volume.types import Volume
+from resample_volume.data.statistics.scanning import (
+    BrickStats,
+    Helpers,
+    are_few,
+    finite_outside,
+    scanned,
+)
 
 Step = tuple[int, int, int]  # z, y, x
 Box = tuple[slice, slice, slice]  # z, y, x
 R = TypeVar("R")
-
-LOG = logging.getLogger("resample")
 
 
 def with_neighbours(is_chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -260,7 +258,7 @@ class Bricks:
         for n, _ in enumerate(self.each(put, self.all())):
             report(n + 1, prod(self.count))
 
-    def without(self, padding: Sequence[float], by: Any) -> "Bricks":
+    def without(self, padding: Sequence[float], by: Any, _: str = "", /) -> "Bricks":
         """Return a copy in which values for missing ones, and infinite ones, are replaced."""
         return replace(self.anew(), replaced=(np.array(padding), by), found={})
 
@@ -296,62 +294,74 @@ class Bricks:
         form = (self.shape, self.dtype.str, self.side, self.period, self.replaced)
         return (str(self.keeper.store), state, *form)
 
+    @property
+    def is_streamed(self) -> bool:
+        """Whether the values stay in their file."""
+        return True
+
+    @property
+    def bytes_to_load(self) -> int:
+        """Bytes of all values."""
+        return self.size * self.dtype.itemsize
+
+    def parts(self) -> Iterator[NDArray[Any]]:
+        """Yield the values of all bricks."""
+        return self.each(self.brick, self.all())
+
+    def range(self) -> tuple[float, float]:
+        """Return the least and greatest finite value; infinite where there is none."""
+        least, greatest = self.ends
+        return float(least.min()), float(greatest.max())
+
+    def sample(self) -> NDArray[Any]:
+        """Return a regular sample, see `step_of`."""
+        return self.statistics.some
+
+    def border(self) -> NDArray[Any]:
+        """Return all values (N,) on the six sides."""
+        return self.statistics.border
+
+    def outside(self, low: float, high: float) -> tuple[NDArray[Any], int]:
+        """Return finite values (N,) outside the range of a sample, and the number of infinite."""
+        found, infinite = finite_outside([self.statistics.beyond], low, high)
+        return found, infinite + self.statistics.infinite
+
+    def codes(self) -> NDArray[np.int64]:
+        """Return counts of each value, by its bits, for types of few values."""
+        found = self.statistics.codes
+        if found is None:
+            raise TypeError(f"{self.dtype} has too many values to count each")
+        return found
+
+    def unique(self) -> set[int]:
+        """Return all whole numbers that occur."""
+        if are_few(self.dtype):
+            code = np.flatnonzero(self.codes()).astype(f"u{self.dtype.itemsize}")
+            return set(code.view(self.dtype).tolist())
+        _ = self.ends  # constant bricks need not be read after that
+        found: set[int] = set()
+        for part in self.each(lambda index: np.unique(self.brick(index)), self.all()):
+            found.update(part.tolist())
+        return found
+
+    def at(self, index: Sequence[NDArray[np.int64]]) -> NDArray[Any]:
+        """Return values (N,) at indices along z, y and x; each brick with any is read once."""
+        homes = [n // side for n, side in zip(index, self.side, strict=True)]
+        home = np.ravel_multi_index(homes, self.count)
+        order = np.argsort(home, kind="stable")
+        bricks, starts = np.unique(home[order], return_index=True)
+        found = np.empty(home.size, self.dtype)
+        for number, own in zip(bricks, np.split(order, starts[1:]), strict=True):
+            z, y, x = (int(n) for n in np.unravel_index(number, self.count))
+            box = self.box((z, y, x))
+            within = tuple(n[own] - part.start for n, part in zip(index, box, strict=True))
+            found[own] = self.brick((z, y, x))[within]
+        return found
+
+    def evidence(self) -> tuple[NDArray[Any], ...]:
+        """Return arrays that change with the values, in this process or another."""
+        known = self.statistics
+        return known.least, known.greatest, known.some, known.border
+
     def _helped(self) -> Helpers | None:
         return None if self.helpers is None else self.helpers()
-
-
-Values = NDArray[Any] | Bricks
-
-
-def as_array(volume: Volume) -> Volume:
-    """Return the volume with its values as an array, also if they are bricks.
-
-    If they and a field of them may not fit in memory, they are in a mapped file
-    (`resample.memory.mapped`). Its pages get the memory that a field leaves, at least a quarter.
-
-    Raises
-    ------
-    ValueError
-        They fit neither in memory nor on the disk, or cannot be read.
-    """
-    bricks: Values = volume.values
-    if not isinstance(bricks, Bricks):
-        return volume
-    size = bricks.size * bricks.dtype.itemsize
-    made = bytes_of_field(bricks.shape, bricks.dtype)
-    if bricks.memory is None or size + made <= bricks.memory:
-        require_memory(size, volume.name)
-        return volume._replace(values=bricks.whole())
-    beside = bytes_of_field(bricks.shape, bricks.dtype, bricks.memory)
-    pages = bricks.memory - beside
-    if pages < bricks.memory // 4:
-        raise ValueError(
-            f"{volume.name} is needed as a whole for this, with at least "
-            f"{amount(beside * 4 // 3)} of memory and a file for the rest; "
-            f"{amount(bricks.memory)} are allowed: give more memory or a coarser level, or "
-            "render it by classify pre and composite"
-        )
-    values = array_in_file(bricks.shape, bricks.dtype, pages, volume.name)
-    LOG.info(
-        "%s is needed as a whole and does not fit in %s of memory: it and its field are in a "
-        "temporary file of %s",
-        *(volume.name, amount(bricks.memory), folder()),
-    )
-    bricks.put_into(values)
-    return volume._replace(values=values)
-
-
-def parts(values: Values) -> Iterator[NDArray[Any]]:
-    """Yield the values of a volume in parts, in no particular order."""
-    if isinstance(values, Bricks):
-        yield from values.each(values.brick, values.all())
-    else:
-        yield from slabs(values)
-
-
-def sampled(values: Values) -> NDArray[Any]:
-    """Return a regular sample of a volume's values; see `step_of`."""
-    if isinstance(values, Bricks):
-        return values.statistics.some
-    step = step_of(values.size)
-    return values[::step, ::step, ::step]

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 from resample_volume.classification.labels import Labels, check_known, parse_rules
-from resample_volume.data.bricks import Bricks
 from resample_volume.data.recordings import volume_at
+from resample_volume.data.values import is_streamed
 from resample_volume.files.source import open_streamed, open_volume
 from resample_volume.types import Volume
 
@@ -31,7 +31,7 @@ def read_labels(path: str, rules: Sequence[str], volume: Volume) -> Labels:
     """
     chosen = parse_rules(rules)
     try:
-        found = _volume_of(path, isinstance(volume.values, Bricks))
+        found = _volume_of(path, is_streamed(volume))
         if found.colors is not None:
             raise ValueError("labels are whole numbers, one for each voxel, not colors")
         labels = Labels(found.values, chosen)

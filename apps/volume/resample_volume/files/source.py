@@ -13,9 +13,9 @@ from resample.files.stores.opening import is_store
 from resample.samples.finding import PREFIX, sample_path
 from resample_volume.classification.scales import LINEAR, value_at
 from resample_volume.classification.surveys import findings, survey
-from resample_volume.data.bricks import Values, parts
 from resample_volume.data.recordings import volume_at
 from resample_volume.data.thresholds import otsu
+from resample_volume.data.values import Stored, values_of
 from resample_volume.files.generated import GENERATED
 from resample_volume.files.readers import Reader, Recorder, Streamer
 from resample_volume.files.stacks.dicom import is_dicom
@@ -242,7 +242,7 @@ def describe(volume: Volume, bins: int = 32) -> dict[str, Any]:
         raise ValueError(f"a histogram has at least 1 bin, not {bins}")
     known, nan = survey(volume), 0
     if volume.values.dtype.kind == "f":
-        nan = sum(int(np.isnan(part).sum()) for part in parts(volume.values))
+        nan = sum(int(np.isnan(part).sum()) for part in values_of(volume.values).parts())
     any_known, at = bool(known.levels.value.size), partial(value_at, scale=volume.scale)
     counts = _histogram(volume.values, bins, known.span) if any_known else [0] * bins
     is_whole = volume.values.dtype.kind in "iu"
@@ -279,9 +279,9 @@ def _unprefixed(name: str | Path) -> str | Path:
     return spec if spec.partition(":")[0] in GENERATED else sample_path(text)
 
 
-def _histogram(values: Values, bins: int, limits: tuple[float, float]) -> list[int]:
+def _histogram(values: Stored, bins: int, limits: tuple[float, float]) -> list[int]:
     count = np.zeros(bins, np.int64)
-    for part in parts(values):
+    for part in values_of(values).parts():
         count += np.histogram(part[np.isfinite(part)], bins, limits)[0]
     return [int(number) for number in count]
 

@@ -15,7 +15,7 @@ from resample_volume.classification.labels import MOST_RULES
 from resample_volume.classification.presets import Window, transfer_for
 from resample_volume.classification.surveys import survey
 from resample_volume.classification.transfer import Transfer, as_transfer
-from resample_volume.data.bricks import Bricks, Values
+from resample_volume.data.values import values_of
 from resample_volume.media.xrays import XRay
 from resample_volume.surfaces.image_planes import ImagePlane
 from resample_volume.surfaces.iso_surfaces import IsoSurface
@@ -318,11 +318,9 @@ def _suits_rays(volume: Volume, look: Appearance) -> bool:
 
 def fits_as_field(volume: Volume) -> bool:
     """Return whether a volume fits in memory as a field, with its values if they are in a file."""
-    values: Values = volume.values
-    size = bytes_of_field(values.shape, values.dtype)
-    if isinstance(values, Bricks):
-        return values.memory is None or size + values.size * values.dtype.itemsize <= values.memory
-    free = available_memory()
+    values = values_of(volume.values)
+    size = bytes_of_field(values.shape, values.dtype) + values.bytes_to_load
+    free = values.memory if values.is_streamed else available_memory()
     return free is None or size <= free
 
 

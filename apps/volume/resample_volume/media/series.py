@@ -11,8 +11,8 @@ from resample_volume.classification.materials import Windowed
 from resample_volume.classification.regions import Faded
 from resample_volume.classification.surveys import Survey, survey, without_padding
 from resample_volume.classification.transfer import DataRange, Transfer
-from resample_volume.data.bricks import Bricks
 from resample_volume.data.recordings import alone, volume_at, with_times_first
+from resample_volume.data.values import is_streamed
 from resample_volume.files.stores.chunks import Chunked, Single
 from resample_volume.media.appearance import Appearance, named_or_own, transfer_of
 from resample_volume.media.xrays import XRay, settled
@@ -54,7 +54,7 @@ class Series:
         ordered = with_times_first(recording)
         every = ready(whole(ordered))
         known = survey(every)
-        together = without_padding(every, known) if isinstance(every.values, Bricks) else None
+        together = without_padding(every, known) if is_streamed(every) else None
         return cls(ordered, known, together, ready)
 
     @classmethod

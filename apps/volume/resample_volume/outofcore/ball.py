@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from resample.cameras.viewpoints import Sphere
 from resample.types import Doubles, Floats
 from resample_volume.data.bricks import Bricks
+from resample_volume.data.values import bricks_of, with_bricks
 from resample_volume.outofcore.outline import FINE, OutlineQuery, VisibleOutline
 from resample_volume.outofcore.passes import PassContext, passed
 from resample_volume.types import Volume
@@ -71,7 +72,7 @@ def ball_of(
     if most and np.isfinite(extent).all() and not _is_filled(seen, outline, most):
         bulk = _bulk(seen, low, extent, most, voxel, looking)
         if bulk is not None:
-            bricks: Any = seen.volume.values
+            bricks = bricks_of(seen.volume)
             job = partial(_ends_of, seen, bulk)
             ends = np.array(passed(bricks, lattice_for(bricks.shape), job, looking))
             low, high = (ends[:, 0].min(axis=0), ends[:, 1].max(axis=0))
@@ -93,7 +94,7 @@ def _bulk(
     seen: OutlineQuery, low: Doubles, extent: Doubles, most: int, voxel: float, looking: PassContext
 ) -> Bulk | None:
     """Return the bounds without outliers; None if there are no outliers."""
-    bricks: Any = seen.volume.values
+    bricks = bricks_of(seen.volume)
     job = partial(_code_counts, seen, low, extent)
     count = np.sum(passed(bricks, lattice_for(bricks.shape), job, looking), axis=0)
     codes = np.array([[0, BINS - 1]] * 3)
@@ -118,14 +119,13 @@ def _code_counts(seen: OutlineQuery, low: Doubles, extent: Doubles, bricks: Bric
 
 def _positions(seen: OutlineQuery, bricks: Bricks) -> Iterator[Floats]:
     """Return positions (N, 3) of visible voxels, brick by brick."""
-    values: Any = bricks
-    volume = seen.volume._replace(values=values)
+    volume = with_bricks(seen.volume, bricks)
     return seen.classified(volume, lambda _, voxels: voxels.position)
 
 
 def _is_filled(seen: OutlineQuery, outline: VisibleOutline, most: int) -> bool:
     """Test a regular sample of voxels as `framing` does, in the order of the painter's bricks."""
-    bricks: Any = seen.volume.values
+    bricks = bricks_of(seen.volume)
     low, high = outline.low, outline.high
     extent, least = high - low, least_near(most)
     lattice = Lattice(bricks.shape, FINE)
@@ -167,8 +167,7 @@ def _groups(
 
 def _ordered(seen: OutlineQuery, lattice: Lattice, number: Indices, bricks: Bricks) -> Floats:
     """Return positions (N, 3) of visible voxels, block after block, z slowest in each."""
-    values: Any = bricks.within(lattice.asked(number))
-    volume = seen.volume._replace(values=values)
+    volume = with_bricks(seen.volume, bricks.within(lattice.asked(number)))
     parts = list(seen.classified(volume, lambda place, voxels: (place, voxels.position)))
     place = np.concatenate([part for part, _ in parts])
     at = [n // lattice.side for n in np.unravel_index(place, lattice.size)]
@@ -180,7 +179,7 @@ def _farthest(
     seen: OutlineQuery, outline: VisibleOutline, center: Doubles, bulk: Bulk | None
 ) -> float:
     """Return the distance of the farthest voxel from a point; nearer blocks are skipped."""
-    bricks: Any = seen.volume.values
+    bricks = bricks_of(seen.volume)
     lattice, number = lattice_for(bricks.shape), outline.blocks.number
     starts, ends = _reach(seen.volume, lattice, number)
     far = np.maximum(np.abs(starts - center), np.abs(ends - center))

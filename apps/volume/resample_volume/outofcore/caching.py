@@ -5,11 +5,9 @@ whatever their camera, is also kept in the user's cache: later commands need not
 again, and read no hidden bricks.
 """
 
-import hashlib
 import json
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -17,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.cameras.viewpoints import Sphere
-from resample.files.cached import evict, note_use
+from resample.files.cached import evict, note_use, source_fingerprint
 from resample.files.writing import replacing
 from resample.fingerprints import fingerprint
 from resample.memory import mapped
 from resample.reading.arrays import read_npz
-from resample_volume.data.bricks import Bricks
+from resample_volume.data.values import bricks_of, streamed
 from resample_volume.files.stores import kept
 from resample_volume.outofcore.outline import VisibleBlocks
 from resample_volume.types import Volume
@@ -73,14 +71,14 @@ def cached_visible(volume: Volume, depends: Any) -> VisibleBlocks | None:
 
 def cache_visible(volume: Volume, depends: Any, looked: VisibleBlocks) -> None:
     """Cache the scan for pictures of a look; arguments as of `cached`."""
-    bricks: Any = volume.values
+    bricks = bricks_of(volume)
     if _name_of(volume, depends) not in bricks.found:
         _keep(volume, CachedResult(looked, depends), lasts=True)
 
 
 def _found_before(volume: Volume, depends: Any, *, lasts: bool) -> CachedResult | None:
     """Return the cached result of this command or, if on disk, of an earlier one; or None."""
-    bricks: Any = volume.values
+    bricks = bricks_of(volume)
     name = _name_of(volume, depends)
     if name is not None and lasts and name not in bricks.found:
         file = _file_of(volume, depends)
@@ -93,7 +91,7 @@ def _found_before(volume: Volume, depends: Any, *, lasts: bool) -> CachedResult 
 
 def _keep(volume: Volume, found: CachedResult, *, lasts: bool) -> None:
     """Cache a result for this command and, if it lasts, for later ones."""
-    bricks: Any = volume.values
+    bricks = bricks_of(volume)
     name = _name_of(volume, found.depends)
     if name is None:
         return
@@ -111,15 +109,16 @@ def _name_of(volume: Volume, depends: Any) -> str | None:
 def _place_of(part: Any) -> int | None:
     """Identify large arrays and bricks by their address in memory."""
     is_large = isinstance(part, np.ndarray) and part.nbytes > LARGE
-    return id(part) if is_large or isinstance(part, Bricks) else None
+    return id(part) if is_large or streamed(part) else None
 
 
 def _file_of(volume: Volume, depends: Any) -> Path | None:
     """Return the cache file for a volume in a store; None: it is small, or may change unnoticed."""
-    bricks: Any = volume.values
-    if not isinstance(bricks, Bricks) or bricks.size < kept.LEAST:
+    bricks = streamed(volume.values)
+    if bricks is None or bricks.size < kept.LEAST:
         return None
-    name = fingerprint((_code(), bricks, depends, volume[1:4]), _content_of)
+    code = source_fingerprint("resample_volume.voxels", "resample_volume.classification")
+    name = fingerprint((code, bricks, depends, volume[1:4]), _content_of)
     return None if name is None else mapped.folder() / "looks" / f"{name[:40]}.npz"
 
 
@@ -131,25 +130,15 @@ def _content_of(part: Any) -> object | None:
     ValueError
         It cannot be identified.
     """
-    if isinstance(part, Bricks):
-        state = part.state()
+    bricks = streamed(part)
+    if bricks is not None:
+        state = bricks.state()
         if state is None:
             raise ValueError("values may change unnoticed")
         return state
     if isinstance(part, np.ndarray) and part.nbytes > LARGEST:
         raise ValueError("an array is too large")
     return None
-
-
-@cache
-def _code() -> str:
-    """Return a fingerprint of the source code that scans voxels."""
-    from resample.engine.compiled.sources import engine_digest
-
-    home = Path(__file__).parents[2]
-    sources = sorted(file for name in ("voxels", "looks") for file in (home / name).rglob("*.py"))
-    read = b"".join(source.read_bytes() for source in sources)
-    return hashlib.sha256(engine_digest().encode() + read).hexdigest()
 
 
 def _read(file: Path) -> CachedResult | None:

@@ -1,13 +1,14 @@
 """Classify the voxels of volumes in bricks, a brick at a time."""
 
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 
 from resample_volume.classification.transfer import DataRange, Transfer, extinction
 from resample_volume.data.bricks import Box
 from resample_volume.data.recordings import linear_colors
+from resample_volume.data.values import bricks_of
 from resample_volume.types import Volume
 from resample_volume.voxels.streaming import (
     BrickClassifier,
@@ -65,7 +66,7 @@ def candidates_by_bricks(
     finish
         The job, called with voxels and their brick's box; runs on several bricks at a time.
     """
-    values: Any = volume.values
+    values = bricks_of(volume)
     data_range = range_for(transfer, volume)
     wanted = BrickClassifier(transfer, data_range, gradient, to_scene_of(volume))
     chosen = visible_bricks(values, transfer, data_range)

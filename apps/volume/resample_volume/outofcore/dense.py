@@ -8,8 +8,9 @@ from resample.resampler import Resampler
 from resample.types import Doubles, Indices
 from resample_volume.classification.labels import Labels
 from resample_volume.classification.regions import Faded
-from resample_volume.data.bricks import Bricks, Step
+from resample_volume.data.bricks import Step
 from resample_volume.data.statistics.caches import LruCache
+from resample_volume.data.values import bricks_of, is_streamed, streamed, with_bricks
 from resample_volume.media.appearance import Appearance, Classification, VolumeLayer, transfer_of
 from resample_volume.media.lattices import CommonLattice, common_lattice, first_in
 from resample_volume.outofcore.caching import cached
@@ -75,15 +76,16 @@ class Dense:
         if self.lattice is None:
             (member,) = members
             return classified_by_bricks(volume, member.by, lambda *one: finish(*self.cut(*one)))
-        together: Any = volume.values
+        together: Any = bricks_of(volume)
         return mixed_by_bricks(together, self.lattice, members, self.cut, finish)
 
     def _with_labels(self, member: Member) -> Member:
         """Return the volume with a cache of label bricks."""
         labels = member.by.labels
-        if labels is None or not isinstance(labels.values, Bricks):
+        bricks = None if labels is None else streamed(labels.values)
+        if labels is None or bricks is None:
             return member
-        values = labels.values.within(None, LruCache(self.beside // len(self.members)))
+        values = bricks.within(None, LruCache(self.beside // len(self.members)))
         return member._replace(by=member.by._replace(labels=replace(labels, values=values)))
 
 
@@ -103,7 +105,7 @@ def check_windows(media: Sequence[VolumeLayer]) -> None:
                 f"the slab {look.slab} is perpendicular to the view, which cannot be painted "
                 "window by window; give its direction in the scene, as in 20/10/0/0/1"
             )
-        if not isinstance(volume.values, Bricks):
+        if not is_streamed(volume):
             raise ValueError(
                 f"{volume.name} is in memory as a whole and cannot be painted window by window; "
                 "convert it to OME-Zarr"
@@ -160,7 +162,7 @@ def _on_lattice(medium: VolumeLayer, lattice: CommonLattice, most: int) -> Volum
 def _together(placed: Sequence[VolumeLayer], lattice: CommonLattice) -> Volume:
     """Combine volumes in bricks on the common lattice; cached."""
     x, y, z = map(int, lattice.size)
-    bricks: list[Any] = [volume.values for volume, _ in placed]
+    bricks = [bricks_of(volume) for volume, _ in placed]
     firsts = [_first(volume, lattice) for volume, _ in placed]
 
     def make() -> CombinedBricks:
@@ -168,8 +170,8 @@ def _together(placed: Sequence[VolumeLayer], lattice: CommonLattice) -> Volume:
         parts = [in_grid(own, first, (z, y, x), bricks[0].side) for own, first in pairs]
         return CombinedBricks(parts, bricks[0].found)
 
-    values: Any = cached(placed[0][0], ("together", bricks, firsts, lattice), make)
-    return lattice.volume()._replace(values=values)
+    combined = cached(placed[0][0], ("together", bricks, firsts, lattice), make)
+    return with_bricks(lattice.volume(), combined)
 
 
 def _first(volume: Volume, lattice: CommonLattice) -> Step:
@@ -196,4 +198,4 @@ def _classifying(volume: Volume, look: Appearance, looking: PassContext) -> Clas
 
 def is_in_store(labels: Labels | None) -> bool:
     """Return whether labels stay in their file."""
-    return labels is not None and isinstance(labels.values, Bricks)
+    return labels is not None and streamed(labels.values) is not None

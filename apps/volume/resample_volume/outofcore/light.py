@@ -12,6 +12,7 @@ from resample.files.writing import save_array
 from resample.memory import amount
 from resample.types import Doubles, Flags, Floats
 from resample_volume.data.bricks import Bricks, Step
+from resample_volume.data.values import bricks_of, with_bricks
 from resample_volume.outofcore.outline import OutlineQuery, VisibleOutline
 from resample_volume.outofcore.passes import PassContext, passed
 from resample_volume.voxels.blocks import Indices, lattice_for
@@ -97,7 +98,7 @@ def light_reached(
             f"the grid of light needs {amount(size)}, {amount(memory)} are allowed; give more "
             "memory, or leave shadows and ambient-occlusion out"
         )
-    bricks: Any = seen.volume.values
+    bricks = bricks_of(seen.volume)
     job = partial(_summed, seen, outline, cells)
     parts = passed(bricks, lattice_for(bricks.shape), job, looking)
     share = reached(cells.means(_joined(parts, cells)), cells.per * steps, light)
@@ -108,14 +109,13 @@ def _summed(
     seen: OutlineQuery, outline: VisibleOutline, cells: LightCells, bricks: Bricks
 ) -> tuple[int, Doubles]:
     """Return the first non-empty row of cells, and sums of optical depths from there on."""
-    values: Any = bricks
     total = np.zeros(prod(cells.grid))
 
     def depths(place: Indices, voxels: Any) -> tuple[NDArray[np.int64], Doubles]:
         index = _indices(place, bricks.shape, outline.first)
         return cells.of(index), exact_in_sums(voxels.extinction, outline.densest, cells)
 
-    for cell, depth in seen.classified(seen.volume._replace(values=values), depths):
+    for cell, depth in seen.classified(with_bricks(seen.volume, bricks), depths):
         np.add.at(total, cell, depth)
     rows = total.reshape(cells.grid[0], -1)
     full = np.flatnonzero(rows.any(axis=1))

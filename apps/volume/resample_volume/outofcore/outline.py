@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from resample.types import Doubles
 from resample_volume.data.bricks import Bricks
+from resample_volume.data.values import bricks_of, with_bricks
 from resample_volume.outofcore.passes import PassContext, passed
 from resample_volume.types import Volume
 from resample_volume.voxels.blocks import Indices, Lattice, lattice_for
@@ -57,7 +58,7 @@ class OutlineQuery(NamedTuple):
 
 def outlined(seen: OutlineQuery, looking: PassContext) -> VisibleOutline:
     """Scan all voxels once and return where they are visible; a process holds few at a time."""
-    bricks: Any = seen.volume.values
+    bricks = bricks_of(seen.volume)
     lattice = lattice_for(bricks.shape)
     parts = passed(bricks, lattice, partial(_outlined, seen, lattice), looking)
     return reduce(_both, parts)
@@ -65,7 +66,6 @@ def outlined(seen: OutlineQuery, looking: PassContext) -> VisibleOutline:
 
 def _outlined(seen: OutlineQuery, lattice: Lattice, bricks: Bricks) -> VisibleOutline:
     """Return the outline of bricks, of the requested layers."""
-    values: Any = bricks
     fine = lattice._replace(side=FINE)
     steeps: list[Steeps] = []
     count = np.zeros(int(np.prod(fine.blocks)), np.int32)
@@ -80,7 +80,7 @@ def _outlined(seen: OutlineQuery, lattice: Lattice, bricks: Bricks) -> VisibleOu
         most = float(voxels.extinction.max(initial=0.0))
         return fine.counted(place), box, sides, most, steeps_of(voxels.parts, seen.clip)
 
-    every = seen.classified(seen.volume._replace(values=values), found)
+    every = seen.classified(with_bricks(seen.volume, bricks), found)
     for (index, more), box, sides, most, own in every:
         count[index] += more.astype(np.int32)
         if box is not None:

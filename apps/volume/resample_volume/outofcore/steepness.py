@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from resample.types import Floats
 from resample_volume.classification.transfer import Transfer
 from resample_volume.data.bricks import Box, Bricks
+from resample_volume.data.values import bricks_of, with_bricks
 from resample_volume.outofcore.classified import candidates_by_bricks
 from resample_volume.outofcore.passes import PassContext, between, passed
 from resample_volume.types import Volume
@@ -69,15 +70,14 @@ def _length(home: int, rank: int, lower: Counts) -> float:
 
 def _counted(slopes: Slopes, home: int | None, looking: PassContext) -> Counts:
     """Count lengths by upper half; or, within one upper half, by lower half."""
-    bricks: Any = slopes.volume.values
+    bricks = bricks_of(slopes.volume)
     nothing: Any = None  # bricks are given to the job
     job = partial(_counted_of, slopes._replace(volume=slopes.volume._replace(values=nothing)), home)
     return np.asarray(sum(passed(bricks, lattice_for(bricks.shape), job, looking)))
 
 
 def _counted_of(slopes: Slopes, home: int | None, bricks: Bricks) -> Counts:
-    values: Any = bricks
-    volume = slopes.volume._replace(values=values)
+    volume = with_bricks(slopes.volume, bricks)
     count = np.zeros(1 << HALF, np.int64)
 
     def bits(found: Candidates, _: Box) -> NDArray[np.uint32]:

@@ -11,6 +11,7 @@ from resample.memory.mapped import array_in_file
 from resample.types import Doubles
 from resample_volume.data.bricks import Asked, Box, Bricks, Step
 from resample_volume.data.statistics.caches import LruCache
+from resample_volume.data.values import bricks_of, with_bricks
 from resample_volume.media.lattices import CommonLattice, onto
 from resample_volume.media.mixing import MixedMedia, mixed_at
 from resample_volume.outofcore.classified import Classifying, classified, range_for
@@ -246,14 +247,14 @@ def resampled_bricks(volume: Volume, lattice: CommonLattice, most: int) -> Volum
     ValueError
         It does not fit on the disk.
     """
-    bricks: Any = volume.values
+    bricks = bricks_of(volume)
     values = array_in_file(bricks.shape, bricks.dtype, most, volume.name)
     bricks.put_into(values)
     there = onto(volume._replace(values=values), lattice)
     shape, kind = there.values.shape, there.values.dtype
     size: Step = (shape[0], shape[1], shape[2])
-    in_file: Any = Bricks(ArrayBoxes(there.values), size, kind, bricks.side, memory=bricks.memory)
-    return there._replace(values=in_file)
+    in_file = Bricks(ArrayBoxes(there.values), size, kind, bricks.side, memory=bricks.memory)
+    return with_bricks(there, in_file)
 
 
 class Member(NamedTuple):

@@ -28,6 +28,7 @@ from resample.watching import Executor, Progress, report, shared_out, told
 from resample_volume.data.bricks import Bricks, held_together, with_neighbours
 from resample_volume.data.parts import threads_at_work
 from resample_volume.data.statistics.caches import LruCache
+from resample_volume.data.values import bricks_of, with_bricks
 from resample_volume.outofcore.caching import cache_visible, cached_visible
 from resample_volume.outofcore.outline import Classified, VisibleBlocks
 from resample_volume.outofcore.passes import PassContext, between, passed
@@ -136,7 +137,7 @@ def painted_in_windows(
 
     Parameters
     ----------
-    work
+    job
         What is painted.
     known
         Facts from `surveyed`.
@@ -152,7 +153,7 @@ def painted_in_windows(
     OSError
         A window cannot be written or read.
     """
-    bricks: Bricks = job.volume.values  # type: ignore[assignment]
+    bricks = bricks_of(job.volume)
     tasks = tasks_of(job, known, 1 if executor is None else WINDOWS)
     common = partial(_painted, job, known._replace(blocks=known.blocks.bare()))
     done = np.cumsum([0] + [task.voxels for task in tasks])
@@ -173,7 +174,7 @@ def painted_in_windows(
 
 def surveyed(job: RenderJob, tell: Progress, executor: Executor | None = None) -> Surveyed | None:
     """Scan a picture's voxels, a brick at a time; None if nothing is visible."""
-    bricks: Bricks = job.volume.values  # type: ignore[assignment]
+    bricks = bricks_of(job.volume)
     lattice = lattice_for(bricks.shape)
     before = _known_before(job, lattice)
     if before is not None:
@@ -250,7 +251,6 @@ def _planned(job: RenderJob, found: list[FoundInLayers]) -> PicturePlan | None:
 
 def _scan_layers(job: RenderJob, lattice: Lattice, guess: Guess, bricks: Bricks) -> FoundInLayers:
     """Scan the requested layers of bricks for a picture."""
-    values: Any = bricks
     found = FoundInLayers([], [], [], None)
 
     def counted(place: Indices, voxels: Any) -> tuple[tuple[Indices, Indices], Any]:
@@ -263,7 +263,7 @@ def _scan_layers(job: RenderJob, lattice: Lattice, guess: Guess, bricks: Bricks)
         "clip": job.clip,
         "painters": guess.painters,
     }
-    for seen, voxels in job.classified(job.volume._replace(values=values), counted):
+    for seen, voxels in job.classified(with_bricks(job.volume, bricks), counted):
         if not len(voxels.position):
             continue
         found.steep.append(steeps_of(voxels.parts, job.clip))
@@ -287,7 +287,7 @@ def tasks_of(job: RenderJob, known: Surveyed, fewest: int = 1) -> list[WindowTas
         A single tile exceeds the limit.
     """
     (height, width), tile = known.plan.size, known.plan.tile
-    values: Bricks = job.volume.values  # type: ignore[assignment]
+    values = bricks_of(job.volume)
     found: list[WindowTask] = []
     waiting: deque[Window] = deque([(0, 0, width, height)])
     while waiting:
@@ -322,7 +322,7 @@ def _task(job: RenderJob, known: Surveyed, window: Window) -> tuple[WindowTask, 
     are_asked = blocks.within(window, known.plan.margin + 1)
     number, seen = (part[are_asked].astype(np.int32) for part in (blocks.number, blocks.visible))
     task = WindowTask(window, number, seen)
-    values: Bricks = job.volume.values  # type: ignore[assignment]
+    values = bricks_of(job.volume)
     free = job.memory - job.beside - values.shelved - _bytes_of_bricks(job, blocks, are_asked)
     if task.voxels * BYTES_PER_SAMPLE <= free or not job.resampler.can_step(known.plan):
         return task, task.voxels * BYTES_PER_SAMPLE <= free
@@ -340,7 +340,7 @@ def _task(job: RenderJob, known: Surveyed, window: Window) -> tuple[WindowTask, 
 
 def _bytes_of_bricks(job: RenderJob, blocks: Blocks, are_asked: NDArray[np.bool_]) -> int:
     """Bytes of the bricks held together, and of the temporaries of those being scanned."""
-    bricks: Bricks = job.volume.values  # type: ignore[assignment]
+    bricks = bricks_of(job.volume)
     if not are_asked.any():
         return 0
     lattice, seen = blocks.lattice, blocks.visible[are_asked]
@@ -369,7 +369,7 @@ def _painted(job: RenderJob, known: Surveyed, task: WindowTask) -> PaintedWindow
     from resample.engine.jit import threads
 
     trim()
-    values: Bricks = job.volume.values  # type: ignore[assignment]
+    values = bricks_of(job.volume)
     bricks = values.within(None, LruCache(task.recent) if task.step else None)
     with threads(job.threads):
         source = _source(job, known, task, bricks)
@@ -428,8 +428,7 @@ def _samples(job: RenderJob, bricks: Bricks, known: Surveyed, count: int) -> Sam
     """Return all shaded samples of a window."""
     position, color = np.empty((2, count, 3), np.float32)
     extinction, done = np.empty(count, np.float32), 0
-    values: Any = bricks
-    volume = job.volume._replace(values=values)
+    volume = with_bricks(job.volume, bricks)
 
     def lit(place: Indices, voxels: Any) -> Samples:
         return job.lit(place, voxels, known.steep)

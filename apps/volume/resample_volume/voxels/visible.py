@@ -15,11 +15,11 @@ from resample_volume.classification.transfer import (
     extinction,
     visible_places,
 )
-from resample_volume.data.bricks import Bricks, Values
 from resample_volume.data.memoization import memoized
 from resample_volume.data.memory import require_memory
 from resample_volume.data.parts import side_by_side, slabs
 from resample_volume.data.recordings import linear_colors
+from resample_volume.data.values import Stored, bricks_of, is_streamed, values_of
 from resample_volume.types import Volume
 from resample_volume.voxels.streaming import (
     BrickClassifier,
@@ -105,7 +105,7 @@ def classify(
     if labels is not None:
         color, opacity = labels.applied(seen.place, color, opacity)
     place, kept = seen.place, np.flatnonzero(opacity > 0)
-    if not isinstance(volume.values, Bricks):
+    if not is_streamed(volume):
         what = f"{volume.name} with {kept.size} visible voxels"
         require_memory(BYTES_PER_VOXEL * kept.size, what)
     if kept.size < place.size:
@@ -191,17 +191,9 @@ def unit_of(transfer: Transfer, volume: Volume) -> float:
 
 
 @memoized(lambda values: values)
-def finite_range(values: Values) -> DataRange:
+def finite_range(values: Stored) -> DataRange:
     """Return the least and greatest finite value; (0, 1) if there is none."""
-    if isinstance(values, Bricks):
-        least, greatest = values.ends
-        low, high = float(least.min()), float(greatest.max())
-        return (low, high) if low <= high else (0.0, 1.0)
-    low, high = np.inf, -np.inf
-    for chunk in slabs(values):
-        finite = chunk if values.dtype.kind in "iu" else chunk[np.isfinite(chunk)]
-        if finite.size:
-            low, high = min(low, float(finite.min())), max(high, float(finite.max()))
+    low, high = values_of(values).range()
     return (low, high) if low <= high else (0.0, 1.0)
 
 
@@ -321,10 +313,9 @@ def visible_with_slopes(
 
     Parameters and errors as of `classify`, values in the order of the painter's bricks.
     """
-    values: Values = volume.values
-    if isinstance(values, Bricks):
+    if is_streamed(volume):
         wanted = BrickClassifier(transfer, data_range, gradient, to_scene_of(volume))
-        return visible_in_bricks(values, wanted, volume.name)
+        return visible_in_bricks(bricks_of(volume), wanted, volume.name)
     seen = _in_bricks(_visible(volume, transfer, data_range), volume)
     if gradient is None:
         return seen

@@ -118,9 +118,9 @@ def compare_view(
         Equation to the true view.
     truth
         (H, W, C) gray or RGB, linear light; with opacity it is shown over black.
-    (H, W) pixels that both views see. None: the pixels where a sample of the source arrives;
-    then surfaces hidden only in the true view are taken for visible.
-        what hides the scene from the other side only is then taken for visible.
+    mask
+        (H, W) pixels that both views see. None: the pixels where a sample of the source arrives;
+        then surfaces hidden only in the true view are taken for visible.
     names
         Methods, with parameters after a colon.
 

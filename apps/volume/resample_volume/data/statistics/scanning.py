@@ -4,7 +4,7 @@ Each process scans some layers of bricks. Results are ends, counts and values th
 parts joined in their order are bit-identical to a single scan.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from itertools import pairwise, product
@@ -259,6 +259,19 @@ def extent(values: NDArray[Any]) -> tuple[float, float, int, int]:
     if not known.size:
         return np.inf, -np.inf, infinite, missing
     return float(known.min()), float(known.max()), infinite, missing
+
+
+def finite_outside(
+    parts: Iterable[NDArray[Any]], low: float, high: float
+) -> tuple[NDArray[Any], int]:
+    """Return finite values (N,) of parts outside a range, and the number of infinite ones."""
+    found, infinite = [np.zeros(0)], 0
+    for part in parts:
+        outside = part[(part < low) | (part > high)]
+        finite = outside[np.isfinite(outside)]
+        infinite += outside.size - finite.size
+        found.append(np.asarray(finite, np.float64))
+    return np.concatenate(found), infinite
 
 
 def _keep_some(some: NDArray[Any], values: NDArray[Any], box: Box, step: int, plane: int) -> None:

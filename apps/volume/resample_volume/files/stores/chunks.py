@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from resample.files.stores.addresses import Place
 from resample.files.stores.holes import Holes, values_of
 from resample.files.stores.opening import reading
-from resample_volume.data.bricks import Box, Bricks, Step, Values
+from resample_volume.data.bricks import Box, Bricks, Step
+from resample_volume.data.values import Stored
 from resample_volume.files.parsing.headers import WIDENED
 from resample_volume.files.stores.kept import StoredFindings
 from resample_volume.files.stores.states import Portion
@@ -26,7 +27,7 @@ SIDE = 64  # voxels; smaller chunks are read together
 class Single:
     """One volume as (1, 1, Z, Y, X), also if its values stay in a file."""
 
-    values: Values
+    values: Stored
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -38,7 +39,7 @@ class Single:
         """Of the voxels."""
         return self.values.dtype
 
-    def __getitem__(self, chosen: tuple[int, int]) -> Values:
+    def __getitem__(self, chosen: tuple[int, int]) -> Stored:
         return self.values
 
 

@@ -17,7 +17,8 @@ from resample.files.stores.opening import require_zarr
 from resample.files.writing import beside, unwritten
 from resample.types import Doubles
 from resample.watching import Progress
-from resample_volume.data.bricks import Box, Bricks, Step, Values
+from resample_volume.data.bricks import Box, Step
+from resample_volume.data.values import values_of
 from resample_volume.files.stores.pyramid import halved, per_axis, sizes
 from resample_volume.types import Recording
 
@@ -202,11 +203,7 @@ def _fill(levels: "list[zarr.Array[Any]]", recording: Recording, form: Layered) 
 
 def _given(recording: Recording, time: int, part: int) -> Callable[[Box], NDArray[Any]]:
     """Return a reader of boxes."""
-    values: Values = recording.values[time, part]
-    if isinstance(values, Bricks):
-        return values.read
-    array = values
-    return lambda box: array[box]
+    return values_of(recording.values[time, part]).read
 
 
 def _boxes(shape: Step, step: int) -> list[Box]:

@@ -1,0 +1,250 @@
+"""Values of a volume, whether an array in memory or bricks in a file.
+
+An array is one brick. Code that only reads values asks `values_of` for them; code that works brick
+by brick asks for `bricks_of`.
+"""
+
+import logging
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import prod
+from typing import Any, Protocol, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.memory import amount
+from resample.memory.mapped import array_in_file, array_like, folder
+from resample.painting.splines import bytes_of_field
+from resample_volume.data.bricks import Box, Bricks, Step
+from resample_volume.data.memory import require_memory
+from resample_volume.data.parts import slabs
+from resample_volume.data.statistics.scanning import count_codes, finite_outside, step_of
+from resample_volume.types import Volume
+
+LOG = logging.getLogger("resample")
+
+Stored = NDArray[Any] | Bricks  # what a volume holds
+
+
+class VolumeValues(Protocol):
+    """Values (Z, Y, X) of a volume."""
+
+    @property
+    def shape(self) -> Step: ...
+    @property
+    def dtype(self) -> np.dtype[Any]: ...
+    @property
+    def is_streamed(self) -> bool:
+        """Whether they stay in their file."""
+        ...
+
+    @property
+    def memory(self) -> int | None:
+        """Memory limit in bytes for all that is made of them; None: the machine's."""
+        ...
+
+    @property
+    def bytes_to_load(self) -> int:
+        """Bytes of an array of them that is not in memory yet."""
+        ...
+
+    def read(self, box: Box, /) -> NDArray[Any]:
+        """Values of a box, as stored."""
+        ...
+
+    def whole(self) -> NDArray[Any]:
+        """All of them, in memory."""
+        ...
+
+    def parts(self) -> Iterator[NDArray[Any]]:
+        """All of them in parts, in no particular order."""
+        ...
+
+    def range(self) -> tuple[float, float]:
+        """Least and greatest finite value; infinite where there is none."""
+        ...
+
+    def sample(self) -> NDArray[Any]:
+        """A regular sample, see `step_of`."""
+        ...
+
+    def border(self) -> NDArray[Any]:
+        """All values (N,) on the six sides."""
+        ...
+
+    def outside(self, low: float, high: float) -> tuple[NDArray[Any], int]:
+        """Finite values (N,) outside the range of a sample, and the number of infinite ones."""
+        ...
+
+    def codes(self) -> NDArray[np.int64]:
+        """Counts of each value, by its bits, for types of few values."""
+        ...
+
+    def unique(self) -> set[int]:
+        """All whole numbers that occur."""
+        ...
+
+    def at(self, index: Sequence[NDArray[np.int64]]) -> NDArray[Any]:
+        """Values (N,) at indices along z, y and x."""
+        ...
+
+    def without(self, padding: Sequence[float], by: Any, name: str, /) -> Any:
+        """Values in which padding and infinite ones are replaced; the name is for messages."""
+        ...
+
+    def state(self) -> tuple[Any, ...] | None:
+        """What identifies them in their file; None if nothing does."""
+        ...
+
+    def evidence(self) -> tuple[NDArray[Any], ...]:
+        """Arrays that change with them, in this process or another."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class ArrayValues:
+    """An array as `VolumeValues`."""
+
+    array: NDArray[Any]
+    is_streamed = False
+    memory = None
+    bytes_to_load = 0
+
+    @property
+    def shape(self) -> Step:
+        z, y, x = self.array.shape
+        return z, y, x
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        return self.array.dtype
+
+    def read(self, box: Box, /) -> NDArray[Any]:
+        return self.array[box]
+
+    def whole(self) -> NDArray[Any]:
+        return self.array
+
+    def parts(self) -> Iterator[NDArray[Any]]:
+        return slabs(self.array)
+
+    def range(self) -> tuple[float, float]:
+        low, high = np.inf, -np.inf
+        for chunk in slabs(self.array):
+            finite = chunk if self.dtype.kind in "iu" else chunk[np.isfinite(chunk)]
+            if finite.size:
+                low, high = min(low, float(finite.min())), max(high, float(finite.max()))
+        return low, high
+
+    def sample(self) -> NDArray[Any]:
+        step = step_of(self.array.size)
+        return self.array[::step, ::step, ::step]
+
+    def border(self) -> NDArray[Any]:
+        sides = [self.array.take(end, axis).ravel() for axis in range(3) for end in (0, -1)]
+        return np.concatenate(sides)
+
+    def outside(self, low: float, high: float) -> tuple[NDArray[Any], int]:
+        return finite_outside(self.parts(), low, high)
+
+    def codes(self) -> NDArray[np.int64]:
+        total = np.zeros(1 << (self.dtype.itemsize * 8), np.int64)
+        for part in self.parts():
+            total += count_codes(part, of=prod(self.shape))
+        return total
+
+    def unique(self) -> set[int]:
+        return {int(value) for part in self.parts() for value in np.unique(part)}
+
+    def at(self, index: Sequence[NDArray[np.int64]]) -> NDArray[Any]:
+        return np.asarray(self.array[tuple(index)])
+
+    def without(self, padding: Sequence[float], by: Any, name: str, /) -> NDArray[Any]:
+        given, is_whole = self.array, self.dtype.kind in "iu"
+        values = array_like(given, given.shape, given.dtype, name)
+        for slab, with_padding in zip(slabs(values), slabs(given), strict=True):
+            slab[:] = with_padding
+            slab[np.isin(slab, padding)] = by
+            if not is_whole:
+                slab[np.isinf(slab)] = np.nan
+        return values
+
+    def state(self) -> None:
+        return None
+
+    def evidence(self) -> tuple[NDArray[Any], ...]:
+        return (self.array,)
+
+
+def streamed(stored: object) -> Bricks | None:
+    """Return values that stay in their file; None if these do not."""
+    return stored if isinstance(stored, Bricks) else None
+
+
+def values_of(stored: Stored) -> VolumeValues:
+    """Return what a volume holds as `VolumeValues`."""
+    bricks = streamed(stored)
+    return ArrayValues(cast("NDArray[Any]", stored)) if bricks is None else bricks
+
+
+def bricks_of(volume: Volume) -> Bricks:
+    """Return the bricks of a volume, or what has their interface, such as `CombinedBricks`.
+
+    Raises
+    ------
+    TypeError
+        Its values are in memory.
+    """
+    stored: Any = volume.values
+    if isinstance(stored, np.ndarray):
+        raise TypeError(f"{volume.name} is in memory, not in bricks")
+    return cast("Bricks", stored)
+
+
+def with_bricks(volume: Volume, bricks: Any) -> Volume:
+    """Return a volume with other bricks, or with what has their interface."""
+    return volume._replace(values=bricks)
+
+
+def is_streamed(volume: Volume) -> bool:
+    """Return whether a volume's values stay in their file."""
+    return streamed(volume.values) is not None
+
+
+def as_array(volume: Volume) -> Volume:
+    """Return the volume with its values as an array, also if they are bricks.
+
+    If they and a field of them may not fit in memory, they are in a mapped file
+    (`resample.memory.mapped`). Its pages get the memory that a field leaves, at least a quarter.
+
+    Raises
+    ------
+    ValueError
+        They fit neither in memory nor on the disk, or cannot be read.
+    """
+    if not is_streamed(volume):
+        return volume
+    bricks = bricks_of(volume)
+    size = bricks.size * bricks.dtype.itemsize
+    made = bytes_of_field(bricks.shape, bricks.dtype)
+    if bricks.memory is None or size + made <= bricks.memory:
+        require_memory(size, volume.name)
+        return volume._replace(values=bricks.whole())
+    beside = bytes_of_field(bricks.shape, bricks.dtype, bricks.memory)
+    pages = bricks.memory - beside
+    if pages < bricks.memory // 4:
+        raise ValueError(
+            f"{volume.name} is needed as a whole for this, with at least "
+            f"{amount(beside * 4 // 3)} of memory and a file for the rest; "
+            f"{amount(bricks.memory)} are allowed: give more memory or a coarser level, or "
+            "render it by classify pre and composite"
+        )
+    values = array_in_file(bricks.shape, bricks.dtype, pages, volume.name)
+    LOG.info(
+        "%s is needed as a whole and does not fit in %s of memory: it and its field are in a "
+        "temporary file of %s",
+        *(volume.name, amount(bricks.memory), folder()),
+    )
+    bricks.put_into(values)
+    return volume._replace(values=values)
