@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.colors import Background, from_srgb, over, straight, to_srgb
+from resample.colors import Background, as_levels, from_srgb, over, straight, to_srgb
 from resample.files.facts.origin import state
 from resample.files.writing import INCOMPLETE, check_end, refused, replacing
 from resample.memory.mapped import array_where_it_fits
@@ -117,8 +117,7 @@ def screen_levels(
     pixels = straight(rgba) if background is None else over(rgba, background)
     pixels = np.clip(pixels, 0.0, 1.0)
     pixels[..., :3] = to_srgb(pixels[..., :3])
-    kind = np.uint8 if bits == 8 else np.uint16
-    return np.asarray(np.floor(pixels * np.iinfo(kind).max + 0.5).astype(kind))
+    return as_levels(pixels, bits)
 
 
 def write_exr(

@@ -100,10 +100,11 @@ def animate(
     frames
         Number of frames. Default: 96; for a file as its times require.
     """
+    from resample.command.films import write_shared
     from resample.command.session import Session
-    from resample.command.workers import at_work, check_sharing
+    from resample.command.workers import check_sharing
     from resample.console.backgrounds import linear_color
-    from resample.files.animations import check_film, made_by, write_film
+    from resample.files.animations import check_film
     from resample_points.command import animation
     from resample_points.command.cameras import cameras_of, start_of
     from resample_points.command.rendering import check_memory, scene_of
@@ -116,14 +117,11 @@ def animate(
     look.check(output, shape[0])
     check_memory(shape, output, sharing.workers or 0)
     memory = None if sharing.scheduler else animation.memory_of_each(sharing.workers or 0)
-    session = Session()
-    scene = scene_of(session, file, look)
+    scene = scene_of(Session(), file, look)
     cameras = cameras_of(scene.surfels, viewpoints, shape, steady=start.steady)
     film = animation.film_of(scene, cameras, shape, behind)
     again = partial(animation.frames_of, file, look, cameras, shape, behind, memory)
-    with at_work(sharing, look.threads) as crew, session.stage("film", bar="rendering") as progress:
-        film, executor = made_by(crew, film, again)
-        write_film(output, film, fps, resume=resume, progress=progress, executor=executor)
+    write_shared(output, film, again, sharing, look.threads, fps=fps, resume=resume)
 
 
 @app.command

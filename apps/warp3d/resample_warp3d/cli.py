@@ -259,10 +259,11 @@ def animate(
     """
     import numpy as np
 
+    from resample.command.films import write_shared
     from resample.command.session import Session
-    from resample.command.workers import at_work, check_sharing
+    from resample.command.workers import check_sharing
     from resample.console.backgrounds import linear_color
-    from resample.files.animations import check_film, made_by, write_film
+    from resample.files.animations import check_film
     from resample_warp3d.command.animation import Range, check_path, poses_of
     from resample_warp3d.command.depths import (
         ToFilm,
@@ -293,13 +294,8 @@ def animate(
     film = film_of(session, taken, shape, warping, behind)
     made = shots_with_depth(poses, camera, film, depths)
     again = partial(frames_of, ToFilm(reader, color, depth, warping, shape, behind), poses, camera)
-    with (
-        at_work(sharing, warping.threads) as crew,
-        session.stage("film", bar="rendering") as progress,
-        appearing(depths, resume=resume),
-    ):
-        made, executor = made_by(crew, made, again)
-        write_film(output, made, fps, resume=resume, progress=progress, executor=executor)
+    with appearing(depths, resume=resume):
+        write_shared(output, made, again, sharing, warping.threads, fps=fps, resume=resume)
 
 
 @app.command

@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from resample.console.messages import say
 from resample.lazy import installed_version
 from resample_points.command.cameras import Shape
 from resample_points.command.choices import CloudOptions, beside
@@ -41,24 +40,13 @@ def path_of(path: str, frames: int | None, fps: float, start: "Viewpoint") -> "l
         The path is unknown, the file is invalid, there are too few or too many frames, or the start
         is not a camera around the cloud.
     """
-    from resample.cameras.keyframes import keyframes_of, left_out_of
     from resample.cameras.viewpoints import Orbit
-    from resample.files.animations import MOST_FRAMES, check_count
+    from resample.command.films import is_file_of_path, tour_of
+    from resample.files.animations import check_count
     from resample_points.geometry.framing import FIELD
 
-    if path not in PATHS:
-        if not Path(path).exists() and not Path(path).suffix:
-            raise ValueError(
-                f"unknown path {path!r}; known: {', '.join(PATHS)}, or a file of keyframes or poses"
-            )
-        keyframes = keyframes_of(Path(path), FIELD)
-        complaint = left_out_of(Path(path))
-        if complaint is not None:
-            say(complaint)
-        if frames is None:
-            frames = 1 + round(min(keyframes.duration * fps, MOST_FRAMES))
-        check_count(frames)
-        return keyframes.between(frames)
+    if is_file_of_path(path, PATHS):
+        return tour_of(Path(path), frames, fps, FIELD).viewpoints()
     if not isinstance(start, Orbit):
         raise ValueError(
             f"the path {path} goes around the cloud; give --camera as azimuth/elevation/zoom, or a "
@@ -79,13 +67,13 @@ def film_of(scene: CloudScene, cameras: Sequence[Any], shape: Shape, background:
     import numpy as np
 
     from resample.files.animations import Shots, fingerprint
-    from resample.measuring.compare import shown
+    from resample.files.images import screen_levels
 
     bar = scene.bar(shape[0], background)
 
     def frame(n: int) -> Any:
         rgba = beside(scene.picture(cameras[n], shape).rgba, bar, background)
-        return np.floor(np.clip(shown(rgba, background), 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+        return screen_levels(rgba, background=background)
 
     surfels = scene.surfels
     job = {

@@ -22,7 +22,8 @@ from resample.types import Floats
 MOST_BYTES = 1 << 30
 LEAST_POINTS = 20_000  # fewer are measured about as fast as loaded
 WIDTH = 9  # numbers per point: a normal and two half axes
-CODE = ("resample_points.geometry.spacing", "resample_points.geometry.kernels")  # that measures discs
+# Modules that measure discs.
+CODE = ("resample_points.geometry.spacing", "resample_points.geometry.kernels")
 
 
 def folder() -> Path:
