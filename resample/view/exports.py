@@ -10,7 +10,8 @@ from resample.cameras.viewpoints import Orbit, viewpoint_of
 from resample.command.settings_files import appearance_settings, as_toml
 from resample.view.views import Settings, Size, marks_in
 
-ORBITING = {"file": "keyframes.toml", "steered": ["camera", "fov", "up"]}  # films that orbit
+KEYFRAMES = "keyframes.toml"
+ORBITING = {"file": KEYFRAMES, "steered": ["camera", "fov", "up"]}  # films that orbit
 STEP = 2.0  # seconds from one keyframe to the next
 
 

@@ -13,7 +13,7 @@ from resample.view.views import controls_of
 from resample_warp3d.cli import app
 from resample_warp3d.command.cameras.source import SourceCamera
 from resample_warp3d.command.choices import Depth
-from resample_warp3d.viewing import DepthView, depths, films, suits
+from resample_warp3d.viewing import depth_view, depths, films, suits
 from tests.commands import ended, refused
 from tests.view.conftest import Served, check_export, frames_of, served
 
@@ -46,7 +46,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str, str]:
 def place(files: tuple[str, str, str]) -> Iterator[Served]:
     begin = SourceCamera(fov=60), Depth(depth_scale=1000)
     controls = controls_of(depths.COMMAND, app["render"])
-    with served(DepthView(*files[:2], begin, controls=controls)) as address:
+    with served(depth_view(*files[:2], begin, controls=controls)) as address:
         yield address
 
 
@@ -153,6 +153,6 @@ def test_a_film_through_cameras_of_the_page_is_that_of_the_command(
 
 def test_films_are_made_of_one_view(files: tuple[str, str, str]) -> None:
     further = [f"{files[0]},{files[1]},move.txt"]
-    painter = DepthView(*files[:2], further=further).painter()
+    painter = depth_view(*files[:2], further=further).painter()
     with pytest.raises(ValueError, match="films are made from one view"):
         painter.film({}, (36, 30), "", Path("film.mp4"), print)

@@ -13,7 +13,7 @@ from resample.view import exports
 from resample.view.views import controls_of
 from resample_points import viewing
 from resample_points.cli import app
-from resample_points.viewing import CloudView, suits
+from resample_points.viewing import cloud_view, suits
 from tests.commands import ended
 from tests.view.conftest import Served, check_export, frames_of, served
 
@@ -35,7 +35,7 @@ def cloud(tmp_path_factory: pytest.TempPathFactory) -> str:
 @pytest.fixture(scope="module")
 def around(cloud: str) -> Iterator[Served]:
     controls = controls_of(viewing.COMMAND, app["render"])
-    with served(CloudView(Path(cloud), controls=controls)) as address:
+    with served(cloud_view(Path(cloud), controls=controls)) as address:
         yield address
 
 
@@ -61,7 +61,7 @@ def test_a_point_of_a_cloud_is_picked(around: Served, cloud: str, tmp_path: Path
         calibrated = {"pose": str(tmp_path / "pose.txt"), "intrinsics": "30,30,24,20"}
         page.say("pick", settings | calibrated, x=24, y=20)
         assert "a page only changes the look" in page.told("error")["text"]
-    painter = CloudView(Path(cloud)).painter()
+    painter = cloud_view(Path(cloud)).painter()
     found = painter.pick(settings | calibrated, (48, 40), 24, 20)
     place = [float(part) for part in found["position"].split(",")]
     np.testing.assert_allclose(place, [1, 0.5, 0.05], atol=0.1)

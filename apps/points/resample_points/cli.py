@@ -9,10 +9,10 @@ from cyclopts import App
 from resample.command import flags
 from resample.command.about import words
 from resample.command.options import run
-from resample.command.settings import Serving, Sharing, height_and_width
+from resample.command.settings import FrameFormat, Serving, Sharing, height_and_width
 from resample.command.settings_files import with_settings
 from resample.lazy import installed_version
-from resample_points.command.choices import CloudAim, CloudFormat, CloudOptions, CloudStart
+from resample_points.command.choices import CloudAim, CloudOptions, CloudStart
 
 app = App(
     name="resample-points",
@@ -23,7 +23,7 @@ app = App(
 app.register_install_completion_command()
 
 CLOUD, START, AIM = CloudOptions.usual(), CloudStart.usual(), CloudAim.usual()
-FORMAT, SERVING, SHARING = CloudFormat.usual(), Serving.usual(), Sharing.usual()
+FORMAT, SERVING, SHARING = FrameFormat.usual(), Serving.usual(), Sharing.usual()
 FORMER = {  # names that settings files of the release before have
     "render": "resample-warp3d cloud",
     "animate": "resample-warp3d animate-cloud",
@@ -38,7 +38,7 @@ def render(
     output: flags.FrameOutput,
     aim: Annotated[CloudAim, flags.Flat] = AIM,
     look: Annotated[CloudOptions, flags.Flat] = CLOUD,
-    form: Annotated[CloudFormat, flags.Flat] = FORMAT,
+    form: Annotated[FrameFormat, flags.Flat] = FORMAT,
 ) -> None:
     """Render a point cloud, with its colors and normals if it has them.
 
@@ -143,10 +143,10 @@ def view(
     """
     from resample.view.server import require_parts, serve
     from resample.view.views import controls_of
-    from resample_points.viewing import COMMAND, CloudView
+    from resample_points.viewing import COMMAND, cloud_view
 
     require_parts()
-    shown = CloudView(file, (start,), controls_of(COMMAND, app["render"]))
+    shown = cloud_view(file, (start,), controls_of(COMMAND, app["render"]))
     shown.check()
     serve(shown, host=page.host, port=page.port, browser=page.browser)
 

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from resample.view.views import controls_of
-from resample_points.viewing import COMMAND, CloudView
+from resample_points.viewing import COMMAND, cloud_view
 
 if TYPE_CHECKING:
     from resample.view.widgets import Viewer
@@ -40,4 +40,4 @@ def view(cloud: str | Path, /, **settings: Any) -> "Viewer":
     from resample_points.cli import app
 
     controls = controls_of(COMMAND, app["render"])
-    return shown(CloudView(Path(cloud), (), controls), settings)
+    return shown(cloud_view(Path(cloud), (), controls), settings)

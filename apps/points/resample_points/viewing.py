@@ -4,26 +4,24 @@ The page's state is a set of `render` options.
 """
 
 from collections.abc import Mapping, Sequence
-from copy import copy
 from dataclasses import dataclass, field
-from functools import cached_property, partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from resample.cameras.models import Camera
 from resample.command.session import Session
+from resample.command.settings import Choices, FrameFormat
 from resample.files.animations import write_film
 from resample.files.images import screen_levels
-from resample.view.exports import ORBITING, keyframes_as_toml
-from resample.view.files import file_of, levels_in
+from resample.view.exports import KEYFRAMES, ORBITING, keyframes_as_toml
+from resample.view.kept import FileView, image_of, path_file
 from resample.view.views import PagePicture, Settings, Size, chosen, option_of, settings_of
 from resample.watching import Cancel, Progress, cancellable
 from resample_points.command.animation import film_of, path_of
 from resample_points.command.cameras import cameras_of, start_of
-from resample_points.command.choices import CloudAim, CloudFormat, CloudOptions
+from resample_points.command.choices import CloudAim, CloudOptions
 from resample_points.command.rendering import CloudScene, scene_of
 from resample_points.files.readers import is_cloud
 from resample_points.geometry.framing import FIELD
@@ -34,7 +32,7 @@ if TYPE_CHECKING:
 
 COMMAND, FILM = "resample-points render", "resample-points animate"
 RATE = 24.0  # frames per second, of the command
-SHOWN = (CloudOptions, CloudAim, CloudFormat)  # options that a page can change
+SHOWN = (CloudOptions, CloudAim, FrameFormat)  # options that a page can change
 LEFT_OUT = ("size", "bits", "color-bar")
 OF_FILMS = [  # options that pictures and films share
     *(option_of(CloudOptions, field) for field in CloudOptions.model_fields),
@@ -57,7 +55,7 @@ class _CloudRequest(NamedTuple):
 
     options: CloudOptions
     aim: CloudAim
-    form: CloudFormat
+    form: FrameFormat
 
 
 @dataclass
@@ -116,9 +114,7 @@ class CloudPainter:
         if unknown := [key for key in settings if key not in (*ORBITING["steered"], *OF_FILMS)]:
             raise ValueError(f"films have no {', '.join(unknown)}; leave that out")
         request, shape = _checked(settings), size[::-1]
-        with TemporaryDirectory(prefix="film-") as folder:
-            file = Path(folder) / "keyframes.toml"
-            file.write_text(keyframes, encoding="utf-8")
+        with path_file(KEYFRAMES, keyframes) as file:
             viewpoints = path_of(
                 str(file), None, RATE, start_of(request.aim.camera, request.aim.up)
             )
@@ -150,9 +146,10 @@ class CloudPainter:
         return self._kept[1:]
 
 
-@dataclass
-class CloudView:
-    """A point cloud for the viewer's pages.
+def cloud_view(
+    path: Path, begin: Sequence[Choices] = (), controls: Sequence[dict[str, Any]] = ()
+) -> FileView:
+    """Return what pages show of a point cloud.
 
     Parameters
     ----------
@@ -163,44 +160,22 @@ class CloudView:
     controls
         Controls from `resample.view.views.controls_of`; empty: a page without controls.
     """
+    first = CloudPainter(path)
+    settings = {"camera": "30/20/1", "steady": True, **settings_of(begin)}
 
-    path: Path
-    begin: Sequence[Any] = ()
-    controls: Sequence[dict[str, Any]] = ()
-
-    @cached_property
-    def about(self) -> dict[str, Any]:
-        """Facts for the page, see `resample.view.views.Viewable`."""
-        begin = {"camera": "30/20/1", "steady": True, **settings_of(self.begin)}
+    def described() -> dict[str, Any]:
         return {
-            "title": self.path.name,
-            "subtitle": f"{len(self._first.surfels(begin).position):,} points",
+            "title": path.name,
+            "subtitle": f"{len(first.surfels(settings).position):,} points",
             "command": COMMAND,
             "film": {"command": FILM, "options": OF_FILMS, **ORBITING},
             "package": "resample_points",
-            "inputs": [str(self.path)],
-            "controls": [control for control in self.controls if control["key"] not in LEFT_OUT],
-            "settings": begin,
+            "inputs": [str(path)],
+            "controls": [control for control in controls if control["key"] not in LEFT_OUT],
+            "settings": settings,
         }
 
-    def check(self, settings: Settings | None = None) -> None:
-        """Read and prepare the cloud, see `resample.view.views.Viewable`."""
-        _ = self.about
-        if settings is not None:
-            _checked(settings)
-
-    def painter(self) -> CloudPainter:
-        """What paints for a page that has been opened."""
-        return copy(self._first)
-
-    def save(self, settings: Settings, size: Size, suffix: str) -> bytes:
-        """Return the file that the command would write."""
-        return file_of(partial(self.painter().save, settings, size), suffix)
-
-    @cached_property
-    def _first(self) -> CloudPainter:
-        """Painter that has read the file; pages start from copies of it."""
-        return CloudPainter(self.path)
+    return FileView(first, described, _checked)
 
 
 def suits(names: Sequence[str]) -> bool:
@@ -229,11 +204,8 @@ def picture(path: str | Path, settings: Mapping[str, Any]) -> "Image":
     ValueError, LookupError, OSError
         As the command does.
     """
-    from PIL import Image
-
     size = _checked(settings).form.height_and_width()[::-1]
-    file = file_of(partial(CloudPainter(Path(path)).save, settings, size), ".png")
-    return Image.fromarray(levels_in(file))
+    return image_of(CloudPainter(Path(path)), settings, size)
 
 
 def _checked(settings: Settings) -> _CloudRequest:

@@ -344,7 +344,7 @@ def view(
         raise ValueError(f"--{next(iter(given))} belongs to a cloud; give its file alone")
     require_parts()
     controls = controls_of(depths.COMMAND, app["render"])
-    shown = depths.DepthView(file, depth, begin, further or (), controls)
+    shown = depths.depth_view(file, depth, begin, further or (), controls)
     shown.check()
     serve(shown, host=page.host, port=page.port, browser=page.browser)
 

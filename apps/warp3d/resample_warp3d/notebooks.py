@@ -61,5 +61,5 @@ def view(color: Any, depth: Any = None, /, **settings: Any) -> "Viewer":
         save_array(depth, array)
     controls = controls_of(depths.COMMAND, app["render"])
     begin = {key.replace("_", "-"): value for key, value in settings.items()}
-    opened = depths.DepthView(str(picture), str(depth), chosen(begin, depths.SHOWN), (), controls)
+    opened = depths.depth_view(str(picture), str(depth), chosen(begin, depths.SHOWN), (), controls)
     return shown(opened, begin, folder)

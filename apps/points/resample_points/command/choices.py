@@ -4,16 +4,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from cyclopts import Parameter
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
 from resample.command.about import NUMBERS, OptionTopic
 from resample.command.flags import Hyphen, Steady, Switch, Up, Viewed
-from resample.command.settings import CAMERA, SIZE, Choices, Threads, height_and_width, number
-from resample.console.backgrounds import linear_color
+from resample.command.settings import CAMERA, Choices, Threads
 from resample_points.command.cameras import Shape, calibrated_of, camera_of, sized, start_of
 
 if TYPE_CHECKING:
-    from resample.console.backgrounds import Color
     from resample.types import Floats
     from resample_points.geometry.spacing import Surfels
 
@@ -161,41 +159,6 @@ class CloudAim(CloudStart):
         if self.steady and isinstance(start, Orbit):
             return start.around(ball_around(surfels), *shape)
         return camera_of(surfels, shape, start)
-
-
-class CloudFormat(Choices):
-    """Size, background and bits of a cloud's picture."""
-
-    heading: ClassVar[str] = "Picture"
-    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
-
-    size: Annotated[str, Field(description=SIZE)] = "640x480"
-    background: Annotated[
-        str | None,
-        Field(
-            description="Background: black, white, #rrggbb or none for transparent. Default: none."
-        ),
-    ] = None
-    bits: Annotated[
-        Literal[8, 16],
-        BeforeValidator(number),
-        Field(description="Bits per channel: 8 or 16 (PNG)."),
-    ] = 8
-
-    def height_and_width(self) -> Shape:
-        """Return the size, px.
-
-        Raises
-        ------
-        ValueError
-            The size or the background's color is invalid.
-        """
-        self.behind()
-        return height_and_width(self.size)
-
-    def behind(self) -> "Color | None":
-        """Linear color behind the picture; None leaves it transparent."""
-        return None if self.background is None else linear_color(self.background)
 
 
 def beside(rgba: "Floats", bar: "Floats | None", background: Any) -> "Floats":

@@ -3,9 +3,10 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from resample.command.settings import FrameFormat
 from resample.console.messages import say
 from resample_points.command.cameras import Shape, sized
-from resample_points.command.choices import CloudFormat, CloudOptions, beside
+from resample_points.command.choices import CloudOptions, beside
 
 if TYPE_CHECKING:
     from resample.cameras.calibrations.lens_files import Calibration
@@ -50,13 +51,13 @@ class CloudScene(NamedTuple):
         behind = background or (0.0, 0.0, 0.0)
         return plain_bar(colors, span, height, title=name, background=behind)
 
-    def shown(self, frame: Any, form: CloudFormat) -> Any:
+    def shown(self, frame: Any, form: FrameFormat) -> Any:
         """Return a frame, with the color bar if requested."""
         behind = form.behind()
         bar = self.bar(frame.rgba.shape[0], behind)
         return frame._replace(rgba=beside(frame.rgba, bar, behind))
 
-    def write(self, path: Path, frame: Any, form: CloudFormat) -> None:
+    def write(self, path: Path, frame: Any, form: FrameFormat) -> None:
         """Write a frame with its color bar.
 
         Raises
