@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from resample.command.session import Session
+from resample.command.settings import Sharing
+from resample.command.workers import share_memory
 from resample.files.images import read_image
 from resample.memory import allowing
 from resample.memory.mapped import array_in_file, is_in_file
 from resample_points import cli
-from resample_points.command.animation import film_of, frames_of, memory_of_each
+from resample_points.command.animation import film_of, frames_of
 from resample_points.command.choices import CloudOptions
 from resample_points.command.rendering import scene_of
 from resample_points.data import parts
@@ -320,12 +322,9 @@ def test_frames_that_are_made_elsewhere_keep_to_their_share_of_memory(scan, monk
     cameras = [framed(scene.surfels, size=(32, 24), azimuth=angle) for angle in (0, 90)]
     film = film_of(scene, cameras, (24, 32), (0.0, 0.0, 0.0))
     monkeypatch.setattr(parts, "PER_POINT", 10**6)
-    with allowing("3GiB"):
-        share = memory_of_each(2)
-        assert share == 1 << 30
-        assert memory_of_each(0) == share  # from now on
-    with caplog.at_level("INFO", "resample"):
-        elsewhere = frames_of(scan, scene.options, cameras, (24, 32), (0.0, 0.0, 0.0), share, 1)
+    with allowing("3GiB"), caplog.at_level("INFO", "resample"):
+        share_memory(Sharing(workers=2))
+        elsewhere = frames_of(scan, scene.options, cameras, (24, 32), (0.0, 0.0, 0.0), 1)
     assert "and 1.00 GiB may be used: they are in files" in caplog.text
     for n in range(2):
         assert np.array_equal(elsewhere(n), film.frame(n))

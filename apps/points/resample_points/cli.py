@@ -102,7 +102,7 @@ def animate(
     """
     from resample.command.films import write_shared
     from resample.command.session import Session
-    from resample.command.workers import check_sharing
+    from resample.command.workers import check_sharing, share_memory
     from resample.console.backgrounds import linear_color
     from resample.files.animations import check_film
     from resample_points.command import animation
@@ -116,11 +116,11 @@ def animate(
     behind = linear_color(background) or (0.0, 0.0, 0.0)
     look.check(output, shape[0])
     check_memory(shape, output, sharing.workers or 0)
-    memory = None if sharing.scheduler else animation.memory_of_each(sharing.workers or 0)
+    share_memory(sharing)
     scene = scene_of(Session(), file, look)
     cameras = cameras_of(scene.surfels, viewpoints, shape, steady=start.steady)
     film = animation.film_of(scene, cameras, shape, behind)
-    again = partial(animation.frames_of, file, look, cameras, shape, behind, memory)
+    again = partial(animation.frames_of, file, look, cameras, shape, behind)
     write_shared(output, film, again, sharing, look.threads, fps=fps, resume=resume)
 
 

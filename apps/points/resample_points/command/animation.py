@@ -96,26 +96,10 @@ def frames_of(
     cameras: Sequence[Any],
     shape: Shape,
     background: Any,
-    memory: int | None,
     threads: int,
 ) -> "Frames":
-    """Return the function that makes frames of a file's cloud, within `memory` bytes."""
+    """Return the function that makes frames of a file's cloud."""
     from resample.command.session import Session
-    from resample.memory import allow, allowing
 
-    with allowing(None):
-        if memory is not None:
-            allow(memory)
-        scene = scene_of(Session(), file, look.model_copy(update={"threads": threads}))
+    scene = scene_of(Session(), file, look.model_copy(update={"threads": threads}))
     return film_of(scene, cameras, shape, background).frame
-
-
-def memory_of_each(workers: int) -> int | None:
-    """Share `--memory` between this process and workers, in bytes; None: all free memory."""
-    from resample.memory import ALLOWED, allow
-
-    allowed = ALLOWED.get()
-    if allowed is None or not workers:
-        return allowed
-    allow(allowed // (1 + workers))
-    return ALLOWED.get()
