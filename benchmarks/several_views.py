@@ -30,7 +30,7 @@ from resample.files.images import read_image
 from resample.measuring.quality import psnr
 from resample_warp3d.depth.files import read_depth
 from resample_warp3d.depth.preparation import prepare
-from resample_warp3d.figures.scenes import Stand, generated, pose_of
+from resample_warp3d.figures.scenes import SceneViewpoint, generated, pose_of
 from resample_warp3d.figures.scoring import near_steps, widened
 from resample_warp3d.types import DepthImage
 from resample_warp3d.views.together import PLAIN, Joining, PosedSource, agreed, render_together
@@ -42,7 +42,7 @@ EYES = {
     3: [(-1.0, 0.3, 0.0), (1.0, 0.3, 0.0), (0.0, -0.9, 0.6)],
     4: [(-1.0, -0.6, 0.0), (1.0, -0.6, 0.0), (-1.0, 0.6, 0.0), (1.0, 0.6, 0.0)],
 }
-BETWEEN = Stand((0.2, -0.14, 0.3), 0.02, 0.01)
+BETWEEN = SceneViewpoint((0.2, -0.14, 0.3), 0.02, 0.01)
 BRIGHTNESS, DEPTH = 0.03, 0.005
 OUTLIERS, NEARER = 0.01, 0.7  # fraction of outliers, and their relative depth
 FRAMES = {"frames 0, 4 in 2": (0, 4), "frames 0, 1, 3, 4 in 2": (0, 1, 3, 4)}
@@ -75,7 +75,7 @@ def rig_of_kit(count: int, size: int, reach: float) -> Rig:
     kit = bench()
     scene, matrix = kit.Scene(), kit.K_for(size, size)
 
-    def camera(stand: Stand) -> Camera:
+    def camera(stand: SceneViewpoint) -> Camera:
         return camera_of(matrix, kit.look(stand.eye, stand.yaw, stand.pitch))
 
     def trace(eye: Camera) -> tuple[Any, Any]:
@@ -94,7 +94,7 @@ def rig_of_generated(count: int, size: int, reach: float) -> Rig:
     scene = generated(size)
     shape = size, size
 
-    def camera(stand: Stand) -> Camera:
+    def camera(stand: SceneViewpoint) -> Camera:
         return scene.source.moved(pose_of(stand))
 
     def sight(eye: Camera, other: Camera) -> Any:
@@ -104,8 +104,8 @@ def rig_of_generated(count: int, size: int, reach: float) -> Rig:
     return _rig(_cameras(count, reach, camera), trace, sight, is_light=True)
 
 
-def _cameras(count: int, reach: float, camera: Callable[[Stand], Camera]) -> list[Camera]:
-    stands = [Stand((reach * x, reach * y, reach * z)) for x, y, z in EYES[count]]
+def _cameras(count: int, reach: float, camera: Callable[[SceneViewpoint], Camera]) -> list[Camera]:
+    stands = [SceneViewpoint((reach * x, reach * y, reach * z)) for x, y, z in EYES[count]]
     x, y, z = BETWEEN.eye
     return [
         camera(each) for each in (*stands, BETWEEN._replace(eye=(reach * x, reach * y, reach * z)))

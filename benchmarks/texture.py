@@ -21,7 +21,7 @@ OPENCV = "OpenCV 8 × 8 cubic"  # the reference
 TIMED = "brick"  # picture whose warp is timed; quality is the mean of two
 MAGICK_TIMEOUT = 120  # s
 
-RIVALS: dict[str, dict[str, Any]] = {
+BASELINES: dict[str, dict[str, Any]] = {
     OPENCV: {"method": "opencv-supersample:n=8"},
     "OpenCV bilinear": {"method": "bilinear"},
     "OpenCV 2 × 2 cubic": {"method": "opencv-supersample:n=2"},
@@ -46,7 +46,7 @@ QUICK = ("hybrid", "hybrid, Gaussian", OPENCV, "OpenCV bilinear", "mip-mapped")
 
 def workloads(options: Options) -> Sequence[Workload]:
     """The floor."""
-    chosen = [*_rivals(), *_ours(), _magick()]
+    chosen = [*_baseline_times(), *_ours(), _magick()]
     if options.quick:
         chosen = [each for each in chosen if each.name in (*QUICK, "ImageMagick EWA")]
     return [
@@ -65,8 +65,8 @@ def _per_millisecond(name: str, median: float, decibels: float | None) -> Row:  
     return {} if decibels is None else {"dB per ms": decibels / (1000 * median)}
 
 
-def _rivals() -> Iterator[Contender]:
-    for name, choices in RIVALS.items():
+def _baseline_times() -> Iterator[Contender]:
+    for name, choices in BASELINES.items():
         clamped = {**choices, "edge": "clamp"}
         yield Contender(name, _warp(clamped), _quality(clamped))
 

@@ -246,7 +246,7 @@ def _value(key: str, text: str, default: Any) -> Any:
         return text
     if default is None and text.lower() == "none":
         return None
-    value = _guess(text)
+    value = _parsed_value(text)
     if isinstance(default, bool) and not isinstance(value, bool):
         raise ValueError(f"{key} is true or false, not {text!r}")
     if isinstance(default, int | float) and type(value) not in (int, float, type(default)):
@@ -254,7 +254,7 @@ def _value(key: str, text: str, default: Any) -> Any:
     return value
 
 
-def _guess(text: str) -> int | float | bool | str:
+def _parsed_value(text: str) -> int | float | bool | str:
     if text in ("true", "false"):
         return text == "true"
     for kind in (int, float):

@@ -25,16 +25,9 @@ from resample.painting.choices import (
     number_of,
 )
 from resample.painting.layers import layers_of
-from resample.painting.points import (
-    can_defer_points,
-    paint_points,
-    points_in_steps,
-    spacings_of_points,
-)
-from resample.painting.rays import Gathering, paint_field
-from resample.painting.scenes.cuts import InSteps, most_waiting
 from resample.painting.scenes.parts import SamplesInParts
 from resample.painting.scenes.plans import (
+    ALL_PAINTERS,
     NOTHING,
     POINTS,
     SPLATS,
@@ -48,36 +41,18 @@ from resample.painting.scenes.plans import (
 from resample.painting.scenes.scene import (
     PaintTarget,
     PreparedScene,
-    alike_classifier,
     check_samples,
     ellipsoid_of,
-    field_alike,
+    kernel_classifier,
+    kernel_field,
     nothing_painted,
     planes_of,
     samples_of,
     screen_of,
 )
-from resample.painting.slabs import paint_summed, spacings_of_summed, summed_in_steps
-from resample.painting.splats import (
-    are_splats_exact,
-    formula_of,
-    paint_mixture,
-    paint_splats,
-    spacings_of,
-    splats_in_steps,
-)
-from resample.painting.steps.painting import bytes_kept, paint_in_steps
-from resample.painting.steps.planning import (
-    EVERYBODY,
-    Painters,
-    margin_beyond_window,
-    plan_of_all,
-    plan_of_parts,
-    plans_of,
-)
 from resample.profiles import filters
 from resample.profiles.filters import Box, Gaussian, PixelFilter
-from resample.profiles.kept import once
+from resample.profiles.memoization import once
 from resample.profiles.orders import OF_FIELDS, CompositingOrder, EverySample, Rays, Summing
 from resample.profiles.reconstruction import (
     GaussianKernel,
@@ -110,6 +85,8 @@ from resample.watching import Progress
 
 if TYPE_CHECKING:
     from resample.painting.paper import PaperChoices
+    from resample.painting.scenes.cuts import InSteps
+    from resample.painting.steps.planning import Painters
 
 filter_table = once(filters.table)
 
@@ -257,6 +234,8 @@ class Resampler:
         self, scene: PreparedScene, samples: Samples, progress: Progress | None
     ) -> tuple[PaintTarget, Statistics]:
         """Picture of a scene by whom its order asks for."""
+        from resample.painting.slabs import paint_summed
+
         if self._is_paper:
             from resample.painting.paper import paint_paper
 
@@ -320,13 +299,15 @@ class Resampler:
         height: int,
         width: int,
         clip: ArrayLike | None = None,
-        painters: Sequence[str] = EVERYBODY,
+        painters: Sequence[str] = ALL_PAINTERS,
     ) -> PlansOfPart:
         """What some samples say of a picture, of which others are seen, too.
 
         Parameters and errors as of `plan`; of who may turn out to paint all samples those are
         asked that are in `painters`: "splats", "points", "mixture".
         """
+        from resample.painting.steps.planning import plans_of
+
         check_size(height, width)
         self._check_field(samples)
         checked, look = self._checked_for_windows(samples)
@@ -361,6 +342,8 @@ class Resampler:
         -------
         None where painters have to be asked that were left out.
         """
+        from resample.painting.steps.planning import plan_of_all
+
         if self._is_paper:
             return together([part.mixture for part in parts if part.mixture is not None])
         with _kernels(None):
@@ -376,6 +359,8 @@ class Resampler:
         -------
         Whether they reach as far on one side of their center as on the other; and px, at most.
         """
+        from resample.painting.steps.planning import margin_beyond_window
+
         if self._is_paper:
             return self._choices_of_paper.widths.is_projected, self._point_filter.radius
         return margin_beyond_window(self._of_nothing(lattice, camera, plan.size), plan)
@@ -388,8 +373,10 @@ class Resampler:
         nothing = Samples(nobody, nobody, nobody[:, 0], lattice)
         return self._scene(nothing, camera.view(), size, None, None)
 
-    def _painters(self, scene: PreparedScene) -> Painters:
+    def _painters(self, scene: PreparedScene) -> "Painters":
         """Who may paint samples."""
+        from resample.painting.steps.planning import Painters
+
         return Painters(self._is_streamed(scene), self._point_profile is not None)
 
     def _checked_for_windows(
@@ -477,6 +464,10 @@ class Resampler:
         samples, camera, clip
             As of a call; samples of one part of the picture after the other.
         """
+        from resample.painting.points import spacings_of_points
+        from resample.painting.slabs import spacings_of_summed
+        from resample.painting.splats import spacings_of
+
         checked, look = self._checked_for_windows(samples)
         with _kernels(None):
             scene = self._scene(checked, camera.view(), plan.size, look, clip)
@@ -497,6 +488,9 @@ class Resampler:
 
         It may stand for `plan` of them all: windows have the same bits.
         """
+        from resample.painting.splats import are_splats_exact
+        from resample.painting.steps.planning import plan_of_parts
+
         check_size(height, width)
         with _kernels(None):
             scene = self._of_nothing(source.lattice, camera, (height, width))
@@ -534,6 +528,8 @@ class Resampler:
         ValueError
             As `paint_window` does; or it is not known how fine tiles are.
         """
+        from resample.painting.steps.painting import paint_in_steps
+
         window = checked_window(window, *plan.size)
         self._check_whole(source.classifier is not None)
         if self._is_paper:
@@ -574,8 +570,11 @@ class Resampler:
         -------
         Bytes, and samples that wait for nearer ones, at most.
         """
+        from resample.painting.scenes.cuts import most_waiting
+        from resample.painting.steps.painting import state_bytes
+
         scene, by = self._in_steps(source, camera, plan, window, None)
-        return bytes_kept(scene, by), most_waiting(scene, source, by.between)
+        return state_bytes(scene, by), most_waiting(scene, source, by.between)
 
     def _in_steps(
         self,
@@ -584,11 +583,15 @@ class Resampler:
         plan: PicturePlan,
         window: Window,
         clip: ArrayLike | None,
-    ) -> tuple[PreparedScene, InSteps]:
+    ) -> "tuple[PreparedScene, InSteps]":
         """Scene of a picture that was planned, and how its samples are painted step by step."""
+        from resample.painting.points import points_in_steps
+        from resample.painting.slabs import summed_in_steps
+        from resample.painting.splats import formula_of, splats_in_steps
+
         none = np.zeros((0, 3), np.float32)
         nothing = Samples(none, none, none[:, 0], source.lattice)
-        look = None if source.classifier is None else alike_classifier(source.classifier)
+        look = None if source.classifier is None else kernel_classifier(source.classifier)
         scene = self._scene(nothing, camera.view(), plan.size, look, clip)
         scene = replace(scene, layers=plan.layers, plan=plan, window=window)
         if not self._is_streamed(scene):
@@ -656,7 +659,9 @@ class Resampler:
         progress: Progress | None,
     ) -> Frame:
         """Picture of a field that rays go through."""
-        field = field_alike(field)
+        from resample.painting.rays import Gathering, paint_field
+
+        field = kernel_field(field)
         style = self._style(field.lattice, field.classifier)
         rays, step = self.order if isinstance(self.order, Rays) else Rays(), self.order.thickness
         how = Gathering(style, self._tables, step, rays.quality, rays.interpolation, clip)
@@ -678,6 +683,14 @@ class Resampler:
         self, scene: PreparedScene, samples: Samples, progress: Progress | None
     ) -> tuple[PaintTarget, Statistics]:
         """Picture of samples that are composited one by one, or as points in layers."""
+        from resample.painting.points import can_defer_points, paint_points
+        from resample.painting.splats import (
+            are_splats_exact,
+            formula_of,
+            paint_mixture,
+            paint_splats,
+        )
+
         painted, formula = None, formula_of(scene, self._profile, self._pieces)
         by = None if scene.plan is None else scene.plan.painter
         if are_splats_exact(scene) and by in (None, SPLATS):
@@ -855,7 +868,7 @@ def _position(iso: float, look: Classifier) -> float:
 def _checked(samples: Samples | Field) -> tuple[Samples, Classifier | None]:
     """Samples for the painters, and what a field looks like."""
     if isinstance(samples, Field):
-        return samples_of(samples), alike_classifier(samples.classifier)
+        return samples_of(samples), kernel_classifier(samples.classifier)
     return check_samples(samples), None
 
 

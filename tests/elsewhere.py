@@ -26,7 +26,7 @@ def pickle_for_workers(monkeypatch):
 
     @contextmanager
     def at_work(sharing, threads=None):
-        if not sharing.is_asked:
+        if not sharing.has_workers:
             yield None
             return
         with ThreadPoolExecutor(1) as executor:

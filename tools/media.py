@@ -179,7 +179,7 @@ def flicker() -> None:
     peer, shots = None, []
     for n in range(TURNS):
         viewpoint = (30 + TURN * n, 20, 0.95)
-        camera, placed = scene.standing(look, viewpoint, size=size)
+        camera, placed = scene.placed_view(look, viewpoint, size=size)
         ours = scene.render(look, viewpoint, size=size)
         if peer is None:
             transfer = transfer_of(scene.volume, look)

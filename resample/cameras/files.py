@@ -55,17 +55,8 @@ def read_entries(path: str | Path, kind: str | None = None) -> list[Entry]:
 
     Parameters
     ----------
-    path
-        File, or the folder of a COLMAP model.
     kind
         One of `KINDS`; None: detected from name and content.
-
-    Raises
-    ------
-    OSError
-        The file cannot be read.
-    ValueError
-        Its content is invalid, or its kind is not recognised.
     """
     file = Path(path)
     if not file.exists():
@@ -124,13 +115,7 @@ def read_pose(text: str, kind: str | None = None) -> Doubles:
 
 
 def read_camera(text: str, kind: str | None = None) -> Camera:
-    """Read a camera of `file` or `file:frame`; see `read_shot`.
-
-    Raises
-    ------
-    ValueError
-        The file has a pose but no intrinsics, or incomplete ones.
-    """
+    """Read a camera of `file` or `file:frame`; see `read_shot`."""
     camera = read_shot(text, kind).camera
     if camera is None:
         raise ValueError(f"{text} has no intrinsics, or no size of the picture; give these as well")
@@ -145,15 +130,6 @@ def read_shot(text: str, kind: str | None = None) -> PosedPicture:
     text
         `file` if it holds one pose; `file:3` for the fourth; `file:name` for the picture or time of
         that name; folders and suffix are optional.
-    kind
-        As in `read_shots`.
-
-    Raises
-    ------
-    OSError, ValueError
-        The file cannot be read, or this picture of it is invalid.
-    LookupError
-        There is no such frame, or several.
     """
     entry = _read_entry(text, kind)
     if isinstance(entry, Refused):
@@ -188,21 +164,9 @@ def viewpoint(text: str, fov: float = Orbit.fov, up: str = Orbit.up) -> Viewpoin
 
     Parameters
     ----------
-    text
-        `azimuth/elevation/zoom`, where zoom is optional; a .toml file for
-        `resample.cameras.tables.read_viewpoint`; or `file` or `file:frame` for `read_shot`.
     fov
         Field of view along the picture's shorter side in degrees, unless the file has it; 0:
         parallel projection, for angles only.
-    up
-        Axis that points up, for angles only.
-
-    Raises
-    ------
-    ValueError, LookupError
-        The text is none of these, or the file holds no camera.
-    OSError
-        The file cannot be read.
     """
     try:  # first, so that no file of such a name is opened
         azimuth, elevation, *others = NAMED.get(text) or [float(part) for part in text.split("/")]

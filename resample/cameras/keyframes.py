@@ -92,21 +92,13 @@ def read_keyframes(path: Path) -> Keyframes:
         time = 4
         azimuth = 120
         zoom = 3
-
-    Raises
-    ------
-    ValueError
-        The content is invalid, times do not ascend, or the cameras differ in form, in their axis
-        upwards or in being parallel; the message says which and why.
-    OSError
-        The file cannot be read.
     """
     with naming(str(path)):
         content = _File.model_validate(toml_of(text_of(path)))
         cameras = [_camera(n, keyframe) for n, keyframe in enumerate(content.camera)]
         time = [keyframe.time for keyframe in content.camera]
         _check_times(time)
-        _check_alike(cameras)
+        _check_interpolable(cameras)
     return Keyframes(np.array(time), cameras)
 
 
@@ -117,15 +109,8 @@ def keyframes_of(path: Path, fov: float) -> Keyframes:
 
     Parameters
     ----------
-    path
-        A TOML file for `read_keyframes`, or a file for `resample.cameras.files.read_shots`.
     fov
         Field of view along the picture's shorter side in degrees, if the file has poses only.
-
-    Raises
-    ------
-    ValueError, OSError
-        As in both; or there is only one pose.
     """
     if path.suffix.lower() == ".toml":
         return read_keyframes(path)
@@ -138,7 +123,7 @@ def keyframes_of(path: Path, fov: float) -> Keyframes:
             made = Calibrated(shot.camera, shot.shape)
         cameras.append(made)
     with naming(str(path)):
-        _check_alike(cameras)
+        _check_interpolable(cameras)
     return Keyframes(np.arange(float(len(shots))), cameras)
 
 
@@ -160,7 +145,7 @@ def _check_times(time: Sequence[float]) -> None:
             )
 
 
-def _check_alike(cameras: Sequence[Any]) -> None:
+def _check_interpolable(cameras: Sequence[Any]) -> None:
     """Reject cameras that cannot be interpolated with each other."""
     first = cameras[0]
     for n, camera in enumerate(cameras):

@@ -41,12 +41,6 @@ def undistorted_places(
 
     Parameters
     ----------
-    camera
-        Camera that took the picture.
-    place
-        Positions in it.
-    ideal
-        The pinhole camera, of which the matrix is used. Default: the camera without its lens.
     rotation
         (3, 3) from the camera's axes to the pinhole's, OpenCV's R. Default: the identity.
 
@@ -67,13 +61,6 @@ def distorted_places(
     rotation: Doubles | None = None,
 ) -> Doubles:
     """Distort positions: from a pinhole's picture to that of the camera, (..., 2) px.
-
-    Parameters
-    ----------
-    camera, ideal, rotation
-        As in `undistorted_places`.
-    place
-        Positions in the pinhole's picture.
 
     Returns
     -------

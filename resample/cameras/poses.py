@@ -91,11 +91,6 @@ def rigid(pose: ArrayLike) -> Doubles:
     ----------
     pose
         (3, 4) or (4, 4).
-
-    Raises
-    ------
-    ValueError
-        It is not rigid; the message gives the deviation.
     """
     given = np.array(pose, np.float64)
     if given.shape not in ((3, 4), (4, 4)):
@@ -114,13 +109,7 @@ def rigid(pose: ArrayLike) -> Doubles:
 
 
 def turned_by(rotation: ArrayLike) -> Doubles:
-    """Check a rotation (3, 3) and return it with rounding errors corrected.
-
-    Raises
-    ------
-    ValueError
-        It is not a rotation; the message gives the deviation.
-    """
+    """Check a rotation (3, 3) and return it with rounding errors corrected."""
     given = np.array(rotation, np.float64)
     if given.shape != (3, 3) or not np.isfinite(given).all():
         raise ValueError(f"a rotation is a matrix (3, 3) of finite numbers, not {given.tolist()}")
@@ -142,13 +131,7 @@ def from_opengl(pose: ArrayLike) -> Doubles:
 
 
 def from_quaternion(numbers: Sequence[float]) -> Doubles:
-    """Rotation (3, 3) from a quaternion x, y, z, w.
-
-    Raises
-    ------
-    ValueError
-        Its length is not 1.
-    """
+    """Rotation (3, 3) from a quaternion x, y, z, w."""
     given = np.array(numbers, np.float64)
     length = float(np.linalg.norm(given))
     if not abs(length - 1.0) <= QUATERNION:

@@ -34,7 +34,7 @@ class _Angles(_Strict):
         return Orbit(**self.model_dump())
 
 
-class _Standing(_Strict):
+class _PlacedCamera(_Strict):
     """A camera at a position in the scene; `fov` refers to its own size, if given."""
 
     eye: Vector
@@ -90,13 +90,6 @@ def read_viewpoint(path: Path) -> Viewpoint:
     picture, whatever its size), or `fx`, `fy`, `cx`, `cy`, `skew`, `distortion`, `near`, the rows
     of `world_to_camera`, and the `width` and `height` that these are for (without them, the
     picture's).
-
-    Raises
-    ------
-    ValueError
-        The content is none of these; the message says which key and why.
-    OSError
-        The file cannot be read.
     """
     with naming(str(path)):
         return viewpoint_of(toml_of(text_of(path)))
@@ -117,7 +110,7 @@ def read_toml(path: Path) -> list[Entry]:
 
 def viewpoint_of(content: dict[str, Any]) -> Viewpoint:
     """Camera from the content of a TOML file or one of its tables; see `read_viewpoint`."""
-    form = _Standing if "eye" in content else _Intrinsics if "fx" in content else _Angles
+    form = _PlacedCamera if "eye" in content else _Intrinsics if "fx" in content else _Angles
     return form.model_validate(content).camera()
 
 

@@ -155,17 +155,8 @@ def camera_from(viewpoint: Viewpoint, sphere: Sphere, height: int, width: int) -
 
     Parameters
     ----------
-    viewpoint
-        The viewpoint.
-    sphere
-        Bounding sphere that an `Orbit` goes around.
     height, width
         Size of the picture, px.
-
-    Raises
-    ------
-    ValueError
-        The viewpoint has no such camera.
     """
     if isinstance(viewpoint, Orbit):
         return viewpoint.around(sphere, height, width)
@@ -183,13 +174,6 @@ def viewpoint_of(given: Spelled) -> Viewpoint:
         A camera or viewpoint, returned as it is; (azimuth, elevation) in degrees, optionally with a
         zoom and a pan to the right and up, also as a text `30/20/1.5`; a name of `NAMED`; None:
         `Orbit()`.
-
-    Raises
-    ------
-    TypeError
-        It is none of these.
-    ValueError
-        The name is unknown, or a number is out of range.
 
     Examples
     --------

@@ -25,7 +25,7 @@ class OptionTopic(Enum):
 
 
 class Inline(NamedTuple):
-    """A `APPEARANCE` if the value matches a pattern, otherwise the name of a file."""
+    """`APPEARANCE` if the value matches a pattern, otherwise the name of a file."""
 
     form: re.Pattern[str]
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NoReturn
 from resample.command.stopping import INTERRUPTED, StoppedError
 from resample.console.messages import listening, say
 from resample.console.streams import give_up, open_streams
-from resample.memory import LOG, amount, held_at_most
+from resample.memory import LOG, amount, peak_memory
 from resample.words import one_line
 
 if TYPE_CHECKING:
@@ -95,6 +95,6 @@ def _call(app: "cyclopts.App", arguments: Sequence[str] | None) -> int:
 
         arguments = expanded(words)
     result = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
-    LOG.debug("peak memory: %s", amount(held_at_most()))
+    LOG.debug("peak memory: %s", amount(peak_memory()))
     _flush()
     return result if isinstance(result, int) else 0

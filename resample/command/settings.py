@@ -305,12 +305,12 @@ class Sharing(Choices):
     ] = None
 
     @property
-    def is_asked(self) -> bool:
+    def has_workers(self) -> bool:
         """Whether the work goes to other processes."""
         return self.workers is not None or self.scheduler is not None
 
     @property
-    def who(self) -> str:
+    def description(self) -> str:
         """Describe the workers to the user."""
         if self.workers is None:
             return f"the workers of {self.scheduler}"

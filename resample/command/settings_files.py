@@ -316,14 +316,14 @@ def _keeping(name: str, command: Command) -> Command:
         with replacing(save_settings) as temporary:
             temporary.write_bytes(text.encode())
         if read := [key for key in chosen if about(marks[key], chosen[key]) is OptionTopic.SOURCE]:
-            LOG.warning("%s: %s", save_settings, _unsaid(read))
+            LOG.warning("%s: %s", save_settings, _warning_of_unsaved(read))
         return result
 
     _sign(run, command, signature)
     return run
 
 
-def _unsaid(keys: list[str]) -> str:
+def _warning_of_unsaved(keys: list[str]) -> str:
     """Warning about options of this run that are not saved."""
     return f"{', '.join(keys)} not kept, as settings do not say what is read; give these again"
 

@@ -100,7 +100,7 @@ def _stopping() -> "Callable[[int, FrameType | None], None]":
             return
         if _is_in_native_import(frame):
             last = -ONCE
-            _tell_soon(number)
+            _signal_again_soon(number)
             return
         _end_at_last(128 + number)
         raise StoppedError(number)
@@ -112,7 +112,7 @@ def _stopping() -> "Callable[[int, FrameType | None], None]":
             report(unraisable)
             return
         last = -ONCE
-        _tell_soon(error.number)
+        _signal_again_soon(error.number)
 
     sys.unraisablehook = again
     return stop
@@ -136,7 +136,7 @@ def _is_in_native_import(frame: "FrameType | None") -> bool:
     return False
 
 
-def _tell_soon(number: int) -> None:
+def _signal_again_soon(number: int) -> None:
     """Send the main thread the signal again, a little later."""
     from threading import Timer, main_thread
 

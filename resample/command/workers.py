@@ -56,12 +56,12 @@ def worker_pools(sharing: Sharing, threads: int | None = None) -> Iterator[Start
         starting.
     """
     check_sharing(sharing)
-    if not sharing.is_asked:
-        yield _nobody
+    if not sharing.has_workers:
+        yield _start_no_workers
         return
     from distributed import KilledWorker
 
-    nobody_left = _nobody_left()
+    no_worker_errors = _no_worker_errors()
     with ExitStack() as held:
         client = cache(lambda: held.enter_context(_client(sharing, held)))
         try:
@@ -73,14 +73,14 @@ def worker_pools(sharing: Sharing, threads: int | None = None) -> Iterator[Start
                 f"a task failed because {_attempts(error)} workers ended while running it, most "
                 "likely because memory ran out; allow less --memory, or use fewer workers"
             ) from None
-        except nobody_left:
+        except no_worker_errors:
             raise ChildProcessError(
                 f"all workers have ended and none restarted within {PATIENCE} seconds; allow "
                 "less --memory, or use fewer workers, or none"
             ) from None
 
 
-def _nobody_left() -> tuple[type[Exception], ...]:
+def _no_worker_errors() -> tuple[type[Exception], ...]:
     """Exceptions of tasks that no worker takes; older versions of dask have only one."""
     from distributed import scheduler
 
@@ -88,7 +88,7 @@ def _nobody_left() -> tuple[type[Exception], ...]:
     return tuple(getattr(scheduler, name) for name in names if hasattr(scheduler, name))
 
 
-def _nobody() -> None:
+def _start_no_workers() -> None:
     """Start no workers."""
 
 
@@ -102,7 +102,7 @@ def check_sharing(sharing: Sharing) -> None:
     """
     if sharing.workers is not None and sharing.scheduler is not None:
         raise ValueError("--workers starts processes, --scheduler has its own; give only one")
-    if sharing.is_asked:
+    if sharing.has_workers:
         try:
             import distributed  # noqa: F401
         except ImportError as error:
@@ -181,7 +181,7 @@ def _environment() -> dict[str, object]:
     import dask.config
 
     own: dict[str, object] = dask.config.get("distributed.nanny.pre-spawn-environ", {})
-    held = {"MALLOC_MMAP_THRESHOLD_": str(GIVEN_BACK)}  # as in `give_back`
+    held = {"MALLOC_MMAP_THRESHOLD_": str(GIVEN_BACK)}  # as in `return_freed_memory`
     return {**own, **held, "DASK_LOGGING__DISTRIBUTED": "critical"}
 
 

@@ -7,13 +7,7 @@ COLORS: dict[str, Color] = {"black": (0.0, 0.0, 0.0), "white": (1.0, 1.0, 1.0)}
 
 
 def linear_color(name: str) -> Color | None:
-    """Linear RGB of a color name or #rrggbb; None for "none".
-
-    Raises
-    ------
-    ValueError
-        The name is not a color.
-    """
+    """Linear RGB of a color name or #rrggbb; None for "none"."""
     if name.lower() == "none":
         return None
     if name in COLORS:

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from resample.console.streams import told
+from resample.console.streams import write_message
 from resample.words import visible
 
 Progress = Callable[[float], None]
@@ -17,7 +17,7 @@ LEVELS = ("debug", "info", "warning")
 
 def say(text: str) -> None:
     """Print one line for the user to stderr."""
-    told(f"resample: {visible(text)}\n")
+    write_message(f"resample: {visible(text)}\n")
 
 
 class _Listener(logging.Handler):
@@ -30,13 +30,7 @@ class _Listener(logging.Handler):
 
 @contextmanager
 def listening() -> Iterator[None]:
-    """Print the library's messages, such as compilation; all if `RESAMPLE_LOG=debug`.
-
-    Raises
-    ------
-    ValueError
-        The variable has an invalid value.
-    """
+    """Print the library's messages, such as compilation; all if `RESAMPLE_LOG=debug`."""
     level = os.environ.get(LOUDNESS, "info")
     if level not in LEVELS:
         raise ValueError(f"{LOUDNESS} is {level!r}; it can be {', '.join(LEVELS)}")

@@ -31,7 +31,7 @@ def give_up(stream: TextIO | None) -> None:
         _lead_nowhere(stream.fileno())  # type: ignore[union-attr]
 
 
-def told(text: str) -> None:
+def write_message(text: str) -> None:
     """Write a message for the user to stderr, if possible."""
     try:
         sys.stderr.write(text)

@@ -14,7 +14,9 @@ Counts = NDArray[np.int64]
 
 
 @kernel
-def tiles_met(low: float, high: float, margin: float, size: int, count: int) -> tuple[int, int]:
+def overlapping_tiles(
+    low: float, high: float, margin: float, size: int, count: int
+) -> tuple[int, int]:
     """First and last tile along one axis whose pixels, with margin, overlap [low, high] px."""
     # Clamp before converting to integers: bounds may be infinite.
     first = math.floor(max(-1.0, min(float(count), (low - margin) / size)))
@@ -32,8 +34,12 @@ def _count_chunk(
         record = footprints[n]
         if record["left"] > record["right"]:
             continue
-        left, right = tiles_met(record["left"], record["right"], screen.margin, size, tile_columns)
-        top, bottom = tiles_met(record["top"], record["bottom"], screen.margin, size, tile_rows)
+        left, right = overlapping_tiles(
+            record["left"], record["right"], screen.margin, size, tile_columns
+        )
+        top, bottom = overlapping_tiles(
+            record["top"], record["bottom"], screen.margin, size, tile_rows
+        )
         for row in range(top, bottom + 1):
             for column in range(left, right + 1):
                 count[chunk, row * tile_columns + column] += 1
@@ -60,8 +66,8 @@ def _deal_chunk(
         record = footprints[n]
         if record["left"] > record["right"]:
             continue
-        left, right = tiles_met(record["left"], record["right"], margin, size, columns)
-        top, bottom = tiles_met(record["top"], record["bottom"], margin, size, tile_rows)
+        left, right = overlapping_tiles(record["left"], record["right"], margin, size, columns)
+        top, bottom = overlapping_tiles(record["top"], record["bottom"], margin, size, tile_rows)
         for row in range(top, bottom + 1):
             for column in range(left, right + 1):
                 tile = row * columns + column

@@ -206,7 +206,7 @@ def write_film(
             if is_new:
                 kept.rmdir()
             raise
-        with _kept_if_any(kept):
+        with _keeping_finished_frames(kept):
             _make(kept, shots, progress, executor)
             if write is not None:
                 with replacing(target) as temporary:
@@ -276,7 +276,7 @@ def _make_one(folder: Path, frame: Callable[[int], Levels], by_others: bool, n: 
 
 
 @contextmanager
-def _kept_if_any(folder: Path) -> Iterator[None]:
+def _keeping_finished_frames(folder: Path) -> Iterator[None]:
     """After an error, keep frames that are done; remove the folder if there are none."""
     try:
         yield

@@ -164,7 +164,7 @@ def _checked(found: StoredPicture) -> StoredPicture:
         raise ValueError(f"{name} is of {array.dtype}; supported are {', '.join(DEPTHS)}")
     guard(array, name)
     holes = holes_of(array, name)
-    if line := holes.told(array.fill_value):
+    if line := holes.message(array.fill_value):
         warned(f"{name}: {line}")
     return found._replace(holes=holes)
 

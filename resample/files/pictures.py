@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from resample.colors import from_srgb
 from resample.console.backgrounds import Color
 from resample.console.messages import say
+from resample.files.buffered_jpeg import BufferedJpeg
 from resample.files.chunked import SUFFIX as STORE
 from resample.files.chunked import (
     StoredPicture,
@@ -38,7 +39,6 @@ from resample.files.facts.metadata import (
     upright,
 )
 from resample.files.facts.origin import state
-from resample.files.held import HeldJpeg
 from resample.files.images import (
     check_pixels,
     light_of,
@@ -478,7 +478,7 @@ def opened(
     suffix, name = path.suffix.lower(), plain(temporary)
     spec = spec_of(suffix, page, height)
     if suffix in JPEG:
-        return HeldJpeg(temporary, spec)
+        return BufferedJpeg(temporary, spec)
     target = OpenImageIO.ImageOutput.create(name)
     if target is None:
         raise OSError(f"{path} cannot be written: {complaint_of(OpenImageIO)}")

@@ -79,14 +79,14 @@ def flat_sample(
     # axis of its ellipse is shorter than the filter's radius. (EWA adds the filter's covariance,
     # which blurs more: docs/theory/paper.md has both against the scene.)
     reach = widths.kernel * widths.kernel
-    V = held((reach * size[0], reach * size[1], reach * size[2]), widths.filter, widths.largest)
+    V = clamped((reach * size[0], reach * size[1], reach * size[2]), widths.filter, widths.largest)
     record["kind"] = SPLAT
     whole = ellipse_at(record, place, V, shape)
     record["weight"] = area / whole if whole > 0.0 else 0.0
 
 
 @inner_step
-def held(size: Covariance, least: float, most: float) -> Covariance:
+def clamped(size: Covariance, least: float, most: float) -> Covariance:
     """Ellipse whose half axes are `least` to `most` px long, in the directions that it has."""
     xx, xy, yy = size
     mean, half = 0.5 * (xx + yy), math.sqrt(0.25 * (xx - yy) * (xx - yy) + xy * xy)

@@ -58,7 +58,7 @@ def projector_of(camera: View) -> Projector:
 
 @kernel
 def ball_of(ellipsoid: Ellipsoid) -> UnitBall:
-    """UnitBall of a lattice."""
+    """The ball of a lattice."""
     back = matrix_of(ellipsoid.from_unit)
     # The plane z = 1 is back[2] · x = 1 there.
     P = scaled(1.0 / dot(back[2], back[2]), back[2])

@@ -37,23 +37,12 @@ def plain_bar(
     ----------
     colors
         (N, 3) linear, at equally spaced values from the minimum to the maximum.
-    span
-        Minimum and maximum.
     height
         Of the picture, px, at least 64.
-    title
-        Text above the bar; long titles are shortened.
-    background
-        Linear background color. Text is light on dark and dark on light.
 
     Returns
     -------
     (H, B, 4) linear, opaque. The width B follows from the height and the text.
-
-    Raises
-    ------
-    ValueError
-        The height is too small.
     """
     check_height(height)
     page = BarLayout.of(span, height, title, "colors")
@@ -74,15 +63,8 @@ def with_color_bar(rgba: Floats, bar: Floats, background: Background | None = No
     ----------
     rgba
         (H, W, 4) linear, premultiplied.
-    bar
-        Bar of the same height.
     background
         Linear background color of the picture; None leaves it transparent.
-
-    Raises
-    ------
-    ValueError
-        The heights differ.
     """
     if len(rgba) != len(bar):
         raise ValueError(f"a bar of {len(bar)} px does not fit a picture of {len(rgba)} px")

@@ -57,13 +57,6 @@ def measure_files(
     -------
     A row of `resample.measuring.quality.measure` for each file, computed on the displayed pictures,
     and the pictures as read, reference first; both by file name.
-
-    Raises
-    ------
-    OSError
-        A file cannot be read.
-    ValueError
-        A picture differs in size from the reference.
     """
     target = read_image(reference)
     pictures, rows = {str(reference): target}, []
@@ -121,21 +114,10 @@ def contact_sheet(
     ----------
     images
         (H, W, 3) or premultiplied (H, W, 4), linear light, by title; shown over black.
-    path
-        Target, `.png`.
     columns
         Pictures per row; None: chosen automatically.
-    captions
-        Line of text below a picture, by title.
     zoom
         Side of a pixel's square; None enlarges small pictures to `SMALLEST` px or more.
-
-    Raises
-    ------
-    ValueError
-        There is no picture, or a number is not positive.
-    OSError
-        The file cannot be written.
     """
     if not images:
         raise ValueError("a contact sheet needs at least one picture")

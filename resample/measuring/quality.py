@@ -52,11 +52,6 @@ def psnr(a: Picture, b: Picture, peak: float = 1.0, mask: NDArray[np.bool_] | No
         Largest value that a picture can have.
     mask
         (H, W) pixels to look at; None takes all.
-
-    Raises
-    ------
-    ValueError
-        The shapes differ, or the mask leaves no pixel.
     """
     error = rms(a, b, mask)
     return math.inf if error == 0.0 else 20.0 * math.log10(peak / error)

@@ -2,7 +2,7 @@
 
 A command adds up its peak memory (`require`): libraries, input, intermediate data, the picture and
 its copies. `RESAMPLE_LOG=debug` logs the sum; it is rejected if it exceeds `--memory` or the
-free memory. The log ends with the actual peak (`held_at_most`).
+free memory. The log ends with the actual peak (`peak_memory`).
 """
 
 import logging
@@ -22,12 +22,12 @@ LOG = logging.getLogger("resample")
 ALLOWED: ContextVar[int | None] = ContextVar("allowed", default=None)
 
 
-def give_back() -> None:
+def return_freed_memory() -> None:
     """Return large arrays to the system as soon as they are freed.
 
     By default glibc keeps arrays of up to 32 MiB in each thread. No effect elsewhere.
     """
-    _tell_glibc("mallopt", M_MMAP_THRESHOLD, GIVEN_BACK)
+    _tune_glibc("mallopt", M_MMAP_THRESHOLD, GIVEN_BACK)
 
 
 def trim() -> None:
@@ -35,10 +35,10 @@ def trim() -> None:
 
     Useful between two stages that both need much memory. No effect without glibc.
     """
-    _tell_glibc("malloc_trim", 0)
+    _tune_glibc("malloc_trim", 0)
 
 
-def _tell_glibc(name: str, *numbers: int) -> None:
+def _tune_glibc(name: str, *numbers: int) -> None:
     """Call a function of glibc, if the platform uses it."""
     import ctypes
 
@@ -75,13 +75,7 @@ def available_memory() -> int | None:
 
 
 def bytes_of(text: str) -> int:
-    """Parse an amount of memory such as 2GiB, 512MB or 1.5G to bytes.
-
-    Raises
-    ------
-    ValueError
-        The text is not an amount of memory.
-    """
+    """Parse an amount of memory such as 2GiB, 512MB or 1.5G to bytes."""
     found = re.fullmatch(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*([KMGT])(i?)B?\s*", text, re.IGNORECASE)
     number = float(found[1]) if found else 0.0
     if found is None or not number > 0:
@@ -95,17 +89,17 @@ def amount(count: int) -> str:
     return f"{count / GIB:.2f} GiB" if count >= GIB / 10 else f"{count / (1 << 20):.2f} MiB"
 
 
-def held() -> int:
+def memory_in_use() -> int:
     """Bytes of memory that this process holds now; 0 if the platform does not tell."""
     return _of_status("VmRSS")
 
 
-def held_at_most() -> int:
+def peak_memory() -> int:
     """Peak memory of this process in bytes; 0 if the platform does not tell."""
     return _of_status("VmHWM")
 
 
-def held_of_files() -> int:
+def mapped_memory() -> int:
     """Bytes of files that are mapped into memory now; 0 if the platform does not tell."""
     return _of_status("RssFile")
 
@@ -121,13 +115,7 @@ def _of_status(name: str) -> int:
 
 @contextmanager
 def allowing(memory: str | None) -> Iterator[None]:
-    """Limit the memory of work in this block, as `--memory` does; None: all free memory.
-
-    Raises
-    ------
-    ValueError
-        It is not an amount, or the limits of the process leave too little for libraries.
-    """
+    """Limit the memory of work in this block, as `--memory` does; None: all free memory."""
     check_limits()
     token = ALLOWED.set(None if memory is None else bytes_of(memory))
     try:
@@ -137,13 +125,7 @@ def allowing(memory: str | None) -> Iterator[None]:
 
 
 def check_limits() -> None:
-    """Reject limits of the process that would end it while libraries are loaded.
-
-    Raises
-    ------
-    ValueError
-        They leave too little memory.
-    """
+    """Reject limits of the process that would end it while libraries are loaded."""
     if _limit() == 0:
         raise ValueError(
             f"the limits of this process (ulimit) leave no room for libraries; allow more than "
@@ -158,20 +140,6 @@ def allow(count: int) -> None:
 
 def require(what: str, parts: dict[str, int], remedy: str) -> None:
     """Log (DEBUG) the peak memory of some work, and reject it if it is not allowed.
-
-    Parameters
-    ----------
-    what
-        Name of the work for the message.
-    parts
-        Bytes by name; libraries are one of the names.
-    remedy
-        What to do about it, for the message.
-
-    Raises
-    ------
-    ValueError
-        It is more than `--memory` allows, or than is free or already held by the process.
 
     Examples
     --------
@@ -217,26 +185,11 @@ def _free() -> int | None:
     free, installed = available_memory(), physical_memory()
     if free is None or installed is None:
         return None
-    return min(free + held(), installed)
+    return min(free + memory_in_use(), installed)
 
 
 def require_memory(count: int, what: str, remedy: str) -> None:
-    """Reject work that can never fit into this machine; its need is logged (DEBUG).
-
-    Parameters
-    ----------
-    count
-        Bytes held at the same time.
-    what
-        Name for the message.
-    remedy
-        What to do about it, for the message.
-
-    Raises
-    ------
-    ValueError
-        `--memory` allows less, or the machine's total memory is smaller.
-    """
+    """Reject work that can never fit into this machine; its need is logged (DEBUG)."""
     LOG.debug("%s: %.3g GiB of memory", what, count / GIB)
     allowed, installed = ALLOWED.get(), physical_memory()
     if allowed is not None and count > allowed:

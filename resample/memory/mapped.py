@@ -20,7 +20,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from resample.memory import ALLOWED, amount, available_memory, held_of_files
+from resample.memory import ALLOWED, amount, available_memory, mapped_memory
 
 LOG = logging.getLogger("resample")
 FOLDER_VARIABLE = "HYBRID_RESAMPLE_CACHE"
@@ -28,14 +28,14 @@ OFTEN = 0.01  # seconds between two checks of the pages in memory
 SPARE = 1 << 26  # bytes to leave free on the disk
 
 
-class _Held(NamedTuple):
+class _MappedFile(NamedTuple):
     """Properties of a mapped file."""
 
     most: int  # bytes of pages in memory, of all files together, at most
     others: int  # bytes of pages of other files, mostly libraries
 
 
-_held: "WeakKeyDictionary[mmap.mmap, _Held]" = WeakKeyDictionary()
+_held: "WeakKeyDictionary[mmap.mmap, _MappedFile]" = WeakKeyDictionary()
 _lock = Lock()
 _thread: Thread | None = None
 
@@ -52,17 +52,8 @@ def array_in_file(shape: tuple[int, ...], kind: DTypeLike, most: int, what: str)
 
     Parameters
     ----------
-    shape, kind
-        Shape and type of the array.
     most
         Budget in bytes for the pages in memory of all arrays in files.
-    what
-        Name of the array for the message.
-
-    Raises
-    ------
-    ValueError
-        The disk is full, or the folder is not writable.
 
     Examples
     --------
@@ -75,19 +66,13 @@ def array_in_file(shape: tuple[int, ...], kind: DTypeLike, most: int, what: str)
     size = prod(shape) * dtype.itemsize
     mapping = _mapping_of(max(1, size), what)
     with _lock:
-        _held[mapping] = _Held(most, held_of_files())
+        _held[mapping] = _MappedFile(most, mapped_memory())
         _watch()
     return np.ndarray(shape, dtype, buffer=mapping)
 
 
 def array_where_it_fits(shape: tuple[int, ...], kind: DTypeLike, what: str) -> NDArray[Any]:
-    """Create an array in memory or, if it exceeds half of the memory limit, in a file.
-
-    Raises
-    ------
-    ValueError
-        As in `array_in_file`.
-    """
+    """Create an array in memory or, if it exceeds half of the memory limit, in a file."""
     dtype = np.dtype(kind)
     most = pages_of(prod(shape) * dtype.itemsize)
     if most is None:
@@ -107,13 +92,7 @@ def pages_of(size: int) -> int | None:
 def array_like(
     values: NDArray[Any], shape: tuple[int, ...], kind: DTypeLike, what: str
 ) -> NDArray[Any]:
-    """Create an array for results of others: in a file if one of them is in a file.
-
-    Raises
-    ------
-    ValueError
-        As in `array_in_file`.
-    """
+    """Create an array for results of others: in a file if one of them is in a file."""
     held = _of(values)
     return np.empty(shape, kind) if held is None else array_in_file(shape, kind, held.most, what)
 
@@ -129,7 +108,7 @@ def most_of(values: NDArray[Any]) -> int | None:
     return None if held is None else held.most
 
 
-def _of(values: Any) -> _Held | None:
+def _of(values: Any) -> _MappedFile | None:
     while values is not None and not isinstance(values, mmap.mmap):
         values = getattr(values, "base", None)
     with _lock:
@@ -153,13 +132,7 @@ def _mapping_of(size: int, what: str) -> mmap.mmap:
 
 
 def _claim(file: int, size: int, place: Path) -> None:
-    """Resize a file and reserve its disk space.
-
-    Raises
-    ------
-    OSError
-        The disk is full.
-    """
+    """Resize a file and reserve its disk space."""
     import shutil
 
     free = shutil.disk_usage(place).free
@@ -174,7 +147,7 @@ def _claim(file: int, size: int, place: Path) -> None:
 def _watch() -> None:
     """Start the thread that releases pages, if the platform supports it."""
     global _thread  # noqa: PLW0603 - one for all arrays of the process
-    if not hasattr(mmap.mmap, "madvise") or not held_of_files():
+    if not hasattr(mmap.mmap, "madvise") or not mapped_memory():
         return
     if _thread is None or not _thread.is_alive():
         _thread = Thread(target=_let_go, name="pages", daemon=True)
@@ -192,7 +165,7 @@ def _let_go() -> None:
                 _thread = None
                 return
             most = min(held.most for held in known) + min(held.others for held in known)
-            if held_of_files() > most:
+            if mapped_memory() > most:
                 _drop_pages()
 
 

@@ -26,11 +26,6 @@ def mesh_of(
         (T, 3) indices of corners.
     opacity
         (T,) 0..1.
-
-    Raises
-    ------
-    ValueError
-        A corner is not finite, or an index is out of range.
     """
     if not np.isfinite(corner).all():
         raise ValueError("a mesh has corners that are not finite numbers; take them out")

@@ -22,7 +22,7 @@ from resample.painting.scenes.plans import NOTHING as NO_WINDOW
 from resample.painting.scenes.plans import PAPER, PicturePlan, Window
 from resample.painting.scenes.scene import Clock, PaintTarget, PreparedScene, nothing_painted
 from resample.profiles.filters import PixelFilter
-from resample.profiles.kept import once
+from resample.profiles.memoization import once
 from resample.profiles.reconstruction import Reconstruction
 from resample.types import (
     Film,

@@ -165,12 +165,6 @@ def paint_points(
 
     Parameters
     ----------
-    scene
-        Scene for which `can_defer_points` is true.
-    samples
-        From `check_samples`; faster if neighbours are close in memory.
-    profile
-        Filter of points, from `resample.profiles.filters.profile`.
     progress
         Called with the fraction of the work done.
     """

@@ -13,14 +13,8 @@ def enlarged(part: NDArray[Any], per: int, shape: tuple[int, int], *, smooth: bo
 
     Parameters
     ----------
-    part
-        Picture of any type.
-    per
-        Enlargement factor.
     shape
         Height and width of the result, px; the excess is cropped.
-    smooth
-        Interpolate between pixels, for types that OpenCV supports; otherwise repeat them.
     """
     import cv2
 

@@ -227,8 +227,6 @@ def spacing_of(lattice: Doubles, middle: Doubles, view: View) -> float:
         (3, 3) columns are the steps to the neighbours, scene units.
     middle
         (3,) center of the field, scene units.
-    view
-        The camera.
     """
     voxel = float(np.cbrt(abs(np.linalg.det(lattice))))
     depth = float(view.rotation[2] @ middle + view.translation[2])

@@ -117,7 +117,7 @@ def paint_tiles(
     """Paint non-empty tiles, fullest first; `paint` paints tiles of given numbers."""
     tiles, load = deal
     painted = nothing_painted(0, 0, load.size)._replace(plan=scene.plan, film=film_of(scene, tiles))
-    turn = turn_of(load, shown(scene, tiles))
+    turn = tile_order(load, shown(scene, tiles))
     if turn.size:
         done = np.cumsum(load[turn])
         with told(progress, done / done[-1]):
@@ -125,7 +125,7 @@ def paint_tiles(
     return painted
 
 
-def turn_of(load: Indices, are_painted: NDArray[np.bool_]) -> Indices:
+def tile_order(load: Indices, are_painted: NDArray[np.bool_]) -> Indices:
     """Order in which tiles (T,) are painted: those that have members and are selected."""
     turn: Indices = np.argsort(-load, kind="stable")
     return turn[(load[turn] > 0) & are_painted[turn]]

@@ -57,13 +57,7 @@ def are_splats_exact(scene: PreparedScene) -> bool:
 
 
 def runs_of(scene: PreparedScene, samples: Samples, *, are_mixed: bool) -> Runs:
-    """Runs of samples, with bounds that are valid only for splats unless `are_mixed`.
-
-    Raises
-    ------
-    ValueError
-        The required sub-pixels do not fit under so wide a filter.
-    """
+    """Runs of samples, with bounds that are valid only for splats unless `are_mixed`."""
     from resample.engine.ellipsoids.run_bounds import outline_runs
     from resample.engine.grid import grid_of
 
@@ -118,12 +112,6 @@ def paint_splats(
 
     Parameters
     ----------
-    scene
-        Inputs of the painters other than the samples.
-    samples
-        From `check_samples`; faster if neighbours are close in memory.
-    formula
-        Line integrals of the scene's kernel, and opacities.
     progress
         Called with the fraction of the work done.
     """

@@ -31,22 +31,15 @@ def spline_of(
     sharpness
         1: interpolate the samples; 0: use them as coefficients, which smooths; in between it is a
         blend.
-    like
-        Type whose precision the samples have, if not their own.
 
     Returns
     -------
     The field, in 16 bits for samples of 8, else in float32.
 
     For values in a file (`resample.memory.mapped`) the field is in a file too.
-
-    Raises
-    ------
-    ValueError
-        Values are too large for float32, or the field fits neither in memory nor on disk.
     """
     from resample.engine.jit import threads
-    from resample.engine.rays.coefficients import BRICK, find_bounds, held_as
+    from resample.engine.rays.coefficients import BRICK, bundled, find_bounds
     from resample.engine.rays.splines import PAD
 
     given, base = _native(values)
@@ -63,7 +56,7 @@ def spline_of(
     deep, down, across = (-(-(count + 1) // BRICK) for count in shape)
     size = (deep, down, across)
     found = Bounds(*(array_like(values, size, np.float32, FIELD) for _ in Bounds._fields))
-    find_bounds(held_as(flat), shape, found)
+    find_bounds(bundled(flat), shape, found)
     bounds = Bounds(*(array_like(values, size, np.float64, FIELD) for _ in Bounds._fields))
     for bound, raw in zip(bounds, found, strict=True):
         for n, plane in enumerate(raw):
@@ -79,8 +72,6 @@ def bytes_of_field(
 
     Parameters
     ----------
-    shape, kind
-        Shape and type of the samples.
     most
         Budget of pages in memory for samples in a file; their other bytes do not count.
     """

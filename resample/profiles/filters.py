@@ -161,13 +161,6 @@ class Lanczos:
 def table(pixel_filter: PixelFilter, steps: int = 1024) -> RadialTable:
     """Tabulate a filter at equal steps, normalised to integral 1.
 
-    Parameters
-    ----------
-    pixel_filter
-        Any `PixelFilter`.
-    steps
-        Number of intervals.
-
     Returns
     -------
     Table of `steps + 1` values; interpolated linearly, it integrates to 1 over −extent..extent.
@@ -175,11 +168,6 @@ def table(pixel_filter: PixelFilter, steps: int = 1024) -> RadialTable:
     does, its last interval is centered on the radius, so that a point exactly on the border of
     two pixels is divided between them, neither lost nor counted twice; `extent` is then larger
     than the radius by half an interval.
-
-    Raises
-    ------
-    ValueError
-        There are fewer than 2 steps, or the filter's integral is 0 or its radius too large.
     """
     if steps < 2:
         raise ValueError(f"a table needs at least 2 steps, not {steps}")
@@ -213,11 +201,6 @@ def profile_table(pixel_filter: PixelFilter, count: int) -> Floats:
 def profile(values: RadialTable) -> Profile | None:
     """Fit a polynomial in the squared argument to a filter; None if none is accurate enough.
 
-    Parameters
-    ----------
-    values
-        Table from `table`.
-
     Returns
     -------
     Coefficients of the filter divided by its peak, over 0..1 of the extent, accurate to 1e-5.
@@ -232,13 +215,7 @@ def profile(values: RadialTable) -> Profile | None:
 
 
 def check_reach(pixel_filter: PixelFilter) -> None:
-    """Reject a filter whose radius is too large.
-
-    Raises
-    ------
-    ValueError
-        The radius is above `WIDEST`, not positive or not a number.
-    """
+    """Reject a filter whose radius is too large."""
     if not 0.0 < pixel_filter.radius <= WIDEST:
         raise ValueError(
             f"{pixel_filter} reaches {pixel_filter.radius} px; above 0 to {WIDEST:g} are allowed"

@@ -233,8 +233,6 @@ def taps(interpolation: Interpolation, offset: Doubles, extent: Doubles | float 
 
     Parameters
     ----------
-    interpolation
-        Any `Interpolation`.
     offset
         (N,) distance of each position from its nearest sample, −0.5..0.5 samples.
     extent
@@ -317,11 +315,6 @@ def prefilter(interpolation: Interpolation) -> Floats:
     Returns
     -------
     (K,) taps, K odd, that sum to 1; a single 1 if samples are the coefficients.
-
-    Raises
-    ------
-    ValueError
-        No coefficients make this kernel interpolate.
     """
     reach = math.ceil(interpolation.radius)
     at_samples = _means(interpolation, np.arange(-reach, reach + 1.0), 1.0)

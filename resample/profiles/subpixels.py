@@ -74,13 +74,7 @@ def subpixels_of(pixel_filter: PixelFilter, count: int | None = None) -> Subpixe
 
 
 def _weights(pixel_filter: PixelFilter, margin: int, n: int) -> Doubles:
-    """Weights ((2 margin + 1) n, FINE) of positions within the n sub-pixels of each pixel, sum 1.
-
-    Raises
-    ------
-    ValueError
-        The sum of the weights is zero or not finite.
-    """
+    """Weights ((2 margin + 1) n, FINE) of positions within a pixel's n sub-pixels, of sum 1."""
     places = (np.arange((2 * margin + 1) * n * FINE) + 0.5) / (n * FINE) - margin - 0.5
     distance, radius = np.abs(places), pixel_filter.radius
     given = np.where(distance <= radius, pixel_filter(np.minimum(distance, radius)), 0.0)

@@ -48,18 +48,6 @@ def is_npy(path: Path) -> bool:
 def read_npy(path: Path, *, mapped: bool = False) -> NDArray[Any]:
     """Read a `.npy` file.
 
-    Parameters
-    ----------
-    path
-        The file.
-    mapped
-        Map the values into memory instead of reading them.
-
-    Raises
-    ------
-    OSError
-        The file is missing, damaged or truncated, or contains objects.
-
     Examples
     --------
     >>> from pathlib import Path
@@ -72,7 +60,7 @@ def read_npy(path: Path, *, mapped: bool = False) -> NDArray[Any]:
     [0, 1, 2]
     """
     with _damage(path), path.open("rb") as file:
-        needed = _needed(file)
+        needed = _declared_bytes(file)
         given = path.stat().st_size - file.tell()
         if needed > given:
             raise ValueError(f"it is cut off: {given} of {needed} bytes are there")
@@ -112,7 +100,7 @@ def read_npz(path: Path, *names: str) -> dict[str, NDArray[Any]]:
         _check_sizes(path, members, wanted)
         for name in wanted:
             with _damage(path), packed.open(members[name]) as file:
-                needed, start = _needed(file), file.tell()
+                needed, start = _declared_bytes(file), file.tell()
                 if needed > members[name].file_size - start:
                     raise ValueError(f"{name} is cut off")
             with _damage(path), packed.open(members[name]) as file:
@@ -136,7 +124,7 @@ def _check_sizes(
     check_unpacked(str(path), path.stat().st_size, unpacked)
 
 
-def _needed(file: IO[bytes]) -> int:
+def _declared_bytes(file: IO[bytes]) -> int:
     """Bytes of the values declared in a header, which is read."""
     version = np.lib.format.read_magic(file)
     headers = {

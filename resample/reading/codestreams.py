@@ -39,13 +39,7 @@ def size_of(frame: bytes) -> tuple[int, int] | None:
 
 
 def size_at_once(path: Path) -> tuple[int, int] | None:
-    """Height and width of a file that is decoded when opened: JPEG 2000 or JPEG XL.
-
-    Raises
-    ------
-    OSError
-        It cannot be read.
-    """
+    """Height and width of a file that is decoded when opened: JPEG 2000 or JPEG XL."""
     with path.open("rb") as file:
         head = file.read(8)
         file.seek(0)

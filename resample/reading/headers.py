@@ -31,13 +31,7 @@ NOTHING = ("none", "nan", "inf", "-inf", "?", "???")  # NRRD's words for a missi
 
 
 def check_nrrd_numbers(path: Path, value: Mapping[str, str]) -> None:
-    """Reject NRRD fields that lack their numbers.
-
-    Raises
-    ------
-    ValueError
-        There are other words, or a wrong count.
-    """
+    """Reject NRRD fields that lack their numbers."""
     fields = {key.replace(" ", ""): text for key, text in value.items()}
     _check_lengths(path)
     if "dimension" not in fields:
@@ -67,13 +61,7 @@ def check_meta_numbers(path: Path, value: Mapping[str, str]) -> None:
 
 
 def whole(path: Path, word: str) -> int:
-    """Parse an integer of a header.
-
-    Raises
-    ------
-    ValueError
-        It is not an integer.
-    """
+    """Parse an integer of a header."""
     try:
         return int(word[:20])
     except ValueError:

@@ -28,17 +28,12 @@ class FileLimits(NamedTuple):
     ratio: int = 200  # unpacked size relative to the packed one, above that
 
 
-ALIKE = 40  # factor on the ratio for animations with similar frames
+SIMILAR_FRAMES = 40  # factor on the ratio for animations with similar frames
 BYTES = ("text", "tree", "unpacked")  # limits that are amounts of memory
 
 
 def limits() -> FileLimits:
     """Current limits.
-
-    Raises
-    ------
-    ValueError
-        The setting has an unknown name.
 
     Examples
     --------
@@ -78,43 +73,19 @@ def refused(what: str, found: str, name: str) -> LimitError:
 
 
 def check_size(what: str, count: int, name: str = "text") -> None:
-    """Reject a file whose size in bytes exceeds a named limit.
-
-    Raises
-    ------
-    ValueError
-        It exceeds the limit.
-    """
+    """Reject a file whose size in bytes exceeds a named limit."""
     if count > getattr(limits(), name):
         raise refused(what, amount(count), name)
 
 
 def check_items(what: str, count: int, things: str) -> None:
-    """Reject more items than allowed.
-
-    Raises
-    ------
-    ValueError
-        There are more.
-    """
+    """Reject more items than allowed."""
     if count > limits().items:
         raise refused(what, f"{count} {things}", "items")
 
 
 def check_unpacked(what: str, packed: int, unpacked: int) -> None:
     """Reject data that unpack to more than the limits or the free memory, before unpacking.
-
-    Parameters
-    ----------
-    what
-        Name for the message.
-    packed, unpacked
-        Bytes in the file, and in memory.
-
-    Raises
-    ------
-    ValueError
-        It is more than plausible for the packed size, or than the free memory.
 
     Examples
     --------
@@ -126,20 +97,7 @@ def check_unpacked(what: str, packed: int, unpacked: int) -> None:
 
 
 def check_ratio(what: str, packed: int, unpacked: int) -> None:
-    """Reject data that unpack to more than plausible, wherever they go.
-
-    Parameters
-    ----------
-    what
-        Name for the message.
-    packed, unpacked
-        Bytes in the file, and unpacked.
-
-    Raises
-    ------
-    ValueError
-        It is more.
-    """
+    """Reject data that unpack to more than plausible, wherever they go."""
     known = limits()
     if unpacked > known.unpacked and unpacked > known.ratio * max(1, packed):
         found = f"{amount(packed)} that unpack to {amount(unpacked)} or more"
@@ -170,19 +128,13 @@ def check_animation(what: str, packed: int, frame: int, count: int) -> None:
     """
     known = limits()
     whole = frame * count
-    if whole > known.unpacked and whole > ALIKE * known.ratio * max(1, packed):
+    if whole > known.unpacked and whole > SIMILAR_FRAMES * known.ratio * max(1, packed):
         found = f"{amount(packed)} that unpack to {count} frames of {amount(frame)}"
         raise refused(what, found, "ratio")
 
 
 def check_free(what: str, count: int) -> None:
-    """Reject data larger than the free memory.
-
-    Raises
-    ------
-    ValueError
-        They are larger.
-    """
+    """Reject data larger than the free memory."""
     free = available_memory()
     if free is not None and count > free:
         raise LimitError(

@@ -23,23 +23,14 @@ def check_xml(
 
     Parameters
     ----------
-    what
-        Name for the message.
     blocks
         Its bytes, in pieces.
-    last
-        Name of an element whose start tag is followed by binary data; empty: all is XML.
     encoding
         Encoding of the bytes; None: as declared.
 
     Returns
     -------
     Number of elements.
-
-    Raises
-    ------
-    ValueError
-        It is rejected.
 
     Examples
     --------

@@ -17,11 +17,6 @@ from pathlib import Path
 def plain(path: str | Path) -> str:
     r"""Name of a file for any library: its own, or a temporary link if it is not valid text.
 
-    Parameters
-    ----------
-    path
-        File; it need not exist.
-
     Returns
     -------
     Links keep the suffix, are in the folder for temporary files, and are removed at exit.

@@ -16,18 +16,6 @@ ADDRESS = re.compile(r"^[A-Za-z][A-Za-z0-9+.-]+:")  # not a drive's single lette
 def neighbour(source: Path, name: str) -> Path:
     """Path of a file that another refers to, whether it exists or not.
 
-    Parameters
-    ----------
-    source
-        The referring file.
-    name
-        The name as written there.
-
-    Raises
-    ------
-    ValueError
-        It is an address, outside the folder of `source`, or not a regular file.
-
     Examples
     --------
     >>> from pathlib import Path

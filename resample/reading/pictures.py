@@ -24,17 +24,8 @@ def check_picture(path: str | Path, spec: Any, size: int | None = None) -> None:
 
     Parameters
     ----------
-    path
-        The file.
-    spec
-        Its OpenImageIO header.
     size
         Bytes per value in memory. Default: as stored.
-
-    Raises
-    ------
-    ValueError
-        It is rejected, or has no pixels.
     """
     count, stored = check_honest(path, spec)
     check_free(str(path), count * (size or stored))
@@ -67,19 +58,12 @@ def opened(path: str | Path, wanted: Any = None) -> Any:
 
     Parameters
     ----------
-    path
-        The file; any name.
     wanted
         OpenImageIO header with reading options; None: defaults.
 
     Returns
     -------
     OpenImageIO's ImageInput; None if it cannot be read, with the reason in `OpenImageIO.geterror`.
-
-    Raises
-    ------
-    ValueError, OSError
-        See `check_unopened`.
     """
     import OpenImageIO
 
@@ -137,13 +121,7 @@ def _grown(path: str | Path, content: bytes, name: bytes, total: int) -> int:
 
 @contextmanager
 def decoding(path: str | Path) -> Iterator[None]:
-    """Convert the errors of decoders written in Python to one type.
-
-    Raises
-    ------
-    OSError
-        Any error other than a lack of memory.
-    """
+    """Convert the errors of decoders written in Python to one type."""
     try:
         yield
     except (MemoryError, FileNotFoundError, PermissionError):

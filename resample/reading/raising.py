@@ -18,11 +18,6 @@ def raised(limit: str | None = None, *, allow_outside: bool = False) -> Iterator
     allow_outside
         As `RESAMPLE_ALLOW_OUTSIDE=1`.
 
-    Raises
-    ------
-    ValueError
-        A limit, here or in the environment, is invalid.
-
     Examples
     --------
     >>> from resample.reading.limits import limits

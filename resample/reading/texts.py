@@ -15,15 +15,7 @@ PARTS = re.compile(r"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*"|'[^'\n]*')[ \t]*+\.[ \t
 
 
 def text_of(path: Path) -> str:
-    """Read a text file.
-
-    Raises
-    ------
-    OSError
-        It cannot be read.
-    ValueError
-        It is not text, or too long.
-    """
+    """Read a text file."""
     check_size(str(path), path.stat().st_size)
     try:
         return path.read_text(encoding="utf-8-sig")
@@ -33,11 +25,6 @@ def text_of(path: Path) -> str:
 
 def json_of(text: str) -> Any:
     """Parse JSON.
-
-    Raises
-    ------
-    ValueError
-        It is not JSON, too large, nested too deep, or has an integer that no array can hold.
 
     Examples
     --------
@@ -51,7 +38,7 @@ def json_of(text: str) -> Any:
     except RecursionError:
         raise _too_deep() from None
     except ValueError as error:
-        raise _said(error) from None
+        raise _own_error(error) from None
 
 
 def toml_of(text: str) -> dict[str, Any]:
@@ -73,7 +60,7 @@ def toml_of(text: str) -> dict[str, Any]:
     except RecursionError:
         raise _too_deep() from None
     except ValueError as error:
-        raise _said(error) from None
+        raise _own_error(error) from None
     return found
 
 
@@ -81,7 +68,7 @@ def _too_deep() -> ValueError:
     return refused("too deep", "nested levels", "depth")
 
 
-def _said(error: ValueError) -> ValueError:
+def _own_error(error: ValueError) -> ValueError:
     """Convert a parser's error; for numbers of thousands of digits it mentions Python internals."""
     is_own = type(error) is ValueError and TOO_MANY_DIGITS.match(str(error))
     return ValueError(TOO_LARGE) if is_own else error

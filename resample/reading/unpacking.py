@@ -26,17 +26,8 @@ def deflated(data: Buffer, most: int, form: int = ANY) -> bytes:
 
     Parameters
     ----------
-    data
-        All data.
     most
         Limit in bytes.
-    form
-        `ANY` or `RAW`.
-
-    Raises
-    ------
-    ValueError
-        It exceeds the limit, is damaged or truncated.
 
     Examples
     --------
@@ -59,20 +50,7 @@ def unlzma(data: Buffer, most: int, form: int, filters: Any = None) -> bytes:
 
 
 def check_deflated(what: str, data: Buffer, form: int = ANY) -> None:
-    """Reject zlib data that unpack to too much; they are unpacked piece by piece.
-
-    Parameters
-    ----------
-    what
-        Name for the message.
-    data, form
-        As in `deflated`. Damaged or truncated data count up to that point.
-
-    Raises
-    ------
-    ValueError
-        It is more than plausible for the packed size, or than the free memory.
-    """
+    """Reject zlib data that unpack to too much; they are unpacked piece by piece."""
     unpacker, rest, count = zlib.decompressobj(wbits=form), bytes(data), 0
     with suppress(zlib.error):
         while rest:
@@ -83,13 +61,7 @@ def check_deflated(what: str, data: Buffer, form: int = ANY) -> None:
 
 
 def check_becomes(count: int, most: int) -> None:
-    """Reject an unpacked size above a limit.
-
-    Raises
-    ------
-    ValueError
-        It is above the limit.
-    """
+    """Reject an unpacked size above a limit."""
     if count > most:
         raise ValueError(f"it unpacks to more than {amount(most)}")
 

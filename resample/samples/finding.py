@@ -11,10 +11,12 @@ import tempfile
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from resample import registry
-from resample.samples.writing import Said, store
+
+if TYPE_CHECKING:
+    from resample.samples.writing import DefaultOptions
 
 PREFIX = "sample:"
 VIEW = "--view"  # option for pictures with depth and pose
@@ -28,7 +30,7 @@ class CachedSample(NamedTuple):
 
     folder: Path
     files: list[Path]
-    said: list[Said]
+    options: "list[DefaultOptions]"
 
 
 def sample(spec: str) -> Any:
@@ -107,26 +109,14 @@ def kept(spec: str) -> CachedSample:
             shutil.rmtree(made, ignore_errors=True)
     facts = json.loads((target / CONTENTS).read_text("utf-8"))
     return CachedSample(
-        target, [target / file for file in facts["files"]], _said(target, facts["said"])
+        target, [target / file for file in facts["files"]], _with_folder(target, facts["said"])
     )
 
 
 def expanded(words: Sequence[str]) -> list[str]:
-    """Replace samples in a command's arguments by their files and options.
-
-    Parameters
-    ----------
-    words
-        Arguments that begin with `sample:` name samples, also as values of options for pictures; a
-        view is `sample:NAME,POSE`.
-
-    Raises
-    ------
-    LookupError, ValueError
-        As in `sample`.
-    """
+    """Replace samples in a command's arguments by their files and options."""
     made: list[str] = []
-    said: list[Said] = []
+    options: list[DefaultOptions] = []
     before = ""
     for word in words:
         option, equals, value = word.partition("=")
@@ -138,13 +128,13 @@ def expanded(words: Sequence[str]) -> list[str]:
             found = kept(word)
             alone = before in PICTURES
             made += [str(file) for file in (found.files[:1] if alone else found.files)]
-            said += () if alone else found.said
+            options += () if alone else found.options
         elif option in PICTURES and equals and value.startswith(PREFIX):
             made.append(f"{option}={sample_path(value)}")
         else:
             made.append(word)
         before = word
-    for each in said:
+    for each in options:
         given = any(word.startswith(tuple(each.unless)) for word in words)
         if not given and set(words) & set(each.commands):
             made += expanded(each.words)
@@ -162,18 +152,24 @@ def _view(text: str) -> str:
     return ",".join(map(str, [*files[:2], pose]))
 
 
-def _said(folder: Path, stored: Sequence[Sequence[Any]]) -> list[Said]:
+def _with_folder(folder: Path, stored: Sequence[Sequence[Any]]) -> "list[DefaultOptions]":
     """Insert the folder's name into options."""
+    from resample.samples.writing import DefaultOptions
+
     return [
-        Said(commands, [word.replace("FOLDER/", f"{folder}{os.sep}") for word in words], unless)
+        DefaultOptions(
+            commands, [word.replace("FOLDER/", f"{folder}{os.sep}") for word in words], unless
+        )
         for commands, words, unless in stored
     ]
 
 
 def _fill(folder: Path, spec: str, name: str) -> None:
     """Write a sample and its list of files."""
+    from resample.samples.writing import store
+
     stored = store(sample(spec), folder, name)
-    contents = {"files": list(stored.files), "said": [list(map(list, s)) for s in stored.said]}
+    contents = {"files": list(stored.files), "said": [list(map(list, s)) for s in stored.options]}
     (folder / CONTENTS).write_text(json.dumps(contents), "utf-8")
 
 

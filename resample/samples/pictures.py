@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.samples.noise import grain, mixed, rough
-from resample.samples.writing import Said, SampleFiles, write_png
+from resample.samples.writing import DefaultOptions, SampleFiles, write_png
 from resample.types import Doubles
 
 Levels = NDArray[np.uint8]
@@ -42,8 +42,8 @@ class Photo(NamedTuple):
     def stored(self, folder: Path, name: str) -> SampleFiles:
         write_png(folder / f"{name}.png", self.color)
         corners = " ".join(f"{x:g},{y:g}" for x, y in self.corners)
-        said = Said(["rectify"], ["--corners", corners], ["--corners", "--settings"])
-        return SampleFiles([f"{name}.png"], [said])
+        options = DefaultOptions(["rectify"], ["--corners", corners], ["--corners", "--settings"])
+        return SampleFiles([f"{name}.png"], [options])
 
 
 def bricks(size: int = 512) -> Levels:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.samples.noise import grain, rough
-from resample.samples.writing import Said, SampleFiles, write_npy, write_png
+from resample.samples.writing import DefaultOptions, SampleFiles, write_npy, write_png
 from resample.types import Doubles, Floats
 
 FOV = 60.0  # degrees along the shorter side
@@ -40,18 +40,18 @@ class DepthPicture(NamedTuple):
         write_png(folder / f"{name}.png", self.color)
         write_npy(folder / f"{name}.npy", self.depth)
         (folder / f"{name}.json").write_text(json.dumps(self._camera(), indent=1), "utf-8")
-        eye = Said(EYED, ["--source-pose", f"FOLDER/{name}.json"], (*EYES, "--settings"))
+        eye = DefaultOptions(EYED, ["--source-pose", f"FOLDER/{name}.json"], (*EYES, "--settings"))
         aim = ("--pose", "--move", "--turn", "--target", "--truth", "--scene", "--settings")
         move = ["--move", ",".join(f"{step:g}" for step in ASIDE)]
         x, y, z = (at + step for at, step in zip(self.place, ASIDE, strict=True))
         truth = f"sample:{name}:size={len(self.depth)},x={x:g},y={y:g},z={z:g}"
-        said = [
+        options = [
             eye,
-            Said(["render", "compare"], move, aim),
-            Said(["compare"], ["--truth", truth], aim),
-            Said(["stereo"], ["--depth-kind", "z"], ("--depth-kind", "--settings")),
+            DefaultOptions(["render", "compare"], move, aim),
+            DefaultOptions(["compare"], ["--truth", truth], aim),
+            DefaultOptions(["stereo"], ["--depth-kind", "z"], ("--depth-kind", "--settings")),
         ]
-        return SampleFiles([f"{name}.png", f"{name}.npy"], said)
+        return SampleFiles([f"{name}.png", f"{name}.npy"], options)
 
     def _camera(self) -> dict[str, object]:
         """Camera in the form of NeRF's transforms.json."""

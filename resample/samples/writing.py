@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 RGB = ("red", "green", "blue")
 
 
-class Said(NamedTuple):
+class DefaultOptions(NamedTuple):
     """Default options that a sample adds to a command."""
 
     commands: Sequence[str]  # commands that have these options
@@ -25,7 +25,7 @@ class SampleFiles(NamedTuple):
     """Files and options that replace a sample on a command line."""
 
     files: Sequence[str]  # names in the folder; the first represents all
-    said: Sequence[Said] = ()
+    options: Sequence[DefaultOptions] = ()
 
 
 @runtime_checkable
@@ -43,15 +43,6 @@ def store(sample: Any, folder: Path, name: str) -> SampleFiles:
     ----------
     sample
         A picture (H, W) or (H, W, 3 or 4) of bytes, a volume, or a `Storable`.
-    folder
-        An existing folder.
-    name
-        Name of the files, without suffix.
-
-    Raises
-    ------
-    TypeError
-        It is none of these.
     """
     if isinstance(sample, Storable):
         return sample.stored(folder, name)

@@ -142,7 +142,7 @@ async def _talked(
                 continue
             except RuntimeError:  # the page was closed while sending
                 break
-            await session.told(message)
+            await session.handle(message)
     except WebSocketDisconnect:
         pass
     finally:

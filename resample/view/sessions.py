@@ -23,7 +23,7 @@ from resample.view.views import (
     PagePicture,
     Settings,
     Viewable,
-    check_said,
+    check_page_options,
 )
 from resample.watching import Cancel, CancelledError, cancellable
 from resample.words import one_line
@@ -31,7 +31,7 @@ from resample.words import one_line
 JPEG_QUALITY = 88  # of previews
 GAIN = 8  # factor of differences, so that small ones are visible
 FILM = "film.mp4"  # name of the film
-TELLING = 0.25  # seconds between two progress reports of a film
+REPORT_INTERVAL = 0.25  # seconds between two progress reports of a film
 PNG_EFFORT = 1  # zlib's compression level: pictures are sent once
 
 Send = Callable[[str | bytes], Awaitable[None]]
@@ -87,12 +87,12 @@ class PageSession:
         self._task.cancel()
         await asyncio.gather(self._task, return_exceptions=True)
 
-    async def told(self, message: Message) -> None:
+    async def handle(self, message: Message) -> None:
         """Handle a message of the page; errors are reported on the page."""
         try:
             self._check(message)
         except ValueError as error:
-            await self._send(_told("error", message.number, text=one_line(error)))
+            await self._send(_json_message("error", message.number, text=one_line(error)))
             return
         if isinstance(message, Draw):
             self._wanted = message
@@ -110,32 +110,32 @@ class PageSession:
         try:
             answer = await asyncio.to_thread(self._answer, message)
         except Exception as error:
-            answer = _told("error", message.number, text=one_line(error))
+            answer = _json_message("error", message.number, text=one_line(error))
         await self._send(answer)
 
     def _check(self, message: Message) -> None:
         """Reject settings that a page must not change."""
         command, begun = self._view.about["command"], self._begun()
-        check_said(command, message.settings, begun)
+        check_page_options(command, message.settings, begun)
         if isinstance(message, Draw) and message.other is not None:
-            check_said(command, message.other, begun)
+            check_page_options(command, message.other, begun)
 
     def _answer(self, message: Pick | Ask | Export | Save) -> str | bytes:
         size = message.width, message.height
         if isinstance(message, Pick):
             found = self._painter.pick(message.settings, size, message.x, message.y)
-            return _told("picked", message.number, found=found)
+            return _json_message("picked", message.number, found=found)
         if isinstance(message, Ask):
             if not isinstance(self._painter, Knowing):
                 raise ValueError("this page has nothing to ask for")
             told = self._painter.tell(message.settings, message.what)
-            return _told("told", message.number, what=message.what, told=told)
+            return _json_message("told", message.number, what=message.what, told=told)
         if isinstance(message, Export):
             cameras, keyframes = message.keyframes, ""
             if len(cameras) > 1 and isinstance(self._painter, Filming):
                 keyframes = self._painter.keyframes(cameras, message.settings)
             texts = exports_of(self._view.about, message.settings, size, cameras, keyframes)
-            return _told("exported", message.number, texts=texts)
+            return _json_message("exported", message.number, texts=texts)
         file = self._view.save(message.settings, size, message.suffix)
         return _framed({"kind": "file", "name": f"picture{message.suffix}"}, file)
 
@@ -146,7 +146,7 @@ class PageSession:
         def tell(share: float) -> None:
             if cancel.is_cancelled:
                 raise CancelledError("the film was cancelled")
-            if time.perf_counter() - told[0] > TELLING:
+            if time.perf_counter() - told[0] > REPORT_INTERVAL:
                 told[0] = time.perf_counter()
                 words = self._notice(f"making the film: {share:.0%}")
                 asyncio.run_coroutine_threadsafe(words, loop)
@@ -154,9 +154,9 @@ class PageSession:
         try:
             answer: str | bytes = await asyncio.to_thread(self._film_of, message, cancel, tell)
         except CancelledError:
-            answer = _told("notice", message.number, text="")
+            answer = _json_message("notice", message.number, text="")
         except Exception as error:
-            answer = _told("error", message.number, text=one_line(error))
+            answer = _json_message("error", message.number, text=one_line(error))
         await self._send(answer)
 
     def _film_of(self, message: MakeFilm, cancel: Cancel, tell: Callable[[float], None]) -> bytes:
@@ -183,7 +183,7 @@ class PageSession:
             except CancelledError:
                 continue
             except Exception as error:
-                answers = [_told("error", self._job.draw.number, text=one_line(error))]
+                answers = [_json_message("error", self._job.draw.number, text=one_line(error))]
             finally:
                 self._job = None
             for answer in answers:
@@ -201,7 +201,7 @@ class PageSession:
         except CancelledError:
             raise
         except Exception as error:  # our picture is still useful
-            return [_told("other", job.draw.number, text=one_line(error)), frame]
+            return [_json_message("other", job.draw.number, text=one_line(error)), frame]
         gap, decibels = difference(shown, other)
         kind, data = encoded(gap)
         about = {"kind": "difference", "number": job.draw.number, "type": kind, "gain": GAIN}
@@ -231,7 +231,7 @@ class PageSession:
         return shown, _framed(about, data)
 
     async def _notice(self, text: str) -> None:
-        await self._send(_told("notice", 0, text=text))
+        await self._send(_json_message("notice", 0, text=text))
 
 
 class _Notices(logging.Handler):
@@ -277,7 +277,7 @@ def _over_black(levels: NDArray[np.uint8]) -> NDArray[np.float64]:
     return color * (levels[..., 3:] / 255.0) if levels.shape[2] == 4 else color
 
 
-def _told(kind: str, number: int, **parts: Any) -> str:
+def _json_message(kind: str, number: int, **parts: Any) -> str:
     return json.dumps({"kind": kind, "number": number, **parts})
 
 

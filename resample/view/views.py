@@ -158,14 +158,14 @@ def marks_in(command: str) -> Marks:
     return {} if found is None else marks_of(found)
 
 
-def check_said(command: str, said: Settings, begun: Settings) -> None:
+def check_page_options(command: str, options: Settings, begun: Settings) -> None:
     """Reject changes of a page to anything but the look.
 
     Parameters
     ----------
     command
         Command that the options belong to.
-    said
+    options
         Settings from the page. Unknown names are left for `chosen` to reject.
     begun
         Settings chosen on the command line or in Python; a page may repeat them.
@@ -176,7 +176,7 @@ def check_said(command: str, said: Settings, begun: Settings) -> None:
         A setting is not allowed.
     """
     marks = marks_in(command)
-    for key, value in said.items():
+    for key, value in options.items():
         is_known = key in begun and begun[key] == value
         if key in marks and not is_known and about(marks[key], value) is not OptionTopic.APPEARANCE:
             raise ValueError(

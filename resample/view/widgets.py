@@ -17,7 +17,7 @@ from resample.view.messages import message_of
 from resample.view.modules import PAGE, joined
 from resample.view.server import MOST_PAGES
 from resample.view.sessions import PageSession
-from resample.view.views import Viewable, check_said
+from resample.view.views import Viewable, check_page_options
 
 try:
     import anywidget
@@ -102,8 +102,8 @@ class Viewer(anywidget.AnyWidget):
 
     def set_state(self, sync_data: Mapping[str, Any]) -> None:
         """Accept changes from the page if they are allowed."""
-        if isinstance(said := sync_data.get("settings"), Mapping):
-            check_said(self._view.about["command"], said, self.settings)
+        if isinstance(options := sync_data.get("settings"), Mapping):
+            check_page_options(self._view.about["command"], options, self.settings)
         super().set_state(sync_data)
 
     def _repr_mimebundle_(self, **kwargs: Any) -> Any:
@@ -115,9 +115,9 @@ class Viewer(anywidget.AnyWidget):
     def _heard(self, _: Any, content: Any, __: Any) -> None:
         """Handle a message of the page."""
         if isinstance(content, dict) and isinstance(content.get("page"), str):
-            _soon(self._told(content["page"], content))
+            _soon(self._handle(content["page"], content))
 
-    async def _told(self, page: str, content: dict[str, Any]) -> None:
+    async def _handle(self, page: str, content: dict[str, Any]) -> None:
         session = self._sessions.get(page)
         if content.get("kind") == "opened" and len(self._sessions) < MOST_PAGES:
             send = partial(self._say, page)
@@ -134,7 +134,7 @@ class Viewer(anywidget.AnyWidget):
                 await self._say(page, json.dumps(unknown))
                 return
             self._size = message.width, message.height
-            await session.told(message)
+            await session.handle(message)
 
     async def _forget(self, page: str) -> None:
         session = self._sessions.pop(page, None)

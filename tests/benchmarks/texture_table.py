@@ -47,7 +47,7 @@ OURS: list[tuple[str, dict[str, Any]]] = [
     ("paper", {"method": "paper"}),
     ("points", {"method": "points"}),
 ]
-RIVALS: list[tuple[str, dict[str, Any]]] = [
+BASELINES: list[tuple[str, dict[str, Any]]] = [
     ("OpenCV bilinear", {"method": "bilinear", "edge": "clamp"}),
     ("OpenCV 4x4 linear", {"method": "opencv-supersample:n=4,kernel=linear", "edge": "clamp"}),
     ("OpenCV 8x8 cubic", {"method": "opencv-supersample:n=8", "edge": "clamp"}),
@@ -105,7 +105,7 @@ def milliseconds(run: Callable[[], Warped]) -> float:
 def natural() -> Iterator[Row]:
     """Mean of astronaut and brick, per zone; checkerboard and chirp in the whole frame."""
     matrix = floor().H_floor()
-    for title, choices in [*OURS, *RIVALS]:
+    for title, choices in [*OURS, *BASELINES]:
         scores = [decibels(name, choices) for name in NATURAL]
         zones = {
             zone: [np.mean([score[zone][n] for score in scores]) for n in (0, 1)]
@@ -128,7 +128,7 @@ def natural() -> Iterator[Row]:
 
 def turned() -> Iterator[Row]:
     """The texture turned by 30 degrees, and the truth with bilinear interpolation."""
-    for title, choices in [*OURS, *RIVALS]:
+    for title, choices in [*OURS, *BASELINES]:
         yaw = decibels("astronaut", choices, yaw=True)["all"]
         linear = [decibels(name, choices, bilinear=True)["all"] for name in NATURAL]
         yield {
@@ -146,7 +146,7 @@ def flicker() -> Iterator[Row]:
     source = bench.image("checker")
     shifts = bench.cam_shifts()
     truths = [bench.truth(source, bench.H_floor(*shift)) for shift in shifts]
-    for title, choices in [*OURS, *RIVALS]:
+    for title, choices in [*OURS, *BASELINES]:
         errors: list[list[Any]] = [[], []]
         for shift, pair in zip(shifts, truths, strict=True):
             image = warp(source.astype(np.float32), bench.H_floor(*shift), SIZE, **choices).image
@@ -164,7 +164,7 @@ def coverage() -> Iterator[Row]:
         exact = inside(matrix, side, 128, 32)
         edge = (exact > 0) & (exact < 1)
         white = np.ones((side, side), np.float32)
-        for title, choices in [*OURS[:4], *RIVALS]:
+        for title, choices in [*OURS[:4], *BASELINES]:
             options = {**choices, "edge": "transparent"}
             error = (warp(white, matrix, (128, 128), **options).coverage - exact)[edge]
             yield {
@@ -196,7 +196,7 @@ def large() -> Iterator[Row]:
     matrix = bench.H_floor() @ np.diag([0.25, 0.25, 1.0])
     box, gauss = bench.truth(source, matrix, ss=32)
     texels = source.astype(np.float32)
-    for title, choices in [*OURS[:4], *RIVALS[:4]]:
+    for title, choices in [*OURS[:4], *BASELINES[:4]]:
         image = warp(texels, matrix, SIZE, **choices).image
         score = bench.score(image.astype(float), bench.H_floor(), box, gauss)["all"][0]
         time_ms = milliseconds(lambda: warp(texels, matrix, SIZE, **choices))  # noqa: B023
@@ -207,7 +207,7 @@ def horizon() -> Iterator[Row]:
     """Time with the horizon at row 100 of the frame, beside that without."""
     bench = floor()
     gray = picture("checker")
-    for title, choices in [OURS[1], *RIVALS[:4]]:
+    for title, choices in [OURS[1], *BASELINES[:4]]:
         times = [
             milliseconds(lambda: warp(gray, matrix, SIZE, **choices))  # noqa: B023
             for matrix in (bench.H_floor(), bench.T(0, 176) @ bench.H_floor())

@@ -34,13 +34,13 @@ from resample_warp3d.depth.equation import between
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.figures.compare import WarpCase, scene_case, screen_of
 from resample_warp3d.figures.pairs import load_pairs
-from resample_warp3d.figures.scenes import STANDS, generated
+from resample_warp3d.figures.scenes import VIEWPOINTS, generated
 from resample_warp3d.figures.scoring import (
     ScoringTarget,
     delivered,
-    filled_alike,
     flicker,
     hole_percent,
+    inpainted,
     iv_psnr,
     score,
 )
@@ -187,7 +187,7 @@ def own_scene(run: Run) -> Iterator[Row]:
     """PSNR / edge PSNR (dB) / holes (%) in the generated scene, warped in linear light."""
     scene = generated(run.size)
     source = prepare(scene.depth_image())
-    yield from one_view_each([scene_case(scene, view, source) for view in STANDS], run.methods)
+    yield from one_view_each([scene_case(scene, view, source) for view in VIEWPOINTS], run.methods)
 
 
 def stored(run: Run) -> Iterator[Row]:
@@ -366,7 +366,7 @@ def pairs(run: Run) -> Iterator[Row]:
             case = WarpCase(pair.name, source, pair.equation, target, is_light=False)
             screen, covered = warped(case, method)
             image = np.where(covered[..., None], screen, 0)
-            filled = filled_alike(screen, covered)
+            filled = inpainted(screen, covered)
             numbers.append(
                 [psnr(picture, pair.truth, mask=pair.mask) for picture in (image, filled)]
                 + [hole_percent(covered, pair.mask), iv_psnr(image, pair.truth, pair.mask)]

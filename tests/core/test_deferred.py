@@ -6,7 +6,7 @@ import pytest
 from resample.cameras.models import Orthographic
 from resample.cameras.poses import look_at
 from resample.engine.ellipsoids import run_bounds
-from resample.engine.ellipsoids.work_queue import ask_for
+from resample.engine.ellipsoids.work_queue import prefetch
 from resample.engine.jit import kernel
 from resample.painting import splats as deferred
 from resample.painting.choices import Primitive
@@ -177,7 +177,7 @@ def test_integrals_of_splines_have_none_and_are_painted_all_the_same(rng):
 @kernel
 def asked_for(array, start, end):
     """Ask for samples of three arrays that are one."""
-    ask_for(array, array, array, start, end)
+    prefetch(array, array, array, start, end)
 
 
 def test_asking_for_samples_changes_none(rng):

@@ -12,11 +12,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from resample.files import held, images
+from resample.files import buffered_jpeg, images
 from resample.files.animations import Shots, write_film
+from resample.files.buffered_jpeg import BufferedJpeg
 from resample.files.facts.metadata import FileMetadata
 from resample.files.facts.tags import ASCII, Tag
-from resample.files.held import HeldJpeg
 from resample.files.painted.deep import DepthSlab, write_deep
 from resample.files.painted.tiles import keep_tile
 from resample.files.pictures import (
@@ -194,7 +194,7 @@ def test_a_film_that_cannot_be_begun_leaves_no_folder():
 def jpeg(path: Path) -> None:
     """Write a JPEG strip by strip to a file that is there."""
     page = page_of(Path("a.jpg"), COLORS, WriteOptions())
-    target = HeldJpeg(path, spec_of(".jpg", page, 40))
+    target = BufferedJpeg(path, spec_of(".jpg", page, 40))
     assert target.write_scanlines(0, 24, 0, page.pixels[:24])
     assert target.write_scanlines(24, 40, 0, page.pixels[24:])
     assert target.close()
@@ -209,7 +209,7 @@ def test_a_jpeg_that_has_no_room_is_an_error_and_no_end_of_the_process():
 
 def test_a_jpeg_is_the_same_where_the_system_has_no_files_in_memory(monkeypatch):
     jpeg(Path("a.jpg"))
-    monkeypatch.setattr(held, "_memory", lambda: None)
+    monkeypatch.setattr(buffered_jpeg, "_memory", lambda: None)
     jpeg(Path("b.jpg"))
     assert Path("a.jpg").read_bytes() == Path("b.jpg").read_bytes()
     monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=80_000))
@@ -220,7 +220,7 @@ def test_a_jpeg_is_the_same_where_the_system_has_no_files_in_memory(monkeypatch)
 def test_no_jpeg_is_larger_than_the_room_that_it_asks_for():
     hard = (RANDOM.random((64, 64, 3)) > 0.5).astype(np.float32)
     write_picture(path := Path("a.jpg"), Picture(hard, RGB), WriteOptions())
-    assert path.stat().st_size < held.MOST * hard.size // 2
+    assert path.stat().st_size < buffered_jpeg.MOST * hard.size // 2
 
 
 def test_what_a_library_could_not_write_has_its_own_reason_where_the_disk_has_room():

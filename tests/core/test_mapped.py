@@ -8,7 +8,7 @@ from collections import namedtuple
 import numpy as np
 import pytest
 
-from resample.memory import held_of_files, mapped
+from resample.memory import mapped, mapped_memory
 from resample.memory.mapped import array_in_file, array_like, is_in_file, most_of
 
 MIB = 1 << 20
@@ -43,17 +43,17 @@ def test_what_is_made_of_values_lies_where_these_do():
 
 
 def test_pages_that_are_not_allowed_are_let_go():
-    if not held_of_files():
+    if not mapped_memory():
         pytest.skip("this platform does not tell what is in memory")
-    before = held_of_files()
+    before = mapped_memory()
     values = array_in_file((64, MIB), np.uint8, 8 * MIB, "values")
     for n in range(64):
         values[n] = n
         time.sleep(0.002)
     deadline = time.monotonic() + 20
-    while held_of_files() - before > 9 * MIB and time.monotonic() < deadline:
+    while mapped_memory() - before > 9 * MIB and time.monotonic() < deadline:
         time.sleep(0.01)
-    assert held_of_files() - before <= 9 * MIB
+    assert mapped_memory() - before <= 9 * MIB
     assert [values[n].min() for n in range(64)] == list(range(64))
     assert [values[n].max() for n in range(64)] == list(range(64))
 

@@ -290,7 +290,7 @@ def scan(tmp_path, monkeypatch):
     """The working folder of commands, with scan.ply."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("RESAMPLE_LOG", "info")
-    monkeypatch.setattr(parts, "held", lambda: 0)
+    monkeypatch.setattr(parts, "memory_in_use", lambda: 0)
     return written(tmp_path / "scan.ply", "ply")
 
 

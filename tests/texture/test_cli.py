@@ -13,6 +13,8 @@ from PIL import Image
 from resample.command.session import libraries
 from resample.files.images import read_channels, read_image
 from resample_texture import cli
+from resample_texture.command import needs
+from resample_texture.command.choices import PictureWarping
 from tests import commands
 from tests.commands import store
 
@@ -364,6 +366,16 @@ def test_a_picture_larger_than_the_memory_is_refused_before_it_is_read(monkeypat
     error = refused(capsys, "warp", "large.png", "-o", "out.png", *HALF)
     needed = f"{(libraries() + 60 * 4000**2) / (1 << 30):.2f}"
     assert f"a picture of 4000 x 4000 pixels needs about {needed} GiB of memory, 0.25 GiB" in error
+
+
+@pytest.mark.parametrize(
+    ("method", "libraries_of"), [("lanczos4", lambda: needs.OTHERS), ("hybrid", libraries)]
+)
+def test_a_baseline_needs_no_memory_for_kernels(method, libraries_of, monkeypatch):
+    needed = {}
+    monkeypatch.setattr(needs, "require", lambda *given: needed.update(given[1]))
+    needs.check_memory((8, 8, 3), (8, 8), PictureWarping(method=method), Path("a.png"))
+    assert needed["libraries"] == libraries_of()
 
 
 def test_a_header_that_claims_too_much_is_one_line(capsys):

@@ -11,7 +11,7 @@ from PIL import Image, TiffImagePlugin
 
 from resample.files.images import read_channels
 from resample.files.pictures import read_picture
-from resample.files.strips.reading import keepable
+from resample.files.strips.reading import loadable_picture
 from resample.memory import mapped
 from resample_texture import cli
 from resample_texture import drawing as drawings
@@ -179,7 +179,7 @@ def test_words_for_what_is_missing_come_back(monkeypatch, kind, capsys):
     made(words, "a.tif", "parts.tif")
     assert len(strips) > 1
     same("whole.tif", "parts.tif")
-    assert np.isnan(keepable(Path("a.tif")).keep().data[30:50, 40:90]).all()
+    assert np.isnan(loadable_picture(Path("a.tif")).load().data[30:50, 40:90]).all()
     capsys.readouterr()
     made(words, "a.tif", "parts.exr")
     assert capsys.readouterr().err.count("cannot store the picture's georeference") == 1
@@ -199,8 +199,8 @@ def test_halves_are_kept_as_halves(monkeypatch):
     written("float.exr", light(4))
     in_strips(monkeypatch)
     for name, kind in (("half.exr", np.float16), ("float.exr", np.float32)):
-        form = keepable(Path(name))
-        kept = form.keep()
+        form = loadable_picture(Path(name))
+        kept = form.load()
         assert (form.dtype, form.size) == (kind, kept.data.nbytes)
         assert kept.data.dtype == kind
         assert mapped.is_in_file(kept.data)
@@ -209,7 +209,7 @@ def test_halves_are_kept_as_halves(monkeypatch):
 
 def test_numbers_of_32_bits_are_read_whole():
     Image.fromarray(np.ones((4, 4), np.int32)).save("a.tif")
-    assert keepable(Path("a.tif")) is None
+    assert loadable_picture(Path("a.tif")) is None
 
 
 def test_a_torn_file_leaves_nothing(monkeypatch, capsys):

@@ -106,7 +106,7 @@ def test_vtk_is_a_rival_where_it_is_installed(
             assert [one["kind"] for one in (other, gap, frame)] == ["other", "difference", "frame"]
             painter = VolumePainter(volume)
             look = painter._request(settings | {"camera": camera})
-            eye, there = painter._standing(look, (48, 40))
+            eye, there = painter._placed_view(look, (48, 40))
             looks = transfer_of(volume, look.appearance)
             by_vtk = VtkRenderer(there, looks, height=40, width=48, look=Peer(light=None))
             light = by_vtk.render(eye)

@@ -16,7 +16,7 @@ import pytest
 from resample.files.stores.addresses import Address
 from resample_volume.cli import app
 from resample_volume.files.source import open_streamed, open_volume
-from resample_volume.files.stores import kept
+from resample_volume.files.stores import statistics_cache
 from resample_volume.files.stores.reader import Zarr
 from tests.commands import ended, refused
 from tests.servers import Server
@@ -124,7 +124,7 @@ def test_a_wrong_checksum_is_damage(values, server):
 @pytest.fixture
 def keeping(monkeypatch, tmp_path):
     """Volumes of any size are kept."""
-    monkeypatch.setattr(kept, "LEAST", 0)
+    monkeypatch.setattr(statistics_cache, "LEAST", 0)
     monkeypatch.setenv("HYBRID_RESAMPLE_CACHE", str(tmp_path / "cache"))
 
 

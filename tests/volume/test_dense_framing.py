@@ -47,7 +47,7 @@ def test_a_ball_is_found_brick_by_brick(has_strays, workers, side, rng, monkeypa
     is_filled = ball._is_filled
     # Strays are looked for in any case.
     monkeypatch.setattr(ball, "_is_filled", lambda *given: told.append(is_filled(*given)))
-    monkeypatch.setattr(ball, "TOGETHER", 1000)
+    monkeypatch.setattr(ball, "BATCH_SIZE", 1000)
     volume = with_strays(rng) if has_strays else smoke(rng)
     for look in (Appearance("60..190"), Appearance("60..190", **CUT)):
         wanted = Subject.of(volume, look).sphere

@@ -5,9 +5,9 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from resample_volume.voxels import reaching
-from resample_volume.voxels.reaching import LightCells, cells_around, exact_in_sums
+from resample_volume.voxels import transmittance
 from resample_volume.voxels.shading import DepthCue, Light
+from resample_volume.voxels.transmittance import LightCells, cells_around, exact_in_sums
 from resample_volume.windows import Budget, paint_streamed, streamed_subject
 from tests.volume.dense import EYE, SIZE, assert_same, in_bricks, smoke, whole_of
 from tests.volume.of_voxels import of_voxels
@@ -35,7 +35,7 @@ def painted(media, fit, spent):
 def test_blocked_light_has_the_bits_of_a_volume_in_memory(
     finest, look, fit, memory, rng, monkeypatch
 ):
-    monkeypatch.setattr(reaching, "FINEST", finest)
+    monkeypatch.setattr(transmittance, "FINEST", finest)
     media = [(smoke(rng), look)]
     found, windows = painted(media, fit, Budget(memory))
     assert_same(found, whole_of(media, fit))
@@ -52,7 +52,7 @@ def test_blocked_light_has_the_bits_of_a_volume_in_memory(
     ],
 )
 def test_volumes_shade_each_other_whoever_paints_them(workers, rng, tmp_path, monkeypatch):
-    monkeypatch.setattr(reaching, "FINEST", 12)
+    monkeypatch.setattr(transmittance, "FINEST", 12)
     volume = smoke(rng)
     moved = volume._replace(origin=volume.origin + volume.spacing * [3, 0, -5])
     media = [(volume, of_voxels("60..190", BOTH)), (moved, of_voxels("0..40"))]

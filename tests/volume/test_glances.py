@@ -21,7 +21,7 @@ from resample_volume.data.bricks import Bricks
 from resample_volume.data.statistics import scanning
 from resample_volume.data.statistics.scanning import Helpers
 from resample_volume.files.source import open_streamed
-from resample_volume.files.stores import kept
+from resample_volume.files.stores import statistics_cache
 from resample_volume.files.stores.chunks import Single
 from resample_volume.files.stores.writing import Layered, write_store
 from resample_volume.types import Recording
@@ -101,6 +101,14 @@ def stored(folder, values):
     return path
 
 
+def test_other_processes_get_the_ends_of_bricks_and_no_more_of_their_statistics():
+    bricks = bricks_of(noise((16, 16, 16), "float32"), (8, 8, 8))
+    ends = bricks.statistics.least, bricks.statistics.greatest
+    copy = pickle.loads(pickle.dumps(bricks))
+    assert "statistics" not in vars(copy)
+    np.testing.assert_equal(vars(copy)["ends"], ends)
+
+
 @pytest.mark.sweep(
     kept_by="tests/volume/test_windows.py::test_a_killed_worker_costs_a_picture_its_own_windows_alone"
 )
@@ -135,7 +143,7 @@ def hired(monkeypatch):
 
 def test_a_command_has_its_workers_look_at_a_store(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(kept, "LEAST", 0)
+    monkeypatch.setattr(statistics_cache, "LEAST", 0)
     stored(tmp_path, noise((40, 24, 16), "uint8"))
     common = ["render", "noise.zarr", "--size", "24", "--transfer", "150..190"]
     common += ["--classify", "pre", "--fit", "volume"]

@@ -10,7 +10,7 @@ from benchmarks.sparse import Bubbles
 from resample.files.writing import replacing
 from resample_volume.data.recordings import volume_at
 from resample_volume.files.source import open_streamed
-from resample_volume.files.stores import kept
+from resample_volume.files.stores import statistics_cache
 from resample_volume.files.stores.chunks import Single
 from resample_volume.files.stores.writing import Layered, write_store
 from resample_volume.rendering import render
@@ -21,7 +21,7 @@ LOOK = "60/#804020/0,120/#e0a060/0.5,240/white/0.9"
 
 @pytest.fixture(autouse=True)
 def any_size(monkeypatch, tmp_path):
-    monkeypatch.setattr(kept, "LEAST", 0)
+    monkeypatch.setattr(statistics_cache, "LEAST", 0)
     monkeypatch.setenv("HYBRID_RESAMPLE_CACHE", str(tmp_path / "cache"))
 
 
@@ -109,7 +109,7 @@ def test_beside_a_store_that_must_not_be_written_to_the_cache_keeps_it(tmp_path,
             raise PermissionError("read-only")
         return replacing(path)
 
-    monkeypatch.setattr(kept, "replacing", refusing)
+    monkeypatch.setattr(statistics_cache, "replacing", refusing)
     path = written(tmp_path, np.ones((16, 16, 16), np.uint8))
     assert [looked_at(path)[1] for _ in range(2)] == [1, 0]
     assert len(list((tmp_path / "cache" / "surveys").iterdir())) == 1

@@ -10,7 +10,7 @@ from resample.cameras.viewpoints import Orbit
 from resample_volume.classification.labels import Labels, Rule
 from resample_volume.data.recordings import volume_at
 from resample_volume.files.source import open_streamed
-from resample_volume.files.stores import kept
+from resample_volume.files.stores import statistics_cache
 from resample_volume.files.stores.chunks import Single
 from resample_volume.files.stores.writing import Layered, write_store
 from resample_volume.outofcore import caching, windowed
@@ -26,7 +26,7 @@ LABELS = Labels(np.ones((32, 32, 32), np.uint8), {1: Rule((1, 0, 0))})
 
 @pytest.fixture(autouse=True)
 def in_small_steps(monkeypatch, tmp_path):
-    monkeypatch.setattr(kept, "LEAST", 0)
+    monkeypatch.setattr(statistics_cache, "LEAST", 0)
     monkeypatch.setattr(windowed, "LEAST", 500)
     monkeypatch.setenv("HYBRID_RESAMPLE_CACHE", str(tmp_path / "cache"))
 
@@ -54,7 +54,7 @@ def opened(path, side=16):
         return values.read(box)
 
     bricks = replace(values, read=at, side=(side,) * 3)
-    bricks.shelve(0)
+    bricks.pin_bricks(0)
     return volume._replace(values=bricks), read
 
 
@@ -181,7 +181,7 @@ def test_no_more_is_kept_than_there_is_room_for(store, tmp_path, monkeypatch):
 
 
 def test_small_volumes_are_looked_at_each_time(store, tmp_path, monkeypatch):
-    monkeypatch.setattr(kept, "LEAST", 1 << 23)
+    monkeypatch.setattr(statistics_cache, "LEAST", 1 << 23)
     painted(store, SOLID, Orbit(10, 20, 1.5))
     assert not (tmp_path / "cache" / "looks").exists()
 
@@ -198,3 +198,12 @@ def test_what_is_kept_comes_back_as_it_was(store):
         again = cached(volume, ("a name", repr(given)), pytest.fail, lasts=True)
         assert repr(again) == repr(given)
         assert type(again) is type(given)
+
+
+def test_what_is_cached_depends_on_the_code_that_scans_and_classifies(store, monkeypatch):
+    packages = []
+    monkeypatch.setattr(caching, "source_fingerprint", lambda *names: packages.extend(names) or "")
+    cached(opened(store)[0], "a name", lambda: 0.5, lasts=True)
+    assert {"resample_volume.voxels", "resample_volume.classification"} <= set(packages)
+    monkeypatch.setattr(caching, "source_fingerprint", lambda *_: "other code")
+    assert cached(opened(store)[0], "a name", lambda: 1.5, lasts=True) == 1.5

@@ -82,7 +82,7 @@ def painted(monkeypatch):
     def hiring(sharing, threads=None):
         with ThreadPoolExecutor(1) as executor:
             crew = WorkerPool(executor, 1, threads or 1, None, is_local=True)
-            yield lambda: crew if sharing.is_asked else None
+            yield lambda: crew if sharing.has_workers else None
 
     monkeypatch.setattr(windowed, "keep_tile", noted)
     monkeypatch.setattr(rendering, "worker_pools", hiring)

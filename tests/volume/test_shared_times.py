@@ -13,7 +13,7 @@ from resample.command import workers
 from resample.command.workers import WorkerPool
 from resample_volume import cli
 from resample_volume.files.source import open_recording, open_streamed
-from resample_volume.files.stores import chunks, kept
+from resample_volume.files.stores import chunks, statistics_cache
 from resample_volume.media.series import Series, whole
 from tests import commands
 from tests.killing import Killing
@@ -184,7 +184,7 @@ def pickled(monkeypatch):
     def hiring(sharing, threads=None):
         with ThreadPoolExecutor(1) as executor:
             crew = WorkerPool(Elsewhere(executor), sharing.workers or 1, threads or 1, None, True)
-            yield lambda: crew if sharing.is_asked else None
+            yield lambda: crew if sharing.has_workers else None
 
     monkeypatch.setattr(workers, "worker_pools", hiring)
 
@@ -207,7 +207,7 @@ def pickled(monkeypatch):
 )
 @pytest.mark.usefixtures("pickled")
 def test_frames_of_times_are_shared_out(name, words, is_kept, monkeypatch):
-    monkeypatch.setattr(kept, "LEAST", 0 if is_kept else 1 << 30)
+    monkeypatch.setattr(statistics_cache, "LEAST", 0 if is_kept else 1 << 30)
     beats("float32")
     assert ended("animate", name, *FILM, *words, "-o", "a") == 0
     assert ended("animate", name, *FILM, *words, "-o", "b", "--workers", "2") == 0
@@ -253,7 +253,7 @@ def test_times_that_memory_does_not_hold_as_fields_are_said_to_be_voxels(capsys)
 )
 @pytest.mark.usefixtures("pickled")
 def test_padding_of_all_times_is_known_elsewhere_too(is_kept, monkeypatch):
-    monkeypatch.setattr(kept, "LEAST", 0 if is_kept else 1 << 30)
+    monkeypatch.setattr(statistics_cache, "LEAST", 0 if is_kept else 1 << 30)
     beats("int16", padding=-3000)
     assert ended("animate", "a.zarr", *FILM, "-o", "a") == 0
     assert ended("animate", "a.zarr", *FILM, "-o", "b", "--workers", "1") == 0
@@ -268,10 +268,12 @@ def test_a_killed_worker_costs_a_film_of_times_its_own_frames_alone(monkeypatch)
 
     @contextmanager
     def hiring(sharing, threads=None):
-        with asked(sharing, threads) as hire:
+        with asked(sharing, threads) as start_workers:
             Path("marks").mkdir()
-            killers.append(Killing(hire().executor, Path("marks").resolve(), 1, is_late=True))
-            yield lambda: hire()._replace(executor=killers[0])
+            killers.append(
+                Killing(start_workers().executor, Path("marks").resolve(), 1, is_late=True)
+            )
+            yield lambda: start_workers()._replace(executor=killers[0])
 
     monkeypatch.setattr(workers, "worker_pools", hiring)
     assert ended("animate", "a.zarr", *FILM, "-o", "b", "--workers", "2") == 0

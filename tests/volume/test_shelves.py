@@ -33,7 +33,7 @@ def test_any_shelf_gives_the_values_of_the_file(most, asked, seed):
     values = np.random.default_rng(seed).integers(0, 3, (10, 9, 12)).astype(np.int16)
     values[:4, :4, :4] = 2
     bricks, read = counted(values)
-    bricks.shelve(most)
+    bricks.pin_bricks(most)
     for number in asked:
         index = tuple(int(n) for n in np.unravel_index(number, (3, 3, 3)))
         assert (bricks.brick(index) == values[bricks.box(index)]).all()
@@ -45,7 +45,7 @@ def test_any_shelf_gives_the_values_of_the_file(most, asked, seed):
 
 def test_bricks_of_one_value_are_not_kept():
     bricks, _ = counted(np.zeros((8, 8, 8), np.uint8))
-    bricks.shelve(1000)
+    bricks.pin_bricks(1000)
     bricks.whole()
     assert bricks.pinned.size == 0
 
@@ -54,7 +54,7 @@ def test_the_same_bricks_serve_values_with_and_without_padding(rng):
     values = rng.integers(0, 100, (8, 8, 8)).astype(np.int16)
     values[rng.random(values.shape) < 0.3] = -2000
     bricks, read = counted(values)
-    bricks.shelve(10_000)
+    bricks.pin_bricks(10_000)
     known = Volume(bricks, np.ones(3), np.zeros(3), np.eye(3), "padded")
     shown = without_padding(known, survey(known))
     found = shown.values.whole()
@@ -65,11 +65,11 @@ def test_the_same_bricks_serve_values_with_and_without_padding(rng):
 
 def test_a_shelf_that_gives_way_keeps_nothing_more(rng):
     bricks, read = counted(rng.integers(0, 100, (8, 8, 8)).astype(np.uint8))
-    bricks.shelve(10_000)
+    bricks.pin_bricks(10_000)
     bricks.whole()
-    bricks.shelve(20_000)
-    assert bricks.shelved == 10_000
-    bricks.shelve(100)
+    bricks.pin_bricks(20_000)
+    assert bricks.pinned_bytes == 10_000
+    bricks.pin_bricks(100)
     assert bricks.pinned.size == 64
     bricks.whole()
     assert bricks.pinned.size == 64
@@ -96,8 +96,8 @@ def test_a_shelf_gives_way_to_visible_voxels(rng):
     values = rng.integers(1, 100, (32, 32, 32)).astype(np.uint8)
     bricks, read = counted(values)
     bricks.memory = 100 * values.size + 20_000  # 100 bytes for each voxel, and some bricks
-    bricks.shelve(30_000)
+    bricks.pin_bricks(30_000)
     volume = Volume(bricks, np.ones(3), np.zeros(3), np.eye(3), "full")
     Subject.of(volume, of_voxels("0..100"))
-    assert bricks.shelved < 30_000
+    assert bricks.pinned_bytes < 30_000
     assert len(read) < 2 * 8**3

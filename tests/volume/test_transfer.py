@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from resample.colors import from_srgb
-from resample_volume import Appearance, render
+from resample_volume import Appearance, Scene, render
 from resample_volume.classification.files import save_transfer
 from resample_volume.classification.presets import PRESETS, load_transfer
 from resample_volume.classification.transfer import (
@@ -372,3 +372,11 @@ def test_the_former_name_of_classify_works_and_warns():
     with pytest.warns(DeprecationWarning, match=r"TransferFunction\.looks is now"):
         color, _ = ramp.looks(np.array([255.0]), None, (0.0, 255.0), 0.0)
     assert color[0].tolist() == [1.0, 0.0, 0.0]
+
+
+def test_former_names_of_what_a_scene_shows_warn():
+    with pytest.warns(DeprecationWarning, match=r"Appearance\.met is now Appearance\.scene_obj"):
+        assert Appearance().met == []
+    scene = Scene.__new__(Scene)
+    with pytest.warns(DeprecationWarning, match=r"Scene\.standing is now Scene\.placed_view"):
+        assert scene.standing == scene.placed_view

@@ -381,7 +381,7 @@ def smooth(kind: str, rng: np.random.Generator) -> np.ndarray:
     return values.astype(kind)
 
 
-def looks_of(points: list, columns: int = 100) -> TransferTable:
+def transfer_table(points: list, columns: int = 100) -> TransferTable:
     return tabulated(from_points(points), (0.0, 99.0), 0.0, 1.0, (1, columns))
 
 
@@ -407,7 +407,7 @@ def reconstructed(
 @pytest.mark.parametrize("kind", ["u1", "f4"])
 @pytest.mark.parametrize("name", SHOWN)
 def test_voxels_out_of_reach_change_nothing(name: str, kind: str, rng: np.random.Generator) -> None:
-    values, looks = smooth(kind, rng), looks_of(SHOWN[name])
+    values, looks = smooth(kind, rng), transfer_table(SHOWN[name])
     place = rng.uniform(-2, 12, (1000, 3))
     kept = reachable(unit_volume(values), looks)
     whole = reconstructed(values, np.flatnonzero(np.isfinite(values)), looks, place)
@@ -423,24 +423,24 @@ def test_voxels_in_reach_are_nearer_than_two_radii_to_one_that_counts(
     every = np.argwhere(np.ones_like(values))
     counts = np.argwhere(values >= 85)
     distance = np.linalg.norm(every[:, np.newaxis] - counts, axis=2).min(axis=1)
-    found = reachable(unit_volume(values), looks_of(SHOWN["step"]), radius)
+    found = reachable(unit_volume(values), transfer_table(SHOWN["step"]), radius)
     np.testing.assert_array_equal(found, np.flatnonzero(distance < 2 * radius))
 
 
 def test_what_is_between_the_columns_of_a_table_counts() -> None:
     values = np.array([79.0, 81.0, 99.0]).reshape(3, 1, 1)
-    looks = looks_of(SHOWN["step"], columns=12)  # of 9 units: 81 is dark, 90 is not
+    looks = transfer_table(SHOWN["step"], columns=12)  # of 9 units: 81 is dark, 90 is not
     assert reachable(unit_volume(values), looks, 0.5).tolist() == [2]
-    looks = looks_of(SHOWN["step"], columns=34)  # of 3: up to 84
+    looks = transfer_table(SHOWN["step"], columns=34)  # of 3: up to 84
     assert reachable(unit_volume(values), looks, 0.5).tolist() == [2]
-    looks = looks_of(SHOWN["step"], columns=5)  # of 24.75: from 74.25 on
+    looks = transfer_table(SHOWN["step"], columns=5)  # of 24.75: from 74.25 on
     assert reachable(unit_volume(values), looks, 0.5).tolist() == [0, 1, 2]
 
 
 def test_reach_does_not_depend_on_chunks(
     rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    volume, looks = unit_volume(smooth("f4", rng)), looks_of(SHOWN["above"])
+    volume, looks = unit_volume(smooth("f4", rng)), transfer_table(SHOWN["above"])
     whole = reachable(volume, looks)
     monkeypatch.setattr("resample_volume.data.parts.CHUNK", 250)
     np.testing.assert_array_equal(reachable(volume, looks), whole)
@@ -448,4 +448,4 @@ def test_reach_does_not_depend_on_chunks(
 
 def test_missing_and_infinite_values_are_not_reached() -> None:
     values = np.array([np.nan, 90, np.inf, -np.inf, 1]).reshape(1, 1, 5)
-    assert reachable(unit_volume(values), looks_of(SHOWN["above"])).tolist() == [1, 4]
+    assert reachable(unit_volume(values), transfer_table(SHOWN["above"])).tolist() == [1, 4]

@@ -434,7 +434,7 @@ def test_parts_that_processes_look_at_are_two_bricks_thick(layers, parts):
     bricks = Bricks(values.__getitem__, values.shape, values.dtype, (8, 8, 8))
 
     def asked(part):
-        return np.flatnonzero(part.asked.is_asked.any(axis=(1, 2)))
+        return np.flatnonzero(part.request.is_requested.any(axis=(1, 2)))
 
     with ThreadPoolExecutor(2) as executor:
         lattice = lattice_for(values.shape)

@@ -7,11 +7,11 @@ from resample.cameras.models import Camera
 from resample.cameras.pixels import pixel_centers
 from resample_warp3d.depth.equation import between, places, warp_places
 from resample_warp3d.figures.scenes import (
-    STANDS,
+    VIEWPOINTS,
     Ball,
     ObjectScene,
     Panel,
-    Stand,
+    SceneViewpoint,
     SurfaceMaterial,
     _objects,
     generated,
@@ -98,7 +98,7 @@ def test_colors_are_means_over_pixels():
 def test_a_pixel_behind_which_an_occluder_stands_is_seen_in_part():
     # From 1 beside, the strip at z 2 with 0 <= x <= 1 hides -1 <= x <= 1 of the wall at z 4.
     strip = Panel((0.0, -50.0, 2.0), (1.0, 0.0, 0.0), (0.0, 100.0, 0.0), PLAIN)
-    other = Camera.from_fov(150.0, 64, 64).moved(pose_of(Stand((1.0, 0.0, 0.0))))
+    other = Camera.from_fov(150.0, 64, 64).moved(pose_of(SceneViewpoint((1.0, 0.0, 0.0))))
     camera = Camera.from_intrinsics(8.0, 8.0, 8.5, 6.0)
     scene = scene_of(wall(4.0), strip)
     fraction, nearest, farthest = scene.visible(camera, SHAPE, other, (64, 64), rays=4)
@@ -142,7 +142,7 @@ def test_depth_and_visibility_agree_with_the_warping_equation(small):
     assert same.mean() > 0.8
 
 
-@pytest.mark.parametrize("name", STANDS)
+@pytest.mark.parametrize("name", VIEWPOINTS)
 def test_every_view_sees_something_that_the_source_sees(small, name):
     camera, shape = small.views[name], small.shape
     fraction, _, _ = small.visible(camera, shape, small.source, shape, rays=2)
@@ -179,17 +179,17 @@ def test_patterns_have_contrast(pattern):
 
 
 def test_a_rolled_camera_sees_right_become_down():
-    pose = pose_of(Stand((0.0, 0.0, 0.0), roll=-math.pi / 2))
+    pose = pose_of(SceneViewpoint((0.0, 0.0, 0.0), roll=-math.pi / 2))
     np.testing.assert_allclose(pose[:3, :3] @ (1, 0, 0), (0, 1, 0), atol=1e-15)
 
 
 def test_a_camera_that_looks_to_the_right_has_the_right_in_front():
-    pose = pose_of(Stand((0.0, 0.0, 0.0), yaw=math.pi / 2))
+    pose = pose_of(SceneViewpoint((0.0, 0.0, 0.0), yaw=math.pi / 2))
     np.testing.assert_allclose(pose[:3, :3] @ (1, 0, 0), (0, 0, 1), atol=1e-15)
 
 
 def test_a_camera_that_looks_down_has_the_floor_in_front():
-    pose = pose_of(Stand((0.0, 0.0, 0.0), pitch=math.pi / 2))
+    pose = pose_of(SceneViewpoint((0.0, 0.0, 0.0), pitch=math.pi / 2))
     np.testing.assert_allclose(pose[:3, :3] @ (0, 1, 0), (0, 0, 1), atol=1e-15)
 
 

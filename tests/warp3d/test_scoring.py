@@ -7,9 +7,9 @@ from resample_warp3d.figures.scoring import (
     HIGHEST,
     ScoringTarget,
     delivered,
-    filled_alike,
     flicker,
     hole_percent,
+    inpainted,
     iv_psnr,
     masked_ssim,
     near_steps,
@@ -166,14 +166,14 @@ def test_holes_in_an_even_picture_are_filled_with_its_color():
     even = np.full((*SHAPE, 3), 0.4, np.float32)
     covered = np.ones(SHAPE, np.bool_)
     covered[10:13, 10:14] = False
-    filled = filled_alike(np.where(covered[..., None], even, np.float32(0)), covered)
+    filled = inpainted(np.where(covered[..., None], even, np.float32(0)), covered)
     np.testing.assert_allclose(filled, 0.4, atol=2.5 / 255)  # OpenCV fills with 8 bits
 
 
 def test_filling_leaves_covered_pixels_alone(truth):
     covered = np.ones(SHAPE, np.bool_)
     covered[5, 5] = False
-    assert np.array_equal(filled_alike(truth, covered)[covered], truth[covered])
+    assert np.array_equal(inpainted(truth, covered)[covered], truth[covered])
 
 
 def test_two_pixels_around_a_step_are_near_it():

@@ -79,12 +79,12 @@ def listed(files: Iterable[Path]) -> list[str]:
 
 def differences(keys: list[str]) -> list[str]:
     """Parts in which keys differ, without common prefix and suffix."""
-    begin = _alike(keys)
-    end = _alike([key[:begin:-1] for key in keys])
+    begin = _common_prefix(keys)
+    end = _common_prefix([key[:begin:-1] for key in keys])
     return sorted(key[begin : len(key) - end] or "nothing there" for key in keys)
 
 
-def _alike(texts: list[str]) -> int:
+def _common_prefix(texts: list[str]) -> int:
     """Length of the common prefix of all texts."""
     columns = enumerate(zip(*texts, strict=False))
     return next((n for n, letters in columns if len(set(letters)) > 1), min(map(len, texts)))

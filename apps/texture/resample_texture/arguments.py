@@ -29,13 +29,7 @@ Places = Callable[[Any, Any], Any]  # from x and y in the target to x and y in t
 
 
 def edge_named(name: str) -> str:
-    """Return the edge mode of a name: an `Edge`, or `REFLECT_101`.
-
-    Raises
-    ------
-    ValueError
-        There is no such edge mode.
-    """
+    """Return the edge mode of a name: an `Edge`, or `REFLECT_101`."""
     if name == REFLECT_101:
         return name
     if name not in list(Edge):
@@ -46,13 +40,7 @@ def edge_named(name: str) -> str:
 def geometry_of(
     given: ArrayLike | Geometry | Places, shape: tuple[int, int], convention: str, inverse: bool
 ) -> Geometry:
-    """Return the geometry of a matrix, a function of coordinates, or a geometry.
-
-    Raises
-    ------
-    ValueError
-        It is none of them, or convention or inverse do not apply to it.
-    """
+    """Return the geometry of a matrix, a function of coordinates, or a geometry."""
     if isinstance(given, Homography | ForwardMap | BackwardMap):
         if inverse or convention != "corner":
             raise ValueError("convention and inverse apply to a matrix, not to a geometry")
@@ -156,13 +144,7 @@ def check_out(out: NDArray[Any], shape: tuple[int, ...], image: NDArray[Any]) ->
 
 
 def method_named(method: str | Method, **choices: Any) -> Method:
-    """Return a method by name, with the given choices.
-
-    Raises
-    ------
-    ValueError
-        The method does not have such a choice.
-    """
+    """Return a method by name, with the given choices."""
     chosen: Any = registry.build("methods", method) if isinstance(method, str) else method
     made = {name: value for name, value in choices.items() if value is not None}
     known = {f.name for f in dataclasses.fields(chosen)} if dataclasses.is_dataclass(chosen) else ()

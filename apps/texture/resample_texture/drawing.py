@@ -19,7 +19,7 @@ from resample_texture.texels.encoding import (
     check_picture,
     decoded,
     encoded,
-    is_together,
+    has_straight_alpha,
 )
 from resample_texture.texels.gaps import Mended, added, masked, mended, missing_in, unmasked
 from resample_texture.texels.spans import WIDE
@@ -119,13 +119,7 @@ class DrawnParts(NamedTuple):
 
 
 def parts_of(image: Any, drawing: Drawing) -> DrawnParts | None:
-    """Return the parts of a sliceable picture; None if it is drawn whole.
-
-    Raises
-    ------
-    ValueError
-        As the method does.
-    """
+    """Return the parts of a sliceable picture; None if it is drawn whole."""
     from resample.engine import jit
 
     method, geometry, shape, edge, threads, *_ = drawing
@@ -299,7 +293,7 @@ def picked(image: NDArray[Any], picks: Picks, alpha: str | None = None) -> Warpe
     """Copy texels value for value; missing ones are not covered."""
     values, mask = unmasked(image)
     planes = values.reshape(*values.shape[:2], -1)
-    missing = missing_in(planes, mask, together=is_together(planes, alpha))
+    missing = missing_in(planes, mask, together=has_straight_alpha(planes, alpha))
     if missing is None and mask is None:
         return Warped(picks.of(values), picks.coverage)
     lost = picks.of(np.zeros(planes.shape, np.bool_) if missing is None else missing)

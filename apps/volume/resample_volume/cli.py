@@ -92,45 +92,44 @@ def render(
     from resample.files.painted.frames import check_frame, write_frame
     from resample.files.writing import check_targets, write_json
     from resample_volume.command.inputs import require_values
-    from resample_volume.command.media import media, with_met
+    from resample_volume.command.media import media, with_objects
     from resample_volume.command.rendering import (
         BYTES_PER_PIXEL,
-        doing_by,
+        annotated_picture,
+        execution_context,
         picture_of,
         report,
         to_paint,
     )
-    from resample_volume.figures.color_bar import with_bar
-    from resample_volume.space.annotations import annotated
-    from resample_volume.space.slabs import boxed, write_slabs
 
     size = picture.height_and_width()
     background = picture.behind(output.suffix)
     check_frame(output, picture.bits, background)
     resampler = look.renderer(resampling, source.scale)
     beside.check(output, resampler, size[0])
-    met = beside.met(look, resampler)
+    objects = beside.scene_objects(look, resampler)
     viewpoint = look.viewpoint()
     require_picture(size, BYTES_PER_PIXEL)
     session = Session()
-    with doing_by(picture.threads, sharing, output) as doing:
+    with execution_context(picture.threads, sharing, output) as context:
         check_targets(output, stats)
         with session.stage("read"):
-            shown = media(source, volume, look, added, resampler, hire=doing.hire)
-            shown = with_met(shown, met)
+            shown = media(
+                source, volume, look, added, resampler, start_workers=context.start_workers
+            )
+            shown = with_objects(shown, objects)
             if beside.color_bar:
                 require_values(shown[0][0], "a color bar")
-        scene = to_paint(session, shown, resampler, beside.fit(look), viewpoint, size, doing)
+        scene = to_paint(session, shown, resampler, beside.fit(look), viewpoint, size, context)
         subject, camera, paint = scene
         frame = picture_of(scene, shown, resampler.projection)
         with session.stage("write"):
             if beside.deep is not None:
+                from resample_volume.space.slabs import boxed, write_slabs
+
                 write_slabs(output, beside.deep, paint, camera, boxed(shown, subject))
             else:
-                marks = beside.annotations(background)
-                drawn = annotated(frame, camera, subject.placed(shown[0][0]), marks)
-                if beside.color_bar:
-                    drawn = with_bar(drawn, *shown[0], resampler, background, subject.tone)
+                drawn = annotated_picture(scene, frame, shown[0], resampler, beside, background)
                 write_frame(output, drawn, picture.bits, background)
     if stats is not None:
         write_json(stats, report(session, frame, subject))
@@ -277,17 +276,17 @@ def animate(
     shape = PictureFormat(size=size, threads=threads).height_and_width()
     behind = linear_color(background) or (0.0, 0.0, 0.0)
     resampler = look.renderer(resampling, source.scale)
-    beside.met(look, resampler)
+    beside.scene_objects(look, resampler)
     require_picture(shape, BYTES_PER_PIXEL)
     paint = animation.FrameOptions(resampler, shape, behind, threads)
     script = filming.Script(volume, source, look, added, beside, resampling, frames)
     about = {"volume": volume, "path": path, "transfer": look.transfer}
-    with worker_pools(sharing, threads) as hire:
+    with worker_pools(sharing, threads) as start_workers:
         recording = None
         if source.time is None and not added.channels:
             recording = over_time(source, volume)
-        film = filming.film_of(script, recording, flight, paint, about, hire)
-        made, executor = filming.shared_by(hire(), script, film)
+        film = filming.film_of(script, recording, flight, paint, about, start_workers)
+        made, executor = filming.shared_by(start_workers(), script, film)
         with progress_bar("filming") as progress:
             write_film(output, made, fps, resume=resume, progress=progress, executor=executor)
 

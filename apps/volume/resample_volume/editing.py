@@ -21,14 +21,6 @@ Doubles = NDArray[np.float64]
 def points_of(transfer: Transfer, data_range: DataRange) -> list[tuple[float, str, float]]:
     """Approximate a transfer function by control points; see `spelled`.
 
-    Parameters
-    ----------
-    transfer
-        Any. If it has few control points these are returned, otherwise those of a polyline close to
-        it.
-    data_range
-        Least and greatest value of interest.
-
     Returns
     -------
     Value, color as `#rrggbb`, and opacity; values ascend.
@@ -36,13 +28,13 @@ def points_of(transfer: Transfer, data_range: DataRange) -> list[tuple[float, st
     placed = spread(transfer, data_range)
     if isinstance(placed, TransferFunction) and placed.value.size <= MOST:
         curve = np.column_stack([placed.color, placed.opacity])
-        return _told(placed.value, curve)
+        return _control_points(placed.value, curve)
     value = np.linspace(*data_range, STEPS)
     slope = np.full(STEPS, STEEP, np.float32)
     color, opacity = placed.classify(value, slope, data_range, 1.0)
     curve = np.column_stack([to_srgb(color), opacity])
     kept = _bends(curve)
-    return _told(value[kept], curve[kept])
+    return _control_points(value[kept], curve[kept])
 
 
 def spelled(points: list[tuple[float, str, float]]) -> str:
@@ -65,7 +57,7 @@ def _bends(curve: Doubles) -> list[int]:
     return kept
 
 
-def _told(value: Doubles, curve: Doubles) -> list[tuple[float, str, float]]:
+def _control_points(value: Doubles, curve: Doubles) -> list[tuple[float, str, float]]:
     levels = np.clip(np.rint(255 * curve[:, :3]), 0, 255).astype(int)
     rows: list[Any] = np.clip(curve[:, 3], 0, 1).tolist()
     return [

@@ -6,14 +6,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.memory.alike import alike
+from resample.memory.contiguous import contiguous
 from resample.painting.scenes.scene import check_lattice, check_places
 from resample.types import Doubles
 from resample_volume.classification.scales import LINEAR, scaled
 from resample_volume.data.recordings import in_color, is_color
 from resample_volume.data.values import is_streamed
 from resample_volume.exchange.parts import Part, check_whole
-from resample_volume.exchange.taking import taker_of
 from resample_volume.files.parsing.headers import KEPT
 from resample_volume.files.source import open_volume
 from resample_volume.types import Volume
@@ -74,6 +73,8 @@ def as_volume(given: Any, name: str = "array", *, part: Part = "", scale: str = 
 
 
 def _as_it_is(given: Any, name: str, part: Part) -> Volume:
+    from resample_volume.exchange.taking import taker_of
+
     if isinstance(given, Volume | str | PathLike):
         check_whole(part, "a file" if not isinstance(given, Volume) else given.name)
     if isinstance(given, Volume):
@@ -99,15 +100,9 @@ def _is_part(given: Any) -> bool:
 
 
 def _checked(given: Volume) -> Volume:
-    """Check a volume's values and geometry, and return it with a supported type.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Its values or geometry are not supported.
-    """
+    """Check a volume's values and geometry, and return it with a supported type."""
     if any(isinstance(part, np.ma.MaskedArray) for part in given[1:4]):
-        spacing, origin, direction = (alike(part, np.float64) for part in given[1:4])
+        spacing, origin, direction = (contiguous(part, np.float64) for part in given[1:4])
         given = given._replace(spacing=spacing, origin=origin, direction=direction)
     made = given
     if not is_streamed(given):
@@ -122,14 +117,7 @@ def _checked(given: Volume) -> Volume:
 
 
 def check_place(given: Volume) -> None:
-    """Reject an invalid or absurd spacing, origin or direction.
-
-    Raises
-    ------
-    ValueError
-        A number is not finite or not above 0, the direction is singular, or the lattice is far too
-        small, large or uneven.
-    """
+    """Reject an invalid or absurd spacing, origin or direction."""
     spacing, origin, direction = (np.asarray(part) for part in given[1:4])
     shapes = (spacing.shape, origin.shape, direction.shape)
     kinds = {part.dtype.kind for part in (spacing, origin, direction)}

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 HALF = 0.5  # accumulated opacity at which a voxel counts as the visible one
 
 Indices = NDArray[np.int64]
-Behind = Callable[..., tuple[Indices, Doubles]]  # `voxels_at` of pixels and perhaps a level
-Wanted = {
+VoxelLookup = Callable[..., tuple[Indices, Doubles]]  # `voxels_at` of pixels and perhaps a level
+PICKED_BY_PROJECTION = {
     Projection.COMPOSITE: 0,
     Projection.MAXIMUM: 1,
     Projection.MINIMUM: 2,
@@ -54,14 +54,6 @@ def voxels_at(
 
     Parameters
     ----------
-    subject
-        The classified volume.
-    volume
-        The volume, at any place.
-    camera
-        As from `Subject.camera`.
-    resampler
-        Renderer of the picture, for its projection and kernel.
     pixels
         (N, 2) right and down, px; centers of pixels are at halves.
     level
@@ -73,16 +65,11 @@ def voxels_at(
     level; for a field, of the voxel around the point where its ray reaches the level, the surface,
     a plane of values more opaque than that, or its extreme; -1 where there is none. And the
     transmittance (N,) of all.
-
-    Raises
-    ------
-    ValueError
-        The projection shows no single voxel, or there are several volumes.
     """
-    from resample_volume.voxels.kernels.picking import find_among_voxels, find_in_field
+    from resample_volume.voxels.kernels.picking import pick_in_field, pick_voxels
 
     voxels, projection = subject.voxels, resampler.projection
-    if projection not in Wanted or not isinstance(voxels, Voxels | Gathered):
+    if projection not in PICKED_BY_PROJECTION or not isinstance(voxels, Voxels | Gathered):
         raise ValueError(
             f"the projection {projection} of {volume.name} shows no single voxel; take composite, "
             "maximum, minimum or first-hit, the last three along rays"
@@ -95,11 +82,11 @@ def voxels_at(
     voxel, kept = np.full(len(pixels), -1, np.int64), np.ones(len(pixels))
     if isinstance(voxels, Voxels):
         splatted = _splatted(voxels, scene, camera.view(), resampler)
-        find_among_voxels(splatted, rays, level, voxel, kept)
+        pick_voxels(splatted, rays, level, voxel, kept)
     else:
         depth, shown = _on_planes(subject, volume, camera.view(), pixels, level)
         rays = rays._replace(last=np.maximum(rays.first, np.minimum(rays.last, depth)))
-        find_in_field(_picked_field(voxels, resampler), rays, level, voxel, kept)
+        pick_in_field(_picked_field(voxels, resampler), rays, level, voxel, kept)
         voxel = voxels_of(voxel, scene.values.shape, thin)
         is_plane = (voxel < 0) & np.isfinite(depth)
         voxel[is_plane], kept[is_plane] = shown[is_plane], 0.0
@@ -215,6 +202,6 @@ def _picked_field(field: Gathered, resampler: Resampler) -> "PickedField":
         looks.high,
         looks.steep,
         np.ascontiguousarray(np.linalg.inv(field.lattice).T),
-        Wanted[resampler.projection],
+        PICKED_BY_PROJECTION[resampler.projection],
         float(resampler.iso or 0.0),
     )

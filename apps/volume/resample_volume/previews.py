@@ -37,8 +37,6 @@ def enlarged(frame: Frame, per: int, height: int, width: int) -> Frame:
 
     Parameters
     ----------
-    frame
-        At least as large as the result divided by `per`, rounded up.
     per
         Pixels per side that one becomes.
     height, width
@@ -56,15 +54,7 @@ def enlarged(frame: Frame, per: int, height: int, width: int) -> Frame:
 
 
 def merged(volume: Volume, per: int) -> Volume:
-    """Downsample a volume by means over blocks of voxels, without missing values.
-
-    Parameters
-    ----------
-    volume
-        Volume of values or of colors.
-    per
-        Voxels along each axis that become one; the last blocks may be smaller.
-    """
+    """Downsample a volume by means over blocks of voxels, without missing values."""
     shift = volume.direction * volume.spacing @ np.full(3, (per - 1) / 2)
     colors = None if volume.colors is None else _means(volume.colors, per)
     return volume._replace(

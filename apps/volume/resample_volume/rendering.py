@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -47,13 +47,8 @@ from resample_volume.media.appearance import (
     resampler_for,
     transfer_of,
 )
-from resample_volume.media.lattices import CommonLattice, bytes_onto, common_lattice, first_in, onto
-from resample_volume.media.mixing import MixedMedia, added, mixed, with_light
+from resample_volume.media.mixing import MixedMedia
 from resample_volume.media.xrays import AS_IT_IS, Tone, XRay, exposed, settled, tone_of
-from resample_volume.surfaces.image_planes import settled as settled_plane
-from resample_volume.surfaces.meshes import SceneMesh, placed
-from resample_volume.surfaces.plane_meshes import plane_mesh
-from resample_volume.surfaces.surface_meshes import surface_mesh
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import faced, keep, planes
 from resample_volume.voxels.fields import FieldVoxels, field_voxels, framed, lit_field
@@ -67,10 +62,10 @@ from resample_volume.voxels.framing import (
     shown_by,
     sphere_around,
 )
-from resample_volume.voxels.gathered import Gathered, gathered, lit_lattice, with_reached
-from resample_volume.voxels.reaching import voxels_reached
+from resample_volume.voxels.gathered import Gathered, gathered, lit_lattice, with_shadows
 from resample_volume.voxels.shading import Light, cue_range, cued, shade, viewer_of
 from resample_volume.voxels.streaming import REMEDY, TooManyVoxelsError
+from resample_volume.voxels.transmittance import voxel_transmittance
 from resample_volume.voxels.visible import (
     BYTES_PER_VOXEL,
     Voxels,
@@ -78,6 +73,10 @@ from resample_volume.voxels.visible import (
     finite_range,
     unit_of,
 )
+
+if TYPE_CHECKING:
+    from resample_volume.media.lattices import CommonLattice
+    from resample_volume.surfaces.meshes import SceneMesh
 
 NOTHING = np.zeros((0, 3), np.float32)
 NO_VOXELS = Voxels(NOTHING, NOTHING, NOTHING[:, 0], NOTHING, np.eye(3))
@@ -90,13 +89,15 @@ class Placement(NamedTuple):
     """Several volumes in a scene, moved around its origin."""
 
     media: list[VolumeLayer]
-    lattice: CommonLattice  # of all of them
+    lattice: "CommonLattice"  # of all of them
     middle: Doubles  # (3,) former place of the origin, scene units
     clip: Doubles  # (M, 4) planes
 
 
 def placement(media: Sequence[VolumeLayer]) -> Placement:
     """Place several volumes in a scene; crop and clip are those of the first look."""
+    from resample_volume.media.lattices import common_lattice
+
     whole = common_lattice([volume for volume, _ in media])
     middle = whole.middle
     whole = whole._replace(origin=whole.origin - middle)
@@ -106,8 +107,10 @@ def placement(media: Sequence[VolumeLayer]) -> Placement:
     return Placement(moved, whole, middle, np.concatenate(cuts))
 
 
-def _onto(volume: Volume, lattice: CommonLattice, parts: Sequence[Voxels]) -> Volume:
+def _onto(volume: Volume, lattice: "CommonLattice", parts: Sequence[Voxels]) -> Volume:
     """Resample a volume onto a lattice, if it fits in memory; errors as of `onto`."""
+    from resample_volume.media.lattices import bytes_onto, first_in, onto
+
     allowed = values_of(volume.values).memory
     if allowed and first_in(volume, lattice) is None:
         size = bytes_onto(volume, lattice) + _bytes_of(parts)
@@ -162,14 +165,7 @@ def visible_voxels(volume: Volume, appearance: Appearance) -> Voxels:
 def field_of(
     volume: Volume, appearance: Appearance, resampler: Resampler
 ) -> FieldVoxels | Gathered:
-    """Return the field for a projection: as voxels, or on its lattice for rays.
-
-    Raises
-    ------
-    ValueError
-        The transfer function needs gradients, where only values are shown; or see `field_voxels`
-        and `gathered`.
-    """
+    """Return the field for a projection: as voxels, or on its lattice for rays."""
     projection, order = resampler.projection, resampler.order
     if volume.colors is not None and not (
         order.summing is Summing.RAYS and projection is Projection.COMPOSITE
@@ -208,7 +204,7 @@ def _measured(
     return volume, appearance, tone_of(xray, projection, is_negative=appearance.invert)
 
 
-def _reached(
+def _shadowed(
     voxels: Voxels | FieldVoxels | Gathered,
     volume: Volume,
     resampler: Resampler,
@@ -226,20 +222,33 @@ def _reached(
             "shadows and occlusion of fields need the order rays; leave the order out or give rays"
         )
     if isinstance(voxels, Gathered):
-        return with_reached(voxels, volume, resampler, clip, light)
-    return voxels._replace(reached=voxels_reached(voxels, light))
+        return with_shadows(voxels, volume, resampler, clip, light)
+    return voxels._replace(reached=voxel_transmittance(voxels, light))
 
 
 def _pictures(
     volume: Volume, values: Any, appearance: Appearance, voxels: Visible
-) -> list[SceneMesh]:
+) -> "list[SceneMesh]":
     """Return planes and isosurfaces of a look as meshes in the volume's scene."""
-    if not isinstance(voxels, Gathered):
+    if not isinstance(voxels, Gathered) or not (appearance.planes or appearance.surfaces):
         return []
+    from resample_volume.surfaces.image_planes import settled as settled_plane
+    from resample_volume.surfaces.plane_meshes import plane_mesh
+    from resample_volume.surfaces.surface_meshes import surface_mesh
+
     planes = [settled_plane(plane, volume) for plane in appearance.planes]
     made = [plane_mesh(plane, volume, voxels) for plane in planes]
     known = volume._replace(values=values)
     return made + [surface_mesh(one, known, voxels) for one in appearance.surfaces]
+
+
+def _placed(meshes: "tuple[SceneMesh, ...]", middle: Doubles) -> Triangles:
+    """Return all meshes for ray casting, in a scene whose origin was moved to `middle`."""
+    if not meshes:
+        return NO_TRIANGLES
+    from resample_volume.surfaces.meshes import placed
+
+    return placed(meshes, middle)
 
 
 def lit_samples(
@@ -277,19 +286,10 @@ class Subject:
 
         Parameters
         ----------
-        volume
-            Without padding.
-        appearance
-            Its look.
         resampler
             Renderer; None: `resampler_for` the look.
         around
             Volume that cameras orbit as a whole; None: they orbit what is visible.
-
-        Raises
-        ------
-        ValueError
-            A choice is not allowed, or the voxels do not fit in memory.
         """
         resampler = resampler or resampler_for(appearance)
         check_together(resampler, appearance.classification, appearance.extras)
@@ -310,9 +310,9 @@ class Subject:
         if not isinstance(voxels, Gathered):
             voxels = faced(keep(voxels, clip, radius), clip)
         if appearance.light is not None and appearance.light.is_blocked:
-            voxels = _reached(voxels, scene, resampler, clip, appearance.light)
+            voxels = _shadowed(voxels, scene, resampler, clip, appearance.light)
         pictures = _pictures(volume, scene.values, appearance, voxels)
-        mesh = placed((*appearance.meshes, *pictures), middle)
+        mesh = _placed((*appearance.meshes, *pictures), middle)
         if around is not None:
             ball = ball_around(around._replace(origin=around.origin - middle))
             return cls(voxels, appearance, ball, middle, clip, mesh, tone)
@@ -334,13 +334,9 @@ class Subject:
         Each is placed by its origin, spacing and direction. Light, crop (of its voxels), clip and
         depth cue are those of the first; each has its own transfer function, gradient and labels.
         Cameras orbit what is visible, or all of the volumes.
-
-        Raises
-        ------
-        ValueError
-            As of `of`; or fields were asked for, of which only one can be shown; or a volume with
-            labels would have to be resampled.
         """
+        from resample_volume.media.mixing import mixed, with_light
+
         if len(media) == 1:
             return cls.of(*media[0], resampler, around=media[0][0] if fit == "volume" else None)
         resampler = resampler or BY_DEFAULT
@@ -434,6 +430,8 @@ class Subject:
 
     def samples_for(self, camera: AnyCamera) -> Samples | Field | LatticeField:
         """Return the input of a renderer: samples, or a field, shaded for a camera."""
+        from resample_volume.media.mixing import added
+
         cue, light = self.appearance.cue, self.appearance.light
         near, far = cue_range(camera, self.sphere)
         if isinstance(self.voxels, Voxels):

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Spelled, viewpoint_of
+from resample.lazy import old_members
 from resample.painting.choices import Projection
 from resample.painting.scenes.plans import shape_of
 from resample.resampler import Resampler
@@ -20,7 +21,7 @@ from resample_volume.data.values import as_array
 from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Appearance, Classification, of_voxels, resampler_for
 from resample_volume.media.xrays import XRay, settled
-from resample_volume.picking import Behind, Picked, picked, voxels_at
+from resample_volume.picking import Picked, VoxelLookup, picked, voxels_at
 from resample_volume.previews import PER, Shrunk, enlarged, kept_cuts, merged, merged_labels
 from resample_volume.rendering import Fit, Subject, resampled_appearance
 from resample_volume.surfaces.image_planes import settled as settled_plane
@@ -34,6 +35,7 @@ FINEST = 1  # sub-pixels per side of a ray cast preview
 Quality = Literal["final", "preview"]
 
 
+@old_members(standing="placed_view")
 @dataclass(eq=False)
 class Scene:
     """A volume for many pictures: changing looks, changing cameras, quick previews.
@@ -136,7 +138,7 @@ class Scene:
             frame = enlarged(frame, per, height, width)
         return frame._replace(statistics=frame.statistics._replace(is_preview=is_preview))
 
-    def standing(
+    def placed_view(
         self,
         look: Appearance | str = "auto",
         camera: Spelled = None,
@@ -188,7 +190,7 @@ class Scene:
         height, width = shape_of(size)
         row, column = np.indices((height, width)) + 0.5
         pixels = np.column_stack([column.ravel(), row.ravel()])
-        found, _ = self._behind(look, camera, size, resampler, fit)(pixels)
+        found, _ = self._voxel_lookup(look, camera, size, resampler, fit)(pixels)
         index = np.stack(np.unravel_index(np.maximum(found, 0), self.volume.values.shape), axis=-1)
         index[found < 0] = -1
         return index.reshape(height, width, 3).astype(np.int32)
@@ -219,20 +221,20 @@ class Scene:
         ValueError
             As of `sample_ids`.
         """
-        pixel, behind = np.array([[x, y]]), self._behind(look, camera, size, resampler, fit)
+        pixel, behind = np.array([[x, y]]), self._voxel_lookup(look, camera, size, resampler, fit)
         (found,), (kept,) = behind(pixel)
         if found < 0 and kept < 1:
             (found,), _ = behind(pixel, (1 - kept) / 2)
         return None if found < 0 else picked(self.volume, int(found))
 
-    def _behind(
+    def _voxel_lookup(
         self,
         look: Appearance | str,
         camera: Spelled,
         size: tuple[int, int],
         resampler: Resampler | None,
         fit: Fit,
-    ) -> Behind:
+    ) -> VoxelLookup:
         """Return the voxels behind points of a picture; see `voxels_at`."""
         subject, eye, paint = self._prepared(look, camera, size, resampler, fit)
         return partial(voxels_at, subject, self.volume, eye, paint)
@@ -293,7 +295,7 @@ class Scene:
     def _quickly(self, look: Appearance, paint: Resampler) -> tuple[Appearance, Resampler]:
         """Return look and renderer of previews: voxels by default; the renderer is reused."""
         is_auto = look.classification is Classification.AUTO
-        is_auto = is_auto and not look.met
+        is_auto = is_auto and not look.scene_objects
         if is_auto and paint.projection is Projection.COMPOSITE:
             look, paint = replace(look, classification=Classification.PRE), of_voxels(paint)
         if paint.subpixels is not None:

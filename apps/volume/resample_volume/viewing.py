@@ -117,7 +117,7 @@ class VolumePainter:
 
     def _view(self, request: _VolumeRequest, size: Size, quality: Quality) -> dict[str, Any]:
         """Return the projection from points around the volume's center, scene units, to pixels."""
-        camera, volume = self._standing(request, size, quality)
+        camera, volume = self._placed_view(request, size, quality)
         view, middle = camera.view(), centered(volume)[1]
         return {
             "rotation": view.rotation.tolist(),
@@ -165,7 +165,7 @@ class VolumePainter:
         marks = request.beside.annotations(request.picture.behind(suffix))
         if not marks.is_any:
             return frame
-        camera, volume = self._standing(request, size)
+        camera, volume = self._placed_view(request, size)
         return annotated(frame, camera, volume, marks)
 
     def beside(self, rival: str, settings: Settings, size: Size) -> PagePicture:
@@ -175,7 +175,7 @@ class VolumePainter:
         if rival != VTK:
             raise ValueError(f"{rival!r:.40} is not known; a page can compare with {VTK}")
         request = self._request(settings)
-        camera, volume = self._standing(request, size)
+        camera, volume = self._placed_view(request, size)
         self._vtk = self._vtk or VtkBeside()
         light = self._vtk.picture(volume, request.appearance, request.resampler, camera, size)
         return PagePicture(screen_levels(light, background=request.picture.behind(".png")), False)
@@ -199,11 +199,11 @@ class VolumePainter:
         cameras = cameras_of(subject, flight, paint.size)
         write_film(path, shots(subject, cameras, paint), RATE, progress=progress)
 
-    def _standing(
+    def _placed_view(
         self, request: _VolumeRequest, size: Size, quality: Quality = "final"
     ) -> "tuple[AnyCamera, Volume]":
         """Return the camera and the volume placed before it."""
-        return self._scene.standing(
+        return self._scene.placed_view(
             *(request.appearance, request.choices.viewpoint()),
             size=size,
             resampler=request.resampler,
@@ -264,7 +264,7 @@ class VolumePainter:
         if appearance is None:
             with memoizing(self._found):
                 appearance = look.appearance(self.volume, resampler)
-            appearance = beside.met(look, resampler).beside(appearance)
+            appearance = beside.scene_objects(look, resampler).beside(appearance)
             before = list(self._appearances.items())[
                 1 - MOST_COMPARED :
             ]  # replaced whole: picks ask meanwhile

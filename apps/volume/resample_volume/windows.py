@@ -30,7 +30,7 @@ from resample_volume.media.mixing import MixedMedia, added
 from resample_volume.outofcore.ball import ball_of
 from resample_volume.outofcore.caching import cache_visible, cached
 from resample_volume.outofcore.dense import Dense, check_windows, dense_of
-from resample_volume.outofcore.light import Reaching, light_reached
+from resample_volume.outofcore.light import LightGrid, transmittance_grid
 from resample_volume.outofcore.outline import OutlineQuery, VisibleOutline, outlined
 from resample_volume.outofcore.passes import PassContext
 from resample_volume.outofcore.windowed import RenderJob, painted_in_windows, surveyed
@@ -65,7 +65,7 @@ class ViewSetup(NamedTuple):
     camera: AnyCamera
     clip: Doubles  # (M, 4) planes
     cue: tuple[float, float]  # depths between which light fades, scene units
-    reaching: Reaching | None = None  # if voxels are shadowed
+    light_grid: LightGrid | None = None  # if voxels are shadowed
 
 
 def render_in_windows(
@@ -127,41 +127,24 @@ def paint_streamed(
     resampler: Resampler | None = None,
     progress: Progress | None = None,
 ) -> tuple[Frame, int]:
-    """Do as `render_in_windows`, for one volume or several in one scene.
-
-    Parameters
-    ----------
-    media
-        Volumes in bricks, each with its look.
-    subject
-        What `streamed_subject` gives for them.
-    camera
-        One of the subject's.
-    size, budget, resampler, progress
-        As of `render_in_windows`.
-
-    Raises
-    ------
-    ValueError, OSError
-        As of `render_in_windows`.
-    """
+    """Do as `render_in_windows`, for one volume or several in one scene."""
     painter, tell = of_voxels(resampler or OF_VOXELS), progress or _unheard
     looking = PassContext(budget.executor, budget.threads, tell)
-    _shelve(media, budget)
+    _pin_bricks(media, budget)
     scene, dense = dense_of(media, painter, budget.memory, looking)
-    reaching = _reaching(scene, dense, media[0][1], subject, budget, looking)
+    light_grid = _light_grid(scene, dense, media[0][1], subject, budget, looking)
     cue = cue_range(camera, subject.sphere)
     work = RenderJob(
         scene,
         dense,
-        partial(_lit, ViewSetup(media[0][1], camera, subject.clip, cue, reaching)),
+        partial(_lit, ViewSetup(media[0][1], camera, subject.clip, cue, light_grid)),
         painter,
         camera,
         size,
         subject.clip,
         *budget[:3],
         sifts=dense.sifts,
-        beside=dense.beside + _noted(media) + (0 if reaching is None else reaching.bytes_held),
+        beside=dense.beside + _noted(media) + (0 if light_grid is None else light_grid.size_bytes),
         volumes=len(media),
         depends=dense.kind,
     )
@@ -177,14 +160,14 @@ def paint_streamed(
     return Frame(*whole, Statistics(samples, 0, 0, 0, 1, {})), count
 
 
-def _reaching(
+def _light_grid(
     scene: Volume,
     dense: Dense,
     look: Appearance,
     subject: Subject,
     budget: Budget,
     looking: PassContext,
-) -> Reaching | None:
+) -> LightGrid | None:
     """Return the light that reaches voxels, if any are shadowed; cached."""
     light = look.light
     if light is None or not light.is_blocked:
@@ -195,7 +178,7 @@ def _reaching(
         return None
     by = (seen, outline, light, subject.voxels.lattice, budget.memory, looking)
     depends = ("light", dense.kind, light.direction, light.shadows, light.occlusion)
-    return cached(scene, depends, lambda: light_reached(*by)).kept_in(budget.folder)
+    return cached(scene, depends, lambda: transmittance_grid(*by)).stored_in(budget.folder)
 
 
 def _outline(seen: OutlineQuery, dense: Dense, looking: PassContext) -> VisibleOutline:
@@ -208,10 +191,10 @@ def _outline(seen: OutlineQuery, dense: Dense, looking: PassContext) -> VisibleO
 
 def _lit(shown: ViewSetup, place: Indices, voxels: Voxels | MixedMedia, steeps: Steeps) -> Samples:
     """Return shaded voxels, given the steepest gradient of all."""
-    look, camera, clip, (near, far), reaching = shown
+    look, camera, clip, (near, far), light_grid = shown
     lit, parts = [], voxels.parts
-    if reaching is not None:
-        share = reaching.at(place)
+    if light_grid is not None:
+        share = light_grid.at(place)
         each = voxels.place if isinstance(voxels, MixedMedia) else (np.arange(len(share)),)
         parts = tuple(
             part._replace(reached=share[at]) for part, at in zip(parts, each, strict=True)
@@ -242,17 +225,8 @@ def streamed_subject(
 
     Parameters
     ----------
-    media
-        Volumes, each with its look.
     fit
         Cameras orbit all of the volumes, or what is visible, which needs a scan of all voxels.
-    resampler, budget, progress
-        As of `render_in_windows`, for that scan.
-
-    Raises
-    ------
-    ValueError
-        They cannot be painted window by window.
     """
     check_windows(media)
     look = replace(media[0][1], classification=Classification.PRE)
@@ -286,10 +260,10 @@ def _noted(media: Sequence[VolumeLayer]) -> int:
     return sum(bricks.noted for bricks in _bricks_of(media))
 
 
-def _shelve(media: Sequence[VolumeLayer], budget: Budget) -> None:
+def _pin_bricks(media: Sequence[VolumeLayer], budget: Budget) -> None:
     """Let volumes pin the bricks read first, in a share of a process's memory budget."""
     for bricks in _bricks_of(media):
-        bricks.shelve(budget.memory // SHARE // len(media))
+        bricks.pin_bricks(budget.memory // SHARE // len(media))
 
 
 def _bricks_of(media: Sequence[VolumeLayer]) -> list[Bricks]:

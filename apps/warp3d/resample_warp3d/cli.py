@@ -435,9 +435,9 @@ def fetch(name: str | None = None, /, *, folder: flags.Target = None) -> None:
     folder
         Folder to keep it in. Default: the user's cache.
     """
-    from resample.files.public.sets import told
+    from resample.files.public.sets import print_sets
 
-    told("resample_warp3d", name, folder)
+    print_sets("resample_warp3d", name, folder)
 
 
 @app.command

@@ -89,15 +89,7 @@ class _Bytes:
 
 
 def cameras_of(path: Path) -> Iterator[CameraRecord]:
-    """Cameras of cameras.bin; those after an unknown model cannot be read and are omitted.
-
-    Raises
-    ------
-    ValueError
-        The file is truncated, or not COLMAP's.
-    OSError
-        It cannot be read.
-    """
+    """Cameras of cameras.bin; those after an unknown model cannot be read and are omitted."""
     with path.open("rb") as file:
         content = _Bytes(file, path)
         for n in range(content.count("cameras", CAMERA.size)):

@@ -52,13 +52,7 @@ class Calibration(NamedTuple):
     shape: tuple[int, int] | None = None  # height and width of its pictures, px; None: unknown
 
     def sized(self, height: int, width: int) -> Camera:
-        """Camera of the same view for a picture of another size in px.
-
-        Raises
-        ------
-        ValueError
-            The aspect ratio differs, so that the picture cannot be a resized one.
-        """
+        """Camera of the same view for a picture of another size in px."""
         if self.shape in (None, (height, width)):
             return self.camera
         old_height, old_width = self.shape or (height, width)
@@ -100,15 +94,6 @@ def read_calibration(text: str, model: LensModel | None = None) -> Calibration:
         lens_model (pinhole or fisheye), a rectification_matrix (3, 3), and a new_camera_matrix
         (3, 3) or (3, 4); of a camera_info .yaml of ROS, from its calibrator or a printed message;
         or of Open3D's .json of a pinhole.
-    model
-        Model of the coefficients. Default: as the file says, else pinhole.
-
-    Raises
-    ------
-    ValueError
-        It is neither, the numbers are not a lens, or the file names another model.
-    OSError
-        The file cannot be read.
     """
     if is_file(text):
         return _of_file(Path(text), model, needs_lens=True)
@@ -123,13 +108,7 @@ def read_calibration(text: str, model: LensModel | None = None) -> Calibration:
 
 
 def pinhole_of(matrix: ArrayLike) -> Camera:
-    """Pinhole camera of OpenCV's new camera matrix, (3, 3), or (3, 4) without its last column.
-
-    Raises
-    ------
-    ValueError
-        It is not such a matrix.
-    """
+    """Pinhole camera of OpenCV's new camera matrix, (3, 3), or (3, 4) without its last column."""
     given = np.asarray(matrix, np.float64)
     return Camera.from_opencv(given[:, :3] if given.shape == (3, 4) else given)
 

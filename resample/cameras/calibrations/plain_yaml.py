@@ -24,11 +24,6 @@ def plain_yaml(text: str) -> dict[str, Any]:
 
     Values are numbers, texts, None, lists and dictionaries; other features of YAML, such as anchors
     and multi-line texts, are rejected.
-
-    Raises
-    ------
-    ValueError
-        The text is not in this subset; the message names the line.
     """
     lines = _lines(text)
     if not lines:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP, bands, met
+from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP, bands, overlapping
 from resample.engine.jit import Counter, kernel, parallel_kernel
 from resample.types import Doubles, Floats
 
@@ -52,7 +52,7 @@ def _collect_band(
 ) -> None:
     """Add the sums of all parts to some rows of the image, in the order of the parts."""
     lanes, columns = picture.shape[2], picture.shape[1]
-    for n in met(bounds, rows, columns):
+    for n in overlapping(bounds, rows, columns):
         # Clip the part's pixels to the band.
         left, top = bounds[n, LEFT], bounds[n, TOP]
         width = bounds[n, RIGHT] - left

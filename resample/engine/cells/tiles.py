@@ -22,7 +22,7 @@ def bands(counter: Counter, height: int, band: int) -> Iterator[tuple[int, int]]
 
 
 @kernel
-def met(bounds: Bounds, rows: tuple[int, int], width: int) -> NDArray[np.int32]:
+def overlapping(bounds: Bounds, rows: tuple[int, int], width: int) -> NDArray[np.int32]:
     """Indices, in order, of those bounds (N, 4) that meet a band's rows, `width` px wide."""
     found = np.empty(bounds.shape[0], np.int32)
     count = 0

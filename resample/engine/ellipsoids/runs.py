@@ -12,7 +12,7 @@ from resample.engine.ellipsoids.splats import first_inside, last_inside
 from resample.engine.grid import grid
 from resample.engine.jit import kernel
 from resample.engine.sorting import bits_of, member_of, paired, sort_pairs
-from resample.engine.tiles import tiles_met
+from resample.engine.tiles import overlapping_tiles
 from resample.types import Floats, Place, Record, Records, Screen, Style, Tiles
 
 Indices = NDArray[np.int64]
@@ -23,8 +23,8 @@ def _tiles_of(run: Record, margin: float, size: int, rows: int, columns: int) ->
     """Yield the tiles of `size` px that may show a run."""
     # Runs without a visible sample are on no tile.
     if run["seen"] > 0:
-        left, right = tiles_met(run["left"], run["right"], margin, size, columns)
-        top, bottom = tiles_met(run["top"], run["bottom"], margin, size, rows)
+        left, right = overlapping_tiles(run["left"], run["right"], margin, size, columns)
+        top, bottom = overlapping_tiles(run["top"], run["bottom"], margin, size, rows)
         for row in range(top, bottom + 1):
             for column in range(left, right + 1):
                 yield row * columns + column
@@ -67,8 +67,10 @@ def finest_of(room: Floats, count: int, tile: int, tiles: Tiles, margin: float) 
         k = np.uint64(n)
         # Test the tile against the tiles that each visible sample meets.
         if room[k + LEFT] <= room[k + RIGHT]:
-            left, right = tiles_met(room[k + LEFT], room[k + RIGHT], margin, size, columns)
-            top, bottom = tiles_met(room[k + TOP], room[k + BOTTOM], margin, size, tile_rows)
+            left, right = overlapping_tiles(room[k + LEFT], room[k + RIGHT], margin, size, columns)
+            top, bottom = overlapping_tiles(
+                room[k + TOP], room[k + BOTTOM], margin, size, tile_rows
+            )
             if left <= tile % columns <= right and top <= tile // columns <= bottom:
                 finest = min(finest, float(room[k + SPACING]))
     return finest

@@ -49,7 +49,7 @@ def take(
 
 
 @kernel
-def ask_for(position: Floats, extinction: Floats, color: Floats, begin: int, count: int) -> None:
+def prefetch(position: Floats, extinction: Floats, color: Floats, begin: int, count: int) -> None:
     """Prefetch samples of which all numbers will be needed soon; positions and colors are flat."""
     # Once per cache line.
     for n in range(3 * begin, 3 * (begin + count), LINE):

@@ -55,11 +55,11 @@ from resample.engine.ellipsoids.runs import finest_of, home_of, in_order, is_run
 from resample.engine.ellipsoids.steps import Carried, checkpoint, leave_out, resume
 from resample.engine.ellipsoids.work_queue import (
     WorkQueue,
-    ask_for,
     enlarged,
     gather,
     new_queue,
     part,
+    prefetch,
     put_in_order,
     take,
 )
@@ -67,10 +67,10 @@ from resample.engine.grid import grid
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.mixtures.keys import key_by_sheets
 from resample.engine.mixtures.models import POINT, choose_points, form_models, tint_splats
-from resample.engine.mixtures.sizes import gather_sizes, resize, stand_alone
+from resample.engine.mixtures.sizes import gather_sizes, match_splat_opacity, resize
 from resample.engine.points.point_sheets import (
     PointSheet,
-    add_among,
+    add_to_open_sheet,
     before_sheet,
     is_empty,
     new_sheet,
@@ -178,7 +178,7 @@ def take_runs(
         # Prefetch a run some way ahead.
         if next_run + AHEAD < members.size:
             soon = members[next_run + AHEAD]
-            ask_for(position, extinction, color, start[soon], start[soon + 1] - start[soon])
+            prefetch(position, extinction, color, start[soon], start[soon + 1] - start[soon])
         # Cull runs behind opaque sub-pixels; cull the samples of the others by the tile's sides.
         if is_run_open(known[run], place, height, width, open_groups):
             if mixture is None or mixture.is_plain:
@@ -245,7 +245,7 @@ def form(
         if mixture is not None and are_measured:
             choose_points(batch, size, window, style)
             n = window.place.subpixels
-            stand_alone(batch, position, scale, size, setup, n, stage.tables.footprint)
+            match_splat_opacity(batch, position, scale, size, setup, n, stage.tables.footprint)
     # Tint after points are chosen, as they keep their colors.
     if mixture is not None and style.tint_red >= 0.0:
         tint_splats(scratch, count, style)
@@ -292,7 +292,9 @@ def _paint_samples(
             # Add a point to its sheet; a new sheet ends before the next splat behind it.
             if mixture is not None and scratch[np.uint64(every[n]) + CUT] == POINT:
                 is_new = is_empty(sheet)
-                points += add_among(sheet, rows, open_groups, scratch, every[n], place, stage)
+                points += add_to_open_sheet(
+                    sheet, rows, open_groups, scratch, every[n], place, stage
+                )
                 if is_new:
                     end = n + before_sheet(sheet, scratch, every[n:last], stage)
                 n += 1

@@ -52,7 +52,7 @@ def resize(room: Floats, scale: Floats | None, count: int) -> None:
 
 
 @kernel
-def stand_alone(
+def match_splat_opacity(
     room: Floats,
     position: Floats,
     scale: Floats | None,

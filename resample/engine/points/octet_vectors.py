@@ -1,4 +1,4 @@
-"""`eights.spread` for numba, generated as operations on vectors of eight doubles."""
+"""`octets.spread` for numba, generated as operations on vectors of eight doubles."""
 
 from collections.abc import Callable
 from typing import Any
@@ -46,7 +46,7 @@ def _spread(_, cells, first, pitch, amount, line, rounding, weight, across, down
             return [_all(builder, builder.load(builder.gep(weight, [n]))) for n in places]
 
         def spread_over(count: int) -> None:
-            # Emit the loops unrolled, with the arithmetic of `eights.spread`.
+            # Emit the loops unrolled, with the arithmetic of `octets.spread`.
             columns = weights(across, count)
             for row, share in enumerate(weights(down, count)):
                 shares = builder.fadd(builder.fmul(amounts, share), rounding)

@@ -100,7 +100,7 @@ def before_sheet(sheet: PointSheet, room: Floats, offset: Members, stage: Stage)
 
 
 @kernel
-def add_among(
+def add_to_open_sheet(
     sheet: PointSheet,
     rows: Floats,
     open_groups: Groups,

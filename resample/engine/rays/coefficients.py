@@ -149,7 +149,7 @@ def _filter_plane(plane: Floats, height: int, width: int) -> None:
 
 
 @kernel
-def _kept(
+def _store_plane(
     plane: Floats, samples: Floats, to: Form, size: tuple[int, int], k: int, flat: Coefficients
 ) -> int:
     """Store a plane as the k-th one, padded by mirroring; return how many values were clipped."""
@@ -198,7 +198,7 @@ def _filter_slab(
         for copy in range(-PAD, depth + PAD):
             is_near = k - PAD <= copy <= k + PAD or k < PAD or k >= depth - PAD
             if is_near and _mirrored(copy, depth) == k:
-                cut += _kept(plane, samples, to, (height, width), copy + PAD, flat)
+                cut += _store_plane(plane, samples, to, (height, width), copy + PAD, flat)
     return cut
 
 
@@ -275,7 +275,7 @@ class StoredCoefficients(NamedTuple):
     long: Floats  # (0,) or (N,)
 
 
-def held_as(flat: NDArray[Any]) -> StoredCoefficients:
+def bundled(flat: NDArray[Any]) -> StoredCoefficients:
     """Put coefficients of either type into one bundle, which one kernel takes."""
     if flat.dtype == np.uint16:
         return StoredCoefficients(flat, np.empty(0, np.float32))
@@ -333,7 +333,7 @@ def find_bounds(
     Parameters
     ----------
     flat
-        As of `find_coefficients`, by `held_as`.
+        As of `find_coefficients`, by `bundled`.
     shape
         Samples along z, y and x.
     bounds

@@ -35,9 +35,9 @@ from resample.engine.rays.media import (
     Aims,
     Medium,
     aims_at,
+    depth_cue_at,
     faced,
     is_known,
-    kept_at,
     number_at,
     position,
     reflected,
@@ -223,7 +223,7 @@ def _shine_at(way: Composite, ray: Ray, step: float, slope: Vector, context: Ray
             aims = aims_at(position(medium, place), medium.classifier)
         # Apply depth cueing.
         own, highlight = reflected(medium, place, faced(medium, place, slope), aims)
-    kept = kept_at(medium.classifier, depth)
+    kept = depth_cue_at(medium.classifier, depth)
     return Shine(kept * own, kept * highlight)
 
 
@@ -554,7 +554,7 @@ def _(way: IsoSurfaceHit, ray: Ray, medium: Medium) -> Result:
     aims = aims_at(position(medium, place), classifier)
     own, highlight = reflected(medium, place, slope, aims)
     red, green, blue, _ = classified(classifier, clamped(classifier, way.iso), length_of(slope))
-    kept = kept_at(classifier, depth)
+    kept = depth_cue_at(classifier, depth)
     own, highlight = kept * own, kept * highlight
     color = (own * red + highlight, own * green + highlight, own * blue + highlight)
     iso = value_of(classifier, way.iso)

@@ -50,7 +50,7 @@ def position(medium: Medium, place: Vector) -> Vector:
 
 
 @inner_step
-def kept_at(classifier: SummedClassifier, depth: float) -> float:
+def depth_cue_at(classifier: SummedClassifier, depth: float) -> float:
     """Share of the light that depth cueing leaves."""
     if classifier.dimmed == 0.0:
         return 1.0
@@ -195,7 +195,7 @@ def _share_at(reached: Reached, place: Vector, n: int) -> float:
 
 
 @inner_step
-def reaching(medium: Medium, place: Vector) -> tuple[float, float]:
+def light_shares_at(medium: Medium, place: Vector) -> tuple[float, float]:
     """Shares of the lamp's light and of ambient light that reach a position, 0..1."""
     if medium.reached.share.size == 0:
         return 1.0, 1.0
@@ -230,7 +230,7 @@ def reflect(normal: Vector, aims: Aims, classifier: SummedClassifier) -> tuple[f
 def reflected(medium: Medium, place: Vector, slope: Vector, aims: Aims) -> tuple[float, float]:
     """Factor of a surface's own color, and its white highlight (Blinn-Phong)."""
     lamp, length = medium.classifier.lamp, length_of(slope)
-    of_lamp, of_all = reaching(medium, place)
+    of_lamp, of_all = light_shares_at(medium, place)
     # Shade by the normal where the gradient is steep enough for a surface.
     own, highlight = lamp.diffuse, 0.0
     if length > lamp.flat:

@@ -11,7 +11,7 @@ from resample.engine.over import VISIBLE
 from resample.engine.rays.classifiers import Light
 from resample.engine.rays.integrators import NOTHING, Result, Way, integrate
 from resample.engine.rays.marching import ray_at
-from resample.engine.rays.media import Medium, aims_at, kept_at, reaching, reflect
+from resample.engine.rays.media import Medium, aims_at, depth_cue_at, light_shares_at, reflect
 from resample.engine.vectors import Vector, combine, cross, dot, scaled
 from resample.types import Doubles, Triangles, View
 
@@ -163,9 +163,9 @@ def _sent(medium: Medium, hit: Hit, at: Vector, place: Vector) -> Light:
     of_lamp, of_all = 1.0, 1.0
     # Shadows are known within the field alone.
     if 0.0 < place[0] < cells[0] and 0.0 < place[1] < cells[1] and 0.0 < place[2] < cells[2]:
-        of_lamp, of_all = reaching(medium, place)
+        of_lamp, of_all = light_shares_at(medium, place)
     # Combine ambient, diffuse and specular light, dimmed by depth.
-    kept = kept_at(medium.classifier, hit[0])
+    kept = depth_cue_at(medium.classifier, hit[0])
     own, high = kept * (of_all * lamp.ambient + of_lamp * own), kept * of_lamp * highlight
     red, green, blue = own * color[0] + high, own * color[1] + high, own * color[2] + high
     return red, green, blue, mesh.opacity[hit[1]]

@@ -63,7 +63,7 @@ def _cast(
 
 
 @inner_kernel
-def _spared(
+def _interpolate_if_even(
     medium: Medium, output: Output, home: Home, n: int, fine: Floats, at: tuple[int, int, int, int]
 ) -> bool:
     """Interpolate a sub-pixel if all is even along two lines through it; return whether it was."""
@@ -106,7 +106,7 @@ def _cast_rays(way: Way, medium: Medium, output: Output, home: Home, n: int, fin
                     far = 3 * half
                     is_inside = far <= row < rows - far and far <= column < columns - far
                     at = (row, column, 0 if is_between else half, half)
-                    if is_inside and _spared(medium, output, home, n, fine, at):
+                    if is_inside and _interpolate_if_even(medium, output, home, n, fine, at):
                         continue
                     _cast(way, medium, output, home, n, row, column, fine[row, column])
         apart = half

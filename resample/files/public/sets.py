@@ -84,7 +84,7 @@ def fetch(
     return place
 
 
-def told(package: str, name: str | None, folder: Path | None) -> None:
+def print_sets(package: str, name: str | None, folder: Path | None) -> None:
     """Print the results of a `fetch` command: the sets, or a set's folder and terms."""
     from resample.console.messages import say
 

@@ -56,7 +56,7 @@ def _bound(codec: Any, size: int, most: int) -> Any:
         return V2Codec(filters=filters or None, compressor=packing)
     if not isinstance(codec, BytesBytesCodec) or isinstance(codec, BoundCodec):
         return codec
-    return BoundCodec(codec, size, most) if _decoder(*_told(codec), size) else codec
+    return BoundCodec(codec, size, most) if _decoder(*_name_and_config(codec), size) else codec
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class BoundCodec(BytesBytesCodec):  # type: ignore[misc]
         return int(self.codec.compute_encoded_size(input_byte_length, chunk_spec))
 
     def _decode_sync(self, chunk: Any, spec: Any) -> Any:
-        decode = _decoder(*_told(self.codec), self.size)
+        decode = _decoder(*_name_and_config(self.codec), self.size)
         assert decode is not None
         with _chunk(self.size):
             return as_numpy_array_wrapper(partial(decode, most=self.most), chunk, spec.prototype)
@@ -104,7 +104,7 @@ class BoundPacking:
 
     def decode(self, data: Any) -> Any:
         """Unpack data."""
-        decode = _decoder(*_told(self.codec), self.size)
+        decode = _decoder(*_name_and_config(self.codec), self.size)
         assert decode is not None
         with _chunk(self.size):
             return decode(data, most=self.most)
@@ -122,13 +122,13 @@ def _chunk(size: int) -> Iterator[None]:
 def _of_numcodecs(codec: Any, size: int, most: int) -> Any:
     if isinstance(codec, BoundPacking):
         return codec
-    name, told = _told(codec)
+    name, told = _name_and_config(codec)
     if name in OF_OBJECTS:
         raise ValueError(f"its codec {name} creates objects, which are not supported")
     return BoundPacking(codec, size, most) if _decoder(name, told, size) else codec
 
 
-def _told(codec: Any) -> tuple[str, dict[str, Any]]:
+def _name_and_config(codec: Any) -> tuple[str, dict[str, Any]]:
     """Name and metadata of a codec of zarr 2 or 3."""
     if not isinstance(codec, BytesBytesCodec):
         told = codec.get_config()
@@ -150,10 +150,10 @@ def _decoder(name: str, told: dict[str, Any], size: int) -> Decode | None:
         return partial(unlzma, form=form, filters=told.get("filters") if is_raw else None)
     if name == "zstd":
         return partial(_of_zstd, size=size)
-    return partial(_of_told_size, name=name) if name in ("blosc", "lz4") else None
+    return partial(_unpack_sized, name=name) if name in ("blosc", "lz4") else None
 
 
-def _of_told_size(data: Any, most: int, name: str) -> Any:
+def _unpack_sized(data: Any, most: int, name: str) -> Any:
     """Unpack data that begin with their unpacked size."""
     import numcodecs
 

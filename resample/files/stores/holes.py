@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.memory import amount
-from resample.reading.limits import ALIKE, limits, refused
+from resample.reading.limits import SIMILAR_FRAMES, limits, refused
 
 MOST = 1 << 32  # chunks in the table, of which only used pages take memory
 FEW = 4  # if at most one chunk in so many exists, they are read one by one
@@ -31,7 +31,7 @@ class Holes(NamedTuple):
     total: int  # number of all
     is_there: NDArray[np.bool_] | None  # by chunk index; None: all exist, or it is unknown
 
-    def told(self, fill: Any) -> str:
+    def message(self, fill: Any) -> str:
         """Message about missing chunks; empty if there are none."""
         if not self.missing:
             return ""
@@ -129,7 +129,7 @@ def _check_claims(array: Any, name: str, holes: Holes, there: list[tuple[int, ..
         return
     keys = (f"{array.path}/{array.metadata.encode_chunk_key(index)}" for index in there)
     stored = sum(array.store.size(key.lstrip("/")) or 0 for key in keys)
-    if claimed > ALIKE * known.ratio * max(1, stored):
+    if claimed > SIMILAR_FRAMES * known.ratio * max(1, stored):
         found = (
             f"{amount(stored)} exist of {holes.total} chunks; {holes.missing} "
             f"({amount(claimed)}) are missing"

@@ -32,8 +32,8 @@ from resample.types import Floats
 WIDE = ("int32", "uint32")  # integers that float32 cannot represent exactly
 
 
-class KeptPicture(NamedTuple):
-    """A picture as it is kept, upright."""
+class LoadedPicture(NamedTuple):
+    """A picture in memory as it is stored, upright."""
 
     data: NDArray[Any]  # (H, W, C) levels of straight alpha; or light, premultiplied, or numbers
     kind: Kind
@@ -48,8 +48,8 @@ class KeptPicture(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Keepable:
-    """A picture whose header has been read, and that can be kept."""
+class LoadablePicture:
+    """A picture whose header has been read, and that can be loaded as stored."""
 
     path: Place
     header: Header
@@ -88,7 +88,7 @@ class Keepable:
         height, width, channels = self.shape
         return height * width * channels * self.dtype.itemsize
 
-    def keep(self, seen: Part | None = None) -> KeptPicture:
+    def load(self, seen: Part | None = None) -> LoadedPicture:
         """Read the picture as `read_picture` does, but keep the stored form if it is smaller.
 
         Large arrays are kept in a file, see `array_where_it_fits`.
@@ -108,7 +108,7 @@ class Keepable:
         header = self.header
         if self.is_plain:
             levels = self._levels(seen)
-            return KeptPicture(levels, header.kind, header.upright_about)
+            return LoadedPicture(levels, header.kind, header.upright_about)
         kind, channels = alpha_last(header.kind)
         shape = (*header.shape[:2], len(channels))
         data = array_where_it_fits(shape, self.dtype, self.path.name)
@@ -120,7 +120,7 @@ class Keepable:
             has_gaps = has_gaps or not bool(np.isfinite(light).all())
             has_nans = has_nans or bool(np.isnan(light).any())
         turned = upright(data, header.orientation)
-        return KeptPicture(turned, kind, header.upright_about, has_nans, has_gaps)
+        return LoadedPicture(turned, kind, header.upright_about, has_nans, has_gaps)
 
     @property
     def _file(self) -> Path:
@@ -143,8 +143,8 @@ class Keepable:
         return number_rows(self._file) if self.header.about.number else read_rows(self._file)[1]
 
 
-def keepable(path: Place) -> Keepable | None:
-    """Open a picture to keep; None for integers that float32 cannot represent.
+def loadable_picture(path: Place) -> LoadablePicture | None:
+    """Open a picture that can be loaded as stored; None for integers that float32 cannot represent.
 
     Raises
     ------
@@ -157,4 +157,4 @@ def keepable(path: Place) -> Keepable | None:
         header = header_in_store(stored)
     else:
         header = header_of(path, 0, as_data=True)
-    return None if header.about.number in WIDE else Keepable(path, header, stored)
+    return None if header.about.number in WIDE else LoadablePicture(path, header, stored)

@@ -68,7 +68,7 @@ class Composited(NamedTuple):
 
 
 @plays(sample_of, OverBlend)
-def _matter_of(blend, s, n):  # type: ignore[no-untyped-def]
+def _sample_to_composite(blend, s, n):  # type: ignore[no-untyped-def]
     red, green, blue = blend.color[n, 0], blend.color[n, 1], blend.color[n, 2]
     is_point = s["kind"] == POINT
     return Composited(is_point, s["layer"], blend.density[n], red, green, blue, s["depth"])

@@ -107,7 +107,7 @@ def _first_of_layer(number: int, thickness: Single) -> Single:
 def most_waiting(scene: PreparedScene, source: SamplesInParts, between: Between) -> int:
     """Upper bound on samples in memory that wait for parts that may be nearer."""
     near, far, _ = keys_of(scene, source)
-    far = far + np.float32(_kept_before(scene, between))
+    far = far + np.float32(_overlap_of_steps(scene, between))
     behind, order = np.argsort(far), np.argsort(near)
     begun = np.append(0, source.sizes[order].cumsum())[:-1]
     ended = np.append(0, source.sizes[behind].cumsum())
@@ -115,7 +115,7 @@ def most_waiting(scene: PreparedScene, source: SamplesInParts, between: Between)
     return int((begun - ended).max(initial=0))
 
 
-def _kept_before(scene: PreparedScene, between: Between) -> float:
+def _overlap_of_steps(scene: PreparedScene, between: Between) -> float:
     """Distance in keys before the end of a step within which samples are kept."""
     if between is Between.SLABS:
         return 2 * math.sqrt(scene.ellipsoid.covariance[2, 2]) + 3 * scene.layers.thickness

@@ -9,6 +9,7 @@ import numpy as np
 from resample.types import Floats, Layers, Single
 
 SPLATS, POINTS, MIXTURE, PAPER = "splats", "points", "mixture", "paper"  # names of painters
+ALL_PAINTERS = (SPLATS, POINTS, MIXTURE)  # of which all samples decide
 
 Window = tuple[int, int, int, int]  # x0, y0, x1, y1, px of the whole picture; the end is exclusive
 NOTHING: Window = (0, 0, 0, 0)  # window for a plan without a picture
@@ -46,13 +47,7 @@ class PicturePlan(NamedTuple):
     spacing: Floats | None = None  # (T,) smallest spacing in each tile; None: windows find it
 
     def merged(self, others: Iterable["PicturePlan"]) -> "PicturePlan":
-        """Merge plans of parts of a picture's samples.
-
-        Raises
-        ------
-        ValueError
-            Parts have different painters, or bounds that depend on the partition.
-        """
+        """Merge plans of parts of a picture's samples."""
         plans = [plan for plan in (self, *others) if plan.visible] or [self]
         if any(plan.painter != SPLATS for plan in plans):
             raise ValueError(
@@ -98,13 +93,7 @@ def together(plans: Sequence[PicturePlan]) -> PicturePlan:
 
 
 def checked_window(window: Window, height: int, width: int) -> Window:
-    """Check a window of a picture of a size in px.
-
-    Raises
-    ------
-    ValueError
-        It is not a window of the picture.
-    """
+    """Check a window of a picture of a size in px."""
     try:
         x0, y0, x1, y1 = (int(number) for number in window)
     except (TypeError, ValueError):
@@ -120,13 +109,7 @@ def checked_window(window: Window, height: int, width: int) -> Window:
 
 
 def shape_of(size: Sequence[int]) -> tuple[int, int]:
-    """Height and width from a size, which is width and height, px.
-
-    Raises
-    ------
-    ValueError
-        It is not two positive integers, or exceeds the largest picture.
-    """
+    """Height and width from a size, which is width and height, px."""
     try:
         width, height = (operator.index(number) for number in size)
     except (TypeError, ValueError):

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from resample.memory.alike import alike
+from resample.memory.contiguous import contiguous
 from resample.painting.scenes.plans import PicturePlan, Window
 from resample.profiles.orders import Summing
 from resample.types import (
@@ -38,14 +38,8 @@ MOST_STRETCHED = 1e6  # largest ratio of lengths of a lattice's steps
 
 
 def check_lattice(lattice: ArrayLike, what: str) -> Doubles:
-    """Check a lattice (3, 3), the steps to a sample's neighbours.
-
-    Raises
-    ------
-    ValueError
-        It is not finite or singular, or its steps are extremely short, long or uneven.
-    """
-    steps = alike(lattice, np.float64)
+    """Check a lattice (3, 3), the steps to a sample's neighbours."""
+    steps = contiguous(lattice, np.float64)
     if steps.shape != (3, 3) or not _is_regular(steps):
         raise ValueError(f"{what} must be a finite, regular matrix (3, 3)")
     length = np.linalg.norm(steps, axis=0)
@@ -63,13 +57,7 @@ def check_lattice(lattice: ArrayLike, what: str) -> Doubles:
 
 
 def check_places(position: Floats | Doubles, what: str) -> None:
-    """Reject positions beyond the range of kernels.
-
-    Raises
-    ------
-    ValueError
-        They are not finite, or too far away.
-    """
+    """Reject positions beyond the range of kernels."""
     if not _is_finite(position):
         raise ValueError(f"{what} is not finite; leave such samples out")
     if position.size and max(position.max(), -position.min()) > LENGTHS[1]:
@@ -79,15 +67,8 @@ def check_places(position: Floats | Doubles, what: str) -> None:
 
 
 def check_samples(samples: Samples) -> Samples:
-    """Convert samples to contiguous float32 arrays and check that they fit together.
-
-    Raises
-    ------
-    ValueError
-        Shapes do not fit, a value is not finite, an extinction is negative, a scale is not above
-        0, or the lattice is singular.
-    """
-    position, color, extinction = (alike(given, np.float32) for given in samples[:3])
+    """Convert samples to contiguous float32 arrays and check that they fit together."""
+    position, color, extinction = (contiguous(given, np.float32) for given in samples[:3])
     count = extinction.size
     if extinction.ndim != 1 or position.shape != (count, 3) or color.shape != (count, 3):
         raise ValueError(
@@ -109,7 +90,7 @@ def _checked_scale(scale: ArrayLike | None, extinction: Floats) -> Floats | None
     if scale is None:
         return None
     with np.errstate(over="ignore"):
-        sizes = alike(scale, np.float32)
+        sizes = contiguous(scale, np.float32)
         if sizes.shape != extinction.shape:
             raise ValueError(f"scales {sizes.shape} do not fit {extinction.size} samples")
         if not (_is_finite(sizes) and (sizes > 0).all()):
@@ -130,11 +111,6 @@ def samples_of(field: Field) -> Samples:
 
     Gradients take the place of colors, and the values' positions between the classifier's low and
     high that of extinctions.
-
-    Raises
-    ------
-    ValueError
-        As in `check_samples`, or the classifier is invalid.
     """
     look = field.classifier
     table = np.asarray(look.table)
@@ -163,12 +139,12 @@ def samples_of(field: Field) -> Samples:
     return check_samples(samples)._replace(extinction=position.astype(np.float32))
 
 
-def alike_classifier(look: Classifier) -> Classifier:
+def kernel_classifier(look: Classifier) -> Classifier:
     """Classifier with the array and number types that kernels are compiled for."""
     lamp = look.lamp
-    toward, viewer = alike(lamp.toward, np.float64), alike(lamp.viewer, np.float64)
+    toward, viewer = contiguous(lamp.toward, np.float64), contiguous(lamp.viewer, np.float64)
     return Classifier(
-        alike(look.table, np.float32),
+        contiguous(look.table, np.float32),
         float(look.low),
         float(look.high),
         float(look.steep),
@@ -179,12 +155,12 @@ def alike_classifier(look: Classifier) -> Classifier:
     )
 
 
-def field_alike(field: LatticeField) -> LatticeField:
+def kernel_field(field: LatticeField) -> LatticeField:
     """Field with the lattice and classifier types that kernels are compiled for."""
     return field._replace(
-        lattice=alike(field.lattice, np.float64),
-        origin=alike(field.origin, np.float64),
-        classifier=alike_classifier(field.classifier),
+        lattice=contiguous(field.lattice, np.float64),
+        origin=contiguous(field.origin, np.float64),
+        classifier=kernel_classifier(field.classifier),
     )
 
 
@@ -209,13 +185,7 @@ def ellipsoid_of(lattice: Doubles, view: View, radius: float) -> Ellipsoid:
 
 
 def planes_of(clip: ArrayLike | None, view: View, ellipsoid: Ellipsoid) -> Doubles:
-    """Convert clipping planes (M, 4) of the scene to those of `Screen`, (M, 5).
-
-    Raises
-    ------
-    ValueError
-        They are not four finite numbers each, or a normal has length 0.
-    """
+    """Convert clipping planes (M, 4) of the scene to those of `Screen`, (M, 5)."""
     given = np.asarray([] if clip is None else clip, np.float64)
     if given.size == 0 or given.shape == (4,):
         given = given.reshape(-1, 4)

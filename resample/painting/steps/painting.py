@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.painting.layers import sheets_of
-from resample.painting.runs import dealt, film_of, plan_of, shown, turn_of, values_of
+from resample.painting.runs import dealt, film_of, plan_of, shown, tile_order, values_of
 from resample.painting.scenes.cuts import NEVER, Between, EndOfStep, InSteps, cut_at, keys_of
 from resample.painting.scenes.parts import SamplesInParts
 from resample.painting.scenes.scene import (
@@ -33,7 +33,7 @@ BORDER = 1.0  # px, largest rounding error of bounds
 Flags = NDArray[np.bool_]
 
 
-def bytes_kept(scene: PreparedScene, by: InSteps) -> int:
+def state_bytes(scene: PreparedScene, by: InSteps) -> int:
     """Bytes of a window's state between steps, without samples."""
     return 4 * by.kept * int(_subpixels(scene, _tiles_of(scene)).sum())
 
@@ -45,19 +45,13 @@ def paint_in_steps(
 
     Parameters
     ----------
-    scene
-        Scene with a window, and a plan with the spacings of its tiles.
-    by
-        Painter of its samples.
-    source
-        All parts that may be visible in the window.
     progress
         Called with the fraction of samples that are painted or hidden.
     """
     from resample.engine.ellipsoids.steps import OPAQUE
 
     tiles = _tiles_of(scene)
-    carried, are_shown = _nothing_carried(scene, by, tiles), shown(scene, tiles)
+    carried, are_shown = _initial_state(scene, by, tiles), shown(scene, tiles)
     painted = nothing_painted(0, 0, tiles.spacing.size)
     painted = painted._replace(plan=scene.plan, film=film_of(scene, tiles))
     if by.is_measuring:
@@ -67,7 +61,7 @@ def paint_in_steps(
     while left.size or waiting is not None:
         with told(None):
             are_open = are_shown & (carried.state < OPAQUE)
-            left = left[_are_met(scene, tiles, carried, source.bounds[left])]
+            left = left[_are_open(scene, tiles, carried, source.bounds[left])]
             samples, left = _with_next(source, left, waiting)
             first = near[left[0]] if left.size else np.float32(np.inf)
             end = cut_at(scene, by.between, first, slack)
@@ -76,7 +70,7 @@ def paint_in_steps(
             if samples is not None:
                 carried = carried._replace(step=step)
                 _paint_step(scene, by, samples, carried, are_open, painted)
-                waiting = _behind(scene, by, samples, end) if left.size else None
+                waiting = _samples_to_keep(scene, by, samples, end) if left.size else None
             carried = carried._replace(step=_next_step(step, by.between, end))
         done = total - int(source.sizes[left].sum())
         report(done, total)
@@ -112,7 +106,7 @@ def _subpixels(scene: PreparedScene, tiles: Tiles) -> Indices:
     return count
 
 
-def _nothing_carried(scene: PreparedScene, by: InSteps, tiles: Tiles) -> "Carried":
+def _initial_state(scene: PreparedScene, by: InSteps, tiles: Tiles) -> "Carried":
     """State of the tiles before the first step."""
     from resample.engine.ellipsoids.steps import Carried, Step
 
@@ -131,7 +125,7 @@ def _all_open(scene: PreparedScene, tiles: Tiles) -> Flags:
     return is_open
 
 
-def _are_met(scene: PreparedScene, tiles: Tiles, carried: "Carried", bounds: Floats) -> Flags:
+def _are_open(scene: PreparedScene, tiles: Tiles, carried: "Carried", bounds: Floats) -> Flags:
     """Mask of bounds (N, 4), px, that contain an open pixel."""
     (rows, columns), side = tiles_along(scene.screen, tiles.size), tiles.size
     is_open = carried.is_open.reshape(rows, columns, side, side).swapaxes(1, 2)
@@ -157,10 +151,10 @@ def _with_next(
     if left.size:
         loaded = source.load(left[:taken])
         found.append(samples_of(loaded) if isinstance(loaded, Field) else check_samples(loaded))
-    return _together(found), left[taken:]
+    return _concatenated(found), left[taken:]
 
 
-def _together(parts: list[Samples]) -> Samples | None:
+def _concatenated(parts: list[Samples]) -> Samples | None:
     """Concatenate samples of parts; None if there are none."""
     some = [part for part in parts if len(part.extinction)]
     if len(some) < 2:
@@ -184,17 +178,19 @@ def _paint_step(
     """Paint the samples of a step on open tiles."""
     runs = by.runs(samples)
     runs.known["seen"][runs.known["key"] >= carried.step.last] = 0
-    tiles, load = dealt(scene, runs, _find_nothing)
-    turn = turn_of(load, are_open)
+    tiles, load = dealt(scene, runs, _keep_spacings)
+    turn = tile_order(load, are_open)
     if turn.size:
         by.paint(turn, tiles, runs, (painted.film, painted.value, painted.tally, carried))
 
 
-def _find_nothing(tiles: Tiles) -> None:
+def _keep_spacings(tiles: Tiles) -> None:
     """Do nothing: the spacings of tiles are known."""
 
 
-def _behind(scene: PreparedScene, by: InSteps, samples: Samples, end: EndOfStep) -> Samples | None:
+def _samples_to_keep(
+    scene: PreparedScene, by: InSteps, samples: Samples, end: EndOfStep
+) -> Samples | None:
     """Samples to keep for the next step; None if there are none."""
     summing = Summing.SHEETS if by.between is Between.SHEETS else Summing.POINTS
     key = sheets_of(scene.layers, summing, samples.position, scene.view).key

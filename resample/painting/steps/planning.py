@@ -20,7 +20,6 @@ from resample.painting.slabs import columns_of, planned_as_summed
 from resample.painting.splats import are_splats_exact, has_points, planned_as
 from resample.types import AFFINE, MOST_COLUMNS, SMALL_ANGLE, Samples
 
-EVERYBODY = (SPLATS, POINTS, MIXTURE)
 MIRRORED = (AFFINE, SMALL_ANGLE)  # footprints that are symmetric about their center
 
 
@@ -62,7 +61,7 @@ def plan_of_all(
     scene: PreparedScene, by: Painters, parts: Sequence[PlansOfPart]
 ) -> PicturePlan | None:
     """Plan of all samples together; None: plans for other painters are needed."""
-    splats, points, mixture = (_together(plans) for plans in zip(*parts, strict=True))
+    splats, points, mixture = (_combined_plan(plans) for plans in zip(*parts, strict=True))
     found = None
     if are_splats_exact(scene):
         if splats is None:
@@ -78,7 +77,7 @@ def plan_of_all(
     return found._replace(tile=_tile_of(scene, by, found), spacing=None)
 
 
-def _together(plans: Sequence[PicturePlan | None]) -> PicturePlan | None:
+def _combined_plan(plans: Sequence[PicturePlan | None]) -> PicturePlan | None:
     """Combined plan of one painter; None if it is missing for a part."""
     known = [plan for plan in plans if plan is not None]
     return together(known) if len(known) == len(plans) else None

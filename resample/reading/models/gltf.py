@@ -30,13 +30,7 @@ Tree = dict[str, Any]
 
 
 def header_of(path: Path) -> Tree:
-    """JSON of a glTF file, in text or binary form.
-
-    Raises
-    ------
-    ValueError
-        There is none.
-    """
+    """JSON of a glTF file, in text or binary form."""
     size = path.stat().st_size
     with path.open("rb") as file:
         if path.suffix.lower() == ".glb":
@@ -56,13 +50,7 @@ def header_of(path: Path) -> Tree:
 
 
 def check_gltf(tree: Tree) -> None:
-    """Reject indices out of range, sizes beyond buffers, and other invalid values.
-
-    Raises
-    ------
-    ValueError
-        The message names the field, its value and what is allowed.
-    """
+    """Reject indices out of range, sizes beyond buffers, and other invalid values."""
     version = _object(tree, "asset", "asset").get("version")
     if not isinstance(version, str) or not version.startswith("2."):
         raise ValueError(f"its asset.version is {version!r:.40}, not '2.0'")

@@ -67,15 +67,7 @@ def _check_members(source: Path, infos: list[zipfile.ZipInfo]) -> None:
 
 
 def named_textures(source: Path) -> Iterator[Path]:
-    """Texture files of a mesh, whether they exist or not.
-
-    Raises
-    ------
-    ValueError
-        One is outside the mesh's folder.
-    OSError
-        A material library is missing.
-    """
+    """Texture files of a mesh, whether they exist or not."""
     return (file for file, is_texture in _named(source) if is_texture)
 
 

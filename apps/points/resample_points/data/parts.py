@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from resample.memory import ALLOWED, amount, available_memory, held
+from resample.memory import ALLOWED, amount, available_memory, memory_in_use
 from resample.memory.mapped import array_in_file, array_like, folder, most_of
 from resample_points.data.cloud import Cloud, some_of
 
@@ -75,7 +75,7 @@ def memory_left() -> int | None:
     allowed = ALLOWED.get()
     if allowed is None:
         return available_memory()
-    return max(allowed - held(), allowed // LEAST_SHARE)
+    return max(allowed - memory_in_use(), allowed // LEAST_SHARE)
 
 
 class CloudBuilder:

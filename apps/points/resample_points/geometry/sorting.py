@@ -17,7 +17,7 @@ from resample.watching import report, told
 from resample_points.data.cloud import Cloud, checked, some_of
 from resample_points.data.parts import on_threads, rows_of, zeros_beside
 
-TOGETHER = 256  # points compared at a time
+BATCH_SIZE = 256  # points compared at a time
 NEAR = 1 << 15  # points sorted at a time, which fit into the processor's cache
 LOWER = np.uint64(63 - 16)  # bits of a code below those counted by the first sort
 SAMPLED = 1 << 16  # points sampled to choose the ends of buckets
@@ -61,7 +61,7 @@ def in_order(cloud: Cloud, radius: float | None) -> Ordered:
     """
     pages = most_of(np.asarray(cloud.position))
     if pages is not None:
-        return _by_buckets(cloud, radius, max(TOGETHER, pages // SORTED))
+        return _by_buckets(cloud, radius, max(BATCH_SIZE, pages // SORTED))
     points = _drawn(cloud, radius)
     origin = _middle(*corners(points.position)) if len(points.position) else np.zeros(3)
     position = np.empty((len(points.position), 3), np.float32)
@@ -103,10 +103,10 @@ def _middle(low: Floats | Doubles, high: Floats | Doubles) -> Doubles:
 
 def corners(position: Floats | Doubles) -> tuple[Floats | Doubles, Floats | Doubles]:
     """Return least and greatest coordinates (3,) of at least one point."""
-    whole = len(position) // TOGETHER * TOGETHER
+    whole = len(position) // BATCH_SIZE * BATCH_SIZE
     if not whole:
         return position.min(axis=0), position.max(axis=0)
-    rows = position[:whole].reshape(-1, 3 * TOGETHER)  # long rows are compared faster
+    rows = position[:whole].reshape(-1, 3 * BATCH_SIZE)  # long rows are compared faster
     low, high = rows.min(axis=0).reshape(-1, 3), rows.max(axis=0).reshape(-1, 3)
     rest = position[whole:]
     return np.concatenate([low, rest]).min(axis=0), np.concatenate([high, rest]).max(axis=0)
@@ -167,7 +167,7 @@ def _rows(cloud: Cloud, rows: slice) -> Cloud:
     return Cloud(position[rows], normal[rows], color[rows], radius[rows])
 
 
-class _Given(NamedTuple):
+class _PreparedCloud(NamedTuple):
     """A cloud in files that is prepared for sorting part by part."""
 
     cloud: Cloud
@@ -215,7 +215,7 @@ def _by_buckets(cloud: Cloud, radius: float | None, most: int) -> Ordered:
             low, high = np.minimum(low, least), np.maximum(high, greatest)
         count += len(position)
     origin = _middle(low, high) if count else np.zeros(3)
-    given = _Given(cloud, radius, origin)
+    given = _PreparedCloud(cloud, radius, origin)
     if not count:
         return Ordered(origin, given.part(slice(0)))
     curve = _curve_in((low - origin).astype(np.float32), (high - origin).astype(np.float32))
@@ -230,7 +230,7 @@ def _by_buckets(cloud: Cloud, radius: float | None, most: int) -> Ordered:
     return Ordered(origin, ordered)
 
 
-def _ends(given: _Given, curve: MortonCurve, buckets: int) -> Codes:
+def _ends(given: _PreparedCloud, curve: MortonCurve, buckets: int) -> Codes:
     """Return the codes at which buckets of about equal size end."""
     every = max(1, len(given.cloud.position) // SAMPLED)
     sample = np.sort(curve.codes(given.part(slice(None, None, every)).position))
@@ -238,7 +238,9 @@ def _ends(given: _Given, curve: MortonCurve, buckets: int) -> Codes:
     return ends
 
 
-def _moved(given: _Given, curve: MortonCurve, ends: Codes, count: int) -> tuple[Cloud, Indices]:
+def _moved(
+    given: _PreparedCloud, curve: MortonCurve, ends: Codes, count: int
+) -> tuple[Cloud, Indices]:
     """Move points to buckets that end at given codes; also return the buckets' starts."""
     bucket = zeros_beside(given.cloud.position, (count,), np.uint32)
     held, first = np.zeros(len(ends) + 1, np.int64), 0

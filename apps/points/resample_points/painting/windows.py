@@ -165,7 +165,7 @@ def _discs_of(
 ) -> tuple[Records, NDArray[np.int64]]:
     """Return the projected discs in a span's tiles, and their indices."""
     from resample_points.painting.kernels.discs import SURFEL
-    from resample_points.painting.kernels.windows import find_meeting
+    from resample_points.painting.kernels.windows import find_overlapping
 
     canvas, count = job.canvas, 0
     held = int(survey.start[span[1]] - survey.start[span[0]])
@@ -177,7 +177,7 @@ def _discs_of(
         records = np.zeros(part.stop - part.start, SURFEL)
         job.project(part, records)
         meets = np.zeros(len(records), np.bool_)
-        find_meeting(records, (*shape, canvas.size), span, meets)
+        find_overlapping(records, (*shape, canvas.size), span, meets)
         some = np.flatnonzero(meets)
         found[count : count + some.size] = records[some]
         which[count : count + some.size] = part.start + some

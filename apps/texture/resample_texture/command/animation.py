@@ -103,13 +103,7 @@ def frame(source: Floats, flight: Flyover, paint: FlightOptions, n: int) -> Leve
 
 
 def with_alpha(picture: Floats) -> Floats:
-    """Return RGB and alpha (H, W, 4) of a gray or RGB picture with or without alpha.
-
-    Raises
-    ------
-    ValueError
-        It has another number of channels.
-    """
+    """Return RGB and alpha (H, W, 4) of a gray or RGB picture with or without alpha."""
     channels = picture.shape[2]
     if channels not in (1, 2, 3, 4):
         raise ValueError(f"a picture of {channels} channels; gray and RGB ones can be shown")

@@ -273,13 +273,7 @@ class MeshFormat(FrameFormat):
 
 
 def region(text: str | None) -> tuple[int, int, int, int] | None:
-    """Read left, top, width and height from a text such as 10,20,300,200.
-
-    Raises
-    ------
-    ValueError
-        These are not four whole numbers.
-    """
+    """Read left, top, width and height from a text such as 10,20,300,200."""
     if text is None:
         return None
     match = re.fullmatch(r"\s*(\d+)[,\s]+(\d+)[,\s]+(\d+)[,\s]+(\d+)\s*", text, re.ASCII)

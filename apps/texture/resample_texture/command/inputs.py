@@ -29,13 +29,7 @@ Aim = Callable[[tuple[int, int]], PictureTarget]  # from a picture's height and 
 
 
 def target_of(place: WarpGeometry, source_shape: tuple[int, int]) -> PictureTarget:
-    """Return geometry and size for a source (height, width).
-
-    Raises
-    ------
-    ValueError, OSError
-        An option is invalid.
-    """
+    """Return geometry and size for a source (height, width)."""
     name, given = place.given()
     if name == "matrix":
         return _by_matrix(place, given, source_shape)
@@ -105,13 +99,7 @@ def calibrated(
     *,
     fisheye: bool = False,
 ) -> Calibration:
-    """Read a lens, with the pinhole and rotation to rectify for if given.
-
-    Raises
-    ------
-    ValueError, OSError
-        A text is neither valid numbers nor a file of them.
-    """
+    """Read a lens, with the pinhole and rotation to rectify for if given."""
     from resample.cameras.models import LensModel
     from resample.cameras.poses import turned_by
     from resample.words import naming

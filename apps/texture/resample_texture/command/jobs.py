@@ -54,13 +54,7 @@ class Job:
         return self.aim((picture.data.shape[0], picture.data.shape[1]))
 
     def check_memory(self, source: Place | Picture, output: Path) -> None:
-        """Refuse a warp that does not fit into memory, before a file's pixels are read.
-
-        Raises
-        ------
-        ValueError, OSError
-            It does not fit, or the file is not a picture.
-        """
+        """Refuse a warp that does not fit into memory, before a file's pixels are read."""
         if isinstance(source, Picture):
             (height, width, count), kind = source.data.shape, source.kind
         else:
@@ -88,13 +82,7 @@ class Job:
         return warped(session, picture, target, self.warping, self.roi, keeps_gaps=gaps, bar=bar)
 
     def check(self, picture: Picture, target: PictureTarget, output: Path) -> None:
-        """Refuse an output file that could not be written, before any work is done.
-
-        Raises
-        ------
-        ValueError
-            The file cannot hold the picture.
-        """
+        """Refuse an output file that could not be written, before any work is done."""
         check_source(output, picture, self.options)
         is_open = self.warping.edge == "transparent" and not self.warping.total
         if is_open and not holds_gaps(output, picture, self.options):
@@ -112,13 +100,7 @@ def warp_all(
     written: Written,
     besides: Besides,
 ) -> None:
-    """Warp a picture, a film or a batch of files, once the target is known.
-
-    Raises
-    ------
-    ValueError, LookupError, OSError
-        An option or a file is invalid.
-    """
+    """Warp a picture, a film or a batch of files, once the target is known."""
     warping.check()
     # Pictures of the same size share a target, whose files are read once.
     job = Job(lru_cache(maxsize=1)(aim), warping, written.options(), region(besides.roi))
@@ -138,15 +120,7 @@ def warp_all(
 
 
 def warp_batch(images: Sequence[Place], output: Path, job: Job) -> dict[str, Any]:
-    """Warp files into a folder; return the statistics. Report failures and go on.
-
-    Raises
-    ------
-    ValueError
-        Some files failed, or their names clash.
-    OSError
-        The folder cannot be created.
-    """
+    """Warp files into a folder; return the statistics. Report failures and go on."""
     pairs = batch_of(images, output)
     output.mkdir(exist_ok=True)
     told, session = [], Session()
@@ -170,13 +144,7 @@ def warp_batch(images: Sequence[Place], output: Path, job: Job) -> dict[str, Any
 def warp_file(
     source: Place, output: Path, job: Job, coverage: Path | None = None
 ) -> dict[str, Any]:
-    """Warp the pictures of a file; return what `--stats` writes.
-
-    Raises
-    ------
-    ValueError, OSError
-        A file cannot be read, warped or written.
-    """
+    """Warp the pictures of a file; return what `--stats` writes."""
     session, frames = Session(), frames_of(source)
     if frames is None:
         return _warp_picture(session, source, output, job, coverage, bar="warping")
@@ -237,8 +205,8 @@ def _warp_large(
     session: Session, large: Large, output: Path, job: Job, coverage: Path | None, bar: str | None
 ) -> dict[str, Any]:
     """Warp a picture strip by strip; the output is the same."""
-    kept = large.kept
-    check_source(output, Picture(NOTHING, kept.kind, kept.about), job.options)
+    loaded = large.loaded
+    check_source(output, Picture(NOTHING, loaded.kind, loaded.about), job.options)
     check_output(output, job.options, transparent=large.kind.has_alpha)
     height, width = large.shape
     check_memory(large.form.shape, large.shape, job.warping, output, in_strips=large.in_strips)
@@ -257,7 +225,7 @@ def _warp_large(
                 put_share(coverage_picture(share))
             if progress is not None:
                 progress((done + strip.data.shape[0]) / height)
-    _say_lost(kept.about, large.about, output, has_nans=has_nans)
+    _say_lost(loaded.about, large.about, output, has_nans=has_nans)
     return report(session, large.form.shape, (height, width), large.kind, job.warping)
 
 

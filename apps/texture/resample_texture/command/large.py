@@ -13,7 +13,7 @@ from resample.colors import to_srgb
 from resample.files.facts.metadata import FileMetadata
 from resample.files.pictures import Kind, Picture, WriteOptions, holds_missing
 from resample.files.stores.addresses import Place
-from resample.files.strips.reading import Keepable, KeptPicture, keepable
+from resample.files.strips.reading import LoadablePicture, LoadedPicture, loadable_picture
 from resample.memory import ALLOWED, GIB
 from resample.types import Floats
 from resample_texture.arguments import method_named, within
@@ -37,7 +37,7 @@ from resample_texture.types import Edge, Warped
 MOST_AT_ONCE = 1 << 30  # bytes that a warp of the whole picture may take
 MOST_IN_STRIP, LEAST_IN_STRIP = 1 << 24, 1 << 22  # target values per strip
 SHARE_OF_STRIP = 8  # a strip takes 1 / 8 of what --memory allows
-EVERYTHING = 1 << 62  # px of a window
+WHOLE_PICTURE = 1 << 62  # px of a window
 ROWS = 32  # strips have a multiple of this, so that files keep their blocks
 
 Roi = tuple[int, int, int, int]  # left, top, width and height, px
@@ -53,14 +53,8 @@ class Destination(NamedTuple):
 def large_picture(
     path: Place, aim: Aim, choice: PictureWarping, roi: Roi | None, written: Destination
 ) -> "Large | None":
-    """Return a large picture to warp strip by strip; None if it is small or cannot be.
-
-    Raises
-    ------
-    ValueError, OSError
-        The file or an option is invalid.
-    """
-    form = keepable(path)
+    """Return a large picture to warp strip by strip; None if it is small or cannot be."""
+    form = loadable_picture(path)
     if form is None or choice.total:
         return None
     target = aim(form.shape[:2])
@@ -108,7 +102,7 @@ class Large:
         Output file and format.
     """
 
-    form: Keepable
+    form: LoadablePicture
     target: PictureTarget
     choice: PictureWarping
     method: Any  # a `Method` that may have `visible_tiles`
@@ -149,14 +143,14 @@ class Large:
         return InStrips(self.form.size, max(self.most, LEAST_IN_STRIP))
 
     @cached_property
-    def kept(self) -> KeptPicture:
+    def loaded(self) -> LoadedPicture:
         """The stored picture; sRGB-encoded if encoded values are warped."""
-        kept = self.form.keep(self._source_rect.part)
-        if self._is_curved and not kept.has_levels:
-            for first in range(0, len(kept.data), ROWS):
-                rows = kept.data[first : first + ROWS]
-                rows[...] = curved(Picture(rows, kept.kind), to_srgb)
-        return kept
+        loaded = self.form.load(self._source_rect.part)
+        if self._is_curved and not loaded.has_levels:
+            for first in range(0, len(loaded.data), ROWS):
+                rows = loaded.data[first : first + ROWS]
+                rows[...] = curved(Picture(rows, loaded.kind), to_srgb)
+        return loaded
 
     @property
     def _source_rect(self) -> Rect:
@@ -174,12 +168,12 @@ class Large:
         size = self.form.shape[:2]
         geometry, shape, _ = self._part(first, count)
         seen = self.method.visible_tiles(size, geometry, shape, Edge(self.choice.edge))
-        return next(windows_of(seen, size, EVERYTHING)).source
+        return next(windows_of(seen, size, WHOLE_PICTURE)).source
 
     @cached_property
     def kind(self) -> Kind:
         """Kind of the result: with transparency unless every pixel shows the picture."""
-        kind = self.kept.kind
+        kind = self.loaded.kind
         is_closed = kind.has_alpha or self.choice.edge != "transparent" or self.keeps_gaps
         return (
             kind if is_closed or self._is_whole else kind._replace(channels=(*kind.channels, "A"))
@@ -188,14 +182,14 @@ class Large:
     @cached_property
     def about(self) -> FileMetadata:
         """Metadata of the result."""
-        about = self.kept.about
+        about = self.loaded.about
         return about._replace(geo=placed(about.geo, self.target, self.roi))
 
     @cached_property
     def keeps_gaps(self) -> bool:
         """Whether uncovered pixels are marked as missing, if the file format can do that."""
-        kept, (path, look) = self.kept, self.written
-        return holds_missing(path, kept.kind, kept.about, look, has_nans=kept.has_nans)
+        loaded, (path, look) = self.loaded, self.written
+        return holds_missing(path, loaded.kind, loaded.about, look, has_nans=loaded.has_nans)
 
     @property
     def _is_curved(self) -> bool:
@@ -205,7 +199,7 @@ class Large:
     @cached_property
     def _is_whole(self) -> bool:
         """Whether every pixel shows the picture and nothing else."""
-        if self.kept.has_gaps:
+        if self.loaded.has_gaps:
             rows = self._rows()
             return all((self._drawn(*some).coverage >= WHOLE).all() for some in rows)
         if isinstance(self.target.places, Homography):
@@ -244,7 +238,7 @@ class Large:
             yield first, self._strip(first, count)
 
     def _strip(self, first: int, count: int) -> tuple[Picture, Floats]:
-        kind, choice = self.kept.kind, self.choice
+        kind, choice = self.loaded.kind, self.choice
         image, coverage = self._drawn(first, count)
         made = finished(
             image,
@@ -259,9 +253,9 @@ class Large:
 
     def _drawn(self, first: int, count: int) -> Warped:
         """Return a strip in linear light, and its coverage."""
-        kept, choice = self.kept, self.choice
+        loaded, choice = self.loaded, self.choice
         drawing, part = self._drawing(first, count)
-        drawing = drawing._replace(has_gaps=kept.has_gaps)
-        is_linear = choice.linear and kept.kind.is_encoded
-        image, coverage = drawn(kept.data, drawing, linear_light=is_linear, alpha=None)
+        drawing = drawing._replace(has_gaps=loaded.has_gaps)
+        is_linear = choice.linear and loaded.kind.is_encoded
+        image, coverage = drawn(loaded.data, drawing, linear_light=is_linear, alpha=None)
         return Warped(image[part], coverage[part])

@@ -42,23 +42,8 @@ def check_memory(
 
     Parameters
     ----------
-    form
-        Height, width and channels of the source, including opacity.
     shape
         Height and width of the result, px.
-    choice
-        How it is warped.
-    output
-        Output file: integer formats are encoded by way of floats.
-    has_alpha
-        Whether a channel is opacity.
-    in_strips
-        Memory of a large picture, which is drawn strip by strip.
-
-    Raises
-    ------
-    ValueError
-        It needs more memory than is allowed or free.
     """
     height, width = shape
     what = f"a picture of {width} x {height} pixels"
@@ -72,18 +57,12 @@ def check_memory(
             "the source": BYTES_PER_TEXEL * prod(form),
             "the result": values * bytes_written(shape, output),
         }
-    is_ours = ".rivals." not in type(method_named(choice.method)).__module__
+    is_ours = ".baselines." not in type(method_named(choice.method)).__module__
     require(what, {"libraries": libraries() if is_ours else OTHERS, **parts}, REMEDY)
 
 
 def require_film(source: Place, size: tuple[int, int]) -> None:
-    """Refuse a flight over a picture that does not fit into memory, as `check_memory` does.
-
-    Raises
-    ------
-    ValueError, OSError
-        It needs more memory than is allowed or free, or the file is not a picture.
-    """
+    """Refuse a flight over a picture that does not fit into memory, as `check_memory` does."""
     (height, width, _), _ = form_of(source)
     texel, pixel = BYTES_OF_FILM
     require_picture(size, pixel, {"the source": texel * height * width})

@@ -24,11 +24,6 @@ def pieces(interpolation: Interpolation) -> tuple[Doubles, Doubles, float]:
     (D, K) coefficients, the constants first, for K samples from the first to the last; (D − 1, K)
     those of the derivatives; and a shift. With s the place − shift, a polynomial's argument is
     s − ⌊s⌋ − 0.5 and sample k is ⌊s⌋ − ⌊(K − 1) / 2⌋ + k. Weights sum to 1 everywhere.
-
-    Raises
-    ------
-    ValueError
-        The interpolation is not linear, has no slope, or is not smooth.
     """
     if getattr(interpolation, "limit", "none") != "none":
         raise ValueError(

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample import registry
-from resample.memory.alike import alike
+from resample.memory.contiguous import contiguous
 from resample.types import Doubles
 from resample_texture.arguments import REFLECT_101, edge_named
 from resample_texture.differentiable.coefficients import (
@@ -21,7 +21,7 @@ from resample_texture.differentiable.kernels.gather import (
     CoefficientPlate,
     change,
     gather,
-    give_back,
+    scatter_gradients,
 )
 from resample_texture.differentiable.kernels.points import REFLECT_101 as REFLECTED
 from resample_texture.differentiable.kernels.points import InterpolatedSource
@@ -114,7 +114,7 @@ class LinearWarp:
         rows, columns = (size + 2 * lens.margin for size in lens.size)
         plate = np.zeros((rows, columns, given.shape[2]))
         with _threads(self.threads):
-            _give_all(given, seen, lens, plate)
+            _scatter_all(given, seen, lens, plate)
         texels = transposed(plate, self.interpolation, self.edge)
         return texels.reshape(tuple(source_shape) + np.shape(gradient)[2:])
 
@@ -164,7 +164,9 @@ def _threads(count: int | None) -> Any:
     return nullcontext() if count is None else threads(count)
 
 
-def _give_all(gradient: Doubles, seen: Doubles, lens: InterpolatedSource, plate: Doubles) -> None:
+def _scatter_all(
+    gradient: Doubles, seen: Doubles, lens: InterpolatedSource, plate: Doubles
+) -> None:
     """Add all pixels' gradients to the coefficients, tile by tile in a fixed order."""
     tiles = _tiles(seen.shape[:2])
     boxes = _boxes(seen, tiles, lens)
@@ -177,7 +179,7 @@ def _give_all(gradient: Doubles, seen: Doubles, lens: InterpolatedSource, plate:
         last = min(max(last, first + 1), len(tiles))
         ours = start[first : last + 1] - start[first]
         patches = np.empty(ours[-1])
-        give_back(gradient, seen, lens, tiles[first:last], boxes[first:last], ours, patches)
+        scatter_gradients(gradient, seen, lens, tiles[first:last], boxes[first:last], ours, patches)
         for n, (left, top, right, bottom) in enumerate(boxes[first:last]):
             part = plate[top:bottom, left:right]
             part += patches[ours[n] : ours[n + 1]].reshape(part.shape)
@@ -232,7 +234,7 @@ def _picture(given: ArrayLike, name: str) -> Doubles:
             f"not {array.dtype} of {array.shape}"
         )
     array = array if array.ndim == 3 else array[..., None]
-    return alike(array, np.float64)
+    return contiguous(array, np.float64)
 
 
 def _check_source(shape: tuple[int, ...], places: Places) -> None:

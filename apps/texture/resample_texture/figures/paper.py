@@ -58,24 +58,7 @@ def write_figures(
     titles: Mapping[str, str],
     sheet: str,
 ) -> str:
-    """Write every picture, a sheet of all and a table; returns the table.
-
-    Parameters
-    ----------
-    folder
-        Target, which exists.
-    comparisons
-        Of one set of methods, by the name of what is shown.
-    titles
-        What methods are called in the sheet; the others keep their names.
-    sheet
-        Name of the sheet's file.
-
-    Raises
-    ------
-    OSError
-        A file cannot be written.
-    """
+    """Write every picture, a sheet of all and a table; returns the table."""
     for subject, comparison in comparisons.items():
         for name, screen in comparison.screens.items():
             method = "truth" if name == comparison.truth else name

@@ -17,22 +17,7 @@ MEASURES = ("psnr", "ssim", "flip")
 
 
 def write_report(comparison: PictureComparison, path: Path, *, about: Mapping[str, str]) -> None:
-    """Write a page with the table, a slider between two pictures, and enlarged details.
-
-    Parameters
-    ----------
-    comparison
-        The comparison to show.
-    path
-        Output file.
-    about
-        Facts for the reader, by name.
-
-    Raises
-    ------
-    OSError
-        The file cannot be written.
-    """
+    """Write a page with the table, a slider between two pictures, and enlarged details."""
     with replacing(path) as temporary:
         html = page(comparison, about=about)
         temporary.write_text(html, encoding="utf-8", errors="backslashreplace")

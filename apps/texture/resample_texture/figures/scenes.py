@@ -52,16 +52,6 @@ def scene_of(
         the picture rotated by 30 degrees; `floor-close`: from 8 × 8 px to 1/2 × 1/32; `zoom`:
         enlarged 3 times and rotated by 15 degrees; `shrink`: scaled by 0.3 and rotated by 15
         degrees; or a matrix, see `parse_matrix`.
-    size
-        Height and width of the target; by default half the picture's for named scenes, the
-        picture's for a matrix.
-    fine
-        The same picture at a higher resolution, if known; then the picture is not tiled.
-
-    Raises
-    ------
-    ValueError
-        The scene is unknown, or the picture is too large.
     """
     if max(picture.shape[:2]) > LARGEST_SIDE:
         raise ValueError(
@@ -104,8 +94,6 @@ def truth(
 
     Parameters
     ----------
-    scene
-        The scene; beyond the source there is nothing.
     kind
         Pixel filter: `box`, the pixel's area; or `gaussian` of σ 0.5 px, cut at 2 px.
     progress
@@ -114,11 +102,6 @@ def truth(
     Returns
     -------
     (H, W, C) float32.
-
-    Raises
-    ------
-    ValueError
-        The filter is unknown.
     """
     tap = _taps(kind)
     if scene.fine is None:
@@ -177,11 +160,6 @@ def zones(scene: ComparedView) -> dict[str, Mask]:
     -------
     `whole`, and the zones that are not empty: `minified` (texels shrink along both axes),
     `magnified` (texels grow along both axes) and `mixed`.
-
-    Raises
-    ------
-    ValueError
-        No pixel lies well inside the source.
     """
     is_inside = _inside(scene)
     if not is_inside.any():

@@ -22,13 +22,7 @@ Exact = NDArray[Any]  # rational numbers
 
 
 def parse_points(text: str) -> Doubles:
-    """Read four points (4, 2) from "10,20 500,30 490,700 5,680"; semicolons also separate.
-
-    Raises
-    ------
-    ValueError
-        These are not eight finite numbers.
-    """
+    """Read four points (4, 2) from "10,20 500,30 490,700 5,680"; semicolons also separate."""
     try:
         numbers = [float(number) for number in SEPARATOR.split(text) if number]
     except ValueError:
@@ -81,11 +75,6 @@ def order_corners(corners: ArrayLike) -> Doubles:
         (4, 2) px in any order. The page's top side lies above its bottom side, and its left side to
         the left of its right side, judged by the means of their ends; if two orders satisfy that,
         the page is taken to be turned by less than 45 degrees.
-
-    Raises
-    ------
-    ValueError
-        They do not bound a convex shape, or its rotation by 45 degrees is ambiguous.
     """
     given = _checked(corners, "page")
     offset = given - given.mean(axis=0)
@@ -111,11 +100,6 @@ def rectified_shape(corners: ArrayLike) -> tuple[int, int]:
     ----------
     corners
         (4, 2) px: top left, top right, bottom right, bottom left.
-
-    Raises
-    ------
-    ValueError
-        They do not bound a convex shape in this order.
     """
     page = _checked(corners, "page")
     _check_convex(page)

@@ -23,13 +23,8 @@ def undistorting(
 
     Parameters
     ----------
-    camera
-        Camera whose distortion is removed.
     shape
         Height and width of the pinhole's picture, the target, px.
-    ideal
-        The pinhole, of which only the matrix matters (OpenCV's new camera matrix); by default the
-        camera without its lens.
     rotation
         (3, 3) from the camera's axes to the pinhole's (OpenCV's R); by default the identity.
 
@@ -38,11 +33,6 @@ def undistorting(
     A map that is not a number behind the camera, and where the distortion's polynomial folds back:
     there `cv2.initUndistortRectifyMap` and `cv2.fisheye.initUndistortRectifyMap` show parts of the
     photo twice.
-
-    Raises
-    ------
-    ValueError
-        The rotation is not one.
     """
     return BackwardMap.from_function(
         places_by_lens(camera, ideal=ideal, rotation=rotation, inverse=False), shape
@@ -60,8 +50,6 @@ def distorting(
 
     Parameters
     ----------
-    camera, ideal, rotation
-        As `undistorting` takes them.
     shape
         Height and width of the photo, the target, px.
 
@@ -77,15 +65,7 @@ def distorting(
 def places_by_lens(
     camera: Camera, *, ideal: Camera | None, rotation: ArrayLike | None, inverse: bool
 ) -> Callable[[Doubles, Doubles], tuple[Doubles, Doubles]]:
-    """Return a function from x and y of pixel centers, (h, w) each, to those of the source.
-
-    Parameters
-    ----------
-    camera, ideal, rotation
-        As `undistorting` takes them.
-    inverse
-        True: distort, as `distorting` does.
-    """
+    """Return a function from x and y of pixel centers, (h, w) each, to those of the source."""
     turned = _checked(rotation)
     way = undistorted_places if inverse else distorted_places
 
@@ -107,8 +87,6 @@ def undistorting_forward(
 
     Parameters
     ----------
-    camera, ideal, rotation
-        As `undistorting` takes them.
     source_shape
         Height and width of the photo, the source, px.
     """

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from resample.memory.alike import alike
+from resample.memory.contiguous import contiguous
 from resample.types import Doubles
 from resample_texture.geometry.maps import as_pairs, from_fixed_point, is_number
 
@@ -271,8 +271,6 @@ def source_coordinates(
 
     Parameters
     ----------
-    geometry
-        A homography or a backward map.
     shape
         Height and width of the target, px.
     source_shape
@@ -282,11 +280,6 @@ def source_coordinates(
     -------
     x and y, (height, width) each; not a number where a pixel lies beyond the horizon or shows
     nothing.
-
-    Raises
-    ------
-    ValueError
-        The geometry is a forward map, or a map of another shape.
     """
     if isinstance(geometry, ForwardMap):
         raise ValueError("a forward map cannot be inverted; give a homography or a backward map")
@@ -329,7 +322,7 @@ def _keep_pair(given: ForwardMap | BackwardMap, name: str) -> None:
     """Store a map's arrays as float64, not a number in both or in none."""
     x, y = np.asarray(given.x), np.asarray(given.y)
     _check_pictures(x, y, name)
-    x, y = alike(x, np.float64), alike(y, np.float64)
+    x, y = contiguous(x, np.float64), contiguous(y, np.float64)
     is_somewhere = np.isfinite(x) & np.isfinite(y)
     if not is_somewhere.all():
         x, y = np.where(is_somewhere, x, np.nan), np.where(is_somewhere, y, np.nan)

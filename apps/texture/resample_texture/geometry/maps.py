@@ -30,13 +30,6 @@ def read_map(path: str | Path) -> NDArray[Any]:
         `.npy` of the shape (H, W, 2); `.npz` with the arrays x and y; `.flo` (Middlebury's optical
         flow, not a number where it is unknown); or any picture with two channels, or with
         channels named X and Y, U and V, or R and G, as they are stored.
-
-    Raises
-    ------
-    ValueError
-        The file does not hold two numbers per pixel.
-    OSError
-        The file is missing or damaged.
     """
     suffix = Path(path).suffix.lower()
     if suffix == ".flo":
@@ -71,13 +64,7 @@ def places_by_map(
 
 
 def read_arrays(path: str | Path) -> NDArray[Any] | dict[str, NDArray[Any]]:
-    """Read the array of a .npy file, or the arrays of a .npz file by name.
-
-    Raises
-    ------
-    OSError
-        The file is missing or damaged.
-    """
+    """Read the array of a .npy file, or the arrays of a .npz file by name."""
     file = Path(path)
     # Only the parts that are used are read.
     return read_npy(file, mapped=True) if is_npy(file) else read_npz(file)
@@ -112,11 +99,6 @@ def from_fixed_point(whole: NDArray[Any], fraction: NDArray[Any]) -> Doubles:
         (h, w, 2) int16, whole pixels.
     fraction
         (h, w) uint16, 32 y + x in 32nds of a pixel.
-
-    Raises
-    ------
-    ValueError
-        Their types or shapes do not fit.
     """
     places = as_pairs(whole, "a fixed-point map")
     if fraction.shape != whole.shape[:2]:

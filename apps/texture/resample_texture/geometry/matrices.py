@@ -28,15 +28,8 @@ def homography(
     ----------
     matrix
         (3, 3), or (2, 3) if it is affine.
-    convention
-        Coordinates of the first pixel's center, in source and target.
     inverse
         The matrix maps the target to the source (`cv2.WARP_INVERSE_MAP`).
-
-    Raises
-    ------
-    ValueError
-        The matrix has another shape, is not finite or has no inverse; or the convention is unknown.
     """
     if convention not in tuple(Convention):
         raise ValueError(f"unknown convention {convention!r}; known: {', '.join(Convention)}")
@@ -49,22 +42,7 @@ def homography(
 
 
 def parse_matrix(text: str) -> Doubles:
-    """Read a matrix (3, 3) from a command line's text.
-
-    Parameters
-    ----------
-    text
-        Nine numbers, row by row, or six of an affine matrix, separated by commas or blanks; or the
-        path of a text file with three or two lines of three numbers (`#` begins a comment), or of
-        a `.npy` file.
-
-    Raises
-    ------
-    ValueError
-        It is neither numbers nor a file, or the numbers do not make a matrix.
-    OSError
-        The file cannot be read.
-    """
+    """Read a matrix (3, 3) from a command line's text."""
     try:
         numbers = [_numbers(text)]
     except ValueError:

@@ -22,13 +22,7 @@ def scaling(factor: tuple[float, float]) -> Homography:
 
 
 def scaled_shape(source_shape: tuple[int, int], factor: tuple[float, float]) -> tuple[int, int]:
-    """Return a picture's height and width times factors along x and y, rounded.
-
-    Raises
-    ------
-    ValueError
-        A factor is not above 0.
-    """
+    """Return a picture's height and width times factors along x and y, rounded."""
     if not all(0.0 < one < math.inf for one in factor):
         raise ValueError(
             f"a picture cannot be scaled by {' and '.join(f'{one:g}' for one in factor)};"
@@ -49,11 +43,6 @@ def turning(source_shape: tuple[int, int], degrees: float, shape: tuple[int, int
     degrees
         Multiples of 90 are exact: texels are copied if both centers are centers of pixels, or
         corners of pixels.
-
-    Raises
-    ------
-    ValueError
-        The angle is not finite.
     """
     cosine, sine = _cosine_and_sine(degrees)
     turn = np.array([[cosine, sine], [-sine, cosine]])

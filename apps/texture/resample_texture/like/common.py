@@ -35,8 +35,6 @@ def draw(
     ----------
     image
         (H, W) or (H, W, C), masked or not.
-    behind
-        Background of the same type that can be broadcast to (h, w, C).
     linear_light
         Filter linear light, not the encoded levels.
     """

@@ -43,30 +43,10 @@ def affine_transform(  # noqa: PLR0913, PLR0917 - as scipy.ndimage has it
 
     Parameters
     ----------
-    input
-        Any type that `resample_texture.warp` takes; values are never encoded.
     matrix
         (2, 2), its diagonal (2,), or (2, 3) or (3, 3) with the offset in the last column.
-    offset
-        Rows and columns, or one number for both.
-    output_shape
-        Height and width of the result; by default the input's.
-    output
-        Array for the result, or the result's type.
     order
         0 copies texels, 1 interpolates linearly, 2 to 5 use a cubic spline.
-    mode, cval
-        Edge mode: `constant`, `nearest`, `reflect` (d c b a | a b c d), `mirror`
-        (d c b | a b c d), `grid-wrap`; `grid-constant` equals `constant`, `grid-mirror` `reflect`.
-    prefilter
-        True: the input holds values, not spline coefficients.
-    method
-        As `resample_texture.warp` takes it.
-
-    Raises
-    ------
-    ValueError
-        The matrix has another shape or no inverse, or an option is unknown.
     """
     image = _picture(input)
     shape = _shape(output_shape, output, image)
@@ -90,15 +70,8 @@ def map_coordinates(  # noqa: PLR0913 - as scipy.ndimage has it
 
     Parameters
     ----------
-    input, output, order, mode, cval, prefilter, method
-        As `affine_transform` takes them.
     coordinates
         (2, h, w); pixels are areas, whose size follows from their neighbours' coordinates.
-
-    Raises
-    ------
-    ValueError
-        The coordinates have another shape, or an option is unknown.
     """
     image = _picture(input)
     places = np.asarray(coordinates)

@@ -116,13 +116,7 @@ def warpAffine(  # noqa: N802, PLR0913 - as cv2 has it
     linear_light: bool = False,
     method: str | Method | None = None,
 ) -> NDArray[Any]:
-    """`cv2.warpAffine` without aliasing; parameters as for `warpPerspective`.
-
-    Raises
-    ------
-    ValueError
-        `M` is not (2, 3), or as `warpPerspective` does.
-    """
+    """`cv2.warpAffine` without aliasing; parameters as for `warpPerspective`."""
     if np.shape(M) != (2, 3):
         raise ValueError(f"an affine matrix is (2, 3), not {np.shape(M)}; see warpPerspective")
     return warpPerspective(
@@ -147,18 +141,8 @@ def remap(  # noqa: PLR0913 - as cv2 has it
 
     Parameters
     ----------
-    src, dst, borderMode, borderValue, linear_light, method
-        As `warpPerspective` takes them.
-    map1, map2
-        In any of OpenCV's forms, pixel centers at integers; pixels with a coordinate that is not a
-        number show nothing.
     interpolation
         `cv2.INTER_*`, with `cv2.WARP_RELATIVE_MAP` if maps are relative to each pixel.
-
-    Raises
-    ------
-    ValueError
-        As `warpPerspective` does, or the maps do not fit each other.
     """
     kind = interpolation & ~WARP_RELATIVE_MAP
     if kind not in INTERPOLATIONS:

@@ -43,9 +43,6 @@ def load_mesh(path: str | Path, texture: str | Path | Floats | None = None) -> M
 
     Parameters
     ----------
-    path
-        OBJ, GLB, glTF, PLY or anything else that trimesh reads. All objects of a scene are
-        transformed and become one mesh.
     texture
         Texture to use instead of all that the file names: a file, or (H, W, 3) linear light.
 
@@ -54,13 +51,6 @@ def load_mesh(path: str | Path, texture: str | Path | Floats | None = None) -> M
     The mesh in the file's own space. Parts without a texture or texture coordinates have their
     material's color. A glTF material's color multiplies its texture; its alpha mode and wrap modes
     are kept. In other formats textures repeat and are opaque.
-
-    Raises
-    ------
-    ValueError
-        The file is not a mesh, has no triangles, or defines no colors.
-    OSError
-        The file or a texture it names is missing or damaged.
     """
     source = Path(path)
     if not source.is_file():

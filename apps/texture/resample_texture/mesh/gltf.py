@@ -39,13 +39,7 @@ class Described(NamedTuple):
 
 
 def described(file: Path) -> Described | None:
-    """Return a glTF file's materials, and the content for trimesh; None for other files.
-
-    Raises
-    ------
-    ValueError
-        The file is damaged, or a material has a property that glTF does not allow.
-    """
+    """Return a glTF file's materials, and the content for trimesh; None for other files."""
     kind = file.suffix.lower()
     if kind not in (".glb", ".gltf"):
         return None

@@ -127,10 +127,6 @@ def fitted_camera(
 
     Parameters
     ----------
-    mesh
-        The mesh to look at.
-    azimuth, elevation, up
-        As `resample.cameras.poses.orbit` takes them.
     zoom
         At 1 the mesh's bounding sphere just fits the picture; at 2 the camera is at half the
         distance, and a parallel projection shows everything at twice the size.
@@ -138,11 +134,6 @@ def fitted_camera(
         Degrees along the picture's shorter side; 0 is parallel projection.
     size
         Width and height of the picture, px.
-
-    Raises
-    ------
-    ValueError
-        A number is out of range.
     """
     shape = _shape_of(size)
     return Orbit(azimuth, elevation, zoom, fov, up).around(ball_around(mesh), *shape)
@@ -207,13 +198,7 @@ def render_mesh(
 
 
 def pixel_profile(pixel_filter: PixelFilter, samples: int) -> Doubles:
-    """Return the weights, along a row, of all sub-pixels that a pixel's filter covers.
-
-    Raises
-    ------
-    ValueError
-        The filter hits no sub-pixel, or its weights do not have a positive sum.
-    """
+    """Return the weights, along a row, of all sub-pixels that a pixel's filter covers."""
     margin = max(0, math.ceil(pixel_filter.radius - 0.5))
     place = (np.arange((2 * margin + 1) * samples) + 0.5) / samples - (margin + 0.5)
     distance = np.minimum(np.abs(place), pixel_filter.radius)

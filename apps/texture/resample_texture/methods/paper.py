@@ -36,7 +36,7 @@ from resample_texture.texels.splatting import (
     check_deviations,
     forward_of,
     nearest_drawn,
-    sight_of_splats,
+    splat_view_bounds,
 )
 from resample_texture.types import Edge, Warped
 
@@ -140,7 +140,7 @@ def _ends(
     matrix: Doubles, size: tuple[int, int], shape: tuple[int, int], edge: Edge, widths: Widths
 ) -> NDArray[np.int64]:
     """First and last + 1 (2, 2), column and row, of the texels that a frame sees."""
-    lines = sight_of_splats(matrix, shape, widths.filter, widths.kernel)
+    lines = splat_view_bounds(matrix, shape, widths.filter, widths.kernel)
     polygon = visible_polygon(lines, max(FARTHEST, *size))
     if not polygon.size:
         return np.zeros((2, 2), np.int64)

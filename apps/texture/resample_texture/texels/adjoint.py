@@ -24,7 +24,7 @@ from resample_texture.texels.forward import (
     tap_table,
     widened,
 )
-from resample_texture.texels.kernels.adjoint import gather_blocks, give_back, patch_offsets
+from resample_texture.texels.kernels.adjoint import gather_blocks, patch_offsets, scatter_texels
 from resample_texture.texels.kernels.blocks import Integers
 from resample_texture.texels.plates import texels_at
 from resample_texture.types import Edge
@@ -110,7 +110,7 @@ def _texel_gradients(
         gather_blocks(
             weighted, blocks.places, axes, blocks.bounds[batch], taps, spread, start, patches
         )
-        give_back(patches, start, axes, EDGES[edge], taps.shape[0], totals, texels)
+        scatter_texels(patches, start, axes, EDGES[edge], taps.shape[0], totals, texels)
     for kind in range(sums):
         texels[kind] += _summed_back(totals[kind])
     return texels

@@ -25,13 +25,7 @@ TILE = 32  # px per side; a thread takes a tile at a time
 def collect_from(
     source: Floats, geometry: BackwardMap, shape: tuple[int, int], edge: Edge, cells: CellGrid
 ) -> Warped:
-    """Warp a source (H, W, C) by a backward map to (height, width).
-
-    Raises
-    ------
-    ValueError
-        The map does not fit the picture, or sums are wanted along a single row or column.
-    """
+    """Warp a source (H, W, C) by a backward map to (height, width)."""
     if geometry.x.shape != shape:
         raise ValueError(f"a map of {geometry.x.shape} does not fit a target of {shape}")
     if cells.is_sum and min(shape) == 1:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import from_srgb, to_srgb
-from resample.memory.alike import alike
+from resample.memory.contiguous import contiguous
 from resample.types import Floats
 from resample_texture.texels.gaps import Booleans, masked, missing_in, unmasked, weighed
 from resample_texture.texels.spans import ValueSpan, rounded, span_of
@@ -62,28 +62,19 @@ def decoded(
 
     Parameters
     ----------
-    image
-        Of a type in `DTYPES`, in any layout. Values masked or not finite are missing.
     linear_light
         Take the color of `LEVELS` for sRGB-encoded; False: take all values as given.
     alpha
         Meaning of a fourth channel, an `Alpha`; by default straight for `LEVELS`, else
         premultiplied.
-    is_sum
-        Texels will be added, so use no offset.
     gaps
         Least number of channels that mark missing values: 0, or all, if this is a part of a picture
         with missing values.
-
-    Raises
-    ------
-    ValueError
-        The picture has a wrong shape or type, or no pixel; or `alpha` is unknown.
     """
     image, mask = unmasked(image)
     check_picture(image)
     planes = image.reshape(*image.shape[:2], -1)
-    is_straight = is_together(planes, alpha)
+    is_straight = has_straight_alpha(planes, alpha)
     has_alpha = planes.shape[2] == 4 and alpha != Alpha.NONE
     missing = missing_in(planes, mask, together=is_straight)
     if gaps and missing is None:
@@ -99,17 +90,11 @@ def decoded(
     texels, gaps = weighed(texels, missing, least=gaps)
     fill = None if mask is None else mask.fill
     encoding = Encoding(image.dtype, image.ndim == 2, is_encoded, is_straight, gaps, span, fill)
-    return alike(texels, np.float32), encoding
+    return contiguous(texels, np.float32), encoding
 
 
-def is_together(planes: NDArray[Any], alpha: str | None) -> bool:
-    """Whether the fourth channel of planes (H, W, C) is straight opacity.
-
-    Raises
-    ------
-    ValueError
-        `alpha` is unknown.
-    """
+def has_straight_alpha(planes: NDArray[Any], alpha: str | None) -> bool:
+    """Whether the fourth channel of planes (H, W, C) is straight opacity."""
     if alpha is None:
         alpha = Alpha.STRAIGHT if planes.dtype.name in LEVELS else Alpha.PREMULTIPLIED
     if alpha not in list(Alpha):

@@ -189,13 +189,7 @@ def blocks_of(
     edge: Edge,
     cells: CellGrid,
 ) -> SourceBlocks:
-    """Return the blocks of a source that are visible in a frame (height, width).
-
-    Raises
-    ------
-    ValueError
-        The map does not fit the source, or is a backward map.
-    """
+    """Return the blocks of a source that are visible in a frame (height, width)."""
     if isinstance(geometry, ForwardMap):
         if geometry.x.shape != source_shape:
             raise ValueError(f"a map of {geometry.x.shape} does not fit a source of {source_shape}")
@@ -214,13 +208,7 @@ def blocks_of(
 def split(
     matrix: Doubles, roots: Integers, shape: tuple[int, int], cells: CellGrid
 ) -> tuple[Integers, Integers]:
-    """Split a plane into blocks; parameters and result as of `split_plane`.
-
-    Raises
-    ------
-    ValueError
-        There are infinitely many.
-    """
+    """Split a plane into blocks; parameters and result as of `split_plane`."""
     axes, bounds, is_whole = split_plane(
         matrix, roots, shape, cells.reach, cells.cut_quality, cells.longest
     )
@@ -290,13 +278,7 @@ def _roots(
 
 
 def check_texels(polygon: Doubles, source_shape: tuple[int, int]) -> None:
-    """Refuse to draw a continued source texel by texel if too much of it is visible.
-
-    Raises
-    ------
-    ValueError
-        The polygon (N, 2) has a larger area than `MOST_TEXELS` and than the source.
-    """
+    """Refuse to draw a continued source texel by texel if too much of it is visible."""
     x, y = polygon.T
     area = 0.5 * abs(float(x @ np.roll(y, 1) - y @ np.roll(x, 1)))
     if area > max(MOST_TEXELS, source_shape[0] * source_shape[1]):

@@ -49,13 +49,7 @@ def masked(values: NDArray[Any], hidden: Booleans, fill: Any) -> NDArray[Any]:
 def missing_in(
     planes: NDArray[Any], mask: Mask | None, *, together: bool = False
 ) -> Booleans | None:
-    """Find values (H, W, C) that are masked or not finite; None if there are none.
-
-    Parameters
-    ----------
-    together
-        Where one channel is missing, all are.
-    """
+    """Find values (H, W, C) that are masked or not finite; None if there are none."""
     missing = None if mask is None else mask.is_set.reshape(planes.shape)
     if planes.dtype.kind == "f" and not _all_finite(planes):
         not_finite = ~np.isfinite(planes)
@@ -85,11 +79,6 @@ def mended(warped: Warped, gaps: int) -> Mended:
     """Return a picture whose coverage counts only existing values.
 
     The coverage of `warped` counts the source, with or without values.
-
-    Parameters
-    ----------
-    gaps
-        Number of last channels, which mark where values exist.
     """
     if gaps == 0:
         return Mended(warped.image, warped.coverage, None)

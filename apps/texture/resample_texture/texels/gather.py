@@ -71,13 +71,7 @@ def planned(
     size: tuple[int, int], geometry: Homography | BackwardMap, shape: tuple[int, int], edge: Edge,
     cells: CellGrid,
 ) -> GatherPlan:  # fmt: skip
-    """Plan how a target (height, width) gathers from sources (height, width).
-
-    Raises
-    ------
-    ValueError
-        A map has another shape than the picture.
-    """
+    """Plan how a target (height, width) gathers from sources (height, width)."""
     region = geometry.region if isinstance(geometry, Homography) else None
     whole = size if region is None else region.size or size
     places, view = _places(size, geometry, shape), _view((*whole, 1), edge, cells)
@@ -95,14 +89,9 @@ def gather(plan: GatherPlan, source: Floats, *, near_only: bool = False) -> Warp
     """Warp a source (H, W, C) to (height, width) under the area filter.
 
     With `near_only`, tiles that do not gather stay empty.
-
-    Raises
-    ------
-    ValueError
-        As `forward.project` does.
     """
     _, geometry, shape, edge, cells, places, tiles, around = plan
-    held = _held(source, geometry)
+    held = _source_part(source, geometry)
     view = _view((*held.size, source.shape[2]), edge, cells)
     make = np.zeros if near_only else np.empty  # mending of gaps reads all pixels
     warped = Warped(make((*shape, source.shape[2]), np.float32), make(shape, np.float32))
@@ -290,7 +279,7 @@ def _sides(low: Doubles, high: Doubles, reach: int) -> Sides:
     return Sides((int(left), int(right)), (int(top), int(bottom)))
 
 
-def _held(source: Floats, geometry: Homography | BackwardMap) -> SourcePart:
+def _source_part(source: Floats, geometry: Homography | BackwardMap) -> SourcePart:
     """Return the source (H, W, C), with its place in the whole if it is a part."""
     size = source.shape[0], source.shape[1]
     region = geometry.region if isinstance(geometry, Homography) else None

@@ -85,13 +85,7 @@ def can_be_projected_partly(
     source_shape: tuple[int, int, int], geometry: Homography, shape: tuple[int, int], edge: Edge,
     cells: CellGrid,
 ) -> bool:  # fmt: skip
-    """Whether all blocks of a source (height, width, channels) read few enough texels.
-
-    Raises
-    ------
-    ValueError
-        As `forward.blocks_of` does.
-    """
+    """Whether all blocks of a source (height, width, channels) read few enough texels."""
     margin = margin_of(edge, cells.interpolation)
     height, width = source_shape[0] + 2 * margin, source_shape[1] + 2 * margin
     axes = blocks_of(moved(geometry, margin), (height, width), shape, edge, cells).axes
@@ -122,11 +116,6 @@ def project_partly(
     """Project a source whose texels are read on demand, as `forward.project` does.
 
     `can_be_projected_partly` must be true.
-
-    Raises
-    ------
-    ValueError
-        As `forward.blocks_of` does.
     """
     margin = margin_of(edge, cells.interpolation)
     source: TexelReader = Widened(reader, margin) if margin else reader

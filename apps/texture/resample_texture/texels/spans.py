@@ -52,15 +52,7 @@ class ValueSpan(NamedTuple):
 def span_of(
     planes: NDArray[Any], missing: NDArray[np.bool_] | None, *, from_zero: bool = False
 ) -> ValueSpan | None:
-    """Return offset and unit for values (H, W, C); None if float32 resolves them.
-
-    Parameters
-    ----------
-    missing
-        Values to ignore.
-    from_zero
-        Use no offset, as the values are to be added.
-    """
+    """Return offset and unit for values (H, W, C); None if float32 resolves them."""
     if planes.dtype.name not in WIDE:
         return None
     start = np.zeros(planes.shape[2], planes.dtype)

@@ -102,13 +102,7 @@ class Splatting:
 
 
 def check_deviations(sigma: float, filter_sigma: float) -> None:
-    """Refuse standard deviations, texels and px, that are out of range.
-
-    Raises
-    ------
-    ValueError
-        One is.
-    """
+    """Refuse standard deviations, texels and px, that are out of range."""
     for name, value in (("sigma", sigma), ("filter_sigma", filter_sigma)):
         if not LEAST <= value <= MOST:
             raise ValueError(f"{name} lies between {LEAST} and {MOST:g}, not at {value}")
@@ -124,13 +118,7 @@ def nearest_drawn(matrix: Doubles, radius: float) -> float:
 
 
 def forward_of(geometry: Geometry, source_shape: tuple[int, int]) -> Forward:
-    """Geometry that leads from a source (height, width) to the target.
-
-    Raises
-    ------
-    ValueError
-        The map does not fit the source or leads backward.
-    """
+    """Geometry that leads from a source (height, width) to the target."""
     if isinstance(geometry, BackwardMap):
         raise ValueError("a backward map cannot be followed forward")
     if isinstance(geometry, ForwardMap) and geometry.x.shape != source_shape:
@@ -192,16 +180,16 @@ def _blocks_of(
     matrix = oriented(geometry, source_shape)
     numbers = splatting.shape(matrix)
     reach = max(float(numbers.taps), math.sqrt(RIM * numbers.filter_variance))
-    lines = sight_of_splats(matrix, shape, reach, splatting.radius)
+    lines = splat_view_bounds(matrix, shape, reach, splatting.radius)
     root = _root(lines, source_shape, edge)
     axes, bounds = blocks_on_plane(matrix, root, lines, shape, numbers)
     return SourceBlocks(axes, bounds, matrix, NOTHING, NOTHING), numbers
 
 
-def sight_of_splats(
+def splat_view_bounds(
     matrix: Doubles, shape: tuple[int, int], reach: float, radius: float
 ) -> Doubles:
-    """Lines (5, 3) that bound the texels' centers whose splats a frame sees; see `sight`.
+    """Lines (5, 3) that bound the texels' centers whose splats a frame shows; see `view_bounds`.
 
     With J as at its center, a splat reaches no farther on screen than the source does within
     radius / (1 − radius |∇d| / d), which is twice the radius at most where texels are drawn. The

@@ -74,13 +74,7 @@ class PicturePainter:
         }
 
     def file(self, settings: Settings, size: Size, suffix: str) -> bytes:
-        """Return the file that the command writes.
-
-        Raises
-        ------
-        ValueError, LookupError, OSError
-            An option is invalid, or a file that it names cannot be read.
-        """
+        """Return the file that the command writes."""
         return _written(self.path, {**settings, "size": f"{size[0]}x{size[1]}"}, suffix)
 
     def _target(self, settings: Settings, size: Size) -> tuple[PictureTarget, PictureWarping]:

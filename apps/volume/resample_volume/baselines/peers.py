@@ -154,13 +154,7 @@ class VtkRenderer:
             ) from None
 
     def draw(self, camera: AnyCamera) -> None:
-        """Let VTK draw a frame into its window; this is timed.
-
-        Raises
-        ------
-        ValueError
-            The camera's pixels are not square.
-        """
+        """Let VTK draw a frame into its window; this is timed."""
         window, renderer, mapper, _ = self._stage
         _aim(renderer, camera.view(), self._size, self._corners)
         mapper.GetRayCastImage().ClearImage()  # one outside the view would leave the last frame

@@ -128,14 +128,8 @@ def cast_rays(
     ----------
     samples
         They must lie on their lattice: at an origin plus integer steps, at most one per node.
-    camera
-        The camera; everything before its near plane is clipped.
     height, width
         Of the picture, px.
-    look
-        Choices.
-    threads
-        At most this many; the result does not depend on it.
     progress
         Called with the share of the work that is done, 0 to 1, and may raise to stop.
 
@@ -146,12 +140,6 @@ def cast_rays(
     (additive) in data units × scene units, 0 there. Maximum and average have the color of that
     value, additive is black; the opacity of all three is the ray's length within samples in
     voxels, at most 1.
-
-    Raises
-    ------
-    ValueError
-        Samples do not lie on their lattice, arrays do not fit together, a projection needs a field,
-        or the size is invalid.
     """
     if height < 1 or width < 1:
         raise ValueError(f"a picture of {width} x {height} pixels; both must be at least 1")

@@ -137,17 +137,6 @@ def levels(
 
     Means along rays span less than the data, since rays mostly pass the surroundings; their range
     is that of the means along the volume's axes.
-
-    Parameters
-    ----------
-    volume
-        Whose values.
-    known
-        Of them.
-    projection
-        One of values.
-    window
-        Values of black and white, if chosen.
     """
     if window is not None:
         return spread(LEVELS, window)

@@ -26,15 +26,7 @@ if TYPE_CHECKING:
 
 
 def save_transfer(path: str | Path, transfer: TransferFunction | RegionTransfer) -> None:
-    """Write a transfer function for `load_transfer`, by suffix JSON or TOML.
-
-    Raises
-    ------
-    ValueError
-        The suffix is neither .json nor .toml.
-    OSError
-        The file cannot be written.
-    """
+    """Write a transfer function for `load_transfer`, by suffix JSON or TOML."""
     suffix = Path(path).suffix.lower()
     if suffix not in SUFFIXES:
         raise ValueError(f"{path}: transfer functions are written as {' or '.join(SUFFIXES)}")
@@ -90,13 +82,7 @@ def _share(number: float) -> float:
 
 
 def displayed_color(given: object) -> Color:
-    """Parse a color to sRGB, 0..1, from a code, a name or three numbers.
-
-    Raises
-    ------
-    ValueError
-        It is none of these.
-    """
+    """Parse a color to sRGB, 0..1, from a code, a name or three numbers."""
     import matplotlib.colors
 
     is_form_known = isinstance(given, str) or (isinstance(given, list) and len(given) == 3)
@@ -180,15 +166,7 @@ class _Regions(_Head):
 
 
 def read_transfer(path: Path) -> Transfer:
-    """Read a transfer function of `points` over values or `regions` over values and gradients.
-
-    Raises
-    ------
-    ValueError
-        The file holds no transfer function; the message says where, and what is expected.
-    OSError
-        The file cannot be read.
-    """
+    """Read a transfer function of `points` over values or `regions` over values and gradients."""
     try:
         content = _parsed(path)
         form = _Regions if isinstance(content, dict) and "regions" in content else _Points

@@ -29,15 +29,7 @@ class Units(NamedTuple):
 
 
 def units_of(volume: Volume, levels: Histogram) -> Units:
-    """Return the units of a volume, as stated or guessed from its values.
-
-    Parameters
-    ----------
-    volume
-        Its `units` may be empty.
-    levels
-        Its values without padding and outliers.
-    """
+    """Return the units of a volume, as stated or guessed from its values."""
     if volume.units:
         return Units(KINDS.get(volume.units))
     kind = volume.values.dtype

@@ -142,13 +142,7 @@ class Ruled:
 
 
 def parse_rules(rules: Sequence[str]) -> dict[int, Rule]:
-    """Parse rules such as `1:color=tomato,opacity=0.5` and `2:hidden`, by label.
-
-    Raises
-    ------
-    ValueError
-        A text is not a rule, or two are for one label.
-    """
+    """Parse rules such as `1:color=tomato,opacity=0.5` and `2:hidden`, by label."""
     found: dict[int, Rule] = {}
     for text in rules:
         try:

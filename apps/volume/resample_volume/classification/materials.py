@@ -124,8 +124,6 @@ def spread(transfer: Transfer, span: DataRange) -> Transfer:
 
     Parameters
     ----------
-    transfer
-        Any; one in data units is unchanged.
     span
         Values of the fractions 0 and 1, ascending.
     """

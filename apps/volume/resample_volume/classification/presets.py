@@ -185,20 +185,6 @@ def transfer_for(name: str, volume: Volume, window: Window | None = None) -> Tra
 
     Fractions are of the robust range, without padding and outliers. Tissues need values in
     Hounsfield units, as stated or guessed; for these, `auto` is `ct`.
-
-    Parameters
-    ----------
-    name
-        As in `load_transfer`, or `auto`.
-    volume
-        Whose values are shown.
-    window
-        Range for functions of fractions instead, least and greatest value.
-
-    Raises
-    ------
-    ValueError, OSError
-        As in `load_transfer`; or a window or a tissue does not fit the data or the function.
     """
     is_plain = name == "auto" and window is None
     if is_plain and volume.colors is not None and volume.colors.shape[-1] == 4:
@@ -310,13 +296,7 @@ def _colormap(name: str) -> TransferFunction:
 
 
 def colormap(name: str) -> TransferFunction:
-    """Return a colormap of matplotlib by name, over the range of the data.
-
-    Raises
-    ------
-    ValueError
-        There is no such colormap.
-    """
+    """Return a colormap of matplotlib by name, over the range of the data."""
     import matplotlib
 
     if name not in matplotlib.colormaps:

@@ -104,13 +104,7 @@ class LogScale:
 
 
 def scale_named(text: str) -> LogScale | None:
-    """Parse a scale; None: linear.
-
-    Raises
-    ------
-    ValueError
-        There is no such scale.
-    """
+    """Parse a scale; None: linear."""
     name, _, rest = text.partition(":")
     if not rest and name in ("", LINEAR):
         return None
@@ -134,16 +128,8 @@ def scaled(volume: Volume, scale: str) -> Volume:
 
     Parameters
     ----------
-    volume
-        Volume of values; a chunked one is read.
     scale
         `log`, `symlog:linear=0.01`, or `linear`, which changes nothing.
-
-    Raises
-    ------
-    ValueError
-        There is no such scale, the volume has colors or another scale, or no value has a
-        logarithm.
     """
     by = scale_named(scale)
     if by is None:
@@ -170,13 +156,7 @@ def scaled(volume: Volume, scale: str) -> Volume:
 
 
 def on_scale(transfer: Transfer, scale: str) -> Transfer:
-    """Convert a look in data units to a scale.
-
-    Raises
-    ------
-    ValueError
-        A value has no logarithm, or the look depends on gradients.
-    """
+    """Convert a look in data units to a scale."""
     by = scale_named(scale)
     if by is None or transfer.normalized:
         return transfer

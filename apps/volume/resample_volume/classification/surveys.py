@@ -139,10 +139,6 @@ def ends(value: Doubles, count: Counts, most: int, gap: float) -> tuple[int, int
         (K,) values, ascending.
     count
         (K,) voxels of each.
-    most
-        Greatest number of outliers at each end.
-    gap
-        Least distance of outliers, as a fraction of the range of all others.
 
     Returns
     -------

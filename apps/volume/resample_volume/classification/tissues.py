@@ -60,15 +60,7 @@ THINNER = 0.4  # of the flesh before lungs
 
 
 def with_lungs(before: float, peak: float, after: float, added: float) -> TransferFunction:
-    """Return the look `ct` with thinner flesh and visible lungs.
-
-    Parameters
-    ----------
-    before, peak, after
-        Data values where lungs begin, are most frequent, and end.
-    added
-        Offset of the data from Hounsfield units.
-    """
+    """Return the look `ct` with thinner flesh and visible lungs."""
     lungs = [(before, SKY, 0.0), (peak, SKY, LUNG_VEIL), (after, SKY, 0.0)]
     flesh, bone = POINTS["ct"][: -len(BONE)], POINTS["ct"][-len(BONE) :]
     thin = [(value, color, THINNER * opacity) for value, color, opacity in flesh]
@@ -77,13 +69,5 @@ def with_lungs(before: float, peak: float, after: float, added: float) -> Transf
 
 
 def tissue(name: str, added: float = 0.0) -> TransferFunction:
-    """Return a look of `POINTS` by name.
-
-    Parameters
-    ----------
-    name
-        Of the look.
-    added
-        Offset of the data from Hounsfield units.
-    """
+    """Return a look of `POINTS` by name."""
     return from_points([(value + added, color, opacity) for value, color, opacity in POINTS[name]])

@@ -224,11 +224,6 @@ def tabulated(
 
     Parameters
     ----------
-    transfer
-        Any; one that needs no gradient gets a single row.
-    data_range
-        Least and greatest finite value of the data; columns are evenly spaced between them.
-        Features narrower than a column are lost.
     steep
         Slope of a full surface, data units per scene unit. Rows are evenly spaced from 0 to the
         slope above which looks do not change.
@@ -309,13 +304,6 @@ def extinction(opacity: NDArray[Any], unit: float) -> Floats:
     ----------
     opacity
         (N,) 0..1 of a layer of the thickness `unit`; clipped to `MOST_OPAQUE`.
-    unit
-        Scene units.
-
-    Raises
-    ------
-    ValueError
-        The unit is so small that the optical depth is infinite.
     """
     share = np.minimum(np.asarray(opacity, np.float64), MOST_OPAQUE)
     with np.errstate(over="ignore"):

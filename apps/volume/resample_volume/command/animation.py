@@ -80,11 +80,6 @@ class Flight:
         ----------
         spacing
             Distance of neighbouring voxels at the center of the volume at zoom 1, px.
-
-        Raises
-        ------
-        ValueError
-            The voxels are so small or large that a zoom would exceed what `Orbit` allows.
         """
         start = self.start
         if self.path == "orbit":
@@ -104,22 +99,10 @@ def flight_of(path: str, frames: int | None, fps: float, start: Viewpoint) -> Fl
 
     Parameters
     ----------
-    path
-        One of `PATHS`, or a file as `resample.cameras.keyframes.keyframes_of` takes it.
     frames
         Number of frames; None: `FRAMES`, or as the keyframes' times in seconds require.
     fps
         Frames per second.
-    start
-        Start of the path, unless it has keyframes.
-
-    Raises
-    ------
-    ValueError
-        The path is unknown, the file holds no path, there are too few or too many frames, or the
-        start is not an orbit of the volume.
-    OSError
-        The file cannot be read.
     """
     if is_file_of_path(path, PATHS):
         return tour_of(Path(path), frames, fps, getattr(start, "fov", Orbit.fov))
@@ -220,15 +203,8 @@ def shots(
 
     Parameters
     ----------
-    subject
-        Prepared volume.
     cameras
         One per frame; see `cameras_of`.
-    paint
-        How.
-    about
-        Names of volume and path as JSON values, for the message that existing frames belong to
-        another animation.
     """
     job = _job(subject, {}, cameras, paint, about)
     return Shots(len(cameras), lambda n: frame(subject, cameras[n], paint), job)

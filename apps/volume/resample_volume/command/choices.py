@@ -464,6 +464,11 @@ class Beside(Choices):
         ),
     ] = ()
 
+    @property
+    def is_annotated(self) -> bool:
+        """Whether anything is drawn around the volume."""
+        return self.axes or self.box or self.cube or self.scale_bar
+
     def annotations(self, background: Color | None = None) -> "Annotations":
         """Return the annotations, over a background of this linear color."""
         from resample.measuring.color_bars import DARK, ink_on
@@ -472,7 +477,7 @@ class Beside(Choices):
         is_dark = background is not None and ink_on(background) == DARK
         return Annotations(self.axes, self.box, self.cube, self.scale_bar, is_dark)
 
-    def met(self, look: AppearanceChoices, resampler: "Resampler") -> "SceneObjects":
+    def scene_objects(self, look: AppearanceChoices, resampler: "Resampler") -> "SceneObjects":
         """Read meshes and planes for a renderer that shows them.
 
         Raises
@@ -481,14 +486,16 @@ class Beside(Choices):
             The renderer shows none, or a file cannot be read.
         """
         from resample_volume.media.appearance import Classification, SceneObjects, check_together
+
+        given = {"mesh": self.mesh, "plane": self.plane, "surface": self.surface}
+        names = [name for name, texts in given.items() if texts]
+        if not names:
+            return SceneObjects((), (), ())
         from resample_volume.surfaces.image_planes import ImagePlane
         from resample_volume.surfaces.iso_surfaces import IsoSurface
         from resample_volume.surfaces.meshes import read_mesh
 
-        given = {"mesh": self.mesh, "plane": self.plane, "surface": self.surface}
-        names = [name for name, texts in given.items() if texts]
-        if names:
-            check_together(resampler, Classification(look.classify), names)
+        check_together(resampler, Classification(look.classify), names)
         planes = tuple(ImagePlane.of(text) for text in self.plane)
         surfaces = tuple(IsoSurface.of(text) for text in self.surface)
         return SceneObjects(tuple(read_mesh(text) for text in self.mesh), planes, surfaces)
@@ -524,14 +531,7 @@ class BesidePicture(Beside):
         return "picture" if self.zoom_in else look.fit
 
     def check(self, output: "Path", resampler: "Resampler", height: int) -> None:
-        """Reject an impossible color bar or deep picture before any work is done.
-
-        Raises
-        ------
-        ValueError
-            There is no room for a color bar; or the suffix or projection allows no deep picture, or
-            annotations were asked for in one.
-        """
+        """Reject an impossible color bar or deep picture before any work is done."""
         if self.color_bar:
             from resample.measuring.color_bars import check_bar
 

@@ -22,13 +22,7 @@ def ball_fit(fit: Fitted) -> Fit:
 
 
 def whole_fit(fit: Fitted) -> Fit:
-    """The same, where not everything visible is in memory at once.
-
-    Raises
-    ------
-    ValueError
-        The camera is to fill the picture.
-    """
+    """The same, where not everything visible is in memory at once."""
     if fit == "picture":
         raise ValueError(
             "zoom-in needs all visible voxels in memory, which are too many here; leave it out"
@@ -44,13 +38,7 @@ def filled(
     resampler: Resampler,
     size: tuple[int, int],
 ) -> Viewpoint:
-    """Fit the camera to everything visible, if asked for, and print it.
-
-    Raises
-    ------
-    ValueError
-        The camera has a fixed position.
-    """
+    """Fit the camera to everything visible, if asked for, and print it."""
     if fit != "picture":
         return viewpoint
     if not isinstance(viewpoint, Orbit):

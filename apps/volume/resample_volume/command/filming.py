@@ -44,9 +44,9 @@ from resample_volume.command.media import (
     media,
     others,
     times_of,
-    with_met,
+    with_objects,
 )
-from resample_volume.command.rendering import say_lost_field, say_missed, scene_of, spent_here
+from resample_volume.command.rendering import local_budget, say_lost_field, say_missed, scene_of
 from resample_volume.data.values import bricks_of, is_streamed, values_of
 from resample_volume.media.appearance import Appearance, VolumeLayer, transfer_of
 from resample_volume.media.series import Ready, Series, is_chunked, whole
@@ -83,7 +83,7 @@ class ReadScene(NamedTuple):
     is_whole: bool
 
 
-class KnownOfTimes(NamedTuple):
+class TimesStatistics(NamedTuple):
     """Statistics over all times of a volume."""
 
     survey: Survey  # without its levels
@@ -99,7 +99,7 @@ class ReadyFilm(NamedTuple):
     paint: FrameOptions
     is_in_bricks: bool  # whether values stay in their file
     is_of_field: bool  # whether it is ray cast
-    known: KnownOfTimes | None = None  # if the volume changes over time
+    known: TimesStatistics | None = None  # if the volume changes over time
 
 
 def film_of(
@@ -108,37 +108,16 @@ def film_of(
     flight: Flight | Tour,
     paint: FrameOptions,
     about: Mapping[str, Any],
-    hire: StartWorkers | None = None,
+    start_workers: StartWorkers | None = None,
 ) -> ReadyFilm:
-    """Read and prepare the scene of a film.
-
-    Parameters
-    ----------
-    script
-        Its content.
-    recording
-        Its volume, if already read; with several times, the film shows them.
-    flight
-        Camera path.
-    paint
-        How frames are painted.
-    about
-        Names of volume and path, see `animation.shots`.
-    hire
-        Starts workers to scan a store, unless its statistics are cached.
-
-    Raises
-    ------
-    ValueError, LookupError, OSError
-        Something cannot be read, does not fit in memory, or is not allowed.
-    """
+    """Read and prepare the scene of a film."""
     times = None if recording is None else times_of(script.source, recording)
     if times is not None:
-        return _film_of_times(script, times, flight, paint, about, hire)
+        return _film_of_times(script, times, flight, paint, about, start_workers)
     if recording is not None and is_chunked(recording):
         recording = None  # one of its volumes is read by itself
     given = script.beside.annotations(paint.background)
-    scene = scene_for(script, paint.size, recording, hire)
+    scene = scene_for(script, paint.size, recording, start_workers)
     if not scene.is_whole:
         say("the visible voxels do not fit in memory: frames are painted window by window")
         say_missed(scene.shown, scene.subject)
@@ -156,10 +135,10 @@ def _film_of_times(
     flight: Flight | Tour,
     paint: FrameOptions,
     about: Mapping[str, Any],
-    hire: StartWorkers | None,
+    start_workers: StartWorkers | None,
 ) -> ReadyFilm:
     """A film of a volume that changes over time; see `film_of`."""
-    times, ready = _read(script, times, hire)
+    times, ready = _read(script, times, start_workers)
     every: Any = whole(times).values if is_chunked(times) else None
     count = 0 if every is None else prod(every.count)
     with progress_bar("scanning bricks", count) as progress, told(progress):
@@ -168,7 +147,7 @@ def _film_of_times(
     scenes = _scenes(script, series, look, paint.resampler)
     say_lost_field(scenes.at(0), paint.resampler)
     course = filmed(scenes.subject, len(series))
-    known = KnownOfTimes(series.known._replace(levels=NO_LEVELS), look, course.sphere)
+    known = TimesStatistics(series.known._replace(levels=NO_LEVELS), look, course.sphere)
     given = script.beside.annotations(paint.background)
     paint = replace(paint, drawing=drawing(series[0], course[0], given))
     cameras = cameras_of(course[0], over_time(flight, script.frames, course.times), paint.size)
@@ -182,7 +161,9 @@ def _film_of_times(
     return ReadyFilm(made, cameras, paint, is_chunked(times), course[0].is_of_field, known)
 
 
-def _read(script: Script, times: Recording, hire: StartWorkers | None) -> tuple[Recording, Ready]:
+def _read(
+    script: Script, times: Recording, start_workers: StartWorkers | None
+) -> tuple[Recording, Ready]:
     """Return the times, streamed or as one array; and for streamed times, how they are read.
 
     Fields need arrays, and so do several volumes.
@@ -196,7 +177,7 @@ def _read(script: Script, times: Recording, hire: StartWorkers | None) -> tuple[
         size = f"{count} times of {across} x {down} x {deep} voxels"
         say(f"{times.name}: {size} are read one after the other, brick by brick")
     allowed = allowed_memory(script.source)
-    return times, partial(with_memory, allowed=allowed, hire=hire)
+    return times, partial(with_memory, allowed=allowed, start_workers=start_workers)
 
 
 @dataclass
@@ -225,13 +206,13 @@ class TimeScenes:
             return Subject.of_several(shown, self.resampler, self.fit)
         except TooManyVoxelsError:
             self.dense.add(time)
-            return streamed_subject(shown, self.fit, self.resampler, spent_here(shown, None))
+            return streamed_subject(shown, self.fit, self.resampler, local_budget(shown, None))
 
 
 def _scenes(script: Script, series: Series, look: Appearance, resampler: Resampler) -> TimeScenes:
     """Return the scenes of a script, all under one look."""
-    met = script.beside.met(script.appearance, resampler).within(series.known.span)
-    own = met.beside(labelled(look, series, script.appearance))
+    objects = script.beside.scene_objects(script.appearance, resampler).within(series.known.span)
+    own = objects.beside(labelled(look, series, script.appearance))
     further = beside(others(script.added.also, script.source), script.appearance, resampler)
     return TimeScenes(series, own, further, resampler, script.appearance.fit)
 
@@ -252,23 +233,26 @@ def _frames_over(
 
 
 def scene_for(
-    script: Script, size: Size, recording: Recording | None = None, hire: StartWorkers | None = None
+    script: Script,
+    size: Size,
+    recording: Recording | None = None,
+    start_workers: StartWorkers | None = None,
 ) -> ReadScene:
     """Return the scene of a script for frames (height, width); errors as of `film_of`."""
     look, resampler = (
         script.appearance,
         script.appearance.renderer(script.resampling, script.source.scale),
     )
-    met = script.beside.met(look, resampler)
+    objects = script.beside.scene_objects(look, resampler)
     words = (script.source, script.volume, look, script.added, resampler)
-    given = media(*words, recording=recording, hire=hire)
-    shown = with_met(given, met)
+    given = media(*words, recording=recording, start_workers=start_workers)
+    shown = with_objects(given, objects)
     try:
         return ReadScene(
             shown, scene_of(Session(), shown, resampler, look.fit, size), is_whole=True
         )
     except TooManyVoxelsError:
-        subject = streamed_subject(shown, look.fit, resampler, spent_here(shown, None))
+        subject = streamed_subject(shown, look.fit, resampler, local_budget(shown, None))
         return ReadScene(shown, subject, is_whole=False)
 
 
@@ -284,7 +268,7 @@ def _frames_of_times(
     script: Script,
     cameras: Sequence[AnyCamera],
     paint: FrameOptions,
-    known: KnownOfTimes,
+    known: TimesStatistics,
     threads: int,
 ) -> Frames:
     """Return the frames of a changing volume, by statistics that another process found."""
@@ -305,7 +289,7 @@ def frame_of(scene: ReadScene, camera: AnyCamera, paint: FrameOptions) -> Levels
         from resample_volume.command.animation import frame
 
         return frame(scene.subject, camera, paint)
-    by = (camera, paint.size, spent_here(scene.shown, paint.threads), paint.resampler)
+    by = (camera, paint.size, local_budget(scene.shown, paint.threads), paint.resampler)
     painted, _ = paint_streamed(scene.shown, scene.subject, *by)
     return finished(painted, camera, paint)
 

@@ -11,7 +11,7 @@ import numpy as np
 from resample import registry
 from resample.command.workers import StartWorkers
 from resample.console.messages import progress_bar, say
-from resample.memory import allow, amount, available_memory, bytes_of, give_back
+from resample.memory import allow, amount, available_memory, bytes_of, return_freed_memory
 from resample.memory.mapped import is_in_file
 from resample.watching import told
 from resample_volume.classification.scales import LINEAR, scaled
@@ -31,48 +31,30 @@ from resample_volume.files.source import (
     open_streamed,
     open_volume,
 )
-from resample_volume.files.stores import kept
-from resample_volume.files.stores.chunks import Single
-from resample_volume.files.stores.reader import with_level
-from resample_volume.media.series import whole
 from resample_volume.types import Recording, Volume
 
 
 def opened(
-    source: ReadOptions, name: str, *, streamed: bool = False, hire: StartWorkers | None = None
+    source: ReadOptions,
+    name: str,
+    *,
+    streamed: bool = False,
+    start_workers: StartWorkers | None = None,
 ) -> Volume:
-    """Open a volume: a file, a folder or a generated one.
-
-    Parameters
-    ----------
-    source
-        How it is read.
-    name
-        Name of the volume.
-    streamed
-        Leave values in their file, as bricks, if it has chunks.
-    hire
-        Starts workers to scan these, unless their statistics are cached.
-
-    Raises
-    ------
-    ValueError, LookupError, OSError
-        See `resample_volume.files.source.open_volume`.
-    """
-    return opened_of_several(source, name, streamed=streamed, hire=hire)[0]
+    """Open a volume: a file, a folder or a generated one."""
+    return opened_of_several(source, name, streamed=streamed, start_workers=start_workers)[0]
 
 
 def opened_of_several(
-    source: ReadOptions, name: str, *, streamed: bool = False, hire: StartWorkers | None = None
+    source: ReadOptions,
+    name: str,
+    *,
+    streamed: bool = False,
+    start_workers: StartWorkers | None = None,
 ) -> tuple[Volume, tuple[int, int]]:
     """Open a volume, and return the number of times and channels with it.
 
     Of several times the first is taken, with a message, unless another is chosen.
-
-    Parameters
-    ----------
-    source, name, streamed, hire
-        As of `opened`; errors as well.
     """
     place, reader = _named(source, name)
     allowed = allowed_memory(source)
@@ -80,7 +62,7 @@ def opened_of_several(
     if held is None and allowed is not None:
         allow(allowed)
     if held is not None:
-        volume = with_memory(_chosen(held, source), allowed, hire)
+        volume = with_memory(_chosen(held, source), allowed, start_workers)
         volume = volume if streamed else _as_array(volume)
     else:
         volume, held = _read(place, reader, source)
@@ -129,29 +111,33 @@ def allowed_memory(source: ReadOptions) -> int | None:
     return None if source.memory is None else bytes_of(source.memory)
 
 
-def with_memory(volume: Volume, allowed: int | None, hire: StartWorkers | None = None) -> Volume:
+def with_memory(
+    volume: Volume, allowed: int | None, start_workers: StartWorkers | None = None
+) -> Volume:
     """Return a chunked volume with a memory limit in bytes, or half of the free memory.
 
     Workers scan a large one, unless its statistics are cached.
     """
+    from resample_volume.files.stores import statistics_cache
+
     if is_streamed(volume):
         values = bricks_of(volume)
-        give_back()
+        return_freed_memory()
         free = available_memory()
         values.memory = allowed if allowed or free is None else free // 2
         if values.memory is not None:
-            values.shelve(values.memory // SHARE)
-        if hire is not None and values.size >= kept.LEAST:
-            values.helpers = partial(_helpers, hire, values)
+            values.pin_bricks(values.memory // SHARE)
+        if start_workers is not None and values.size >= statistics_cache.LEAST:
+            values.helpers = partial(_helpers, start_workers, values)
     return volume
 
 
-def _helpers(hire: StartWorkers, bricks: Bricks) -> Helpers | None:
+def _helpers(start_workers: StartWorkers, bricks: Bricks) -> Helpers | None:
     """Start workers to scan a chunked volume; None if no workers were asked for."""
-    crew = hire()
+    crew = start_workers()
     if crew is None:
         return None
-    bricks.shelve((bricks.memory or 0) // SHARE // crew.tasks)
+    bricks.pin_bricks((bricks.memory or 0) // SHARE // crew.tasks)
     return Helpers(crew.executor, crew.threads)
 
 
@@ -184,13 +170,9 @@ def over_time(source: ReadOptions, name: str) -> Recording | None:
 
 
 def read_as_whole(recording: Recording, source: ReadOptions) -> Recording:
-    """Read a store's times into an array: in memory or, if they do not fit, in a mapped file.
+    """Read a store's times into an array: in memory or, if they do not fit, in a mapped file."""
+    from resample_volume.media.series import whole
 
-    Raises
-    ------
-    ValueError, OSError
-        As of `opened`.
-    """
     shape = recording.values.shape
     every = _as_array(with_memory(whole(recording), allowed_memory(source)))
     return recording._replace(values=every.values.reshape(shape))
@@ -212,6 +194,8 @@ def channels_in_chunks(source: ReadOptions, name: str) -> Recording | None:
 
 def stored(source: ReadOptions, name: str) -> Recording:
     """Open what `source` chooses of a name; values of chunked files stay in their file."""
+    from resample_volume.files.stores.chunks import Single
+
     require_linear(source, "convert keeps values as they are")
     if source.time is not None or source.channel is not None:
         volume = opened(source, name, streamed=True)
@@ -224,6 +208,8 @@ def stored(source: ReadOptions, name: str) -> Recording:
 
 def _named(source: ReadOptions, name: str) -> tuple[Path | str, Reader | None]:
     """Return the file or generated volume of a name, and its reader."""
+    from resample_volume.files.stores.reader import with_level
+
     if not name:
         raise ValueError("the volume has no name; give a file, a folder or checker-box")
     reader = None if source.reader is None else registry.build("readers", source.reader)
@@ -234,7 +220,7 @@ def _named(source: ReadOptions, name: str) -> tuple[Path | str, Reader | None]:
     }
     told = {name: word for name, word in of_raw.items() if word}
     if told:
-        reader = _told(Raw() if reader is None else reader, told)
+        reader = _with_raw_options(Raw() if reader is None else reader, told)
     if source.level is not None:
         reader = with_level(reader or find_reader(name), source.level)
     return (Path(name) if Path(name).exists() else name), reader
@@ -252,24 +238,19 @@ def _changes(source: ReadOptions) -> dict[str, Any]:
 
 
 def prepared(
-    source: ReadOptions, name: str, *, streamed: bool = False, hire: StartWorkers | None = None
+    source: ReadOptions,
+    name: str,
+    *,
+    streamed: bool = False,
+    start_workers: StartWorkers | None = None,
 ) -> Volume:
-    """Open a volume, remove its padding and print its statistics.
-
-    Parameters
-    ----------
-    source, name, streamed, hire
-        As of `opened`.
-
-    Raises
-    ------
-    ValueError, LookupError, OSError
-        See `opened`.
-    """
-    return said(announced(opened(source, name, streamed=streamed, hire=hire)))
+    """Open a volume, remove its padding and print its statistics."""
+    return padding_removed(
+        announced(opened(source, name, streamed=streamed, start_workers=start_workers))
+    )
 
 
-def said(volume: Volume) -> Volume:
+def padding_removed(volume: Volume) -> Volume:
     """Remove a volume's padding and print its statistics."""
     known = _surveyed(volume)
     for line in [volume.note] * bool(volume.note) + findings(known):
@@ -300,7 +281,7 @@ def require_values(volume: Volume, what: str) -> None:
         )
 
 
-def _told(reader: Reader, told: dict[str, str]) -> Reader:
+def _with_raw_options(reader: Reader, told: dict[str, str]) -> Reader:
     """Return the reader of raw files, with shape and type from the options."""
     if not isinstance(reader, Raw):
         names = " and ".join(told)

@@ -18,21 +18,19 @@ from resample_volume.command.inputs import (
     announced,
     channels_in_chunks,
     held,
+    padding_removed,
     prepared,
     require_linear,
-    said,
     with_memory,
 )
 from resample_volume.data.recordings import volume_at, with_times_first
-from resample_volume.files.labels import read_labels
-from resample_volume.files.stores.chunks import Chunked
 from resample_volume.media.appearance import Appearance, SceneObjects, VolumeLayer
-from resample_volume.media.series import Series
 from resample_volume.rendering import Subject
 from resample_volume.types import Recording
 
 if TYPE_CHECKING:
     from resample_volume.command.animation import Course
+    from resample_volume.media.series import Series
 
 KEYS = ("time", "channel", "level", "units", "spacing", "scale", "window", "transfer")
 START = re.compile(rf":(?=(?:{'|'.join(KEYS)})=)")  # of what is said of a file
@@ -52,11 +50,6 @@ def others(texts: tuple[str, ...], source: ReadOptions | None = None) -> list[Ot
     """Parse further volumes such as `pet.nrrd:window=5/10,transfer=hot:opacity=0.3`.
 
     Chunked volumes get the memory limit of `source`.
-
-    Raises
-    ------
-    ValueError
-        A text is not of this form.
     """
     memory = {"memory": None if source is None else source.memory}
     found = [_other(text) for text in texts]
@@ -76,24 +69,21 @@ def media(
     resampler: Resampler,
     *,
     recording: Recording | None = None,
-    hire: StartWorkers | None = None,
+    start_workers: StartWorkers | None = None,
 ) -> list[VolumeLayer]:
     """Read the volumes of a scene with their looks, each file once.
 
     Workers scan a store without cached statistics.
-
-    Raises
-    ------
-    ValueError, LookupError, OSError
-        See `inputs.opened` and `AppearanceChoices.appearance`.
     """
     further = others(added.also, source)
     if added.channels is None:
         if recording is None:
             is_streamed = can_stream(look, resampler)
-            volume = prepared(source, name, streamed=is_streamed, hire=hire)
+            volume = prepared(source, name, streamed=is_streamed, start_workers=start_workers)
         else:
-            volume = said(scaled(volume_at(recording, None, source.channel), source.scale))
+            volume = padding_removed(
+                scaled(volume_at(recording, None, source.channel), source.scale)
+            )
         first = [(volume, look.appearance(volume, resampler))]
     else:
         first = _channels(source, name, look, added.channels, resampler)
@@ -112,14 +102,16 @@ def beside(
     return found
 
 
-def with_met(shown: list[VolumeLayer], met: SceneObjects) -> list[VolumeLayer]:
+def with_objects(shown: list[VolumeLayer], objects: SceneObjects) -> list[VolumeLayer]:
     """Add meshes and planes to the look of the first volume."""
     (volume, look), *others = shown
-    return [(volume, met.beside(look)), *others]
+    return [(volume, objects.beside(look)), *others]
 
 
 def times_of(source: ReadOptions, recording: Recording) -> Recording | None:
     """Return the times of a recording's chosen channel; None if there is only one."""
+    from resample_volume.files.stores.chunks import Chunked
+
     values: Any = recording.values
     if source.channel is not None:
         if 1 in values.shape[:2]:
@@ -147,7 +139,7 @@ def filmed(subject: Callable[[int], Subject], times: int) -> "Course":
 
 
 def appearance_over_time(
-    series: Series, look: AppearanceChoices, resampler: Resampler
+    series: "Series", look: AppearanceChoices, resampler: Resampler
 ) -> Appearance:
     """Return one look for all times of a series, without labels; print the statistics."""
     for line in findings(series.known):
@@ -157,8 +149,10 @@ def appearance_over_time(
     return series.appearance(chosen, resampler.projection)
 
 
-def labelled(own: Appearance, series: Series, look: AppearanceChoices) -> Appearance:
+def labelled(own: Appearance, series: "Series", look: AppearanceChoices) -> Appearance:
     """Return the look of all times with the labels of another look, if it has some."""
+    from resample_volume.files.labels import read_labels
+
     if look.labels is None:
         return own
     return replace(own, labels=read_labels(look.labels, look.label, series[0]))
@@ -190,7 +184,7 @@ def _channels(
         if word != HIDDEN:
             volume = volume_at(recording, source.time, channel)
             volume = scaled(with_memory(volume, allowed_memory(source)), source.scale)
-            volume = said(announced(volume))
+            volume = padding_removed(announced(volume))
             transfer = f"auto:color={word}" if _is_color(word) else word
             own = look if not found else _alone(look, transfer, look.window)
             own = own.model_copy(update={"transfer": transfer})

@@ -35,19 +35,10 @@ def check_memory(
 
     Parameters
     ----------
-    media
-        Volumes, read, with their looks.
     size
         Height and width of the picture, px.
     subject
         Their visible voxels, once known.
-    fit
-        What cameras orbit.
-
-    Raises
-    ------
-    ValueError
-        It needs more memory than is allowed or free.
     """
     volumes = [volume for volume, _ in media]
     if any(is_streamed(volume) or is_in_file(volume.values) for volume in volumes):

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from resample.cameras.viewpoints import Viewpoint
 from resample.command.session import Session
 from resample.command.settings import Sharing
 from resample.command.workers import StartWorkers, worker_pools
+from resample.console.backgrounds import Color
 from resample.console.messages import say
 from resample.files.painted.tiles import NAME
 from resample.files.writing import beside, inheriting
@@ -38,11 +39,13 @@ from resample_volume.media.appearance import (
     decided,
     fits_as_field,
 )
-from resample_volume.outofcore.dense import is_in_store, share_lattice
 from resample_volume.rendering import Fit, Subject, painted_with_bar
 from resample_volume.types import Volume
 from resample_volume.voxels.streaming import TooManyVoxelsError
-from resample_volume.windows import Budget, paint_streamed, streamed_subject
+
+if TYPE_CHECKING:
+    from resample_volume.command.choices import BesidePicture
+    from resample_volume.windows import Budget
 
 MARK = "picture"  # file in a folder of windows that identifies their picture
 BYTES_PER_PIXEL = needs.BYTES_PER_PIXEL
@@ -66,13 +69,7 @@ def scene_of(
     fit: Fit = "visible",
     size: tuple[int, int] = (0, 0),
 ) -> Subject:
-    """Prepare the volumes of a scene for pictures (height, width).
-
-    Raises
-    ------
-    ValueError
-        They cannot be combined, or do not fit in memory.
-    """
+    """Prepare the volumes of a scene for pictures (height, width)."""
     needs.check_memory(media, size)
     if len(media) > 1:
         check_several(media, resampler)
@@ -93,17 +90,7 @@ def scene_of(
 def say_lost_field(
     media: Sequence[VolumeLayer], resampler: Resampler, *, in_windows: bool = False
 ) -> None:
-    """Say why voxels of one volume are painted, if rays through its field were asked for.
-
-    Parameters
-    ----------
-    media
-        Volumes with their looks.
-    resampler
-        Renderer that was asked for.
-    in_windows
-        Whether workers paint windows of it, whatever memory holds.
-    """
+    """Say why voxels of one volume are painted, if rays through its field were asked for."""
     (volume, look), *others = media
     is_by_rays = resampler.order.summing is Summing.RAYS
     if others or not is_by_rays or look.classification is not Classification.AUTO:
@@ -131,10 +118,6 @@ def slab_missed(
 
     Parameters
     ----------
-    media
-        Volumes with their looks.
-    subject
-        The prepared volumes.
     camera
         For slabs across the view; None: check those across a scene direction.
     """
@@ -170,6 +153,27 @@ def picture_of(
     return frame
 
 
+def annotated_picture(
+    scene: PreparedPicture,
+    frame: Frame,
+    shown: VolumeLayer,
+    resampler: Resampler,
+    beside: "BesidePicture",
+    background: Color | None,
+) -> Frame:
+    """Draw the annotations of a picture, and its color bar, as far as they are asked for."""
+    if beside.is_annotated:
+        from resample_volume.space.annotations import annotated
+
+        marks = beside.annotations(background)
+        frame = annotated(frame, scene.camera, scene.subject.placed(shown[0]), marks)
+    if beside.color_bar:
+        from resample_volume.figures.color_bar import with_bar
+
+        frame = with_bar(frame, *shown, resampler, background, scene.subject.tone)
+    return frame
+
+
 def _emptiness(frame: Frame, volume: Volume, projection: Projection) -> str | None:
     """Return the message about an empty picture; None if it is not empty."""
     if projection not in SUMS:
@@ -192,26 +196,22 @@ class ExecutionContext(NamedTuple):
 
     threads: int | None
     sharing: Sharing
-    hire: StartWorkers
+    start_workers: StartWorkers
     output: Path  # several processes may keep windows beside it
     left: list[Path]  # folders with windows of commands that were killed
 
 
 @contextmanager
-def doing_by(threads: int | None, sharing: Sharing, output: Path) -> Iterator[ExecutionContext]:
-    """Provide threads, processes and memory for a picture, until the end of the block.
-
-    Raises
-    ------
-    ValueError, OSError
-        As of `worker_pools`.
-    """
-    with worker_pools(sharing, threads) as hire:
-        if not sharing.is_asked:
-            yield ExecutionContext(threads, sharing, hire, output, [])
+def execution_context(
+    threads: int | None, sharing: Sharing, output: Path
+) -> Iterator[ExecutionContext]:
+    """Provide threads, processes and memory for a picture, until the end of the block."""
+    with worker_pools(sharing, threads) as start_workers:
+        if not sharing.has_workers:
+            yield ExecutionContext(threads, sharing, start_workers, output, [])
             return
         with inheriting(Path(os.path.realpath(output))) as left:
-            yield ExecutionContext(threads, sharing, hire, output, left)
+            yield ExecutionContext(threads, sharing, start_workers, output, left)
 
 
 def to_paint(
@@ -227,13 +227,10 @@ def to_paint(
 
     With workers it is always by windows. The fit `picture` is `visible` with the camera zoomed and
     panned to fill the picture; that camera is printed.
-
-    Raises
-    ------
-    ValueError
-        As of `scene_of`; or windows serve neither.
     """
-    if context.sharing.is_asked:
+    if context.sharing.has_workers:
+        from resample_volume.outofcore.dense import share_lattice
+
         for medium in media:
             _check_bricks(*medium)
         if not share_lattice(media):
@@ -261,6 +258,8 @@ def to_paint(
 
 def _check_bricks(volume: Volume, look: Appearance) -> None:
     """Reject workers for a picture that is not painted by windows."""
+    from resample_volume.outofcore.dense import is_in_store
+
     if not is_streamed(volume):
         raise ValueError(
             f"workers paint windows of a volume in chunks, and {volume.name} is in memory as a "
@@ -283,7 +282,9 @@ def _in_windows(
     context: ExecutionContext,
 ) -> PreparedPicture:
     """Prepare volumes in bricks, to hold one window's voxels in memory at a time."""
-    spent = spent_here(media, context.threads)
+    from resample_volume.windows import paint_streamed, streamed_subject
+
+    spent = local_budget(media, context.threads)
     with session.stage("classify", bar="scanning voxels") as progress:
         subject = streamed_subject(media, fit, resampler, spent, progress)
     say_missed(media, subject)
@@ -300,14 +301,16 @@ def _in_windows(
         if spent.executor is None:
             say(f"the visible voxels do not fit in memory: painted in {count} windows")
         else:
-            say(f"painted in {count} windows by {context.sharing.who}")
+            say(f"painted in {count} windows by {context.sharing.description}")
         return frame
 
     return PreparedPicture(subject, camera, paint)
 
 
-def spent_here(media: Sequence[VolumeLayer], threads: int | None) -> Budget:
+def local_budget(media: Sequence[VolumeLayer], threads: int | None) -> "Budget":
     """Return the budget of windows that this process paints."""
+    from resample_volume.windows import Budget
+
     allowed = values_of(media[0][0].values).memory
     return Budget(allowed or available_memory() or 0, threads)
 
@@ -328,13 +331,15 @@ def _mark(media: Sequence[VolumeLayer], shown: tuple[Any, ...]) -> str | None:
 @contextmanager
 def shared(
     context: ExecutionContext, media: Sequence[VolumeLayer], shown: tuple[Any, ...]
-) -> Iterator[Budget]:
+) -> "Iterator[Budget]":
     """Provide the budget and the executor of windows, until the end of the block.
 
     Windows that a killed command left of the same picture are reused.
     """
-    here = spent_here(media, context.threads)
-    allowed, crew = here.memory, context.hire()
+    from resample_volume.windows import Budget
+
+    here = local_budget(media, context.threads)
+    allowed, crew = here.memory, context.start_workers()
     if crew is None:
         yield here
         return

@@ -38,30 +38,30 @@ def with_neighbours(is_chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return found[1:-1, 1:-1, 1:-1]
 
 
-def held_together(is_needed: NDArray[np.bool_]) -> int:
+def bricks_in_memory(is_needed: NDArray[np.bool_]) -> int:
     """Return the number of bricks held at once, as slopes need adjacent ones: two layers."""
     layers = is_needed.sum(axis=(1, 2))
     return int((layers[1:] + layers[:-1]).max(initial=layers.max(initial=0)))
 
 
-class Asked(NamedTuple):
+class BrickRequest(NamedTuple):
     """Blocks whose voxels are requested."""
 
     side: int  # voxels along each axis
-    is_asked: NDArray[np.bool_]  # (Z, Y, X) of blocks
+    is_requested: NDArray[np.bool_]  # (Z, Y, X) of blocks
 
     def has_any(self, box: Box) -> bool:
         """Return whether any voxel of a box is requested."""
         z, y, x = (slice(p.start // self.side, (p.stop - 1) // self.side + 1) for p in box)
-        return bool(self.is_asked[z, y, x].any())
+        return bool(self.is_requested[z, y, x].any())
 
     def holds(self, at: Sequence[NDArray[np.int64]]) -> NDArray[np.bool_]:
         """Return which voxels (N,) are requested, by indices along z, y and x."""
         z, y, x = (n // self.side for n in at)
-        return self.is_asked[z, y, x]
+        return self.is_requested[z, y, x]
 
 
-class Keeper(Protocol):
+class StatisticsCache(Protocol):
     """Stores statistics of values for later commands."""
 
     @property
@@ -100,8 +100,8 @@ class Bricks:
     memory: int | None = None  # memory limit for all that is made of them; None: the machine's
     reads: int = 0  # counts bricks read
     most_held: int = 0  # peak bytes of bricks in memory together
-    asked: Asked | None = None  # blocks whose voxels are requested; None: all
-    keeper: "Keeper | None" = None  # of the statistics
+    request: BrickRequest | None = None  # blocks whose voxels are requested; None: all
+    statistics_cache: "StatisticsCache | None" = None  # for later commands
     recent: LruCache | None = None  # cache of bricks
     pinned: PinnedCache | None = None  # pinned bricks, as stored in the file
     helpers: Callable[[], Helpers | None] | None = None  # workers of the first pass
@@ -183,9 +183,9 @@ class Bricks:
             is_none |= np.isinf(values)
         return np.where(is_none, np.asarray(by, self.dtype), values)
 
-    def within(self, asked: Asked | None, recent: LruCache | None = None) -> "Bricks":
+    def within(self, request: BrickRequest | None, recent: LruCache | None = None) -> "Bricks":
         """Return a copy restricted to some blocks; it counts its own reads."""
-        part = replace(self.anew(), asked=asked, recent=recent)
+        part = replace(self.anew(), request=request, recent=recent)
         part.__dict__["ends"] = self.ends  # of the whole
         return part
 
@@ -195,14 +195,14 @@ class Bricks:
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what another process needs; of the statistics only the ends of bricks."""
-        known = {"ends": self.ends} if {"ends", "glance"} & self.__dict__.keys() else {}
-        left = {name: part for name, part in self.__dict__.items() if name != "glance"}
+        known = {"ends": self.ends} if {"ends", "statistics"} & self.__dict__.keys() else {}
+        left = {name: part for name, part in self.__dict__.items() if name != "statistics"}
         return left | known | {"found": {}, "recent": None, "helpers": None, "_lock": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state, _lock=Lock())
 
-    def shelve(self, most: int) -> None:
+    def pin_bricks(self, most: int) -> None:
         """Pin the bricks read first, up to a limit in bytes."""
         if self.pinned is None:
             self.pinned = PinnedCache(most)
@@ -210,7 +210,7 @@ class Bricks:
             self.pinned.limit(min(most, self.pinned.most))
 
     @property
-    def shelved(self) -> int:
+    def pinned_bytes(self) -> int:
         """Limit of the pinned bricks in bytes."""
         return 0 if self.pinned is None else self.pinned.most
 
@@ -270,29 +270,29 @@ class Bricks:
     @cached_property
     def statistics(self) -> BrickStats:
         """Return statistics of all values; the first call reads each brick."""
-        keeper = self.keeper
-        kept = None if keeper is None else keeper.load(self)
-        if keeper is None or kept is not None:
+        cache = self.statistics_cache
+        kept = None if cache is None else cache.load(self)
+        if cache is None or kept is not None:
             return kept or scanned(self, self._helped())
-        state = keeper.state()
+        state = cache.state()
         found = scanned(self, self._helped())
-        keeper.keep(self, found, state)
+        cache.keep(self, found, state)
         return found
 
     def is_kept(self) -> bool:
         """Whether the statistics are cached, so that no scan is needed."""
-        kept = None if self.keeper is None else self.keeper.load(self)
+        kept = None if self.statistics_cache is None else self.statistics_cache.load(self)
         if kept is not None:
             self.__dict__["statistics"] = kept
         return kept is not None
 
     def state(self) -> tuple[Any, ...] | None:
         """Return what identifies the values of a store; None if nothing does."""
-        state = None if self.keeper is None else self.keeper.state()
-        if self.keeper is None or state is None:
+        state = None if self.statistics_cache is None else self.statistics_cache.state()
+        if self.statistics_cache is None or state is None:
             return None
         form = (self.shape, self.dtype.str, self.side, self.period, self.replaced)
-        return (str(self.keeper.store), state, *form)
+        return (str(self.statistics_cache.store), state, *form)
 
     @property
     def is_streamed(self) -> bool:

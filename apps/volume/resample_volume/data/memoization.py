@@ -28,14 +28,7 @@ def memoizing(kept: Memo) -> Iterator[None]:
 
 
 def memoized(of: Callable[[Any], Any]) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Memoize a function that only depends on values and numbers.
-
-    Parameters
-    ----------
-    of
-        Returns the array of values of the first argument; all others are numbers and names. An
-        object with an attribute `found` keeps results there.
-    """
+    """Memoize a function that only depends on values and numbers."""
 
     def decorated(find: Callable[P, R]) -> Callable[P, R]:
         @wraps(find)

@@ -30,7 +30,7 @@ class PlaneRange(NamedTuple):
     first: int  # flat index of their first value into the volume
 
 
-def layers_alike(values: NDArray[Any], index: NDArray[np.int64]) -> Iterator[PlaneRange]:
+def kernel_layers(values: NDArray[Any], index: NDArray[np.int64]) -> Iterator[PlaneRange]:
     """Yield the parts of a volume (Z, Y, X) that contain voxels, in the types of kernels.
 
     Indices (N,) into the flat volume come in the order of an array or of the painter's bricks. The

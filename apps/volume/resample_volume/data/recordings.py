@@ -38,16 +38,9 @@ def volume_at(recording: Recording, time: int | None, channel: int | None) -> Vo
 
     Parameters
     ----------
-    recording
-        If it has only times or only channels, either argument chooses among them.
     time, channel
         Index from 0, negative from the end; None if there is only one, or if channels are the
         components of a color.
-
-    Raises
-    ------
-    ValueError
-        There are several and none was chosen, or the index is out of range.
     """
     chosen = recording
     times, parts = chosen.values.shape[:2]
@@ -85,13 +78,6 @@ def in_color(values: NDArray[Any], volume: Volume) -> Volume:
     values
         (Z, Y, X, 3 or 4) red, green, blue and perhaps opacity, not premultiplied: integers in sRGB,
         floats in linear light. A color with NaN is missing.
-    volume
-        Its place and name.
-
-    Raises
-    ------
-    ValueError
-        A component is less than 0.
     """
     if values.dtype.kind == "f" and any(bool((slab < 0).any()) for slab in slabs(values)):
         raise ValueError(

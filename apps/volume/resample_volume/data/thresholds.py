@@ -40,8 +40,6 @@ def otsu(levels: Histogram, classes: int = 2) -> list[float]:
 
     Parameters
     ----------
-    levels
-        Values.
     classes
         2 or 3.
 
@@ -97,15 +95,8 @@ def peak_between(
 
     Parameters
     ----------
-    levels
-        Values.
-    low
-        The most frequent value up to this one, the surroundings, lies before the peak.
     high
         Upper limit of the valley behind the peak.
-    dip
-        Greatest height of the valley before the peak, as a fraction of the peak's; half of that
-        behind.
     each
         Voxels per voxel of the sample.
     """

@@ -189,13 +189,7 @@ def values_of(stored: Stored) -> VolumeValues:
 
 
 def bricks_of(volume: Volume) -> Bricks:
-    """Return the bricks of a volume, or what has their interface, such as `CombinedBricks`.
-
-    Raises
-    ------
-    TypeError
-        Its values are in memory.
-    """
+    """Return the bricks of a volume, or what has their interface, such as `CombinedBricks`."""
     stored: Any = volume.values
     if isinstance(stored, np.ndarray):
         raise TypeError(f"{volume.name} is in memory, not in bricks")
@@ -217,11 +211,6 @@ def as_array(volume: Volume) -> Volume:
 
     If they and a field of them may not fit in memory, they are in a mapped file
     (`resample.memory.mapped`). Its pages get the memory that a field leaves, at least a quarter.
-
-    Raises
-    ------
-    ValueError
-        They fit neither in memory nor on the disk, or cannot be read.
     """
     if not is_streamed(volume):
         return volume

@@ -23,15 +23,6 @@ def of_dataset(given: Any, part: Any, name: str) -> Volume:
     given
         `vtkImageData`, `vtkRectilinearGrid`, or what is resampled: a structured or unstructured
         grid, or blocks of any of these.
-    part
-        Name of the array; empty: the active one, or the only one of scalars.
-    name
-        For messages.
-
-    Raises
-    ------
-    TypeError, ValueError
-        It is none of these, or has no such array.
     """
     if not (given.IsA("vtkDataSet") or given.IsA("vtkCompositeDataSet")):
         raise TypeError(f"a volume of {type(given).__name__}; give a data set of VTK's with cells")

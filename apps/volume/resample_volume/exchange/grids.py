@@ -16,15 +16,6 @@ def of_grid(given: Any, part: Any, name: str) -> Volume:
     given
         It has `left_edge` and `right_edge` (3,), `ActiveDimensions` (3,), and fields (X, Y, Z) by
         name.
-    part
-        Name of the field: `density`, or `("gas", "density")`.
-    name
-        For messages.
-
-    Raises
-    ------
-    ValueError
-        No field is named, or there is none of that name.
     """
     if not part:
         raise ValueError(

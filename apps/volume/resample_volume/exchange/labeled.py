@@ -13,22 +13,7 @@ AXES = ("z", "y", "x")
 
 
 def of_labeled(given: Any, part: Any, name: str) -> Volume:
-    """Convert an array of xarray's, or a variable of a data set, with its coordinates.
-
-    Parameters
-    ----------
-    given
-        A `DataArray`, or a `Dataset`.
-    part
-        Name of a variable of the latter; empty: the only one.
-    name
-        For messages, where it has none.
-
-    Raises
-    ------
-    ValueError
-        It has other than three dimensions, or there is no such variable.
-    """
+    """Convert an array of xarray's, or a variable of a data set, with its coordinates."""
     if hasattr(given, "data_vars"):
         given = _variable(given, part)
     else:

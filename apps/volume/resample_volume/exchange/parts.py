@@ -10,12 +10,6 @@ Taker = Callable[[Any, Part, str], Volume]  # of an object, a part of it and a n
 
 
 def check_whole(part: Part, what: str) -> None:
-    """Reject a part of an object without parts.
-
-    Raises
-    ------
-    ValueError
-        A part was given.
-    """
+    """Reject a part of an object without parts."""
     if part:
         raise ValueError(f"{what} is one volume, without a part {part!r:.60}; leave part out")

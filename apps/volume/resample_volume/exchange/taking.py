@@ -2,10 +2,6 @@
 
 from typing import Any
 
-from resample_volume.exchange.datasets import of_dataset
-from resample_volume.exchange.grids import of_grid
-from resample_volume.exchange.images import of_nibabel, of_simple_itk
-from resample_volume.exchange.labeled import of_labeled
 from resample_volume.exchange.parts import Taker
 
 
@@ -14,6 +10,11 @@ def taker_of(given: Any) -> Taker | None:
 
     None for objects of no known library.
     """
+    from resample_volume.exchange.datasets import of_dataset
+    from resample_volume.exchange.grids import of_grid
+    from resample_volume.exchange.images import of_nibabel, of_simple_itk
+    from resample_volume.exchange.labeled import of_labeled
+
     every = type(given).__mro__
     homes = {kind.__module__.partition(".")[0] for kind in every}
     if "vtkObjectBase" in {kind.__name__ for kind in every}:  # PyVista's, too

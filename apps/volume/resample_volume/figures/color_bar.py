@@ -65,30 +65,15 @@ def color_bar(
 
     Parameters
     ----------
-    transfer
-        Any.
-    data_range
-        Least and greatest finite value of the data, where the scale begins and ends.
     height
         Of the picture, px, at least 64.
-    title
-        Above the bar, shortened where it is long.
     steep
         Slope of a full surface, see `resample_volume.voxels.visible.steepness`. 1 shows the
         gradients of a normalized function as fractions.
-    background
-        Linear background color. Text is light on dark and dark on light.
-    scale
-        Scale of the values, see `looks.scales`: decades are marked beside it.
 
     Returns
     -------
     (H, B, 4) linear, opaque. The width B follows from the height and the text.
-
-    Raises
-    ------
-    ValueError
-        The height is too small.
     """
     check_height(height)
     by, form = scale_named(scale), FORMS[transfer.needs_gradient]

@@ -34,13 +34,7 @@ def variants(
     footprints: Sequence[str] = (),
     orders: Sequence[str] = (),
 ) -> dict[str, Resampler]:
-    """Return renderers by name, one per combination; names show only what differs.
-
-    Raises
-    ------
-    ValueError, LookupError
-        A name is not of a method, footprint or order, there is none, or two exclude each other.
-    """
+    """Return renderers by name, one per combination; names show only what differs."""
     if not methods:
         raise ValueError(f"give a method to compare; known: {', '.join(Primitive)}")
     choice: dict[str, Resampler] = {}
@@ -76,13 +70,7 @@ def gathered_for(
 
 
 def check_vtk(appearance: Appearance, resampler: Resampler) -> None:
-    """Reject a look that VTK does not get, as its picture would show something else.
-
-    Raises
-    ------
-    ValueError
-        Something is clipped, labelled or dimmed, or not composited.
-    """
+    """Reject a look that VTK does not get, as its picture would show something else."""
     cut = {"crop": appearance.crop, "clip": appearance.clip, "slab": appearance.slab}
     chosen = [*appearance.extras, *(name for name, choice in cut.items() if choice)]
     if resampler.projection is not Projection.COMPOSITE:
@@ -154,13 +142,7 @@ class Contest:
         self._book(name, picture, 1000 * (time.perf_counter() - start), f"{100 * share:.1f} %")
 
     def draw_vtk(self, volume: Volume, rays: int) -> None:
-        """Measure VTK's ray caster at `rays` × `rays` rays per pixel.
-
-        Raises
-        ------
-        ValueError
-            VTK is not installed, or cannot draw this volume or transfer function.
-        """
+        """Measure VTK's ray caster at `rays` × `rays` rays per pixel."""
         from resample_volume.baselines.peers import Peer, VtkRenderer
 
         look = Peer(rays=rays, light=self.subject.appearance.light)

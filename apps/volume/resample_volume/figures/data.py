@@ -45,18 +45,7 @@ class VolumeFolder:
         return next((file for file in files if file.is_file()), None)
 
     def subject(self, name: str) -> FigureVolume | None:
-        """Return one of the paper's volumes or its substitute; None if there is neither.
-
-        Parameters
-        ----------
-        name
-            One of `TITLES`.
-
-        Raises
-        ------
-        OSError, ValueError
-            The file exists and cannot be read.
-        """
+        """Return one of the paper's volumes or its substitute; None if there is neither."""
         path = self.find(name)
         if path is not None:
             return FigureVolume(open_volume(path), name, TITLES[name], "")

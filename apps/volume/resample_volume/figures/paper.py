@@ -29,39 +29,19 @@ def make(
 
     Parameters
     ----------
-    folder
-        Target; created if missing.
     numbers
         Which figures: some of `FIGURES`, or 1 to 4 for the halves of two of them; None for all.
-    data
-        Folder with the paper's volumes as NAME.nhdr; what it lacks is looked for where
-        `resample_volume.files.public.fetch` keeps its downloads.
-    quick
-        Make them as small as is of any use: for trials and tests.
 
     Returns
     -------
     What is to be said about them: counts and times, and what was not to be had.
-
-    Raises
-    ------
-    ValueError
-        A figure is unknown, or a volume is damaged.
-    OSError
-        A folder is missing, or a file cannot be read or written.
     """
     chosen = chosen_figures(numbers)
-    return "\n".join(_said(folder, chosen, data, quick)) + "\n"
+    return "\n".join(_made_figures(folder, chosen, data, quick)) + "\n"
 
 
 def chosen_figures(numbers: Sequence[str] | None) -> list[str]:
-    """Figures of `FIGURES` by their numbers, each once, in that order; all for None.
-
-    Raises
-    ------
-    ValueError
-        One is unknown.
-    """
+    """Figures of `FIGURES` by their numbers, each once, in that order; all for None."""
     if numbers is None:
         return list(FIGURES)
     wanted = [PARTS.get(number, number) for number in numbers]
@@ -74,7 +54,9 @@ def chosen_figures(numbers: Sequence[str] | None) -> list[str]:
     return [figure for figure in FIGURES if figure in wanted]
 
 
-def _said(folder: Path, chosen: Sequence[str], data: Path | None, quick: bool) -> Iterator[str]:
+def _made_figures(
+    folder: Path, chosen: Sequence[str], data: Path | None, quick: bool
+) -> Iterator[str]:
     from resample_volume.figures.data import VolumeFolder
 
     shelf = VolumeFolder(data)

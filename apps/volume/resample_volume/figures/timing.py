@@ -64,7 +64,7 @@ class Effort:
 
     side: int = 400  # px
     frames: int = 5  # medians of so many, after one that is not counted
-    rival_frames: int = 3
+    baseline_frames: int = 3
     box: str = "checker-box:size=100,block=10"
 
 
@@ -106,7 +106,7 @@ _PAPER_FORM = Resampler(primitive=Primitive.PAPER, threshold=THRESHOLD)
 _HYBRID = Resampler()
 
 
-RIVALS = {
+BASELINES = {
     "inflate": Resampler(primitive=Primitive.INFLATE),
     "ewa": Resampler(primitive=Primitive.EWA),
     "axis-sheets": Resampler(order=AxisSheets()),
@@ -232,7 +232,7 @@ def measured(case: Case, choices: Effort, remarks: list[str]) -> list[Row]:
         row["paper_form_splats_percent"] = 100 * _share_of_splats(case, camera, choices.side)
         row["speed_up"] = 1000 * seconds[view] / float(str(row["paper_form_ms"]))
         row["vtk_ms"] = None if peer is None else _vtk_milliseconds(peer, camera, choices.frames)
-        row |= _rivals(case, camera, choices) if view == "mixed" else {}
+        row |= _baseline_times(case, camera, choices) if view == "mixed" else {}
         rows.append(row)
     return rows
 
@@ -263,11 +263,11 @@ def _share_of_splats(case: Case, camera: AnyCamera, side: int) -> float:
     return float((records["spacing"][seen] > THRESHOLD).mean()) if seen.any() else 0.0
 
 
-def _rivals(case: Case, camera: AnyCamera, choices: Effort) -> dict[str, object]:
-    """Milliseconds of each of `RIVALS`."""
-    few = replace(choices, frames=choices.rival_frames)
+def _baseline_times(case: Case, camera: AnyCamera, choices: Effort) -> dict[str, object]:
+    """Milliseconds of each of `BASELINES`."""
+    few = replace(choices, frames=choices.baseline_frames)
     times: dict[str, object] = {}
-    for name, resample in RIVALS.items():
+    for name, resample in BASELINES.items():
         times[f"{name}_ms"] = _timed("rival", resample, case, camera, few)["rival_ms"]
     return times
 
@@ -310,7 +310,7 @@ def _line(row: Row) -> dict[str, str]:
         "times faster": f"{row['speed_up']:.0f}",
         "hybrid": _time(row, "hybrid"),
         "VTK": _number(row["vtk_ms"]),
-        **{name: _number(row.get(f"{name}_ms")) for name in RIVALS},
+        **{name: _number(row.get(f"{name}_ms")) for name in BASELINES},
     }
 
 

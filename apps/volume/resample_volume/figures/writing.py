@@ -42,19 +42,8 @@ def write_numbers(folder: Path, name: str, rows: Sequence[Row], facts: Mapping[s
 
     Parameters
     ----------
-    folder
-        Target, which exists.
-    name
-        Of the figure: `NAME.csv` gets the rows, `NAME.json` the facts and, under "rows", the rows.
     rows
         Columns are all keys in the order in which they first occur; None is left empty.
-    facts
-        Facts that do not belong to a row.
-
-    Raises
-    ------
-    OSError
-        A file cannot be written.
     """
     columns = list(dict.fromkeys(key for row in rows for key in row))
     with (

@@ -8,7 +8,6 @@ from resample.reading.arrays import DamageError, read_npz
 from resample_volume.data.rectilinear import rectilinear
 from resample_volume.files.parsing.choosing import ArrayQuery, check_part
 from resample_volume.files.parsing.headers import existing_file, header, stem
-from resample_volume.files.xml.vti import read_vtr
 from resample_volume.types import Volume
 
 AXES = ("x", "y", "z")
@@ -27,6 +26,8 @@ class Vtr:
         check_part(self.part)
 
     def __call__(self, path: Path) -> Volume:
+        from resample_volume.files.xml.vti import read_vtr
+
         wanted = ArrayQuery(self.array, self.part, "vtr")
         return read_vtr(existing_file(path), wanted, stem(path, self.suffixes))
 

@@ -14,20 +14,8 @@ def read_labels(path: str, rules: Sequence[str], volume: Volume) -> Labels:
 
     Parameters
     ----------
-    path
-        What `open_volume` takes; labels in a store stay there if the volume's values do.
     rules
         Each such as `1:color=tomato,opacity=0.5` or `2:hidden`, one for a label.
-    volume
-        The volume; of the same shape.
-
-    Raises
-    ------
-    ValueError
-        The file does not hold integers, or differs in shape from the volume; a rule cannot be read,
-        or no voxel has its label.
-    OSError
-        The file cannot be read.
     """
     chosen = parse_rules(rules)
     try:

@@ -10,24 +10,18 @@ import re
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
 from resample.reading.arrays import DamageError, read_npy
 from resample_volume.data.recordings import alone, is_color
-from resample_volume.files.formats.cube import read_cube
-from resample_volume.files.formats.metaimage import read_metaimage
-from resample_volume.files.formats.mrc import SUFFIXES, read_mrc
-from resample_volume.files.formats.nifti import read_nifti
-from resample_volume.files.formats.nrrd import read_nrrd
-from resample_volume.files.formats.vtk import read_vtk
 from resample_volume.files.parsing.choosing import ArrayQuery, check_part
 from resample_volume.files.parsing.headers import (
     Check,
     VolumeHeader,
+    accept_any,
     check_alone,
-    check_nothing,
     check_shape,
     check_type,
     existing_file,
@@ -37,10 +31,10 @@ from resample_volume.files.parsing.headers import (
 )
 from resample_volume.files.parsing.steps import Numbers, sizes_of, steps_of, three_numbers
 from resample_volume.files.parsing.voxels import VoxelData, voxels, wrong_size
-from resample_volume.files.stacks import dicom, slices
-from resample_volume.files.stacks.pages import page_order
-from resample_volume.files.xml.vti import read_vti
 from resample_volume.types import Recording, Volume
+
+if TYPE_CHECKING:
+    from resample_volume.files.stacks.slices import SlicePage
 
 BYTE_ORDERS = {"<": "little", ">": "big", "=": sys.byteorder}  # by NumPy's sign
 
@@ -62,7 +56,7 @@ class Reader(Protocol):
 class Recorder(Protocol):
     """Protocol of readers whose format may hold more than one volume."""
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         """Read all times and channels; `check` may reject the header before values are read."""
 
 
@@ -70,7 +64,7 @@ class Recorder(Protocol):
 class Streamer(Protocol):
     """Protocol of readers whose files can be read brick by brick."""
 
-    def streamed(self, path: Path, check: Check = check_nothing) -> Recording:
+    def streamed(self, path: Path, check: Check = accept_any) -> Recording:
         """Open all times and channels; a chosen one has `data.bricks.Bricks`."""
 
     def levels(self, path: Path) -> list[dict[str, Any]]:
@@ -86,7 +80,9 @@ class Nrrd:
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
+        from resample_volume.files.formats.nrrd import read_nrrd
+
         return read_nrrd(existing_file(path), stem(path, self.suffixes), check)
 
 
@@ -99,7 +95,9 @@ class MetaImage:
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
+        from resample_volume.files.formats.metaimage import read_metaimage
+
         return read_metaimage(existing_file(path), stem(path, self.suffixes), check)
 
 
@@ -116,7 +114,9 @@ class Nifti:
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
+        from resample_volume.files.formats.nifti import read_nifti
+
         return read_nifti(existing_file(path), stem(path, self.suffixes), check)
 
 
@@ -135,7 +135,9 @@ class Vti:
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
+        from resample_volume.files.xml.vti import read_vti
+
         wanted = ArrayQuery(self.array, self.part, "vti")
         return read_vti(existing_file(path), wanted, stem(path, self.suffixes), check)
 
@@ -162,7 +164,9 @@ class Vtk:
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
+        from resample_volume.files.formats.vtk import read_vtk
+
         wanted = ArrayQuery(self.array, self.part, "vtk")
         steps, name = steps_of(self.spacing), stem(path, self.suffixes)
         return read_vtk(existing_file(path), wanted, steps, name, check)
@@ -172,12 +176,16 @@ class Vtk:
 class Mrc:
     """MRC and CCP4 maps, in Å; volumes of a stack are times. Raw voxels are memory mapped."""
 
-    suffixes: ClassVar[tuple[str, ...]] = SUFFIXES
+    suffixes: ClassVar[tuple[str, ...]] = (
+        *(".mrc", ".map", ".ccp4", ".mrcs", ".mrc.gz", ".map.gz", ".ccp4.gz", ".mrcs.gz"),
+    )
 
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
+        from resample_volume.files.formats.mrc import read_mrc
+
         return read_mrc(existing_file(path), stem(path, self.suffixes), check)
 
 
@@ -190,7 +198,9 @@ class Cube:
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
+        from resample_volume.files.formats.cube import read_cube
+
         return read_cube(existing_file(path), stem(path, self.suffixes), check)
 
 
@@ -208,7 +218,10 @@ class TiffStack:
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
+        from resample_volume.files.stacks import slices
+        from resample_volume.files.stacks.pages import page_order
+
         if path.is_dir():
             paths, name = slices.files_with(path, self.suffixes), path.resolve().name
         else:
@@ -229,7 +242,7 @@ class TiffStack:
         values = order.sorted(slices.stack_values(paths, known))
         return recording(values, every, channels_first=known.parts == 1)
 
-    def _header(self, pages: list[slices.SlicePage], name: str) -> VolumeHeader:
+    def _header(self, pages: "list[SlicePage]", name: str) -> VolumeHeader:
         shape = (pages[0].width, pages[0].height, len(pages))
         known = header(shape, pages[0].dtype, name, spacing=three_numbers("spacing", self.spacing))
         parts = pages[0].channels
@@ -246,6 +259,8 @@ class Dicom:
     suffixes: ClassVar[tuple[str, ...]] = (".dcm",)
 
     def __call__(self, path: Path) -> Volume:
+        from resample_volume.files.stacks import dicom
+
         if path.is_dir():
             files = dicom.dicom_slices(path, self.series)
             return dicom.dicom_volume(files, path.resolve().name)
@@ -282,7 +297,7 @@ class Raw:
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         known = self._header(existing_file(path))
         check(known)
         if path.suffix.lower() == ".gz":
@@ -331,7 +346,7 @@ class Npy:
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         try:
             values = read_npy(existing_file(path), mapped=True)
         except DamageError as error:

@@ -10,7 +10,6 @@ import numpy as np
 from resample import registry
 from resample.files.stores.addresses import Address, is_address
 from resample.files.stores.opening import is_store
-from resample.samples.finding import PREFIX, sample_path
 from resample_volume.classification.scales import LINEAR, value_at
 from resample_volume.classification.surveys import findings, survey
 from resample_volume.data.recordings import volume_at
@@ -18,7 +17,6 @@ from resample_volume.data.thresholds import otsu
 from resample_volume.data.values import Stored, values_of
 from resample_volume.files.generated import GENERATED
 from resample_volume.files.readers import Reader, Recorder, Streamer
-from resample_volume.files.stacks.dicom import is_dicom
 from resample_volume.types import Recording, Volume
 
 if TYPE_CHECKING:
@@ -82,13 +80,7 @@ def open_volume(
 
 
 def open_recording(name: str | Path, reader: Reader | None = None) -> Recording:
-    """Open all times and channels by name.
-
-    Parameters
-    ----------
-    name, reader
-        As in `open_volume`; errors as well.
-    """
+    """Open all times and channels by name."""
     if is_address(name):
         return _distant(reader).recorded(Address(str(name)))
     name = _unprefixed(name)
@@ -107,13 +99,7 @@ def open_recording(name: str | Path, reader: Reader | None = None) -> Recording:
 
 
 def open_streamed(name: str | Path, reader: Reader | None = None) -> Recording | None:
-    """Open a recording whose values stay in their file; None if it must be read as a whole.
-
-    Parameters
-    ----------
-    name, reader
-        As in `open_volume`; errors as well.
-    """
+    """Open a recording whose values stay in their file; None if it must be read as a whole."""
     if is_address(name):
         return _distant(reader).streamed(Address(str(name)))
     path = Path(_unprefixed(name))
@@ -126,13 +112,7 @@ def open_streamed(name: str | Path, reader: Reader | None = None) -> Recording |
 
 
 def levels_of(name: str | Path, reader: Reader | None = None) -> list[dict[str, Any]]:
-    """Return the levels of a multiscale file, see `Streamer.levels`; empty for a single one.
-
-    Parameters
-    ----------
-    name, reader
-        As in `open_volume`; errors as well.
-    """
+    """Return the levels of a multiscale file, see `Streamer.levels`; empty for a single one."""
     if is_address(name):
         return _distant(reader).levels(Address(str(name)))
     path = Path(_unprefixed(name))
@@ -143,13 +123,7 @@ def levels_of(name: str | Path, reader: Reader | None = None) -> list[dict[str, 
 
 
 def _distant(reader: Reader | None) -> "Zarr":
-    """Return the reader of an address.
-
-    Raises
-    ------
-    ValueError
-        It is not of a zarr store.
-    """
+    """Return the reader of an address."""
     from resample_volume.files.stores.reader import Zarr
 
     if reader is None:
@@ -167,13 +141,7 @@ def _not_empty(path: Path) -> Path:
 
 
 def find_reader(path: str | Path) -> Reader:
-    """Find the reader for a file's longest known suffix, or for a folder or an address.
-
-    Raises
-    ------
-    ValueError
-        No installed reader fits, or two do.
-    """
+    """Find the reader for a file's longest known suffix, or for a folder or an address."""
     if is_address(path):
         return _distant(None)
     path = Path(path)
@@ -197,13 +165,7 @@ def find_reader(path: str | Path) -> Reader:
 
 
 def generate(spec: str) -> Volume:
-    """Generate a volume by name and parameters, `checker-box:size=64`.
-
-    Raises
-    ------
-    ValueError
-        A parameter is unknown, or not a number of its kind.
-    """
+    """Generate a volume by name and parameters, `checker-box:size=64`."""
     name, _, text = spec.partition(":")
     if name not in GENERATED:
         raise ValueError(f"unknown volume {name!r}; generated are {', '.join(GENERATED)}")
@@ -221,13 +183,6 @@ def generate(spec: str) -> Volume:
 
 def describe(volume: Volume, bins: int = 32) -> dict[str, Any]:
     """Describe a volume, in plain Python values.
-
-    Parameters
-    ----------
-    volume
-        May be mapped from a file, or stay there as bricks: it is processed in parts.
-    bins
-        Number of bins of the histogram, of equal width over the robust range.
 
     Returns
     -------
@@ -272,6 +227,8 @@ def describe(volume: Volume, bins: int = 32) -> dict[str, Any]:
 
 def _unprefixed(name: str | Path) -> str | Path:
     """Resolve names of built-in data to a generated volume or file; others are unchanged."""
+    from resample.samples.finding import PREFIX, sample_path
+
     text = str(name)
     if not text.startswith(PREFIX):
         return name
@@ -310,6 +267,8 @@ def _suffix(name: str, known: Iterable[str]) -> str:
 def _folder_suffix(folder: Path, readers: dict[str, list[str]]) -> str:
     """Return the suffix of a folder's files; DICOM is recognised without one."""
     files = [file for file in folder.iterdir() if file.is_file() and file.name[0] != "."]
+    from resample_volume.files.stacks.dicom import is_dicom
+
     found = {".dcm" if is_dicom(file) else _suffix(file.name, readers) for file in files} - {""}
     if len({tuple(readers[suffix]) for suffix in found}) > 1:
         raise ValueError(f"{folder} holds files of {' and '.join(sorted(found))}; name one of them")

@@ -13,15 +13,7 @@ SUFFIXES = (".nrrd", ".mha", ".nii", ".nii.gz", ".npy")
 
 
 def write_volume(path: Path, volume: Volume) -> None:
-    """Write a volume with its spacing, origin and direction (.npy: values only).
-
-    Raises
-    ------
-    ValueError
-        The suffix is none of `SUFFIXES`.
-    OSError
-        The file cannot be written.
-    """
+    """Write a volume with its spacing, origin and direction (.npy: values only)."""
     suffix = check_suffix(path)
     with replacing(path) as temporary:
         if suffix == ".npy":

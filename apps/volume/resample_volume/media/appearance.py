@@ -1,10 +1,11 @@
 """Appearance of a volume, and the renderer that suits it."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, NamedTuple
 
+from resample.lazy import old_members
 from resample.memory import available_memory
 from resample.painting.choices import MEASURING, Projection
 from resample.painting.splines import LARGEST, bytes_of_field
@@ -17,22 +18,22 @@ from resample_volume.classification.surveys import survey
 from resample_volume.classification.transfer import Transfer, as_transfer
 from resample_volume.data.values import values_of
 from resample_volume.media.xrays import XRay
-from resample_volume.surfaces.image_planes import ImagePlane
-from resample_volume.surfaces.iso_surfaces import IsoSurface
-from resample_volume.surfaces.meshes import SceneMesh
-from resample_volume.surfaces.sections import Section
 from resample_volume.types import Volume
 from resample_volume.voxels.shading import DepthCue, Light
 from resample_volume.voxels.visible import finite_range
 
 if TYPE_CHECKING:
     from resample_volume.classification.labels import Labels
+    from resample_volume.surfaces.image_planes import ImagePlane
+    from resample_volume.surfaces.iso_surfaces import IsoSurface
+    from resample_volume.surfaces.meshes import SceneMesh
+    from resample_volume.surfaces.sections import Section
 
 # Each keeps its own tables.
 OF_VOXELS, ALONG_RAYS = Resampler(), Resampler(order=Rays())
 BY_DEFAULT = Resampler(order=Rays(quality="usual"))
 GRADIENT = "central"  # if none is asked for
-MET = ("mesh", "plane", "surface")  # objects that rays meet besides the volume
+SCENE_OBJECTS = ("mesh", "plane", "surface")  # objects that rays meet besides the volume
 X_RAYS = Resampler(order=Rays(), projection=Projection.XRAY)
 
 
@@ -44,6 +45,7 @@ class Classification(StrEnum):
     POST = "post"  # values are interpolated, then classified
 
 
+@old_members(met="scene_objects")
 @dataclass(frozen=True)
 class Appearance:
     """What is visible of a volume, and its look.
@@ -68,26 +70,27 @@ class Appearance:
     crop: str | None = None  # ranges of voxels along x, y and z, see `cropping.planes`
     clip: tuple[str, ...] = ()  # planes through the middle, see `cropping.planes`
     framing: Transfer | str | None = None  # the camera frames what this shows; None: `transfer`
-    meshes: tuple[SceneMesh, ...] = ()  # in the volume's scene; not clipped
-    planes: tuple[ImagePlane, ...] = ()  # show unshaded values; not clipped
-    surfaces: tuple[IsoSurface, ...] = ()  # isosurfaces; not clipped
+    meshes: "tuple[SceneMesh, ...]" = ()  # in the volume's scene; not clipped
+    planes: "tuple[ImagePlane, ...]" = ()  # show unshaded values; not clipped
+    surfaces: "tuple[IsoSurface, ...]" = ()  # isosurfaces; not clipped
     slab: str | None = None  # outside of which nothing is shown, see `Section.of`
     xray: XRay | None = None  # for the projection xray, which it selects; None: the default
     invert: bool = False  # swap black and white, for projections of values
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "classification", Classification(self.classification))
-        planes = (ImagePlane.of(one) if isinstance(one, str) else one for one in self.planes)
-        object.__setattr__(self, "planes", tuple(planes))
-        surfaces = (IsoSurface.of(one) if isinstance(one, str) else one for one in self.surfaces)
-        object.__setattr__(self, "surfaces", tuple(surfaces))
-        if self.slab is not None:
-            Section.of(self.slab)
+        object.__setattr__(self, "planes", _planes_of(self.planes))
+        object.__setattr__(self, "surfaces", _surfaces_of(self.surfaces))
+        _ = self.section  # refuses what is none
 
     @property
-    def section(self) -> Section | None:
+    def section(self) -> "Section | None":
         """Slab outside of which nothing is shown."""
-        return None if self.slab is None else Section.of(self.slab)
+        if self.slab is None:
+            return None
+        from resample_volume.surfaces.sections import Section
+
+        return Section.of(self.slab)
 
     @property
     def cuts(self) -> tuple[str, ...]:
@@ -110,14 +113,32 @@ class Appearance:
         return [name for name, choice in chosen.items() if choice is not None]
 
     @property
-    def met(self) -> list[str]:
+    def scene_objects(self) -> list[str]:
         """Names of the objects that rays meet besides the volume."""
-        return [name for name in self.extras if name in MET]
+        return [name for name in self.extras if name in SCENE_OBJECTS]
 
     @property
     def needed_gradient(self) -> str | None:
         """How gradients are computed; None if shading does not need them."""
         return None if self.light is None else self.gradient
+
+
+def _planes_of(given: "Iterable[ImagePlane | str]") -> "tuple[ImagePlane, ...]":
+    """Return planes, of which some may be texts."""
+    if not given:
+        return ()
+    from resample_volume.surfaces.image_planes import ImagePlane
+
+    return tuple(ImagePlane.of(one) if isinstance(one, str) else one for one in given)
+
+
+def _surfaces_of(given: "Iterable[IsoSurface | str]") -> "tuple[IsoSurface, ...]":
+    """Return isosurfaces, of which some may be texts."""
+    if not given:
+        return ()
+    from resample_volume.surfaces.iso_surfaces import IsoSurface
+
+    return tuple(IsoSurface.of(one) if isinstance(one, str) else one for one in given)
 
 
 VolumeLayer = tuple[Volume, Appearance]  # one of several in a scene, and its look
@@ -126,9 +147,9 @@ VolumeLayer = tuple[Volume, Appearance]  # one of several in a scene, and its lo
 class SceneObjects(NamedTuple):
     """Objects that rays meet besides the volume."""
 
-    meshes: tuple[SceneMesh, ...]
-    planes: tuple[ImagePlane, ...]
-    surfaces: tuple[IsoSurface, ...]
+    meshes: "tuple[SceneMesh, ...]"
+    planes: "tuple[ImagePlane, ...]"
+    surfaces: "tuple[IsoSurface, ...]"
 
     def within(self, span: tuple[float, float]) -> "SceneObjects":
         """Return a copy in which planes without a window get one of these values."""
@@ -167,27 +188,11 @@ def named_transfer(
 def check_together(
     resampler: Resampler, classification: Classification, extras: Collection[str] = ()
 ) -> None:
-    """Reject options that exclude each other, and say which are allowed.
-
-    Parameters
-    ----------
-    resampler
-        Renderer.
-    classification
-        When values are classified.
-    extras
-        Names of other chosen options, see `Appearance.extras`.
-
-    Raises
-    ------
-    ValueError
-        The order composites colors but a field was asked for; or the field has no labels, light or
-        gradients to show.
-    """
+    """Reject options that exclude each other, and say which are allowed."""
     projection = resampler.projection
     is_composite = projection is Projection.COMPOSITE
     _check_values(projection, extras)
-    _check_met([name for name in MET if name in extras], resampler, classification)
+    _check_objects([name for name in SCENE_OBJECTS if name in extras], resampler, classification)
     if is_composite and _in_effect(classification, resampler) is Classification.PRE:
         if resampler.order.summing is Summing.RAYS:
             raise ValueError(
@@ -236,7 +241,7 @@ def _check_values(projection: Projection, extras: Collection[str]) -> None:
         )
 
 
-def _check_met(names: list[str], resampler: Resampler, classification: Classification) -> None:
+def _check_objects(names: list[str], resampler: Resampler, classification: Classification) -> None:
     """Reject meshes and planes for renderers that do not show them."""
     if not names:
         return
@@ -284,8 +289,6 @@ def decided(
 
     Parameters
     ----------
-    media
-        Volumes with their looks.
     resampler
         Renderer; one of samples paints voxels in any case.
     """
@@ -297,7 +300,7 @@ def decided(
         is_of_field = True
     else:
         is_of_field = is_by_rays and len(media) == 1 and _suits_rays(*media[0])
-        is_of_field = is_of_field or any(look.met for _, look in media)
+        is_of_field = is_of_field or any(look.scene_objects for _, look in media)
         resampler = resampler if is_of_field else of_voxels(resampler)
     found = Classification.POST if is_of_field else Classification.PRE
     of_auto = {Classification.AUTO: found}

@@ -67,11 +67,6 @@ def onto(volume: Volume, lattice: CommonLattice) -> Volume:
     A volume that is on the lattice already is returned unchanged. Otherwise values are interpolated
     by a cubic spline and clamped to their range; along axes on which the lattice is coarser they
     are smoothed first. Next to missing values, interpolation is linear.
-
-    Raises
-    ------
-    ValueError
-        The result does not fit in memory.
     """
     to_index = np.linalg.inv(lattice_of(volume))
     matrix = to_index @ lattice.steps

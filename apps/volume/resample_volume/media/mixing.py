@@ -12,8 +12,8 @@ import numpy as np
 from resample.types import Doubles, Floats, Samples
 from resample_volume.data.memory import require_memory
 from resample_volume.media.lattices import CommonLattice
-from resample_volume.voxels.reaching import voxels_reached
 from resample_volume.voxels.shading import Light
+from resample_volume.voxels.transmittance import voxel_transmittance
 from resample_volume.voxels.visible import BYTES_PER_VOXEL, Indices, Voxels, positions_at
 
 BYTES_PER_BRICK = 8  # of 8 voxels per side, whether any is seen or not
@@ -36,13 +36,7 @@ class MixedMedia(NamedTuple):
 
 
 def mixed(parts: Sequence[Voxels], lattice: CommonLattice) -> MixedMedia:
-    """Mix the voxels of several media on one lattice.
-
-    Raises
-    ------
-    ValueError
-        They do not fit in memory.
-    """
+    """Mix the voxels of several media on one lattice."""
     from resample_volume.data.kernels.gradients import brick_order
 
     x, y, z = map(int, lattice.size)
@@ -83,7 +77,7 @@ def with_light(media: MixedMedia, light: Light) -> MixedMedia:
     """Return the media with the light that reaches them, shadowed by all of them."""
     nothing = np.empty((0, 3), np.float32)
     whole = Voxels(media.position, nothing, media.extinction, nothing, media.lattice)
-    share = voxels_reached(whole, light)
+    share = voxel_transmittance(whole, light)
     each = zip(media.parts, media.place, strict=True)
     return media._replace(parts=tuple(part._replace(reached=share[at]) for part, at in each))
 

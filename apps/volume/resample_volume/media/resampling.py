@@ -46,7 +46,7 @@ def resampled(
         to[:] = of
         is_known &= bool(np.isfinite(to).all())
     if not is_known:
-        return _among_missing(given, widths, matrix, start, shape)
+        return _interpolate_known(given, widths, matrix, start, shape)
     _smooth(given, widths)
     _to_coefficients(given)
     found = _read(given, matrix, start, shape, order=3)
@@ -55,7 +55,7 @@ def resampled(
     return found
 
 
-def _among_missing(
+def _interpolate_known(
     given: Floats, widths: Doubles, matrix: Doubles, start: Doubles, shape: tuple[int, ...]
 ) -> Floats:
     """Interpolate known values; NaN where most are missing."""

@@ -13,7 +13,6 @@ from resample_volume.classification.surveys import Survey, survey, without_paddi
 from resample_volume.classification.transfer import DataRange, Transfer
 from resample_volume.data.recordings import alone, volume_at, with_times_first
 from resample_volume.data.values import is_streamed
-from resample_volume.files.stores.chunks import Chunked, Single
 from resample_volume.media.appearance import Appearance, named_or_own, transfer_of
 from resample_volume.media.xrays import XRay, settled
 from resample_volume.types import Recording, Volume
@@ -37,20 +36,7 @@ class Series:
 
     @classmethod
     def of(cls, recording: Recording, ready: Ready = _as_it_is) -> "Series":
-        """Make a series of a recording's times, or of its channels if it has only these.
-
-        Parameters
-        ----------
-        recording
-            Whose values are an array, or `Chunked`.
-        ready
-            Sets how volumes in bricks are read.
-
-        Raises
-        ------
-        ValueError
-            It has channels as well.
-        """
+        """Make a series of a recording's times, or of its channels if it has only these."""
         ordered = with_times_first(recording)
         every = ready(whole(ordered))
         known = survey(every)
@@ -116,18 +102,22 @@ class Series:
 
 def whole(recording: Recording) -> Volume:
     """Stack all times of a recording in one volume."""
+    from resample_volume.files.stores.chunks import Single
+
     values: Any = recording.values
     times, parts, *size = values.shape
     if not recording.is_color and parts != 1:
         return volume_at(recording, 0, None)  # the message says that there are channels
     if is_chunked(recording):
-        return alone(recording._replace(values=Single(values.behind_each_other())))  # type: ignore[arg-type]
+        return alone(recording._replace(values=Single(values.stacked_along_z())))  # type: ignore[arg-type]
     across = np.moveaxis(values, 0, 1).reshape(1, parts, times * size[0], *size[1:])
     return alone(recording._replace(values=across))
 
 
 def is_chunked(recording: Recording) -> bool:
     """Return whether a recording's values stay in their file."""
+    from resample_volume.files.stores.chunks import Chunked
+
     values: Any = recording.values
     return isinstance(values, Chunked)
 

@@ -100,17 +100,8 @@ def settled(xray: XRay, volume: Volume, known: Survey | None = None) -> XRay:
 
     Parameters
     ----------
-    xray
-        Units and window may be missing.
-    volume
-        In Hounsfield units.
     known
         Statistics of its values; None: computed here.
-
-    Raises
-    ------
-    ValueError
-        Values are not known to be Hounsfield units, or do not fit in memory.
     """
     if volume.colors is not None:
         raise ValueError(

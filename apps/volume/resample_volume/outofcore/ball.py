@@ -30,7 +30,7 @@ from resample_volume.voxels.framing import (
 )
 from resample_volume.voxels.visible import lattice_of
 
-TOGETHER = 1 << 20  # voxels scanned together in the second pass, about
+BATCH_SIZE = 1 << 20  # voxels scanned together in the second pass, about
 ROUNDED = 1e-5  # relative rounding error of a distance
 SLACK = 1e-3  # voxels by which places of blocks are not known
 
@@ -58,14 +58,10 @@ def ball_of(
 
     Parameters
     ----------
-    seen
-        Volumes to scan.
     outline
         Where their voxels are visible.
     voxel
         Longest step of the lattice, scene units.
-    looking
-        Executor of the second pass, if there may be outliers.
     """
     low, high = outline.low, outline.high
     most, bulk, extent = most_strays(outline.total), None, high - low
@@ -167,7 +163,7 @@ def _groups(
 
 def _ordered(seen: OutlineQuery, lattice: Lattice, number: Indices, bricks: Bricks) -> Floats:
     """Return positions (N, 3) of visible voxels, block after block, z slowest in each."""
-    volume = with_bricks(seen.volume, bricks.within(lattice.asked(number)))
+    volume = with_bricks(seen.volume, bricks.within(lattice.request(number)))
     parts = list(seen.classified(volume, lambda place, voxels: (place, voxels.position)))
     place = np.concatenate([part for part, _ in parts])
     at = [n // lattice.side for n in np.unravel_index(place, lattice.size)]
@@ -185,13 +181,13 @@ def _farthest(
     far = np.maximum(np.abs(starts - center), np.abs(ends - center))
     bound = np.sqrt((far * far).sum(axis=1))
     order = np.argsort(-bound, kind="stable")
-    step = max(1, TOGETHER // lattice.side**3)
+    step = max(1, BATCH_SIZE // lattice.side**3)
     best = -np.inf
     for first in range(0, order.size, step):
         own = order[first : first + step]
         if bound[own[0]] * (1 + ROUNDED) < best:
             break
-        part = bricks.within(lattice.asked(np.sort(number[own])))
+        part = bricks.within(lattice.request(np.sort(number[own])))
         for position in _positions(seen, part):
             kept = position if bulk is None else position[bulk.holds(position)]
             if kept.size:

@@ -21,7 +21,7 @@ from resample.fingerprints import fingerprint
 from resample.memory import mapped
 from resample.reading.arrays import read_npz
 from resample_volume.data.values import bricks_of, streamed
-from resample_volume.files.stores import kept
+from resample_volume.files.stores import statistics_cache
 from resample_volume.outofcore.outline import VisibleBlocks
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import Steep
@@ -42,19 +42,7 @@ class CachedResult(NamedTuple):
 
 
 def cached(volume: Volume, depends: Any, find: Callable[[], R], *, lasts: bool = False) -> R:
-    """Return a result about a volume in bricks, cached as long as the bricks exist.
-
-    Parameters
-    ----------
-    volume
-        Its values keep the result.
-    depends
-        What else it depends on; if that cannot be identified, it is not cached.
-    find
-        Computes it.
-    lasts
-        Keep it on disk for later commands, too: numbers, arrays, and tuples of such.
-    """
+    """Return a result about a volume in bricks, cached as long as the bricks exist."""
     found = _found_before(volume, depends, lasts=lasts)
     if found is None:
         found = CachedResult(find(), depends)
@@ -115,7 +103,7 @@ def _place_of(part: Any) -> int | None:
 def _file_of(volume: Volume, depends: Any) -> Path | None:
     """Return the cache file for a volume in a store; None: it is small, or may change unnoticed."""
     bricks = streamed(volume.values)
-    if bricks is None or bricks.size < kept.LEAST:
+    if bricks is None or bricks.size < statistics_cache.LEAST:
         return None
     code = source_fingerprint("resample_volume.voxels", "resample_volume.classification")
     name = fingerprint((code, bricks, depends, volume[1:4]), _content_of)
@@ -123,13 +111,7 @@ def _file_of(volume: Volume, depends: Any) -> Path | None:
 
 
 def _content_of(part: Any) -> object | None:
-    """Identify bricks by their store and its state; large arrays cannot be identified.
-
-    Raises
-    ------
-    ValueError
-        It cannot be identified.
-    """
+    """Identify bricks by their store and its state; large arrays cannot be identified."""
     bricks = streamed(part)
     if bricks is not None:
         state = bricks.state()
@@ -178,13 +160,7 @@ def _formed(value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
 
 
 def _restored(form: Any, arrays: Mapping[str, NDArray[Any]]) -> Any:
-    """Convert the form back to the value.
-
-    Raises
-    ------
-    LookupError, TypeError
-        The form is not of such a value.
-    """
+    """Convert the form back to the value."""
     if not isinstance(form, dict):
         return form
     if "array" in form:

@@ -59,10 +59,6 @@ def candidates_by_bricks(
 
     Parameters
     ----------
-    volume
-        Its values are `Bricks`.
-    transfer, gradient
-        As of `classify`.
     finish
         The job, called with voxels and their brick's box; runs on several bricks at a time.
     """
@@ -80,8 +76,6 @@ def classified_by_bricks(
 
     Parameters
     ----------
-    volume
-        Its values are `Bricks`.
     by
         Classifies voxels.
     finish

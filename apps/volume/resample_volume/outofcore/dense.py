@@ -28,7 +28,7 @@ from resample_volume.outofcore.together import (
 from resample_volume.rendering import placement, resampled_appearance
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import chosen as chosen_of
-from resample_volume.voxels.cropping import kept_index, planes
+from resample_volume.voxels.cropping import inside_index, planes
 from resample_volume.voxels.framing import centered
 from resample_volume.voxels.visible import Voxels, check_gradient
 
@@ -47,7 +47,7 @@ class Cropping:
         """Return voxels and their positions, without those wholly cut away."""
         if not len(self.clip):
             return place, voxels
-        index = kept_index(voxels, self.clip, self.radius)
+        index = inside_index(voxels, self.clip, self.radius)
         return place[index], chosen_of(voxels, index)
 
 
@@ -93,8 +93,8 @@ def check_windows(media: Sequence[VolumeLayer]) -> None:
     """Reject options that need all visible voxels together, and volumes not in bricks."""
     for volume, look in media:
         is_pre = look.classification is not Classification.POST
-        if look.met or not is_pre:
-            what = f"a {look.met[0]}" if look.met else "the classification post"
+        if look.scene_objects or not is_pre:
+            what = f"a {look.scene_objects[0]}" if look.scene_objects else "the classification post"
             raise ValueError(
                 f"{what} needs rays through a field, which cannot be painted window by window; "
                 "render it as a whole by classify post: the field goes to a file if it does not "
@@ -130,7 +130,7 @@ def dense_of(
         given, lattice, _, clip = placement(media)
         placed = [_on_lattice(medium, lattice, memory // OF_FILES) for medium in given]
         beside += memory // OF_FILES * (not share_lattice(media))
-        scene = _together(placed, lattice)
+        scene = _combined(placed, lattice)
     members = []
     for volume, look in placed:
         by = _classifying(volume, replace(look, light=light), looking)
@@ -159,7 +159,7 @@ def _on_lattice(medium: VolumeLayer, lattice: CommonLattice, most: int) -> Volum
     return there, resampled_appearance(volume, look)
 
 
-def _together(placed: Sequence[VolumeLayer], lattice: CommonLattice) -> Volume:
+def _combined(placed: Sequence[VolumeLayer], lattice: CommonLattice) -> Volume:
     """Combine volumes in bricks on the common lattice; cached."""
     x, y, z = map(int, lattice.size)
     bricks = [bricks_of(volume) for volume, _ in placed]

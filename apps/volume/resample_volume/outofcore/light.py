@@ -1,4 +1,4 @@
-"""Shadows and ambient occlusion of volumes in bricks, as of `voxels_reached`."""
+"""Shadows and ambient occlusion of volumes in bricks, as of `voxel_transmittance`."""
 
 from functools import partial
 from math import prod
@@ -16,23 +16,23 @@ from resample_volume.data.values import bricks_of, with_bricks
 from resample_volume.outofcore.outline import OutlineQuery, VisibleOutline
 from resample_volume.outofcore.passes import PassContext, passed
 from resample_volume.voxels.blocks import Indices, lattice_for
-from resample_volume.voxels.reaching import (
+from resample_volume.voxels.shading import Light
+from resample_volume.voxels.transmittance import (
     BYTES_PER_CELL,
     LightCells,
     cells_around,
     exact_in_sums,
-    reached,
+    light_transmittance,
     shares_at,
 )
-from resample_volume.voxels.shading import Light
 
 FILE = "light.npy"
 
 
-class Reaching(NamedTuple):
+class LightGrid(NamedTuple):
     """A grid of light that reaches voxels."""
 
-    share: Flags | Path  # (Z, Y, X, 2) of cells, see `reached`; or a file of it
+    share: Flags | Path  # (Z, Y, X, 2) of cells, see `light_transmittance`; or a file of it
     cells: LightCells
     first: Indices  # (3,) least indices of visible voxels along z, y and x
     size: Step  # of the volume, z, y and x
@@ -45,51 +45,32 @@ class Reaching(NamedTuple):
         return shares_at(_indices(place, self.size, self.first), share, self.cells)
 
     @property
-    def bytes_held(self) -> int:
+    def size_bytes(self) -> int:
         """Bytes of memory, or of pages of the file."""
         return 2 * prod(self.cells.grid)
 
-    def kept_in(self, folder: Path | None) -> "Reaching":
-        """Return a copy in a file of this folder, for other processes; None: itself.
-
-        Raises
-        ------
-        OSError
-            It cannot be written.
-        """
+    def stored_in(self, folder: Path | None) -> "LightGrid":
+        """Return a copy in a file of this folder, for other processes; None: itself."""
         if folder is None or isinstance(self.share, Path):
             return self
         save_array(folder / FILE, self.share)
         return self._replace(share=folder / FILE)
 
 
-def light_reached(
+def transmittance_grid(
     seen: OutlineQuery,
     outline: VisibleOutline,
     light: Light,
     steps: Doubles,
     memory: int,
     looking: PassContext,
-) -> Reaching:
+) -> LightGrid:
     """Compute the light that reaches visible voxels.
 
     Parameters
     ----------
-    seen, outline
-        Volumes to scan, and where they are visible.
-    light
-        The light source.
     steps
         (3, 3) columns are the steps of the lattice, scene units.
-    memory
-        Bytes that the grid of light may take.
-    looking
-        Executor of the scan.
-
-    Raises
-    ------
-    ValueError
-        The grid needs more memory.
     """
     cells = cells_around(outline.last - outline.first + 1)
     size = BYTES_PER_CELL * prod(cells.grid)
@@ -101,8 +82,8 @@ def light_reached(
     bricks = bricks_of(seen.volume)
     job = partial(_summed, seen, outline, cells)
     parts = passed(bricks, lattice_for(bricks.shape), job, looking)
-    share = reached(cells.means(_joined(parts, cells)), cells.per * steps, light)
-    return Reaching(share, cells, outline.first, bricks.shape)
+    share = light_transmittance(cells.means(_joined(parts, cells)), cells.per * steps, light)
+    return LightGrid(share, cells, outline.first, bricks.shape)
 
 
 def _summed(

@@ -8,7 +8,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from resample.watching import Executor, Progress, shared_out, told
-from resample_volume.data.bricks import Asked, Bricks
+from resample_volume.data.bricks import BrickRequest, Bricks
 from resample_volume.voxels.blocks import Lattice
 
 PARTS = 8  # parts of a pass over a volume by several processes, at most
@@ -32,14 +32,8 @@ def passed(
 
     Parameters
     ----------
-    bricks
-        Values; bricks read are counted there.
-    lattice
-        Lattice of blocks.
     job
         Called with bricks restricted to some layers. Must be picklable for other processes.
-    looking
-        Executor of the pass.
     """
     several = max(1, min(PARTS, bricks.count[0] // THICK))
     layers = _layers(bricks, lattice, 1 if looking.executor is None else several)
@@ -77,8 +71,8 @@ def _found(
     """Run a job on some layers of blocks; also return the number of bricks read."""
     from resample.engine.jit import threads
 
-    is_asked = np.zeros(lattice.blocks, bool)
-    is_asked[layers[0] : layers[1]] = True
-    part = bricks.within(Asked(lattice.side, is_asked))
+    is_requested = np.zeros(lattice.blocks, bool)
+    is_requested[layers[0] : layers[1]] = True
+    part = bricks.within(BrickRequest(lattice.side, is_requested))
     with threads(count):
         return job(part), part.reads

@@ -35,13 +35,6 @@ def steepness_by_bricks(slopes: Slopes, looking: PassContext) -> float:
 
     Lengths are not negative, so they sort as their bits do: a first pass counts the upper halves of
     the bits, a second one the lower halves where the wanted lengths are.
-
-    Parameters
-    ----------
-    slopes
-        Slopes that a transfer function may show.
-    looking
-        Executor of the passes.
     """
     halves = [looking, looking]
     if looking.tell is not None:

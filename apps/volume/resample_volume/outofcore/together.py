@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from resample.memory.mapped import array_in_file
 from resample.types import Doubles
-from resample_volume.data.bricks import Asked, Box, Bricks, Step
+from resample_volume.data.bricks import Box, BrickRequest, Bricks, Step
 from resample_volume.data.statistics.caches import LruCache
 from resample_volume.data.values import bricks_of, with_bricks
 from resample_volume.media.lattices import CommonLattice, onto
@@ -20,7 +20,7 @@ from resample_volume.voxels.streaming import (
     BrickClassifier,
     Candidates,
     OnGrid,
-    bricks_together,
+    map_bricks,
     visible_bricks,
 )
 from resample_volume.voxels.visible import Indices, Voxels, to_scene_of
@@ -70,24 +70,24 @@ class CombinedBricks:
         """Bytes of a brick of all of them."""
         return sum(part.bytes_each for part in self.parts)
 
-    def shelve(self, most: int) -> None:
-        """Do as `Bricks.shelve`, with shares of these bytes."""
+    def pin_bricks(self, most: int) -> None:
+        """Do as `Bricks.pin_bricks`, with shares of these bytes."""
         for part in self.parts:
-            part.shelve(most // len(self.parts))
+            part.pin_bricks(most // len(self.parts))
 
     @property
-    def shelved(self) -> int:
+    def pinned_bytes(self) -> int:
         """Limit in bytes of the pinned bricks of all of them."""
-        return sum(part.shelved for part in self.parts)
+        return sum(part.pinned_bytes for part in self.parts)
 
     def within(
-        self, asked: Asked | None, recent: "LruCache | tuple[LruCache, ...] | None" = None
+        self, request: BrickRequest | None, recent: "LruCache | tuple[LruCache, ...] | None" = None
     ) -> "CombinedBricks":
         """Do as `Bricks.within`."""
         if isinstance(recent, LruCache):
             recent = tuple(LruCache(recent.most // len(self.parts)) for _ in self.parts)
         each = [None] * len(self.parts) if recent is None else recent
-        parts = [part.within(asked, own) for part, own in zip(self.parts, each, strict=True)]
+        parts = [part.within(request, own) for part, own in zip(self.parts, each, strict=True)]
         return CombinedBricks(parts, self.found, recent)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -104,12 +104,12 @@ class InGrid(Bricks):
     def limits(self) -> Box:
         return self.own
 
-    def shelve(self, most: int) -> None:
-        self._inner.shelve(most)
+    def pin_bricks(self, most: int) -> None:
+        self._inner.pin_bricks(most)
 
     @property
-    def shelved(self) -> int:
-        return self._inner.shelved
+    def pinned_bytes(self) -> int:
+        return self._inner.pinned_bytes
 
     @property
     def _inner(self) -> Bricks:
@@ -163,14 +163,8 @@ def in_grid(bricks: Bricks, first: Step, size: Step, side: Step) -> Bricks:
 
     Parameters
     ----------
-    bricks
-        Of the volume.
     first
         Index of its first voxel in the lattice.
-    size
-        Of the lattice, z, y, x.
-    side
-        Of the grid's bricks.
     """
     if first == (0, 0, 0) and (size, side) == (bricks.shape, bricks.side):
         return bricks
@@ -235,17 +229,8 @@ def resampled_bricks(volume: Volume, lattice: CommonLattice, most: int) -> Volum
 
     Parameters
     ----------
-    volume
-        In bricks.
-    lattice
-        Of several volumes.
     most
         Limit in bytes for mapped pages in memory.
-
-    Raises
-    ------
-    ValueError
-        It does not fit on the disk.
     """
     bricks = bricks_of(volume)
     values = array_in_file(bricks.shape, bricks.dtype, most, volume.name)
@@ -276,12 +261,6 @@ def mixed_by_bricks(
 
     Parameters
     ----------
-    together
-        Their values.
-    lattice
-        Of all of them.
-    members
-        The volumes.
     cut
         Removes voxels of a volume.
     finish
@@ -304,7 +283,7 @@ def mixed_by_bricks(
             each.append((_moved(place, size, together.shape, first, 1), voxels))
         return finish(*mixed_at(each, lattice))
 
-    return bricks_together(parts, job)
+    return map_bricks(parts, job)
 
 
 def _moved(place: Indices, size: Step, to: Step, first: Step, sign: int) -> Indices:

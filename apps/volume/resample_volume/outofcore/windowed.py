@@ -20,12 +20,11 @@ from resample.cameras.models import AnyCamera
 from resample.files.painted.tiles import keep_tile, kept_tile
 from resample.memory import trim
 from resample.painting.scenes.parts import SamplesInParts
-from resample.painting.scenes.plans import SPLATS, PicturePlan, PlansOfPart, Window
-from resample.painting.steps.planning import EVERYBODY
+from resample.painting.scenes.plans import ALL_PAINTERS, SPLATS, PicturePlan, PlansOfPart, Window
 from resample.resampler import Resampler
 from resample.types import Doubles, Film, Samples
 from resample.watching import Executor, Progress, report, shared_out, told
-from resample_volume.data.bricks import Bricks, held_together, with_neighbours
+from resample_volume.data.bricks import Bricks, bricks_in_memory, with_neighbours
 from resample_volume.data.parts import threads_at_work
 from resample_volume.data.statistics.caches import LruCache
 from resample_volume.data.values import bricks_of, with_bricks
@@ -62,7 +61,7 @@ Lit = Callable[
 class RenderJob(NamedTuple):
     """Paint job of a volume in bricks; must be picklable for other processes."""
 
-    volume: Volume  # around the scene's origin; in `Bricks`, or several `JoinedPicture`
+    volume: Volume  # around the scene's origin; in `Bricks`, or several as `CombinedBricks`
     classified: Classified
     lit: Lit
     resampler: Resampler
@@ -98,7 +97,7 @@ class Guess(NamedTuple):
     spaced: PicturePlan | None  # learns how fine tiles are; None: all are equally fine
 
 
-class FoundInLayers(NamedTuple):
+class LayerScan(NamedTuple):
     """Result of the scan of some layers of blocks."""
 
     plans: list[PlansOfPart]
@@ -137,21 +136,10 @@ def painted_in_windows(
 
     Parameters
     ----------
-    job
-        What is painted.
-    known
-        Facts from `surveyed`.
     tell
         Called with the fraction of the work done, 0 to 1.
     executor
         Runs parts of it; None: this process.
-
-    Raises
-    ------
-    ValueError
-        A tile's voxels do not fit in memory, or the picture cannot be painted by windows.
-    OSError
-        A window cannot be written or read.
     """
     bricks = bricks_of(job.volume)
     tasks = tasks_of(job, known, 1 if executor is None else WINDOWS)
@@ -223,19 +211,19 @@ def _guessed(job: RenderJob) -> Guess:
     height, width = job.size
     plan = job.resampler.plan(samples, job.camera, height=height, width=width)
     is_uneven = plan.visible > 0 and not job.resampler.is_even(plan)
-    painters = (SPLATS,) if plan.painter == SPLATS else EVERYBODY
+    painters = (SPLATS,) if plan.painter == SPLATS else ALL_PAINTERS
     return Guess(painters, plan if is_uneven else None)
 
 
 def _better(job: RenderJob, guess: Guess, plan: PicturePlan | None) -> Guess | None:
     """Return better queries if a plan is incomplete; None if it is complete."""
     if plan is None:
-        return Guess(EVERYBODY, guess.spaced)
+        return Guess(ALL_PAINTERS, guess.spaced)
     is_known = plan.spacing is not None or job.resampler.is_even(plan)
     return None if is_known else Guess(guess.painters, plan)
 
 
-def _planned(job: RenderJob, found: list[FoundInLayers]) -> PicturePlan | None:
+def _planned(job: RenderJob, found: list[LayerScan]) -> PicturePlan | None:
     """Return the plan of all samples; None: more painters must be queried."""
     height, width = job.size
     plans = [plan for part in found for plan in part.plans]
@@ -249,9 +237,9 @@ def _planned(job: RenderJob, found: list[FoundInLayers]) -> PicturePlan | None:
     return plan._replace(spacing=np.minimum.reduce(spacings)) if spacings else plan
 
 
-def _scan_layers(job: RenderJob, lattice: Lattice, guess: Guess, bricks: Bricks) -> FoundInLayers:
+def _scan_layers(job: RenderJob, lattice: Lattice, guess: Guess, bricks: Bricks) -> LayerScan:
     """Scan the requested layers of bricks for a picture."""
-    found = FoundInLayers([], [], [], None)
+    found = LayerScan([], [], [], None)
 
     def counted(place: Indices, voxels: Any) -> tuple[tuple[Indices, Indices], Any]:
         return lattice.counted(place), voxels
@@ -280,11 +268,6 @@ def tasks_of(job: RenderJob, known: Surveyed, fewest: int = 1) -> list[WindowTas
     """Return windows of whole tiles, each within the memory limit.
 
     If the picture does not fit in memory at once, there is a least number of windows.
-
-    Raises
-    ------
-    ValueError
-        A single tile exceeds the limit.
     """
     (height, width), tile = known.plan.size, known.plan.tile
     values = bricks_of(job.volume)
@@ -298,8 +281,8 @@ def tasks_of(job: RenderJob, known: Surveyed, fewest: int = 1) -> list[WindowTas
         if fits and (task.step == 0 or is_tile or len(found) + len(waiting) + 1 >= fewest):
             found.append(task)
             continue
-        if is_tile and values.shelved:
-            values.shelve(0)
+        if is_tile and values.pinned_bytes:
+            values.pin_bricks(0)
             waiting.appendleft(window)
             continue
         if is_tile:
@@ -319,11 +302,15 @@ def tasks_of(job: RenderJob, known: Surveyed, fewest: int = 1) -> list[WindowTas
 def _task(job: RenderJob, known: Surveyed, window: Window) -> tuple[WindowTask, bool]:
     """Return a window, and whether it fits in the allowed memory."""
     blocks = known.blocks
-    are_asked = blocks.within(window, known.plan.margin + 1)
-    number, seen = (part[are_asked].astype(np.int32) for part in (blocks.number, blocks.visible))
+    are_requested = blocks.within(window, known.plan.margin + 1)
+    number, seen = (
+        part[are_requested].astype(np.int32) for part in (blocks.number, blocks.visible)
+    )
     task = WindowTask(window, number, seen)
     values = bricks_of(job.volume)
-    free = job.memory - job.beside - values.shelved - _bytes_of_bricks(job, blocks, are_asked)
+    free = (
+        job.memory - job.beside - values.pinned_bytes - _bytes_of_bricks(job, blocks, are_requested)
+    )
     if task.voxels * BYTES_PER_SAMPLE <= free or not job.resampler.can_step(known.plan):
         return task, task.voxels * BYTES_PER_SAMPLE <= free
     source = _source(job, known, task, values)
@@ -338,19 +325,22 @@ def _task(job: RenderJob, known: Surveyed, window: Window) -> tuple[WindowTask, 
     return task, False
 
 
-def _bytes_of_bricks(job: RenderJob, blocks: Blocks, are_asked: NDArray[np.bool_]) -> int:
+def _bytes_of_bricks(job: RenderJob, blocks: Blocks, are_requested: NDArray[np.bool_]) -> int:
     """Bytes of the bricks held together, and of the temporaries of those being scanned."""
     bricks = bricks_of(job.volume)
-    if not are_asked.any():
+    if not are_requested.any():
         return 0
-    lattice, seen = blocks.lattice, blocks.visible[are_asked]
-    at = np.stack(np.unravel_index(blocks.number[are_asked], lattice.blocks), axis=1) * lattice.side
+    lattice, seen = blocks.lattice, blocks.visible[are_requested]
+    at = (
+        np.stack(np.unravel_index(blocks.number[are_requested], lattice.blocks), axis=1)
+        * lattice.side
+    )
     last = np.minimum(at + lattice.side, bricks.shape) - 1
     is_near = np.zeros(bricks.count, bool)
     for ends in product((0, 1), repeat=3):
         z, y, x = (np.where(ends, last, at) // bricks.side).T
         is_near[z, y, x] = True
-    held = held_together(with_neighbours(is_near))
+    held = bricks_in_memory(with_neighbours(is_near))
     threads = job.threads or threads_at_work()
     within = np.ravel_multi_index(tuple((at // bricks.side).T), bricks.count)
     each = int(np.bincount(within, seen).max()) * BYTES_PER_VOXEL
@@ -391,7 +381,7 @@ def _source(job: RenderJob, known: Surveyed, task: WindowTask, bricks: Bricks) -
     lattice, number = known.blocks.lattice, task.number.astype(np.int64)
 
     def load(parts: Indices) -> Samples:
-        part = bricks.within(lattice.asked(number[parts]), bricks.recent)
+        part = bricks.within(lattice.request(number[parts]), bricks.recent)
         samples = _samples(job, part, known, int(task.visible[parts].sum(dtype=np.int64)))
         bricks.reads += part.reads
         return samples
@@ -417,10 +407,10 @@ def _in_parts(
     bounds = bounds_of(volume, lattice, number, reach, job.camera.view())
     if plan is not None:
         bounds = widened(bounds, *job.resampler.margin_beyond_window(plan, steps, job.camera))
-    return SamplesInParts(center, radius, bounds, seen, steps, _load_nothing, 0)
+    return SamplesInParts(center, radius, bounds, seen, steps, _refuse_to_load, 0)
 
 
-def _load_nothing(_: Indices) -> Samples:
+def _refuse_to_load(_: Indices) -> Samples:
     raise RuntimeError("blocks of a planned picture cannot be loaded")
 
 

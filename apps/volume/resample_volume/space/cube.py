@@ -22,8 +22,6 @@ def cube_picture(rotation: Doubles, side: int, names: tuple[str, ...] = AXES) ->
         (3, 3) from scene to camera.
     side
         S, px.
-    names
-        Of the faces toward +x, -x, +y, -y, +z and -z.
     """
     place = ((np.arange(side * FINE) + 0.5) / (side * FINE) * 2 - 1) * REACH
     screen = np.stack(np.meshgrid(place, place), axis=-1)

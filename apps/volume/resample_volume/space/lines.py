@@ -35,17 +35,7 @@ class _Marks(NamedTuple):
 
 
 def with_lines(frame: Frame, view: View, lines: Sequence[Stroke]) -> Frame:
-    """Draw lines into the scene of a picture; its values are unchanged.
-
-    Parameters
-    ----------
-    frame
-        Not changed.
-    view
-        Its camera.
-    lines
-        In the scene.
-    """
+    """Draw lines into the scene of a picture; its values are unchanged."""
     size = frame.depth.shape
     found = [marks for line in lines for marks in _marks(line, view, (size[0], size[1]))]
     if not found:

@@ -62,13 +62,7 @@ def depths(camera: AnyCamera, places: Doubles, count: int) -> Doubles:
 
 
 def write_slabs(path: Path, count: int, paint: Painter, camera: AnyCamera, places: Doubles) -> None:
-    """Write a deep picture of `count` slabs; parameters as of `slabs` and `depths`.
-
-    Raises
-    ------
-    OSError
-        See `resample.files.painted.deep.write_deep`.
-    """
+    """Write a deep picture of `count` slabs; parameters as of `slabs` and `depths`."""
     write_deep(path, slabs(paint, camera, depths(camera, places, count)))
 
 
@@ -78,15 +72,6 @@ def slabs(paint: Painter, camera: AnyCamera, planes: Doubles) -> Iterator[DepthS
     A pixel's mean transmittance of several slabs is not the product of their means: where an edge
     runs through slabs painted separately, they would occlude too much. So a slab is the difference
     of the pictures up to its far and its near plane.
-
-    Parameters
-    ----------
-    paint
-        Paints a picture for a camera.
-    camera
-        Of the whole picture.
-    planes
-        Depths between slabs, from `depths`.
     """
     first, shown = float(planes[0]), None
     for near, far in zip(planes[:-1].tolist(), planes[1:].tolist(), strict=True):

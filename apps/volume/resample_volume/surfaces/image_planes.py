@@ -135,20 +135,7 @@ def _window(text: str) -> tuple[float, float]:
 
 
 def settled(plane: ImagePlane, volume: Volume) -> ImagePlane:
-    """Return the plane in scene units, with its window resolved.
-
-    Parameters
-    ----------
-    plane
-        Any.
-    volume
-        The volume that it shows, without padding.
-
-    Raises
-    ------
-    ValueError
-        The plane misses the volume.
-    """
+    """Return the plane in scene units, with its window resolved."""
     where, by = plane.where, scale_named(volume.scale)
     if plane.window is None:
         plane = plane.within(survey(volume).span)

@@ -178,13 +178,7 @@ def _parsed(text: str) -> tuple[Path, dict[str, str]]:
 def choices_of(
     kind: str, text: str, tail: str, known: Collection[str], form: str
 ) -> dict[str, str]:
-    """Parse choices `a=b,c=d` by name.
-
-    Raises
-    ------
-    ValueError
-        Some are not known; the message ends with the form.
-    """
+    """Parse choices `a=b,c=d` by name."""
     choices = dict(part.partition("=")[::2] for part in tail.split(",") if part)
     unknown = [key for key in choices if key not in known]
     if unknown:
@@ -193,13 +187,7 @@ def choices_of(
 
 
 def chosen_opacity(kind: str, choices: Mapping[str, str]) -> float:
-    """Return the chosen opacity, by default 1.
-
-    Raises
-    ------
-    ValueError
-        It is not a number.
-    """
+    """Return the chosen opacity, by default 1."""
     try:
         return float(choices.get("opacity", "1"))
     except ValueError:
@@ -207,13 +195,7 @@ def chosen_opacity(kind: str, choices: Mapping[str, str]) -> float:
 
 
 def chosen_color(kind: str, name: str) -> tuple[float, float, float]:
-    """Return the linear light of a color's name or #rrggbb.
-
-    Raises
-    ------
-    ValueError
-        It is not a color.
-    """
+    """Return the linear light of a color's name or #rrggbb."""
     from resample.console.backgrounds import linear_color
 
     color = linear_color(name)

@@ -18,17 +18,7 @@ CHUNK = 1 << 18  # points interpolated at a time
 
 
 def plane_mesh(plane: ImagePlane, volume: Volume, field: Gathered) -> SceneMesh:
-    """Make a mesh without normals, so that colors are not shaded.
-
-    Parameters
-    ----------
-    plane
-        Settled.
-    volume
-        Volume that clips the plane, and whose scene it is placed in.
-    field
-        The volume's field, interpolated as for rays. Missing values leave holes.
-    """
+    """Make a mesh without normals, so that colors are not shaded."""
     place, face = _grid(outline(volume, plane.numbers))
     face = face[_is_known(field, place[face].mean(axis=1))]
     color = plane.palette.colors(values_at(field, place), plane.window or (0.0, 1.0)).astype(

@@ -21,13 +21,7 @@ class Section(NamedTuple):
 
     @classmethod
     def of(cls, text: str) -> "Section":
-        """Parse `center/thickness` or `center/thickness/nx/ny/nz`.
-
-        Raises
-        ------
-        ValueError
-            The text is not of this form, it has no thickness, or its normal has no length.
-        """
+        """Parse `center/thickness` or `center/thickness/nx/ny/nz`."""
         try:
             numbers = [float(part) for part in text.split("/")]
         except ValueError:

@@ -26,20 +26,6 @@ def surface_mesh(surface: IsoSurface, volume: Volume, field: Gathered) -> SceneM
     """Extract an isosurface as a mesh with the field's gradients as normals.
 
     Vertices lie on the field's isosurface; triangles are about as large as voxels.
-
-    Parameters
-    ----------
-    surface
-        Value and look.
-    volume
-        Volume; there is no surface beside missing values.
-    field
-        The volume's field.
-
-    Raises
-    ------
-    ValueError
-        The data do not cross the value, or do not fit in memory.
     """
     by = scale_named(volume.scale)
     value = surface.value if by is None else by.place(surface.value, "surface")

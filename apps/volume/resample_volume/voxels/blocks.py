@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from resample.painting.scenes.plans import Window
 from resample.types import Doubles, Floats, View
-from resample_volume.data.bricks import Asked, Step
+from resample_volume.data.bricks import BrickRequest, Step
 from resample_volume.types import Volume
 from resample_volume.voxels.visible import lattice_of
 
@@ -42,11 +42,11 @@ class Lattice(NamedTuple):
         found = np.flatnonzero(count)
         return found + first, count[found]
 
-    def asked(self, number: Indices) -> Asked:
+    def request(self, number: Indices) -> BrickRequest:
         """Return a request for some of the blocks, as bricks take it."""
-        is_asked = np.zeros(self.blocks, bool)
-        is_asked.reshape(-1)[number] = True
-        return Asked(self.side, is_asked)
+        is_requested = np.zeros(self.blocks, bool)
+        is_requested.reshape(-1)[number] = True
+        return BrickRequest(self.side, is_requested)
 
 
 def _in_steps(index: Indices, side: int) -> Indices:
@@ -95,14 +95,10 @@ def bounds_of(volume: Volume, lattice: Lattice, index: Indices, reach: float, vi
 
     Parameters
     ----------
-    volume
-        Around the scene's origin.
     lattice, index
         The blocks, (N,) flat.
     reach
         Radius of the kernels, voxels.
-    view
-        Of the camera.
 
     Returns
     -------

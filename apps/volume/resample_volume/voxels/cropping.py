@@ -31,8 +31,6 @@ def planes(
 
     Parameters
     ----------
-    volume
-        Gives the lattice, and the scene's units.
     crop
         Ranges of voxels along x, y and z as in NumPy, `64:192,:,10:`: the end is excluded, and
         negative numbers count from the end. Voxel i extends from i - 1/2 to i + 1/2. A range that
@@ -41,17 +39,10 @@ def planes(
         Each `nx/ny/nz` or `nx/ny/nz/offset`: a plane through the volume's center with that normal
         in scene axes, shifted along it by the offset in scene units. The side that the normal
         points to is kept.
-    name
-        Name of the option that `clip` came from, for messages.
 
     Returns
     -------
     (M, 4) normals n of length 1 and distances d; a point p is kept where n·p + d >= 0 for all.
-
-    Raises
-    ------
-    ValueError
-        A text is not of these forms, a range is empty, or a normal has no length.
     """
     rows = [] if crop is None else _box(volume, crop)
     rows += [_plane(volume, text, name) for text in clip]
@@ -95,7 +86,7 @@ def chosen(voxels: Kept, index: NDArray[np.int64]) -> Kept:
     return those
 
 
-def kept_index(voxels: Voxels, planes: Doubles, radius: float) -> NDArray[np.int64]:
+def inside_index(voxels: Voxels, planes: Doubles, radius: float) -> NDArray[np.int64]:
     """Return the indices that `keep` keeps."""
     return np.flatnonzero(inside(voxels.position, voxels.lattice, planes, radius))
 
@@ -168,8 +159,6 @@ def faced(voxels: Kept, planes: Doubles, longest: np.float32 | None = None) -> K
 
     Parameters
     ----------
-    voxels
-        With or without gradients.
     planes
         (M, 4) as from `planes`.
     longest

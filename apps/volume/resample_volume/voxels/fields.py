@@ -55,20 +55,11 @@ def field_voxels(
 
     Parameters
     ----------
-    volume
-        Of any type. Missing and infinite values are left out.
-    transfer
-        Gives colors and opacities.
     resampler
         Renderer, for its projection: an X-ray needs values other than 0, a mean all of them, and
         others those near visible voxels.
     gradient
         One of `resample_volume.voxels.visible.GRADIENTS`; None without shading.
-
-    Raises
-    ------
-    ValueError
-        The data do not cross the iso value, or the voxels do not fit in memory.
     """
     lattice = lattice_of(volume)
     data_range, unit = finite_range(volume.values), unit_of(transfer, volume)
@@ -77,7 +68,7 @@ def field_voxels(
         data_range = table_range(volume, transfer, data_range)
     shape = (64 if transfer.needs_gradient else 1, columns_of(volume, data_range))
     looks = tabulated(transfer, data_range, 1.0, unit, shape)
-    voxel = _needed(volume, looks, resampler)
+    voxel = _needed_voxels(volume, looks, resampler)
     require_memory(BYTES_PER_VOXEL * voxel.size, f"{volume.name} with {voxel.size} voxels")
     value = volume.values.reshape(-1)[voxel].astype(np.float32)
     slope = np.empty((0, 3), np.float32)
@@ -124,8 +115,6 @@ def lit_field(
         None leaves the colors as they are.
     viewer
         (4,) position and 1, or direction to the viewer and 0; scene axes.
-    cue
-        Depths at which fading begins and ends, and the fraction lost at the end.
     """
     lamp = lamp_of(light or UNLIT, viewer, voxels.gradient)
     classifier = Classifier(*voxels.table, lamp, *cue)
@@ -164,7 +153,7 @@ def columns_of(volume: Volume, data_range: tuple[float, float]) -> int:
     return int(span) * max(1, COLUMNS // int(span)) + 1
 
 
-def _needed(volume: Volume, looks: TransferTable, resampler: Resampler) -> Indices:
+def _needed_voxels(volume: Volume, looks: TransferTable, resampler: Resampler) -> Indices:
     """Return flat indices of the voxels that a projection depends on."""
     values, projection = volume.values, resampler.projection
     if projection in CLASSIFYING:

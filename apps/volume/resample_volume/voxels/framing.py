@@ -60,21 +60,10 @@ def shown_by(
 
     Parameters
     ----------
-    volume
-        The volume.
-    transfer
-        Gives their opacity.
     planes
         (M, 4) clip planes, as from `cropping.planes`.
     radius
         Radius of the kernels, voxels.
-    iso
-        Voxels at or above this value are visible, too.
-
-    Raises
-    ------
-    ValueError
-        They do not fit in memory.
     """
     data_range = finite_range(volume.values) if transfer.normalized else (0.0, 1.0)
     places, start, count = [], 0, 0
@@ -117,11 +106,6 @@ def sphere_around(voxels: Placed, volume: Volume) -> Sphere:
     """Return the bounding sphere of the visible voxels, or of the volume if there are none.
 
     A few outliers far from all others do not count: they would make the others small.
-
-    Raises
-    ------
-    ValueError
-        It is too large for float32.
     """
     voxel = float(np.linalg.norm(voxels.lattice, axis=0).max())
     position = voxels.position
@@ -146,11 +130,6 @@ def sphere_of(
         Longest step of the lattice, scene units.
     farthest
         Returns the distance of the farthest voxel from a point.
-
-    Raises
-    ------
-    ValueError
-        It is too large for float32.
     """
     if not np.abs([low, high]).max() < FARTHEST:
         raise ValueError(
@@ -192,10 +171,6 @@ def filling(
 
     Parameters
     ----------
-    orbit
-        Its zoom multiplies the one that fills the picture.
-    sphere
-        Center of the orbit.
     shown
         Visible voxels; outliers as of `sphere_around` do not count.
     size

@@ -39,19 +39,19 @@ from resample_volume.data.parts import slabs
 from resample_volume.data.statistics.scanning import are_few
 from resample_volume.types import Volume
 from resample_volume.voxels.fields import UNLIT, check_iso, columns_of, table_range
-from resample_volume.voxels.reaching import field_reached
 from resample_volume.voxels.shading import Light, lamp_of
 from resample_volume.voxels.slices.thin import (
     EXTREMES,
     SAME,
     Thin,
-    among_samples,
+    cells_over_samples,
     of_samples,
     repeated,
     thin_that_fits,
     thinned,
 )
 from resample_volume.voxels.tints import PAD, numbered, tint_of
+from resample_volume.voxels.transmittance import field_transmittance
 from resample_volume.voxels.visible import (
     finite_range,
     gradients_at,
@@ -95,25 +95,11 @@ def gathered(
 
     Parameters
     ----------
-    volume
-        Of any type. Missing and infinite values are transparent.
-    transfer
-        Gives colors and opacities.
-    resampler
-        Renderer, for its projection.
-    sharpness
-        As of `resample.painting.splines.spline_of`.
     gradient
         One of `resample_volume.voxels.visible.GRADIENTS`, for the steepness of a full surface if
         the transfer function depends on it.
     labels
         Rules for voxels of some labels.
-
-    Raises
-    ------
-    ValueError
-        The data do not cross the iso value, or the field does not fit in memory, not even without
-        thin slices.
     """
     lattice = lattice_of(volume)
     data_range, unit = finite_range(volume.values), unit_of(transfer, volume)
@@ -212,33 +198,20 @@ def lit_lattice(
     )
 
 
-def with_reached(
+def with_shadows(
     field: Gathered, volume: Volume, resampler: Resampler, clip: Doubles, light: Light
 ) -> Gathered:
     """Add shadows and ambient occlusion to a field.
 
     Parameters
     ----------
-    field
-        The volume's field.
-    volume
-        The volume.
-    resampler
-        Renderer; by its projection what is visible, or what is beyond a surface, occludes light.
     clip
         (M, 4) planes; what they cut away occludes no light.
-    light
-        The light source.
-
-    Raises
-    ------
-    ValueError
-        The grid of light does not fit in memory.
     """
     parts = _extinctions(field, volume, resampler.iso)
-    reached = field_reached(volume, parts, clip, light)
+    reached = field_transmittance(volume, parts, clip, light)
     samples = field.spline.shape[field.thin.axis]
-    return field._replace(reached=among_samples(reached, samples, field.thin))
+    return field._replace(reached=cells_over_samples(reached, samples, field.thin))
 
 
 def _extinctions(field: Gathered, volume: Volume, iso: float | None) -> Iterator[Floats]:

@@ -104,12 +104,6 @@ def cued(samples: Samples, camera: "AnyCamera", cue: DepthCue, near: float, far:
     ----------
     samples
         Shaded; colors are multiplied by 1 up to `near` and by 1 - share from `far` on.
-    camera
-        Depth is distance along its axis.
-    cue
-        The fraction lost.
-    near, far
-        Scene units, the first less than the second; see `cue_range`.
     """
     view = camera.view()
     forward, ahead = view.rotation[2].astype(np.float32), np.float32(view.translation[2] - near)
@@ -141,15 +135,10 @@ def shade(
         (3,) scene direction of view of a parallel camera, instead of `eye`.
     steepest
         (N, 3) extreme components of all gradients, if these voxels are a part; see `lamp_of`.
-
-    Raises
-    ------
-    ValueError
-        There are no gradients, or not exactly one of `eye` and `view`.
     """
     color = voxels.color
     if light is not None and len(voxels.reached):
-        color = _lit_as_reached(voxels, light, viewer_of(eye, view), steepest)
+        color = _lit_with_shadows(voxels, light, viewer_of(eye, view), steepest)
     elif light is not None:
         color = _lit(voxels, light, viewer_of(eye, view), steepest)
     return Samples(voxels.position, color, voxels.extinction, voxels.lattice)
@@ -186,7 +175,7 @@ def _lit(voxels: Voxels, light: Light, viewer: Doubles, steepest: Floats | None 
     return shaded
 
 
-def _lit_as_reached(
+def _lit_with_shadows(
     voxels: Voxels, light: Light, viewer: Doubles, steepest: Floats | None = None
 ) -> Floats:
     """Do as `_lit`, with shadows and ambient occlusion."""
@@ -200,8 +189,6 @@ def lamp_of(light: Light, viewer: Doubles, gradient: Floats) -> Lamp:
 
     Parameters
     ----------
-    light
-        The light source.
     viewer
         (4,) from `viewer_of`.
     gradient

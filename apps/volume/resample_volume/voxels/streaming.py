@@ -13,8 +13,8 @@ from resample import memory
 from resample.types import Doubles, Floats
 from resample.watching import report
 from resample_volume.classification.transfer import DataRange, Transfer, visible_places
-from resample_volume.data.bricks import Box, Bricks, Step, held_together, with_neighbours
-from resample_volume.data.parts import layers_alike, side_by_side, threads_at_work
+from resample_volume.data.bricks import Box, Bricks, Step, bricks_in_memory, with_neighbours
+from resample_volume.data.parts import kernel_layers, side_by_side, threads_at_work
 from resample_volume.data.statistics.scanning import are_few
 
 BYTES_PER_VOXEL = 100  # bytes of a possibly visible voxel, from here to the picture, at most
@@ -53,26 +53,12 @@ def visible_in_bricks(bricks: Bricks, wanted: BrickClassifier, name: str) -> Can
     If the histogram of values is known, nothing is read if they are too many. A brick without
     visible values is not read, unless slopes beside it need it; every other one is read once. The
     result equals that for an array, in the same order.
-
-    Parameters
-    ----------
-    bricks
-        Values, and the memory limit.
-    wanted
-        Parameters of the scan.
-    name
-        Of the volume.
-
-    Raises
-    ------
-    TooManyVoxelsError
-        They do not fit in memory.
     """
     chosen = visible_bricks(bricks, wanted.transfer, wanted.data_range)
-    together = held_together(_with_those_beside(bricks, chosen if wanted.gradient else ()))
+    together = bricks_in_memory(_with_those_beside(bricks, chosen if wanted.gradient else ()))
     known = _known_count(bricks, wanted)
     _require(bricks, wanted.transfer, known, name, together * bricks.bytes_each)
-    parts, count = [_nothing(bricks)], 0
+    parts, count = [_no_candidates(bricks)], 0
     for n, part in enumerate(brick_by_brick(bricks, wanted, chosen, _as_it_is)):
         parts.append(part)
         count += part.place.size
@@ -93,10 +79,6 @@ def brick_by_brick(
     ----------
     bricks
         Values; if only some blocks are requested, other voxels count as hidden.
-    wanted
-        Parameters of the scan.
-    chosen
-        Bricks, ascending; see `visible_bricks`.
     finish
         The job, called with voxels and their brick's box; runs on several bricks at a time.
     """
@@ -104,7 +86,7 @@ def brick_by_brick(
     def only(found: list[Candidates], boxes: list[Box]) -> R:
         return finish(found[0], boxes[0])
 
-    return bricks_together([OnGrid(bricks, wanted, chosen)], only)
+    return map_bricks([OnGrid(bricks, wanted, chosen)], only)
 
 
 class OnGrid(NamedTuple):
@@ -124,15 +106,13 @@ class OnGrid(NamedTuple):
         return _visible(values, box, corner, self.bricks, self.wanted)
 
 
-def bricks_together(
+def map_bricks(
     parts: Sequence[OnGrid], finish: Callable[[list[Candidates], list[Box]], R]
 ) -> Iterator[R]:
     """Run a job on the visible voxels of each brick of any volume, in order.
 
     Parameters
     ----------
-    parts
-        Volumes with bricks on one grid.
     finish
         The job, called with each volume's voxels and its brick's box; runs on several bricks at a
         time.
@@ -142,7 +122,7 @@ def bricks_together(
 
     def classify(index: Step, around: list[dict[Step, NDArray[Any]]]) -> R:
         found = [
-            part.visible(index, near) if index in some else _nothing(part.bricks)
+            part.visible(index, near) if index in some else _no_candidates(part.bricks)
             for part, near, some in zip(parts, around, own, strict=True)
         ]
         return finish(found, [part.bricks.box(index) for part in parts])
@@ -169,7 +149,7 @@ def _as_it_is(part: Candidates, _: Box) -> Candidates:
 def _known_count(bricks: Bricks, wanted: BrickClassifier) -> int:
     """Return the number of visible voxels, as far as known before reading."""
     codes = bricks.statistics.codes
-    if codes is None or bricks.asked is not None:
+    if codes is None or bricks.request is not None:
         return 0
     every = np.arange(codes.size, dtype=np.uint32).astype(f"u{bricks.dtype.itemsize}")
     values = every.view(bricks.dtype.newbyteorder("="))
@@ -191,8 +171,8 @@ def _require(bricks: Bricks, transfer: Transfer, count: int, name: str, together
     """
     each = BYTES_PER_VOXEL + (BYTES_OF_SLOPE if transfer.needs_gradient else 0)
     what, size = f"{name} with {count} visible voxels", each * count + together
-    if bricks.memory is not None and size <= bricks.memory < size + bricks.shelved:
-        bricks.shelve(bricks.memory - size)
+    if bricks.memory is not None and size <= bricks.memory < size + bricks.pinned_bytes:
+        bricks.pin_bricks(bricks.memory - size)
     if bricks.memory is not None and size > bricks.memory:
         raise TooManyVoxelsError(
             f"{what} or more needs {memory.amount(size)}, {memory.amount(bricks.memory)} are "
@@ -216,12 +196,12 @@ def visible_bricks(bricks: Bricks, transfer: Transfer, data_range: DataRange) ->
         values = np.where(is_seen, least, 0).astype(bricks.dtype)
         is_opaque = transfer.opacities(values.ravel(), data_range).reshape(values.shape) > 0
         is_seen &= is_opaque | (least < greatest)
-    some = bricks.asked
+    some = bricks.request
     chosen = [(int(z), int(y), int(x)) for z, y, x in np.argwhere(is_seen)]
     return [n for n in chosen if some is None or some.has_any(bricks.box(n))]
 
 
-def _nothing(bricks: Bricks) -> Candidates:
+def _no_candidates(bricks: Bricks) -> Candidates:
     """Return empty typed arrays."""
     value = np.zeros(0, bricks.dtype)
     return Candidates(np.zeros(0, np.int64), value, np.zeros((0, 3), np.float32))
@@ -302,8 +282,8 @@ def _visible(
     local = visible_places(wanted.transfer, flat, wanted.data_range)
     within = np.unravel_index(local, own.shape)
     at = [n + part.start for n, part in zip(within, box, strict=True)]
-    if bricks.asked is not None:
-        is_shown = bricks.asked.holds(at)
+    if bricks.request is not None:
+        is_shown = bricks.request.holds(at)
         local, at = local[is_shown], [n[is_shown] for n in at]
     place = (at[0] * bricks.shape[1] + at[1]) * bricks.shape[2] + at[2]
     slope = np.empty((0, 3), np.float32)
@@ -324,7 +304,7 @@ def slopes_at(
     from resample_volume.data.kernels.gradients import find_gradients
 
     slope, is_smooth = np.empty((index.size, 3), np.float32), gradient == "sobel"
-    for voxels, near, first in layers_alike(values, index):
+    for voxels, near, first in kernel_layers(values, index):
         place, found = index[voxels] - first if first else index[voxels], slope[voxels]
 
         def fill(share: slice, near: Any = near, place: Any = place, found: Any = found) -> None:

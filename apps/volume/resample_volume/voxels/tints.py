@@ -27,15 +27,8 @@ def tint_of(volume: Volume, looks: TransferTable, labels: Labels | None) -> Tint
     ----------
     volume
         With colors (Z, Y, X, 3 or 4).
-    looks
-        Looks of its values.
     labels
         Labels of its voxels.
-
-    Raises
-    ------
-    ValueError
-        They do not fit in memory.
     """
     assert volume.colors is not None
     deep, down, across = volume.values.shape

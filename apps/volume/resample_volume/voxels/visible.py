@@ -51,7 +51,7 @@ class Voxels(NamedTuple):
     extinction: Floats  # (N,) optical depth per scene unit, > 0
     gradient: Floats  # (N, 3) data units per scene unit, along the scene's axes; or (0, 3)
     lattice: Doubles  # (3, 3) columns are the steps from a voxel to its neighbours, scene units
-    reached: Floats = ALL_REACHED  # (N, 2) fractions of light that reach them; see `reaching`
+    reached: Floats = ALL_REACHED  # (N, 2) fractions of light that reach them; see `transmittance`
 
     @property
     def parts(self) -> tuple["Voxels", ...]:
@@ -207,12 +207,8 @@ def gradients_at(volume: Volume, voxel: Indices, gradient: str) -> Floats:
 
     Parameters
     ----------
-    volume
-        The volume.
     voxel
         (N,) indices into the flat volume, z slowest, in the order of it or of the painter's bricks.
-    gradient
-        One of `GRADIENTS`; see `classify`.
     """
     return slopes_at(np.asarray(volume.values), voxel, gradient, to_scene_of(volume))
 
@@ -250,8 +246,6 @@ def reachable(volume: Volume, looks: TransferTable, radius: float = 2.0) -> Indi
     ----------
     volume
         Of any type. Missing and infinite voxels are left out.
-    looks
-        Interpolated between columns; a value counts as visible if it is at some slope.
     radius
         Distance beyond which kernels are zero, voxels; plus half the length over which values are
         averaged, such as a ray's path through a slab.

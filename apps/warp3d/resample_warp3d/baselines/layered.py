@@ -68,17 +68,8 @@ def build(
 
     Parameters
     ----------
-    sources
-        Depth images, each with its equation to the layered image's view.
     shape
         (height, width) of that view, px.
-    tolerance
-        As `LayeredDepthImage` takes it.
-
-    Raises
-    ------
-    ValueError
-        There are no sources, or their numbers of channels differ.
     """
     from resample_warp3d.baselines.kernels.layered import LayeredImage, merge
 

@@ -65,8 +65,8 @@ def walks_of(equation: Equation, shape: tuple[int, ...], place: Doubles) -> "Wal
     """
     eye = eye_in_source(equation)
     height, width = shape
-    row = _turn(eye[1], eye[2], _line(place, 1, width // 2, height))
-    column = _turn(eye[0], eye[2], _line(place, 0, min(row, height - 1), width))
+    row = _samples_before_eye(eye[1], eye[2], _line(place, 1, width // 2, height))
+    column = _samples_before_eye(eye[0], eye[2], _line(place, 0, min(row, height - 1), width))
     return np.array([_walks(row, height, eye[2]), _walks(column, width, eye[2])], np.int64)
 
 
@@ -82,7 +82,7 @@ def _line(place: Doubles, axis: int, across: int, count: int) -> Doubles:
     return place[across, :, 0] if axis == 0 else place[:, across, 1]
 
 
-def _turn(eye: float, scale: float, line: Doubles) -> int:
+def _samples_before_eye(eye: float, scale: float, line: Doubles) -> int:
     """Return how many samples of a line come before the camera center."""
     if scale == 0.0:  # the camera center is infinitely far to one side
         return len(line) if eye > 0.0 else 0

@@ -75,8 +75,6 @@ def bands_of(box: Floats, shape: tuple[int, int], width: int, samples: int) -> "
         (H, W, 4) left, top, right, bottom of each item in the target, px; left above right: none.
     shape
         Height and width of the target, px.
-    width
-        Width of the source, by which items are numbered.
     samples
         Sub-pixels per side of a pixel.
     """

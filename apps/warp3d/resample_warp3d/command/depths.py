@@ -149,7 +149,7 @@ def depths_of(
     """
     if pattern is None:
         return None
-    if sharing.is_asked:
+    if sharing.has_workers:
         raise ValueError("depth of frames can only be written by one process; leave workers out")
     frames = DepthFrames(pattern, meaning.scale_of_z)
     if output.resolve() == frames.folder.resolve():

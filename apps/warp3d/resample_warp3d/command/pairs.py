@@ -48,14 +48,14 @@ def together(left: Picture, right: Picture, layout: str) -> Picture:
     ValueError
         The layout is an anaglyph and the pictures are neither gray nor RGB.
     """
-    first, second = _alike(left, right)
+    first, second = _with_alpha_of_either(left, right)
     if layout == "anaglyph":
         return _anaglyph(first, second)
     axis = 1 if layout == "side-by-side" else 0
     return first._replace(data=np.concatenate([first.data, second.data], axis=axis))
 
 
-def _alike(left: Picture, right: Picture) -> tuple[Picture, Picture]:
+def _with_alpha_of_either(left: Picture, right: Picture) -> tuple[Picture, Picture]:
     """Give both pictures alpha if one has it."""
     if left.kind.has_alpha == right.kind.has_alpha:
         return left, right

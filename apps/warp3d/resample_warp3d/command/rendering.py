@@ -30,7 +30,7 @@ from resample_warp3d.wide.projections import CameraModel
 if TYPE_CHECKING:
     from resample_warp3d.views.together import Joining
 
-TOLD = {
+REFINEMENTS = {
     "snap": "edges moved to those of the picture, gaps filled",
     "sharpen": "soft edges hardened where the picture has edges, gaps filled",
     "complete": "small gaps filled from their surroundings",
@@ -84,7 +84,7 @@ def _prepared(view: DepthInput, choice: DepthWarping) -> Prepared:
         name = "none"
     refined = refine(view.image, name, noise=choice.noise, step=view.step)
     if choice.refine == "auto" and refined.chosen != "none":
-        say(f"depth: {TOLD[refined.chosen]}; --refine none keeps it unchanged")
+        say(f"depth: {REFINEMENTS[refined.chosen]}; --refine none keeps it unchanged")
     source = sourced(refined, noise=choice.noise)
     layer = background(source) if choice.has_layer else None
     return Prepared(source, view.camera, refined, layer)

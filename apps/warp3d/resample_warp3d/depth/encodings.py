@@ -266,13 +266,7 @@ class RelativeDepth:
 
     @staticmethod
     def ends_of(raw: Raw) -> tuple[float, float]:
-        """Return the ends of a map's range, without outliers.
-
-        Raises
-        ------
-        ValueError
-            All numbers are the same.
-        """
+        """Return the ends of a map's range, without outliers."""
         known = raw[np.isfinite(raw)].astype(np.float64)
         if not known.size or known.min() == known.max():
             raise ValueError("relative depth is the same everywhere: it has no information")

@@ -20,24 +20,10 @@ BYTES_PER_VALUE = 24  # of depth and the copies made while converting it to near
 def read_depth(path: str | Path) -> Raw:
     """Read the raw numbers of a depth file.
 
-    Parameters
-    ----------
-    path
-        PNG, TIFF, EXR and any other format of OpenImageIO; PFM; NPY; NPZ; COLMAP's dense .bin.
-        `file:name` selects a channel, or an array of an NPZ; without it the file must have one, or
-        a channel Z.
-
     Returns
     -------
     (H, W), row 0 on top. Integers stay integers, so that an encoding can require their scale. The
     scale in a PFM's header only gives its byte order, as Middlebury's are not 1 either.
-
-    Raises
-    ------
-    OSError
-        The file is missing or damaged.
-    ValueError
-        The file does not hold depth, or several channels or arrays and none was selected.
     """
     file, name = _split(path)
     suffix = file.suffix.lower()

@@ -18,7 +18,7 @@ from resample.types import Doubles, Floats
 from resample_warp3d.depth.equation import between
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.figures.pairs import edges_in_view, expected_nearness
-from resample_warp3d.figures.scenes import STANDS, ObjectScene, generated
+from resample_warp3d.figures.scenes import VIEWPOINTS, ObjectScene, generated
 from resample_warp3d.figures.scoring import (
     Mask,
     ScoringTarget,
@@ -70,23 +70,14 @@ class DepthComparison:
 
 
 def compare_scene(
-    names: Sequence[str], size: int = 512, views: Sequence[str] = tuple(STANDS)
+    names: Sequence[str], size: int = 512, views: Sequence[str] = tuple(VIEWPOINTS)
 ) -> DepthComparison:
     """Compare methods in the generated scene.
 
     Parameters
     ----------
-    names
-        Methods, with parameters after a colon.
     size
         Height and width of all frames, px.
-    views
-        Names from `scenes.STANDS`.
-
-    Raises
-    ------
-    ValueError, LookupError
-        A method or view is unknown, a method refuses its parameters, or the size does not fit.
     """
     methods = _built(names)
     check_views(views)
@@ -114,20 +105,11 @@ def compare_view(
     ----------
     source
         Prepared depth image, linear light.
-    equation
-        Equation to the true view.
     truth
         (H, W, C) gray or RGB, linear light; with opacity it is shown over black.
     mask
         (H, W) pixels that both views see. None: the pixels where a sample of the source arrives;
         then surfaces hidden only in the true view are taken for visible.
-    names
-        Methods, with parameters after a colon.
-
-    Raises
-    ------
-    ValueError, LookupError
-        A method is unknown or refuses its parameters, sizes differ, or no pixel counts.
     """
     shape = (truth.shape[0], truth.shape[1])
     if mask is None:
@@ -160,10 +142,10 @@ def scene_case(scene: ObjectScene, view: str, source: Source) -> WarpCase:
 def check_views(views: Sequence[str]) -> None:
     """Refuse views that the generated scene does not have."""
     for view in views:
-        if view not in STANDS:
-            raise LookupError(f"unknown view {view!r}; known: {', '.join(STANDS)}")
+        if view not in VIEWPOINTS:
+            raise LookupError(f"unknown view {view!r}; known: {', '.join(VIEWPOINTS)}")
     if not views:
-        raise ValueError(f"give views to compare, from {', '.join(STANDS)}")
+        raise ValueError(f"give views to compare, from {', '.join(VIEWPOINTS)}")
 
 
 def sheet(comparison: DepthComparison, path: Path, zoom: int | None = None) -> None:
@@ -171,10 +153,6 @@ def sheet(comparison: DepthComparison, path: Path, zoom: int | None = None) -> N
 
     Parameters
     ----------
-    comparison
-        The comparison to show; the truth comes first, holes are black.
-    path
-        Output file, `.png`.
     zoom
         Enlargement of pixels; None enlarges small pictures.
     """
@@ -233,8 +211,6 @@ def busiest(
     ----------
     errors
         (H, W) absolute differences to the truth, of one or more methods.
-    target
-        Pixels that count.
     side
         Side of the square, px; smaller in small pictures.
     """

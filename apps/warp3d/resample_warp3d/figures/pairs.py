@@ -61,20 +61,7 @@ class PairView(NamedTuple):
 
 
 def load_pairs(folder: str | Path) -> list[PicturePair]:
-    """Load all pairs of a data folder, ordered by name.
-
-    Parameters
-    ----------
-    folder
-        Folder whose subfolders have a `calib.json`; or one of these.
-
-    Raises
-    ------
-    OSError
-        A file is missing or damaged.
-    ValueError
-        There is no `calib.json`, or one describes neither pairs nor frames.
-    """
+    """Load all pairs of a data folder, ordered by name."""
     found = sorted([*Path(folder).glob("calib.json"), *Path(folder).glob("*/calib.json")])
     if not found:
         raise ValueError(f"{folder} has no subfolder with a calib.json")
@@ -91,8 +78,6 @@ def expected_nearness(
     image
         Depth image; each sample is spread over the 2 × 2 pixels around its position, or fewer if it
         hits pixel centers.
-    equation
-        Equation to the view.
     shape
         Height and width of the view, px.
 

@@ -54,15 +54,8 @@ def generated_figure(size: int = 512, view: str = VIEW, methods: Sequence[str] =
     ----------
     size
         Height and width, px.
-    view
-        One of `scenes.STANDS`.
     methods
         By name; the paper has two.
-
-    Raises
-    ------
-    ValueError, LookupError
-        A view or method is unknown, or the size does not fit.
     """
     check_views([view])
     scene = generated(size)
@@ -83,17 +76,8 @@ def figure_of(
     ----------
     source
         Prepared depth image, linear light.
-    equation
-        Leads to the view that is shown.
     shape
         Its height and width, px.
-    methods
-        By name.
-
-    Raises
-    ------
-    ValueError, LookupError
-        A method is unknown, or the source is not in the view at all.
     """
     mask = expected_nearness(source, equation, shape) > 0
     if not mask.any():
@@ -113,8 +97,6 @@ def write_figures(folder: Path, figure: Figure) -> dict[str, object]:
 
     Parameters
     ----------
-    folder
-        Target, which exists.
     figure
         What is written: `figure-6.png` with captions, `figure-6.json`, and every picture 1 : 1 as
         `reference.png`, `METHOD.png` and `METHOD-zoom.png`.
@@ -122,11 +104,6 @@ def write_figures(folder: Path, figure: Figure) -> dict[str, object]:
     Returns
     -------
     What the JSON file holds.
-
-    Raises
-    ------
-    OSError
-        A file cannot be written.
     """
     write_screen(folder / "reference.png", figure.reference)
     for name, screen in figure.pictures.items():

@@ -27,7 +27,7 @@ NEAR = 1e-4  # z: nearer points cannot be projected
 Point = tuple[float, float, float]
 
 
-class Stand(NamedTuple):
+class SceneViewpoint(NamedTuple):
     """Viewpoint of a camera; the source is at the origin and looks along z."""
 
     eye: Point
@@ -36,12 +36,16 @@ class Stand(NamedTuple):
     roll: float = 0.0  # rad, clockwise
 
 
-STANDS: Mapping[str, Stand] = {
-    "side": Stand((-0.34, -0.07, 0.09), -0.042, 0.012),  # about 1 : 1, uncovers backgrounds
-    "back4": Stand((-0.3, -0.12, -12.5), -0.012),  # objects shrink to a quarter and less
-    "in3": Stand((0.06, 0.12, 2.95)),  # objects grow threefold and more
-    "oblique": Stand((3.0, -0.3, 1.1), -0.6),  # objects grow along one axis, shrink along the other
-    "roll": Stand((0.05, 0.02, 0.2), 0.02, -0.02, 0.45),  # turned about its axis
+VIEWPOINTS: Mapping[str, SceneViewpoint] = {
+    "side": SceneViewpoint(
+        (-0.34, -0.07, 0.09), -0.042, 0.012
+    ),  # about 1 : 1, uncovers backgrounds
+    "back4": SceneViewpoint((-0.3, -0.12, -12.5), -0.012),  # objects shrink to a quarter and less
+    "in3": SceneViewpoint((0.06, 0.12, 2.95)),  # objects grow threefold and more
+    "oblique": SceneViewpoint(
+        (3.0, -0.3, 1.1), -0.6
+    ),  # objects grow along one axis, shrink along the other
+    "roll": SceneViewpoint((0.05, 0.02, 0.2), 0.02, -0.02, 0.45),  # turned about its axis
 }
 
 
@@ -153,21 +157,16 @@ def generated(size: int = 512) -> ObjectScene:
 
     Returns
     -------
-    The scene with the views of `STANDS`.
-
-    Raises
-    ------
-    ValueError
-        The size is not in 8..4096.
+    The scene with the views of `VIEWPOINTS`.
     """
     if not SMALLEST <= size <= LARGEST:
         raise ValueError(f"a generated scene has {SMALLEST} to {LARGEST} px a side, not {size}")
     source = Camera.from_fov(FOV, size, size)
-    views = {name: source.moved(pose_of(stand)) for name, stand in STANDS.items()}
+    views = {name: source.moved(pose_of(stand)) for name, stand in VIEWPOINTS.items()}
     return ObjectScene(_objects(_things()), source, views, (size, size))
 
 
-def pose_of(stand: Stand) -> Doubles:
+def pose_of(stand: SceneViewpoint) -> Doubles:
     """Return the world-to-camera pose (4, 4) of a viewpoint."""
     rotation = np.eye(3)
     for angle, first, second in ((stand.yaw, 0, 2), (stand.pitch, 1, 2), (stand.roll, 1, 0)):

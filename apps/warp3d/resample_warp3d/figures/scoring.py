@@ -49,18 +49,11 @@ def score(screen: Screen, covered: Mask, target: ScoringTarget) -> dict[str, flo
         (H, W, 3) the warped picture; values in holes are ignored.
     covered
         (H, W) pixels that are not holes.
-    target
-        The true view to compare with.
 
     Returns
     -------
     `psnr` and `edge psnr` in dB, `ssim`, `iv-psnr` in dB and `hole %`; `edge psnr` is None if no
     pixel that counts is near an edge.
-
-    Raises
-    ------
-    ValueError
-        Sizes differ, or no pixel counts.
     """
     image = np.where(covered[..., None], screen, np.float32(0))
     at_edge = target.mask & target.edge
@@ -178,7 +171,7 @@ def flicker(errors: Sequence[Floats], masks: Sequence[Mask]) -> float:
     return 255.0 * math.sqrt(squares / count)
 
 
-def filled_alike(screen: Screen, covered: Mask) -> Floats:
+def inpainted(screen: Screen, covered: Mask) -> Floats:
     """Fill a picture's holes by OpenCV (Telea, radius 3 px), equally for all methods."""
     import cv2
 

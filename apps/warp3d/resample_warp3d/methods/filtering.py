@@ -40,13 +40,7 @@ def filtered(
     equation: Way,
     shape: tuple[int, int],
 ) -> Rendered:
-    """Warp a prepared source into a frame of (height, width) px under a pixel filter.
-
-    Raises
-    ------
-    ValueError
-        The method copies samples to whole pixels, or colors are names; neither can be filtered.
-    """
+    """Warp a prepared source into a frame of (height, width) px under a pixel filter."""
     parts = subpixels_of(pixel_filter)
     if parts.weight.size == 1:  # the mean over a pixel's square, as all methods have it
         look: WayMethod = method
@@ -59,13 +53,7 @@ def filtered(
 
 
 def check_method(method: Method) -> None:
-    """Refuse methods that no filter can be applied to.
-
-    Raises
-    ------
-    ValueError
-        As `filtered`.
-    """
+    """Refuse methods that no filter can be applied to."""
     if getattr(method, "is_per_pixel", False):
         name = type(method).__name__
         raise ValueError(f"{name} copies samples to whole pixels; leave out the pixel filter")

@@ -111,10 +111,10 @@ def _reach(is_far: Mask, is_hole: Mask) -> Floats:
 def _middle(nearness: Floats, unknown: Mask) -> Floats:
     """Return the nearness between near and far side of unknown pixels; inf if only one."""
     views = [
-        _met(nearness, unknown),
-        _met(nearness[:, ::-1], unknown[:, ::-1])[:, ::-1],
-        _met(nearness.T, unknown.T).T,
-        _met(nearness[::-1].T, unknown[::-1].T).T[::-1],
+        _nearness_to_the_left(nearness, unknown),
+        _nearness_to_the_left(nearness[:, ::-1], unknown[:, ::-1])[:, ::-1],
+        _nearness_to_the_left(nearness.T, unknown.T).T,
+        _nearness_to_the_left(nearness[::-1].T, unknown[::-1].T).T[::-1],
     ]
     met = np.stack(views)
     near = met.max(axis=0)
@@ -125,7 +125,7 @@ def _middle(nearness: Floats, unknown: Mask) -> Floats:
     return limit
 
 
-def _met(nearness: Floats, unknown: Mask) -> Floats:
+def _nearness_to_the_left(nearness: Floats, unknown: Mask) -> Floats:
     """Return the nearness of the first known pixel to the left; 0 if there is none."""
     column = np.where(unknown, -1, np.arange(nearness.shape[1]))
     last = np.maximum.accumulate(column, axis=1)

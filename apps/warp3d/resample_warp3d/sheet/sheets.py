@@ -26,15 +26,7 @@ class SheetCache:
 
 
 def sheet_of(source: Source, *, is_label: bool = False) -> Sheet:
-    """Make the sheet of a prepared source.
-
-    Parameters
-    ----------
-    source
-        A prepared depth image.
-    is_label
-        Colors are labels: silhouettes follow from depth only, and colors are not unmixed.
-    """
+    """Make the sheet of a prepared source."""
     from resample_warp3d.sheet.kernels import corners
     from resample_warp3d.sheet.kernels.limbs import Silhouettes, mark_ends
 

@@ -40,25 +40,10 @@ def match_depths(
 ) -> Doubles:
     """Return factors (V,) of the sources' nearness that make their surfaces agree.
 
-    Parameters
-    ----------
-    sources
-        Sources of one scene; their order only changes the order of the result. Sources with a lens
-        are projected into others, but others not into them.
-    equations
-        Equations from each source to each source.
-    depths
-        `scale` or `none`.
-
     Returns
     -------
     Factors with product 1, as no source is known to be right. All are 1 if the sources agree within
     0.02 %; a source that shares nothing with the others gets 1.
-
-    Raises
-    ------
-    ValueError
-        The way to match is unknown.
     """
     check_depths(depths)
     count = len(sources)
@@ -73,7 +58,9 @@ def match_depths(
                 continue
             place, nearness = points[first]
             seen = nearness * math.exp(scale[first])
-            met = _met(place, seen, equations[first][second], sources[second], scale[second])
+            met = _points_on_surface(
+                place, seen, equations[first][second], sources[second], scale[second]
+            )
             if met.error.size < FEWEST:
                 continue
             row = np.zeros((met.error.size, count))
@@ -108,7 +95,7 @@ def _points(source: Source) -> tuple[Doubles, Doubles]:
     return places(image)[chosen, chosen][inside], nearness[inside]
 
 
-def _met(
+def _points_on_surface(
     place: Doubles, nearness: Doubles, equation: Equation, other: Source, scale: float
 ) -> Correspondences:
     """Return the points that meet a surface of the other source, given its scale."""

@@ -37,14 +37,10 @@ def weights(
 
     Parameters
     ----------
-    views
-        Views of one target.
     shown
         (V, H, W) where each view shows the surface in question.
     shares
         (H, W) factors of each view, such as from `angle_share`; or empty.
-    blend
-        One of `BLENDS`.
     """
     found = []
     for n, (view, where) in enumerate(zip(views, shown, strict=True)):

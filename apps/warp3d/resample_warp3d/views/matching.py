@@ -38,23 +38,11 @@ def check_colors(colors: str) -> None:
 def match_colors(views: Sequence[Warped], colors: str = "gain") -> Match:
     """Return gains and biases that make views alike where they show the same surface.
 
-    Parameters
-    ----------
-    views
-        Views of one target; their order only changes the order of the result.
-    colors
-        `gain`, `gain-bias` or `none`.
-
     Returns
     -------
     The gains' product over the views is 1 and the biases' sum 0, as no view is known to be right.
     They are 1 and 0 for a view that shares nothing with the others, and for differences below 0.1
     %.
-
-    Raises
-    ------
-    ValueError
-        The way to match is unknown.
     """
     check_colors(colors)
     count, channels = len(views), views[0].image.shape[2]

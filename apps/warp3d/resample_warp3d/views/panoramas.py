@@ -90,11 +90,6 @@ def faces(color: Floats, length: ArrayLike, world_to_camera: ArrayLike | None = 
         unknown.
     world_to_camera
         (4, 4) pose of the panorama; default: the identity.
-
-    Raises
-    ------
-    ValueError
-        The picture is not twice as wide as high, or its depth has another size.
     """
     far = np.asarray(length, np.float64)
     height, width = far.shape if far.ndim == 2 else (0, 0)

@@ -74,11 +74,6 @@ def taken_by(camera: CameraModel, image: DepthImage) -> tuple[DepthImage, Camera
 
     A parallel camera, whose nearness is also 1 / z, is moved along its axis to one picture width
     before the nearest point, where nearness resolves depths well.
-
-    Raises
-    ------
-    ValueError
-        It is not a camera for depth images.
     """
     shape = image.color.shape[0], image.color.shape[1]
     if isinstance(camera, Camera):

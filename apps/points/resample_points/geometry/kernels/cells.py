@@ -33,12 +33,14 @@ Nearest = NDArray[np.int32]
 CHUNK = 1024  # points that a thread takes at a time
 WIDEST = 0.73  # corners of a cell lie within this times the distance to the last neighbour
 FARAWAY = 1e3  # times that: where sides of open cells end
-TOGETHER = 12  # neighbours that are visited together
+BATCH_SIZE = 12  # neighbours that are visited together
 AROUND = 5  # nearest neighbours, whose mean distance is the spacing at a rim
 OUTLINE_SHARE = 0.65  # of that spacing: extent of a cell where there is no neighbour
 FARTHEST = 5.0  # times that: extent of a cell among neighbours
 LONGEST = 8.0  # ratio of a disc's length to its width, at most
-ALIKE = 0.5  # of a point's spacing: neighbours with at least that are as isolated as it is
+SIMILAR_SPACING = (
+    0.5  # of a point's spacing: neighbours with at least that are as isolated as it is
+)
 FEW = 1  # stray points have at most so many of such neighbours
 SLACK = 1.02  # factor by which discs overlap
 
@@ -100,9 +102,9 @@ def _cell(
     here, count, corners, reach = neighbour[n, 0], 0, 0, np.inf
     line, last = lines.line, neighbour.shape[1]
     # Visit neighbours in batches, by distance.
-    for first in range(1, last, TOGETHER):
+    for first in range(1, last, BATCH_SIZE):
         known, square = count, 0.0
-        for j in range(first, min(first + TOGETHER, last)):
+        for j in range(first, min(first + BATCH_SIZE, last)):
             there = neighbour[n, j]
             step = (
                 float(position[there, 0]) - position[here, 0],
@@ -294,7 +296,7 @@ def _limit(
         for j in range(count):
             there = nearest[n, j]
             sizes[j] = size[there]
-            alike += int(spacing[there] >= ALIKE * spacing[n])
+            alike += int(spacing[there] >= SIMILAR_SPACING * spacing[n])
         # A stray point gets no margin.
         factor = most if alike > FEW else 1.0
         for k in range(2):

@@ -15,7 +15,7 @@ from resample_points.geometry.kernels.neighbours import (
     search,
 )
 
-TOGETHER = 2048  # points that a thread takes at a time
+BATCH_SIZE = 2048  # points that a thread takes at a time
 MARGIN = 1.15  # factor from the squared distance that was enough to the next guess
 
 
@@ -39,8 +39,8 @@ def _measure_blocks(
     few, many = search(wanted.few), search(wanted.many)
     lines, likely, wider = no_lines(), 0.0, 0.0
     place, is_last = blocks.place, wanted.few == wanted.many
-    start = int(np.int64(chunk)) * TOGETHER
-    for first in range(start, min(start + TOGETHER, place.shape[0]), GROUP):
+    start = int(np.int64(chunk)) * BATCH_SIZE
+    for first in range(start, min(start + BATCH_SIZE, place.shape[0]), GROUP):
         # Find few neighbours of a group of points.
         count, gaps = min(GROUP, place.shape[0] - first), 0
         for row in range(count):
@@ -84,5 +84,5 @@ def measure_all(
     nearest
         (N, few − 1) filled: the neighbours of each point, without itself.
     """
-    for chunk in tasks(counter, (blocks.place.shape[0] + TOGETHER - 1) // TOGETHER):
+    for chunk in tasks(counter, (blocks.place.shape[0] + BATCH_SIZE - 1) // BATCH_SIZE):
         _measure_blocks(blocks, wanted, chunk, normal, discs, nearest)

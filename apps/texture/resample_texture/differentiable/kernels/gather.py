@@ -163,7 +163,7 @@ def gather(
 
 
 @inner_step
-def _give_point(
+def _scatter_point(
     plate: CoefficientPlate, first: int, share: float, scratch: PointScratch, gradient: Doubles
 ) -> None:
     """Transposed `_sum_rows` and `_add_line`: scatter a pixel's gradient to a window."""
@@ -183,7 +183,7 @@ def _give_point(
 
 
 @kernel
-def _give_tile(
+def _scatter_tile(
     gradient: Doubles,
     places: Doubles,
     lens: InterpolatedSource,
@@ -208,11 +208,11 @@ def _give_tile(
                 share = node.weight * spot.share_u * spot.share_v
                 if share > 0.0:
                     first = _window(lens, plate, spot, scratch)
-                    _give_point(plate, first, share, scratch, gradient[row, column])
+                    _scatter_point(plate, first, share, scratch, gradient[row, column])
 
 
 @parallel_kernel
-def give_back(
+def scatter_gradients(
     counter: Counter,
     gradient: Doubles,
     places: Doubles,
@@ -238,7 +238,7 @@ def give_back(
     for n in tasks(counter, tiles.shape[0]):
         box, flat = boxes[n], patches[start[n] : start[n + 1]]
         plate = CoefficientPlate(flat, box[2] - box[0], channels, box[0], box[1])
-        _give_tile(gradient, places, lens, tiles[n], plate, scratch)
+        _scatter_tile(gradient, places, lens, tiles[n], plate, scratch)
 
 
 @inner_step

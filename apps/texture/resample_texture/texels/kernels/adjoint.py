@@ -205,7 +205,7 @@ def _add_mean(
 
 
 @kernel
-def _give_back_means(
+def _scatter_means(
     patches: Doubles,
     start: int,
     block: Integers,
@@ -230,7 +230,7 @@ def _give_back_means(
 
 
 @kernel
-def _give_back_texels(
+def _scatter_blocks(
     patches: Doubles,
     start: int,
     corner: tuple[int, int],
@@ -259,7 +259,7 @@ def _give_back_texels(
 
 
 @kernel
-def give_back(
+def scatter_texels(
     patches: Doubles,
     start: Integers,
     axes: Integers,
@@ -293,8 +293,8 @@ def give_back(
         is_outside = left < 0 or top < 0 or right > width or bottom > height
         # Large means that cross an edge were read from the summed-area table.
         if totals.shape[0] > 0 and (step[0] > 1 or step[1] > 1) and is_outside:
-            _give_back_means(patches, start[n], block, pad, shape, edge, totals)
+            _scatter_means(patches, start[n], block, pad, shape, edge, totals)
         else:
             # The others were read from the texels, prefiltered along the cut axes.
             kind = min(kind_of(block), texels.shape[0] - 1)
-            _give_back_texels(patches, start[n], (left, top), step, shape, edge, texels, kind)
+            _scatter_blocks(patches, start[n], (left, top), step, shape, edge, texels, kind)

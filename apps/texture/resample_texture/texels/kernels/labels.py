@@ -19,7 +19,7 @@ BAND = 16  # rows that a thread takes at a time
 MOST_CORNERS = 24  # of a part: four, and at most two more for each line that cuts it
 NOTHING = 1e-9  # of a pixel; areas count as equal within this, and smaller ones as zero
 MOST_CELLS = 1 << 22  # texels beyond the edges from which a pixel's label is counted, at most
-MOST_ALIKE = 256.0  # texels that are read at most to find that they share one label
+MOST_UNIFORM_TEXELS = 256.0  # texels that are read at most to find that they share one label
 FRONT = 1e-12  # of the largest third coordinate; what has less is at the horizon
 
 
@@ -316,7 +316,7 @@ def _single(labels: LabelSource, rows: Doubles) -> int:
         left, right, top, bottom = min(left, u), max(right, u), min(top, v), max(bottom, v)
     # Test only small areas within the source.
     is_within = left >= 0.0 and top >= 0.0 and right <= width and bottom <= height
-    if not is_within or (right - left) * (bottom - top) > MOST_ALIKE:
+    if not is_within or (right - left) * (bottom - top) > MOST_UNIFORM_TEXELS:
         return -1
     # Compare the labels of all texels within the bounds.
     first_row, last_row = _cells(top, bottom, height, TRANSPARENT)

@@ -93,8 +93,6 @@ def scanned(bricks: InBricks, helpers: Helpers | None = None) -> BrickStats:
 
     Parameters
     ----------
-    bricks
-        Values.
     helpers
         Workers; None: this process only. A part is repeated if its worker ended.
     """
@@ -109,7 +107,7 @@ def scanned(bricks: InBricks, helpers: Helpers | None = None) -> BrickStats:
         report(spans[len(found) - 1][1], layers)
     least, greatest, some = (np.concatenate([part[n] for part in found]) for n in (0, 1, 4))
     codes = [part.codes for part in found if part.codes is not None]
-    beyond = _beyond(bricks, least, greatest, some, helpers)
+    beyond = _outliers(bricks, least, greatest, some, helpers)
     return BrickStats(
         least,
         greatest,
@@ -148,7 +146,7 @@ def _scan_layers(bricks: InBricks, threads: int | None, span: tuple[int, int]) -
         values, box = own.brick(index), own.box(index)
         at = (index[0] - first, *index[1:])
         least[at], greatest[at], infinite, missing = extent(values)
-        _keep_some(some, values, box, step, planes.start)
+        _copy_sample(some, values, box, step, planes.start)
         inner = (slice(box[0].start - low, box[0].stop - low), *box[1:])
         for axis, end in product(range(3), (0, 1)):
             if inner[axis].start == 0 if end == 0 else inner[axis].stop == shape[axis]:
@@ -168,7 +166,7 @@ def _scan_layers(bricks: InBricks, threads: int | None, span: tuple[int, int]) -
     return _Layers(least, greatest, infinite, missing, some, sides, codes, own.reads)
 
 
-def _beyond(
+def _outliers(
     bricks: InBricks,
     least: Doubles,
     greatest: Doubles,
@@ -228,16 +226,7 @@ def are_few(dtype: np.dtype[Any]) -> bool:
 
 
 def count_codes(values: NDArray[Any], *, of: int | None = None) -> NDArray[np.int64]:
-    """Count each of few possible values, by its bits.
-
-    Parameters
-    ----------
-    values
-        Values to count.
-    of
-        Number of all values, if these are a part. OpenCV is ten times as fast as NumPy, but not
-        worth its import for few values.
-    """
+    """Count each of few possible values, by its bits."""
     size = 1 << (values.dtype.itemsize * 8)
     code = np.ascontiguousarray(values).view(f"u{values.dtype.itemsize}").reshape(1, -1)
     if of is not None and of <= LITTLE:
@@ -274,7 +263,7 @@ def finite_outside(
     return np.concatenate(found), infinite
 
 
-def _keep_some(some: NDArray[Any], values: NDArray[Any], box: Box, step: int, plane: int) -> None:
+def _copy_sample(some: NDArray[Any], values: NDArray[Any], box: Box, step: int, plane: int) -> None:
     """Copy a brick's values into a regular sample, which begins at a plane."""
     starts = [-(-part.start // step) for part in box]
     firsts = [n * step - part.start for n, part in zip(starts, box, strict=True)]

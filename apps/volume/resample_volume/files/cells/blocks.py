@@ -31,14 +31,7 @@ def read_grid(path: Path) -> Any:
 
 
 def read_pieces(path: Path) -> list[Any]:
-    """Read all volumetric pieces that a file lists; surfaces are left out.
-
-    Raises
-    ------
-    ValueError, OSError
-        VTK is not installed; the file is damaged; or a piece is damaged, missing, or lies outside
-        of the folder of the file.
-    """
+    """Read all volumetric pieces that a file lists; surfaces are left out."""
     require_vtk(path.name)
     names = list(_names(path))
     check_items(path.name, len(names), "pieces")

@@ -48,19 +48,8 @@ def lattice_of(leaves: list[Leaf], spacing: tuple[float, ...], room: int, name: 
 
     Parameters
     ----------
-    leaves
-        At least one.
-    spacing
-        Steps along x, y, z; none: those of the finest leaf, by the mean size of its cells.
     room
         Bytes per voxel.
-    name
-        For messages.
-
-    Raises
-    ------
-    ValueError
-        The leaves have no volume, or coordinates are not numbers.
     """
     bounds = np.array([leaf.data.GetBounds() for leaf in leaves]).reshape(-1, 3, 2)
     low, high = bounds[..., 0].min(axis=0), bounds[..., 1].max(axis=0)
@@ -103,13 +92,7 @@ def _bounded(step: Doubles, extent: Doubles, leaves: list[Leaf], room: int) -> t
 
 
 def mean_cell(data: Any, name: str) -> Doubles:
-    """Return the sides (3,) of a box with the volume and proportions of the mean cell.
-
-    Raises
-    ------
-    ValueError
-        Cells have no volume.
-    """
+    """Return the sides (3,) of a box with the volume and proportions of the mean cell."""
     count = data.GetNumberOfCells()
     if data.IsA("vtkImageData"):
         turn = np.reshape(data.GetDirectionMatrix().GetData(), (3, 3))

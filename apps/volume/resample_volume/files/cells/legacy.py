@@ -18,24 +18,13 @@ Cells = tuple[NDArray[Any], NDArray[Any]]  # where each begins, and its corners
 
 
 def legacy_grid(found: Sections) -> Any:
-    """Read a file to a data set of VTK's.
-
-    Parameters
-    ----------
-    found
-        A file of one of `GRIDS`, of which the first lines were read.
-
-    Raises
-    ------
-    ValueError
-        VTK is not installed, or the file is damaged or cut off.
-    """
+    """Read a file to a data set of VTK's."""
     require_vtk(found.name)
     is_structured = found.dataset == "structured_grid"
     grid, cells = (_structured if is_structured else _unstructured)(found)
     points = grid.GetNumberOfPoints()
     for array in found.arrays(points, cells):
-        held = _held(found.values(array).reshape(-1, array.named.parts), array)
+        held = _vtk_array(found.values(array).reshape(-1, array.named.parts), array)
         where = grid.GetCellData() if array.named.is_of_cells else grid.GetPointData()
         where.AddArray(held)
         if array.named.is_active:
@@ -43,7 +32,7 @@ def legacy_grid(found: Sections) -> Any:
     return grid
 
 
-def _held(values: NDArray[Any], array: Array) -> Any:
+def _vtk_array(values: NDArray[Any], array: Array) -> Any:
     from vtkmodules.util.numpy_support import numpy_to_vtk
 
     made = numpy_to_vtk(values, deep=True)

@@ -39,12 +39,8 @@ def probed(leaf: Leaf, lattice: Raster, into: NDArray[Any], span: float) -> Erro
 
     Parameters
     ----------
-    leaf, lattice
-        The lattice may reach further.
     into
         (Z, Y, X, C) of the whole lattice; unchanged outside the leaf.
-    span
-        Highest less lowest of all values.
     """
     ends = np.reshape(leaf.data.GetBounds(), (3, 2))
     place = (ends - lattice.origin[:, np.newaxis]) / lattice.spacing[:, np.newaxis]

@@ -5,13 +5,11 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from resample_volume.data.recordings import alone
-from resample_volume.files.cells.blocks import read_grid, read_pieces
-from resample_volume.files.cells.resampling import resampled
 from resample_volume.files.parsing.choosing import ArrayQuery, check_part
 from resample_volume.files.parsing.headers import (
     Check,
+    accept_any,
     check_alone,
-    check_nothing,
     existing_file,
     stem,
 )
@@ -37,13 +35,17 @@ class _Cells:
     def __call__(self, path: Path) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Path, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
+        from resample_volume.files.cells.resampling import resampled
+
         wanted, steps = ArrayQuery(self.array, self.part, self.kind), steps_of(self.spacing)
         pieces = self._pieces(existing_file(path))
         return resampled(pieces, wanted, steps, stem(path, self.suffixes), check)
 
     def _pieces(self, path: Path) -> list[Any]:
         """Return VTK's data sets in a file."""
+        from resample_volume.files.cells.blocks import read_grid
+
         return [read_grid(path)]
 
 
@@ -74,4 +76,6 @@ class Vtm(_Cells):
     kind = "vtm"
 
     def _pieces(self, path: Path) -> list[Any]:
+        from resample_volume.files.cells.blocks import read_pieces
+
         return read_pieces(path)

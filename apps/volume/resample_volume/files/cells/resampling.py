@@ -31,27 +31,9 @@ def resampled(
 
     Values outside of cells are NaN. Where pieces overlap, those with smaller cells win.
 
-    Parameters
-    ----------
-    pieces
-        Data sets of VTK's, unchecked.
-    wanted
-        Which array, and what of it.
-    spacing
-        Steps along x, y, z; none: by the mean size of cells, as far as memory allows.
-    name
-        Of the volume, and for messages.
-    check
-        Of what they say.
-
     Returns
     -------
     Components of vectors are channels. `note` tells the resampling and its error.
-
-    Raises
-    ------
-    ValueError
-        There is no such array, cells make no sense or have no volume, or memory does not hold it.
     """
     solid = [piece for piece in pieces if not piece.IsA(SURFACES) and piece.GetNumberOfCells()]
     if not solid:

@@ -19,20 +19,7 @@ POLYHEDRON = 42
 
 
 def check_cells(data: Any, name: str) -> None:
-    """Reject grids with non-finite points, or cells with corners that do not exist.
-
-    Parameters
-    ----------
-    data
-        A data set of VTK's; lattices need no check.
-    name
-        For the message.
-
-    Raises
-    ------
-    ValueError
-        The grid is invalid, or cells are of an unknown kind.
-    """
+    """Reject grids with non-finite points, or cells with corners that do not exist."""
     if not data.IsA("vtkPointSet"):
         return
     from vtkmodules.util.numpy_support import vtk_to_numpy

@@ -21,7 +21,7 @@ from resample_volume.files.parsing.headers import (
     header,
     recording,
 )
-from resample_volume.files.parsing.numbers import check_enough, numbers
+from resample_volume.files.parsing.numbers import check_length, numbers
 from resample_volume.types import Recording
 
 BOHR = 0.529177210903  # Å (CODATA 2018)
@@ -36,19 +36,13 @@ class _Axis(NamedTuple):
 
 
 def read_cube(path: Path, name: str, check: Check) -> Recording:
-    """Read a cube; orbitals, or other multiple numbers per voxel, are channels.
-
-    Raises
-    ------
-    ValueError, OSError
-        It is not a cube, truncated, not of a volume, or rejected by `check`.
-    """
+    """Read a cube; orbitals, or other multiple numbers per voxel, are channels."""
     check_size(path.name, path.stat().st_size)
     with path.open("rb") as file:
         known = _header(file, path, name)
         check(known)
         count = known.size // known.dtype.itemsize
-        check_enough(file, count, path.name)
+        check_length(file, count, path.name)
         require_memory(2 * known.size, name)
         values = numbers(file, count, known.dtype, path.name)
         if file.read(LONGEST).strip():

@@ -42,13 +42,7 @@ PIECE = 1 << 22  # bytes compressed at a time
 
 
 def read_metaimage(path: Path, name: str, check: Check) -> Recording:
-    """Read all times and channels of an existing file, with its data in it or beside it.
-
-    Raises
-    ------
-    ValueError, OSError
-        It is not a MetaImage, damaged, not of a volume, or rejected by `check`.
-    """
+    """Read all times and channels of an existing file, with its data in it or beside it."""
     told = text_fields(path, "=", "elementdatafile")
     if not told.value.get("elementdatafile"):
         raise ValueError(f"{path.name} is not a MetaImage: its header names no ElementDataFile")

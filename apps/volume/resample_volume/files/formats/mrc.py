@@ -21,7 +21,6 @@ from resample_volume.files.parsing.headers import (
 from resample_volume.files.parsing.voxels import VoxelData, first_bytes, voxels
 from resample_volume.types import Recording
 
-SUFFIXES = (".mrc", ".map", ".ccp4", ".mrcs", ".mrc.gz", ".map.gz", ".ccp4.gz", ".mrcs.gz")
 LENGTH = 1024  # bytes of a header
 FIELDS = {  # name: NumPy's type, and its place
     "count": ("3i4", 0),  # columns, rows, sections
@@ -68,40 +67,34 @@ class _MrcHeader(NamedTuple):
 
 
 def read_mrc(path: Path, name: str, check: Check) -> Recording:
-    """Read a map, or a stack of volumes as times.
-
-    Raises
-    ------
-    ValueError, OSError
-        It is not an MRC file, damaged, not of a volume, or rejected by `check`.
-    """
-    told = _told(_fields(first_bytes(path, LENGTH), path.name), path.name, name)
-    known = told.known
+    """Read a map, or a stack of volumes as times."""
+    parsed = _parsed_header(_fields(first_bytes(path, LENGTH), path.name), path.name, name)
+    known = parsed.known
     check(known)
     packing = "gzip" if path.name.lower().endswith(".gz") else "raw"
     if packing == "gzip":
-        stored = VoxelData([path], 0, packing, told.start, is_exact=False)
+        stored = VoxelData([path], 0, packing, parsed.start, is_exact=False)
     else:
-        stored = VoxelData([path], told.start, is_exact=False)
-    sizes = [known.shape[axis] for axis in told.axes[::-1]]
+        stored = VoxelData([path], parsed.start, is_exact=False)
+    sizes = [known.shape[axis] for axis in parsed.axes[::-1]]
     values = voxels(stored, known).reshape(known.times, *sizes)
-    turned = [1 + told.axes[::-1].index(axis) for axis in (2, 1, 0)]
-    return recording(values.transpose(0, *turned), known)._replace(note=told.note)
+    turned = [1 + parsed.axes[::-1].index(axis) for axis in (2, 1, 0)]
+    return recording(values.transpose(0, *turned), known)._replace(note=parsed.note)
 
 
 def _fields(start: bytes, name: str) -> Any:
     """Parse the header in the byte order of its stamp; without one, in the plausible order."""
     if len(start) < LENGTH or start[208:211] != b"MAP":
         raise ValueError(f"{name} is not an MRC or CCP4 map, or its header is cut off")
-    told = ORDERS.get(start[212])
-    for order in (told,) if told else ORDERS.values():
+    stamped = ORDERS.get(start[212])
+    for order in (stamped,) if stamped else ORDERS.values():
         fields = np.frombuffer(start, FORM.newbyteorder(order), 1)[0]
-        if told or int(fields["mode"]) in (*TYPES, *REFUSED):
+        if stamped or int(fields["mode"]) in (*TYPES, *REFUSED):
             return fields
     raise ValueError(f"{name} is damaged: neither order of bytes gives its mode a meaning")
 
 
-def _told(fields: Any, file: str, name: str) -> _MrcHeader:
+def _parsed_header(fields: Any, file: str, name: str) -> _MrcHeader:
     kind = _type(fields, file)
     order = tuple(map(int, fields["order"]))
     axes = tuple(axis - 1 for axis in order) if any(order) else (0, 1, 2)

@@ -79,23 +79,17 @@ class _NiftiHeader(NamedTuple):
 
 
 def read_nifti(path: Path, name: str, check: Check) -> Recording:
-    """Read all times and channels of an existing file; slope and intercept are applied.
-
-    Raises
-    ------
-    ValueError, OSError
-        It is not a single-file NIfTI, damaged, not of a volume, or rejected by `check`.
-    """
-    told = _told(first_bytes(path, LENGTHS[1]), path, name)
-    check(told.known)
-    offset = int(told.fields["offset"])
+    """Read all times and channels of an existing file; slope and intercept are applied."""
+    parsed = _parsed_header(first_bytes(path, LENGTHS[1]), path, name)
+    check(parsed.known)
+    offset = int(parsed.fields["offset"])
     if path.name.lower().endswith(".gz"):
         stored = VoxelData([path], 0, "gzip", offset, is_exact=False)
     else:
         stored = VoxelData([path], offset, is_exact=False)
-    values = _scaled(voxels(stored, told.known), told)
-    known = told.known._replace(dtype=values.dtype)
-    if int(told.fields["datatype"]) in COLORS:
+    values = _scaled(voxels(stored, parsed.known), parsed)
+    known = parsed.known._replace(dtype=values.dtype)
+    if int(parsed.fields["datatype"]) in COLORS:
         return recording(values, known)
     every = values.reshape(known.parts, known.times, *known.shape[::-1])
     return recording(every.swapaxes(0, 1), known, channels_first=True)
@@ -126,7 +120,7 @@ def write_nifti(path: Path, volume: Volume, *, is_packed: bool) -> None:
             target.close()
 
 
-def _told(start: bytes, path: Path, name: str) -> _NiftiHeader:
+def _parsed_header(start: bytes, path: Path, name: str) -> _NiftiHeader:
     fields = _fields(start, path.name)
     count = int(fields["dim"][0])
     if not 1 <= count <= 7:
@@ -230,16 +224,16 @@ def _quaternion(matrix: Doubles) -> Doubles:
     return np.array([b, c, d]) * (-1.0 if a < 0 else 1.0)
 
 
-def _scaled(values: NDArray[Any], told: _NiftiHeader) -> NDArray[Any]:
+def _scaled(values: NDArray[Any], parsed: _NiftiHeader) -> NDArray[Any]:
     """Apply slope and intercept, to floats; unchanged if there is nothing to do."""
-    slope, inter = float(told.fields["slope"]), float(told.fields["inter"])
+    slope, inter = float(parsed.fields["slope"]), float(parsed.fields["inter"])
     if not math.isfinite(slope) or not math.isfinite(inter):
         return values
     slope = slope or 1.0
-    if (slope, inter) == (1, 0) or int(told.fields["datatype"]) in COLORS:
+    if (slope, inter) == (1, 0) or int(parsed.fields["datatype"]) in COLORS:
         return values
     kind = np.dtype(np.float64 if values.dtype.itemsize > 4 else np.float32)
-    require_memory(values.size * kind.itemsize, told.known.name)
+    require_memory(values.size * kind.itemsize, parsed.known.name)
     found = np.empty(values.size, kind)
     for start in range(0, values.size, 1 << 20):
         part = slice(start, start + (1 << 20))

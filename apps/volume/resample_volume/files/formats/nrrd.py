@@ -65,13 +65,7 @@ class _Axes(NamedTuple):
 
 
 def read_nrrd(path: Path, name: str, check: Check) -> Recording:
-    """Read all times and channels of an existing file, with its data in it or beside it.
-
-    Raises
-    ------
-    ValueError, OSError
-        It is not an NRRD file, damaged, not of a volume, or rejected by `check`.
-    """
+    """Read all times and channels of an existing file, with its data in it or beside it."""
     told = text_fields(path, ":")
     with path.open("rb") as file:
         if file.read(4) != b"NRRD":

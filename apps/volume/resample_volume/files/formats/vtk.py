@@ -59,11 +59,6 @@ def read_vtk(
     """Read one array, at points or cells; components are channels, or a color.
 
     Spacing is for unstructured grids, which are resampled; see `cells.resampling.resampled`.
-
-    Raises
-    ------
-    ValueError, OSError
-        It is not such a file, truncated, not of a lattice, or rejected by `check`.
     """
     with path.open("rb") as file:
         found = Sections(file, path.name)

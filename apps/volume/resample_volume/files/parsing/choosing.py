@@ -37,11 +37,6 @@ def choose(known: Sequence[Named], wanted: ArrayQuery, file: str) -> Named:
     """Choose an array: by name, else the active one, the only one, or the only one of scalars.
 
     Point arrays take precedence: if there are any, cell arrays must be chosen by name.
-
-    Raises
-    ------
-    ValueError
-        There is none, or none of that name, or there are several.
     """
     shown = [each for each in known if not each.name.startswith(HIDDEN)]
     if wanted.array:
@@ -73,13 +68,7 @@ def listed(known: Sequence[Named]) -> str:
 def of_parts(
     known: VolumeHeader, chosen: Named, every: Sequence[Named], wanted: ArrayQuery
 ) -> VolumeHeader:
-    """Return the header for an array, with the chosen part of its components.
-
-    Raises
-    ------
-    ValueError
-        The magnitude of plain numbers is asked for.
-    """
+    """Return the header for an array, with the chosen part of its components."""
     parts = chosen.parts
     if wanted.part and parts < 2:
         raise ValueError(
@@ -106,13 +95,7 @@ def part_of(values: NDArray[Any], chosen: Named, wanted: ArrayQuery, name: str) 
 
 
 def check_single(known: VolumeHeader, file: str) -> None:
-    """Reject several components on an uneven grid.
-
-    Raises
-    ------
-    ValueError
-        There are several.
-    """
+    """Reject several components on an uneven grid."""
     if known.parts > 1:
         raise ValueError(
             f"{file} has {known.parts} numbers at each place, a volume on an uneven grid has one; "

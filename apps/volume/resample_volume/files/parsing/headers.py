@@ -51,12 +51,6 @@ def header(
     """Make a header, and reject what is not a scalar volume.
 
     The lengths of the columns of `direction` move to the spacing, which preserves all positions.
-
-    Raises
-    ------
-    ValueError
-        There are not three dimensions, one is empty, there is a single slice, voxels are not plain
-        numbers, a spacing is not positive and finite, or a direction cannot be inverted.
     """
     check_shape(shape, name)
     kind = check_type(np.dtype(dtype), name)
@@ -95,14 +89,8 @@ def check_type(dtype: np.dtype[Any], name: str) -> np.dtype[Any]:
     return dtype
 
 
-def check_held(known: VolumeHeader) -> None:
-    """Reject a header without times or components.
-
-    Raises
-    ------
-    ValueError
-        There are none.
-    """
+def check_not_empty(known: VolumeHeader) -> None:
+    """Reject a header without times or components."""
     if known.times < 1 or known.parts < 1:
         raise ValueError(
             f"{known.name} is empty: {known.times} times, {known.parts} numbers at each voxel; "
@@ -127,18 +115,12 @@ def check_alone(known: VolumeHeader) -> None:
 Check = Callable[[VolumeHeader], None]  # check of a header before values are read
 
 
-def check_nothing(known: VolumeHeader) -> None:
+def accept_any(known: VolumeHeader) -> None:
     """Accept any header."""
 
 
 def volume(values: NDArray[Any], known: VolumeHeader) -> Volume:
-    """Make a volume of values (Z, Y, X); unsupported types are widened.
-
-    Raises
-    ------
-    ValueError
-        There is more than one volume.
-    """
+    """Make a volume of values (Z, Y, X); unsupported types are widened."""
     check_alone(known)
     return alone(recording(values, known))
 
@@ -152,12 +134,10 @@ def recording(
     ----------
     values
         (T, Z, Y, X, C) without the axes T and C of length 1.
-    known
-        The header.
     channels_first
         They are (T, C, Z, Y, X) instead.
     """
-    check_held(known)
+    check_not_empty(known)
     kind = known.dtype.newbyteorder("=")
     kept = np.dtype(WIDENED.get(kind.name, kind))
     if kept != values.dtype:
@@ -174,13 +154,7 @@ def recording(
 
 
 def existing_file(path: Path) -> Path:
-    """Return the path of a file that can be opened.
-
-    Raises
-    ------
-    OSError
-        It is missing, a folder, or not readable.
-    """
+    """Return the path of a file that can be opened."""
     if path.is_dir():
         raise IsADirectoryError(f"{path} is a folder; name one of its files")
     if not path.exists():

@@ -14,14 +14,8 @@ FORTRAN = re.compile(rb"(?<=[\d.])[dD]?(?=[+-]\d+$)|(?<=[\d.])[dD](?=\d+$)")  # 
 
 
 def numbers(file: BinaryIO, count: int, dtype: np.dtype[Any], name: str) -> NDArray[Any]:
-    """Read the next numbers (count,) of a file, up to the end of a line; name is for messages.
-
-    Raises
-    ------
-    ValueError
-        There are fewer or more, or words instead of numbers.
-    """
-    check_enough(file, count, name)
+    """Read the next numbers (count,) of a file, up to the end of a line; name is for messages."""
+    check_length(file, count, name)
     found, done = np.empty(count, dtype), 0
     for words in _batches(file, count, name):
         found[done : done + len(words)] = _converted(words, dtype, name)
@@ -31,12 +25,12 @@ def numbers(file: BinaryIO, count: int, dtype: np.dtype[Any], name: str) -> NDAr
 
 def skip_numbers(file: BinaryIO, count: int, name: str) -> None:
     """Skip numbers; errors as of `numbers`, except for words."""
-    check_enough(file, count, name)
+    check_length(file, count, name)
     for _ in _batches(file, count, name):
         pass
 
 
-def check_enough(file: BinaryIO, count: int, name: str) -> None:
+def check_length(file: BinaryIO, count: int, name: str) -> None:
     """Reject a text too short for this many numbers, at two characters each."""
     here = file.tell()
     left = file.seek(0, 2) - file.seek(here)

@@ -96,12 +96,6 @@ class Sections:
 
         Parameters
         ----------
-        words
-            Of the line.
-        place
-            Of the count.
-        kind
-            Type of the numbers, as the format names it.
         parts
             Numbers per counted item.
         """

@@ -4,13 +4,7 @@ Numbers = str | tuple[float, ...]  # three of them, x, y, z: (1, 1, 1.4) or "1x1
 
 
 def three_numbers(what: str, numbers: Numbers) -> tuple[float, ...]:
-    """Return three positive numbers, given as such or as text like 1x1x1.4.
-
-    Raises
-    ------
-    ValueError
-        They are not three positive numbers.
-    """
+    """Return three positive numbers, given as such or as text like 1x1x1.4."""
     found = _numbers(numbers)
     if len(found) != 3 or not all(0 < number < float("inf") for number in found):
         raise ValueError(f"{what} is three positive numbers like 1x1x1.4 (x, y, z), not {numbers}")

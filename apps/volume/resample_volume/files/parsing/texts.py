@@ -38,15 +38,7 @@ def text_fields(path: Path, separator: str, last: str = "") -> Fields:
 
 
 def files_named(path: Path, data: str) -> list[Path]:
-    """Return the data files that a header names: one, a list, or a numbered pattern.
-
-    Raises
-    ------
-    FileNotFoundError
-        One of them is missing.
-    ValueError
-        There are too many, or they lie elsewhere.
-    """
+    """Return the data files that a header names: one, a list, or a numbered pattern."""
     if data.startswith("LIST"):
         with path.open("rb") as file:
             lines = file.read(LONGEST).decode("utf-8", "surrogateescape").splitlines()

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from resample.reading.limits import check_size, check_unpacked
 from resample_volume.data.memory import require_memory
-from resample_volume.files.parsing.headers import VolumeHeader, check_held
+from resample_volume.files.parsing.headers import VolumeHeader, check_not_empty
 
 BLOCK = 1 << 20  # bytes decompressed at a time
 TEXTS = ("text", "hex")
@@ -39,7 +39,7 @@ def voxels(stored: VoxelData, known: VolumeHeader) -> NDArray[Any]:
         Their number differs from the header, compressed data are damaged, or they do not fit in
         memory.
     """
-    check_held(known)
+    check_not_empty(known)
     require_memory(known.size, known.name)
     if len(stored.paths) == 1 and stored.packing == "raw":
         return _bare(stored.paths[0], stored, known.dtype, known.size)

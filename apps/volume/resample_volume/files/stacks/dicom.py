@@ -39,7 +39,7 @@ class _Slice(NamedTuple):
     """One slice, not yet read."""
 
     path: Path
-    told: Any  # header of its file
+    dataset: Any  # header of its file
     frame: int  # in its file
     place: Doubles  # (3,) of its first voxel; NaN where it is not told
     axes: Doubles  # (2, 3) steps along its rows and columns
@@ -48,28 +48,15 @@ class _Slice(NamedTuple):
 
 
 def dicom_slices(folder: Path, series: str) -> list[Path]:
-    """Return the files of one series.
-
-    Parameters
-    ----------
-    folder
-        Folder with files of any name.
-    series
-        Its instance UID; empty: the only one.
-
-    Raises
-    ------
-    ValueError
-        There is no series of that UID, there are several, or a file is damaged.
-    """
+    """Return the files of one series."""
     known: dict[str, list[Path]] = {}
     for file in sorted(folder.iterdir(), key=natural):
         if file.name == "DICOMDIR" or not (is_dicom(file) or file.suffix.lower() == ".dcm"):
             continue
-        told = _told(file)
+        dataset = _read_dataset(file)
         with _quiet(file):
-            uid, has_picture = str(told.get("SeriesInstanceUID", "")), "Rows" in told
-            if not has_picture and _is_picture(told):
+            uid, has_picture = str(dataset.get("SeriesInstanceUID", "")), "Rows" in dataset
+            if not has_picture and _is_picture(dataset):
                 raise ValueError("its picture is missing")
         if has_picture:
             known.setdefault(uid, []).append(file)
@@ -94,17 +81,11 @@ def dicom_volume(files: list[Path], name: str) -> Volume:
 
     Slices are sorted by position, otherwise by number, otherwise by file name. Slices with a
     lateral offset (tilted gantry) make a sheared volume.
-
-    Raises
-    ------
-    ValueError
-        A file is damaged or compressed in an unknown way, or slices differ, coincide, or do not lie
-        behind each other.
     """
     slices = [each for path in files for each in _slices(path)]
     with _quiet(files[0]):
         slices = _sorted(slices)
-        first = slices[0].told
+        first = slices[0].dataset
         parts, kind, units = _parts(first), _kind(slices), _units(first)
         sizes = (whole(first, "Columns"), whole(first, "Rows"), len(slices))
         places = np.array([each.place for each in slices])
@@ -150,7 +131,7 @@ def _quiet(path: Path) -> Iterator[None]:
         ) from None
 
 
-def _told(path: Path, *, is_whole: bool = False) -> Any:
+def _read_dataset(path: Path, *, is_whole: bool = False) -> Any:
     """Read the header of a file, or all of it."""
     import pydicom
 
@@ -180,55 +161,55 @@ class _Watched(BufferedReader):
         return found
 
 
-def _is_picture(told: Any) -> bool:
+def _is_picture(dataset: Any) -> bool:
     """Return whether a file without a picture should have one."""
-    return "SeriesInstanceUID" not in told or "Image Storage" in getattr(
-        told.get("SOPClassUID", ""), "name", "Image Storage"
+    return "SeriesInstanceUID" not in dataset or "Image Storage" in getattr(
+        dataset.get("SOPClassUID", ""), "name", "Image Storage"
     )
 
 
 def _slices(path: Path) -> list[_Slice]:
     """Return the slices of one file."""
-    told = _told(path)
-    if "Rows" not in told or "Columns" not in told:
+    dataset = _read_dataset(path)
+    if "Rows" not in dataset or "Columns" not in dataset:
         raise ValueError(f"{path.name} is a damaged DICOM file, or holds no picture")
     with _quiet(path):
-        count = whole(told, "NumberOfFrames", 1)
+        count = whole(dataset, "NumberOfFrames", 1)
         if not 1 <= count <= path.stat().st_size:
             raise ValueError(f"its NumberOfFrames is {count}, more than its bytes, or below 1")
         check_items(path.name, count, "frames")
-        return [_slice(path, told, frame) for frame in range(count)]
+        return [_slice(path, dataset, frame) for frame in range(count)]
 
 
-def _slice(path: Path, told: Any, frame: int) -> _Slice:
-    place = _numbers(told, frame, POSITION, (math.nan,) * 3)
-    axes = _numbers(told, frame, ORIENTATION, (1, 0, 0, 0, 1, 0)).reshape(2, 3)
-    count, offsets = whole(told, "NumberOfFrames", 1), told.get("GridFrameOffsetVector")
+def _slice(path: Path, dataset: Any, frame: int) -> _Slice:
+    place = _numbers(dataset, frame, POSITION, (math.nan,) * 3)
+    axes = _numbers(dataset, frame, ORIENTATION, (1, 0, 0, 0, 1, 0)).reshape(2, 3)
+    count, offsets = whole(dataset, "NumberOfFrames", 1), dataset.get("GridFrameOffsetVector")
     if offsets not in (None, "", []):  # doses
         away = numbers(offsets, "GridFrameOffsetVector", count)
         place = place + away[frame] * np.cross(*axes)
-    elif frame and not any("PlanePositionSequence" in each for each in _groups(told, frame)):
-        place = place + frame * _between(told, frame) * np.cross(*axes)
-    slope = float(_numbers(told, frame, SLOPE, (1,))[0])
-    intercept = float(_numbers(told, frame, INTERCEPT, (0,))[0])
-    return _Slice(path, told, frame, place, axes, slope, intercept)
+    elif frame and not any("PlanePositionSequence" in each for each in _groups(dataset, frame)):
+        place = place + frame * _between(dataset, frame) * np.cross(*axes)
+    slope = float(_numbers(dataset, frame, SLOPE, (1,))[0])
+    intercept = float(_numbers(dataset, frame, INTERCEPT, (0,))[0])
+    return _Slice(path, dataset, frame, place, axes, slope, intercept)
 
 
-def _groups(told: Any, frame: int) -> list[Any]:
+def _groups(dataset: Any, frame: int) -> list[Any]:
     """Yield the headers of a frame, then those shared by all."""
     found = []
     for name in GROUPS:
-        every = told.get(name) or []
+        every = dataset.get(name) or []
         if len(every):
             found.append(every[frame if name == GROUPS[0] and frame < len(every) else 0])
     return found
 
 
-def _numbers(told: Any, frame: int, where: tuple[str, str], otherwise: Any) -> Doubles:
+def _numbers(dataset: Any, frame: int, where: tuple[str, str], otherwise: Any) -> Doubles:
     """Return the numbers of a key, of the frame, of all frames or of the file."""
     group, key = where
-    homes = [each[group][0] for each in _groups(told, frame) if each.get(group)]
-    for home in (*homes, told):
+    homes = [each[group][0] for each in _groups(dataset, frame) if each.get(group)]
+    for home in (*homes, dataset):
         found = home.get(key)
         if found not in (None, "", []):
             least = 1 if key == PIXELS[1] else len(otherwise)
@@ -236,10 +217,10 @@ def _numbers(told: Any, frame: int, where: tuple[str, str], otherwise: Any) -> D
     return np.array(otherwise, np.float64)
 
 
-def _between(told: Any, frame: int) -> float:
+def _between(dataset: Any, frame: int) -> float:
     """Return the distance of slices if their positions do not tell it."""
     for key in ("SpacingBetweenSlices", "SliceThickness"):
-        step = _numbers(told, frame, ("PixelMeasuresSequence", key), (0,))[0]
+        step = _numbers(dataset, frame, ("PixelMeasuresSequence", key), (0,))[0]
         if step > 0 and math.isfinite(step):
             return float(step)
     return 1.0
@@ -252,33 +233,33 @@ def _sorted(slices: list[_Slice]) -> list[_Slice]:
         normal = np.cross(*axes)
         if len({float(normal @ each.place) for each in slices}) == len(slices):
             return sorted(slices, key=lambda each: float(normal @ each.place))
-    numbers = [each.told.get("InstanceNumber") for each in slices]
+    numbers = [each.dataset.get("InstanceNumber") for each in slices]
     if len(slices) == len({each.path for each in slices}) and None not in numbers:
-        return sorted(slices, key=lambda each: whole(each.told, "InstanceNumber"))
+        return sorted(slices, key=lambda each: whole(each.dataset, "InstanceNumber"))
     return sorted(slices, key=lambda each: (natural(each.path), each.frame))
 
 
-def _parts(told: Any) -> int:
+def _parts(dataset: Any) -> int:
     """Return the number of components."""
-    check_text(told, "PhotometricInterpretation")
-    if text(told, "PhotometricInterpretation") == "PALETTE COLOR":
+    check_text(dataset, "PhotometricInterpretation")
+    if text(dataset, "PhotometricInterpretation") == "PALETTE COLOR":
         return 3
-    return whole(told, "SamplesPerPixel", 1)
+    return whole(dataset, "SamplesPerPixel", 1)
 
 
-def _units(told: Any) -> str:
+def _units(dataset: Any) -> str:
     """Return Hounsfield units for CT, unless rescaling states others.
 
     (US is "unspecified".)
     """
-    if text(told, "Modality") != "CT":
+    if text(dataset, "Modality") != "CT":
         return ""
-    return "hu" if text(told, "RescaleType") in ("", "HU", "US") else ""
+    return "hu" if text(dataset, "RescaleType") in ("", "HU", "US") else ""
 
 
 def _kind(slices: list[_Slice]) -> np.dtype[Any]:
     """Return the smallest integer type for all possible values; floats if not integers."""
-    first = slices[0].told
+    first = slices[0].dataset
     if text(first, "PhotometricInterpretation") == "PALETTE COLOR":
         key = "RedPaletteColorLookupTableDescriptor"
         entries = numbers(first.get(key, (0, 0, 16)), key, 3)
@@ -311,7 +292,7 @@ def _values(slices: list[_Slice], shape: tuple[int, ...], kind: np.dtype[Any]) -
         if each.path != path:
             path = each.path
             pixels = _pixels(path)
-        frames = whole(each.told, "NumberOfFrames", 1)
+        frames = whole(each.dataset, "NumberOfFrames", 1)
         if pixels.size != frames * math.prod(shape[1:]):
             raise ValueError(f"{path.name} is unlike the other slices: {pixels.shape} values")
         plane = pixels.reshape(frames, *shape[1:])[each.frame]
@@ -326,19 +307,20 @@ def _pixels(path: Path) -> NDArray[Any]:
     """Read the stored pixels of a file, colors as red, green and blue."""
     from pydicom.pixels.processing import apply_color_lut
 
-    told = _told(path, is_whole=True)
+    dataset = _read_dataset(path, is_whole=True)
     with _quiet(path):
-        syntax: Any = told.file_meta.get("TransferSyntaxUID") if "file_meta" in vars(told) else None
+        meta = vars(dataset).get("file_meta")
+        syntax: Any = None if meta is None else meta.get("TransferSyntaxUID")
     plugin = _decoder(path, syntax) if syntax and syntax.is_encapsulated else ""
     with _quiet(path), suppressed_output():
         if plugin:
-            check_frames(told, path.name)
-        told.pixel_array_options(decoding_plugin=plugin)
-        pixels = np.asarray(told.pixel_array)
-        if text(told, "PhotometricInterpretation") == "PALETTE COLOR":
-            return np.asarray(apply_color_lut(pixels, told))
-        if text(told, "PhotometricInterpretation") == "MONOCHROME1":  # the lowest values are white
-            most = -1 if told.PixelRepresentation else 2**told.BitsStored - 1
+            check_frames(dataset, path.name)
+        dataset.pixel_array_options(decoding_plugin=plugin)
+        pixels = np.asarray(dataset.pixel_array)
+        if text(dataset, "PhotometricInterpretation") == "PALETTE COLOR":
+            return np.asarray(apply_color_lut(pixels, dataset))
+        if text(dataset, "PhotometricInterpretation") == "MONOCHROME1":  # lowest values are white
+            most = -1 if dataset.PixelRepresentation else 2**dataset.BitsStored - 1
             return (most - pixels.astype(np.int64)).astype(pixels.dtype)
         return pixels
 
@@ -360,10 +342,10 @@ def _decoder(path: Path, syntax: Any) -> str:
 
 def _lattice(slices: list[_Slice], places: Doubles) -> tuple[Doubles, Doubles]:
     """Return spacing (3,) and direction (3, 3)."""
-    told, frame = slices[0].told, slices[0].frame
+    dataset, frame = slices[0].dataset, slices[0].frame
     row, column = slices[0].axes
-    down, across = np.resize(_numbers(told, frame, PIXELS, _imager(told)), 2)
-    normal, step = np.cross(row, column), _between(told, frame)
+    down, across = np.resize(_numbers(dataset, frame, PIXELS, _imager(dataset)), 2)
+    normal, step = np.cross(row, column), _between(dataset, frame)
     if len(slices) > 1 and np.isfinite(places).all():
         way = (places[-1] - places[0]) / (len(slices) - 1)
         length = float(np.linalg.norm(way))
@@ -374,8 +356,8 @@ def _lattice(slices: list[_Slice], places: Doubles) -> tuple[Doubles, Doubles]:
     return np.array([across, down, step]), np.column_stack([row, column, normal])
 
 
-def _imager(told: Any) -> Doubles:
-    given = told.get("ImagerPixelSpacing")
+def _imager(dataset: Any) -> Doubles:
+    given = dataset.get("ImagerPixelSpacing")
     return np.ones(2) if given in (None, "", []) else numbers(given, "ImagerPixelSpacing", 2)
 
 

@@ -6,26 +6,13 @@ from resample.reading.codestreams import size_of
 from resample.reading.limits import LimitError
 
 
-def check_frames(told: Any, name: str) -> None:
-    """Reject compressed frames whose own size differs from the header's.
-
-    Parameters
-    ----------
-    told
-        The file's data set, by pydicom.
-    name
-        File name, for the message.
-
-    Raises
-    ------
-    ValueError
-        One is of another size.
-    """
+def check_frames(dataset: Any, name: str) -> None:
+    """Reject compressed frames whose own size differs from the header's."""
     from pydicom.encaps import generate_frames
 
-    wanted = (int(told.Rows), int(told.Columns))
-    count = int(told.get("NumberOfFrames", 1) or 1)
-    for frame in generate_frames(told.PixelData, number_of_frames=count):
+    wanted = (int(dataset.Rows), int(dataset.Columns))
+    count = int(dataset.get("NumberOfFrames", 1) or 1)
+    for frame in generate_frames(dataset.PixelData, number_of_frames=count):
         size = size_of(frame)
         if size is not None and size != wanted:
             raise LimitError(

@@ -32,23 +32,12 @@ def page_order(description: str, pages: int, parts: int, name: str) -> PageOrder
 
     Parameters
     ----------
-    description
-        Of the first page.
-    pages
-        How many there are.
     parts
         Numbers per pixel: color components are not channels.
-    name
-        Of the file, for messages.
 
     Returns
     -------
     None if it says nothing, or that all pages are slices of one volume.
-
-    Raises
-    ------
-    ValueError
-        It states another number of pages.
     """
     if "<OME" in description:
         found = re.search(r'DimensionOrder="XY([ZCT]{3})"', description)

@@ -42,13 +42,7 @@ def files_with(folder: Path, suffixes: tuple[str, ...]) -> list[Path]:
 
 
 def stack_pages(paths: list[Path]) -> list[SlicePage]:
-    """Return all slices of picture files, which must be alike.
-
-    Raises
-    ------
-    ValueError
-        A file is not a picture, has several channels, or differs from the first.
-    """
+    """Return all slices of picture files, which must be alike."""
     pages = []
     with suppressed_output():
         for page in (page for path in paths for page, _ in _walk(path)):
@@ -92,8 +86,8 @@ def _walk(path: Path) -> Iterator[tuple[SlicePage, Any]]:
         while image.seek_subimage(n, 0):
             spec = image.spec()
             kind = NUMPY.get(str(spec.format), str(spec.format))
-            told = spec.get_string_attribute("ImageDescription")
-            yield SlicePage(path.name, spec.width, spec.height, spec.nchannels, kind, told), image
+            header = spec.get_string_attribute("ImageDescription")
+            yield SlicePage(path.name, spec.width, spec.height, spec.nchannels, kind, header), image
             n += 1
         image.geterror()  # clears the error that there is no page n
 

@@ -9,15 +9,9 @@ from resample.types import Doubles
 UNDEFINED = 0xFFFFFFFF  # length of elements with an end mark
 
 
-def whole(told: Any, key: str, otherwise: int | None = None) -> int:
-    """Return an integer of a header; `otherwise` if there is none.
-
-    Raises
-    ------
-    ValueError
-        There are several, it is not an integer, or it is missing and required.
-    """
-    given = told.get(key)
+def whole(dataset: Any, key: str, otherwise: int | None = None) -> int:
+    """Return an integer of a header; `otherwise` if there is none."""
+    given = dataset.get(key)
     if given in (None, "") and otherwise is not None:
         return otherwise
     try:
@@ -29,27 +23,21 @@ def whole(told: Any, key: str, otherwise: int | None = None) -> int:
     return int(found)
 
 
-def text(told: Any, key: str) -> str:
+def text(dataset: Any, key: str) -> str:
     """Return a text of a header, the first of several; empty if there is none."""
-    given = told.get(key) or ""
+    given = dataset.get(key) or ""
     return given if isinstance(given, str) else str(next(iter(given), ""))
 
 
-def check_text(told: Any, key: str) -> None:
+def check_text(dataset: Any, key: str) -> None:
     """Reject several texts instead of one; errors as of `whole`."""
-    given = told.get(key) or ""
+    given = dataset.get(key) or ""
     if not isinstance(given, str):
         raise ValueError(f"its {key} is {_shown(given)}, where one text is")
 
 
 def numbers(given: Any, key: str, *counts: int) -> Doubles:
-    """Return the finite numbers (N,) of a header's key, of an allowed count.
-
-    Raises
-    ------
-    ValueError
-        They are not finite numbers, or more or fewer.
-    """
+    """Return the finite numbers (N,) of a header's key, of an allowed count."""
     try:
         found = np.atleast_1d(np.array(given, np.float64))
         is_right = found.ndim == 1 and len(found) in counts and bool(np.isfinite(found).all())
@@ -62,16 +50,10 @@ def numbers(given: Any, key: str, *counts: int) -> Doubles:
     return found
 
 
-def check_lengths(told: Any) -> None:
-    """Reject a header whose elements claim more bytes than there are.
-
-    Raises
-    ------
-    ValueError
-        One does.
-    """
-    for tag in told.keys():  # noqa: SIM118  iterating a header itself converts all values
-        raw = told.get_item(tag)
+def check_lengths(dataset: Any) -> None:
+    """Reject a header whose elements claim more bytes than there are."""
+    for tag in dataset.keys():  # noqa: SIM118  iterating a header itself converts all values
+        raw = dataset.get_item(tag)
         claimed, value = getattr(raw, "length", 0), getattr(raw, "value", None)
         if claimed != UNDEFINED and isinstance(value, bytes) and len(value) < claimed:
             raise ValueError(f"its {tag} claims {claimed} bytes, {len(value)} are there")

@@ -13,8 +13,8 @@ from resample.files.stores.opening import reading
 from resample_volume.data.bricks import Box, Bricks, Step
 from resample_volume.data.values import Stored
 from resample_volume.files.parsing.headers import WIDENED
-from resample_volume.files.stores.kept import StoredFindings
 from resample_volume.files.stores.states import Portion
+from resample_volume.files.stores.statistics_cache import StoredStatistics
 
 if TYPE_CHECKING:
     import zarr
@@ -133,7 +133,7 @@ class Chunked:
         """Read all values into memory."""
         return np.stack([np.asarray(self[n]) for n in range(self.shape[0])])
 
-    def behind_each_other(self) -> Bricks:
+    def stacked_along_z(self) -> Bricks:
         """Stack all volumes of the first axis along z, if the second has length 1.
 
         Its bricks are those of the volumes.
@@ -142,16 +142,16 @@ class Chunked:
         every = [self._bricks({first: n, second: 0}) for n in range(self._along(first))]
         (depth, *across), reads = every[0].shape, tuple(one.read for one in every)
         rest = () if self.alone is None else (self.alone,)
-        keeper = None
+        statistics_cache = None
         if self.store is not None:
-            keeper = StoredFindings(self.store, Portion(self.array, self.axes, rest))
+            statistics_cache = StoredStatistics(self.store, Portion(self.array, self.axes, rest))
         shape = (depth * len(every), across[0], across[1])
         return Bricks(
             StackedBoxes(reads, depth),
             shape,
             self.dtype,
             every[0].side,
-            keeper=keeper,
+            statistics_cache=statistics_cache,
             period=depth,
         )
 
@@ -166,9 +166,9 @@ class Chunked:
         at |= {} if self.alone is None else dict([self.alone])
         boxes = Boxes(self.array, self.axes, tuple(at.items()), self.dtype, self.holes)
         part = Portion(self.array, self.axes, boxes.at)
-        keeper = None if self.store is None else StoredFindings(self.store, part)
+        statistics_cache = None if self.store is None else StoredStatistics(self.store, part)
         side = self.brick or self._side(shape)
-        return Bricks(boxes, shape, self.dtype, side, keeper=keeper)
+        return Bricks(boxes, shape, self.dtype, side, statistics_cache=statistics_cache)
 
     def _side(self, shape: Step) -> Step:
         """Return a brick size of whole chunks along z, y and x, about `SIDE` voxels."""

@@ -18,9 +18,9 @@ from resample_volume.data.recordings import alone
 from resample_volume.files.parsing.headers import (
     Check,
     VolumeHeader,
+    accept_any,
     check_alone,
-    check_held,
-    check_nothing,
+    check_not_empty,
     header,
     stem,
 )
@@ -57,7 +57,7 @@ class Zarr:
     def __call__(self, path: Place) -> Volume:
         return alone(self.recorded(path, check_alone))
 
-    def recorded(self, path: Place, check: Check = check_nothing) -> Recording:
+    def recorded(self, path: Place, check: Check = accept_any) -> Recording:
         found = self.streamed(path, check)
         chunked: Any = found.values
         size = math.prod(map(int, chunked.shape)) * chunked.dtype.itemsize
@@ -66,7 +66,7 @@ class Zarr:
         return found._replace(values=chunked.whole())
 
     def streamed(
-        self, path: Place, check: Check = check_nothing, brick: Step | None = None
+        self, path: Place, check: Check = accept_any, brick: Step | None = None
     ) -> Recording:
         """Open all times and channels; values stay in the file, see `Chunked`.
 
@@ -98,14 +98,14 @@ class Zarr:
                 f"{name}/{level.path} has {array.ndim} dimensions, its metadata {layout.axes}"
             )
         known = self._header(layout, level, array, name)
-        check_held(known)
+        check_not_empty(known)
         check(known)
         guard(array, name)
         holes = holes_of(array, name)
         values: Any = Chunked(array, layout.axes, brick=brick, store=path.resolve(), holes=holes)
         place = (known.spacing, known.origin, known.direction)
         told = Recording(values, *place, name, layout.units, layout.is_color, space=layout.space)
-        missing = holes.told(array.fill_value)
+        missing = holes.message(array.fill_value)
         if not number:
             return told._replace(note=missing)
         finest = _lengths(layout.levels[0], layout.axes)[0]
@@ -158,13 +158,7 @@ class Zarr:
 
 
 def with_level(reader: Any, level: int) -> Any:
-    """Return the reader of a coarser level.
-
-    Raises
-    ------
-    ValueError
-        Its files have none.
-    """
+    """Return the reader of a coarser level."""
     if not isinstance(reader, Zarr):
         raise ValueError(
             "level chooses a size of an OME-Zarr; this file has one size, leave it out"

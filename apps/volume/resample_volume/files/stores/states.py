@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 RECENT = 2.0  # seconds within which a file may change without a new timestamp
 SETTLED = 3600.0  # the same for web servers, whose clocks may differ, seconds
-TOGETHER = 32  # chunks that a web server is asked about at a time
+BATCH_SIZE = 32  # chunks that a web server is asked about at a time
 PAGE = 1000  # that are listed, or asked about, before work looks up
 
 
@@ -41,7 +41,7 @@ class State(NamedTuple):
     is_settled: bool  # whether any further change would be noticed
 
 
-class Told(NamedTuple):
+class ChunkMetadata(NamedTuple):
     """A server's metadata of a chunk."""
 
     name: str
@@ -54,11 +54,6 @@ def state_of_files(store: Path, array: str) -> State | None:
     """Return the state of an array on disk, from names, sizes and times of its files.
 
     It is settled if none of them was just written.
-
-    Parameters
-    ----------
-    store, array
-        Location.
     """
     digest, newest = sha256(), 0.0
     before = time.time() - RECENT
@@ -66,8 +61,8 @@ def state_of_files(store: Path, array: str) -> State | None:
         for path in _files(store, array):
             known, name = os.stat(path), os.path.relpath(path, store)
             newest = max(newest, known.st_mtime)
-            told = f"{name}\0{known.st_size}\0{known.st_mtime_ns}\0"
-            digest.update(os.fsencode(told))
+            stamp = f"{name}\0{known.st_size}\0{known.st_mtime_ns}\0"
+            digest.update(os.fsencode(stamp))
         return State(digest.hexdigest(), newest < before)
     return None
 
@@ -78,38 +73,28 @@ def state_of_server(portion: Portion) -> State | None:
     Object stores list chunks with tags, which change with each write. A web server gets a HEAD
     request for every chunk of the part: it must return a strong tag or a time for each; with times,
     the state is settled an hour after the last.
-
-    Parameters
-    ----------
-    portion
-        Of an array whose store is opened by its address.
-
-    Raises
-    ------
-    CancelledError
-        It was cancelled.
     """
     import obstore
 
     place = portion.array.store.within.store  # of a `GuardedStore`
     if isinstance(place, obstore.store.HTTPStore):
-        return _state(portion, _asked(place, portion), is_web=True)
+        return _state(portion, _request_metadata(place, portion), is_web=True)
     listed = _state(portion, _listed(place, portion), is_web=False)
-    return listed or _state(portion, _asked(place, portion), is_web=False)
+    return listed or _state(portion, _request_metadata(place, portion), is_web=False)
 
 
-def _state(portion: Portion, chunks: Iterator[Told], *, is_web: bool) -> State | None:
+def _state(portion: Portion, chunks: Iterator[ChunkMetadata], *, is_web: bool) -> State | None:
     """Return the state from chunks' metadata, if sufficient; times suffice for web servers only."""
     metadata: Any = portion.array.metadata
     digest = sha256(json.dumps(metadata.to_dict(), sort_keys=True, default=str).encode())
     newest, before = 0.0, time.time() - SETTLED
     try:
-        for told in chunks:
-            is_tagged = bool(told.tag) and not told.tag.startswith("W/")
-            if not (is_tagged or (is_web and told.changed > 0)):
+        for chunk in chunks:
+            is_tagged = bool(chunk.tag) and not chunk.tag.startswith("W/")
+            if not (is_tagged or (is_web and chunk.changed > 0)):
                 return None
-            newest = max(newest, told.changed)
-            digest.update(f"{told.name}\0{told.size}\0{told.tag}\0{told.changed}\0".encode())
+            newest = max(newest, chunk.changed)
+            digest.update(f"{chunk.name}\0{chunk.size}\0{chunk.tag}\0{chunk.changed}\0".encode())
     except Exception as error:
         if isinstance(error, OSError) or type(error).__module__.startswith("obstore"):
             return None  # the server does not tell
@@ -117,46 +102,40 @@ def _state(portion: Portion, chunks: Iterator[Told], *, is_web: bool) -> State |
     return State(digest.hexdigest(), not is_web or newest < before)
 
 
-def _listed(place: Any, portion: Portion) -> Iterator[Told]:
-    """List all objects of an array, by name.
-
-    Raises
-    ------
-    OSError
-        There are none, so that these cannot be all.
-    """
+def _listed(place: Any, portion: Portion) -> Iterator[ChunkMetadata]:
+    """List all objects of an array, by name."""
     import obstore
 
     pages = obstore.list(place, portion.array.path or None, chunk_size=PAGE)
-    found = sorted(_told(facts["path"], facts) for page in pages for facts in page)
+    found = sorted(_chunk_metadata(facts["path"], facts) for page in pages for facts in page)
     if not found:
         raise FileNotFoundError("not even metadata")
     yield from found
 
 
-def _asked(place: Any, portion: Portion) -> Iterator[Told]:
+def _request_metadata(place: Any, portion: Portion) -> Iterator[ChunkMetadata]:
     """Return the existing chunks of a part, in order; one request each."""
     import obstore
 
-    def head(name: str) -> Told | None:
+    def head(name: str) -> ChunkMetadata | None:
         try:
-            return _told(name, obstore.head(place, name))
+            return _chunk_metadata(name, obstore.head(place, name))
         except FileNotFoundError:
             return None
 
     names = _names(portion)
-    pool = ThreadPoolExecutor(TOGETHER)
+    pool = ThreadPoolExecutor(BATCH_SIZE)
     try:
         while batch := list(islice(names, PAGE)):
             report(0, 1)
-            yield from (told for told in pool.map(head, batch) if told is not None)
+            yield from (chunk for chunk in pool.map(head, batch) if chunk is not None)
     finally:
         pool.shutdown(cancel_futures=True)
 
 
-def _told(name: str, facts: Any) -> Told:
+def _chunk_metadata(name: str, facts: Any) -> ChunkMetadata:
     changed = facts["last_modified"].timestamp()
-    return Told(name, int(facts["size"]), facts["e_tag"] or "", changed)
+    return ChunkMetadata(name, int(facts["size"]), facts["e_tag"] or "", changed)
 
 
 def _names(portion: Portion) -> Iterator[str]:

@@ -75,21 +75,8 @@ def write_store(
 
     Parameters
     ----------
-    path
-        A new folder. It appears once it is complete.
-    recording
-        Its values are an array, `Chunked` or `Single`.
-    form
-        Layout of chunks.
     progress
         Called with the fraction of bricks written, 0 to 1.
-
-    Raises
-    ------
-    ValueError
-        The path exists, or the extra is not installed.
-    OSError
-        The store cannot be written; nothing of it remains.
     """
     zarr = require_zarr(path.name)
     with _appearing(path) as temporary:
@@ -110,13 +97,7 @@ def bricks_of(recording: Recording, form: Layered) -> int:
 
 
 def check_store(path: Path) -> None:
-    """Reject a store that cannot be written, before any work is done.
-
-    Raises
-    ------
-    ValueError, OSError
-        As of `write_store`.
-    """
+    """Reject a store that cannot be written, before any work is done."""
     require_zarr(path.name)
     if not path.name.lower().endswith(SUFFIX):
         raise ValueError(f"{path}: volumes are converted to OME-Zarr, as volume.ome.zarr")
@@ -188,7 +169,7 @@ def _fill(levels: "list[zarr.Array[Any]]", recording: Recording, form: Layered) 
     total, done = times * parts * sum(map(len, boxes)), 0
     for time, part in product(range(times), range(parts)):
         at = tuple(n for n, letter in ((time, "t"), (part, "c")) if letter in letters)
-        given = _given(recording, time, part)
+        given = _box_reader(recording, time, part)
         for n, level in enumerate(levels):
             for box in boxes[n]:
                 if n == 0:
@@ -201,7 +182,7 @@ def _fill(levels: "list[zarr.Array[Any]]", recording: Recording, form: Layered) 
                 yield done / total
 
 
-def _given(recording: Recording, time: int, part: int) -> Callable[[Box], NDArray[Any]]:
+def _box_reader(recording: Recording, time: int, part: int) -> Callable[[Box], NDArray[Any]]:
     """Return a reader of boxes."""
     return values_of(recording.values[time, part]).read
 

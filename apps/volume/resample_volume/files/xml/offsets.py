@@ -26,22 +26,16 @@ class _Ends(NamedTuple):
     """An array of cell offsets."""
 
     cells: int
-    told: dict[str, str]  # of the array
+    attributes: dict[str, str]  # of the array
     data: bytes  # within its element, or appended
 
 
 def check_offsets(path: Path) -> None:
-    """Reject an unstructured grid whose cells claim far more corners than the file can hold.
-
-    Raises
-    ------
-    ValueError
-        They do; or offsets cannot be read, or cells are polyhedra, which have other offsets.
-    """
+    """Reject an unstructured grid whose cells claim far more corners than the file can hold."""
     with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
         every = elements_of(content)
-        about = {key: told for key, told in every[0].told.items() if key in KEPT}
-        form = every[-1].told.get("encoding", "") if every[-1].name == APPENDED else ""
+        about = {key: attributes for key, attributes in every[0].attributes.items() if key in KEPT}
+        form = every[-1].attributes.get("encoding", "") if every[-1].name == APPENDED else ""
         for ends in _ends(path.name, content, every):
             corners = _last(path.name, _table(about, form, ends))
             check_unpacked(path.name, len(content), BYTES * corners)
@@ -50,33 +44,33 @@ def check_offsets(path: Path) -> None:
 def _ends(name: str, content: mmap, every: list[Element]) -> Iterator[_Ends]:
     """Return all arrays of offsets, one per piece."""
     first = data_start(content, every[-1]) if every[-1].name == APPENDED else -1
-    starts = sorted({count_of(each.told.get("offset", "")) for each in every})
+    starts = sorted({count_of(each.attributes.get("offset", "")) for each in every})
     cells = 0
     for element in every:
-        told, label = element.told, element.told.get("Name", "").lower()
+        attributes, label = element.attributes, element.attributes.get("Name", "").lower()
         if element.name == "Piece":
-            cells = count_of(told.get("NumberOfCells", "0"))
+            cells = count_of(attributes.get("NumberOfCells", "0"))
         elif label in POLYHEDRA:
             raise ValueError(
                 f"{name} has polyhedra, which are not read from files; cut their cells "
                 "(ParaView's Tetrahedralize), or give the grid to as_volume in Python"
             )
         elif label == NAME and cells:
-            if told.get("format") != "appended":
-                yield _Ends(cells, told, content[element.data : element.end] or b" ")
+            if attributes.get("format") != "appended":
+                yield _Ends(cells, attributes, content[element.data : element.end] or b" ")
             elif first >= 0:
-                start = count_of(told.get("offset", ""))
+                start = count_of(attributes.get("offset", ""))
                 following = [each for each in starts if each > start]
                 end = first + min(following[0] if following else len(content), len(content))
-                yield _Ends(cells, told, content[first + start : end])
+                yield _Ends(cells, attributes, content[first + start : end])
 
 
 def _table(about: dict[str, str], form: str, ends: _Ends) -> bytes:
     """Return the file of a table with only that column."""
-    is_apart = ends.told.get("format") == "appended"
-    told = {key: ends.told.get(key, "") for key in ("type", "format")}
+    is_apart = ends.attributes.get("format") == "appended"
+    attributes = {key: ends.attributes.get(key, "") for key in ("type", "format")}
     about, rows = {"type": "Table", **about}, {"NumberOfCols": "1", "NumberOfRows": str(ends.cells)}
-    column = f"<DataArray{_attributes({'Name': NAME, **told})}"
+    column = f"<DataArray{_attributes({'Name': NAME, **attributes})}"
     head = f'<?xml version="1.0"?><VTKFile{_attributes(about)}><Table><Piece{_attributes(rows)}>'
     head += f"<RowData>{column}"
     foot = "</RowData></Piece></Table>"
@@ -87,10 +81,10 @@ def _table(about: dict[str, str], form: str, ends: _Ends) -> bytes:
     return head.encode() + ends.data.partition(b"</AppendedData")[0] + end
 
 
-def _attributes(told: dict[str, str]) -> str:
+def _attributes(attributes: dict[str, str]) -> str:
     from xml.sax.saxutils import quoteattr
 
-    return "".join(f" {key}={quoteattr(text)}" for key, text in told.items())
+    return "".join(f" {key}={quoteattr(text)}" for key, text in attributes.items())
 
 
 def _last(name: str, table: bytes) -> int:

@@ -27,7 +27,7 @@ from resample_volume.files.parsing.choosing import (
 from resample_volume.files.parsing.headers import (
     Check,
     VolumeHeader,
-    check_nothing,
+    accept_any,
     header,
     recording,
 )
@@ -39,20 +39,8 @@ UNSTRUCTURED = "vtkXMLUnstructuredGridReader"
 BASE64 = re.compile(rb"[A-Za-z0-9+/=\s]*")
 
 
-def read_vti(path: Path, wanted: ArrayQuery, name: str, check: Check = check_nothing) -> Recording:
-    """Read one array at points or cells; components are channels, or a color.
-
-    Parameters
-    ----------
-    path
-        An existing file.
-    wanted
-        Which array.
-    name
-        Of the volume.
-    check
-        Of what the file says.
-    """
+def read_vti(path: Path, wanted: ArrayQuery, name: str, check: Check = accept_any) -> Recording:
+    """Read one array at points or cells; components are channels, or a color."""
     image = grid_of(path, "vtkXMLImageDataReader")
     chosen, every, values = _values(image, wanted, path.name)
     known = image_header(image, values.dtype, _spacing(path), name, is_of_cells=chosen.is_of_cells)
@@ -78,20 +66,7 @@ def read_vtr(path: Path, wanted: ArrayQuery, name: str) -> Volume:
 
 
 def grid_of(path: Path, reader_name: str) -> Any:
-    """Read a file by a reader of VTK's.
-
-    Parameters
-    ----------
-    path
-        An existing file.
-    reader_name
-        Name of VTK's class for the XML file.
-
-    Raises
-    ------
-    ValueError
-        VTK is not installed, or the file is damaged, truncated or too large.
-    """
+    """Read a file by a reader of VTK's."""
     try:
         forms = import_module("vtkmodules.vtkIOXML")
     except ImportError:
@@ -155,14 +130,8 @@ def image_header(
 
     Parameters
     ----------
-    image
-        Of VTK's.
-    dtype
-        Of the values.
     spacing
         Replaces the image's; None: the image's.
-    name
-        For messages.
     is_of_cells
         Whether voxels are its cells.
     """
@@ -189,10 +158,10 @@ def _spacing(path: Path) -> list[float] | None:
 def _require_memory(reader: Any, path: Path) -> None:
     from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 
-    told = reader.GetOutputInformation(0)
-    if not told.Has(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT()):
-        return  # of no lattice; see `check_counts`
-    extent = told.Get(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT())
+    attributes = reader.GetOutputInformation(0)
+    if not attributes.Has(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT()):
+        return  # not a grid; the caller rejects it
+    extent = attributes.Get(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT())
     first, last = np.reshape(extent, (3, 2)).T.tolist()
     count = math.prod(b - a + 1 for a, b in zip(first, last, strict=True))
     require_memory(count, path.name)  # at least a byte per voxel

@@ -23,15 +23,7 @@ LETTER = re.compile(rb"[A-Za-z0-9+/]*")
 
 
 def check_blocks(path: Path) -> None:
-    """Reject data whose sizes exceed what the file can hold: VTK would end the process.
-
-    Raises
-    ------
-    ValueError
-        There are more blocks, or bytes, than in the file, or they decompress to far too much;
-        points, cells or components exceed what the file can hold, or memory; or pieces do not fill
-        the whole.
-    """
+    """Reject data whose sizes exceed what the file can hold: VTK would end the process."""
     with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
         every = elements_of(content)
         if not every:
@@ -50,27 +42,27 @@ def _check_counts(name: str, size: int, every: list[Element]) -> None:
     """Reject arrays for which VTK would allocate far more than the file can fill."""
     needed = places = whole = filled = 0
     for element in every:
-        told = element.told
+        attributes = element.attributes
         if element.name == "Piece":
-            places = _places(told)
+            places = _places(attributes)
             filled += places
             needed += places
         elif element.name in WHOLE:
-            whole = _inside(told.get("WholeExtent", ""))
+            whole = _inside(attributes.get("WholeExtent", ""))
         elif element.name in ARRAYS:
-            rows = max(places, count_of(told.get("NumberOfTuples", "0")))
-            width = WIDTHS.get(told.get("type", "")[-1:], WIDEST)
-            needed += rows * count_of(told.get("NumberOfComponents", "1")) * width
+            rows = max(places, count_of(attributes.get("NumberOfTuples", "0")))
+            width = WIDTHS.get(attributes.get("type", "")[-1:], WIDEST)
+            needed += rows * count_of(attributes.get("NumberOfComponents", "1")) * width
         check_ratio(name, size, needed)
     if whole > filled:
         raise ValueError(f"{name} is damaged: its pieces hold {filled} of {whole} points")
     require_memory(needed, name)
 
 
-def _places(told: dict[str, str]) -> int:
+def _places(attributes: dict[str, str]) -> int:
     """Return a piece's number of points, or of cells if larger; at least one."""
-    counts = [count_of(told.get(key, "1")) for key in ("NumberOfPoints", "NumberOfCells")]
-    return max(1, _inside(told.get("Extent", "")), *counts)
+    counts = [count_of(attributes.get(key, "1")) for key in ("NumberOfPoints", "NumberOfCells")]
+    return max(1, _inside(attributes.get("Extent", "")), *counts)
 
 
 def _inside(extent: str) -> int:
@@ -88,11 +80,11 @@ def _number(text: str) -> int:
 
 
 def _check_packed(name: str, content: mmap, every: list[Element]) -> None:
-    size, told = len(content), every[0].told
-    number = "<Q" if told.get("header_type") == "UInt64" else "<I"
-    if told.get("byte_order") == "BigEndian":
+    size, attributes = len(content), every[0].attributes
+    number = "<Q" if attributes.get("header_type") == "UInt64" else "<I"
+    if attributes.get("byte_order") == "BigEndian":
         number = number.replace("<", ">")
-    is_packed = "compressor" in told
+    is_packed = "compressor" in attributes
     if every[-1].name == APPENDED and data_start(content, every[-1]) < 0:
         raise ValueError(f"{name} is damaged: its data do not begin with an underscore")
     unpacked = 0
@@ -114,13 +106,13 @@ def _begins(content: mmap, every: list[Element]) -> Iterator[bytes]:
     appended = every[-1] if every[-1].name == APPENDED else None
     start = -1 if appended is None else data_start(content, appended)
     for element in every:
-        told = element.told
-        if told.get("format") == "binary" and element.data >= 0:
+        attributes = element.attributes
+        if attributes.get("format") == "binary" and element.data >= 0:
             yield _decoded(content[element.data : element.data + LETTERS])
-        elif appended is not None and (told.get("offset") or "-").strip().isdecimal():
-            place = start + count_of(told["offset"])
+        elif appended is not None and (attributes.get("offset") or "-").strip().isdecimal():
+            place = start + count_of(attributes["offset"])
             begin = content[place : place + LETTERS]
-            yield _decoded(begin) if appended.told.get("encoding") == "base64" else begin
+            yield _decoded(begin) if appended.attributes.get("encoding") == "base64" else begin
 
 
 def _decoded(letters: bytes) -> bytes:

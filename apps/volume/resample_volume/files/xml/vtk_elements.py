@@ -17,7 +17,7 @@ class Element:
     """An element and its location."""
 
     name: str
-    told: dict[str, str]
+    attributes: dict[str, str]
     start: int  # byte of its tag
     data: int = -1  # byte of its first non-blank character; -1: none
     end: int = -1  # byte of its end; -1: it has none
@@ -54,9 +54,9 @@ class _Tracker:
         self.around: list[Element] = []
         self.parser: Any = None
 
-    def begun(self, name: str, told: dict[str, str]) -> None:
+    def begun(self, name: str, attributes: dict[str, str]) -> None:
         """Enter an element."""
-        self.every.append(Element(name, told, self.parser.CurrentByteIndex))
+        self.every.append(Element(name, attributes, self.parser.CurrentByteIndex))
         if name == APPENDED:
             raise _NotXmlError
         self.around.append(self.every[-1])

@@ -49,7 +49,7 @@ class PickedField(NamedTuple):
     spline: SplineField
     known: Flags  # as of `LatticeField`
     classifiers: int  # transfer functions beside each other in the table
-    table: Floats  # (G, L K, 4) as of `NearestCells`
+    table: Floats  # (G, L K, 4) as of `Classifier`
     low: float
     high: float
     steep: float
@@ -170,7 +170,7 @@ def _pass(
 
 
 @kernel
-def _among_voxels(
+def _pick_voxel(
     splatted: SplattedVoxels, rays: PickingRays, n: int, level: float, waiting: Waiting
 ) -> Found:
     """Voxel at which the share of light that ray n loses exceeds a level."""
@@ -201,7 +201,7 @@ def _among_voxels(
 
 
 @parallel_kernel
-def find_among_voxels(
+def pick_voxels(
     counter: Counter,
     splatted: SplattedVoxels,
     rays: PickingRays,
@@ -213,7 +213,7 @@ def find_among_voxels(
     waiting = Waiting(np.empty(MOST), np.empty(MOST, np.int64), np.empty(MOST))
     for chunk in tasks(counter, (voxel.size + CHUNK - 1) // CHUNK):
         for n in range(chunk * CHUNK, min((chunk + 1) * CHUNK, voxel.size)):
-            voxel[n], kept[n] = _among_voxels(splatted, rays, n, level, waiting)
+            voxel[n], kept[n] = _pick_voxel(splatted, rays, n, level, waiting)
 
 
 @kernel
@@ -291,7 +291,7 @@ def _in_field(looked: PickedField, rays: PickingRays, n: int, level: float) -> F
 
 
 @parallel_kernel
-def find_in_field(
+def pick_in_field(
     counter: Counter,
     looked: PickedField,
     rays: PickingRays,
@@ -299,7 +299,7 @@ def find_in_field(
     voxel: Indices,
     kept: Doubles,
 ) -> None:
-    """Return `find_among_voxels` for a field: voxels around which it is found."""
+    """Return `pick_voxels` for a field: voxels around which it is found."""
     for chunk in tasks(counter, (voxel.size + CHUNK - 1) // CHUNK):
         for n in range(chunk * CHUNK, min((chunk + 1) * CHUNK, voxel.size)):
             voxel[n], kept[n] = _in_field(looked, rays, n, level)

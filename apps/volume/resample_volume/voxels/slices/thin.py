@@ -78,11 +78,6 @@ def thin_that_fits(volume: Volume, projection: Projection, *, stays: bool) -> Th
     """Return how slices are made thin; not if only thick ones fit in memory or are wanted.
 
     Nor for means along rays: a spline preserves sums of voxels.
-
-    Raises
-    ------
-    ValueError
-        The field does not fit in memory in any case.
     """
     is_mean = projection in MEASURING and projection not in EXTREMES
     thin = SAME if is_mean or stays else thin_of(volume)
@@ -119,7 +114,7 @@ def repeated(flags: NDArray[Any], thin: Thin) -> NDArray[Any]:
     return np.repeat(flags, thin.parts, axis=thin.axis)
 
 
-def among_samples(reached: Reached, samples: int, thin: Thin) -> Reached:
+def cells_over_samples(reached: Reached, samples: int, thin: Thin) -> Reached:
     """Convert cells of light over voxels to cells over samples along the thin axis."""
     if thin.parts == 1:
         return reached
@@ -196,7 +191,7 @@ class _Path(NamedTuple):
 
     way: Plane
     opposite: Plane  # on the adjacent one, back
-    turn: Plane  # as of `_turn`
+    turn: Plane  # as of `_flow_mismatch`
     is_back: bool  # whether to the slice before
 
 
@@ -231,8 +226,8 @@ def _put_between(slices: _Slices, found: Floats, at: list[float], before: int, w
     """Write thin slices at some positions between a thick one and the next."""
     on, back = ways.on[before], ways.back[before]
     paths = (
-        _Path(on, back, _turn(on, ways.back.get(before - 1)), is_back=False),
-        _Path(back, on, _turn(back, ways.on.get(before + 1)), is_back=True),
+        _Path(on, back, _flow_mismatch(on, ways.back.get(before - 1)), is_back=False),
+        _Path(back, on, _flow_mismatch(back, ways.on.get(before + 1)), is_back=True),
     )
     trust = _fit(slices, _bend(slices, before), UNSURE)
     for n, place in enumerate(at):
@@ -246,7 +241,7 @@ def _put_between(slices: _Slices, found: Floats, at: list[float], before: int, w
         found[n] = total / share
 
 
-def _turn(way: Plane, other: Plane | None) -> Plane:
+def _flow_mismatch(way: Plane, other: Plane | None) -> Plane:
     """Return how much the flow from a slice differs from the flow to it, given negated."""
     if other is None:
         return np.zeros_like(way)

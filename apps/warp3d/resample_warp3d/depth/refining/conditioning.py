@@ -25,7 +25,7 @@ REACH = 8  # px, largest distance of voters
 DENSE = 4  # px up to which all samples vote; beyond, every other one
 FAR, NEAR = 4.0, 2.0  # px, standard deviations of the weights for a surface, and for its nearness
 ACROSS = 0.5  # per px²: falloff of votes away from the axes, for the nearness
-ALIKE = 0.22  # of the colors' standard deviation: such a difference weighs 1 / √e
+COLOR_DIFFERENCE = 0.22  # of the colors' standard deviation: such a difference weighs 1 / √e
 UNSURE = 0.05  # weight of samples beside edges
 MOST_ROUNDS = 3  # of voting for unknown samples: 8 px each
 MADE_UP = 0.5  # confidence of a unanimous vote for an unknown sample
@@ -34,7 +34,7 @@ PROPORTION = 0.02  # by which the aspect ratios of depth and color may differ
 SOFTEST = 0.5  # px, standard deviation of a blur that does not affect thin objects
 BLURRED = 1.15  # times the deviation found, as the ends of soft edges are missed
 LEAST = 0.4  # least share of a sample that a thin object covers
-TOLD = 0.1  # weight of samples of thin objects once their value is restored
+THIN_WEIGHT = 0.1  # weight of samples of thin objects once their value is restored
 NOISY = 12.0  # times the noise: larger jumps are edges
 
 
@@ -218,7 +218,7 @@ def _with_thin_things(task: RefinementTask, ballot: Ballot, refined: Floats) -> 
     restore(given, hard, ballot.kind, Blur(BLURRED * task.findings.sigma, LEAST), whole)
     is_told = whole > 0
     nearness = np.where(is_told, blurred(whole), ballot.nearness).astype(np.float32)
-    trust = np.where(is_told, np.float32(TOLD), ballot.trust)
+    trust = np.where(is_told, np.float32(THIN_WEIGHT), ballot.trust)
     trust[(ballot.kind > 0) & ~is_told] = 0
     return ballot._replace(nearness=nearness, trust=trust)
 
@@ -243,17 +243,11 @@ def _scaled(color: Floats) -> Floats:
     deviation = float(
         np.sqrt(color.reshape(-1, color.shape[2]).var(axis=0, dtype=np.float64).sum() / 3.0)
     )
-    return np.asarray(color / np.float32(max(ALIKE * deviation, 1e-6)), np.float32)
+    return np.asarray(color / np.float32(max(COLOR_DIFFERENCE * deviation, 1e-6)), np.float32)
 
 
 def fitted(image: DepthImage) -> DepthImage:
-    """Enlarge a depth image's depth to the size of its color.
-
-    Raises
-    ------
-    ValueError
-        They do not show the same frame: their aspect ratios differ.
-    """
+    """Enlarge a depth image's depth to the size of its color."""
     height, width = image.nearness.shape
     shape = image.color.shape[0], image.color.shape[1]
     if (height, width) == shape:
@@ -282,8 +276,6 @@ def enlarged(nearness: Floats, shape: tuple[int, int], scale: tuple[float, float
     ----------
     nearness
         (h, w); 0 where unknown.
-    shape
-        Height and width of the result.
     scale
         Rows and columns of the map per row and column of the result.
     """

@@ -69,8 +69,6 @@ def inspect(color: Floats, nearness: Floats, noise: float, step: float) -> Findi
         (H, W, C) finite.
     nearness
         (H, W); 0 where unknown.
-    noise
-        Standard deviation of the nearness, relative to it.
     step
         Quantization step of nearness.
     """

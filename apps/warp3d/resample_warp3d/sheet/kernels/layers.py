@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from resample.engine.cells.passes import skips, take, walk
-from resample.engine.cells.tiles import bands, met
+from resample.engine.cells.tiles import bands, overlapping
 from resample.engine.jit import Counter, inner_kernel, parallel_kernel
 from resample.engine.roles import plays
 from resample.types import Floats, Single
@@ -58,7 +58,7 @@ from resample_warp3d.types import Links
 DISTINCT: Single = np.float32(0.99)  # of the nearness: what is nearer than that is the same surface
 FULL: Single = np.float32(0.97)  # coverage of a full pixel; boxes only approximate cells
 TRACE: Single = np.float32(1e-4)  # coverage below which a pixel is empty
-EVERYTHING: Single = np.float32(np.inf)  # nearer than all
+NEAREST_OF_ALL: Single = np.float32(np.inf)  # nearer than all
 
 
 class CellColors(NamedTuple):
@@ -156,7 +156,7 @@ def _is_front(bounds: Indices, least: Single, frame: BandFrame, front: Floats) -
 @plays(skips, FrontPass)
 def _skips_none(look: FrontPass, strip: SheetStrip, member: int, nth: int) -> bool:  # noqa: ARG001
     """Skip nothing in the first pass; start each member's farthest corner at infinity."""
-    look.least[nth] = EVERYTHING
+    look.least[nth] = NEAREST_OF_ALL
     return False
 
 
@@ -374,7 +374,7 @@ def paint_layers(
         # Allocate the band, and find the segments that meet it.
         frame = BandFrame(first, last, like.width, like.orientation, like.quality, like.is_label)
         strip, size = SheetStrip(screen, frame), (last - first) * like.width
-        members = met(bounds, (first, last), like.width)
+        members = overlapping(bounds, (first, last), like.width)
         cells = SegmentCells(np.zeros(NUMBERS, np.float32), np.zeros(PLACES, np.int32))
         front, behind = np.zeros(size, np.float32), np.zeros(size, np.float32)
         area, least = np.zeros(size, np.float32), np.empty(members.size, np.float32)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from resample.engine.cells.passes import take, walk
-from resample.engine.cells.tiles import bands, met
+from resample.engine.cells.tiles import bands, overlapping
 from resample.engine.jit import Counter, inner_kernel, parallel_kernel
 from resample.engine.roles import plays
 from resample.types import Floats, Single
@@ -227,5 +227,5 @@ def fill_picture(
         size = (last - first) * like.width
         looks = NearestCells(np.zeros(size, np.float32), np.zeros(size, np.int32))
         cells = SegmentCells(np.zeros(NUMBERS, np.float32), np.zeros(PLACES, np.int32))
-        walk(looks, strip, met(bounds, (first, last), like.width), cells)
+        walk(looks, strip, overlapping(bounds, (first, last), like.width), cells)
         _resolve(strip, looks, colors, picture)

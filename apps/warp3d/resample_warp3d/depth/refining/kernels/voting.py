@@ -94,7 +94,7 @@ def weighted_median(value: Doubles, weight: Doubles) -> float:
 
 
 @kernel
-def _likeness(color: Floats, row: int, column: int, r: int, c: int) -> float:
+def _color_similarity(color: Floats, row: int, column: int, r: int, c: int) -> float:
     """Similarity of two samples' colors, 0..1: a Gaussian of their distance."""
     apart = 0.0
     for n in range(color.shape[2]):
@@ -134,7 +134,7 @@ def _collect(voters: Voters, window: VotingWindow, row: int, column: int, votes:
         if not trust > 0:
             continue
         # Extend the voter's surface to the sample.
-        weight = _likeness(voters.color, row, column, r, c)
+        weight = _color_similarity(voters.color, row, column, r, c)
         there, slope = np.float64(voters.nearness[r, c]), voters.slope[r, c]
         value = there + _change(slope[0], slope[2], -across) + _change(slope[1], slope[3], -down)
         # Store the vote and its weights.

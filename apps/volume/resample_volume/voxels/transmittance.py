@@ -35,7 +35,7 @@ EXACT = 52  # bits for sums of optical depths
 Extinctions = Iterable[Floats]
 
 
-def reached(extinction: Floats, lattice: Doubles, light: Light) -> Flags:
+def light_transmittance(extinction: Floats, lattice: Doubles, light: Light) -> Flags:
     """Return fractions (Z, Y, X, 2) of the lamp's and of ambient light that reach cells.
 
     Parameters
@@ -44,8 +44,6 @@ def reached(extinction: Floats, lattice: Doubles, light: Light) -> Flags:
         (Z, Y, X) optical depth per scene unit.
     lattice
         (3, 3) columns are the steps to the next cell along x, y and z, scene units.
-    light
-        Its options say whether there are shadows and ambient occlusion; without, all light arrives.
     """
     share = np.full((*extinction.shape, 2), ALL, np.uint8)
     if light.shadows and light.direction is not None:
@@ -60,7 +58,7 @@ def reached(extinction: Floats, lattice: Doubles, light: Light) -> Flags:
 
 
 def _open_share(extinction: Floats, lattice: Doubles) -> Floats:
-    """Return fractions (Z, Y, X) of ambient light that reach cells; see `reached`."""
+    """Return fractions (Z, Y, X) of ambient light that reach cells; see `light_transmittance`."""
     extent = float(np.linalg.norm(lattice @ np.array(extinction.shape[::-1])))
     total = np.zeros(extinction.shape, np.float32)
     for toward in _around(AROUND):
@@ -102,8 +100,6 @@ def optical_depths(
         (3, 3) columns are the steps to the next cell along x, y and z, scene units.
     toward
         (3,) scene direction of the light.
-    reach
-        Scene units; what is farther away does not count.
 
     Yields
     ------
@@ -131,14 +127,8 @@ def optical_depths(
         yield place, np.maximum(0, _read(total, slices.shape[1:], base - n * shear))
 
 
-def voxels_reached(voxels: Voxels, light: Light) -> Floats:
-    """Return fractions (N, 2), 0 to 1, of lamp and ambient light that reach voxels.
-
-    Raises
-    ------
-    ValueError
-        The grid of light does not fit in memory.
-    """
+def voxel_transmittance(voxels: Voxels, light: Light) -> Floats:
+    """Return fractions (N, 2), 0 to 1, of lamp and ambient light that reach voxels."""
     if not len(voxels.position):
         return np.ones((0, 2), np.float32)
     to_index = np.linalg.inv(voxels.lattice)
@@ -147,7 +137,7 @@ def voxels_reached(voxels: Voxels, light: Light) -> Floats:
     cells = cells_around(index.max(axis=0) + 1)
     depth = exact_in_sums(voxels.extinction, float(voxels.extinction.max()), cells)
     total = np.bincount(cells.of(index), depth, math.prod(cells.grid)).astype(np.float64)
-    share = reached(cells.means(total), cells.per * voxels.lattice, light)
+    share = light_transmittance(cells.means(total), cells.per * voxels.lattice, light)
     return shares_at(index, share, cells)
 
 
@@ -200,39 +190,32 @@ def shares_at(index: NDArray[np.int64], share: Flags, cells: LightCells) -> Floa
     return np.asarray(np.stack(between, axis=1) / np.float32(ALL))
 
 
-def field_reached(volume: Volume, extinctions: Extinctions, clip: Doubles, light: Light) -> Reached:
+def field_transmittance(
+    volume: Volume, extinctions: Extinctions, clip: Doubles, light: Light
+) -> Reached:
     """Return the light that reaches the points of a field.
 
     Parameters
     ----------
-    volume
-        The volume.
     extinctions
         Yields optical depths per scene unit of some slices at a time, in order.
     clip
         (M, 4) planes; what they cut away takes no light.
-    light
-        The light source.
-
-    Raises
-    ------
-    ValueError
-        The grid of light does not fit in memory.
     """
     size, lattice = np.array(volume.values.shape), lattice_of(volume)
     per = cells_of(size)
     thick = np.zeros(_grid_of(size, per), np.float32)
     first = 0
     for part in extinctions:
-        kept = np.where(_is_kept(part.shape, first, volume, clip), part, np.float32(0))
+        kept = np.where(_is_uncut(part.shape, first, volume, clip), part, np.float32(0))
         across = _merged(kept, (1, per, per))
         for n, row in enumerate(across, first):
             thick[n // per] += row / np.float32(per)
         first += len(part)
-    return Reached(reached(thick, per * lattice, light), per)
+    return Reached(light_transmittance(thick, per * lattice, light), per)
 
 
-def _is_kept(
+def _is_uncut(
     shape: tuple[int, ...], first: int, volume: Volume, clip: Doubles
 ) -> NDArray[np.bool_]:
     """Return which voxels (Z, Y, X) of some slices are not cut away."""
@@ -245,13 +228,7 @@ def _is_kept(
 
 
 def _grid_of(size: NDArray[np.int64], per: int) -> tuple[int, ...]:
-    """Return the number of cells along z, y and x.
-
-    Raises
-    ------
-    ValueError
-        They do not fit in memory.
-    """
+    """Return the number of cells along z, y and x."""
     grid = tuple((-(-size // per)).tolist())
     require_memory(BYTES_PER_CELL * math.prod(grid), "the grid of light")
     return grid

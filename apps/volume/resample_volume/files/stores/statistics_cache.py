@@ -28,7 +28,7 @@ LOG = logging.getLogger("resample")
 
 
 @dataclass(frozen=True, eq=False)
-class StoredFindings:
+class StoredStatistics:
     """Cached statistics of a part of an array, such as one time and channel."""
 
     store: Place  # folder, zip file or address

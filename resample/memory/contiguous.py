@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 Number = TypeVar("Number", bound=np.generic)
 
 
-def alike(given: ArrayLike, kind: type[Number]) -> NDArray[Number]:
+def contiguous(given: ArrayLike, kind: type[Number]) -> NDArray[Number]:
     """Writable C-ordered array of a type; a copy unless it already is one.
 
     The result is a plain ndarray. Masked elements become NaN.
@@ -16,9 +16,9 @@ def alike(given: ArrayLike, kind: type[Number]) -> NDArray[Number]:
     Examples
     --------
     >>> import numpy as np
-    >>> from resample.memory.alike import alike
+    >>> from resample.memory.contiguous import contiguous
     >>> frozen = np.broadcast_to(np.float32(1), (2, 3))
-    >>> alike(frozen, np.float32).flags.writeable
+    >>> contiguous(frozen, np.float32).flags.writeable
     True
     """
     if np.ma.is_masked(given):

@@ -13,9 +13,9 @@ from resample_volume.classification.transfer import from_points
 from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Appearance, Classification
 from resample_volume.rendering import Subject, render
-from resample_volume.voxels import reaching
-from resample_volume.voxels.reaching import SKIPPED, optical_depths, reached
+from resample_volume.voxels import transmittance
 from resample_volume.voxels.shading import Light
+from resample_volume.voxels.transmittance import SKIPPED, light_transmittance, optical_depths
 
 WHITE = (1.0, 1.0, 1.0)
 LOOK = from_points([(99.0, WHITE, 0.0), (100.0, WHITE, 0.9)])
@@ -82,7 +82,7 @@ def test_a_ball_casts_a_shadow_as_thick_as_itself() -> None:
     z, y, x = np.indices((60, 40, 40))
     ball = (z - 45) ** 2 + (y - 20) ** 2 + (x - 20) ** 2 < 8.0**2
     light = Light((0, 0, 1), shadows=True)
-    share = reached(np.float32(0.05) * ball, np.eye(3), light)[..., 0] / 255
+    share = light_transmittance(np.float32(0.05) * ball, np.eye(3), light)[..., 0] / 255
     assert share[10, 20, 20] == pytest.approx(np.exp(-0.05 * 15), abs=0.01)
     chord = 2 * np.sqrt(8.0**2 - 5.0**2)
     assert share[10, 20, 25] == pytest.approx(np.exp(-0.05 * chord), abs=0.04)
@@ -93,17 +93,17 @@ def test_a_ball_casts_a_shadow_as_thick_as_itself() -> None:
 def test_walls_darken_corners_and_floors_do_not() -> None:
     extinction = np.zeros((40, 60, 60), np.float32)
     extinction[:10] = 3.0
-    flat = reached(extinction, np.eye(3), Light(occlusion=True))[..., 1] / 255
+    flat = light_transmittance(extinction, np.eye(3), Light(occlusion=True))[..., 1] / 255
     assert flat[10, 30, 30] > 0.85
     assert flat[30, 30, 30] == 1
     extinction[:, :, 40:] = 3.0
-    walled = reached(extinction, np.eye(3), Light(occlusion=True))[..., 1] / 255
+    walled = light_transmittance(extinction, np.eye(3), Light(occlusion=True))[..., 1] / 255
     assert walled[11, 30, 37] < 0.75 * flat[11, 30, 30]
     assert walled[11, 30, 10] == pytest.approx(flat[11, 30, 10], abs=0.02)
 
 
 def test_light_is_all_there_where_it_is_not_asked_for() -> None:
-    assert (reached(smooth(), np.eye(3), Light((1, 0, 0))) == 255).all()
+    assert (light_transmittance(smooth(), np.eye(3), Light((1, 0, 0))) == 255).all()
 
 
 def lamps(light: Light, volume: NDArray[np.generic], **choices: object) -> NDArray[np.float32]:
@@ -167,7 +167,7 @@ def test_large_volumes_share_cells(monkeypatch: pytest.MonkeyPatch) -> None:
     light = Light((1, -1, 2), shadows=True, occlusion=True)
     for classification in Classification:
         fine = lamps(light, table_and_block(), classification=classification)
-        monkeypatch.setattr(reaching, "FINEST", 22)
+        monkeypatch.setattr(transmittance, "FINEST", 22)
         coarse = lamps(light, table_and_block(), classification=classification)
         monkeypatch.undo()
         assert 1e-4 < np.abs(fine - coarse).mean() < 0.02

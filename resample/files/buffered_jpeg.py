@@ -16,7 +16,7 @@ HEAD = 1 << 16  # bytes besides values and attributes
 STEP = 1 << 20  # bytes moved from memory to disk at once
 
 
-class HeldJpeg:
+class BufferedJpeg:
     """OpenImageIO output for a JPEG, written to disk by Python.
 
     If the system has no in-memory files (other than Linux) or limits the size of files, it is
