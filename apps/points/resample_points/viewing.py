@@ -17,7 +17,16 @@ from resample.files.animations import write_film
 from resample.files.images import screen_levels
 from resample.view.exports import KEYFRAMES, ORBITING, keyframes_as_toml
 from resample.view.kept import FileView, image_of, path_file
-from resample.view.views import PagePicture, Settings, Size, chosen, option_of, settings_of
+from resample.view.views import (
+    PagePicture,
+    Settings,
+    Size,
+    chosen,
+    option_of,
+    pixel_at,
+    preview_size,
+    settings_of,
+)
 from resample.watching import Cancel, Progress, cancellable
 from resample_points.command.animation import film_of, path_of
 from resample_points.command.cameras import cameras_of, start_of
@@ -38,7 +47,6 @@ OF_FILMS = [  # options that pictures and films share
     *(option_of(CloudOptions, field) for field in CloudOptions.model_fields),
     *("steady", "size", "background"),
 ]
-PER = 2  # px of the picture per px of its preview, along each axis
 FEW = 200_000  # most points of previews
 PREPARED = (
     "color_by",
@@ -73,9 +81,7 @@ class CloudPainter:
 
     def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> PagePicture:
         """Picture of these options, see `resample.view.views.Painter`."""
-        width, height = size
-        if quick:
-            size = -(-width // PER), -(-height // PER)
+        size = preview_size(size) if quick else size
         with cancellable(cancel):
             request, scene, camera = self._placed(settings, size, quick=quick)
             frame = scene.shown(scene.picture(camera, size[::-1]), request.form)
@@ -85,7 +91,7 @@ class CloudPainter:
         """Return the position seen at a pixel, see `resample.view.views.Painter`."""
         _, scene, camera = self._placed(settings, size)
         frame = scene.picture(camera, size[::-1])
-        column, row = min(int(x), size[0] - 1), min(int(y), size[1] - 1)
+        row, column = pixel_at(size, x, y)
         depth = float(frame.depth[row, column])
         if not np.isfinite(depth):
             return {}

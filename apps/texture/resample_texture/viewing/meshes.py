@@ -15,7 +15,15 @@ from resample.files.images import screen_levels
 from resample.files.painted.frames import write_frame
 from resample.types import Frame
 from resample.view.kept import FileView, image_of
-from resample.view.views import PagePicture, Settings, Size, chosen, settings_of
+from resample.view.views import (
+    PagePicture,
+    Settings,
+    Size,
+    chosen,
+    pixel_at,
+    preview_size,
+    settings_of,
+)
 from resample.watching import Cancel, cancellable
 from resample_texture.command.choices import MeshDrawing, MeshFormat, MeshView
 from resample_texture.mesh.rendering import load_mesh, render_mesh
@@ -28,7 +36,6 @@ COMMAND = "resample-texture mesh"
 MESHES = (".obj", ".glb", ".gltf")
 SHOWN = (MeshView, MeshDrawing, MeshFormat)  # option models that a page can change
 LEFT_OUT = ("size", "bits")
-PER = 2  # px of the picture per px of its preview, along each axis
 
 
 class _MeshRequest(NamedTuple):
@@ -54,16 +61,15 @@ class ModelPainter:
 
     def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> PagePicture:
         """Picture of these options, see `resample.view.views.Painter`."""
-        width, height = size
         request = _checked(settings)
         with cancellable(cancel):
-            seen = self._rendered(request, (-(-width // PER), -(-height // PER)) if quick else size)
+            seen = self._rendered(request, preview_size(size) if quick else size)
         return PagePicture(screen_levels(seen.rgba, background=request.form.behind()), quick)
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
         """Return the depth at a pixel, see `resample.view.views.Painter`."""
         depth = self._rendered(_checked(settings), size).depth
-        found = float(depth[min(int(y), size[1] - 1), min(int(x), size[0] - 1)])
+        found = float(depth[pixel_at(size, x, y)])
         return {"depth": f"{found:.5g}"} if np.isfinite(found) else {}
 
     def save(self, settings: Settings, size: Size, path: Path) -> None:

@@ -15,7 +15,15 @@ from resample.command.settings import Choices, Written
 from resample.files.pictures import Kind, Picture, WriteOptions, page_of, write_picture
 from resample.view.files import shown
 from resample.view.kept import FileView, image_of
-from resample.view.views import PagePicture, Settings, Size, chosen, settings_of
+from resample.view.views import (
+    PagePicture,
+    Settings,
+    Size,
+    chosen,
+    pixel_at,
+    preview_size,
+    settings_of,
+)
 from resample.watching import Cancel, Progress, cancellable
 from resample_warp3d.command.animation import Range
 from resample_warp3d.command.cameras.source import SourceCamera
@@ -42,7 +50,6 @@ SHOWN = (
 )  # options that a page changes
 LEFT_OUT = ("size", "bits", "export-as")
 KINDS: Sequence[Settings] = ({"fill": True}, {"method": "mesh"}, {"method": "mcmillan"})
-PER = 2  # px of the picture per px of its preview, along each axis
 HOLES = {
     Hole.NONE: "none",
     Hole.DISOCCLUDED: "hidden in the source",
@@ -111,10 +118,9 @@ class DepthPainter:
 
     def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> PagePicture:
         """Picture of these options, see `resample.view.views.Painter`."""
-        width, height = size
         with cancellable(cancel):
             if quick:
-                seen = self._rendered(settings, (-(-width // PER), -(-height // PER)))
+                seen = self._rendered(settings, preview_size(size))
             else:
                 seen = self._last = self._rendered(settings, size)
             page = page_of(Path("picture.png"), seen.picture(), seen.request.options)
@@ -126,7 +132,7 @@ class DepthPainter:
         if seen is None or seen.warped.coverage.shape != size[::-1]:
             seen = self._rendered(settings, size)
         warped = seen.warped
-        at = min(int(y), size[1] - 1), min(int(x), size[0] - 1)
+        at = pixel_at(size, x, y)
         hole = HOLES[Hole(int(warped.holes[at]))]
         if not np.isfinite(warped.depth[at]):
             return {"hole": hole}
