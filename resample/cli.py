@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 from cyclopts import App, Parameter
 
 from resample import registry
-from resample.command.applications import Words, door
+from resample.command.applications import Words, command_now, door
 from resample.command.options import run
 from resample.lazy import installed_version
 
@@ -113,11 +113,7 @@ def schema(application: str, command: str, /) -> None:
     """
     from resample.command.settings_files import schema_of
 
-    commands = registry.load("apps", application.removeprefix("resample-"))
-    names = [name for name in commands if not name.startswith("-")]
-    if command not in names:
-        raise ValueError(f"{application} has no command {command!r}; it has {', '.join(names)}")
-    written = schema_of(f"{commands.name[0]} {command}", commands[command])
+    written = schema_of(*command_now(application.removeprefix("resample-"), command))
     sys.stdout.write(json.dumps(written, indent=2, ensure_ascii=False) + "\n")
 
 

@@ -51,7 +51,31 @@ def moved_command(old: str, application: str, command: str) -> App:
         version_flags=(),
     )
     moved.default(run)
+    vars(run)["now"] = application, command
     return moved
+
+
+def command_now(application: str, command: str) -> tuple[str, App]:
+    """Names and parser of an application's command, also if it is another application's now.
+
+    Raises
+    ------
+    LookupError
+        The application is unknown.
+    ValueError
+        It has no such command.
+    """
+    commands = registry.load("apps", application)
+    names = [name for name in commands if not name.startswith("-")]
+    if command not in names:
+        raise ValueError(
+            f"resample-{application} has no command {command!r}; it has {', '.join(names)}"
+        )
+    now = getattr(commands[command].default_command, "now", None)
+    if now is None:
+        return f"{commands.name[0]} {command}", commands[command]
+    mention_move(f"{commands.name[0]} {command}", *now)
+    return command_now(*now)
 
 
 def mention_move(old: str, application: str, command: str) -> None:

@@ -86,6 +86,17 @@ def test_settings_of_an_old_command_are_taken_by_the_new_one(capsys):
     )
 
 
+def test_the_schema_of_an_old_command_is_that_of_the_new_one(capsys):
+    schemas = []
+    for words in (["resample-warp3d", "cloud"], ["resample-points", "render"]):
+        assert commands.ended(umbrella.app, "schema", *words) == 0
+        out, error = capsys.readouterr()
+        schemas.append(out)
+        assert ("is now resample-points render" in error) == (words[1] == "cloud")
+    assert schemas[0] == schemas[1]
+    assert "color-by" in schemas[0]
+
+
 def test_a_cloud_is_viewed_by_the_old_command_too(pages, capsys):
     words = ["view", "scan.xyz", "--camera", "-70/10/1", "--up=-y", "--steady", "--port", 7]
     assert before(*words) == 0
