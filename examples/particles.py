@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from resample import Camera, Resampler, particles
-from resample.files.images import write_png
+from resample.files.saving import write_png
 
 HEIGHT, WIDTH = 150, 200  # px
 CAMERA = Camera.from_intrinsics(200.0, 200.0, WIDTH / 2, HEIGHT / 2)

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 from scipy.optimize import minimize
 
-from resample.files.images import write_png
+from resample.files.saving import write_png
 from resample_texture import warp
 from resample_texture.differentiable import LinearWarp, MatrixPlaces
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from resample import Scatter
-from resample.files.images import write_png
+from resample.files.saving import write_png
 
 HEIGHT, WIDTH = 120, 200  # px
 

@@ -77,13 +77,17 @@ def warn_of_old_name(old: str, new: str) -> None:
 
 
 def renamed(module: str, names: Mapping[str, str]) -> Callable[[str], Any]:
-    """`__getattr__` of a module in which some public names are new: the old ones warn."""
+    """`__getattr__` of a module in which some public names are new: the old ones warn.
+
+    Names that moved to another module are named in full.
+    """
 
     def get(name: str) -> Any:
         if name not in names:
             raise AttributeError(f"module {module!r} has no attribute {name!r}")
-        warn_of_old_name(f"{module}.{name}", f"{module}.{names[name]}")
-        return getattr(import_module(module), names[name])
+        home, _, new = names[name].rpartition(".")
+        warn_of_old_name(f"{module}.{name}", f"{home or module}.{new}")
+        return getattr(import_module(home or module), new)
 
     return get
 

@@ -3,20 +3,17 @@
 from pathlib import Path
 
 import numpy as np
+import OpenImageIO
 
-from resample.files.painted.deep import CHANNELS, _stored
+from resample.files.painted.deep import CHANNELS
 from resample.types import Floats
 
 
 def read_deep(path: Path) -> list[list[Floats]]:
-    """Read samples (N, 6) of each pixel in the order of `CHANNELS`, row by row.
-
-    Raises
-    ------
-    OSError
-        The file is missing or not a deep picture.
-    """
-    spec, data = _stored(path)
+    """Read samples (N, 6) of each pixel in the order of `CHANNELS`, row by row."""
+    source = OpenImageIO.ImageInput.open(str(path))
+    spec, data = source.spec(), source.read_native_deep_image()
+    assert spec.deep
     order = [list(spec.channelnames).index(name) for name in CHANNELS]
     pixels = [
         np.array(

@@ -13,7 +13,7 @@ from resample.command.about import OptionTopic
 from resample.console.backgrounds import SPLAT_COLOR, Color, linear_color
 
 if TYPE_CHECKING:
-    from resample.files.pictures import WriteOptions
+    from resample.files.formats import WriteOptions
     from resample.resampler import Resampler
 
 OF_SAMPLES = ("method", "footprint", "threshold", "kernel", "opacity", "color_by")
@@ -358,7 +358,7 @@ class Written(Choices):
         ValueError
             The background is not a color.
         """
-        from resample.files.pictures import WriteOptions
+        from resample.files.formats import WriteOptions
 
         behind = None if self.background is None else linear_color(self.background)
         return WriteOptions(self.bits, behind)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from resample.files.chunked import SUFFIX as STORE
 from resample.files.chunked import is_in_store
-from resample.files.pictures import SUFFIXES
+from resample.files.formats import SUFFIXES
 from resample.files.sequences import FILMS, WRITTEN, frames_of
 from resample.files.stores.addresses import Address, Place
 

@@ -1,25 +1,58 @@
-"""Folders in the user's cache: limit their size, and key results by the code that made them."""
+"""Arrays in the user's cache: files of limited size, and keys by the code that made them."""
 
 import os
+from collections.abc import Mapping
 from contextlib import suppress
 from functools import cache
 from hashlib import sha256
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.files.writing import replacing
+from resample.reading.arrays import read_npz
 
 
-def evict(folder: Path, wanted: int, most: int) -> None:
-    """Remove the least recently used files of a folder until `wanted` bytes fit.
+def load_arrays(file: Path, *names: str) -> dict[str, NDArray[Any]] | None:
+    """Load the arrays of a cache file and mark it as used; None if it is missing or damaged."""
+    if not file.is_file():
+        return None
+    try:
+        held = read_npz(file, *names)  # checks its checksums
+    except (ValueError, OSError, LookupError):
+        return None
+    with suppress(OSError):
+        os.utime(file)
+    return held
+
+
+def store_arrays(file: Path, arrays: Mapping[str, Any], most: int | None = None) -> bool:
+    """Write arrays to a cache file, and return whether that succeeded.
 
     Parameters
     ----------
-    folder
-        Every file in it can be created again.
-    wanted
-        Bytes to be added.
     most
-        Limit on the total in bytes.
+        Limit on the bytes of all files in its folder, of which the least recently used are removed;
+        None: the folder is not ours, so that none are.
     """
+    size = sum(np.asarray(array).nbytes for array in arrays.values())
+    if most is not None and size > most:
+        return False
+    with suppress(OSError):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        if most is not None:
+            _evict(file.parent, size, most)
+        with replacing(file) as temporary, temporary.open("wb") as stream:
+            np.savez(stream, **arrays)
+        return True
+    return False
+
+
+def _evict(folder: Path, wanted: int, most: int) -> None:
+    """Remove the least recently used files of a folder until `wanted` bytes fit."""
     files = [(entry.stat(), entry) for entry in folder.glob("*.np[yz]")]
     total = sum(stat.st_size for stat, _ in files)
     for stat, entry in sorted(files, key=lambda pair: pair[0].st_mtime):
@@ -27,12 +60,6 @@ def evict(folder: Path, wanted: int, most: int) -> None:
             return
         entry.unlink(missing_ok=True)
         total -= stat.st_size
-
-
-def note_use(file: Path) -> None:
-    """Mark a file as recently used."""
-    with suppress(OSError):
-        os.utime(file)
 
 
 @cache

@@ -1,10 +1,12 @@
-"""Read and write pictures with any number of channels, as described by their files.
+"""Read pictures with any number of channels, upright and described by their files.
 
-Files are written atomically.
+They become light, or numbers; or stay in their stored form, in memory or in a temporary file: 8-
+and 16-bit levels stay levels, half floats stay half floats.
 """
 
-import errno
-from collections.abc import Iterable
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,56 +14,41 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import from_srgb
-from resample.console.backgrounds import Color
-from resample.console.messages import say
-from resample.files.buffered_jpeg import BufferedJpeg
-from resample.files.chunked import SUFFIX as STORE
-from resample.files.chunked import (
-    StoredPicture,
-    check_store,
-    is_in_store,
-    open_picture,
-    writing_store,
-)
+from resample.files.chunked import Part, StoredPicture, is_in_store, open_picture
 from resample.files.facts.geotiff import moved
 from resample.files.facts.metadata import (
-    AS_FLOATS,
-    JPEG,
-    TIFF,
     TURNS,
     FileMetadata,
-    WrittenPage,
     about_file,
-    complete,
-    describe,
     page_tags,
     turn,
     upright,
 )
-from resample.files.facts.origin import state
-from resample.files.images import (
-    check_pixels,
-    light_of,
-    read_image,
-    read_levels,
-    read_numbers,
-    shown,
-)
-from resample.files.levels import fits, gaps_of, levels, whole_numbers, with_word
+from resample.files.images import PictureFile, light_of, open_file, shown
 from resample.files.stores.addresses import Address, Place, place_of
-from resample.files.writing import INCOMPLETE, check_end, refused, replacing
+from resample.lazy import renamed
 from resample.memory import require_memory
-from resample.reading.names import plain
-from resample.reading.pictures import opened as opened_picture
+from resample.memory.mapped import array_where_it_fits
+from resample.reading.pictures import check_honest, check_picture
 from resample.types import Floats
 
-SUFFIXES = (".png", ".exr", ".tif", ".tiff", ".jpg", ".jpeg")
 BYTES_PER_VALUE = 20  # bytes per value of a source and its copies while it is read and processed
 FORMS = {  # OpenImageIO's integer types
     "uint8": "u1", "uint16": "u2", "uint": "u4", "int8": "i1", "int16": "i2", "int": "i4",
 }  # fmt: skip
-UNCALIBRATED = 0xFFFF  # Exif's value for neither sRGB nor Adobe RGB
 PLAIN = (("Y",), ("R", "G", "B"), ("R", "G", "B", "A"))  # channels of most pictures
+EVEN = {4: 1e-6, 8: 1e-12}  # relative tolerance for equality of floats, by their size in bytes
+WIDE = ("int32", "uint32")  # integers that float32 cannot represent exactly
+
+__getattr__ = renamed(
+    __name__,
+    {
+        "WriteOptions": "resample.files.formats.WriteOptions",
+        "check_output": "resample.files.formats.check_output",
+        "write_picture": "resample.files.saving.write_picture",
+        "write_pages": "resample.files.saving.write_pages",
+    },
+)
 
 
 class Kind(NamedTuple):
@@ -84,6 +71,45 @@ class Picture(NamedTuple):
     about: FileMetadata = FileMetadata()
 
 
+class LoadedPicture(NamedTuple):
+    """A picture as it is loaded, upright."""
+
+    data: NDArray[Any]  # (H, W, C) levels of straight alpha; or light, premultiplied, or numbers
+    kind: Kind
+    about: FileMetadata
+    has_nans: bool = False  # missing values
+    has_gaps: bool = False  # missing or infinite values
+
+    @property
+    def has_levels(self) -> bool:
+        """Whether values are levels that are not converted to light yet."""
+        return self.data.dtype.kind == "u"
+
+
+class Header(NamedTuple):
+    """Header of a picture as stored."""
+
+    shape: tuple[int, int, int]  # height, width and number of stored channels
+    kind: Kind
+    about: FileMetadata
+    orientation: int  # Exif's number
+    has_half_light: bool = False  # half floats represent it exactly
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Height and width of the upright picture."""
+        height, width, _ = self.shape
+        return (width, height) if TURNS[self.orientation][0] else (height, width)
+
+    @property
+    def upright_about(self) -> FileMetadata:
+        """Metadata of the upright picture."""
+        about = self.about
+        if about.geo is None:
+            return about
+        return about._replace(geo=moved(about.geo, turn(self.orientation, self.shape[:2])))
+
+
 def read_picture(path: str | Place, page: int = 0, *, as_data: bool = False) -> Picture:
     """Read a picture in linear light, premultiplied and upright, with its metadata.
 
@@ -104,33 +130,7 @@ def read_picture(path: str | Place, page: int = 0, *, as_data: bool = False) -> 
     ValueError
         It does not fit into memory.
     """
-    path = place_of(path)
-    header = header_of(path, page, as_data=as_data)
-    height, width, stored = header.shape
-    require_memory(
-        BYTES_PER_VALUE * height * width * stored,
-        f"{path} of {width} x {height} pixels",
-        "take a smaller picture",
-    )
-    data = _data(path, page, header.kind, header.about)
-    kind, order = alpha_last(header.kind)
-    data = data[..., order] if kind.has_alpha else data
-    data = with_gaps(data, kind, header.about) if as_data else data
-    turned = np.ascontiguousarray(upright(data, header.orientation))
-    return Picture(turned, kind, header.upright_about)
-
-
-def alpha_last(kind: Kind) -> tuple[Kind, list[int]]:
-    """Kind of a picture with opacity last, and the indices of its channels in that order."""
-    order = sorted(range(len(kind.channels)), key=lambda n: kind.channels[n] == "A")
-    return kind._replace(channels=tuple(kind.channels[n] for n in order)), order
-
-
-def _data(path: Place, page: int, kind: Kind, about: FileMetadata) -> Any:
-    """Light, or numbers, in the stored orientation."""
-    if isinstance(path, Address) or is_in_store(path):
-        return light_of(open_picture(path).levels(), kind.channels, is_encoded=kind.is_encoded)
-    return read_numbers(path, page) if about.number else read_image(path, page)
+    return open_picture_at(place_of(path), page, as_data=as_data).picture()
 
 
 def form_of(path: Place) -> tuple[tuple[int, int, int], Kind]:
@@ -145,54 +145,13 @@ def form_of(path: Place) -> tuple[tuple[int, int, int], Kind]:
     return (*header.size, header.shape[2]), header.kind
 
 
-class Header(NamedTuple):
-    """Header of a picture as stored."""
-
-    shape: tuple[int, int, int]  # height, width and number of stored channels
-    kind: Kind
-    about: FileMetadata
-    orientation: int  # Exif's number
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Height and width of the upright picture."""
-        height, width, _ = self.shape
-        return (width, height) if TURNS[self.orientation][0] else (height, width)
-
-    @property
-    def upright_about(self) -> FileMetadata:
-        """Metadata of the upright picture."""
-        about = self.about
-        if about.geo is None:
-            return about
-        return about._replace(geo=moved(about.geo, turn(self.orientation, self.shape[:2])))
-
-
-class Levels(NamedTuple):
-    """A picture with its stored levels, upright: in a quarter or half of the memory."""
-
-    data: NDArray[Any]  # (H, W, C) uint8 or uint16; C is 1, 3 or 4; the fourth is straight alpha
-    kind: Kind
-    about: FileMetadata
-
-
 def has_levels(path: Place) -> tuple[int, int, int] | None:
     """Height, width and channels if `read_picture_levels` can read a picture; else None."""
-    header = header_of(path, 0, as_data=True)
-    return (*header.size, len(header.kind.channels)) if is_plain(path, header) else None
+    reader = open_picture_at(path)
+    return reader.shape if reader.is_plain else None
 
 
-def is_plain(path: Place, header: Header) -> bool:
-    """Whether a picture has nothing but its levels."""
-    _, kind, about, _ = header
-    is_known = path.suffix.lower() == ".png" or is_in_store(path)  # TIFF's alpha may be either
-    is_straight = not kind.has_alpha or is_known
-    missing = None if about.geo is None else about.geo.missing
-    is_bare = kind.bits in (8, 16) and not about.number and kind.channels in PLAIN
-    return is_bare and missing is None and is_straight
-
-
-def read_picture_levels(path: Place) -> Levels:
+def read_picture_levels(path: Place) -> LoadedPicture:
     """Read a picture like `read_picture`, but without converting its levels.
 
     Raises
@@ -202,11 +161,175 @@ def read_picture_levels(path: Place) -> Levels:
     ValueError
         `has_levels` returns None for it.
     """
-    header = header_of(path, 0, as_data=True)
-    kind, about = header.kind, header.upright_about
-    if isinstance(path, Address) or is_in_store(path):
-        return Levels(open_picture(path).levels(), kind, about)
-    return Levels(upright(read_levels(path, kind.channels), header.orientation), kind, about)
+    reader = open_picture_at(path)
+    if not reader.is_plain:
+        raise ValueError(f"{path} has more than levels of 8 or 16 bits")
+    return reader.load()
+
+
+@dataclass(frozen=True, eq=False)
+class LoadablePicture:
+    """A picture whose header has been read."""
+
+    path: Place
+    page: int
+    header: Header
+    as_data: bool  # see `read_picture`
+    stored: StoredPicture | None  # of zarr
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Height, width and channels, upright."""
+        return (*self.header.size, len(self.header.kind.channels))
+
+    @property
+    def is_encoded(self) -> bool:
+        """Whether it has sRGB-encoded levels, or light converted from them."""
+        return self.header.kind.is_encoded
+
+    @cached_property
+    def is_plain(self) -> bool:
+        """Whether it has nothing but its levels."""
+        kind, about = self.header.kind, self.header.about
+        # TIFF's alpha may be either.
+        is_straight = self.stored is not None or self.path.suffix.lower() == ".png"
+        missing = None if about.geo is None else about.geo.missing
+        is_bare = kind.bits in (8, 16) and not about.number and kind.channels in PLAIN
+        return is_bare and missing is None and (is_straight or not kind.has_alpha)
+
+    @cached_property
+    def dtype(self) -> np.dtype[Any]:
+        """Type of the loaded values."""
+        if self.is_plain:
+            return np.dtype(np.uint8 if self.header.kind.bits == 8 else np.uint16)
+        is_half = self.header.has_half_light and not self.header.about.number
+        return np.dtype(np.float16 if is_half else np.float32)
+
+    @property
+    def size(self) -> int:
+        """Bytes of the loaded values."""
+        height, width, channels = self.shape
+        return height * width * channels * self.dtype.itemsize
+
+    def picture(self) -> Picture:
+        """Read light, or numbers; errors as in `read_picture`."""
+        height, width, stored = self.header.shape
+        what = f"{self.path} of {width} x {height} pixels"
+        require_memory(BYTES_PER_VALUE * height * width * stored, what, "take a smaller picture")
+        file = self._file
+        if file is not None:
+            check_picture(file.path, file.source.spec(), 4)
+        kind, channels = alpha_last(self.header.kind)
+        data, done = np.empty((height, width, len(channels)), self._form), 0
+        for strip in self._strips(file):
+            data[done : done + len(strip)] = strip
+            done += len(strip)
+        turned = np.ascontiguousarray(upright(data, self.header.orientation))
+        return Picture(turned, kind, self.header.upright_about)
+
+    def load(self, seen: Part | None = None) -> LoadedPicture:
+        """Read the picture as `read_picture` does, but keep the stored form if it is smaller.
+
+        Large arrays are kept in a file, see `array_where_it_fits`.
+
+        Parameters
+        ----------
+        seen
+            Rows and columns needed. Other levels in chunks are not read.
+
+        Raises
+        ------
+        OSError
+            The file is missing or damaged.
+        ValueError
+            It fits neither into memory nor on the disk.
+        """
+        header, file = self.header, self._file
+        if file is not None:
+            check_honest(file.path, file.source.spec())
+        if self.is_plain and self.stored is not None:
+            return LoadedPicture(self.stored.levels(seen), header.kind, header.upright_about)
+        kind, channels = alpha_last(header.kind)
+        shape = (*header.shape[:2], len(channels))
+        data = array_where_it_fits(shape, self.dtype, self.path.name)
+        done, has_nans, has_gaps = 0, False, False
+        for strip in self._levels(file) if self.is_plain else self._strips(file):
+            data[done : done + len(strip)] = strip
+            done += len(strip)
+            if not self.is_plain:
+                has_gaps = has_gaps or not bool(np.isfinite(strip).all())
+                has_nans = has_nans or bool(np.isnan(strip).any())
+        turned = upright(data, header.orientation)
+        return LoadedPicture(turned, kind, header.upright_about, has_nans, has_gaps)
+
+    @property
+    def _form(self) -> "np.dtype[Any]":
+        """Type of light or numbers."""
+        return np.dtype(np.float64 if self.header.about.number in WIDE else np.float32)
+
+    @property
+    def _file(self) -> PictureFile | None:
+        """The file, opened; None for zarr."""
+        if isinstance(self.path, Address) or self.stored is not None:
+            return None
+        return open_file(self.path, self.page)
+
+    def _levels(self, file: PictureFile | None) -> Iterator[NDArray[Any]]:
+        """Levels of a file as stored, in the order of the kind's channels."""
+        assert file is not None
+        order = [file.encoding.names.index(name) for name in self.header.kind.channels]
+        return (strip[..., order] for strip in file.strips(file.form))
+
+    def _strips(self, file: PictureFile | None) -> Iterator[Floats]:
+        """Light, or numbers, in the stored orientation, from the top; alpha is last."""
+        kind, about = self.header.kind, self.header.about
+        rows: Iterator[Any]
+        if file is None:
+            assert self.stored is not None
+            size = self.stored.array.size
+            rows = (
+                light_of(strip, kind.channels, is_encoded=kind.is_encoded, size=size)
+                for strip in self.stored.strips()
+            )
+        elif about.number:
+            rows = (strip.astype(self._form) for strip in file.strips(file.form))
+        else:
+            rows = file.light_strips()
+        ordered, channels = alpha_last(kind)
+        for strip in rows:
+            light = strip[..., channels] if kind.has_alpha else strip
+            yield with_gaps(light, ordered, about) if self.as_data else light
+
+
+def open_picture_at(path: Place, page: int = 0, *, as_data: bool = True) -> LoadablePicture:
+    """Read a picture's header; parameters and errors as in `read_picture`."""
+    is_stored = isinstance(path, Address) or is_in_store(path)
+    stored = open_picture(path) if is_stored else None
+    header = _header(path, page, stored, as_data=as_data)
+    return LoadablePicture(path, page, header, as_data, stored)
+
+
+def loadable_picture(path: Place) -> LoadablePicture | None:
+    """Open a picture to load; None for integers that float32 cannot represent.
+
+    Raises
+    ------
+    OSError
+        The file is missing or damaged.
+    """
+    reader = open_picture_at(path)
+    return None if reader.header.about.number in WIDE else reader
+
+
+def header_of(path: Place, page: int = 0, *, as_data: bool) -> Header:
+    """Read the header of a picture; parameters and errors as in `read_picture`."""
+    return open_picture_at(path, page, as_data=as_data).header
+
+
+def alpha_last(kind: Kind) -> tuple[Kind, list[int]]:
+    """Kind of a picture with opacity last, and the indices of its channels in that order."""
+    order = sorted(range(len(kind.channels)), key=lambda n: kind.channels[n] == "A")
+    return kind._replace(channels=tuple(kind.channels[n] for n in order)), order
 
 
 def with_gaps(data: Floats, kind: Kind, about: FileMetadata) -> Floats:
@@ -222,347 +345,44 @@ def with_gaps(data: Floats, kind: Kind, about: FileMetadata) -> Floats:
     return np.where(gaps, np.float32(0.0 if kind.has_alpha else np.nan), data)
 
 
-class WriteOptions(NamedTuple):
-    """Options for writing a picture."""
-
-    bits: int | None = None  # 8, 16 or 32 per channel; None: what fits format and source
-    background: Color | None = None  # linear light; None keeps transparency
-    is_light: bool = True  # otherwise numbers, which are not encoded
-
-
-def check_output(path: Path, look: WriteOptions, *, transparent: bool) -> None:
-    """Reject a target that `write_picture` would reject, before any work is done.
-
-    Raises
-    ------
-    ValueError
-        The suffix is unknown, or the format lacks transparency or this bit depth.
-    """
-    suffix = path.suffix.lower()
-    if suffix not in (*SUFFIXES, STORE):
-        raise ValueError(f"{path}: pictures are written as {', '.join(SUFFIXES)} or {STORE}")
-    if suffix == STORE:
-        check_store(path)
-    if suffix in JPEG and transparent and look.background is None:
-        raise ValueError(f"{path}: JPEG has no transparency; give --background white, or take .png")
-    if look.bits is not None and look.bits not in _depths(suffix):
-        allowed = " or ".join(map(str, _depths(suffix)))
-        raise ValueError(f"{path}: {suffix} has {allowed} bits per channel, not {look.bits}")
-
-
-def flattened(picture: Picture, background: Color) -> Picture:
-    """Composite a picture over a uniform color; gray stays gray over gray.
-
-    Raises
-    ------
-    ValueError
-        The picture is neither gray nor RGB.
-    """
-    data, kind, about = picture
-    if not kind.has_alpha:
-        return picture
-    color, alpha = data[..., :-1], data[..., -1:]
-    names = kind.channels[:-1]
-    is_gray = len(set(background)) == 1
-    if len(names) not in (1, 3) and not is_gray:
-        raise ValueError(
-            f"a background's color needs a gray or RGB picture, not {', '.join(names)}"
-        )
-    if len(names) == 1 and not is_gray:
-        color, names = np.repeat(color, 3, axis=2), ("R", "G", "B")
-    behind = np.asarray(background[:1] if is_gray else background, np.float32)
-    flat = color + (1.0 - np.clip(alpha, 0.0, 1.0)) * behind
-    return Picture(np.asarray(flat, np.float32), kind._replace(channels=names), about)
-
-
-def write_picture(path: Path, picture: Picture, look: WriteOptions) -> None:
-    """Write a picture in the format of its suffix.
+def gaps_of(data: Floats, missing: float, *, as_whole: bool) -> NDArray[np.bool]:
+    """Where values are missing, per value or per pixel.
 
     Parameters
     ----------
-    path
-        Target with a suffix in `SUFFIXES`.
-    picture
-        EXR and float TIFF store it unchanged; integers are straight and sRGB-encoded.
-    look
-        Options for writing.
-
-    Raises
-    ------
-    ValueError
-        The format cannot store it.
-    OSError
-        The file cannot be written.
+    data
+        (H, W, C).
+    missing
+        Marker for a missing value.
+    as_whole
+        A pixel, (H, W, 1), is missing if all its values are.
     """
-    write_pages(path, [picture], look)
-
-
-def write_pages(path: Path, pictures: Iterable[Picture], look: WriteOptions) -> None:
-    """Write a sequence of pictures to one file; several need TIFF.
-
-    Parameters
-    ----------
-    path, look
-        As in `write_picture`.
-    pictures
-        Pictures, taken one by one.
-
-    Raises
-    ------
-    ValueError
-        The format cannot store one of them, or there is none.
-    OSError
-        The file cannot be written.
-    """
-    if path.suffix.lower() == STORE:
-        (picture,) = pictures
-        page = page_of(path, picture, look)
-        with writing_store(path, page.data.shape[0]) as rows:
-            rows.put(page.data)
-        return
-    with replacing(path) as temporary:
-        written: list[WrittenPage] = []
-        for picture in pictures:
-            page = page_of(path, picture, look)
-            target = opened(path, temporary, page, page.data.shape[0], is_next=bool(written))
-            went_well = target.write_image(page.pixels) and target.close()
-            if not went_well or target.has_error:
-                raise refused(path, temporary, complaint_of(target))
-            written.append(WrittenPage(page.about, page.data.shape, page.data.dtype.name))
-        if not written:
-            raise ValueError(f"{path}: there is no picture to write")
-        finish(path, temporary, written)
-
-
-def finish(path: Path, temporary: Path, written: list[WrittenPage]) -> None:
-    """Add metadata that OpenImageIO cannot write, and read the file back as a check.
-
-    Raises
-    ------
-    OSError
-        It is incomplete.
-    """
-    check_end(path, temporary)
-    complete(temporary, written)
-    try:
-        for n in range(len(written)):
-            check_pixels(temporary, n)
-    except OSError:
-        raise refused(path, temporary, INCOMPLETE) from None
-
-
-class StoredPage(NamedTuple):
-    """A picture, or rows of one, in stored form."""
-
-    data: NDArray[Any]  # in the stored type
-    kind: Kind
-    about: FileMetadata
-    is_light: bool
-
-    @property
-    def pixels(self) -> NDArray[Any]:
-        """Pixels in a type that OpenImageIO supports."""
-        data = np.ascontiguousarray(self.data)
-        return data.view(np.float32) if data.dtype.name in AS_FLOATS else data
-
-
-def page_of(path: Path, picture: Picture, look: WriteOptions, *, tells: bool = True) -> StoredPage:
-    """Convert a picture to stored form; warn about lost metadata.
-
-    Raises
-    ------
-    ValueError
-        The format cannot store it.
-    """
-    check_output(path, look, transparent=picture.kind.has_alpha)
-    check_source(path, picture, look)
-    if look.background is not None:
-        picture = flattened(picture, look.background)
-    suffix, (data, kind, about) = path.suffix.lower(), picture
-    count = len(kind.channels)
-    if suffix in (".png", *JPEG) and count - kind.has_alpha not in (1, 3):
-        raise ValueError(f"{path}: {count} channels do not fit into {suffix}; take .exr or .tif")
-    form = _form(suffix, kind, about, look)
-    if about.geo is not None:
-        if tells and about.geo.has_place and suffix not in TIFF:
-            say(f"{path.name} cannot store the picture's georeference; .tif can")
-        if not fits(about.geo.missing, form):
-            about = about._replace(geo=about.geo._replace(nodata=""))
-    is_light = look.is_light and not about.number
-    if form != "float32":
-        data = _integers(picture, form, is_light)
-    if about.geo is not None and about.geo.missing is not None and not kind.has_alpha:
-        data = with_word(data, picture.data, about.geo.missing, as_whole=kind.bits < 32)
-    return StoredPage(data, kind, about, is_light)
-
-
-def _integers(picture: Picture, form: str, is_light: bool) -> NDArray[Any]:
-    """Convert numbers, or levels of light or fractions, to an integer type."""
-    if picture.about.number:
-        return whole_numbers(picture.data, form)
-    return levels(picture.data, form, has_alpha=picture.kind.has_alpha, is_light=is_light)
-
-
-def check_source(path: Path, picture: Picture, look: WriteOptions) -> None:
-    """Reject a target that cannot store a picture's numbers (not light).
-
-    Raises
-    ------
-    ValueError
-        The format lacks the type, or another bit depth was requested.
-    """
-    number, suffix = picture.about.number, path.suffix.lower()
-    if not number or suffix == ".exr":
-        return
-    bits = np.dtype(number).itemsize * 8
-    if suffix not in TIFF and (np.dtype(number).kind != "u" or bits not in _depths(suffix)):
-        raise ValueError(f"{path}: numbers of {number} do not fit into {suffix}; take .tif or .exr")
-    if look.bits not in (None, 32, bits):
-        raise ValueError(f"{path}: numbers of {number} are not written in {look.bits} bits")
-
-
-def holds_gaps(path: Path, picture: Picture, look: WriteOptions) -> bool:
-    """Whether a file marks missing values and the picture has some; always for numbers."""
-    data, kind, about = picture
-    has_nans = not about.number and not kind.has_alpha and bool(np.isnan(data).any())
-    return holds_missing(path, kind, about, look, has_nans=has_nans)
-
-
-def holds_missing(
-    path: Path, kind: Kind, about: FileMetadata, look: WriteOptions, *, has_nans: bool
-) -> bool:
-    """As `holds_gaps`, for a picture with or without NaN."""
-    if look.background is not None or kind.has_alpha:
-        return False
-    if about.number:
-        return True
-    suffix, geo = path.suffix.lower(), about.geo
-    form = _form(suffix, kind, about, look)
-    if suffix in TIFF and geo is not None and fits(geo.missing, form):
-        return True
-    return has_nans and form == "float32" and suffix in (".exr", *TIFF)
-
-
-def _form(suffix: str, kind: Kind, about: FileMetadata, look: WriteOptions) -> str:
-    """Type of a file's values."""
-    if about.number and suffix != ".exr" and look.bits != 32:
-        return about.number
-    bits = look.bits or _bits(suffix, kind.bits)
-    return {8: "uint8", 16: "uint16", 32: "float32"}[bits]
-
-
-def _depths(suffix: str) -> tuple[int, ...]:
-    return {".png": (8, 16), ".exr": (32,), ".jpg": (8,), ".jpeg": (8,)}.get(suffix, (8, 16, 32))
-
-
-def _bits(suffix: str, source: int) -> int:
-    """Bit depth of a format for a source of a bit depth."""
-    depths = _depths(suffix)
-    if source in depths:
-        return source
-    return min(depths) if suffix == ".png" else max(depths)
-
-
-def opened(
-    path: Path, temporary: Path, page: StoredPage, height: int, *, is_next: bool = False
-) -> Any:
-    """Open an OpenImageIO output for a page of `height` rows, the first or a further one.
-
-    Raises
-    ------
-    OSError
-        It cannot be written.
-    """
-    import OpenImageIO
-
-    suffix, name = path.suffix.lower(), plain(temporary)
-    spec = spec_of(suffix, page, height)
-    if suffix in JPEG:
-        return BufferedJpeg(temporary, spec)
-    target = OpenImageIO.ImageOutput.create(name)
-    if target is None:
-        raise OSError(f"{path} cannot be written: {complaint_of(OpenImageIO)}")
-    state(spec, path)
-    if not target.open(name, spec, "AppendSubimage" if is_next else "Create"):
-        raise refused(path, temporary, complaint_of(target))
-    return target
-
-
-def complaint_of(source: Any) -> str:
-    """Error message of OpenImageIO or one of its files."""
-    return str(source.geterror()).strip().partition("\n")[0] or "no reason is given"
-
-
-def spec_of(suffix: str, page: StoredPage, height: int) -> Any:
-    """OpenImageIO header of a page of `height` rows."""
-    import OpenImageIO
-
-    (_, width, count), kind, is_whole = page.data.shape, page.kind, page.data.dtype.kind != "f"
-    is_bare = page.data.dtype.itemsize == 4
-    form = "float" if is_bare else page.data.dtype.name
-    spec = OpenImageIO.ImageSpec(width, height, count, form)
-    spec.channelnames = kind.channels
-    spec.alpha_channel = count - 1 if kind.has_alpha else -1
-    is_same = kind.is_encoded == (is_whole and page.is_light)
-    has_profile = describe(
-        spec, page.about, suffix, is_encoded=is_same, colors=count - kind.has_alpha
+    gaps: NDArray[np.bool] = np.isclose(
+        data, data.dtype.type(missing), rtol=EVEN[data.dtype.itemsize], atol=0.0
     )
-    if is_whole:
-        spec.attribute("oiio:UnassociatedAlpha", 1)
-        if not has_profile:
-            space = "sRGB" if page.is_light else "lin_rec709_scene"
-            spec.attribute("oiio:ColorSpace", space)
-    if suffix in TIFF and (not is_whole or has_profile or not page.is_light):
-        # OpenImageIO 3.1 cannot write an empty Exif directory.
-        spec.attribute("Exif:ColorSpace", UNCALIBRATED)
-    if is_bare and is_whole:
-        spec.attribute("tiff:predictor", 1)
-    spec.attribute("compression", "jpeg:95" if suffix in JPEG else "zip")
-    spec.attribute("jpeg:subsampling", "4:4:4")
-    return spec
+    return np.asarray(gaps.all(axis=2, keepdims=True)) if as_whole else gaps
 
 
-def coverage_picture(coverage: Floats) -> Picture:
-    """Gray picture of fractions, which stay numbers in every format."""
-    share = np.clip(coverage, 0.0, 1.0)[..., None]
-    return Picture(np.asarray(share, np.float32), Kind(("Y",), 32, is_encoded=False))
-
-
-def header_in_store(found: StoredPicture) -> Header:
-    """Header of a picture in chunks."""
-    kind = Kind(found.channels, found.bits, is_encoded=found.bits < 32)
-    return Header(found.shape, kind, FileMetadata(), 1)
-
-
-def header_of(path: Place, page: int, *, as_data: bool) -> Header:
-    """Read the header of a picture; parameters and errors as in `read_picture`."""
-    import OpenImageIO
-
-    if isinstance(path, Address) or is_in_store(path):
-        return header_in_store(open_picture(path))
-    if not path.is_file():
-        raise FileNotFoundError(errno.ENOENT, "there is no such file", str(path))
-    source = opened_picture(path)
-    if source is None or not source.seek_subimage(page, 0):
-        reason = OpenImageIO.geterror().strip().partition("\n")[0] or "no reason is given"
-        raise OSError(f"{path} is not a picture that can be read: {reason}")
-    spec = source.spec()
-    source.close()
-    names, form = tuple(spec.channelnames), np.dtype(FORMS.get(str(spec.format), "f4")).name
-    pages = page_tags(path)
-    about = about_file(path, spec, pages[page] if page < len(pages) else {})
-    shape, orientation = (spec.height, spec.width, spec.nchannels), _orientation(spec)
-    if as_data and _is_number(form, names, about):
-        numbers = Kind(names, 32, is_encoded=False)
-        return Header(shape, numbers, about._replace(number=form), orientation)
+def _header(path: Place, page: int, stored: StoredPicture | None, *, as_data: bool) -> Header:
+    if stored is not None:
+        kind = Kind(stored.channels, stored.bits, is_encoded=stored.bits < 32)
+        is_half = stored.array.dtype.name == "float16"
+        return Header(stored.shape, kind, FileMetadata(), 1, is_half)
+    assert isinstance(path, Path)  # addresses are always stores
+    file = open_file(path, page)
+    spec, names = file.source.spec(), file.encoding.names
+    form = np.dtype(FORMS.get(file.form, "f4")).name
+    pages = page_tags(file.path)
+    about = about_file(file.path, spec, pages[page] if page < len(pages) else {})
+    orientation = int(spec.get_int_attribute("Orientation", 1))
+    file.source.close()
     bits = {"uint8": 8, "uint16": 16}.get(form, 32)
-    space = spec.get_string_attribute("oiio:ColorSpace").lower()
-    is_encoded = "srgb" in space or (bits < 32 and "lin" not in space)
-    return Header(shape, Kind(shown(names), bits, is_encoded), about, orientation)
-
-
-def _orientation(spec: Any) -> int:
-    return int(spec.get_int_attribute("Orientation", 1))
+    is_encoded = file.encoding.is_encoded and (bits < 32 or form == "float32")
+    kind = Kind(shown(names), bits, is_encoded)
+    if as_data and _is_number(form, names, about):
+        kind, about = Kind(names, 32, is_encoded=False), about._replace(number=form)
+    is_known = orientation in TURNS
+    return Header(file.shape, kind, about, orientation if is_known else 1, file.has_half_light)
 
 
 def _is_number(form: str, names: tuple[str, ...], about: FileMetadata) -> bool:

@@ -27,16 +27,9 @@ from resample.files.films import (
     new_stream,
     opened_film,
 )
-from resample.files.levels import levels
-from resample.files.pictures import (
-    Kind,
-    Picture,
-    WriteOptions,
-    check_output,
-    flattened,
-    read_picture,
-    write_pages,
-)
+from resample.files.formats import WriteOptions, check_output, flattened, levels
+from resample.files.pictures import Kind, Picture, read_picture
+from resample.files.saving import write_pages
 from resample.files.stores.addresses import Address, Place
 from resample.files.writing import replacing
 from resample.reading.limits import check_animation, check_unpacked

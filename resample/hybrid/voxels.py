@@ -197,11 +197,10 @@ def _parallel_splat(
 
 
 class OrderedVoxels(NamedTuple):
-    """Samples of a volume, and the order in which they are painted."""
+    """Samples of a volume, in the order in which they are painted."""
 
     position: Floats  # (3 N,) x, y and z in turn, scene units
     extinction: Floats  # (N,) per scene unit
-    order: NDArray[np.int32]  # (N,)
     layer: NDArray[np.int32]  # (N,) in which points are summed
     thickness: float  # of a layer, scene units
 
@@ -239,7 +238,7 @@ def _place(
     )
     rotation, shift = matrix_of(camera.rotation), camera.translation
     for k in part:
-        n, s = np.uint64(voxels.order[k]), records[k]
+        n, s = np.uint64(k), records[k]
         world = vector_at(voxels.position, n)
         turned = multiply(rotation, world)
         center = (turned[0] + shift[0], turned[1] + shift[1], turned[2] + shift[2])

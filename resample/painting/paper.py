@@ -34,11 +34,11 @@ from resample.watching import Progress, told
 
 
 @kernel
-def ordered(key: Floats, position: Floats, color: Floats, extinction: Floats) -> NDArray[np.int32]:
+def ordered(key: Floats, position: Floats, color: Floats, extinction: Floats) -> NDArray[np.int64]:
     """Indices (N,) of samples from near to far, whatever order they came in."""
     pair = depth_order(key)
     settle_ties(pair, position, color, extinction)
-    order = np.empty(key.size, np.int32)
+    order = np.empty(key.size, np.int64)
     for n in range(key.size):
         order[n] = member_of(pair[n])
     return order
@@ -119,7 +119,10 @@ def paint_paper(
     # Point or splat, and where on the screen.
     records, density = np.zeros(count, RECORD), np.zeros(count, np.float32)
     voxels = OrderedVoxels(
-        samples.position.reshape(-1), samples.extinction, order, layer, style.layer
+        samples.position.take(order, axis=0).reshape(-1),
+        samples.extinction.take(order),
+        layer.take(order),
+        style.layer,
     )
     place_voxels(records, density, voxels, scene.stage, choices.widths)
     color = samples.color.take(order, axis=0)

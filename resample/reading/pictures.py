@@ -1,5 +1,6 @@
 """Check picture sizes before pixels are decoded."""
 
+import errno
 import math
 import struct
 import zlib
@@ -53,24 +54,44 @@ def check_honest(path: str | Path, spec: Any) -> tuple[int, int]:
     return count, stored
 
 
-def opened(path: str | Path, wanted: Any = None) -> Any:
-    """Open a picture by OpenImageIO, after checking that this does not unpack gigabytes.
+def opened(path: str | Path, page: int = 0) -> Any:
+    """Open a picture by OpenImageIO at a page, after checking that this does not unpack gigabytes.
 
-    Parameters
-    ----------
-    wanted
-        OpenImageIO header with reading options; None: defaults.
+    Colors are as stored, not multiplied by alpha.
 
     Returns
     -------
-    OpenImageIO's ImageInput; None if it cannot be read, with the reason in `OpenImageIO.geterror`.
+    OpenImageIO's ImageInput.
+
+    Raises
+    ------
+    OSError
+        It is missing or cannot be read.
+    ValueError
+        See `check_unopened`.
     """
     import OpenImageIO
 
+    if not Path(path).is_file():
+        raise FileNotFoundError(errno.ENOENT, "there is no such file", str(path))
     check_unopened(path)
-    choices = () if wanted is None else (wanted,)
+    as_stored = OpenImageIO.ImageSpec()  # also fixes PFM's flipped row order
+    as_stored.attribute("oiio:UnassociatedAlpha", 1)
     with suppressed_output():
-        return OpenImageIO.ImageInput.open(plain(path), *choices)
+        source = OpenImageIO.ImageInput.open(plain(path), as_stored)
+    if source is None:
+        raise OSError(f"{path} is not a picture that can be read: {complaint_of(OpenImageIO)}")
+    if page and not source.seek_subimage(page, 0):
+        raise OSError(f"{path} has no page {page + 1}: {complaint_of(source)}")
+    return source
+
+
+def complaint_of(source: Any, unknown: str = "no reason is given") -> str:
+    """Error message, in a line, of OpenImageIO or one of its files, which forget it."""
+    try:
+        return str(source.geterror()).strip().partition("\n")[0].strip() or unknown
+    except UnicodeDecodeError:  # it quotes a damaged file
+        return "it has letters that are no text"
 
 
 def check_unopened(path: str | Path) -> None:

@@ -9,7 +9,8 @@ import pytest
 
 from resample import registry
 from resample.cli import app
-from resample.files.images import read_image, write_png
+from resample.files.images import read_image
+from resample.files.saving import write_png
 from tests import commands
 from tests.processes import python
 

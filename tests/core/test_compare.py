@@ -5,7 +5,8 @@ import pytest
 from rich.console import Console
 
 from resample.colors import to_srgb
-from resample.files.images import read_image, write_png
+from resample.files.images import read_image
+from resample.files.saving import write_png
 from resample.measuring.compare import MARGIN, contact_sheet, measure_files, plain, shown, table
 
 

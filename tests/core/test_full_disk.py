@@ -12,29 +12,21 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from resample.files import buffered_jpeg, images
+from resample.files import buffered_jpeg, saving
 from resample.files.animations import Shots, write_film
 from resample.files.buffered_jpeg import BufferedJpeg
+from resample.files.cached import load_arrays, store_arrays
 from resample.files.facts.metadata import FileMetadata
 from resample.files.facts.tags import ASCII, Tag
+from resample.files.formats import WriteOptions, page_of
 from resample.files.painted.deep import DepthSlab, write_deep
 from resample.files.painted.tiles import keep_tile
-from resample.files.pictures import (
-    Kind,
-    Picture,
-    WriteOptions,
-    page_of,
-    spec_of,
-    write_pages,
-    write_picture,
-)
+from resample.files.pictures import Kind, Picture
+from resample.files.saving import spec_of, write_pages, write_picture, writing_rows
 from resample.files.sequences import write_frames
-from resample.files.strips.writing import writing_rows
 from resample.files.writing import check_end, refused, write_json
-from resample.measuring.compare import contact_sheet
+from resample.measuring.compare import contact_sheet, write_screen
 from resample.types import Film, Frame
-from resample_points.geometry import storing
-from resample_texture.figures.paper import _write_screen
 from resample_volume.classification.files import save_transfer
 from resample_volume.classification.transfer import TransferFunction
 from resample_volume.figures.writing import write_numbers
@@ -107,8 +99,8 @@ def window(path: Path) -> None:
 
 FIRST = ("animation.json", "frame-0000.png")  # that are written for a film
 WRITERS = {
-    "a.png": partial(images.write_png, rgba=NOISE, bits=16),
-    "a.exr": partial(images.write_exr, frame=FRAME),
+    "a.png": partial(saving.write_png, rgba=NOISE, bits=16),
+    "a.exr": partial(saving.write_exr, frame=FRAME),
     "deep.exr": partial(write_deep, slabs=[DepthSlab(0, 1, NOISE)]),
     **{f"picture{suffix}": picture for suffix in (".png", ".jpg", ".jpeg", ".tif", ".exr")},
     **{f"rows{suffix}": rows for suffix in (".png", ".jpg", ".tif", ".exr")},
@@ -117,10 +109,9 @@ WRITERS = {
     **{f"film{suffix}": film for suffix in (".gif", ".webp", ".apng", ".mp4")},
     "facts.json": partial(write_json, content={"a": [1, 2, 3]}),
     "sheet.png": lambda path: contact_sheet({"a": NOISE}, path),
-    "screen.png": partial(_write_screen, screen=NOISE[..., :3]),
+    "screen.png": partial(write_screen, screen=NOISE[..., :3]),
     "holes.png": partial(write_holes, holes=np.ones((30, 40), np.uint8)),
     **{f"depth{suffix}": depth for suffix in (".npy", ".exr", ".png")},
-    "cloud.npy": partial(storing._write, numbers=NOISE[..., 0]),
     **{f"mesh{suffix}": geometry for suffix in (".ply", ".glb")},
     **{f"a{suffix}": volume for suffix in (".nrrd", ".mha", ".nii", ".nii.gz", ".npy")},
     "look.toml": partial(save_transfer, transfer=GRAY),
@@ -161,6 +152,18 @@ def test_no_writer_loses_what_a_full_disk_does_not_take(name):
         shutil.rmtree(kept, ignore_errors=True)  # frames of films that are done stay
         assert names() == [name]
         assert path.read_bytes() == b"old"
+
+
+def test_a_cache_goes_without_a_file_that_a_full_disk_does_not_take():
+    file, arrays = Path("cache.npz"), {"noise": NOISE}
+    assert store_arrays(file, arrays, 1 << 30)
+    size = file.stat().st_size
+    file.unlink()
+    for most in (0, size // 2, size - 1):
+        with room(most):
+            assert not store_arrays(file, arrays, 1 << 30)
+        assert names() == []
+    assert load_arrays(file) is None
 
 
 STORES = {

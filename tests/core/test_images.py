@@ -1,3 +1,4 @@
+import importlib
 import os
 import resource
 import stat
@@ -10,7 +11,8 @@ import OpenImageIO
 import pytest
 
 from resample.colors import from_srgb, over, straight, to_srgb
-from resample.files.images import read_channels, read_image, write_exr, write_frame, write_png
+from resample.files.images import read_channels, read_image
+from resample.files.saving import write_exr, write_frame, write_png
 from resample.files.writing import replacing
 from resample.types import Frame
 
@@ -161,10 +163,27 @@ def test_a_frame_is_written_in_the_format_of_its_suffix(tmp_path, frame, suffix)
     assert name == {".png": "png", ".exr": "openexr"}[suffix.lower()]
 
 
-@pytest.mark.parametrize("name", ["a.jpg", "a", ".png"])
+@pytest.mark.parametrize("name", ["a.bmp", "a", ".png"])
 def test_an_unknown_suffix_lists_the_known_ones(tmp_path, frame, name):
-    with pytest.raises(ValueError, match=f"{name}: pictures are written as .png or .exr"):
+    with pytest.raises(ValueError, match=f"{name}: pictures are written as .png, .exr, .jpg, "):
         write_frame(tmp_path / name, frame)
+
+
+@pytest.mark.parametrize("old", ["images.write_png", "images.write_frame", "pictures.WriteOptions"])
+def test_names_of_the_release_before_warn_and_work(old):
+    module, _, name = f"resample.files.{old}".rpartition(".")
+    with pytest.warns(DeprecationWarning, match=rf"{name} is now resample\.files\..*\.{name}"):
+        found = getattr(importlib.import_module(module), name)
+    assert found.__name__ == name
+
+
+def test_an_error_that_quotes_letters_of_a_damaged_file_is_one_line(tmp_path, frame):
+    path = tmp_path / "a.exr"
+    write_frame(path, frame)
+    damaged = path.read_bytes().replace(b"compression\0compression", b"compression\0com\xffression")
+    path.write_bytes(damaged)
+    with pytest.raises(OSError, match=r"a\.exr is damaged: it has letters that are no text"):
+        read_image(path)
 
 
 def test_pfm_comes_right_side_up(tmp_path):
@@ -265,7 +284,7 @@ def test_replacing_refuses_a_folder_without_permission(tmp_path):
 FULL_DISK = """
 import resource, sys
 import numpy as np
-from resample.files.images import write_frame
+from resample.files.saving import write_frame
 from resample.types import Frame
 size = int(sys.argv[2])
 noise = np.random.default_rng(7).random((size, size, 4), np.float32)

@@ -362,7 +362,7 @@ def test_what_is_no_picture_is_one_line(command, capsys):
 def test_a_picture_larger_than_the_memory_is_refused_before_it_is_read(monkeypatch, capsys):
     cv2.imwrite("large.png", np.zeros((4000, 4000), np.uint8))
     monkeypatch.setattr("resample.memory.physical_memory", lambda: 1 << 28)
-    monkeypatch.setattr("resample.files.pictures.read_image", None)
+    monkeypatch.setattr("resample.files.images.PictureFile.strips", None)
     error = refused(capsys, "warp", "large.png", "-o", "out.png", *HALF)
     needed = f"{(libraries() + 60 * 4000**2) / (1 << 30):.2f}"
     assert f"a picture of 4000 x 4000 pixels needs about {needed} GiB of memory, 0.25 GiB" in error
@@ -412,7 +412,7 @@ def test_a_target_larger_than_the_memory_is_refused(monkeypatch, capsys):
         (["--flow", "small.npy"], "is a flow of 3 x 2 pixels, the picture has 24 x 16"),
         (["--lens", "1,2,3"], "give fx,fy,cx,cy,k1,k2,p1,p2"),
         (["--lens", "none.yml"], "none.yml: there is no such file"),
-        (["--lens", "bad.yml"], "bad.yml: line 1: its list is not closed"),
+        (["--lens", "bad.yml"], "bad.yml: line 2: did not find expected ',' or ']'"),
         (["--lens", "bad.json"], "bad.json: "),
         (["--lens", "bare.toml"], "it has none of camera_matrix"),
         ([*HALF, "--size", "0"], "both sides must be at least 1"),
@@ -444,7 +444,7 @@ def test_a_bad_choice_is_one_line(words, complaint, capsys):
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        (["-o", "out.gif"], "pictures are written as .png, .exr, .tif"),
+        (["-o", "out.gif"], "pictures are written as .png, .exr, .jpg"),
         (["-o", "out"], "pictures are written as"),
         (["-o", "none/out.png"], "cannot be written: No such file or directory"),
         (["-o", "folder.png"], "is not a regular file"),

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from resample.files.formats import WriteOptions
 from resample.files.images import read_channels
-from resample.files.pictures import Kind, Picture, WriteOptions, has_levels
-from resample.files.strips.writing import writing_rows
+from resample.files.pictures import Kind, Picture, has_levels
+from resample.files.saving import writing_rows
 from resample_texture import cli
 from resample_texture.command import large
 from tests import commands

@@ -10,8 +10,7 @@ import zarr
 from PIL import Image, TiffImagePlugin
 
 from resample.files.images import read_channels
-from resample.files.pictures import read_picture
-from resample.files.strips.reading import loadable_picture
+from resample.files.pictures import loadable_picture, read_picture
 from resample.memory import mapped
 from resample_texture import cli
 from resample_texture import drawing as drawings

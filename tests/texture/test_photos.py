@@ -12,7 +12,7 @@ from PIL import Image, ImageCms, ImageOps
 from resample.files.facts.metadata import turn, upright
 from resample.files.facts.tags import Tag, add_tags
 from resample.files.images import read_channels
-from resample.files.pictures import read_picture
+from resample.files.pictures import loadable_picture, read_picture
 from resample_texture import cli
 from tests import commands
 
@@ -120,6 +120,27 @@ def test_exr_keeps_the_camera_and_no_profile_of_encoded_values():
     assert spec.get_string_attribute("Make") == "Maker"
     assert spec.get_string_attribute("Exif:DateTimeOriginal") == "2020:01:02 03:04:05"
     assert spec.getattribute("ICCProfile") is None
+
+
+def test_exr_keeps_texts_of_cameras_that_write_latin_1():
+    block = Image.Exif()
+    block[33432] = "XX Me"
+    block = block.tobytes().replace(b"XX", b"\xa9\xb7")  # of "© Me" and the like
+    Image.new("RGB", (24, 16)).save("in.jpg", exif=block)
+    assert ended("warp", "in.jpg", "-o", "out.exr", *SAME) == 0
+    spec = OpenImageIO.ImageInput.open("out.exr").spec()
+    assert spec.get_string_attribute("Copyright") == "©· Me"
+
+
+@pytest.mark.parametrize("stored", [0, 9, 114])
+def test_a_number_that_is_no_orientation_turns_nothing(stored):
+    photo("in.png", 1)
+    levels = shown("in.png")
+    Image.fromarray(levels).save("in.png", exif=exif(stored).tobytes())
+    picture = read_picture(Path("in.png"), as_data=True)
+    loaded = loadable_picture(Path("in.png")).load()
+    assert picture.data.shape == loaded.data.shape == levels.shape
+    assert np.array_equal(loaded.data, levels)
 
 
 @pytest.mark.parametrize(

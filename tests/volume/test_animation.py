@@ -9,7 +9,7 @@ from resample.cameras.models import Camera, Orthographic
 from resample.cameras.viewpoints import Orbit, Spot
 from resample.command.films import Tour
 from resample.files.animations import write_film
-from resample.files.images import write_png
+from resample.files.saving import write_png
 from resample.painting.choices import Primitive
 from resample.resampler import Resampler
 from resample_volume.command.animation import (

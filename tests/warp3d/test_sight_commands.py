@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from resample.cameras.panoramic import Equirectangular
+from resample.files.formats import WriteOptions
 from resample.files.images import read_channels, read_image
-from resample.files.pictures import Kind, Picture, WriteOptions, write_picture
+from resample.files.pictures import Kind, Picture
+from resample.files.saving import write_picture
 from resample.measuring.quality import psnr
 from resample_warp3d import cli
 from tests import commands

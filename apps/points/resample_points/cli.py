@@ -51,7 +51,7 @@ def render(
         .ply, .pcd, .las, .laz, .xyz, .txt, .csv or .npz.
     """
     from resample.command.session import Session
-    from resample.files.images import check_suffix
+    from resample.files.saving import check_suffix
     from resample.files.writing import check_targets
     from resample.watching import told
     from resample_points.command.rendering import check_memory, scene_of

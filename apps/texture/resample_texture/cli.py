@@ -149,7 +149,9 @@ def rectify(
         the photo.
     """
     from resample.command.session import Session
-    from resample.files.pictures import check_output, read_picture, write_picture
+    from resample.files.formats import check_output
+    from resample.files.pictures import read_picture
+    from resample.files.saving import write_picture
     from resample.files.writing import check_targets
     from resample_texture.command.inputs import PictureTarget
     from resample_texture.command.jobs import Job
@@ -195,7 +197,7 @@ def mesh(
         OBJ with its MTL, GLB, glTF or PLY.
     """
     from resample.command.session import Session, require_picture
-    from resample.files.images import check_suffix, write_frame
+    from resample.files.saving import check_suffix, write_frame
     from resample.files.writing import check_targets
     from resample_texture.command.needs import BYTES_PER_MESH_PIXEL
     from resample_texture.mesh.rendering import load_mesh, render_mesh
@@ -256,7 +258,8 @@ def compare(
         picture's; for a matrix the picture's.
     """
     from resample import registry
-    from resample.files.pictures import flattened, read_picture
+    from resample.files.formats import flattened
+    from resample.files.pictures import read_picture
     from resample.files.writing import check_targets, rows_as_json
     from resample.measuring.compare import plain
     from resample_texture.figures.compare import Judge, sheet, source_values
@@ -369,7 +372,8 @@ def figures(
     image
         Picture to show beside the checkerboard. Default: a generated brick wall.
     """
-    from resample.files.pictures import flattened, read_picture
+    from resample.files.formats import flattened
+    from resample.files.pictures import read_picture
     from resample_texture.figures.paper import (
         FIGURE,
         SHEET,

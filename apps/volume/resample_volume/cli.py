@@ -89,7 +89,7 @@ def render(
         A file, a folder of slices, or checker-box, vessel-tree, marschner-lobb.
     """
     from resample.command.session import Session, require_picture
-    from resample.files.painted.frames import check_frame, write_frame
+    from resample.files.saving import check_frame, write_frame
     from resample.files.writing import check_targets, write_json
     from resample_volume.command.inputs import require_values
     from resample_volume.command.media import media, with_objects
@@ -481,7 +481,7 @@ def demo(*, output: flags.DemoOutput = DEMO_FOLDER) -> None:
     """Render the generated volumes by all three methods."""
     from resample.command.session import Session
     from resample.console.messages import say
-    from resample.files.images import write_frame
+    from resample.files.saving import write_frame
     from resample.measuring.compare import contact_sheet
     from resample_volume.command.rendering import painted, subject_of
     from resample_volume.files.source import generate as generated

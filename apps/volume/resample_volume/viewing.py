@@ -12,8 +12,7 @@ import numpy as np
 from resample.command.settings import PictureFormat, Resampling
 from resample.files.animations import write_film
 from resample.files.exchange.results import levels_of
-from resample.files.images import screen_levels
-from resample.files.painted.frames import write_frame
+from resample.files.saving import screen_levels, write_frame
 from resample.files.stores.addresses import is_address
 from resample.registry import names
 from resample.resampler import Resampler

@@ -86,7 +86,7 @@ def render(
         Another view of the same scene: COLOR,DEPTH,POSE or sample:room,POSE; repeatable.
     """
     from resample.command.session import Session
-    from resample.files.pictures import WriteOptions, check_output, write_picture
+    from resample.files import formats, saving
     from resample.files.writing import check_targets, write_json
     from resample_warp3d.command.export import write_geometry
     from resample_warp3d.command.films import film_with_depth, render_film
@@ -105,7 +105,9 @@ def render(
     showing.check(unmixed=warping.unmixed)
     reader = DepthReader.checked(eye, meaning, labels=warping.unmixed)
     warping.built()
-    look = WriteOptions(written.bits, is_light=False) if warping.unmixed else written.options()
+    look = (
+        formats.WriteOptions(written.bits, is_light=False) if warping.unmixed else written.options()
+    )
     further = [view_names(text) for text in view or []]
     film = film_with_depth(color, depth, extras, further, showing)
     if film is not None:
@@ -113,7 +115,7 @@ def render(
         return
     check_extras(extras, eye)
     check_targets(output, *extras.paths())
-    check_output(output, look, transparent=not warping.fill and showing.is_plain)
+    formats.check_output(output, look, transparent=not warping.fill and showing.is_plain)
     session = Session()
     with session.stage("read"):
         taken = read_views(reader, color, depth, further)
@@ -127,7 +129,7 @@ def render(
     if not warping.fill:
         mention_holes(seen)
     with session.stage("write"):
-        write_picture(output, made_of(seen, kind, warping, showing.show), look)
+        saving.write_picture(output, made_of(seen, kind, warping, showing.show), look)
         write_extras(extras, seen, meaning.scale_of_z)
         if extras.export is not None:
             write_geometry(
@@ -183,7 +185,7 @@ def stereo(
         As in render.
     """
     from resample.command.session import Session
-    from resample.files.pictures import check_output, write_picture
+    from resample.files import formats, saving
     from resample.files.writing import check_targets
     from resample_warp3d.command.inputs import DepthReader, read_rectified, read_view
     from resample_warp3d.command.pairs import Eyes, together
@@ -198,7 +200,7 @@ def stereo(
     reader = None if is_pair else DepthReader.checked(eye.guessed(), meaning)
     warping.built()
     look = written.options()
-    check_output(output, look, transparent=not warping.fill)
+    formats.check_output(output, look, transparent=not warping.fill)
     check_targets(output, holes, coverage)
     session = Session()
     if reader is None:
@@ -220,7 +222,7 @@ def stereo(
             unbent = shifted(session, source, of_rectified(0.0), shape, warping)
             first = warped_picture(unbent, seen.picture.kind, filled=warping.fill)
         made = together(*((first, made) if given == "left" else (made, first)), parallax.layout)
-    write_picture(output, made, look)
+    saving.write_picture(output, made, look)
     write_extras(extras, warped, None)
 
 

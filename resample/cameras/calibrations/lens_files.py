@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from resample.cameras.calibrations.plain_yaml import plain_yaml
 from resample.cameras.models import Camera, LensModel
 from resample.cameras.poses import turned_by
 from resample.reading.limits import check_size
 from resample.reading.markup import check_xml_text
-from resample.reading.texts import json_of, text_of, toml_of
+from resample.reading.texts import json_of, text_of, toml_of, yaml_of
 from resample.types import Doubles
 from resample.words import naming, numbers_in
 
@@ -196,8 +195,7 @@ def _facts(path: Path) -> Mapping[str, Any]:
         if suffix == ".toml":
             return toml_of(text)
         if suffix != ".json":
-            check_size("its YAML", len(text), "tree")
-            return plain_yaml(text)
+            return yaml_of(text)
         loaded = json_of(text)
         if not isinstance(loaded, dict):
             raise ValueError("it holds no names")

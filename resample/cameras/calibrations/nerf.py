@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -96,15 +97,12 @@ def _focal(size: float, angle: float) -> float:
 
 def _size(path: Path) -> tuple[int, int] | None:
     """Height and width of a picture, whose suffix NeRF may omit; None if there is none."""
-    import OpenImageIO
-
     for file in (path, path.with_name(path.name + ".png")):
         if not file.is_file():
             continue
-        source = opened(file)
-        if source is not None:
+        with suppress(OSError):
+            source = opened(file)
             spec = source.spec()
             source.close()
             return spec.height, spec.width
-    OpenImageIO.geterror()  # clears the error, which OpenImageIO would print at exit
     return None

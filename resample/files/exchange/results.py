@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from resample.colors import from_srgb, mapped
 from resample.console.backgrounds import Color, linear_color
-from resample.files.images import screen_levels
-from resample.files.painted.frames import write_frame
+from resample.files.saving import screen_levels, write_frame
 from resample.showable import Behind
 from resample.types import Floats, Frame, Statistics
 

@@ -85,7 +85,7 @@ def about_file(path: Path, spec: Any, tags: Directory) -> FileMetadata:
     camera = tags or block_tags(_exif_block(path), CAMERA, NESTED)
     profile = spec.getattribute("ICCProfile")
     spoken = tuple(
-        (entry.name, entry.type, entry.value)
+        (entry.name, entry.type, _as_text(entry.value))
         for entry in spec.extra_attribs
         if entry.name in SPOKEN or entry.name.startswith(("Exif:", "GPS:"))
     )
@@ -95,6 +95,17 @@ def about_file(path: Path, spec: Any, tags: Directory) -> FileMetadata:
         geo_of(tags),
         spoken,
     )
+
+
+def _as_text(value: Any) -> Any:
+    """A value of OpenImageIO; texts of other than UTF-8, such as © of old cameras, are Latin-1."""
+    if not isinstance(value, str) or value.isascii():
+        return value
+    stored = value.encode("utf-8", "surrogateescape")
+    try:
+        return stored.decode("utf-8")
+    except UnicodeDecodeError:
+        return stored.decode("latin-1")
 
 
 def upright(data: NDArray[Any], orientation: int) -> NDArray[Any]:

@@ -41,14 +41,7 @@ def settings_in(path: Path) -> str:
     ValueError
         It contains none.
     """
-    import OpenImageIO
-
-    if not path.is_file():
-        raise FileNotFoundError(2, "there is no such file", str(path))
     source = opened(path)
-    if source is None:
-        reason = OpenImageIO.geterror().strip().partition("\n")[0] or "no reason is given"
-        raise OSError(f"{path} is not a picture that can be read: {reason}")
     text = str(source.spec().get_string_attribute(KEY))
     source.close()
     if not text:

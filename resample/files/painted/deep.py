@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.files.saving import new_output
 from resample.files.writing import INCOMPLETE, refused, replacing
-from resample.reading.limits import check_unpacked
-from resample.reading.names import plain
+from resample.reading.pictures import complaint_of, opened
 from resample.types import Floats
 
 CHANNELS = ("R", "G", "B", "A", "Z", "ZBack")
@@ -54,31 +54,23 @@ def write_deep(path: Path, slabs: Iterable[DepthSlab]) -> None:
     if not parts:
         raise ValueError(f"{path}: a deep picture has one slab or more")
     with replacing(path) as temporary:
-        complaint = _put(temporary, _deep(parts, shape), shape)
-        if complaint:
-            raise refused(path, temporary, complaint)
+        target = new_output(path, temporary, _spec(shape))
+        went_well = target.write_deep_image(_deep(parts, shape)) and target.close()
+        if not went_well or target.has_error:
+            raise refused(path, temporary, complaint_of(target))
         try:
-            _stored(temporary)
+            _check(temporary)
         except OSError:
             raise refused(path, temporary, INCOMPLETE) from None
 
 
-def _stored(path: Path) -> tuple[Any, Any]:
-    """Header and samples of a deep picture; an OSError if it is missing or not one."""
-    import OpenImageIO
-
-    source = OpenImageIO.ImageInput.open(plain(path))
-    if source is None or not source.spec().deep:
-        raise OSError(f"{path} is not a deep picture that can be read")
-    spec = source.spec()
-    samples = spec.width * spec.height * spec.nchannels * 4  # for one sample per pixel, or more
-    check_unpacked(str(path), path.stat().st_size, samples)
+def _check(path: Path) -> None:
+    """Read a deep picture; an OSError if it is incomplete."""
+    source = opened(path)
     data = source.read_native_deep_image()
-    complaint = source.geterror()
-    source.close()
-    if data is None or complaint:
+    if data is None or source.geterror():
         raise OSError(f"{path} is damaged")
-    return spec, data
+    source.close()
 
 
 def _part(slab: DepthSlab) -> _PixelPart:
@@ -119,16 +111,3 @@ def _deep(parts: list[_PixelPart], shape: tuple[int, ...]) -> Any:
             for channel, value in enumerate(values):
                 data.set_deep_value(pixel, channel, sample, value)
     return data
-
-
-def _put(path: Path, data: Any, shape: tuple[int, ...]) -> str:
-    """Write a file; returns the error message, empty on success."""
-    import OpenImageIO
-
-    name = plain(path)
-    target = OpenImageIO.ImageOutput.create(name)
-    if target is None:
-        return str(OpenImageIO.geterror()).strip().partition("\n")[0]
-    went_well = target.open(name, _spec(shape)) and target.write_deep_image(data) and target.close()
-    complaint = str(target.geterror()).strip().partition("\n")[0]
-    return "" if went_well and not complaint else complaint or "no reason is given"

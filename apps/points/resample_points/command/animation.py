@@ -67,7 +67,7 @@ def film_of(scene: CloudScene, cameras: Sequence[Any], shape: Shape, background:
     import numpy as np
 
     from resample.files.animations import Shots, fingerprint
-    from resample.files.images import screen_levels
+    from resample.files.saving import screen_levels
 
     bar = scene.bar(shape[0], background)
 

@@ -65,7 +65,7 @@ class CloudScene(NamedTuple):
         OSError
             The file cannot be written.
         """
-        from resample.files.images import write_frame
+        from resample.files.saving import write_frame
 
         write_frame(path, self.shown(frame, form), bits=form.bits, background=form.behind())
 

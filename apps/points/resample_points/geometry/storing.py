@@ -8,15 +8,12 @@ again.
 
 import hashlib
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
-from resample.files.cached import evict, note_use, source_fingerprint
-from resample.files.writing import replacing
+from resample.files.cached import load_arrays, source_fingerprint, store_arrays
 from resample.memory import mapped
-from resample.reading.arrays import read_npz
 from resample.types import Floats
 
 MOST_BYTES = 1 << 30
@@ -58,8 +55,8 @@ def measured_once(
         normal[:], axes[:] = found[:, :3], found[:, 3:].reshape(-1, 2, 3)
         return
     measure()
-    with suppress(OSError):
-        _write(path, np.concatenate([normal, axes.reshape(-1, 6)], axis=1, dtype=np.float32))
+    numbers = np.concatenate([normal, axes.reshape(-1, 6)], axis=1, dtype=np.float32)
+    store_arrays(path, {"measured": numbers}, MOST_BYTES)
 
 
 def _name(position: Floats, normal: Floats, largest: float) -> str:
@@ -72,21 +69,8 @@ def _name(position: Floats, normal: Floats, largest: float) -> str:
 
 def _read(path: Path, count: int) -> Floats | None:
     """Read a cache file; None if it is missing or damaged."""
-    try:
-        found: Floats = read_npz(path, "measured")["measured"]  # checks its checksum
-    except (OSError, ValueError, LookupError):
+    held = load_arrays(path, "measured")
+    found = None if held is None else held["measured"]
+    if found is None or found.shape != (count, WIDTH) or found.dtype != np.float32:
         return None
-    if found.shape != (count, WIDTH) or found.dtype != np.float32:
-        return None
-    note_use(path)
     return found
-
-
-def _write(path: Path, numbers: Floats) -> None:
-    """Write numbers to a cache file, evicting others."""
-    if numbers.nbytes > MOST_BYTES:
-        return
-    path.parent.mkdir(parents=True, exist_ok=True)
-    evict(path.parent, numbers.nbytes, MOST_BYTES)
-    with replacing(path) as temporary, temporary.open("wb") as file:
-        np.savez(file, measured=numbers)

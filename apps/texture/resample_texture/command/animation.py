@@ -9,7 +9,7 @@ from resample.cameras.models import AnyCamera, Camera
 from resample.cameras.poses import look_at
 from resample.engine.jit import threads
 from resample.files.animations import Levels, Shots, check_count, fingerprint
-from resample.files.images import screen_levels
+from resample.files.saving import screen_levels
 from resample.types import Doubles, Floats
 from resample_texture.geometry.planes import plane_homography
 from resample_texture.types import Edge, Method

@@ -14,20 +14,17 @@ from resample.command.settings import Written
 from resample.console.messages import Progress, progress_bar, say
 from resample.files.batches import batch_of, is_batch
 from resample.files.facts.metadata import FileMetadata
-from resample.files.pictures import (
-    Picture,
+from resample.files.formats import (
     WriteOptions,
     check_output,
     check_source,
     coverage_picture,
-    form_of,
     holds_gaps,
-    read_picture,
-    write_picture,
 )
+from resample.files.pictures import Picture, form_of, read_picture
+from resample.files.saving import write_picture, writing_rows
 from resample.files.sequences import Frames, check_frames, frames_of, write_frames
 from resample.files.stores.addresses import Place
-from resample.files.strips.writing import writing_rows
 from resample.files.writing import check_targets, write_json
 from resample.types import Floats
 from resample.words import one_line

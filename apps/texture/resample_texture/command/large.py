@@ -11,9 +11,9 @@ import numpy as np
 
 from resample.colors import to_srgb
 from resample.files.facts.metadata import FileMetadata
-from resample.files.pictures import Kind, Picture, WriteOptions, holds_missing
+from resample.files.formats import WriteOptions, holds_missing
+from resample.files.pictures import Kind, LoadablePicture, LoadedPicture, Picture, loadable_picture
 from resample.files.stores.addresses import Place
-from resample.files.strips.reading import LoadablePicture, LoadedPicture, loadable_picture
 from resample.memory import ALLOWED, GIB
 from resample.types import Floats
 from resample_texture.arguments import method_named, within

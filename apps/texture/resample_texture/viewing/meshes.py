@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from resample.command.settings import Choices
-from resample.files.images import screen_levels
-from resample.files.painted.frames import write_frame
+from resample.files.saving import screen_levels, write_frame
 from resample.types import Frame
 from resample.view.kept import FileView, image_of
 from resample.view.views import (

@@ -22,7 +22,7 @@ from resample.cameras.viewpoints import Orbit, Sphere, Viewpoint
 from resample.command.films import Tour, is_file_of_path, tour_of
 from resample.console.messages import Progress
 from resample.files.animations import Frames, Levels, Shots, check_count, fingerprint
-from resample.files.images import screen_levels
+from resample.files.saving import screen_levels
 from resample.lazy import installed_version
 from resample.resampler import Resampler
 from resample.types import Doubles, Frame

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from resample.cameras.viewpoints import Orbit
 from resample.console.backgrounds import SPLAT_COLOR
-from resample.files.images import write_png
+from resample.files.saving import write_png
 from resample.measuring.compare import contact_sheet
 from resample.painting.choices import Primitive
 from resample.resampler import Resampler

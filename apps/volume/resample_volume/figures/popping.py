@@ -12,7 +12,7 @@ from resample import registry
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Orbit, Sphere
 from resample.colors import from_srgb
-from resample.files.images import write_png
+from resample.files.saving import write_png
 from resample.measuring.compare import contact_sheet, shown
 from resample.painting.choices import Primitive
 from resample.resampler import Resampler

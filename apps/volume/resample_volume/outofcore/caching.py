@@ -15,11 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.cameras.viewpoints import Sphere
-from resample.files.cached import evict, note_use, source_fingerprint
-from resample.files.writing import replacing
+from resample.files.cached import load_arrays, source_fingerprint, store_arrays
 from resample.fingerprints import fingerprint
 from resample.memory import mapped
-from resample.reading.arrays import read_npz
 from resample_volume.data.values import bricks_of, streamed
 from resample_volume.files.stores import statistics_cache
 from resample_volume.outofcore.outline import VisibleBlocks
@@ -125,13 +123,11 @@ def _content_of(part: Any) -> object | None:
 
 def _read(file: Path) -> CachedResult | None:
     """Read a file's content, if it exists and is intact."""
-    if not file.is_file():
+    held = load_arrays(file)
+    if held is None:
         return None
-    with suppress(ValueError, OSError, LookupError, TypeError):
-        held = read_npz(file)
-        found = CachedResult(_restored(json.loads(str(held["form"])), held), None)
-        note_use(file)
-        return found
+    with suppress(ValueError, LookupError, TypeError):
+        return CachedResult(_restored(json.loads(str(held["form"])), held), None)
     return None
 
 
@@ -139,12 +135,7 @@ def _write(file: Path, found: Any) -> None:
     """Write a result, if possible."""
     arrays: dict[str, Any] = {}
     form = np.array(json.dumps(_formed(found, arrays)))
-    size = sum(array.nbytes for array in arrays.values())
-    with suppress(OSError):
-        file.parent.mkdir(parents=True, exist_ok=True)
-        evict(file.parent, size, MOST_BYTES)
-        with replacing(file) as temporary, temporary.open("wb") as stream:
-            np.savez(stream, **arrays, form=form)
+    store_arrays(file, {**arrays, "form": form}, MOST_BYTES)
 
 
 def _formed(value: Any, arrays: dict[str, NDArray[Any]]) -> Any:

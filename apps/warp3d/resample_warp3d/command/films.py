@@ -10,7 +10,8 @@ import numpy as np
 
 from resample.colors import to_srgb
 from resample.command.session import Session
-from resample.files.pictures import Picture, WriteOptions
+from resample.files.formats import WriteOptions
+from resample.files.pictures import Picture
 from resample.files.sequences import Frames, check_frames, frames_of, write_frames
 from resample.files.writing import check_targets
 from resample.types import Floats

@@ -14,8 +14,9 @@ from resample.cameras.panoramic import Equirectangular, check_panorama
 from resample.command.intrinsics import Shape
 from resample.command.session import libraries
 from resample.console.messages import say
+from resample.files.formats import flattened
 from resample.files.images import read_channels
-from resample.files.pictures import Picture, flattened, form_of, read_picture
+from resample.files.pictures import Picture, form_of, read_picture
 from resample.memory import require, require_memory
 from resample.types import Floats
 from resample_warp3d.command.cameras.source import SourceCamera

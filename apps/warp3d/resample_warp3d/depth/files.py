@@ -8,7 +8,7 @@ import numpy as np
 
 from resample.memory import require_memory
 from resample.reading.arrays import is_npy, npz_names, read_npy, read_npz
-from resample.reading.pictures import check_picture, opened
+from resample.reading.pictures import check_picture, complaint_of, opened
 from resample.reading.silence import suppressed_output
 from resample_warp3d.depth.encodings import Raw
 
@@ -119,12 +119,7 @@ def _read_channel(path: Path, name: str) -> Raw:
     """Read a channel of a picture, in its own type."""
     import OpenImageIO
 
-    as_stored = OpenImageIO.ImageSpec()
-    as_stored.attribute("oiio:UnassociatedAlpha", 1)  # no multiplication of depth by alpha
-    source = opened(path, as_stored)
-    if source is None:
-        complaint = OpenImageIO.geterror().strip().partition("\n")[0]
-        raise OSError(f"{path} is not a picture that can be read: {complaint or 'unknown format'}")
+    source = opened(path)
     spec = source.spec()
     shape, names = (spec.height, spec.width), list(spec.channelnames)
     what = f"{path} of {spec.width} x {spec.height} pixels"
@@ -135,7 +130,7 @@ def _read_channel(path: Path, name: str) -> Raw:
     wanted = OpenImageIO.TypeDesc("float" if kind == "half" else kind)
     with suppressed_output():
         data = source.read_image(0, 0, n, n + 1, wanted)
-    complaint = source.geterror().strip().partition("\n")[0]
+    complaint = complaint_of(source, "")
     source.close()
     if data is None or complaint:
         raise OSError(f"{path} is damaged: {complaint or 'it ends too early'}")

@@ -12,7 +12,9 @@ import numpy as np
 
 from resample.command.session import Session
 from resample.command.settings import Choices, Written
-from resample.files.pictures import Kind, Picture, WriteOptions, page_of, write_picture
+from resample.files.formats import WriteOptions, page_of
+from resample.files.pictures import Kind, Picture
+from resample.files.saving import write_picture
 from resample.view.files import shown
 from resample.view.kept import FileView, image_of
 from resample.view.views import (

@@ -94,15 +94,9 @@ def _walk(path: Path) -> Iterator[tuple[SlicePage, Any]]:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    import OpenImageIO
-
     if not path.is_file():
         raise ValueError(f"{path.name} is a device or a pipe, not a file")
-    straight = OpenImageIO.ImageSpec()
-    straight.attribute("oiio:UnassociatedAlpha", 1)  # colors are not premultiplied
-    image = opened(path, straight)
-    if image is None:
-        raise ValueError(f"{path.name} cannot be read: {_last(OpenImageIO.geterror())}")
+    image = opened(path)
     try:
         yield image
     finally:

@@ -5,7 +5,6 @@ the store's files on the disk or server tells whether it is still valid (`states
 """
 
 import logging
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
@@ -14,10 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from resample.files.cached import load_arrays, store_arrays
 from resample.files.stores.addresses import Address, Place
-from resample.files.writing import replacing
 from resample.memory.mapped import folder
-from resample.reading.arrays import read_npz
 from resample_volume.data.bricks import Bricks
 from resample_volume.data.statistics.scanning import BrickStats, are_few, step_of
 from resample_volume.files.stores.states import Portion, State, state_of_files, state_of_server
@@ -38,14 +36,12 @@ class StoredStatistics:
         """Load the statistics of an earlier command; None if missing, or the store has changed."""
         if bricks.size < LEAST:
             return None
-        for path in filter(Path.is_file, self._paths(bricks)):
-            with suppress(ValueError, OSError, LookupError):
-                names = (*BrickStats._fields, "state")
-                held = read_npz(path, *names)
-                found = _statistics(held, bricks)
-                if found is not None and str(held["state"]) == self._mark:
-                    LOG.debug("%s: statistics loaded from %s", self.store.name, path)
-                    return found
+        for path in self._paths(bricks):
+            held = load_arrays(path, *BrickStats._fields, "state")
+            found = None if held is None else _statistics(held, bricks)
+            if held is not None and found is not None and str(held["state"]) == self._mark:
+                LOG.debug("%s: statistics loaded from %s", self.store.name, path)
+                return found
         return None
 
     def keep(self, bricks: Bricks, found: BrickStats, state: str | None) -> None:
@@ -54,12 +50,7 @@ class StoredStatistics:
             return
         codes = np.zeros(0, np.int64) if found.codes is None else found.codes
         parts: dict[str, Any] = found._replace(codes=codes)._asdict() | {"state": state}
-        for path in self._paths(bricks):
-            with suppress(OSError):
-                path.parent.mkdir(parents=True, exist_ok=True)
-                with replacing(path) as temporary, temporary.open("wb") as file:
-                    np.savez(file, **parts)
-                return
+        any(store_arrays(path, parts) for path in self._paths(bricks))
 
     def state(self) -> str | None:
         """Return the state of the store; None if just written, as changes may go unnoticed."""

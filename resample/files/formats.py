@@ -1,0 +1,273 @@
+"""What picture formats can store: options, and conversion of pictures to stored values."""
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.colors import to_srgb
+from resample.console.backgrounds import Color
+from resample.console.messages import say
+from resample.files.chunked import SUFFIX as STORE
+from resample.files.chunked import check_store
+from resample.files.facts.metadata import AS_FLOATS, JPEG, TIFF, FileMetadata
+from resample.files.pictures import Kind, Picture
+from resample.types import Floats
+
+SUFFIXES = (".png", ".exr", ".jpg", ".jpeg", ".tif", ".tiff")
+LOSSLESS = ("none", "rle", "zips", "zip", "piz")  # compressions of EXR
+
+
+class WriteOptions(NamedTuple):
+    """Options for writing a picture."""
+
+    bits: int | None = None  # 8, 16 or 32 per channel; None: what fits format and source
+    background: Color | None = None  # linear light; None keeps transparency
+    is_light: bool = True  # otherwise numbers, which are not encoded
+    half: bool = False  # EXR: R, G, B and A in 16 bits
+    compression: str = "zip"  # EXR: one of `LOSSLESS`
+
+
+def check_output(path: Path, look: WriteOptions, *, transparent: bool) -> None:
+    """Reject a target that `write_picture` would reject, before any work is done.
+
+    Raises
+    ------
+    ValueError
+        The suffix is unknown, or the format lacks transparency or this bit depth.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in (*SUFFIXES, STORE):
+        raise ValueError(f"{path}: pictures are written as {', '.join(SUFFIXES)} or {STORE}")
+    if suffix == STORE:
+        check_store(path)
+    if suffix in JPEG and transparent and look.background is None:
+        raise ValueError(f"{path}: JPEG has no transparency; give --background white, or take .png")
+    if look.bits is not None and look.bits not in _depths(suffix):
+        allowed = " or ".join(map(str, _depths(suffix)))
+        raise ValueError(f"{path}: {suffix} has {allowed} bits per channel, not {look.bits}")
+
+
+def flattened(picture: Picture, background: Color) -> Picture:
+    """Composite a picture over a uniform color; gray stays gray over gray.
+
+    Raises
+    ------
+    ValueError
+        The picture is neither gray nor RGB.
+    """
+    data, kind, about = picture
+    if not kind.has_alpha:
+        return picture
+    color, alpha = data[..., :-1], data[..., -1:]
+    names = kind.channels[:-1]
+    is_gray = len(set(background)) == 1
+    if len(names) not in (1, 3) and not is_gray:
+        raise ValueError(
+            f"a background's color needs a gray or RGB picture, not {', '.join(names)}"
+        )
+    if len(names) == 1 and not is_gray:
+        color, names = np.repeat(color, 3, axis=2), ("R", "G", "B")
+    behind = np.asarray(background[:1] if is_gray else background, np.float32)
+    flat = color + (1.0 - np.clip(alpha, 0.0, 1.0)) * behind
+    return Picture(np.asarray(flat, np.float32), kind._replace(channels=names), about)
+
+
+class StoredPage(NamedTuple):
+    """A picture, or rows of one, in stored form."""
+
+    data: NDArray[Any]  # in the stored type
+    kind: Kind
+    about: FileMetadata
+    options: WriteOptions
+    is_light: bool  # values are neither numbers nor shares
+
+    @property
+    def pixels(self) -> NDArray[Any]:
+        """Pixels in a type that OpenImageIO supports."""
+        data = np.ascontiguousarray(self.data)
+        return data.view(np.float32) if data.dtype.name in AS_FLOATS else data
+
+
+def page_of(path: Path, picture: Picture, look: WriteOptions, *, tells: bool = True) -> StoredPage:
+    """Convert a picture to stored form; warn about lost metadata.
+
+    Raises
+    ------
+    ValueError
+        The format cannot store it.
+    """
+    check_output(path, look, transparent=picture.kind.has_alpha)
+    check_source(path, picture, look)
+    if look.background is not None:
+        picture = flattened(picture, look.background)
+    suffix, (data, kind, about) = path.suffix.lower(), picture
+    count = len(kind.channels)
+    if suffix in (".png", *JPEG) and count - kind.has_alpha not in (1, 3):
+        raise ValueError(f"{path}: {count} channels do not fit into {suffix}; take .exr or .tif")
+    form = _form(suffix, kind, about, look)
+    if about.geo is not None:
+        if tells and about.geo.has_place and suffix not in TIFF:
+            say(f"{path.name} cannot store the picture's georeference; .tif can")
+        if not fits(about.geo.missing, form):
+            about = about._replace(geo=about.geo._replace(nodata=""))
+    is_light = look.is_light and not about.number
+    if form != "float32":
+        data = _integers(picture, form, is_light)
+    if about.geo is not None and about.geo.missing is not None and not kind.has_alpha:
+        data = with_word(data, picture.data, about.geo.missing, as_whole=kind.bits < 32)
+    return StoredPage(data, kind, about, look, is_light)
+
+
+def _integers(picture: Picture, form: str, is_light: bool) -> NDArray[Any]:
+    """Convert numbers, or levels of light or fractions, to an integer type."""
+    if picture.about.number:
+        return whole_numbers(picture.data, form)
+    return levels(picture.data, form, has_alpha=picture.kind.has_alpha, is_light=is_light)
+
+
+def check_source(path: Path, picture: Picture, look: WriteOptions) -> None:
+    """Reject a target that cannot store a picture's numbers (not light).
+
+    Raises
+    ------
+    ValueError
+        The format lacks the type, or another bit depth was requested.
+    """
+    number, suffix = picture.about.number, path.suffix.lower()
+    if not number or suffix == ".exr":
+        return
+    bits = np.dtype(number).itemsize * 8
+    if suffix not in TIFF and (np.dtype(number).kind != "u" or bits not in _depths(suffix)):
+        raise ValueError(f"{path}: numbers of {number} do not fit into {suffix}; take .tif or .exr")
+    if look.bits not in (None, 32, bits):
+        raise ValueError(f"{path}: numbers of {number} are not written in {look.bits} bits")
+
+
+def holds_gaps(path: Path, picture: Picture, look: WriteOptions) -> bool:
+    """Whether a file marks missing values and the picture has some; always for numbers."""
+    data, kind, about = picture
+    has_nans = not about.number and not kind.has_alpha and bool(np.isnan(data).any())
+    return holds_missing(path, kind, about, look, has_nans=has_nans)
+
+
+def holds_missing(
+    path: Path, kind: Kind, about: FileMetadata, look: WriteOptions, *, has_nans: bool
+) -> bool:
+    """As `holds_gaps`, for a picture with or without NaN."""
+    if look.background is not None or kind.has_alpha:
+        return False
+    if about.number:
+        return True
+    suffix, geo = path.suffix.lower(), about.geo
+    form = _form(suffix, kind, about, look)
+    if suffix in TIFF and geo is not None and fits(geo.missing, form):
+        return True
+    return has_nans and form == "float32" and suffix in (".exr", *TIFF)
+
+
+def _form(suffix: str, kind: Kind, about: FileMetadata, look: WriteOptions) -> str:
+    """Type of a file's values."""
+    if about.number and suffix != ".exr" and look.bits != 32:
+        return about.number
+    bits = look.bits or _bits(suffix, kind.bits)
+    return {8: "uint8", 16: "uint16", 32: "float32"}[bits]
+
+
+def _depths(suffix: str) -> tuple[int, ...]:
+    return {".png": (8, 16), ".exr": (32,), ".jpg": (8,), ".jpeg": (8,)}.get(suffix, (8, 16, 32))
+
+
+def _bits(suffix: str, source: int) -> int:
+    """Bit depth of a format for a source of a bit depth."""
+    depths = _depths(suffix)
+    if source in depths:
+        return source
+    return min(depths) if suffix == ".png" else max(depths)
+
+
+def coverage_picture(coverage: Floats) -> Picture:
+    """Gray picture of fractions, which stay numbers in every format."""
+    share = np.clip(coverage, 0.0, 1.0)[..., None]
+    return Picture(np.asarray(share, np.float32), Kind(("Y",), 32, is_encoded=False))
+
+
+def whole_numbers(data: Floats, form: str) -> NDArray[Any]:
+    """Round numbers to an integer type, clipped to its range; missing values become 0."""
+    limits = np.iinfo(form)
+    rounded = np.rint(np.nan_to_num(data.astype(np.float64), nan=0.0, posinf=np.inf))
+    return np.asarray(np.clip(rounded, limits.min, limits.max).astype(form))
+
+
+def levels(data: Floats, form: str, *, has_alpha: bool, is_light: bool) -> NDArray[Any]:
+    """Convert light to integer levels as pictures store them.
+
+    Parameters
+    ----------
+    data
+        (H, W, C) linear light, premultiplied; missing values become 0.
+    form
+        Unsigned type, whose largest number stands for 1.
+    has_alpha
+        The last channel is opacity. The others are divided by it.
+    is_light
+        Encode all but opacity by the sRGB curve; otherwise values are stored linearly.
+    """
+    data = np.nan_to_num(data, nan=0.0, posinf=np.inf, neginf=-np.inf)
+    if not is_light:
+        planes = np.clip(data, 0.0, 1.0)
+    elif has_alpha:
+        alpha = data[..., -1:]
+        color = np.divide(
+            data[..., :-1], alpha, out=np.zeros_like(data[..., :-1]), where=alpha > 0.0
+        )
+        planes = np.concatenate([_curve(color), np.clip(alpha, 0.0, 1.0)], axis=2)
+    else:
+        planes = _curve(data)
+    made: NDArray[Any] = np.floor(planes * np.iinfo(form).max + 0.5).astype(form)
+    return made
+
+
+def fits(missing: float | None, form: str) -> bool:
+    """Whether a type can represent the marker for missing values."""
+    if missing is None:
+        return False
+    if form == "float32":
+        return True
+    limits = np.iinfo(form)
+    return missing.is_integer() and limits.min <= missing <= limits.max
+
+
+def with_word(
+    data: NDArray[Any], values: Floats, missing: float, *, as_whole: bool
+) -> NDArray[Any]:
+    """Replace missing values by their marker, and move other values off it.
+
+    Parameters
+    ----------
+    data
+        (H, W, C) as stored.
+    values
+        The same before conversion, NaN where missing.
+    missing, as_whole
+        As in `gaps_of`.
+    """
+    gap, word = np.isnan(values), data.dtype.type(missing)
+    taken = ~gap & (data == word)
+    if as_whole:
+        taken &= taken.all(axis=2, keepdims=True)
+    if not gap.any() and not taken.any():
+        return data
+    return np.where(gap, word, np.where(taken, _neighbour(word), data))
+
+
+def _neighbour(word: Any) -> Any:
+    """Adjacent value of a marker."""
+    if word.dtype.kind == "f":
+        return np.nextafter(word, np.float32(0.0 if word else 1.0))
+    return word - 1 if word == np.iinfo(word.dtype).max else word + 1
+
+
+def _curve(color: Floats) -> Floats:
+    return np.asarray(to_srgb(np.clip(color, 0.0, 1.0)), np.float32)

@@ -1,0 +1,399 @@
+"""Write pictures in any format, bit depth and number of channels; files appear atomically."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.colors import Background, over
+from resample.console.backgrounds import Color
+from resample.files.buffered_jpeg import BufferedJpeg
+from resample.files.chunked import SUFFIX as STORE
+from resample.files.chunked import writing_store
+from resample.files.facts.metadata import (
+    JPEG,
+    TIFF,
+    FileMetadata,
+    WrittenPage,
+    complete,
+    describe,
+)
+from resample.files.facts.origin import state
+from resample.files.formats import (
+    LOSSLESS,
+    SUFFIXES,
+    StoredPage,
+    WriteOptions,
+    check_output,
+    levels,
+    page_of,
+)
+from resample.files.images import open_file
+from resample.files.pictures import Kind, Picture
+from resample.files.writing import INCOMPLETE, check_end, refused, replacing
+from resample.reading.names import plain
+from resample.reading.pictures import complaint_of
+from resample.types import Floats, Frame
+
+UNCALIBRATED = 0xFFFF  # Exif's value for neither sRGB nor Adobe RGB
+CHANNELS = ("R", "G", "B", "A", "Z", "coverage", "first.Z", "value")  # of a frame in EXR
+
+Attribute = str | int | float | Sequence[float]
+Put = Callable[[Picture], None]
+
+
+def check_frame(path: Path, bits: int, background: Color | None) -> None:
+    """Reject a target that `write_frame` would reject, before any work is done.
+
+    Raises
+    ------
+    ValueError
+        The suffix is unknown, or the format lacks transparency or this bit depth.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise ValueError(f"{path}: pictures are written as {', '.join(SUFFIXES)}")
+    if suffix == ".png" and bits not in (8, 16):
+        raise ValueError(f"{path}: PNG has 8 or 16 bits per channel, not {bits}")
+    if suffix not in (".png", ".exr"):
+        check_output(path, WriteOptions(bits, background), transparent=True)
+
+
+def check_suffix(path: str | Path) -> None:
+    """Reject a target that is neither PNG nor EXR, before any work is done."""
+    if Path(path).suffix.lower() not in (".png", ".exr"):
+        raise ValueError(f"{path}: pictures are written as .png or .exr")
+
+
+def write_frame(
+    path: str | Path,
+    frame: Frame[Any],
+    bits: int = 8,
+    background: Background | None = None,
+    *,
+    half: bool = False,
+    attributes: Mapping[str, Attribute] | None = None,
+) -> None:
+    """Write a rendered scene in the format of its suffix.
+
+    Parameters
+    ----------
+    path
+        Target with a suffix in `SUFFIXES`.
+    frame
+        EXR stores all of it, other formats only its `rgba`.
+    bits
+        Bits per channel; 32 are floats of linear light. EXR has 32.
+    background
+        Linear background color; None keeps transparency.
+    half, attributes
+        As in `write_exr`; other formats support neither.
+
+    Raises
+    ------
+    ValueError
+        The format cannot store it.
+    OSError
+        The file cannot be written.
+    """
+    path = Path(path)
+    check_frame(path, bits, _color(background))
+    if path.suffix.lower() == ".exr":
+        write_exr(path, frame, half=half, attributes=attributes)
+    elif path.suffix.lower() == ".png":
+        write_png(path, frame.rgba, bits=bits, background=background)
+    else:
+        kind = Kind(CHANNELS[:4], bits, is_encoded=bits != 32)
+        write_picture(path, Picture(frame.rgba, kind), WriteOptions(bits, _color(background)))
+
+
+def write_png(
+    path: str | Path, rgba: Floats, *, bits: int = 8, background: Background | None = None
+) -> None:
+    """Write a picture as PNG.
+
+    Parameters
+    ----------
+    path
+        Target.
+    rgba
+        (H, W, 4) premultiplied, linear light; clipped to 0..1.
+    bits
+        8 or 16 per channel.
+    background
+        Background, 3 values of linear light; the file is then opaque, (H, W, 3). Without it the
+        file has straight alpha, and light where alpha is 0 is lost.
+
+    Raises
+    ------
+    ValueError
+        `bits` is neither 8 nor 16, the shape does not fit or a value is NaN.
+    OSError
+        The file cannot be written.
+    """
+    if bits not in (8, 16):
+        raise ValueError(f"PNG has 8 or 16 bits per channel, not {bits}")
+    if rgba.ndim != 3 or rgba.shape[2] != 4:
+        raise ValueError(f"a picture is of the shape (H, W, 4), not {rgba.shape}")
+    if np.isnan(rgba).any():
+        raise ValueError(f"{path}: {int(np.isnan(rgba).any(axis=2).sum())} pixels are not numbers")
+    picture = Picture(rgba, Kind(CHANNELS[:4], bits, is_encoded=True))
+    write_picture(Path(path), picture, WriteOptions(bits, _color(background)))
+
+
+def _color(background: Background | None) -> Color | None:
+    """Background of three numbers."""
+    if background is None:
+        return None
+    color = tuple(float(part) for part in np.ravel(background))
+    if len(color) != 3:
+        raise ValueError(f"a background has 3 values, not {len(color)}")
+    return color
+
+
+def screen_levels(
+    rgba: Floats, bits: int = 8, background: Background | None = None
+) -> NDArray[Any]:
+    """Convert to sRGB levels, (H, W, 4) with straight alpha, or (H, W, 3) over a background.
+
+    Parameters as of `write_png`.
+    """
+    pixels = rgba if background is None else over(rgba, background)
+    return levels(pixels, f"uint{bits}", has_alpha=background is None, is_light=True)
+
+
+def write_exr(
+    path: str | Path,
+    frame: Frame[Any],
+    *,
+    compression: str = "zip",
+    half: bool = False,
+    attributes: Mapping[str, Attribute] | None = None,
+) -> None:
+    """Write a picture with all its data, lossless except for `half`.
+
+    Parameters
+    ----------
+    path
+        Target.
+    frame
+        Becomes the channels R, G, B, A (premultiplied, linear light), Z (`depth`), coverage,
+        first.Z (`first_depth`) and, if there is one, `value`; all but colors are float32.
+        Depths are in scene units, inf where empty.
+    compression
+        One of `LOSSLESS`.
+    half
+        Store R, G, B and A in 16 bits instead of 32.
+    attributes
+        Header entries: text, numbers, and sequences of numbers (16 make a 4 × 4 matrix).
+
+    Raises
+    ------
+    ValueError
+        The compression is unknown.
+    OSError
+        The file cannot be written.
+    """
+    if compression not in LOSSLESS:
+        raise ValueError(f"unknown compression {compression!r}; known: {', '.join(LOSSLESS)}")
+    layers = [frame.rgba, frame.depth, frame.coverage, frame.first_depth]
+    data = np.dstack([*layers, *([] if frame.value is None else [frame.value])])
+    about = FileMetadata(spoken=tuple(_entry(*one) for one in (attributes or {}).items()))
+    kind = Kind(CHANNELS[: data.shape[2]], 32, is_encoded=False)
+    look = WriteOptions(half=half, compression=compression)
+    write_picture(Path(path), Picture(data.astype(np.float32, copy=False), kind, about), look)
+
+
+def _entry(name: str, value: Attribute) -> tuple[str, Any, Any]:
+    """Name, OpenImageIO's type and value of a header entry."""
+    if isinstance(value, str | int | float):
+        return name, {str: "string", int: "int"}.get(type(value), "float"), value
+    numbers = tuple(float(number) for number in np.ravel(value))
+    return name, "matrix" if len(numbers) == 16 else f"float[{len(numbers)}]", numbers
+
+
+def write_picture(path: Path, picture: Picture, look: WriteOptions) -> None:
+    """Write a picture in the format of its suffix.
+
+    Parameters
+    ----------
+    path
+        Target with a suffix in `SUFFIXES`.
+    picture
+        EXR and float TIFF store it unchanged; integers are straight and sRGB-encoded.
+    look
+        Options for writing.
+
+    Raises
+    ------
+    ValueError
+        The format cannot store it.
+    OSError
+        The file cannot be written.
+    """
+    write_pages(path, [picture], look)
+
+
+def write_pages(path: Path, pictures: Iterable[Picture], look: WriteOptions) -> None:
+    """Write a sequence of pictures, taken one by one, to one file; several need TIFF.
+
+    Raises
+    ------
+    ValueError
+        The format cannot store one of them, or there is none.
+    OSError
+        The file cannot be written.
+    """
+    if path.suffix.lower() == STORE:
+        (picture,) = pictures
+        with writing_rows(path, picture.data.shape[0], look) as put:
+            put(picture)
+        return
+    with replacing(path) as temporary:
+        written: list[WrittenPage] = []
+        for picture in pictures:
+            rows = _Rows(path, temporary, picture.data.shape[0], look, is_next=bool(written))
+            rows.put(picture)
+            written.append(rows.close())
+        if not written:
+            raise ValueError(f"{path}: there is no picture to write")
+        _finish(path, temporary, written)
+
+
+@contextmanager
+def writing_rows(path: Path, height: int, look: WriteOptions) -> Iterator[Put]:
+    """Write a picture of `height` rows; the file appears when the block succeeds.
+
+    Yields
+    ------
+    The function that takes the picture's rows from the top, any number at a time, always with
+    the same channels.
+
+    Raises
+    ------
+    ValueError
+        The format cannot store them, or the number of rows differs.
+    OSError
+        The file cannot be written.
+    """
+    if path.suffix.lower() == STORE:
+        with writing_store(path, height) as store:
+            yield lambda picture: store.put(page_of(path, picture, look).data)
+        return
+    with replacing(path) as temporary:
+        rows = _Rows(path, temporary, height, look)
+        yield rows.put
+        _finish(path, temporary, [rows.close()])
+
+
+class _Rows:
+    """A page being written; `is_next`: to a file that has others."""
+
+    def __init__(
+        self, path: Path, temporary: Path, height: int, look: WriteOptions, *, is_next: bool = False
+    ) -> None:
+        self.path, self.temporary, self.height, self.options = path, temporary, height, look
+        self.is_next, self.done = is_next, 0
+        self.target: Any = None
+        self.stored = WrittenPage(FileMetadata(), (), "")
+
+    def put(self, picture: Picture) -> None:
+        """Write the next rows."""
+        page = page_of(self.path, picture, self.options, tells=self.target is None)
+        shape = self.height, *page.data.shape[1:]
+        if self.target is None:
+            self.stored = WrittenPage(page.about, shape, page.data.dtype.name)
+            spec = spec_of(self.path.suffix.lower(), page, self.height)
+            mode = "AppendSubimage" if self.is_next else "Create"
+            self.target = new_output(self.path, self.temporary, spec, mode)
+        first, last = self.done, self.done + page.data.shape[0]
+        if self.stored.shape != shape or last > self.height:
+            raise ValueError(f"rows {first} to {last} of {page.data.shape} in {self.stored.shape}")
+        self._check(is_done=self.target.write_scanlines(first, last, 0, page.pixels))
+        self.done = last
+
+    def close(self) -> WrittenPage:
+        """Write remaining rows."""
+        if self.done != self.height:
+            raise ValueError(f"{self.path}: only {self.done} of {self.height} rows were given")
+        self._check(is_done=self.target.close())
+        return self.stored
+
+    def _check(self, *, is_done: bool) -> None:
+        """On a full disk writers may report success: PNG's shows only in the error text."""
+        if not is_done or self.target.has_error:
+            raise refused(self.path, self.temporary, complaint_of(self.target))
+
+
+def new_output(path: Path, temporary: Path, spec: Any, mode: str = "Create") -> Any:
+    """Open an OpenImageIO output for a file that is called `path` in messages.
+
+    Raises
+    ------
+    OSError
+        It cannot be written.
+    """
+    import OpenImageIO
+
+    name = plain(temporary)
+    if path.suffix.lower() in JPEG:
+        return BufferedJpeg(temporary, spec)
+    target = OpenImageIO.ImageOutput.create(name)
+    if target is None:
+        raise OSError(f"{path} cannot be written: {complaint_of(OpenImageIO)}")
+    state(spec, path)
+    if not target.open(name, spec, mode):
+        raise refused(path, temporary, complaint_of(target))
+    return target
+
+
+def _finish(path: Path, temporary: Path, written: list[WrittenPage]) -> None:
+    """Add metadata that OpenImageIO cannot write, and read the file back as a check.
+
+    Raises
+    ------
+    OSError
+        It is incomplete.
+    """
+    check_end(path, temporary)
+    complete(temporary, written)
+    try:
+        for n in range(len(written)):
+            for _ in open_file(temporary, n).strips():
+                pass
+    except OSError:
+        raise refused(path, temporary, INCOMPLETE) from None
+
+
+def spec_of(suffix: str, page: StoredPage, height: int) -> Any:
+    """OpenImageIO header of a page of `height` rows."""
+    import OpenImageIO
+
+    (_, width, count), kind, is_whole = page.data.shape, page.kind, page.data.dtype.kind != "f"
+    is_bare = page.data.dtype.itemsize == 4
+    form = "float" if is_bare else page.data.dtype.name
+    spec = OpenImageIO.ImageSpec(width, height, count, form)
+    spec.channelnames = kind.channels
+    spec.alpha_channel = kind.channels.index("A") if kind.has_alpha else -1
+    if page.options.half:
+        spec.channelformats = ("half",) * 4 + (form,) * (count - 4)
+    is_same = kind.is_encoded == (is_whole and page.is_light)
+    has_profile = describe(
+        spec, page.about, suffix, is_encoded=is_same, colors=count - kind.has_alpha
+    )
+    if is_whole:
+        spec.attribute("oiio:UnassociatedAlpha", 1)
+        if not has_profile:
+            space = "sRGB" if page.is_light else "lin_rec709_scene"
+            spec.attribute("oiio:ColorSpace", space)
+    if suffix in TIFF and (not is_whole or has_profile or not page.is_light):
+        # OpenImageIO 3.1 cannot write an empty Exif directory.
+        spec.attribute("Exif:ColorSpace", UNCALIBRATED)
+    if is_bare and is_whole:
+        spec.attribute("tiff:predictor", 1)
+    spec.attribute("compression", "jpeg:95" if suffix in JPEG else page.options.compression)
+    spec.attribute("jpeg:subsampling", "4:4:4")
+    return spec

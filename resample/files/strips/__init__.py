@@ -1,1 +1,0 @@
-"""Pictures larger than memory, read and written strip by strip."""
