@@ -16,7 +16,7 @@ from resample.command.settings import Choices, FrameFormat
 from resample.files.animations import write_film
 from resample.files.saving import screen_levels
 from resample.view.exports import KEYFRAMES, ORBITING, keyframes_as_toml
-from resample.view.kept import FileView, image_of, path_file
+from resample.view.files import FileView, image_of, path_file
 from resample.view.views import (
     PagePicture,
     Settings,

@@ -18,8 +18,7 @@ from resample.registry import names
 from resample.resampler import Resampler
 from resample.types import Frame
 from resample.view.exports import KEYFRAMES, ORBITING, keyframes_as_toml
-from resample.view.files import file_of
-from resample.view.kept import LITTLE, path_file
+from resample.view.files import LITTLE, file_of, path_file
 from resample.view.views import PagePicture, Settings, Size, chosen, settings_of
 from resample.watching import Cancel, Progress
 from resample_volume.classification.names import PRESETS, TISSUES

@@ -13,7 +13,7 @@ import numpy as np
 from resample.command.settings import Choices
 from resample.files.saving import screen_levels, write_frame
 from resample.types import Frame
-from resample.view.kept import FileView, image_of
+from resample.view.files import FileView, image_of
 from resample.view.views import (
     PagePicture,
     Settings,

@@ -10,8 +10,7 @@ import numpy as np
 
 from resample.command.settings import Written
 from resample.files.exchange.results import levels_of
-from resample.view.files import file_of, levels_in
-from resample.view.kept import LITTLE
+from resample.view.files import LITTLE, file_of, levels_in
 from resample.view.views import PagePicture, Settings, Size, chosen, pixel_at, settings_of
 from resample.watching import Cancel, cancellable
 from resample_texture.arguments import geometry_of

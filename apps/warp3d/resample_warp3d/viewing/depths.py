@@ -15,8 +15,7 @@ from resample.command.settings import Choices, Written
 from resample.files.formats import WriteOptions, page_of
 from resample.files.pictures import Kind, Picture
 from resample.files.saving import write_picture
-from resample.view.files import shown
-from resample.view.kept import FileView, image_of
+from resample.view.files import FileView, image_of, shown
 from resample.view.views import (
     PagePicture,
     Settings,

@@ -11,7 +11,7 @@ from resample.console.backgrounds import linear_color
 from resample.files.animations import write_film
 from resample.types import Doubles
 from resample.view.exports import STEP
-from resample.view.kept import path_file
+from resample.view.files import path_file
 from resample.view.views import Settings, chosen, option_of
 from resample.watching import Progress
 from resample_warp3d.command.animation import Range, poses_of, shots
