@@ -25,9 +25,8 @@ from resample.files.pictures import Kind, Picture
 from resample.files.saving import spec_of, write_pages, write_picture, writing_rows
 from resample.files.sequences import write_frames
 from resample.files.writing import check_end, refused, write_json
-from resample.measuring.compare import contact_sheet
+from resample.measuring.compare import contact_sheet, write_screen
 from resample.types import Film, Frame
-from resample_texture.figures.paper import _write_screen
 from resample_volume.classification.files import save_transfer
 from resample_volume.classification.transfer import TransferFunction
 from resample_volume.figures.writing import write_numbers
@@ -110,7 +109,7 @@ WRITERS = {
     **{f"film{suffix}": film for suffix in (".gif", ".webp", ".apng", ".mp4")},
     "facts.json": partial(write_json, content={"a": [1, 2, 3]}),
     "sheet.png": lambda path: contact_sheet({"a": NOISE}, path),
-    "screen.png": partial(_write_screen, screen=NOISE[..., :3]),
+    "screen.png": partial(write_screen, screen=NOISE[..., :3]),
     "holes.png": partial(write_holes, holes=np.ones((30, 40), np.uint8)),
     **{f"depth{suffix}": depth for suffix in (".npy", ".exr", ".png")},
     **{f"mesh{suffix}": geometry for suffix in (".ply", ".glb")},

@@ -865,7 +865,7 @@ def test_files_that_hold_no_intrinsics_are_one_line(option, capsys):
     Path("bad.yaml").write_text("K: [1, 2")
     eye = EYE if option == "--target-intrinsics" else []
     for name, complaint in (
-        ("bad.yaml", "its list is not closed"),
+        ("bad.yaml", "did not find expected ',' or ']'"),
         ("no.json", "there is no such"),
     ):
         words = [*eye, *RIGHT, option, name, "-o", "no.png"]
