@@ -134,13 +134,7 @@ def read_picture(path: str | Place, page: int = 0, *, as_data: bool = False) -> 
 
 
 def form_of(path: Place) -> tuple[tuple[int, int, int], Kind]:
-    """Height, width and channels of the result of `read_picture`, and its kind.
-
-    Raises
-    ------
-    OSError
-        The file is missing or damaged.
-    """
+    """Height, width and channels of the result of `read_picture`, and its kind."""
     header = header_of(path, 0, as_data=True)
     return (*header.size, header.shape[2]), header.kind
 
@@ -152,15 +146,7 @@ def has_levels(path: Place) -> tuple[int, int, int] | None:
 
 
 def read_picture_levels(path: Place) -> LoadedPicture:
-    """Read a picture like `read_picture`, but without converting its levels.
-
-    Raises
-    ------
-    OSError
-        The file is missing or damaged.
-    ValueError
-        `has_levels` returns None for it.
-    """
+    """Read a picture like `read_picture`, but without converting its levels."""
     reader = open_picture_at(path)
     if not reader.is_plain:
         raise ValueError(f"{path} has more than levels of 8 or 16 bits")
@@ -310,13 +296,7 @@ def open_picture_at(path: Place, page: int = 0, *, as_data: bool = True) -> Load
 
 
 def loadable_picture(path: Place) -> LoadablePicture | None:
-    """Open a picture to load; None for integers that float32 cannot represent.
-
-    Raises
-    ------
-    OSError
-        The file is missing or damaged.
-    """
+    """Open a picture to load; None for integers that float32 cannot represent."""
     reader = open_picture_at(path)
     return None if reader.header.about.number in WIDE else reader
 

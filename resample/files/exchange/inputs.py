@@ -31,15 +31,6 @@ def as_picture(given: Any, name: str = "picture") -> NDArray[Any]:
     Returns
     -------
     Masked arrays stay masked. Arrays that need no conversion are not copied.
-
-    Raises
-    ------
-    TypeError
-        It is none of these, or its values are not real numbers.
-    ValueError
-        Lists have different lengths, or dimensions are unknown.
-    OSError
-        The file cannot be read.
     """
     if isinstance(given, str | PathLike | Address):
         return _read(given)
