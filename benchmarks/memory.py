@@ -30,6 +30,7 @@ TURNED = ("--matrix", "0.7,0.2,10,-0.2,0.7,200")
 EYE = ("--depth-scale", "1000", "--fov", "60")
 MOVED = (*EYE, "--move", "0.1,0,0")
 TEXTURE, WARP3D, VOLUME = "resample_texture", "resample_warp3d", "resample_volume"
+POINTS = "resample_points"
 
 
 def small() -> Iterator[tuple[str, ...]]:
@@ -71,7 +72,7 @@ def more() -> Iterator[tuple[str, ...]]:
     yield WARP3D, "render", "500.png", "d500.png", *MOVED, "--size", "2000", "-o", "o.png"
     yield WARP3D, "stereo", "1500.png", "d1500.png", "--disparity-scale", "50", "-o", "o.png"
     yield WARP3D, "animate", "1500.png", "d1500.png", *EYE, "--frames", "2", "-o", "o.gif"
-    yield WARP3D, "cloud", "sample:knot-points", "--size", "1000", "-o", "o.png"
+    yield POINTS, "render", "sample:knot-points", "--size", "1000", "-o", "o.png"
     yield from volumes()
 
 

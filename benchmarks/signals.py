@@ -31,6 +31,7 @@ STATUS = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGKILL: -9}
 PATIENCE = 300  # seconds
 EARLIEST = 0.2  # seconds in which Python itself starts
 VOLUME, TEXTURE, WARP3D = "resample_volume", "resample_texture", "resample_warp3d"
+POINTS = "resample_points"
 CORNERS = "4,2 90,4 100,70 2,60"
 COMMANDS = {
     "a.png": (VOLUME, "render", "checker-box:size=48", "--size", "96", "-o"),
@@ -47,7 +48,7 @@ COMMANDS = {
         "paper,hybrid",
         "-o",
     ),
-    "f.png": (WARP3D, "cloud", "points.csv", "--camera", "40/20/1.5", "--size", "80", "-o"),
+    "f.png": (POINTS, "render", "points.csv", "--camera", "40/20/1.5", "--size", "80", "-o"),
     "g.ome.zarr": (VOLUME, "convert", "volume.npy"),
     "h.png": ("resample", "compare", "photo.png", "-R", "photo.png", "-o"),
 }

@@ -93,7 +93,7 @@ def _figure(path, source, caption):
 sphinx_gallery_conf = {
     "examples_dirs": ["../examples/gallery", "../examples/tutorials"],
     "gallery_dirs": ["gallery", "tutorials"],
-    "subsection_order": lambda folder: ["texture", "warp3d", "volume", "core"].index(
+    "subsection_order": lambda folder: ["texture", "warp3d", "points", "volume", "core"].index(
         Path(folder).name
     ),
     "within_subsection_order": "FileNameSortKey",

@@ -3,7 +3,6 @@
 import json
 import math
 import sys
-from collections.abc import Callable
 from functools import partial
 from itertools import takewhile
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 from cyclopts import App, Parameter
 
 from resample import registry
+from resample.command.applications import Words, command_now, door
 from resample.command.options import run
 from resample.lazy import installed_version
 
@@ -80,9 +80,7 @@ def compare(
 
 
 @app.command
-def view(
-    file: str, /, *words: Annotated[str, Parameter(show=False, allow_leading_hyphen=True)]
-) -> Any:
+def view(file: str, /, *words: Words) -> Any:
     """View a file, or a picture with its depth, in the browser.
 
     Example: resample view engine.nhdr --no-browser
@@ -96,7 +94,7 @@ def view(
     files = [file, *takewhile(lambda word: not word.startswith("-"), words)]
     for name in names:
         if registry.load("views", name)(files):
-            return _door(name)("view", file, *words)
+            return door(name)("view", file, *words)
     raise ValueError(f"{', '.join(files)}: cannot be viewed; these can: {', '.join(names)}")
 
 
@@ -115,11 +113,7 @@ def schema(application: str, command: str, /) -> None:
     """
     from resample.command.settings_files import schema_of
 
-    commands = registry.load("apps", application.removeprefix("resample-"))
-    names = [name for name in commands if not name.startswith("-")]
-    if command not in names:
-        raise ValueError(f"{application} has no command {command!r}; it has {', '.join(names)}")
-    written = schema_of(f"{commands.name[0]} {command}", commands[command])
+    written = schema_of(*command_now(application.removeprefix("resample-"), command))
     sys.stdout.write(json.dumps(written, indent=2, ensure_ascii=False) + "\n")
 
 
@@ -155,18 +149,6 @@ def _show(grid: "Table") -> None:
     Console().print(grid)
 
 
-def _door(name: str) -> Callable[..., Any]:
-    """Command that imports an application on demand and passes the arguments on."""
-
-    def launch(*words: Annotated[str, Parameter(show=False, allow_leading_hyphen=True)]) -> Any:
-        application = registry.load("apps", name)
-        return application(
-            words, exit_on_error=False, print_error=False, result_action="return_value"
-        )
-
-    return launch
-
-
 for _name in registry.names("apps"):
     _application = App(
         name=_name,
@@ -174,5 +156,5 @@ for _name in registry.names("apps"):
         help_flags=(),
         version_flags=(),
     )
-    _application.default(_door(_name))
+    _application.default(door(_name))
     app.command(_application)

@@ -23,6 +23,13 @@ def from_srgb(encoded: NDArray[Any]) -> NDArray[Any]:
     return np.where(encoded <= 0.04045, encoded / 12.92, power).astype(encoded.dtype)
 
 
+def as_levels(encoded: NDArray[Any], bits: int = 8) -> NDArray[Any]:
+    """Convert values 0..1 to integers of 8 or 16 bits; others are clipped."""
+    kind = np.uint8 if bits == 8 else np.uint16
+    whole = np.floor(np.clip(encoded, 0.0, 1.0) * np.iinfo(kind).max + 0.5)
+    return np.asarray(whole.astype(kind))
+
+
 def straight(rgba: Floats) -> Floats:
     """Divide color by alpha, (H, W, 4); the result is black where alpha is 0."""
     alpha = rgba[..., 3:]

@@ -38,15 +38,19 @@ def attributes(
     """`__getattr__` of a package; `homes` maps each public name to its module.
 
     A module is named within the package, or in full if in the core. `__version__` is included.
-    Names of the release before, in `former`, warn and give what has the new one.
+    Names of the release before, in `former`, warn and give what has the new one: a name of the
+    package, or of another in full (`resample_points.Cloud`).
     """
 
     def get(name: str) -> Any:
         if name == "__version__":
             return installed_version()
         if former is not None and name in former:
-            warn_of_old_name(f"{package}.{name}", f"{package}.{former[name]}")
-            name = former[name]
+            home, dot, new = former[name].rpartition(".")
+            warn_of_old_name(f"{package}.{name}", f"{home or package}.{new}")
+            if dot:
+                return getattr(import_module(home), new)
+            name = new
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         home = homes[name]

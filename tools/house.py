@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
 ARCHITECTURE = ROOT / "docs" / "ARCHITECTURE.md"
-SOURCES = ("resample", "apps/texture", "apps/volume", "apps/warp3d")
+SOURCES = ("resample", "apps/points", "apps/texture", "apps/volume", "apps/warp3d")
 KERNELS = {"engine", "hybrid", "kernels"}  # folders with numba code
 MOST_FILES = 12  # of a folder, besides __init__.py
 MOST_ARGUMENTS = 8  # of a kernel; ruff counts arguments of other functions

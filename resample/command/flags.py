@@ -84,3 +84,13 @@ Up = Annotated[
     under(CAMERA),
     Parameter(help="Axis that points up."),
 ]
+Steady = Annotated[
+    bool,
+    OptionTopic.APPEARANCE,
+    Switch,
+    under(CAMERA),
+    Parameter(
+        help="Keep the same distance to the cloud's center at all angles, instead of fitting the "
+        "cloud to the picture."
+    ),
+]

@@ -55,14 +55,21 @@ class Session:
         return {name: round(seconds, 6) for name, seconds in self.seconds.items()}
 
 
+def bytes_per_value(output: Path) -> int:
+    """Peak bytes per value to paint and write a picture."""
+    return AS_FLOATS if output.suffix.lower() == ".exr" else ENCODED
+
+
 def bytes_written(shape: tuple[int, int], output: Path) -> int:
     """Peak bytes per channel to paint and write a picture (height, width)."""
-    is_float = output.suffix.lower() == ".exr"
-    return (AS_FLOATS if is_float else ENCODED) * shape[0] * shape[1]
+    return bytes_per_value(output) * shape[0] * shape[1]
 
 
 def require_picture(
-    shape: tuple[int, int], bytes_per_pixel: int, others: dict[str, int] | None = None
+    shape: tuple[int, int],
+    bytes_per_pixel: int,
+    others: dict[str, int] | None = None,
+    workers: int = 0,
 ) -> None:
     """Reject a picture (height, width) too large for this machine, before any work is done.
 
@@ -74,6 +81,8 @@ def require_picture(
         Bytes of the picture and of the copies that painting and writing make.
     others
         Other memory that is held at the same time, bytes by name.
+    workers
+        Further processes on this machine that hold as much each.
 
     Raises
     ------
@@ -82,5 +91,7 @@ def require_picture(
     """
     height, width = shape
     picture = {"the picture": bytes_per_pixel * height * width}
-    what = f"a picture of {width} x {height} pixels"
-    require(what, {"libraries": libraries(), **(others or {}), **picture}, "take a smaller size")
+    parts = {"libraries": libraries(), **(others or {}), **picture}
+    if workers:
+        parts[f"{workers} workers"] = workers * sum(parts.values())
+    require(f"a picture of {width} x {height} pixels", parts, "take a smaller size")

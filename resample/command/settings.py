@@ -245,6 +245,41 @@ class PictureFormat(Choices):
         return height, width
 
 
+class FrameFormat(Choices):
+    """Size, background and bits of a rendered frame, as PNG or EXR."""
+
+    heading: ClassVar[str] = "Picture"
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
+
+    size: Annotated[str, Field(description=SIZE)] = "640x480"
+    background: Annotated[
+        str | None,
+        Field(
+            description="Background: black, white, #rrggbb or none for transparent. Default: none."
+        ),
+    ] = None
+    bits: Annotated[
+        Literal[8, 16],
+        BeforeValidator(number),
+        Field(description="Bits per channel: 8 or 16 (PNG)."),
+    ] = 8
+
+    def height_and_width(self) -> tuple[int, int]:
+        """Size in px.
+
+        Raises
+        ------
+        ValueError
+            The size or the background is invalid.
+        """
+        self.behind()
+        return height_and_width(self.size)
+
+    def behind(self) -> Color | None:
+        """Linear color behind the picture; None leaves it transparent."""
+        return None if self.background is None else linear_color(self.background)
+
+
 class Sharing(Choices):
     """Workers of a command: local processes or a dask cluster."""
 

@@ -79,13 +79,13 @@ Outside = Annotated[
 ]
 
 
-def with_settings(app: App) -> None:
+def with_settings(app: App, former: Mapping[str, str] | None = None) -> None:
     """Add the common options to every command of an application that has options.
 
     They are `--settings`, `--settings-trusted`, `--save-settings`, `--memory`, `--limit` and
-    `--allow-outside`.
+    `--allow-outside`. Settings may also name a command as it was called before (`former`).
     """
-    app.config = (partial(_take, app.name[0]),)
+    app.config = (partial(_take, app.name[0], former or {}),)
     for name in app:
         command = None if name.startswith("-") else app[name].default_command
         if command is not None and _has_options(command):
@@ -150,6 +150,7 @@ def read_settings(
     marks: Marks,
     *,
     is_trusted: bool = False,
+    former: str | None = None,
 ) -> Settings:
     """Read options of a command from a file and convert their types.
 
@@ -165,6 +166,8 @@ def read_settings(
         Of the command, by name.
     is_trusted
         Whether the file may also set everything except what files are allowed to do.
+    former
+        Name that the command had before.
 
     Raises
     ------
@@ -182,7 +185,7 @@ def read_settings(
     with naming(str(path)):
         content = toml_of(text)
         owner = content.pop(COMMAND, name)
-        if owner != name:
+        if owner not in (name, former):
             raise ValueError(f"these are settings of {owner!r:.60}; give some of {name!r}")
         for key, value in list(content.items()):
             _check_name(key, options)
@@ -231,7 +234,13 @@ def _options(arguments: ArgumentCollection) -> dict[str, Argument]:
     }
 
 
-def _take(application: str, app: App, commands: tuple[str, ...], given: ArgumentCollection) -> None:
+def _take(
+    application: str,
+    former: Mapping[str, str],
+    app: App,
+    commands: tuple[str, ...],
+    given: ArgumentCollection,
+) -> None:
     """Add options from the file given by `--settings` that the command line leaves open."""
     options = _options(given)
     named = {key: options[key].tokens for key in OWN[:2] if key in options and options[key].tokens}
@@ -249,6 +258,7 @@ def _take(application: str, app: App, commands: tuple[str, ...], given: Argument
         known,
         marks_of(app.default_command),
         is_trusted=key == "settings-trusted",
+        former=former.get(" ".join(commands)),
     )
     for one in reversed(commands):
         content = {one: content}

@@ -9,7 +9,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from resample.command.settings import Sharing
-from resample.memory import GIVEN_BACK
+from resample.memory import ALLOWED, GIVEN_BACK, allow
 from resample.watching import WorkerPool
 from resample.words import one_line
 
@@ -110,6 +110,13 @@ def check_sharing(sharing: Sharing) -> None:
                 f"workers need dask, and {error.name} is not installed: "
                 f"pip install '{PACKAGE}[dist]'"
             ) from None
+
+
+def share_memory(sharing: Sharing) -> None:
+    """Leave their shares of `--memory` to local workers, from now on."""
+    allowed = ALLOWED.get()
+    if allowed is not None and sharing.workers:
+        allow(allowed // (1 + sharing.workers))
 
 
 def _client(sharing: Sharing, held: ExitStack) -> "Client":

@@ -38,6 +38,7 @@ from resample.files.writing import (
     replacing,
     write_json,
 )
+from resample.memory import ALLOWED, allow, allowing
 from resample.watching import Executor, WorkerPool, shared_out
 
 FILMS = (".mp4", ".webp", ".gif", ".apng")
@@ -107,12 +108,15 @@ class _Elsewhere:
     read: Callable[[int], Frames] = field(compare=False)
     threads: int = field(compare=False)
     folder: str = field(compare=False)  # base of relative file names
+    memory: int | None = field(compare=False)  # bytes that each process may use; None: all free
 
     def __call__(self, n: int) -> Levels:
         """Display levels (H, W, 3) of a frame."""
         from resample.engine.jit import threads
 
-        with threads(self.threads):
+        with threads(self.threads), allowing(None):
+            if self.memory is not None:
+                allow(self.memory)
             return _frames(self)(n)
 
 
@@ -128,6 +132,8 @@ def made_by(
 ) -> tuple[Shots, Executor | None]:
     """Frames as worker processes make them, each after loading its own data; and the executor.
 
+    Workers of this machine may use as much memory as this process is allowed.
+
     Parameters
     ----------
     crew
@@ -139,7 +145,8 @@ def made_by(
     """
     if crew is None:
         return shots, None
-    frames = _Elsewhere(token_hex(8), read, crew.threads, str(Path.cwd()))
+    memory = ALLOWED.get() if crew.is_local else None
+    frames = _Elsewhere(token_hex(8), read, crew.threads, str(Path.cwd()), memory)
     return shots._replace(frame=frames), crew.executor
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.colors import Background, over, to_srgb
+from resample.colors import Background, as_levels, over, to_srgb
 from resample.files.images import read_image
 from resample.files.writing import replacing
 from resample.measuring.quality import measure
@@ -126,7 +126,7 @@ def contact_sheet(
     figure = _blank(layout)
     for cell, (title, image) in enumerate(images.items()):
         left, top = layout.corner(cell)
-        pixels = np.repeat(np.repeat(_levels(image), layout.zoom, 0), layout.zoom, 1)
+        pixels = np.repeat(np.repeat(as_levels(shown(image)), layout.zoom, 0), layout.zoom, 1)
         figure.figimage(pixels, left, layout.height - top - pixels.shape[0])
         _write_text(figure, layout, (left, top - LINE), title)
         _write_text(
@@ -199,14 +199,17 @@ def _write_text(
     figure.text(x, y, short, fontsize=7.5, va="top", parse_math=False)
 
 
-def _levels(image: Floats) -> NDArray[np.uint8]:
-    levels: NDArray[np.uint8] = np.floor(shown(image) * 255.0 + 0.5).astype(np.uint8)
-    return levels
-
-
 def _size(picture: NDArray[Any]) -> str:
     return f"{picture.shape[1]} × {picture.shape[0]}"
 
 
 def _text(value: object) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def write_screen(path: Path, screen: Floats) -> None:
+    """Write display colors (H, W, 3), 0..1, as a PNG."""
+    from PIL import Image
+
+    with replacing(path) as temporary:
+        Image.fromarray(as_levels(screen)).save(temporary, format="PNG")

@@ -10,7 +10,8 @@ from resample.cameras.viewpoints import Orbit, viewpoint_of
 from resample.command.settings_files import appearance_settings, as_toml
 from resample.view.views import Settings, Size, marks_in
 
-ORBITING = {"file": "keyframes.toml", "steered": ["camera", "fov", "up"]}  # films that orbit
+KEYFRAMES = "keyframes.toml"
+ORBITING = {"file": KEYFRAMES, "steered": ["camera", "fov", "up"]}  # films that orbit
 STEP = 2.0  # seconds from one keyframe to the next
 
 
@@ -36,7 +37,7 @@ def exports_of(
     """
     command, inputs = about["command"], about["inputs"]
     whole = {**about.get("fixed", {}), **settings, "size": f"{size[0]}x{size[1]}"}
-    words = [*command.split(), *inputs, *_options(whole)]
+    words = [*command.split(), *inputs, *option_words(whole)]
     made_by = about.get("function", "picture")
     named = ", ".join(map(repr, inputs))
     python = (
@@ -88,14 +89,14 @@ def _film(about: dict[str, Any], settings: Settings, count: int) -> str:
     still = {
         key: value for key, value in settings.items() if key in known and key not in film["steered"]
     }
-    words = [*film["command"].split(), *about["inputs"], *_options(still)]
+    words = [*film["command"].split(), *about["inputs"], *option_words(still)]
     words.append(f"--path={film['file']}")
     if "each" in film:
         words.append(f"--frames={film['each'] * (count - 1) + 1}")
     return shlex.join([*words, "-o", "film.mp4"])
 
 
-def _options(settings: Settings) -> list[str]:
+def option_words(settings: Settings) -> list[str]:
     """Arguments of a command line that set all options."""
     return [word for key, value in settings.items() for word in _words(key, value)]
 

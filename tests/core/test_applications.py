@@ -15,6 +15,7 @@ from tests.commands import HEAVY, ended, imported_by_all, interrupted, refused, 
 BOX = "checker-box:size=16,block=4"
 HALF = ["--matrix", "0.5,0,0,0,0.5,0"]
 HELP = {
+    "points": [["--help"], ["--version"], ["render", "--help"]],
     "texture": [["--help"], ["--version"], ["warp", "--help"]],
     "volume": [
         *(["--help"], ["--version"]),
@@ -23,6 +24,7 @@ HELP = {
     "warp3d": [["--help"], ["--version"], ["render", "--help"]],
 }
 PAINT = {  # a command of each that paints a picture
+    "points": ["render", "cloud.xyz", "--size", "32"],
     "texture": ["warp", "photo.png", *HALF],
     "volume": ["render", BOX, "--size", "32"],
     "warp3d": ["render", "photo.png", "depth.npy", "--fov", "60", "--move", "1,0,0"],
@@ -81,7 +83,7 @@ def test_help_has_headings_and_completion_is_installed(application, folder, caps
     app = app_of(application)
     assert not ended(app, PAINT[application][0], "--help")
     told = capsys.readouterr().out
-    for heading in ("Method", "Picture", "Settings"):
+    for heading in ("Look" if application == "points" else "Method", "Picture", "Settings"):
         assert f"─ {heading} ─" in told
     monkeypatch.setenv("HOME", str(folder))
     monkeypatch.setenv("SHELL", "/bin/bash")
@@ -93,6 +95,7 @@ def test_help_has_headings_and_completion_is_installed(application, folder, caps
 @pytest.mark.parametrize(
     ("application", "mistyped", "command", "first"),
     [
+        ("points", "rendr", "render", "FILE"),
         ("texture", "wrap", "warp", "IMAGES"),
         ("volume", "rendr", "render", "VOLUME"),
         ("warp3d", "rendr", "render", "COLOR"),
@@ -105,7 +108,7 @@ def test_a_mistyped_command_or_option_is_put_right(application, mistyped, comman
 
 
 @pytest.mark.parametrize("command", ["demo", "figures"])
-@pytest.mark.parametrize("application", registry.names("apps"))
+@pytest.mark.parametrize("application", ["texture", "volume", "warp3d"])
 def test_a_file_is_refused_as_a_folder(application, command, capsys, monkeypatch):
     monkeypatch.setattr("resample_texture.figures.scenes.FINER", 1)  # what is made first is small
     Path(command).write_text("a file")

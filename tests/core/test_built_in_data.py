@@ -130,8 +130,8 @@ def test_volumes_come_back_from_their_files_as_they_are():
 
 
 def test_meshes_and_clouds_of_samples_are_read_as_they_were_made():
+    from resample_points import read_cloud
     from resample_texture.mesh.rendering import load_mesh
-    from resample_warp3d import read_cloud
 
     mesh = resample.sample(spec("knot"))
     assert len(load_mesh(resample.sample_path(spec("knot"))).triangle) == len(mesh.triangle)
@@ -156,7 +156,7 @@ COMMANDS = {
     "texture mesh": ["mesh", "knot", "--size", "32"],
     "warp3d render": ["render", "room"],
     "warp3d stereo": ["stereo", "room"],
-    "warp3d cloud": ["cloud", "knot-points", "--size", "32"],
+    "points render": ["render", "knot-points", "--size", "32"],
     "volume render": ["render", "vessel-tree", "--size", "32"],
 }
 

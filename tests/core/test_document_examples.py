@@ -13,7 +13,7 @@ import resample_volume
 
 ROOT = Path(__file__).parents[2]
 PAGES = ("README.md", "apps/texture/README.md", "apps/warp3d/README.md", "docs/library.md")
-PAGES += ("docs/plugins.md", "docs/viewer.md")
+PAGES += ("apps/points/README.md", "docs/plugins.md", "docs/viewer.md")
 
 EXTRA = "which is not installed: pip install 'hybrid-resample["
 

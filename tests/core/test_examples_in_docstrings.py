@@ -8,15 +8,18 @@ from types import ModuleType
 import pytest
 
 import resample
+import resample_points
 import resample_texture
 import resample_volume
 import resample_warp3d
+
+PACKAGES = (resample, resample_points, resample_texture, resample_volume, resample_warp3d)
 
 
 def modules() -> list[str]:
     """Modules whose docstrings hold examples."""
     found = []
-    for package in (resample, resample_texture, resample_volume, resample_warp3d):
+    for package in PACKAGES:
         home = Path(package.__path__[0])
         for source in sorted(home.rglob("*.py")):
             if ">>> " in source.read_text(encoding="utf-8"):
@@ -30,9 +33,6 @@ def test_examples_are_true(name: str) -> None:
     failed, tried = doctest.testmod(importlib.import_module(name))
     assert tried
     assert not failed
-
-
-PACKAGES = (resample, resample_texture, resample_volume, resample_warp3d)
 
 
 @pytest.mark.parametrize("package", PACKAGES, ids=lambda package: str(package.__name__))

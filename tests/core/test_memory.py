@@ -57,7 +57,7 @@ CASES = {
     "warp3d render": ["a.png", "d.npy", "--fov", "60", "--move", "1,0,0", "-o", "o.png"],
     "warp3d stereo": ["a.png", "d.npy", "-o", "o.png"],
     "warp3d animate": ["a.png", "d.npy", "--fov", "60", "-o", "o.gif"],
-    "warp3d cloud": ["a.ply", "-o", "o.png"],
+    "points render": ["a.ply", "-o", "o.png"],
     "volume render": ["checker-box:size=16,block=4", "-o", "o.png"],
     "volume animate": ["checker-box:size=16,block=4", "-o", "o.gif"],
 }

@@ -24,13 +24,13 @@ from resample.reading.neighbours import allows_outside, neighbour
 from resample.reading.raising import raised
 from resample.reading.texts import json_of, toml_of
 from resample.words import one_line, visible
+from resample_points.files.readers import read_cloud
 from resample_texture.geometry.maps import read_map
 from resample_texture.mesh.files import load_mesh
 from resample_volume.classification.files import read_transfer
 from resample_volume.files.readers import MetaImage, Nifti, Npy, Nrrd, Raw, Vti
 from resample_volume.files.stores.reader import Zarr
 from resample_volume.surfaces.meshes import read_mesh
-from resample_warp3d.clouds.files import read_cloud
 from resample_warp3d.depth.files import read_depth
 
 REFUSALS = (ValueError, OSError, LookupError)
@@ -478,7 +478,7 @@ def test_a_command_raises_limits_for_itself_alone(monkeypatch):
         pass
 
 
-@pytest.mark.parametrize("application", ["texture", "volume", "warp3d"])
+@pytest.mark.parametrize("application", ["points", "texture", "volume", "warp3d"])
 def test_every_command_takes_the_flags_that_raise_limits(application):
     app = registry.load("apps", application)
     for name in (name for name in app if not name.startswith("-")):

@@ -12,6 +12,7 @@ import pytest
 from resample import registry
 from resample.cli import app
 from resample.command.about import OptionTopic, marks_of
+from resample.command.applications import command_now
 from resample.command.settings_files import as_toml, options_of, read_settings
 from resample.files.facts.origin import settings_in, state, stating
 from resample.files.images import read_channels
@@ -181,10 +182,9 @@ def test_the_schema_of_every_command_knows_its_options(application, capsys):
     for name in [name for name in commands_of if not name.startswith("-")]:
         assert ended("schema", f"resample-{application}", name) == 0
         schema = commands.strict_json(capsys.readouterr().out)
-        marks = marks_of(commands_of[name].default_command)
-        known = {
-            key for key in options_of(commands_of[name]) if marks[key] is not OptionTopic.TRUST
-        }
+        _, command = command_now(application, name)
+        marks = marks_of(command.default_command)
+        known = {key for key in options_of(command) if marks[key] is not OptionTopic.TRUST}
         assert set(schema["properties"]) == known | {"command"}
 
 

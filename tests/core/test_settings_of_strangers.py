@@ -20,16 +20,16 @@ from resample.cameras.viewpoints import NAMED, Orbit
 from resample.cli import app
 from resample.command import about as abouts
 from resample.command.about import Inline, OptionTopic, about, marks_of
+from resample.command.intrinsics import with_intrinsics
 from resample.command.settings import Choices
 from resample.command.settings_files import OWN, options_of, read_settings
 from resample.files.facts.origin import KEY, settings_in
+from resample_points.command import animation as cloud_films
 from resample_texture.figures import scenes
 from resample_texture.geometry.matrices import parse_matrix
 from resample_volume.classification.presets import is_file
 from resample_volume.command import animation as volume_films
 from resample_warp3d.command import animation as depth_films
-from resample_warp3d.command import clouds
-from resample_warp3d.command.cameras.intrinsics import with_intrinsics
 from tests import commands
 
 BOX = "checker-box:size=8,block=4"
@@ -209,7 +209,7 @@ def test_words_of_paths_are_those_that_there_are():
         ("texture", "compare", "scene"): (*scenes.NAMES, "1,0,0,0,1,0"),
         ("volume", "animate", "path"): volume_films.PATHS,
         ("warp3d", "animate", "path"): depth_films.PATHS,
-        ("warp3d", "animate-cloud", "path"): clouds.PATHS,
+        ("points", "animate", "path"): cloud_films.PATHS,
     }
     for (application, command, option), names in known.items():
         home = import_module(f"resample_{application}.cli").app
@@ -232,7 +232,7 @@ def test_what_is_read_is_not_kept_which_is_said(capsys):
 
 def test_options_of_another_name_than_their_fields_are_kept():
     np.savetxt("cloud.xyz", np.random.default_rng(1).random((50, 3)))
-    made = ["warp3d", "cloud", "cloud.xyz", "--size", "16", "-o", "cloud.png", "--no-cache"]
+    made = ["points", "render", "cloud.xyz", "--size", "16", "-o", "cloud.png", "--no-cache"]
     words = ["--color-by", "z", "--range", "0,1", "--save-settings", "kept.toml"]
     assert ended(*made, *words) == 0
     assert tomllib.loads(Path("kept.toml").read_text())["range"] == "0,1"

@@ -20,6 +20,7 @@ from tests.processes import PATIENCE, python
 
 BOX = "checker-box:size=16,block=4"
 COMMANDS = {  # of each application one that paints
+    "points": ["render", "cloud.xyz", "--size", "32", "--no-cache"],
     "texture": ["warp", "photo.png", "--matrix", "0.5,0,0,0,0.5,0"],
     "volume": ["render", BOX, "--size", "32"],
     "warp3d": ["render", "photo.png", "depth.npy", "--fov", "60", "--move", "1,0,0"],
@@ -72,6 +73,7 @@ def test_a_picture_imports_nothing_that_it_does_not_need(application, tmp_path, 
     monkeypatch.chdir(tmp_path)
     cv2.imwrite("photo.png", np.full((16, 24), 99, np.uint8))
     np.save("depth.npy", np.full((16, 24), 2.0))
+    np.savetxt("cloud.xyz", np.random.default_rng(1).random((50, 3)))
     words = [*COMMANDS[application], "-o", "out.png"]
     assert imported(f"resample_{application}.cli", *words) & UNUSED == set()
     assert (tmp_path / "out.png").exists()

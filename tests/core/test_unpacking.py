@@ -27,12 +27,12 @@ from resample.reading.codestreams import size_at_once, size_of
 from resample.reading.models.meshes import check_mesh
 from resample.reading.unpacking import bunzipped, deflated, unlzma
 from resample.words import one_line
+from resample_points.files.readers import read_cloud
+from resample_points.geometry import storing
 from resample_texture.mesh.files import load_mesh
 from resample_volume.files.readers import Dicom, Nrrd, TiffStack
 from resample_volume.files.xml.vtk_blocks import check_blocks
 from resample_volume.surfaces.meshes import read_mesh
-from resample_warp3d.clouds import storing
-from resample_warp3d.clouds.files import read_cloud
 from resample_warp3d.depth.files import read_depth
 from tests.deep import read_deep
 

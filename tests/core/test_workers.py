@@ -11,8 +11,10 @@ import pytest
 
 from resample.command import workers
 from resample.command.settings import Sharing
-from resample.command.workers import at_work, check_sharing, worker_pools
-from resample.files.animations import Shots, write_film
+from resample.command.workers import at_work, check_sharing, share_memory, worker_pools
+from resample.files.animations import Shots, made_by, write_film
+from resample.memory import ALLOWED, allowing
+from resample.watching import WorkerPool
 from tests.commands import ended
 from tests.killing import Killing
 
@@ -54,6 +56,32 @@ def test_a_film_goes_on_with_others_where_it_was_left(tmp_path):
         rest = SHOTS._replace(frame=lambda n: made.append(n) or frame(n))
         write_film(tmp_path / "film", rest, 24, resume=True, executor=executor)
     assert sorted(made) == [3, 4, 5]
+
+
+def test_memory_is_shared_with_workers_of_this_machine():
+    with allowing("3GiB"):
+        share_memory(Sharing(scheduler="tcp://a:1"))
+        assert ALLOWED.get() == 3 << 30
+        share_memory(Sharing(workers=2))
+        assert ALLOWED.get() == 1 << 30
+    with allowing(None):
+        share_memory(Sharing(workers=2))
+        assert ALLOWED.get() is None
+
+
+@pytest.mark.parametrize(("is_local", "memory"), [(True, 1 << 30), (False, None)])
+def test_frames_are_made_within_the_memory_that_their_process_may_use(is_local, memory):
+    known = []
+
+    def read(_threads):
+        known.append(ALLOWED.get())
+        return lambda n: known.append(ALLOWED.get()) or frame(n)
+
+    with allowing("1GiB"):
+        made, _ = made_by(WorkerPool(None, 2, 1, None, is_local), SHOTS, read)
+    np.testing.assert_array_equal(made.frame(3), frame(3))
+    assert known == [memory, memory]
+    assert ALLOWED.get() is None
 
 
 @pytest.mark.slow

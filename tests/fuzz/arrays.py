@@ -215,7 +215,7 @@ def _disparity(odd: Odd) -> None:
 
 
 def _cloud(odd: Odd) -> None:
-    from resample_warp3d import Cloud, framed, render_cloud
+    from resample_points import Cloud, framed, render_cloud
 
     position = odd.array((60, 3))
     some = odd.rng.choice((0, 60))

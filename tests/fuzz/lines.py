@@ -17,7 +17,7 @@ INPUTS = {  # what each command is given without a name
     "texture undistort": ["a.png", "o.png"], "texture rectify": ["a.png"],
     "texture mesh": ["a.obj"], "texture compare": ["a.png"], "texture animate": ["a.png"],
     "warp3d render": ["a.png", "d.npy"], "warp3d stereo": ["a.png", "d.npy"],
-    "warp3d animate": ["a.png", "d.npy"], "warp3d cloud": ["a.csv"],
+    "warp3d animate": ["a.png", "d.npy"], "points render": ["a.csv"],
     "volume render": ["v.npy"], "volume animate": ["v.npy"], "volume compare": ["v.npy"],
     "volume info": ["v.npy"], "volume convert": ["v.npy", "o.ome.zarr"],
 }  # fmt: skip
@@ -101,7 +101,7 @@ def make(*, is_quick: bool = False) -> Try:
     from resample import registry
     from resample.command.settings_files import options_of
 
-    apps = {name: registry.load("apps", name) for name in ("texture", "warp3d", "volume")}
+    apps = {name: registry.load("apps", name) for name in ("texture", "warp3d", "points", "volume")}
     known = {name: options_of(apps[name.split()[0]][name.split()[1]]) for name in INPUTS}
 
     def attempt(seed: int, folder: Path) -> None:

@@ -14,6 +14,7 @@ from resample.command.settings_files import options_of, read_settings
 from resample.engine.compiled import entries
 from resample.files.pictures import read_picture
 from resample.files.sequences import frames_of
+from resample_points.files.readers import read_cloud
 from resample_texture.geometry.maps import read_map
 from resample_texture.geometry.matrices import parse_matrix
 from resample_texture.mesh.files import load_mesh
@@ -21,7 +22,6 @@ from resample_volume.classification.files import read_transfer
 from resample_volume.cli import app
 from resample_volume.files.source import open_recording
 from resample_volume.surfaces.meshes import read_mesh
-from resample_warp3d.clouds.files import read_cloud
 from resample_warp3d.depth.files import read_depth
 
 

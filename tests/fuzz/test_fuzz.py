@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from resample import Camera, Scatter
+from resample_points import Cloud, framed, render_cloud
 from resample_texture import warp
 from resample_volume import Volume, render
-from resample_warp3d import Cloud, framed, render_cloud
 from resample_warp3d import warp as warp_depth
 from tests.fuzz import arrays, faulty, files, lines
 from tests.fuzz.corpus import corpus

@@ -272,8 +272,8 @@ def _few_depths() -> Any:
 
 def _cloud(scale: float, count: int = 600) -> Any:
     from resample.cameras.models import Camera
-    from resample_warp3d.clouds.files import Cloud
-    from resample_warp3d.clouds.rendering import render_cloud
+    from resample_points.files.readers import Cloud
+    from resample_points.painting.rendering import render_cloud
 
     n = np.arange(count) + 0.5
     z, angle = 1 - 2 * n / count, np.pi * (1 + np.sqrt(5)) * n

@@ -1,6 +1,7 @@
 """A viewer that is served in a thread, and a page of words alone that talks to it."""
 
 import json
+import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
@@ -10,6 +11,7 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 import pytest
+from cyclopts import App
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -19,6 +21,7 @@ from websockets.sync.client import ClientConnection, connect
 
 from resample.view import server
 from resample.view.views import Viewable
+from tests.commands import ended
 
 PATIENCE = 120.0  # seconds; kernels may have to be compiled
 
@@ -95,3 +98,28 @@ def frames_of(path: Path) -> NDArray[np.uint8]:
     while (read := film.read())[0]:
         frames.append(read[1])
     return np.stack(frames)
+
+
+def check_export(place: Served, app: App, wish: dict[str, Any], *, in_python: bool) -> None:
+    """Page, saved file, command and Python make one picture; a preview has its size."""
+    with place.page() as page:
+        settings = page.about["settings"] | wish
+        head, data = page.drawn(settings)
+        assert not head["preview"]
+        page.say("export", settings)
+        texts = page.told("exported")["texts"]
+        page.say("save", settings, suffix=".png")
+        saved = page.answer()[1]
+        head, preview = page.drawn(settings, moving=True)
+        assert head["preview"]
+    words = shlex.split(texts["command"])
+    assert words[0] == app.name[0]
+    assert ended(app, *words[1:]) == 0
+    written = levels(Path("picture.png").read_bytes())
+    np.testing.assert_array_equal(levels(data), written)
+    np.testing.assert_array_equal(levels(saved), written)
+    assert written.std() > 5
+    assert preview
+    if in_python:
+        exec(texts["python"], {})
+        np.testing.assert_array_equal(levels(Path("picture.png").read_bytes()), written)

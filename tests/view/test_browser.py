@@ -22,7 +22,7 @@ from resample_volume.viewing import VolumeView
 from resample_warp3d.cli import app as depth_images
 from resample_warp3d.command.cameras.source import SourceCamera
 from resample_warp3d.command.choices import Depth
-from resample_warp3d.viewing import DepthView
+from resample_warp3d.viewing import depth_view
 from tests.commands import ended
 from tests.view.conftest import Served, frames_of, served
 
@@ -299,7 +299,7 @@ def test_a_camera_walks_past_a_picture_with_depth(browser: Any, tmp_path: Path) 
     begin = SourceCamera(fov=60), Depth(depth_scale=1000)
     names = str(tmp_path / "color.png"), str(tmp_path / "depth.png")
     controls = controls_of("resample-warp3d render", depth_images["render"])
-    with served(DepthView(*names, begin, controls=controls)) as address:
+    with served(depth_view(*names, begin, controls=controls)) as address:
         tab = browser.new_page(viewport={"width": 700, "height": 420})
         tab.set_default_timeout(TIME)
         tab.goto(address.address)
@@ -390,7 +390,7 @@ def test_keyframes_of_a_depth_image_are_poses(browser: Any, tmp_path: Path) -> N
     begin = SourceCamera(fov=60), Depth(depth_scale=1000)
     names = str(tmp_path / "color.png"), str(tmp_path / "depth.png")
     controls = controls_of("resample-warp3d render", depth_images["render"])
-    with served(DepthView(*names, begin, controls=controls)) as address:
+    with served(depth_view(*names, begin, controls=controls)) as address:
         tab = browser.new_page()
         tab.set_default_timeout(TIME)
         tab.goto(address.address)
@@ -436,7 +436,7 @@ def test_a_lens_beside_a_field_of_view_is_set_by_sliders(browser: Any, tmp_path:
     begin = SourceCamera(fov=60), Depth(depth_scale=1000)
     names = str(tmp_path / "color.png"), str(tmp_path / "depth.png")
     controls = controls_of("resample-warp3d render", depth_images["render"])
-    with served(DepthView(*names, begin, controls=controls)) as address:
+    with served(depth_view(*names, begin, controls=controls)) as address:
         tab = browser.new_page()
         tab.set_default_timeout(TIME)
         tab.goto(address.address)

@@ -1,4 +1,4 @@
-"""Depth images and clouds in pages: what is seen is what the exported command writes."""
+"""Depth images in pages: what is seen is what the exported command writes."""
 
 import shlex
 from collections.abc import Iterator
@@ -9,14 +9,13 @@ import cv2
 import numpy as np
 import pytest
 
-from resample.view import exports
 from resample.view.views import controls_of
 from resample_warp3d.cli import app
 from resample_warp3d.command.cameras.source import SourceCamera
 from resample_warp3d.command.choices import Depth
-from resample_warp3d.viewing import CloudView, DepthView, clouds, depths, films, suits
+from resample_warp3d.viewing import depth_view, depths, films, suits
 from tests.commands import ended, refused
-from tests.view.conftest import Served, frames_of, levels, served
+from tests.view.conftest import Served, check_export, frames_of, served
 
 WISHES: dict[str, dict[str, Any]] = {
     "as it is": {},
@@ -25,11 +24,6 @@ WISHES: dict[str, dict[str, Any]] = {
     "filled": {"move": "-0.4,0,0", "fill": True, "background": "white"},
     "holes": {"move": "0.4,0,0", "show": "holes"},
     "depth": {"show": "depth", "method": "mcmillan"},
-}
-CLOUD_WISHES: dict[str, dict[str, Any]] = {
-    "as it is": {},
-    "turned": {"camera": "70/10/1.4/0.1/-0.1", "up": "y", "steady": True},
-    "colored": {"color-by": "z", "range": "10%,90%", "background": "white"},
 }
 
 
@@ -52,40 +46,8 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str, str]:
 def place(files: tuple[str, str, str]) -> Iterator[Served]:
     begin = SourceCamera(fov=60), Depth(depth_scale=1000)
     controls = controls_of(depths.COMMAND, app["render"])
-    with served(DepthView(*files[:2], begin, controls=controls)) as address:
+    with served(depth_view(*files[:2], begin, controls=controls)) as address:
         yield address
-
-
-@pytest.fixture(scope="module")
-def around(files: tuple[str, str, str]) -> Iterator[Served]:
-    controls = controls_of(clouds.COMMAND, app["cloud"])
-    with served(CloudView(Path(files[2]), controls=controls)) as address:
-        yield address
-
-
-def check_export(place: Served, wish: dict[str, Any], *, in_python: bool) -> None:
-    """Page, saved file, command and Python make one picture; a preview has its size."""
-    with place.page() as page:
-        settings = page.about["settings"] | wish
-        head, data = page.drawn(settings)
-        assert not head["preview"]
-        page.say("export", settings)
-        texts = page.told("exported")["texts"]
-        page.say("save", settings, suffix=".png")
-        saved = page.answer()[1]
-        head, preview = page.drawn(settings, moving=True)
-        assert head["preview"]
-    words = shlex.split(texts["command"])
-    assert words[0] == "resample-warp3d"
-    assert ended(app, *words[1:]) == 0
-    written = levels(Path("picture.png").read_bytes())
-    np.testing.assert_array_equal(levels(data), written)
-    np.testing.assert_array_equal(levels(saved), written)
-    assert written.std() > 5
-    assert preview
-    if in_python:
-        exec(texts["python"], {})
-        np.testing.assert_array_equal(levels(Path("picture.png").read_bytes()), written)
 
 
 @pytest.mark.parametrize("wish", WISHES)
@@ -93,15 +55,7 @@ def test_the_exported_command_makes_the_page_s_picture(
     wish: str, place: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    check_export(place, WISHES[wish], in_python=wish == "moved")
-
-
-@pytest.mark.parametrize("wish", CLOUD_WISHES)
-def test_the_exported_command_makes_the_page_s_cloud(
-    wish: str, around: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    check_export(around, CLOUD_WISHES[wish], in_python=wish == "colored")
+    check_export(place, app, WISHES[wish], in_python=wish == "moved")
 
 
 def test_pages_know_depth_images_and_what_pixels_show(place: Served) -> None:
@@ -116,28 +70,6 @@ def test_pages_know_depth_images_and_what_pixels_show(place: Served) -> None:
         assert float(page.told("picked")["found"]["depth"]) == pytest.approx(1.5, rel=0.01)
         page.say("pick", about["settings"] | {"move": "3,0,0"}, x=46, y=20)
         assert page.told("picked")["found"] == {"hole": "outside of the source"}
-
-
-def test_a_point_of_a_cloud_is_picked(
-    around: Served, files: tuple[str, str, str], tmp_path: Path
-) -> None:
-    with around.page() as page:
-        settings = page.about["settings"] | {"camera": "top"}
-        page.say("pick", settings, x=24, y=20)
-        place = [float(part) for part in page.told("picked")["found"]["position"].split(",")]
-        np.testing.assert_allclose(place, [1, 0.5, 0.05], atol=0.1)
-        page.say("pick", settings, x=0.5, y=0.5)
-        assert page.told("picked")["found"] == {}
-        np.savetxt(
-            tmp_path / "pose.txt", [[1, 0, 0, -1], [0, 1, 0, -0.5], [0, 0, 1, 2], [0, 0, 0, 1]]
-        )
-        calibrated = {"pose": str(tmp_path / "pose.txt"), "intrinsics": "30,30,24,20"}
-        page.say("pick", settings | calibrated, x=24, y=20)
-        assert "a page only changes the look" in page.told("error")["text"]
-    painter = CloudView(Path(files[2])).painter()
-    found = painter.pick(settings | calibrated, (48, 40), 24, 20)
-    place = [float(part) for part in found["position"].split(",")]
-    np.testing.assert_allclose(place, [1, 0.5, 0.05], atol=0.1)
 
 
 @pytest.mark.parametrize(
@@ -175,8 +107,7 @@ def test_options_of_the_other_kind_are_refused(
 def test_what_is_shown_is_known_by_its_files(files: tuple[str, str, str]) -> None:
     color, depth, cloud = files
     assert suits([color, depth])
-    assert suits([cloud])
-    for names in ([color], [color, "none.png"], [depth, cloud], [color, depth, depth]):
+    for names in ([color], [cloud], [color, "none.png"], [depth, cloud], [color, depth, depth]):
         assert not suits(names)
 
 
@@ -222,31 +153,6 @@ def test_a_film_through_cameras_of_the_page_is_that_of_the_command(
 
 def test_films_are_made_of_one_view(files: tuple[str, str, str]) -> None:
     further = [f"{files[0]},{files[1]},move.txt"]
-    painter = DepthView(*files[:2], further=further).painter()
+    painter = depth_view(*files[:2], further=further).painter()
     with pytest.raises(ValueError, match="films are made from one view"):
         painter.film({}, (36, 30), "", Path("film.mp4"), print)
-
-
-def test_a_film_around_a_cloud_shows_the_page_s_pictures(
-    around: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(exports, "STEP", 0.1)
-    cameras = ["350/20/1", "10/30/1.5/0.1/0"]
-    with around.page() as page:
-        settings = page.about["settings"] | {"color-by": "z", "background": "white"}
-        page.say("export", settings, keyframes=cameras)
-        texts = page.told("exported")["texts"]
-        page.say("film", settings, keyframes=cameras)
-        Path("page.mp4").write_bytes(page.answer()[1])
-    Path("keyframes.toml").write_text(texts["keyframes"], "utf-8")
-    words = shlex.split(texts["film"])
-    assert words[:2] == ["resample-warp3d", "animate-cloud"]
-    assert ended(app, *words[1:]) == 0
-    made, wanted = (frames_of(Path(name)) for name in ("page.mp4", "film.mp4"))
-    np.testing.assert_array_equal(made, wanted)
-    assert ended(app, *words[1:-1], "frames") == 0
-    pictures = sorted(Path("frames").glob("*.png"))
-    for camera, frame in zip(cameras, (pictures[0], pictures[-1]), strict=True):
-        still = clouds.cloud_picture(Path(words[2]), settings | {"camera": camera, "size": "48x40"})
-        np.testing.assert_array_equal(cv2.imread(str(frame)), np.array(still)[..., 2::-1])

@@ -11,7 +11,7 @@ import pytest
 
 from resample.view.views import controls_of
 from resample_texture.cli import app
-from resample_texture.viewing import COMMAND, ModelView, PictureView, meshes, suits
+from resample_texture.viewing import COMMAND, PictureView, meshes, model_view, suits
 from tests.commands import ended, refused
 from tests.view.conftest import Served, levels, served
 
@@ -132,7 +132,7 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def turning(model: Path) -> Iterator[Served]:
     controls = controls_of(meshes.COMMAND, app["mesh"])
-    with served(ModelView(model, controls=controls)) as address:
+    with served(model_view(model, controls=controls)) as address:
         yield address
 
 

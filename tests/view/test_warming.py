@@ -12,7 +12,7 @@ from resample.view.views import Warming
 from resample_texture.viewing import PictureView
 from resample_volume.viewing import VolumeView
 from resample_warp3d.command.cameras.source import SourceCamera
-from resample_warp3d.viewing import DepthView
+from resample_warp3d.viewing import depth_view
 from tests.view.conftest import served
 
 
@@ -25,7 +25,7 @@ def views(folder: Path) -> list[Warming]:
     return [
         VolumeView(str(folder / "volume.npy")),
         PictureView(Path(color)),
-        DepthView(color, depth, begin),
+        depth_view(color, depth, begin),
     ]
 
 

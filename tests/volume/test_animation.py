@@ -7,6 +7,7 @@ from PIL import Image
 from resample.cameras.keyframes import Keyframes
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.viewpoints import Orbit, Spot
+from resample.command.films import Tour
 from resample.files.animations import write_film
 from resample.files.saving import write_png
 from resample.painting.choices import Primitive
@@ -16,7 +17,6 @@ from resample_volume.command.animation import (
     PATHS,
     Flight,
     FrameOptions,
-    Tour,
     cameras_of,
     flight_of,
     frame,

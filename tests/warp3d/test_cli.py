@@ -18,6 +18,7 @@ from resample_warp3d.types import Hole
 from tests import commands
 from tests.commands import store
 from tests.conftest import real
+from tests.intrinsics import write_intrinsics
 from tests.processes import PATIENCE
 
 EYE = ["--intrinsics", "20,20,16,12"]
@@ -614,60 +615,6 @@ def test_a_killed_run_is_gone_on_with():
     assert sorted(path.name for path in Path().iterdir()) == ["a.gif", "color.png", "depth.png"]
 
 
-# Point clouds
-
-
-def scan() -> None:
-    """Write scan.ply: a red patch of points at z 0."""
-    place = np.stack([*np.mgrid[:20, :20], np.zeros((20, 20))], axis=2).reshape(-1, 3) / 10.0
-    color = np.tile(np.uint8([255, 0, 0, 255]), (400, 1))
-    trimesh.PointCloud(place, color).export("scan.ply")
-
-
-def test_a_cloud_is_shown():
-    scan()
-    words = ["--camera", "0/90/1", "--size", "40x30", "-o", "scan.exr"]
-    assert ended("cloud", "scan.ply", *words) == 0
-    channels = read_channels("scan.exr")
-    assert {"R", "G", "B", "A", "Z", "coverage"} <= set(channels)
-    assert channels["A"][15, 20] == pytest.approx(1, abs=0.01)  # levels of coverage
-    assert (channels["R"][15, 20], channels["G"][15, 20]) == pytest.approx((1, 0), abs=0.01)
-
-
-def test_a_cloud_is_seen_from_a_pose():
-    scan()
-    matrix = np.eye(4)
-    matrix[:3, 3] = (-1, -1, 3)
-    np.savetxt("pose.txt", matrix)
-    words = ["--pose", "pose.txt", "--intrinsics", "20,20,16,12", "--size", "32x24"]
-    assert ended("cloud", "scan.ply", *words, "-o", "scan.exr") == 0
-    channels = read_channels("scan.exr")
-    assert channels["Z"][12, 16] == pytest.approx(3, abs=1e-3)  # float32 of the projection
-
-
-@pytest.mark.parametrize(
-    ("words", "complaint"),
-    [
-        (["-o", "o.jpg"], "pictures are written as .png or .exr"),
-        (["-o", "o.png", "--camera", "leftish"], "give azimuth/elevation/zoom"),
-        (["-o", "o.png", "--camera", "0/0/0"], "a zoom of 0"),
-        (["-o", "o.png", "--pose", "p.txt"], "--pose and --intrinsics belong together"),
-        (["-o", "o.png", "--size", "0"], "at least 1"),
-        (["-o", "o.png", "--point-size", "0"], "a point size of 0"),
-        (["-o", "none/o.png"], "cannot be written"),
-    ],
-)
-def test_cloud_refuses_in_one_line(words, complaint, capsys):
-    scan()
-    assert complaint in refused(capsys, "cloud", "scan.ply", *words)
-
-
-def test_files_that_are_no_clouds_are_one_line(capsys):
-    Path("text.ply").write_text("no cloud")
-    for name in ("text.ply", "gone.ply", "color.png"):
-        assert name in refused(capsys, "cloud", name, "-o", "o.png")
-
-
 # Comparisons, figures and the demo
 
 METHODS = ["--methods", "mcmillan-zbuffer,mcmillan"]
@@ -766,17 +713,6 @@ def test_a_filter_blurs_or_sharpens_what_is_rendered():
 )
 def test_filters_that_cannot_be_are_refused(words, message, capsys):
     assert message in refused(capsys, *render(*RIGHT, *words, "-o", "out.png"))
-
-
-def test_a_cloud_takes_a_filter_too():
-    rng = np.random.default_rng(3)
-    np.savez("scan.npz", position=rng.random((400, 3)), color=rng.random((400, 3)))
-    words = ["cloud", "scan.npz", "--size", "32x24", "-o", "cloud.exr"]
-    pictures = []
-    for more in ([], ["--filter", "gaussian"]):
-        assert ended(*words, *more) == 0
-        pictures.append(read_image("cloud.exr"))
-    assert np.abs(pictures[1] - pictures[0]).max() > 0.02
 
 
 # Depth that does not fit
@@ -882,24 +818,9 @@ def test_a_film_along_a_file_says_which_poses_it_leaves_out(capsys):
 # Intrinsics of files
 
 
-def files_of_intrinsics(width: int = 32, height: int = 24) -> None:
-    """`EYE` as Open3D, ROS and OpenCV write it, with the first pixel's center at 0."""
-    rows = [[20.0, 0, 15.5], [0, 20, 11.5], [0, 0, 1]]
-    columns = np.transpose(rows).ravel().tolist()
-    facts = {"width": width, "height": height, "intrinsic_matrix": columns}
-    Path("open3d.json").write_text(json.dumps(facts))
-    Path("ros.yaml").write_text(
-        f"height: {height}\nwidth: {width}\ndistortion_model: plumb_bob\n"
-        f"D: [0, 0, 0, 0, 0]\nK: {np.ravel(rows).tolist()}\n"
-    )
-    storage = cv2.FileStorage("opencv.yml", cv2.FILE_STORAGE_WRITE)
-    storage.write("camera_matrix", np.array(rows))
-    storage.release()
-
-
 @pytest.mark.parametrize("name", ["open3d.json", "ros.yaml", "opencv.yml"])
 def test_intrinsics_of_a_file_are_their_numbers(name):
-    files_of_intrinsics()
+    write_intrinsics()
     words = ["render", "color.png", "depth.png", "--depth-scale", 1000, *RIGHT, *FAST]
     expected = moved(*RIGHT, *FAST)
     assert ended(*words, "--intrinsics", name, "-o", "file.exr") == 0
@@ -912,21 +833,21 @@ def test_intrinsics_of_a_file_are_their_numbers(name):
 
 
 def test_intrinsics_of_a_file_are_fitted_to_the_picture(capsys):
-    files_of_intrinsics(64, 48)
+    write_intrinsics(64, 48)
     words = ["render", "color.png", "depth.png", "--depth-scale", 1000, *RIGHT, *FAST]
     half = ["--intrinsics", "10,10,8,6"]
     assert ended(*words, *half, "-o", "half.exr") == 0
     for option in ("--intrinsics", "--lens"):
         assert ended(*words, option, "open3d.json", "-o", "file.exr") == 0
         assert np.array_equal(read_image("file.exr"), read_image("half.exr"))
-    files_of_intrinsics(64, 64)
+    write_intrinsics(64, 64)
     capsys.readouterr()  # what was said of the others
     line = refused(capsys, *words, "--intrinsics", "ros.yaml", "-o", "no.png")
     assert "64 x 64 pixels do not fit a picture of 32 x 24" in line
 
 
 def test_a_lens_of_a_file_bends_as_its_numbers_do(capsys):
-    files_of_intrinsics()
+    write_intrinsics()
     bent = Path("ros.yaml").read_text().replace("D: [0, 0, 0, 0, 0]", "D: [0.2, 0, 0, 0, 0]")
     Path("ros.yaml").write_text(bent)
     words = ["render", "color.png", "depth.png", "--depth-scale", 1000, *RIGHT, *FAST]
@@ -951,15 +872,3 @@ def test_files_that_hold_no_intrinsics_are_one_line(option, capsys):
         line = refused(capsys, "render", "color.png", "depth.png", "--depth-scale", 1000, *words)
         assert f"{name}: " in line
         assert complaint in line
-
-
-def test_a_cloud_is_seen_with_intrinsics_of_a_file():
-    scan()
-    files_of_intrinsics()
-    words = ["cloud", "scan.ply", "--pose", pose("there.txt"), "--size"]
-    assert ended(*words, "32x24", *EYE, "-o", "numbers.exr") == 0
-    assert ended(*words, "32x24", "--intrinsics", "ros.yaml", "-o", "file.exr") == 0
-    assert np.array_equal(read_image("file.exr"), read_image("numbers.exr"))
-    assert ended(*words, "64x48", "--intrinsics", "40,40,32,24", "-o", "numbers.exr") == 0
-    assert ended(*words, "64x48", "--intrinsics", "open3d.json", "-o", "file.exr") == 0
-    assert np.array_equal(read_image("file.exr"), read_image("numbers.exr"))

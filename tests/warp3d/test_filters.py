@@ -1,6 +1,5 @@
 """Pixel filters in 3D warping: composited on parts of pixels first, filtered after."""
 
-import math
 from functools import cache
 
 import numpy as np
@@ -8,27 +7,23 @@ import pytest
 
 from resample import registry
 from resample.cameras.models import Camera
-from resample.engine.jit import threads
 from resample.measuring.quality import psnr
-from resample_warp3d.clouds.files import Cloud
-from resample_warp3d.clouds.rendering import CloudStyle, render_cloud
 from resample_warp3d.depth.equation import between
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.methods.hybrid import Hybrid
 from resample_warp3d.types import LEFT, RIGHT, Equation, Hole
 from resample_warp3d.warping import render, warp, warp_disparity
 from tests.bits import assert_threads_change_nothing
+from tests.filtered import FILTERS, FINE, plain_filtered, window
 from tests.warp3d.naive_sheet import camera_at, depth_image, pattern, plane
 
 SHAPE = 32, 40
-FINE = 16  # sub-pixels of the truth, per side of a pixel
 SOURCE = camera_at()
 VIEWS = {
     "side": camera_at((0.15, -0.05, 0.05), 0.02),
     "back": camera_at((0.1, 0.2, -5.0)),
     "in": camera_at((0.05, 0.05, 1.4)),
 }
-FILTERS = [name for name in registry.names("filters") if name not in ("area", "box")]
 METHODS = "hybrid", "paper", "splat", "point", "preview"
 RIVALS = "mesh", "subsample"  # of kernels that nothing else needs
 WHOLE = "mcmillan", "mcmillan-zbuffer", "ldi", "opencv"
@@ -69,22 +64,6 @@ def seen(view="side", method="hybrid", pixel_filter=None, of=source):
     return render(of(), between(SOURCE, VIEWS[view]), SHAPE, made, filter=pixel_filter)
 
 
-def window(pixel_filter, n=FINE):
-    """Weights of a filter at n parts of a pixel, and the px around it."""
-    margin = math.ceil(pixel_filter.radius - 0.5)
-    distance = np.abs((np.arange((2 * margin + 1) * n) + 0.5) / n - margin - 0.5)
-    within = np.minimum(distance, pixel_filter.radius)
-    weight = np.where(distance <= pixel_filter.radius, pixel_filter(within), 0.0)
-    return weight / weight.sum(), margin
-
-
-def plain_filtered(fine, weight, n=FINE):
-    """Sub-pixels ((H + 2 m) n, (W + 2 m) n, C) under a filter, by plain sums in float64."""
-    height, width = SHAPE[0] * n, SHAPE[1] * n
-    down = sum(share * fine[k : k + height : n] for k, share in enumerate(weight))
-    return sum(share * down[:, k : k + width : n] for k, share in enumerate(weight))
-
-
 @cache
 def truth(view, name):
     """Image and coverage on 16 × 16 sub-pixels, gaps open, then filtered."""
@@ -95,7 +74,7 @@ def truth(view, name):
     shape = (SHAPE[0] + 2 * margin) * FINE, (SHAPE[1] + 2 * margin) * FINE
     fine = Hybrid().layers(source(), Equation(step @ moved.matrix, step @ moved.epipole), shape)
     both = np.dstack([fine.image, fine.coverage]).astype(np.float64)
-    made = plain_filtered(both, weight)
+    made = plain_filtered(both, weight, SHAPE)
     return made[..., :-1], made[..., -1]
 
 
@@ -248,78 +227,3 @@ def test_all_calls_of_the_library_take_a_filter(rng):
     assert np.abs(moved.image - color).max() > 0.1
     paired = warp_disparity(color, np.full((20, 24), 1.0), filter="tent")
     assert paired.image.shape == color.shape
-
-
-# Clouds
-
-
-@cache
-def ball():
-    n = np.arange(4000) + 0.5
-    z, angle = 1 - 2 * n / 4000, math.pi * (1 + math.sqrt(5)) * n
-    around = np.sqrt(1 - z * z)
-    place = np.stack([around * np.cos(angle), around * np.sin(angle), z - 4.0], axis=1)
-    color = (0.5 + 0.5 * np.sin(4.0 * place)).astype(np.float32)
-    normal = place - [0, 0, -4.0]
-    return Cloud(-place, -normal.astype(np.float32), color, np.zeros(0, np.float32))
-
-
-def cloud_seen(pixel_filter=None, n=1, margin=0, **style):
-    """The ball on n sub-pixels per side of a pixel, and px around it."""
-    matrix = np.array(
-        [[45.0 * n, 0, (20 + margin) * n], [0, 45.0 * n, (16 + margin) * n], [0, 0, 1]]
-    )
-    size = (SHAPE[1] + 2 * margin) * n, (SHAPE[0] + 2 * margin) * n
-    camera = Camera(matrix, np.eye(4))
-    return render_cloud(ball(), camera, size=size, style=CloudStyle(**style), filter=pixel_filter)
-
-
-@pytest.mark.parametrize("name", FILTERS)
-def test_a_cloud_under_every_filter_is_the_truth_filtered(name):
-    weight, margin = window(registry.build("filters", name))
-    fine = cloud_seen(n=FINE, margin=margin, subpixels=1)
-    wanted = plain_filtered(fine.rgba.astype(np.float64), weight)
-    rgba = np.where(wanted[..., 3:] > 0, wanted, 0.0)
-    rgba /= np.maximum(rgba[..., 3:], 1.0)
-    # Rims are known to a sixteenth of a pixel only, on 4 × 4 sub-pixels.
-    assert psnr(cloud_seen(name).rgba, rgba.astype(np.float32)) > 34.0
-    whole = np.abs(wanted[..., 3] - 1.0) < 1e-6
-    given = cloud_seen(name).rgba
-    assert psnr(given, rgba.astype(np.float32), mask=whole) > 38.0
-
-
-@pytest.mark.parametrize("name", FILTERS)
-def test_a_cloud_of_one_color_keeps_it(name):
-    one = ball()._replace(color=np.full((4000, 3), 0.6, np.float32))
-    camera = Camera(np.array([[45.0, 0, 20], [0, 45, 16], [0, 0, 1.0]]), np.eye(4))
-    frame = render_cloud(one, camera, size=SHAPE[::-1], filter=name)
-    there = frame.coverage > 1e-3
-    color = frame.rgba[there][:, :3] / frame.coverage[there][:, None]
-    np.testing.assert_allclose(color, 0.6, rtol=1e-3)  # sums of float32 with both signs
-    assert 0.0 <= frame.coverage.min() <= frame.coverage.max() <= 1.0
-
-
-@pytest.mark.parametrize("name", ["area", "box"])
-def test_a_cloud_under_the_mean_of_a_pixel_keeps_its_bits(name):
-    given, usual = cloud_seen(name), cloud_seen()
-    np.testing.assert_array_equal(given.rgba, usual.rgba)
-    np.testing.assert_array_equal(given.depth, usual.depth)
-
-
-def test_a_filtered_cloud_is_the_same_for_any_threads_and_order():
-    pictures = []
-    for count, order in ((1, slice(None)), (2, slice(None, None, -1))):
-        cloud = Cloud(*(part[order] for part in ball()[:4]))
-        camera = Camera(np.array([[45.0, 0, 20], [0, 45, 16], [0, 0, 1.0]]), np.eye(4))
-        with threads(count):
-            pictures.append(render_cloud(cloud, camera, size=SHAPE[::-1], filter="mitchell"))
-    np.testing.assert_array_equal(pictures[0].rgba, pictures[1].rgba)
-    np.testing.assert_array_equal(pictures[0].depth, pictures[1].depth)
-
-
-def test_a_filtered_cloud_knows_its_discs_and_its_nearest_depth():
-    usual, given = cloud_seen(), cloud_seen("tent")
-    assert given.statistics[:3] == usual.statistics[:3]
-    both = np.isfinite(usual.first_depth) & np.isfinite(given.first_depth)
-    near = np.abs(given.first_depth[both] / usual.first_depth[both] - 1.0)
-    assert np.mean(near < 0.02) > 0.97  # rims are seen at other places of a pixel

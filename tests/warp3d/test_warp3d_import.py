@@ -33,8 +33,6 @@ def test_importing_the_package_imports_no_heavy_library():
                 ["--help"],
                 ["--version"],
                 ["animate", "--help"],
-                ["cloud", "--help"],
-                ["animate-cloud", "--help"],
             )
         ),
     ],
@@ -50,13 +48,6 @@ def test_help_imports_nothing_heavy(words):
 
 def test_files_of_depth_are_imported_without_heavy_libraries():
     assert modules_after("import resample_warp3d.depth.files") & HEAVY == set()
-
-
-def test_clouds_are_drawn_by_names_of_the_package():
-    names = {"Cloud", "CloudStyle", "framed", "prepare_cloud", "read_cloud", "render_cloud"}
-    assert names <= set(resample_warp3d.__all__)
-    code = "import resample_warp3d; resample_warp3d.render_cloud, resample_warp3d.read_cloud"
-    assert modules_after(code) & {"scipy", "cv2", "matplotlib", "PIL", "av"} == set()
 
 
 def test_every_module_is_imported_without_heavy_libraries():

@@ -119,7 +119,7 @@ def textures() -> Iterator[str]:
 
 
 def depths() -> Iterator[str]:
-    """Commands for depth images and clouds."""
+    """Commands for depth images."""
     for method in (
         *("hybrid", "paper", "point", "preview", "splat", "mcmillan", "mcmillan-zbuffer"),
         *("mesh", "subsample", "ldi", "opencv"),

@@ -109,7 +109,7 @@ def view(
     if image.suffix.lower() in meshes.MESHES:
         if given := settings_of([place, warping]):
             raise ValueError(f"{', '.join(given)}: of pictures; leave that out with a mesh")
-        shown = meshes.ModelView(image, (), controls_of(meshes.COMMAND, app["mesh"]))
+        shown = meshes.model_view(image, (), controls_of(meshes.COMMAND, app["mesh"]))
     else:
         warping.check()
         shown = PictureView(image, (place, warping), controls_of(COMMAND, app["warp"]))

@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 from functools import cached_property, partial
 from importlib.util import find_spec
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -18,8 +17,9 @@ from resample.files.stores.addresses import is_address
 from resample.registry import names
 from resample.resampler import Resampler
 from resample.types import Frame
-from resample.view.exports import ORBITING, keyframes_as_toml
+from resample.view.exports import KEYFRAMES, ORBITING, keyframes_as_toml
 from resample.view.files import file_of
+from resample.view.kept import LITTLE, path_file
 from resample.view.views import PagePicture, Settings, Size, chosen, settings_of
 from resample.watching import Cancel, Progress
 from resample_volume.classification.names import PRESETS, TISSUES
@@ -65,7 +65,6 @@ STILL, STEERED = (
     ("camera", "fov", "up", "fit"),
 )  # options that only move the camera
 BINS = 256
-LITTLE = 16  # voxels and px per side of pictures that warm up kernels
 KINDS: Sequence[Settings] = (  # with kernels of their own
     {"classify": "pre"},  # also of previews
     {"projection": "maximum"},
@@ -189,9 +188,7 @@ class VolumePainter:
     ) -> None:
         """Write a film through keyframes as `animate` does, see `resample.view.views.Filming`."""
         request, (width, height) = self._request(settings), size
-        with TemporaryDirectory(prefix="film-") as folder:
-            file = Path(folder) / "keyframes.toml"
-            file.write_text(keyframes, encoding="utf-8")
+        with path_file(KEYFRAMES, keyframes) as file:
             flight = flight_of(str(file), None, RATE, request.choices.viewpoint())
         medium = self.volume, request.appearance
         subject = Subject.of_several([medium], request.resampler, request.choices.fit)

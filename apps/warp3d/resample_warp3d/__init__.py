@@ -16,11 +16,6 @@ except ModuleNotFoundError as error:
 if TYPE_CHECKING:
     from resample.cameras.models import Camera, Orthographic
     from resample.cameras.panoramic import Equirectangular
-    from resample_warp3d.clouds.cloud import Cloud
-    from resample_warp3d.clouds.files import read_cloud
-    from resample_warp3d.clouds.framing import framed
-    from resample_warp3d.clouds.rendering import CloudStyle, render_cloud
-    from resample_warp3d.clouds.spacing import prepare_cloud
     from resample_warp3d.depth.equation import between, of_rectified
     from resample_warp3d.depth.preparation import prepare
     from resample_warp3d.depth.refining.conditioning import refine
@@ -38,8 +33,6 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "Camera": "resample.cameras.models",
-    "Cloud": "clouds.cloud",
-    "CloudStyle": "clouds.rendering",
     "DepthImage": "types",
     "DepthScene": "scenes",
     "Equation": "types",
@@ -56,17 +49,13 @@ _HOMES = {
     "background": "sheet.behind",
     "behind": "sheet.behind",
     "between": "depth.equation",
-    "framed": "clouds.framing",
     "merge": "views.merging",
     "of_rectified": "depth.equation",
     "panorama": "views.panoramas",
     "prepare": "depth.preparation",
-    "prepare_cloud": "clouds.spacing",
-    "read_cloud": "clouds.files",
     "refine": "depth.refining.conditioning",
     "registered": "registering",
     "render": "warping",
-    "render_cloud": "clouds.rendering",
     "render_together": "views.together",
     "view": "notebooks",
     "warp": "warping",
@@ -77,8 +66,6 @@ _HOMES = {
 __all__ = [
     "SEAMLESS",
     "Camera",
-    "Cloud",
-    "CloudStyle",
     "DepthImage",
     "DepthScene",
     "Equation",
@@ -94,26 +81,27 @@ __all__ = [
     "background",
     "behind",
     "between",
-    "framed",
     "mapping_between",
     "merge",
     "of_rectified",
     "panorama",
     "prepare",
-    "prepare_cloud",
-    "read_cloud",
     "refine",
     "registered",
     "render",
-    "render_cloud",
     "render_together",
     "view",
     "warp",
     "warp_disparity",
 ]
 
-__getattr__ = attributes(
-    __name__, _HOMES, {"way_between": "mapping_between", "Standing": "PosedSource"}
-)
+_CLOUDS = ("Cloud", "CloudStyle", "framed", "prepare_cloud", "read_cloud", "render_cloud")
+_FORMER = {
+    "way_between": "mapping_between",
+    "Standing": "PosedSource",
+    **{name: f"resample_points.{name}" for name in _CLOUDS},
+}
+
+__getattr__ = attributes(__name__, _HOMES, _FORMER)
 __dir__ = listing(_HOMES)
 moved(__name__, {"showing": "figures", "rivals": "baselines"})

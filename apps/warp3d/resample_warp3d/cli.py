@@ -8,7 +8,8 @@ from typing import Annotated, Literal, NoReturn
 from cyclopts import App, Parameter
 
 from resample.command import flags
-from resample.command.about import OptionTopic, words
+from resample.command.about import OptionTopic
+from resample.command.applications import moved_command
 from resample.command.options import run
 from resample.command.settings import Serving, Sharing, Written, height_and_width, method_names
 from resample.command.settings_files import with_settings
@@ -26,7 +27,7 @@ from resample_warp3d.command.choices import (
     Showing,
     Travel,
 )
-from resample_warp3d.command.clouds import CloudAim, CloudFormat, CloudOptions, CloudStart
+from resample_warp3d.command.former import FormerStart
 
 app = App(
     name="resample-warp3d",
@@ -38,16 +39,11 @@ app = App(
 app.register_install_completion_command()
 
 EYE, DEPTH, AIM, WARPING = SourceCamera.usual(), Depth.usual(), Aim.usual(), DepthWarping.usual()
-WRITTEN, EXTRAS, TRAVEL, CLOUD = (
-    Written.usual(),
-    Extras.usual(),
-    Travel.usual(),
-    CloudOptions.usual(),
-)
+WRITTEN, EXTRAS, TRAVEL = Written.usual(), Extras.usual(), Travel.usual()
 TARGET, SHOWING = TargetCamera.usual(), Showing.usual()
 JOINT, SERVING, SHARING = Joint.usual(), Serving.usual(), Sharing.usual()
 PAIR_DEPTH, PARALLAX = PairDepth.usual(), Parallax.usual()
-CLOUD_START, CLOUD_AIM, CLOUD_FORMAT = CloudStart.usual(), CloudAim.usual(), CloudFormat.usual()
+CLOUD_START = FormerStart.usual()
 VIEWS = "side,back4,in3,oblique"  # of the generated scene
 SIDE = 512  # px per side of the generated scene's views
 COMPARED = "mcmillan,mesh,paper,hybrid"
@@ -265,10 +261,11 @@ def animate(
     """
     import numpy as np
 
+    from resample.command.films import write_shared
     from resample.command.session import Session
-    from resample.command.workers import at_work, check_sharing
+    from resample.command.workers import check_sharing
     from resample.console.backgrounds import linear_color
-    from resample.files.animations import check_film, made_by, write_film
+    from resample.files.animations import check_film
     from resample_warp3d.command.animation import Range, check_path, poses_of
     from resample_warp3d.command.depths import (
         ToFilm,
@@ -299,55 +296,8 @@ def animate(
     film = film_of(session, taken, shape, warping, behind)
     made = shots_with_depth(poses, camera, film, depths)
     again = partial(frames_of, ToFilm(reader, color, depth, warping, shape, behind), poses, camera)
-    with (
-        at_work(sharing, warping.threads) as crew,
-        session.stage("film", bar="rendering") as progress,
-        appearing(depths, resume=resume),
-    ):
-        made, executor = made_by(crew, made, again)
-        write_film(output, made, fps, resume=resume, progress=progress, executor=executor)
-
-
-@app.command
-def cloud(
-    file: Path,
-    /,
-    *,
-    output: flags.FrameOutput,
-    aim: Annotated[CloudAim, flags.Flat] = CLOUD_AIM,
-    look: Annotated[CloudOptions, flags.Flat] = CLOUD,
-    form: Annotated[CloudFormat, flags.Flat] = CLOUD_FORMAT,
-) -> None:
-    """Render a point cloud, with its colors and normals if it has them.
-
-    Example: resample-warp3d cloud scan.ply --camera 40/20/1.5 --up y --color-by intensity
-    --color-bar -o scan.png
-
-    Parameters
-    ----------
-    file
-        .ply, .pcd, .las, .laz, .xyz, .txt, .csv or .npz.
-    """
-    from resample.command.session import Session
-    from resample.files.saving import check_suffix
-    from resample.files.writing import check_targets
-    from resample.watching import told
-    from resample_warp3d.command.clouds import scene_of
-    from resample_warp3d.command.rendering import check_memory
-
-    check_suffix(output)
-    shape = form.height_and_width()
-    aim.check()
-    look.check(output, shape[0])
-    check_targets(output)
-    check_memory([], shape, output)
-    session = Session()
-    scene = scene_of(session, file, look)
-    with session.stage("paint", bar="painting") as progress:
-        camera = aim.camera_for(scene.surfels, shape)
-        with told(progress):
-            frame = scene.picture(camera, shape)
-    form.write(output, frame, scene)
+    with appearing(depths, resume=resume):
+        write_shared(output, made, again, sharing, warping.threads, fps=fps, resume=resume)
 
 
 @app.command
@@ -363,97 +313,42 @@ def view(
         list[str] | None, OptionTopic.SOURCE, Parameter(name="--view"), flags.Switch
     ] = None,
     warping: Annotated[DepthWarping, flags.Flat] = WARPING,
-    start: Annotated[CloudStart, flags.Flat] = CLOUD_START,
+    start: Annotated[FormerStart, flags.Flat] = CLOUD_START,
     page: Annotated[Serving, flags.Flat] = SERVING,
 ) -> None:
-    """Show a picture with depth, or a cloud, in the browser: navigate, copy the command.
+    """Show a picture with depth in the browser: navigate, copy the command.
 
     Example: resample-warp3d view color.jpg depth.png --depth-scale 1000 --fov 60
 
     Parameters
     ----------
     file
-        A picture as in render, or a point cloud as in cloud.
+        A picture as in render; or, for one release, a point cloud as in resample-points view.
     depth
         Depth of the picture, as in render.
     further
         As in render.
     """
     from resample.view.server import require_parts, serve
-    from resample.view.views import Viewable, controls_of, settings_of
-    from resample_warp3d.viewing import clouds, depths
+    from resample.view.views import controls_of, settings_of
+    from resample_warp3d.command.former import view_cloud
+    from resample_warp3d.viewing import depths
 
-    require_parts()
-    shown: Viewable
     begin = eye, meaning, aim, warping
     if depth is None:
         if given := settings_of(begin):
             raise ValueError(
                 f"--{next(iter(given))} belongs to a picture with its depth; give both"
             )
-        controls = controls_of(clouds.COMMAND, app["cloud"])
-        shown = clouds.CloudView(Path(file), (start,), controls)
-    else:
-        if given := settings_of((start,)):
-            raise ValueError(f"--{next(iter(given))} belongs to a cloud; give its file alone")
-        controls = controls_of(depths.COMMAND, app["render"])
-        shown = depths.DepthView(file, depth, begin, further or (), controls)
+        view_cloud(file, start, page)
+        return
+    if given := settings_of((start,)):
+        raise ValueError(f"--{next(iter(given))} belongs to a cloud; give its file alone")
+    require_parts()
+    controls = controls_of(depths.COMMAND, app["render"])
+    shown = depths.depth_view(file, depth, begin, further or (), controls)
     shown.check()
     serve(shown, host=page.host, port=page.port, browser=page.browser)
-
-
-@app.command
-def animate_cloud(
-    file: Path,
-    /,
-    *,
-    output: flags.FilmOutput,
-    path: Annotated[str, words("orbit", "sway")] = "orbit",
-    frames: flags.AppearanceFlag[int | None] = None,
-    start: Annotated[CloudStart, flags.Flat] = CLOUD_START,
-    fps: flags.FramesPerSecond = 24.0,
-    size: flags.Size = "640x480",
-    look: Annotated[CloudOptions, flags.Flat] = CLOUD,
-    background: flags.FilmBackground = "black",
-    resume: flags.Resume = False,
-    sharing: Annotated[Sharing, flags.Flat] = SHARING,
-) -> None:
-    """Move a camera around a point cloud.
-
-    Example: resample-warp3d animate-cloud scan.ply --camera 0/20/1 --up y -o orbit.mp4
-
-    Parameters
-    ----------
-    file
-        As in cloud.
-    path
-        Camera path: orbit, once around; sway, left and right; or a file of keyframes or poses.
-    frames
-        Number of frames. Default: 96; for a file as its times require.
-    """
-    from resample.command.session import Session
-    from resample.command.workers import at_work, check_sharing
-    from resample.console.backgrounds import linear_color
-    from resample.files.animations import check_film, made_by, write_film
-    from resample_warp3d.command import clouds
-    from resample_warp3d.command.rendering import check_memory
-
-    shape = height_and_width(size)
-    check_film(output, fps)
-    check_sharing(sharing)
-    viewpoints = clouds.path_of(path, frames, fps, clouds.start_of(start.camera, start.up))
-    behind = linear_color(background) or (0.0, 0.0, 0.0)
-    look.check(output, shape[0])
-    check_memory([], shape, output, sharing.workers or 0)
-    memory = None if sharing.scheduler else clouds.memory_of_each(sharing.workers or 0)
-    session = Session()
-    scene = clouds.scene_of(session, file, look)
-    cameras = clouds.cameras_of(scene.surfels, viewpoints, shape, steady=start.steady)
-    film = clouds.film_of(scene, cameras, shape, behind)
-    again = partial(clouds.frames_of, file, look, cameras, shape, behind, memory)
-    with at_work(sharing, look.threads) as crew, session.stage("film", bar="rendering") as progress:
-        film, executor = made_by(crew, film, again)
-        write_film(output, film, fps, resume=resume, progress=progress, executor=executor)
 
 
 @app.command
@@ -614,6 +509,8 @@ def demo(*, output: flags.DemoOutput = DEMO) -> None:
     sys.stdout.write(f"The pictures are in {output.resolve()}\n")
 
 
+app.command(moved_command("resample-warp3d cloud", "points", "render"))
+app.command(moved_command("resample-warp3d animate-cloud", "points", "animate"))
 with_settings(app)
 
 

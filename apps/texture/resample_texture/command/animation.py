@@ -7,10 +7,9 @@ import numpy as np
 
 from resample.cameras.models import AnyCamera, Camera
 from resample.cameras.poses import look_at
-from resample.colors import over
 from resample.engine.jit import threads
 from resample.files.animations import Levels, Shots, check_count, fingerprint
-from resample.measuring.compare import shown
+from resample.files.saving import screen_levels
 from resample.types import Doubles, Floats
 from resample_texture.geometry.planes import plane_homography
 from resample_texture.types import Edge, Method
@@ -100,9 +99,7 @@ def frame(source: Floats, flight: Flyover, paint: FlightOptions, n: int) -> Leve
     geometry = plane_homography(flight.camera(n), source.shape[:2], texel_size=texel_size)
     with threads(None):
         image = paint.method(source, geometry, flight.size, paint.edge).image
-    screen = shown(over(image, paint.background))
-    levels: Levels = np.floor(screen * 255.0 + 0.5).astype(np.uint8)
-    return levels
+    return screen_levels(image, background=paint.background)
 
 
 def with_alpha(picture: Floats) -> Floats:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from cyclopts import Parameter, Token
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
 from resample.command.about import NUMBERS, OptionTopic
 from resample.command.flags import FieldOfView, Hyphen, Switch, Up, Viewed
@@ -16,18 +16,16 @@ from resample.command.settings import (
     SIZE,
     Choices,
     Convention,
+    FrameFormat,
     MethodsFilter,
     Threads,
     height_and_width,
-    number,
 )
-from resample.console.backgrounds import linear_color
 from resample.files.stores import addresses
 
 if TYPE_CHECKING:
     from resample.cameras.models import AnyCamera
     from resample.cameras.viewpoints import Viewpoint
-    from resample.console.backgrounds import Color
     from resample_texture.mesh.rendering import Mesh, MeshStyle
 
 Edges = Literal["transparent", "clamp", "wrap", "mirror"]
@@ -263,11 +261,8 @@ class MeshDrawing(Choices):
         )
 
 
-class MeshFormat(Choices):
+class MeshFormat(FrameFormat):
     """Size, texture, background and bits of a mesh's picture."""
-
-    heading: ClassVar[str] = "Picture"
-    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     size: Annotated[str, Field(description=SIZE)] = "512"
     texture: Annotated[
@@ -275,23 +270,6 @@ class MeshFormat(Choices):
         OptionTopic.SOURCE,
         Field(description="Picture to use in place of the textures that the file names."),
     ] = None
-    background: Annotated[
-        str | None,
-        Field(description="Background: black, white, #rrggbb or none for transparent."),
-    ] = None
-    bits: Annotated[
-        Literal[8, 16],
-        BeforeValidator(number),
-        Field(description="Bits per channel: 8 or 16 (PNG)."),
-    ] = 8
-
-    def height_and_width(self) -> tuple[int, int]:
-        """Return the size, px; raises as `height_and_width` does."""
-        return height_and_width(self.size)
-
-    def behind(self) -> "Color | None":
-        """Linear color behind the picture; None leaves it transparent."""
-        return None if self.background is None else linear_color(self.background)
 
 
 def region(text: str | None) -> tuple[int, int, int, int] | None:

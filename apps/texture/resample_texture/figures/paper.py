@@ -4,14 +4,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-
 from resample.colors import from_srgb
 from resample.files.writing import replacing
-from resample.measuring.compare import contact_sheet, enlarged, plain
+from resample.measuring.compare import contact_sheet, enlarged, plain, write_screen
 from resample.types import Floats
 from resample_texture.figures import scenes
-from resample_texture.figures.compare import Judge, PictureComparison, Screen, note
+from resample_texture.figures.compare import Judge, PictureComparison, note
 from resample_texture.figures.scenes import scene_of
 
 SCENE = "floor-close"
@@ -64,7 +62,7 @@ def write_figures(
     for subject, comparison in comparisons.items():
         for name, screen in comparison.screens.items():
             method = "truth" if name == comparison.truth else name
-            _write_screen(folder / f"{subject}-{_plain_name(method)}.png", screen)
+            write_screen(folder / f"{subject}-{_plain_name(method)}.png", screen)
     _write_sheet(folder / sheet, comparisons, titles)
     rows = [
         {"picture": subject, **row}
@@ -97,14 +95,6 @@ def _write_sheet(
                 cells[title] = from_srgb(enlarged(screen[part], min(screen.shape[:2])))
                 captions[title] = note(comparison, method, zone)
     contact_sheet(cells, path, columns=count, captions=captions)
-
-
-def _write_screen(path: Path, screen: Screen) -> None:
-    from PIL import Image
-
-    levels = np.floor(screen * 255.0 + 0.5).astype(np.uint8)
-    with replacing(path) as temporary:
-        Image.fromarray(levels).save(temporary, format="PNG")
 
 
 def _plain_name(method: str) -> str:

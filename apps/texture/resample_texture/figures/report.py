@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+from resample.colors import as_levels
 from resample.files.writing import replacing
 from resample_texture.figures.compare import PictureComparison, Screen
 
@@ -48,8 +47,7 @@ def data_uri(screen: Screen) -> str:
     """Return a picture as a data URI with a PNG."""
     import cv2
 
-    levels = np.floor(screen[..., ::-1] * 255.0 + 0.5).astype(np.uint8)
-    _, png = cv2.imencode(".png", levels)
+    _, png = cv2.imencode(".png", as_levels(screen[..., ::-1]))
     return "data:image/png;base64," + base64.b64encode(png.tobytes()).decode("ascii")
 
 

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from resample_texture.viewing import pictures
-from resample_texture.viewing.meshes import MESHES, ModelView, mesh_picture
+from resample_texture.viewing.meshes import MESHES, mesh_picture, model_view
 from resample_texture.viewing.pictures import COMMAND, PLACES, PictureView, picture
 
-__all__ = ["COMMAND", "PLACES", "ModelView", "PictureView", "mesh_picture", "picture", "suits"]
+__all__ = ["COMMAND", "PLACES", "PictureView", "mesh_picture", "model_view", "picture", "suits"]
 
 
 def suits(names: Sequence[str]) -> bool:

@@ -4,18 +4,25 @@ The page's state is a set of `mesh` options.
 """
 
 from collections.abc import Mapping, Sequence
-from copy import copy
 from dataclasses import dataclass, field
-from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from resample.command.settings import Choices
 from resample.files.saving import screen_levels, write_frame
 from resample.types import Frame
-from resample.view.files import file_of, levels_in
-from resample.view.views import PagePicture, Settings, Size, chosen, settings_of
+from resample.view.kept import FileView, image_of
+from resample.view.views import (
+    PagePicture,
+    Settings,
+    Size,
+    chosen,
+    pixel_at,
+    preview_size,
+    settings_of,
+)
 from resample.watching import Cancel, cancellable
 from resample_texture.command.choices import MeshDrawing, MeshFormat, MeshView
 from resample_texture.mesh.rendering import load_mesh, render_mesh
@@ -28,7 +35,6 @@ COMMAND = "resample-texture mesh"
 MESHES = (".obj", ".glb", ".gltf")
 SHOWN = (MeshView, MeshDrawing, MeshFormat)  # option models that a page can change
 LEFT_OUT = ("size", "bits")
-PER = 2  # px of the picture per px of its preview, along each axis
 
 
 class _MeshRequest(NamedTuple):
@@ -54,16 +60,15 @@ class ModelPainter:
 
     def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> PagePicture:
         """Picture of these options, see `resample.view.views.Painter`."""
-        width, height = size
         request = _checked(settings)
         with cancellable(cancel):
-            seen = self._rendered(request, (-(-width // PER), -(-height // PER)) if quick else size)
+            seen = self._rendered(request, preview_size(size) if quick else size)
         return PagePicture(screen_levels(seen.rgba, background=request.form.behind()), quick)
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
         """Return the depth at a pixel, see `resample.view.views.Painter`."""
         depth = self._rendered(_checked(settings), size).depth
-        found = float(depth[min(int(y), size[1] - 1), min(int(x), size[0] - 1)])
+        found = float(depth[pixel_at(size, x, y)])
         return {"depth": f"{found:.5g}"} if np.isfinite(found) else {}
 
     def save(self, settings: Settings, size: Size, path: Path) -> None:
@@ -92,9 +97,10 @@ class ModelPainter:
         )
 
 
-@dataclass
-class ModelView:
-    """A mesh for the viewer's pages.
+def model_view(
+    path: Path, begin: Sequence[Choices] = (), controls: Sequence[dict[str, Any]] = ()
+) -> FileView:
+    """Return what pages show of a mesh.
 
     Parameters
     ----------
@@ -105,43 +111,21 @@ class ModelView:
     controls
         Controls from `resample.view.views.controls_of`; empty: a page without controls.
     """
+    first = ModelPainter(path)
 
-    path: Path
-    begin: Sequence[Any] = ()
-    controls: Sequence[dict[str, Any]] = ()
-
-    @cached_property
-    def about(self) -> dict[str, Any]:
-        """Facts for the page, see `resample.view.views.Viewable`."""
+    def described() -> dict[str, Any]:
         return {
-            "title": self.path.name,
-            "subtitle": f"{len(self._first.mesh().triangle):,} triangles",
+            "title": path.name,
+            "subtitle": f"{len(first.mesh().triangle):,} triangles",
             "command": COMMAND,
             "package": "resample_texture",
             "function": "mesh_picture",
-            "inputs": [str(self.path)],
-            "controls": [control for control in self.controls if control["key"] not in LEFT_OUT],
-            "settings": {"camera": "30/20/1", **settings_of(self.begin)},
+            "inputs": [str(path)],
+            "controls": [control for control in controls if control["key"] not in LEFT_OUT],
+            "settings": {"camera": "30/20/1", **settings_of(begin)},
         }
 
-    def check(self, settings: Settings | None = None) -> None:
-        """Read the mesh, see `resample.view.views.Viewable`."""
-        _ = self.about
-        if settings is not None:
-            _checked(settings)
-
-    def painter(self) -> ModelPainter:
-        """What paints for a page that has been opened."""
-        return copy(self._first)
-
-    def save(self, settings: Settings, size: Size, suffix: str) -> bytes:
-        """Return the file that the command would write."""
-        return file_of(partial(self.painter().save, settings, size), suffix)
-
-    @cached_property
-    def _first(self) -> ModelPainter:
-        """Painter that has read the file; pages start from copies of it."""
-        return ModelPainter(self.path)
+    return FileView(first, described, _checked)
 
 
 def mesh_picture(path: str | Path, settings: Mapping[str, Any]) -> "Image":
@@ -163,11 +147,8 @@ def mesh_picture(path: str | Path, settings: Mapping[str, Any]) -> "Image":
     ValueError, LookupError, OSError
         As the command does.
     """
-    from PIL import Image
-
     size = _checked(settings).form.height_and_width()[::-1]
-    file = file_of(partial(ModelPainter(Path(path)).save, settings, size), ".png")
-    return Image.fromarray(levels_in(file))
+    return image_of(ModelPainter(Path(path)), settings, size)
 
 
 def _checked(settings: Settings) -> _MeshRequest:

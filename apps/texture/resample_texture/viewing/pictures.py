@@ -11,7 +11,8 @@ import numpy as np
 from resample.command.settings import Written
 from resample.files.exchange.results import levels_of
 from resample.view.files import file_of, levels_in
-from resample.view.views import PagePicture, Settings, Size, chosen, settings_of
+from resample.view.kept import LITTLE
+from resample.view.views import PagePicture, Settings, Size, chosen, pixel_at, settings_of
 from resample.watching import Cancel, cancellable
 from resample_texture.arguments import geometry_of
 from resample_texture.command.choices import Besides, PictureWarping, WarpGeometry, region
@@ -26,7 +27,6 @@ COMMAND = "resample-texture warp"
 SHOWN = (WarpGeometry, PictureWarping, Written, Besides)  # option models that a page can change
 PLACES = {"matrix", "corners", "map", "flow", "lens"}
 SUFFIXES, TIFF = (".png", ".jpg", ".jpeg", ".exr", ".webp", ".bmp"), (".tif", ".tiff")
-LITTLE = 16  # px per side of the pictures that compile the kernels
 KINDS = ("2,0,0,0,2,0", "0.3,0,0,0,0.3,0", "0.3,0.1,0,0,0.5,0,0.01,0.01,1")  # matrices
 LEFT_OUT = ("size", "roi", "bits", "total")
 
@@ -63,7 +63,7 @@ class PicturePainter:
         """Return the texel at a pixel, see `resample.view.views.Painter`."""
         target, warping = self._target(settings, size)
         ids = self._scene.sample_ids(target.places, size=target.shape[::-1], edge=warping.edge)
-        row, column = ids[min(int(y), ids.shape[0] - 1), min(int(x), ids.shape[1] - 1)].tolist()
+        row, column = ids[pixel_at(target.shape[::-1], x, y)].tolist()
         if row < 0:
             return {}
         texel = np.atleast_1d(self._scene.image[row, column])

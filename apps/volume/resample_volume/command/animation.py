@@ -17,20 +17,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from resample.cameras.keyframes import Keyframes, keyframes_of, left_out_of
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Orbit, Sphere, Viewpoint
-from resample.console.messages import Progress, say
-from resample.files.animations import (
-    MOST_FRAMES,
-    Frames,
-    Levels,
-    Shots,
-    check_count,
-    fingerprint,
-)
+from resample.command.films import Tour, is_file_of_path, tour_of
+from resample.console.messages import Progress
+from resample.files.animations import Frames, Levels, Shots, check_count, fingerprint
+from resample.files.saving import screen_levels
 from resample.lazy import installed_version
-from resample.measuring.compare import shown
 from resample.resampler import Resampler
 from resample.types import Doubles, Frame
 from resample_volume.media.appearance import BY_DEFAULT
@@ -101,17 +94,6 @@ class Flight:
         return [replace(start, zoom=zoom) for zoom in zooms.tolist()]
 
 
-class Tour(NamedTuple):
-    """A path through keyframes."""
-
-    keyframes: Keyframes
-    frames: int
-
-    def viewpoints(self, _spacing: float) -> list[Viewpoint]:
-        """Return the viewpoint of each frame, for voxels of any size."""
-        return self.keyframes.between(self.frames)
-
-
 def flight_of(path: str, frames: int | None, fps: float, start: Viewpoint) -> Flight | Tour:
     """Return the path given by a name or a file; it does not depend on the volume.
 
@@ -122,31 +104,14 @@ def flight_of(path: str, frames: int | None, fps: float, start: Viewpoint) -> Fl
     fps
         Frames per second.
     """
-    if path not in PATHS and (path.lower().endswith(".toml") or Path(path).exists()):
-        return _tour(Path(path), frames, fps, getattr(start, "fov", Orbit.fov))
-    if path in PATHS and not isinstance(start, Orbit):
+    if is_file_of_path(path, PATHS):
+        return tour_of(Path(path), frames, fps, getattr(start, "fov", Orbit.fov))
+    if not isinstance(start, Orbit):
         raise ValueError(
             f"the path {path} goes around the volume or away from it; give its camera as "
             "azimuth/elevation/zoom, or a file of keyframes or poses as the path"
         )
-    around = start if isinstance(start, Orbit) else Orbit()
-    return Flight(path, FRAMES if frames is None else frames, around)
-
-
-def _tour(path: Path, frames: int | None, fps: float, fov: float) -> Tour:
-    """Return the path through a file's keyframes, all of whose frames can be rendered."""
-    keyframes = keyframes_of(path, fov)
-    complaint = left_out_of(path)
-    if complaint is not None:
-        say(complaint)
-    if frames is None:
-        frames = 1 + round(min(keyframes.duration * fps, MOST_FRAMES))
-    try:
-        check_count(frames)
-        keyframes.between(frames)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
-    return Tour(keyframes, frames)
+    return Flight(path, FRAMES if frames is None else frames, start)
 
 
 def over_time(flight: Flight | Tour, frames: int | None, times: int) -> Flight | Tour:
@@ -296,8 +261,7 @@ def finished(painted: Frame, camera: AnyCamera, paint: FrameOptions) -> Levels:
     """Return the frame (H, W, 3), sRGB-encoded, with its annotations."""
     if paint.drawing is not None:
         painted = annotated(painted, camera, *paint.drawing)
-    levels: Levels = np.floor(shown(painted.rgba, paint.background) * 255.0 + 0.5).astype(np.uint8)
-    return levels
+    return screen_levels(painted.rgba, background=paint.background)
 
 
 def _spacing(subject: Subject, flight: Flight | Tour, size: tuple[int, int]) -> float:

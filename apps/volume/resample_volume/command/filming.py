@@ -10,6 +10,7 @@ import numpy as np
 
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Sphere
+from resample.command.films import Tour
 from resample.command.session import Session
 from resample.command.settings import Resampling
 from resample.command.workers import StartWorkers
@@ -24,7 +25,6 @@ from resample_volume.command.animation import (
     Course,
     Flight,
     FrameOptions,
-    Tour,
     cameras_of,
     drawing,
     finished,

@@ -3,12 +3,12 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from resample.cameras.files import left_out, read_poses
-from resample.colors import Background
+from resample.colors import Background, as_levels
+from resample.command.films import is_file_of_path
 from resample.console.messages import say
 from resample.files.animations import Levels, Shots, check_count, fingerprint
 from resample.measuring.compare import shown
@@ -135,9 +135,7 @@ def poses_of(
     ValueError, OSError
         The path is neither, or a number is out of range.
     """
-    if path not in PATHS and not Path(path).exists() and not Path(path).suffix:
-        raise ValueError(f"unknown path {path!r}; known: {', '.join(PATHS)}, or a file of poses")
-    if path not in PATHS:
+    if is_file_of_path(path, PATHS, "poses"):
         if amount is not None:
             raise ValueError(f"an amount belongs to the paths {', '.join(PATHS)}, not to a file")
         poses = read_poses(path)
@@ -176,12 +174,6 @@ def shots(
     kind = [type(camera).__name__, *seen]
     whole = {**job, "path": fingerprint(np.stack(poses)), "intrinsics": kind}
     return Shots(len(poses), frame, whole)
-
-
-def as_levels(screen: Floats) -> Levels:
-    """Convert a picture 0..1 to 8-bit levels."""
-    levels: Levels = np.floor(np.clip(screen, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
-    return levels
 
 
 def on_screen(warped: Warped, *, has_alpha: bool, background: Background) -> Floats:

@@ -8,12 +8,12 @@ from pydantic import Field
 
 from resample.command.about import NUMBERS, OptionTopic, words
 from resample.command.flags import Hyphen, Stats, Switch
+from resample.command.intrinsics import Shape, check_intrinsics, with_intrinsics
 from resample.command.settings import (
     Choices,
     MethodsFilter,
     Threads,
 )
-from resample_warp3d.command.cameras.intrinsics import Shape, check_intrinsics, with_intrinsics
 from resample_warp3d.command.cameras.source import SourceCamera
 
 if TYPE_CHECKING:

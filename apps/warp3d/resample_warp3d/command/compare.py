@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from resample.command.intrinsics import Shape
 from resample.command.session import Session
 from resample.files.animations import write_film
 from resample.files.pictures import Kind, Picture
 from resample_warp3d.command.animation import Range, poses_of, shots
-from resample_warp3d.command.cameras.intrinsics import Shape
 from resample_warp3d.command.cameras.target import Aim
 from resample_warp3d.command.choices import DepthWarping
 from resample_warp3d.command.inputs import (

@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
-from resample.colors import Background
+from resample.colors import Background, as_levels
 from resample.command.session import Session
 from resample.command.settings import Sharing
 from resample.console.messages import say
 from resample.files.animations import Levels, Shots
 from resample.files.writing import check_targets
 from resample.types import Doubles, Floats
-from resample_warp3d.command.animation import as_levels, shots
+from resample_warp3d.command.animation import shots
 from resample_warp3d.command.choices import Depth, DepthWarping
 from resample_warp3d.command.inputs import DepthReader, read_views
 from resample_warp3d.command.rendering import CameraFilm, film_of

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from resample.cameras.models import Camera
 from resample.cameras.pixels import directions, pixel_centers
 from resample.cameras.poses import camera_to_world
-from resample.colors import from_srgb, straight, to_srgb
+from resample.colors import as_levels, from_srgb, straight, to_srgb
 from resample.files.writing import replacing
 from resample.types import Doubles
 from resample_warp3d.types import DOWN, RIGHT, Source
@@ -159,7 +159,7 @@ def levels(source: Source) -> Levels:
     alpha = source.color[..., -1:] if channels in (2, 4) else np.ones_like(color[..., :1])
     rgba = np.clip(straight(np.concatenate([color, alpha], axis=2)), 0.0, 1.0)
     rgba[..., :3] = to_srgb(rgba[..., :3])
-    return np.asarray(np.floor(rgba * 255.0 + 0.5), np.uint8)
+    return as_levels(rgba)
 
 
 def _picked(
@@ -191,5 +191,5 @@ def _for_gltf(geometry: Any) -> "trimesh.Scene":
     if isinstance(geometry, trimesh.PointCloud):
         color = geometry.colors.astype(np.float32) / 255.0
         color[:, :3] = from_srgb(color[:, :3])
-        geometry.colors = np.asarray(np.floor(color * 255.0 + 0.5), np.uint8)
+        geometry.colors = as_levels(color)
     return trimesh.Scene([geometry])

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.panoramic import Equirectangular, check_panorama
+from resample.command.intrinsics import Shape
 from resample.command.session import libraries
 from resample.console.messages import say
 from resample.files.formats import flattened
@@ -18,7 +19,6 @@ from resample.files.images import read_channels
 from resample.files.pictures import Picture, form_of, read_picture
 from resample.memory import require, require_memory
 from resample.types import Floats
-from resample_warp3d.command.cameras.intrinsics import Shape
 from resample_warp3d.command.cameras.source import SourceCamera
 from resample_warp3d.command.choices import Depth
 from resample_warp3d.depth.agreement import pose_warning

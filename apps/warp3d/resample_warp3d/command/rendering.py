@@ -10,14 +10,13 @@ import numpy as np
 
 from resample.cameras.models import Camera, Orthographic
 from resample.colors import Background
-from resample.command.session import Session, bytes_written, libraries
+from resample.command.intrinsics import Shape
+from resample.command.session import Session, bytes_per_value, require_picture
 from resample.console.messages import say
 from resample.files.animations import fingerprint
 from resample.lazy import installed_version
-from resample.memory import require
 from resample.types import Floats
 from resample_warp3d.command.animation import on_screen
-from resample_warp3d.command.cameras.intrinsics import Shape
 from resample_warp3d.command.choices import DepthWarping
 from resample_warp3d.command.inputs import DepthInput, Inputs, bytes_of_source
 from resample_warp3d.depth.preparation import sourced
@@ -31,7 +30,6 @@ from resample_warp3d.wide.projections import CameraModel
 if TYPE_CHECKING:
     from resample_warp3d.views.together import Joining
 
-CHANNELS = 3  # of most pictures, and of clouds
 REFINEMENTS = {
     "snap": "edges moved to those of the picture, gaps filled",
     "sharpen": "soft edges hardened where the picture has edges, gaps filled",
@@ -259,7 +257,7 @@ def check_memory(views: Sequence[DepthInput], shape: Shape, output: Path, others
     Parameters
     ----------
     views
-        Sources, as read; none for a cloud.
+        Sources, as read.
     shape
         Height and width of the target, px.
     output
@@ -272,16 +270,10 @@ def check_memory(views: Sequence[DepthInput], shape: Shape, output: Path, others
     ValueError
         It needs more memory than is allowed or free.
     """
-    height, width = shape
-    channels = max((view.picture.data.shape[2] for view in views), default=CHANNELS)
-    parts = {
-        "libraries": libraries(),
-        "the sources": sum(bytes_of_source(view.picture.data.shape) for view in views),
-        "the result": (channels + 1) * bytes_written(shape, output),
-    }
-    if others:
-        parts[f"{others} workers"] = others * sum(parts.values())
-    require(f"a picture of {width} x {height} pixels", parts, "take a smaller size")
+    channels = max(view.picture.data.shape[2] for view in views)
+    sources = sum(bytes_of_source(view.picture.data.shape) for view in views)
+    pixel = (channels + 1) * bytes_per_value(output)
+    require_picture(shape, pixel, {"the sources": sources}, others)
 
 
 def mention_holes(warped: Warped) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from resample.colors import from_srgb
 from resample.files.writing import replacing
-from resample.measuring.compare import contact_sheet, enlarged, shown
+from resample.measuring.compare import contact_sheet, enlarged, shown, write_screen
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.figures.compare import (
     TRUTH,
@@ -105,10 +105,10 @@ def write_figures(folder: Path, figure: Figure) -> dict[str, object]:
     -------
     What the JSON file holds.
     """
-    _write_screen(folder / "reference.png", figure.reference)
+    write_screen(folder / "reference.png", figure.reference)
     for name, screen in figure.pictures.items():
-        _write_screen(folder / f"{_plain_name(name)}.png", screen)
-        _write_screen(folder / f"{_plain_name(name)}-zoom.png", _zoomed(figure, screen))
+        write_screen(folder / f"{_plain_name(name)}.png", screen)
+        write_screen(folder / f"{_plain_name(name)}-zoom.png", _zoomed(figure, screen))
     _write_sheet(folder / SHEET, figure)
     rows, columns = figure.region
     numbers: dict[str, object] = {
@@ -178,14 +178,6 @@ def _grown(part: slice, length: int) -> slice:
 
 def _zoomed(figure: Figure, screen: Screen) -> Screen:
     return enlarged(screen[figure.region], min(figure.reference.shape[:2]))
-
-
-def _write_screen(path: Path, screen: Screen) -> None:
-    from PIL import Image
-
-    levels = np.floor(np.clip(screen, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
-    with replacing(path) as temporary:
-        Image.fromarray(levels).save(temporary, format="PNG")
 
 
 def _plain_name(method: str) -> str:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.colors import as_levels
 from resample.measuring.quality import psnr, ssim
 from resample.types import Doubles, Floats
 
@@ -174,8 +175,9 @@ def inpainted(screen: Screen, covered: Mask) -> Floats:
     """Fill a picture's holes by OpenCV (Telea, radius 3 px), equally for all methods."""
     import cv2
 
-    levels = np.floor(np.clip(screen, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
-    filled = cv2.inpaint(levels, (~covered).astype(np.uint8), TELEA_RADIUS, cv2.INPAINT_TELEA)
+    filled = cv2.inpaint(
+        as_levels(screen), (~covered).astype(np.uint8), TELEA_RADIUS, cv2.INPAINT_TELEA
+    )
     whole = np.where(covered[..., None], screen, filled.astype(np.float32) / 255.0)
     return np.asarray(whole, np.float32)
 

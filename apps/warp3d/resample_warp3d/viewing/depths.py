@@ -3,22 +3,29 @@
 The page's state is a set of `render` options.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from copy import copy
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from resample.command.session import Session
-from resample.command.settings import Written
+from resample.command.settings import Choices, Written
 from resample.files.formats import WriteOptions, page_of
 from resample.files.pictures import Kind, Picture
 from resample.files.saving import write_picture
-from resample.view.files import file_of, levels_in, shown
-from resample.view.views import PagePicture, Settings, Size, chosen, settings_of
+from resample.view.files import shown
+from resample.view.kept import FileView, image_of
+from resample.view.views import (
+    PagePicture,
+    Settings,
+    Size,
+    chosen,
+    pixel_at,
+    preview_size,
+    settings_of,
+)
 from resample.watching import Cancel, Progress, cancellable
 from resample_warp3d.command.animation import Range
 from resample_warp3d.command.cameras.source import SourceCamera
@@ -44,9 +51,7 @@ SHOWN = (
     Showing,
 )  # options that a page changes
 LEFT_OUT = ("size", "bits", "export-as")
-LITTLE = 16  # px per side of the pictures that compile the kernels
 KINDS: Sequence[Settings] = ({"fill": True}, {"method": "mesh"}, {"method": "mcmillan"})
-PER = 2  # px of the picture per px of its preview, along each axis
 HOLES = {
     Hole.NONE: "none",
     Hole.DISOCCLUDED: "hidden in the source",
@@ -115,10 +120,9 @@ class DepthPainter:
 
     def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> PagePicture:
         """Picture of these options, see `resample.view.views.Painter`."""
-        width, height = size
         with cancellable(cancel):
             if quick:
-                seen = self._rendered(settings, (-(-width // PER), -(-height // PER)))
+                seen = self._rendered(settings, preview_size(size))
             else:
                 seen = self._last = self._rendered(settings, size)
             page = page_of(Path("picture.png"), seen.picture(), seen.request.options)
@@ -130,7 +134,7 @@ class DepthPainter:
         if seen is None or seen.warped.coverage.shape != size[::-1]:
             seen = self._rendered(settings, size)
         warped = seen.warped
-        at = min(int(y), size[1] - 1), min(int(x), size[0] - 1)
+        at = pixel_at(size, x, y)
         hole = HOLES[Hole(int(warped.holes[at]))]
         if not np.isfinite(warped.depth[at]):
             return {"hole": hole}
@@ -188,9 +192,14 @@ class DepthPainter:
         return self._ready[1]
 
 
-@dataclass
-class DepthView:
-    """A depth image for the viewer's pages.
+def depth_view(
+    color: str,
+    depth: str,
+    begin: Sequence[Choices] = (),
+    further: Sequence[str] = (),
+    controls: Sequence[dict[str, Any]] = (),
+) -> FileView:
+    """Return what pages show of a depth image.
 
     Parameters
     ----------
@@ -203,61 +212,29 @@ class DepthView:
     controls
         Controls from `resample.view.views.controls_of`; empty: a page without controls.
     """
+    first = DepthPainter(color, depth, further)
+    settings = {"move": "0,0,0", **settings_of(begin)}
 
-    color: str
-    depth: str
-    begin: Sequence[Any] = ()
-    further: Sequence[str] = ()
-    controls: Sequence[dict[str, Any]] = ()
-
-    @cached_property
-    def about(self) -> dict[str, Any]:
-        """Facts for the page, see `resample.view.views.Viewable`."""
-        begin = {"move": "0,0,0", **settings_of(self.begin)}
-        taken = self._first.taken(begin)
+    def described() -> dict[str, Any]:
+        taken = first.taken(settings)
         height, width = taken.shape
         far = Range.of(np.concatenate([view.image.nearness.ravel() for view in taken.views]))
         return {
-            "title": Path(self.color).name,
+            "title": Path(color).name,
             "subtitle": f"{width} × {height}, from {far.near:.4g} on, mostly {far.middle:.4g}",
             "command": COMMAND,
             "package": "resample_warp3d",
-            "inputs": [self.color, self.depth],
-            "fixed": {"view": list(self.further)} if self.further else {},
-            "controls": [control for control in self.controls if control["key"] not in LEFT_OUT],
-            **({} if self.further else {"film": FILM}),
+            "inputs": [color, depth],
+            "fixed": {"view": list(further)} if further else {},
+            "controls": [control for control in controls if control["key"] not in LEFT_OUT],
+            **({} if further else {"film": FILM}),
             "gestures": "walk",
             "extent": [width, height],
             "distance": [far.near, far.middle],
-            "settings": begin,
+            "settings": settings,
         }
 
-    def check(self, settings: Settings | None = None) -> None:
-        """Read and prepare the files, see `resample.view.views.Viewable`."""
-        _ = self.about
-        if settings is not None:
-            _checked(settings)
-
-    def painter(self) -> DepthPainter:
-        """What paints for a page that has been opened."""
-        return copy(self._first)
-
-    def warm(self) -> Iterator[None]:
-        """Compile the kernels by small pictures, see `resample.view.views.Warming`."""
-        painter = self.painter()
-        for kind in KINDS:
-            settings = {**self.about["settings"], **kind}
-            painter.paint(settings, (LITTLE, LITTLE), quick=False, cancel=Cancel())
-            yield
-
-    def save(self, settings: Settings, size: Size, suffix: str) -> bytes:
-        """Return the file that the command would write."""
-        return file_of(partial(self.painter().save, settings, size), suffix)
-
-    @cached_property
-    def _first(self) -> DepthPainter:
-        """Painter that has read the files; pages start from copies of it."""
-        return DepthPainter(self.color, self.depth, self.further)
+    return FileView(first, described, _checked, KINDS)
 
 
 def picture(color: str | Path, depth: str | Path, settings: Mapping[str, Any]) -> "Image":
@@ -279,14 +256,11 @@ def picture(color: str | Path, depth: str | Path, settings: Mapping[str, Any]) -
     ValueError, LookupError, OSError
         As the command does.
     """
-    from PIL import Image
-
     given = dict(settings)
     painter = DepthPainter(str(color), str(depth), given.pop("view", ()))
     (aim,) = (part for part in _checked(given) if isinstance(part, Aim))
     size = aim.shape(painter.taken(given).shape)[::-1]
-    file = file_of(partial(painter.save, given, size), ".png")
-    return Image.fromarray(levels_in(file))
+    return image_of(painter, given, size)
 
 
 def _checked(settings: Settings) -> _DepthRequest:

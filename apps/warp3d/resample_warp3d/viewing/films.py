@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from resample.console.backgrounds import linear_color
 from resample.files.animations import write_film
 from resample.types import Doubles
 from resample.view.exports import STEP
+from resample.view.kept import path_file
 from resample.view.views import Settings, chosen, option_of
 from resample.watching import Progress
 from resample_warp3d.command.animation import Range, poses_of, shots
@@ -90,9 +90,7 @@ def write_depth_film(
     eye, meaning, target, warping = chosen(spelled, MODELS)
     target.check_target()
     taken = read_views(DepthReader.checked(eye, meaning), *inputs)
-    with TemporaryDirectory(prefix="film-") as folder:
-        file = Path(folder) / FILE
-        file.write_text(poses, encoding="utf-8")
+    with path_file(FILE, poses) as file:
         frames = EACH * (len(poses.split("\n\n")) - 1) + 1
         camera = target.camera_model(taken.camera, taken.shape, eye.convention)
         way = poses_of(str(file), frames, None, camera.world_to_camera, Range(1.0, 1.0))

@@ -6,14 +6,14 @@ from pydantic import Field
 
 from resample.command.about import NUMBERS, OptionTopic
 from resample.command.flags import Hyphen
-from resample.command.settings import CALIBRATED, COUNTED, Choices, Convention
-from resample.words import numbers_in
-from resample_warp3d.command.cameras.intrinsics import (
+from resample.command.intrinsics import (
     FILES,
     Shape,
     check_intrinsics,
     with_intrinsics,
 )
+from resample.command.settings import CALIBRATED, COUNTED, Choices, Convention
+from resample.words import numbers_in
 
 if TYPE_CHECKING:
     from resample.cameras.models import Camera

@@ -6,9 +6,9 @@ from pydantic import Field
 
 from resample.command.about import NUMBERS, OptionTopic
 from resample.command.flags import Hyphen
+from resample.command.intrinsics import Shape, check_intrinsics, with_intrinsics
 from resample.command.settings import SIZE, Choices, height_and_width
 from resample.words import numbers_in
-from resample_warp3d.command.cameras.intrinsics import Shape, check_intrinsics, with_intrinsics
 
 if TYPE_CHECKING:
     from resample.cameras.models import Camera

@@ -1,0 +1,48 @@
+"""Point clouds: points where they are small on screen, splats where they are large.
+
+The names below are imported on first use, so that `import resample_points` is fast.
+"""
+
+from typing import TYPE_CHECKING
+
+try:
+    from resample.lazy import attributes, listing
+except ModuleNotFoundError as error:
+    raise ImportError(
+        "`resample` is here another project's package, the distribution `resample`; "
+        "pip uninstall resample, then pip install --force-reinstall --no-deps hybrid-resample"
+    ) from error
+
+if TYPE_CHECKING:
+    from resample.cameras.models import Camera
+    from resample_points.data.cloud import Cloud
+    from resample_points.files.readers import read_cloud
+    from resample_points.geometry.framing import framed
+    from resample_points.geometry.spacing import prepare_cloud
+    from resample_points.notebooks import view
+    from resample_points.painting.rendering import CloudStyle, render_cloud
+
+_HOMES = {
+    "Camera": "resample.cameras.models",
+    "Cloud": "data.cloud",
+    "CloudStyle": "painting.rendering",
+    "framed": "geometry.framing",
+    "prepare_cloud": "geometry.spacing",
+    "read_cloud": "files.readers",
+    "render_cloud": "painting.rendering",
+    "view": "notebooks",
+}
+
+__all__ = [
+    "Camera",
+    "Cloud",
+    "CloudStyle",
+    "framed",
+    "prepare_cloud",
+    "read_cloud",
+    "render_cloud",
+    "view",
+]
+
+__getattr__ = attributes(__name__, _HOMES)
+__dir__ = listing(_HOMES)

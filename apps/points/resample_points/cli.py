@@ -1,0 +1,159 @@
+"""The `resample-points` command."""
+
+from functools import partial
+from pathlib import Path
+from typing import Annotated, NoReturn
+
+from cyclopts import App
+
+from resample.command import flags
+from resample.command.about import words
+from resample.command.options import run
+from resample.command.settings import FrameFormat, Serving, Sharing, height_and_width
+from resample.command.settings_files import with_settings
+from resample.lazy import installed_version
+from resample_points.command.choices import CloudAim, CloudOptions, CloudStart
+
+app = App(
+    name="resample-points",
+    help="Point clouds: points where they are small on screen, splats where they are large."
+    "\n\nExample: resample-points render scan.ply --camera 40/20/1.5 --up y -o scan.png",
+    version=installed_version,
+)
+app.register_install_completion_command()
+
+CLOUD, START, AIM = CloudOptions.usual(), CloudStart.usual(), CloudAim.usual()
+FORMAT, SERVING, SHARING = FrameFormat.usual(), Serving.usual(), Sharing.usual()
+FORMER = {  # names that settings files of the release before have
+    "render": "resample-warp3d cloud",
+    "animate": "resample-warp3d animate-cloud",
+}
+
+
+@app.command
+def render(
+    file: Path,
+    /,
+    *,
+    output: flags.FrameOutput,
+    aim: Annotated[CloudAim, flags.Flat] = AIM,
+    look: Annotated[CloudOptions, flags.Flat] = CLOUD,
+    form: Annotated[FrameFormat, flags.Flat] = FORMAT,
+) -> None:
+    """Render a point cloud, with its colors and normals if it has them.
+
+    Example: resample-points render scan.ply --camera 40/20/1.5 --up y --color-by intensity
+    --color-bar -o scan.png
+
+    Parameters
+    ----------
+    file
+        .ply, .pcd, .las, .laz, .xyz, .txt, .csv or .npz.
+    """
+    from resample.command.session import Session
+    from resample.files.saving import check_suffix
+    from resample.files.writing import check_targets
+    from resample.watching import told
+    from resample_points.command.rendering import check_memory, scene_of
+
+    check_suffix(output)
+    shape = form.height_and_width()
+    aim.check()
+    look.check(output, shape[0])
+    check_targets(output)
+    check_memory(shape, output)
+    session = Session()
+    scene = scene_of(session, file, look)
+    with session.stage("paint", bar="painting") as progress:
+        camera = aim.camera_for(scene.surfels, shape)
+        with told(progress):
+            frame = scene.picture(camera, shape)
+    scene.write(output, frame, form)
+
+
+@app.command
+def animate(
+    file: Path,
+    /,
+    *,
+    output: flags.FilmOutput,
+    path: Annotated[str, words("orbit", "sway")] = "orbit",
+    frames: flags.AppearanceFlag[int | None] = None,
+    start: Annotated[CloudStart, flags.Flat] = START,
+    fps: flags.FramesPerSecond = 24.0,
+    size: flags.Size = "640x480",
+    look: Annotated[CloudOptions, flags.Flat] = CLOUD,
+    background: flags.FilmBackground = "black",
+    resume: flags.Resume = False,
+    sharing: Annotated[Sharing, flags.Flat] = SHARING,
+) -> None:
+    """Move a camera around a point cloud.
+
+    Example: resample-points animate scan.ply --camera 0/20/1 --up y -o orbit.mp4
+
+    Parameters
+    ----------
+    file
+        As in render.
+    path
+        Camera path: orbit, once around; sway, left and right; or a file of keyframes or poses.
+    frames
+        Number of frames. Default: 96; for a file as its times require.
+    """
+    from resample.command.films import write_shared
+    from resample.command.session import Session
+    from resample.command.workers import check_sharing, share_memory
+    from resample.console.backgrounds import linear_color
+    from resample.files.animations import check_film
+    from resample_points.command import animation
+    from resample_points.command.cameras import cameras_of, start_of
+    from resample_points.command.rendering import check_memory, scene_of
+
+    shape = height_and_width(size)
+    check_film(output, fps)
+    check_sharing(sharing)
+    viewpoints = animation.path_of(path, frames, fps, start_of(start.camera, start.up))
+    behind = linear_color(background) or (0.0, 0.0, 0.0)
+    look.check(output, shape[0])
+    check_memory(shape, output, sharing.workers or 0)
+    share_memory(sharing)
+    scene = scene_of(Session(), file, look)
+    cameras = cameras_of(scene.surfels, viewpoints, shape, steady=start.steady)
+    film = animation.film_of(scene, cameras, shape, behind)
+    again = partial(animation.frames_of, file, look, cameras, shape, behind)
+    write_shared(output, film, again, sharing, look.threads, fps=fps, resume=resume)
+
+
+@app.command
+def view(
+    file: Path,
+    /,
+    *,
+    start: Annotated[CloudStart, flags.Flat] = START,
+    page: Annotated[Serving, flags.Flat] = SERVING,
+) -> None:
+    """Show a point cloud in the browser: navigate, copy the command.
+
+    Example: resample-points view scan.ply --up y
+
+    Parameters
+    ----------
+    file
+        As in render.
+    """
+    from resample.view.server import require_parts, serve
+    from resample.view.views import controls_of
+    from resample_points.viewing import COMMAND, cloud_view
+
+    require_parts()
+    shown = cloud_view(file, (start,), controls_of(COMMAND, app["render"]))
+    shown.check()
+    serve(shown, host=page.host, port=page.port, browser=page.browser)
+
+
+with_settings(app, FORMER)
+
+
+def main() -> NoReturn:
+    """Run the process's command line."""
+    run(app)

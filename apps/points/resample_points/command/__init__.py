@@ -1,0 +1,1 @@
+"""The `resample-points` command."""

@@ -1,0 +1,168 @@
+"""Options of commands for point clouds."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+from cyclopts import Parameter
+from pydantic import Field
+
+from resample.command.about import NUMBERS, OptionTopic
+from resample.command.flags import Hyphen, Steady, Switch, Up, Viewed
+from resample.command.settings import CAMERA, Choices, Threads
+from resample_points.command.cameras import Shape, calibrated_of, camera_of, sized, start_of
+
+if TYPE_CHECKING:
+    from resample.types import Floats
+    from resample_points.geometry.spacing import Surfels
+
+
+class CloudOptions(Choices):
+    """Look of a point cloud."""
+
+    heading: ClassVar[str] = "Look"
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
+
+    color_by: Annotated[
+        str | None,
+        Field(
+            description="Source of colors: a column of the file, such as intensity, or x, y or z."
+        ),
+    ] = None
+    colormap: Annotated[
+        str,
+        Field(description="Colormap for --color-by, one of matplotlib's, such as turbo or tab10."),
+    ] = "viridis"
+    span: Annotated[
+        str | None,
+        Parameter(name="--range", allow_leading_hyphen=True),
+        Field(
+            description="Values at the ends of the colormap: low,high, or quantiles such as "
+            "2%,98%. Default: least and greatest value."
+        ),
+    ] = None
+    color_bar: Annotated[
+        bool, Switch, Field(description="Add a bar to the right: the colors and their values.")
+    ] = False
+    point_size: Annotated[
+        float, Field(description="Scale of the points, relative to their spacing.")
+    ] = 1.0
+    disc_limit: Annotated[
+        float | None,
+        Field(
+            description="Largest size of a point relative to its neighbours; inf for no limit. "
+            "Default: 1.75, and 1 for stray points."
+        ),
+    ] = None
+    filter: Annotated[
+        str | None,
+        Field(
+            description="Pixel filter, such as gaussian:sigma=0.6. Default: the mean over a pixel."
+        ),
+    ] = None
+    light: Annotated[
+        Literal["none", "eye"] | None,
+        Field(
+            description="Where light comes from: eye, the camera (default for clouds without "
+            "colors), or none."
+        ),
+    ] = None
+    one_sided: Annotated[bool, Switch, Field(description="Cull points that face away.")] = False
+    level: Annotated[
+        int,
+        Field(
+            ge=0,
+            description="Level of detail; 0 is the finest. Skip this many of the finest levels of "
+            "a COPC file.",
+        ),
+    ] = 0
+    no_cache: Annotated[
+        bool,
+        OptionTopic.RESOURCE,
+        Switch,
+        Field(description="Do not use the disk cache of the points' neighbours."),
+    ] = False
+    threads: Threads = None
+
+    def check(self, output: Path, height: int) -> None:
+        """Refuse invalid options before any work is done.
+
+        Raises
+        ------
+        ValueError, LookupError
+            An option is unknown, out of range, or does not go with another.
+        """
+        from resample import registry
+        from resample.colors import check_colormap
+        from resample.measuring.color_bars import check_bar
+
+        self.style()
+        if "colormap" in self.model_fields_set:  # matplotlib takes a while to import
+            check_colormap(self.colormap)
+        if self.filter is not None:
+            registry.build("filters", self.filter)
+        if self.color_by is None and (self.color_bar or self.span is not None):
+            raise ValueError("--color-bar and --range belong to --color-by; give it a column")
+        if self.color_bar:
+            check_bar(output, height)
+
+    def style(self) -> Any:
+        """Return the style that `render_cloud` takes."""
+        from resample_points.painting.rendering import CloudStyle, Shading
+
+        lights = {None: None, "none": Shading.NONE, "eye": Shading.HEADLIGHT}
+        return CloudStyle(point_size=self.point_size, light=lights[self.light], cull=self.one_sided)
+
+
+class CloudStart(Choices):
+    """Camera around a point cloud."""
+
+    heading: ClassVar[str] = CAMERA
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
+
+    camera: Viewed = "30/20/1"
+    up: Up = "z"
+    steady: Steady = False
+
+
+class CloudAim(CloudStart):
+    """Camera of a point cloud."""
+
+    pose: Annotated[
+        str | None,
+        OptionTopic.SOURCE,
+        Field(description="File or file:frame of a pose; instead of --camera, needs --intrinsics."),
+    ] = None
+    intrinsics: Annotated[
+        str | None, NUMBERS, Hyphen, Field(description="fx,fy,cx,cy[,skew] in px; for --pose.")
+    ] = None
+
+    def check(self) -> None:
+        """Refuse invalid cameras before any work is done.
+
+        Raises
+        ------
+        ValueError, LookupError, OSError
+            As `start_of` and `calibrated_of` do.
+        """
+        start_of(self.camera, self.up)
+        calibrated_of(self.pose, self.intrinsics)
+
+    def camera_for(self, surfels: "Surfels", shape: Shape) -> Any:
+        """Return the camera for a picture (height, width) of a cloud; raises as `check` does."""
+        from resample.cameras.viewpoints import Orbit
+        from resample_points.geometry.framing import ball_around
+
+        calibrated = calibrated_of(self.pose, self.intrinsics)
+        if calibrated is not None:
+            return sized(calibrated, shape)
+        start = start_of(self.camera, self.up)
+        if self.steady and isinstance(start, Orbit):
+            return start.around(ball_around(surfels), *shape)
+        return camera_of(surfels, shape, start)
+
+
+def beside(rgba: "Floats", bar: "Floats | None", background: Any) -> "Floats":
+    """Put a color bar beside a picture, if there is one."""
+    from resample.measuring.color_bars import with_color_bar
+
+    return rgba if bar is None else with_color_bar(rgba, bar, background)

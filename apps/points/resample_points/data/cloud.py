@@ -1,0 +1,141 @@
+"""The type of point clouds, and checks of its parts."""
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.types import Doubles, Floats
+
+FARTHEST = 1e15  # scene units; 4th powers of distances still fit into float32
+AXES = ("x", "y", "z")
+NO_COLUMNS: Mapping[str, NDArray[Any]] = MappingProxyType({})
+
+
+class Cloud(NamedTuple):
+    """N surface points; parts that are unknown have length 0.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_points import Cloud, framed, render_cloud
+    >>> place = np.random.default_rng(1).normal(size=(2000, 3))
+    >>> place /= np.linalg.norm(place, axis=1)[:, None]  # of a ball
+    >>> cloud = Cloud(place, normal=place, color=np.empty((0, 3)), radius=np.empty(0))
+    >>> render_cloud(cloud, framed(cloud, size=(32, 24)), size=(32, 24)).statistics.samples
+    2000
+    """
+
+    position: Floats | Doubles  # (N, 3) scene units
+    normal: Floats  # (N, 3) outward; (0, 0, 0) or not finite where unknown; or (0, 3)
+    color: Floats  # (N, 3) linear light; or (0, 3)
+    radius: Floats  # (N,) scene units, of the disc that a point represents; or (0,)
+    columns: Mapping[str, NDArray[Any]] = NO_COLUMNS  # (N,) each: further measurements, by name
+
+
+def some_of(cloud: Cloud, which: NDArray[Any]) -> Cloud:
+    """Select points of a cloud by mask or indices."""
+    if which.dtype == np.bool_:
+        which = np.flatnonzero(which)
+    position, normal, color, radius, columns = cloud
+    place: Any = np.take(position, which, axis=0)
+    return Cloud(
+        place,
+        np.take(normal, which, axis=0) if len(normal) else normal,
+        np.take(color, which, axis=0) if len(color) else color,
+        np.take(radius, which) if len(radius) else radius,
+        {name: np.take(column, which) for name, column in columns.items()},
+    )
+
+
+def kept_columns(cloud: Cloud, wanted: Sequence[str] | None) -> Cloud:
+    """Return a cloud with the wanted columns only; None: all.
+
+    Raises
+    ------
+    ValueError
+        There is no such column.
+    """
+    if wanted is None:
+        return cloud
+    for name in wanted:
+        if name not in (*cloud.columns, *AXES):
+            known = ", ".join(columns_of(cloud))
+            raise ValueError(f"there is no column {name!r}; known: {known}")
+    kept = {name: column for name, column in cloud.columns.items() if name in wanted}
+    return cloud._replace(columns=kept)
+
+
+def columns_of(cloud: Cloud) -> list[str]:
+    """Return the names of columns that a cloud can be colored by."""
+    return [*AXES, *(name for name in cloud.columns if name not in AXES)]
+
+
+def places(cloud: Cloud) -> Floats | Doubles:
+    """Return the positions (N, 3) of points that have one.
+
+    Raises
+    ------
+    ValueError
+        Positions do not have that shape.
+    """
+    position: Floats | Doubles = part_of(cloud, "position")
+    known = np.isfinite(position).all(axis=1)
+    return position if known.all() else position[known]
+
+
+def checked(cloud: Cloud) -> Cloud:
+    """Return the points that can be drawn, in checked arrays, without columns.
+
+    Raises
+    ------
+    ValueError
+        Lengths do not fit, a part is not an array, or a coordinate is absurd.
+    """
+    parts = {name: part_of(cloud, name) for name in ("position", "normal", "color", "radius")}
+    known = _are_finite(parts["position"])
+    if len(parts["color"]):
+        known &= _are_finite(parts["color"])
+    if len(parts["radius"]):
+        known &= np.isfinite(parts["radius"]) & (parts["radius"] > 0)
+    whole = Cloud(**parts)
+    position, normal, color, radius, _ = whole if known.all() else some_of(whole, known)
+    farthest = max(float(position.max(initial=0)), -float(position.min(initial=0)))
+    if farthest > FARTHEST:
+        raise ValueError(f"a coordinate of {farthest:g}; {FARTHEST:g} is the limit")
+    is_normal = _are_finite(normal)
+    if not is_normal.all():
+        normal = np.where(is_normal[:, None], normal, 0.0)
+    return Cloud(
+        np.asarray(position, np.float64),
+        np.asarray(normal, np.float32),
+        np.asarray(color, np.float32),
+        np.asarray(radius, np.float32),
+    )
+
+
+def _are_finite(values: NDArray[Any]) -> NDArray[np.bool_]:
+    """Tell which rows (N,) of values (N, 3) are finite."""
+    are = np.isfinite(values)
+    if are.all():  # much faster than a check of every row
+        return np.ones(len(values), np.bool_)
+    of_rows: NDArray[np.bool_] = are.all(axis=1)
+    return of_rows
+
+
+def part_of(cloud: Cloud, name: str) -> Any:
+    """Return a part of a cloud, checking that its shape fits the positions."""
+    count = len(cloud.position) if cloud.position is not None else "N"
+    rest = () if name == "radius" else (3,)
+    shape = f"({', '.join(map(str, (count, *rest)))}{'' if rest else ','})"
+    part = getattr(cloud, name)
+    if part is None:
+        nothing = "" if name == "position" else f", or {(0, *rest)} where it is unknown"
+        raise ValueError(f"{name} of a cloud is None; give an array of the shape {shape}{nothing}")
+    array = np.asarray(part)
+    lengths = {count} if name == "position" else {count, 0}
+    if array.dtype.kind not in "iuf" or array.shape[1:] != rest or len(array) not in lengths:
+        raise ValueError(f"{name} of a cloud has the shape {array.shape}; it must be {shape}")
+    return array

@@ -1,0 +1,175 @@
+"""Color clouds by the columns of their files."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.colors import from_srgb, mapped
+from resample.types import Floats
+from resample_points.data.cloud import AXES, Cloud, columns_of, part_of
+from resample_points.data.fields import COLORS
+from resample_points.data.parts import quantile_of, rows_of, span_in, zeros_beside
+
+UNKNOWN = 0.2  # linear gray of points without a value
+LEVELS = 1024  # colors of a scale
+SCANNED = ("intensity", "classification")  # columns to color points by if they have no colors
+BRIGHT = 0.98  # quantile of the intensities that becomes white
+CLASSES = 20  # colors of classes, of the colormap tab20
+
+Range = tuple[float, float]
+
+
+class Scale(NamedTuple):
+    """Mapping between values and colors."""
+
+    name: str  # of the column
+    colormap: str
+    span: Range  # values of the first and the last color
+
+    def colors(self) -> Floats:
+        """Return linear colors (`LEVELS`, 3) at even values over the span."""
+        return mapped(self.colormap, (np.arange(LEVELS) + 0.5) / LEVELS)
+
+
+class Colored(NamedTuple):
+    """A cloud colored by values, and its scale."""
+
+    cloud: Cloud
+    scale: Scale
+
+
+def colored(
+    cloud: Cloud, column: str, *, colormap: str = "viridis", span: str | Range | None = None
+) -> Colored:
+    """Color a cloud by a column of its file.
+
+    Parameters
+    ----------
+    cloud
+        Cloud with columns, as `read_cloud` returns it.
+    column
+        Name of a column, or x, y or z. Points without a finite value become gray.
+    colormap
+        One of matplotlib's.
+    span
+        Values at the ends of the colormap; values beyond get the color of the end. Two numbers, or
+        text `low,high`, each of which may be a quantile: `2%,98%`. Default: the least and the
+        greatest value.
+
+    Raises
+    ------
+    ValueError
+        The column or colormap is unknown, or the span is invalid.
+    """
+    value = _column(cloud, column)
+    whole = span_in(value)
+    if whole is None:
+        raise ValueError(f"column {column!r} has no finite value")
+    low, high = span_of(span, value, whole)
+
+    def color_of(rows: slice) -> Floats:
+        part = np.asarray(value[rows], np.float64)
+        known = np.isfinite(part)
+        share = np.full_like(part, 0.5)
+        if low < high:
+            share = np.clip((part - low) / (high - low), 0.0, 1.0)
+        color = mapped(colormap, np.where(known, share, 0.0))
+        color[~known] = UNKNOWN
+        return color
+
+    color = _per_point(cloud, color_of)
+    return Colored(cloud._replace(color=color), Scale(column, colormap, (low, high)))
+
+
+def colored_as_scanned(cloud: Cloud) -> Cloud:
+    """Color a laser scan by its red, green and blue columns, which are removed.
+
+    Levels have 16 bits, or 8 if none is above 255. If there are none, or all are black, points are
+    gray by their intensity, of which the 98 % quantile is white, or else get a color per class.
+    """
+    rest = {name: column for name, column in cloud.columns.items() if name not in COLORS[0]}
+    levels = [cloud.columns[name] for name in COLORS[0] if name in cloud.columns]
+    intensity, number = (rest.get(name, np.zeros(1, np.uint8)) for name in SCANNED)
+    cloud = cloud._replace(columns=rest)
+    most = max((int(level.max(initial=0)) for level in levels), default=0)
+    white = np.float32(255 if most <= 255 else 65535)
+
+    def light(rows: slice) -> Floats:
+        level = np.stack([each[rows] for each in levels], axis=1)
+        return np.asarray(from_srgb(level.astype(np.float32) / white))
+
+    def gray(rows: slice) -> Floats:
+        share = np.minimum(intensity[rows].astype(np.float32) / brightest, np.float32(1))
+        return np.repeat(share[:, None], 3, axis=1)
+
+    def by_class(rows: slice) -> Floats:
+        return mapped("tab20", (number[rows].astype(np.int64) % CLASSES + 0.5) / CLASSES)
+
+    if most:
+        return cloud._replace(color=_per_point(cloud, light))
+    if len(cloud.color):
+        return cloud
+    if intensity.min() < intensity.max():
+        brightest = np.float32(max(quantile_of(intensity, BRIGHT), 1.0))
+        return cloud._replace(color=_per_point(cloud, gray))
+    if number.min() < number.max():
+        return cloud._replace(color=_per_point(cloud, by_class))
+    return cloud
+
+
+def _per_point(cloud: Cloud, color_of: Callable[[slice], Floats]) -> Floats:
+    """Compute colors (N, 3) of all points, block by block."""
+    color: Floats = zeros_beside(cloud.position, (len(cloud.position), 3), np.float32)
+    for rows in rows_of(color):
+        color[rows] = color_of(rows)
+    return color
+
+
+def _column(cloud: Cloud, name: str) -> NDArray[Any]:
+    if name in cloud.columns:
+        values, count = np.asarray(cloud.columns[name]), len(part_of(cloud, "position"))
+        if values.shape != (count,):
+            raise ValueError(f"column {name!r} has the shape {values.shape}; it must be ({count},)")
+        return values
+    if name not in AXES:
+        raise ValueError(f"there is no column {name!r}; known: {', '.join(columns_of(cloud))}")
+    return np.asarray(part_of(cloud, "position")[:, AXES.index(name)])
+
+
+def span_of(given: str | Range | None, values: NDArray[Any], whole: Range) -> Range:
+    """Return a span in numbers, from text, numbers, or None for the whole range.
+
+    Raises
+    ------
+    ValueError
+        The text is invalid, a number is not finite, or the first is not below the last.
+    """
+    if given is None:
+        return whole
+    words = given.split(",") if isinstance(given, str) else [str(float(end)) for end in given]
+    try:
+        first, last = (_end(word.strip(), values) for word in words)
+    except ValueError:
+        raise ValueError(f"a range of {given!r}; give low,high, such as 0,255 or 2%,98%") from None
+    if first == last:
+        raise ValueError(
+            f"a range of {given!r}, which is from {first:g} to {last:g}; give a wider one"
+        )
+    if not first < last:
+        raise ValueError(
+            f"a range from {first:g} to {last:g}; give the smaller first, and a colormap with _r "
+            "for reversed colors"
+        )
+    return first, last
+
+
+def _end(word: str, values: NDArray[Any]) -> float:
+    """Return one end of a span."""
+    if word.endswith("%"):
+        return quantile_of(values, float(word[:-1]) / 100.0)
+    number = float(word)
+    if not np.isfinite(number):
+        raise ValueError
+    return number

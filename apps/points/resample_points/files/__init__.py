@@ -1,0 +1,1 @@
+"""Read point clouds: PLY, PCD, LAS, text columns, NumPy arrays."""

@@ -1,0 +1,1 @@
+"""Numba kernels of readers; they take only arrays and numbers."""

@@ -1,0 +1,1 @@
+"""Geometry of clouds: order along a curve, normals and discs of points, cameras that frame them."""

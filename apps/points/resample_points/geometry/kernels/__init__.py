@@ -1,0 +1,1 @@
+"""Numba kernels that measure clouds; they take only arrays and numbers."""

@@ -1,0 +1,383 @@
+"""Voronoi cell of a cloud's point among its neighbours, in the tangent plane.
+
+The cell is the part of the tangent plane that is nearer to the point than to any neighbour. Discs
+that contain the cells of their points leave no gap on a surface, however irregular the sampling.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.jit import Counter, inner_kernel, kernel, parallel_kernel, tasks
+from resample.engine.vectors import Matrix, Vector, cross, dot
+from resample.types import Doubles, Floats
+from resample_points.geometry.kernels.flattest import flattest
+from resample_points.geometry.kernels.lines import (
+    AWAY,
+    BEGIN,
+    END,
+    DiscLines,
+    X,
+    Y,
+    cuts,
+    meet,
+    put,
+    put_around,
+)
+
+Indices = NDArray[np.int64]
+Nearest = NDArray[np.int32]
+
+CHUNK = 1024  # points that a thread takes at a time
+WIDEST = 0.73  # corners of a cell lie within this times the distance to the last neighbour
+FARAWAY = 1e3  # times that: where sides of open cells end
+BATCH_SIZE = 12  # neighbours that are visited together
+AROUND = 5  # nearest neighbours, whose mean distance is the spacing at a rim
+OUTLINE_SHARE = 0.65  # of that spacing: extent of a cell where there is no neighbour
+FARTHEST = 5.0  # times that: extent of a cell among neighbours
+LONGEST = 8.0  # ratio of a disc's length to its width, at most
+SIMILAR_SPACING = (
+    0.5  # of a point's spacing: neighbours with at least that are as isolated as it is
+)
+FEW = 1  # stray points have at most so many of such neighbours
+SLACK = 1.02  # factor by which discs overlap
+
+
+class Spaced(NamedTuple):
+    """Measurements of N points."""
+
+    axes: Floats  # (N, 2, 3) half axes of each point's disc, first × second along the normal
+    spacing: Floats  # (N,) mean distance to the nearest neighbours
+
+
+@inner_kernel
+def _spread(position: Floats, neighbour: Indices, n: int) -> Matrix:
+    """Covariance of a point's neighbours, itself included, times their number."""
+    # Sum offsets from the point itself, which keeps precision far from the origin.
+    count = neighbour.shape[1]
+    here = neighbour[n, 0]
+    sx, sy, sz = 0.0, 0.0, 0.0
+    xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(count):
+        there = neighbour[n, j]
+        x = float(position[there, 0]) - position[here, 0]
+        y = float(position[there, 1]) - position[here, 1]
+        z = float(position[there, 2]) - position[here, 2]
+        sx, sy, sz = sx + x, sy + y, sz + z
+        xx, xy, xz = xx + x * x, xy + x * y, xz + x * z
+        yy, yz, zz = yy + y * y, yz + y * z, zz + z * z
+    # Subtract the mean.
+    xx, xy, xz = xx - sx * sx / count, xy - sx * sy / count, xz - sx * sz / count
+    yy, yz, zz = yy - sy * sy / count, yz - sy * sz / count, zz - sz * sz / count
+    return (xx, xy, xz), (xy, yy, yz), (xz, yz, zz)
+
+
+@kernel
+def across(normal: Vector) -> Vector:
+    """A unit vector perpendicular to another."""
+    # Turn away from the axis that the vector is least along.
+    x, y, z = abs(normal[0]), abs(normal[1]), abs(normal[2])
+    if x <= y and x <= z:
+        side = (0.0, -normal[2], normal[1])
+    elif y <= z:
+        side = (normal[2], 0.0, -normal[0])
+    else:
+        side = (-normal[1], normal[0], 0.0)
+    length = math.sqrt(dot(side, side))
+    return side[0] / length, side[1] / length, side[2] / length
+
+
+@inner_kernel
+def _cell(
+    position: Floats,
+    neighbour: Indices,
+    n: int,
+    frame: tuple[Vector, Vector],
+    far: float,
+    lines: DiscLines,
+) -> tuple[int, int, float]:
+    """Cell of a point in the plane of two unit vectors; returns as `meet`."""
+    here, count, corners, reach = neighbour[n, 0], 0, 0, np.inf
+    line, last = lines.line, neighbour.shape[1]
+    # Visit neighbours in batches, by distance.
+    for first in range(1, last, BATCH_SIZE):
+        known, square = count, 0.0
+        for j in range(first, min(first + BATCH_SIZE, last)):
+            there = neighbour[n, j]
+            step = (
+                float(position[there, 0]) - position[here, 0],
+                float(position[there, 1]) - position[here, 1],
+                float(position[there, 2]) - position[here, 2],
+            )
+            # The bisecting plane meets the tangent plane in a line.
+            x, y, square = dot(step, frame[0]), dot(step, frame[1]), dot(step, step)
+            scale = 1.0 / math.sqrt(x * x + y * y)
+            # Skip neighbours straight above, whose bisector is parallel.
+            if not scale < np.inf:
+                continue
+            # Keep lines that cut the cell.
+            x, y, away = scale * x, scale * y, scale * 0.5 * square
+            if first == 1 or cuts(lines.corner, corners, x, y, away):
+                put(line, count, x, y, away)
+                count += 1
+        # Clip the cell, and stop when all further bisectors lie beyond its farthest corner.
+        if count > known:
+            count, corners, reach = meet(lines, count, far)
+        if reach <= 0.25 * square:
+            break
+    return count, corners, reach
+
+
+@inner_kernel
+def _distance(position: Floats, neighbour: Indices, n: int, j: int) -> float:
+    """Distance to a point's j-th neighbour, or to the last one if there are fewer."""
+    here, there = neighbour[n, 0], neighbour[n, min(j, neighbour.shape[1] - 1)]
+    x = float(position[there, 0]) - position[here, 0]
+    y = float(position[there, 1]) - position[here, 1]
+    z = float(position[there, 2]) - position[here, 2]
+    return math.sqrt(x * x + y * y + z * z)
+
+
+@inner_kernel
+def _outline_radius(position: Floats, neighbour: Indices, n: int) -> float:
+    """Extent of a cell where it has no neighbour: a share of the spacing."""
+    total = 0.0
+    for j in range(1, AROUND + 1):
+        total += _distance(position, neighbour, n, j)
+    return OUTLINE_SHARE * total / AROUND
+
+
+@kernel
+def _half_turned(x: float, y: float, length: float) -> tuple[float, float]:
+    """Cosine and sine of half the angle of (x, y), which is from −π to π."""
+    if length == 0.0:
+        return 1.0, 0.0
+    # Half-angle formulas; take the larger of both by the square root.
+    one = math.sqrt(0.5 * (length + abs(x)) / length)
+    other = 0.5 * abs(y) / (length * one)
+    c, s = (one, other) if x >= 0.0 else (other, one)
+    return c, math.copysign(s, y)
+
+
+@inner_kernel
+def _ellipse(lines: DiscLines, count: int, corners: int) -> tuple[float, float, float, float]:
+    """Half axes (x₁, y₁), (x₂, y₂) of a centered ellipse that contains a cell.
+
+    Its shape is that of the cell's second moments.
+    """
+    # Add up the second moments of triangles between the origin and each side.
+    line, corner = lines.line, lines.corner
+    xx, xy, yy = 0.0, 0.0, 0.0
+    for k in range(count):
+        x, y, away, begin, end = line[X, k], line[Y, k], line[AWAY, k], line[BEGIN, k], line[END, k]
+        # Along the triangle's normal all moments are away², along its side these.
+        area = away * (end - begin)
+        along, aside = begin * begin + begin * end + end * end, 1.5 * away * (begin + end)
+        own = 3.0 * away * away
+        xx += area * (own * x * x - 2.0 * aside * x * y + along * y * y)
+        xy += area * ((own - along) * x * y + aside * (x * x - y * y))
+        yy += area * (own * y * y + 2.0 * aside * x * y + along * x * x)
+
+    # Diagonalize the moments; the ellipse is never too thin.
+    mean, odd = 0.5 * (xx + yy), math.sqrt(0.25 * (xx - yy) * (xx - yy) + xy * xy)
+    if mean <= 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    c, s = _half_turned(0.5 * (xx - yy), xy, odd)
+    long = math.sqrt(mean + odd)
+    short = max(math.sqrt(max(0.0, mean - odd)), long / LONGEST)
+
+    # Scale the ellipse until it contains all corners.
+    scale = 0.0
+    for k in range(corners):
+        x, y = corner[X, k], corner[Y, k]
+        along = (c * x + s * y) / long
+        aside = (c * y - s * x) / short
+        scale = max(scale, along * along + aside * aside)
+    scale = SLACK * math.sqrt(scale)
+    return scale * long * c, scale * long * s, -scale * short * s, scale * short * c
+
+
+@inner_kernel
+def measure(
+    position: Floats,
+    neighbour: Indices,
+    n: int,
+    is_last: bool,
+    lines: DiscLines,
+    normal: Floats,
+    discs: Spaced,
+) -> bool:
+    """Measure the normal and the disc of a point.
+
+    Parameters
+    ----------
+    position
+        (N, 3) of all points.
+    neighbour
+        (M, k) some points and their neighbours, by distance, themselves first.
+    n
+        Row of these.
+    is_last
+        Close the cell if it is open.
+    lines
+        Scratch.
+    normal
+        (N, 3) scaled to unit length; filled where it is 0, with an arbitrary sign.
+    discs
+        Filled.
+
+    Returns
+    -------
+    Whether the point has too few neighbours all around, or lies at a rim; its disc is then left to
+    a last call.
+    """
+    # Take the given normal, or the direction in which the neighbours are spread least.
+    here = neighbour[n, 0]
+    known = (float(normal[here, 0]), float(normal[here, 1]), float(normal[here, 2]))
+    length = math.sqrt(dot(known, known))
+    if length > 0.0:
+        upward = (known[0] / length, known[1] / length, known[2] / length)
+    else:
+        upward = flattest(_spread(position, neighbour, n))
+
+    # Clip the cell in the tangent plane.
+    frame = across(upward), cross(upward, across(upward))
+    half = WIDEST * _distance(position, neighbour, n, neighbour.shape[1])
+    rim = _outline_radius(position, neighbour, n)
+    if is_last:
+        half = min(half, FARTHEST * rim)
+    count, corners, reach = _cell(position, neighbour, n, frame, FARAWAY * half, lines)
+    is_open = reach > half * half
+
+    # Store the normal, and leave open cells to a call with more neighbours.
+    for c in range(3):
+        normal[here, c] = np.float32(upward[c])
+    if is_open and not is_last:
+        return True
+    # Close open cells at a rim by a polygon.
+    if is_open:
+        count = put_around(lines.line, count, min(half, rim))
+        count, corners, _ = meet(lines, count, FARAWAY * half)
+
+    # Fit the disc's ellipse, and map it to space.
+    x1, y1, x2, y2 = _ellipse(lines, count, corners)
+    for c in range(3):
+        discs.axes[here, 0, c] = np.float32(x1 * frame[0][c] + y1 * frame[1][c])
+        discs.axes[here, 1, c] = np.float32(x2 * frame[0][c] + y2 * frame[1][c])
+    discs.spacing[here] = np.float32(rim / OUTLINE_SHARE)
+    return is_open
+
+
+@kernel
+def _upper_of(numbers: Doubles, count: int) -> float:
+    """Upper quartile of the first `count` numbers, which are sorted in place."""
+    for n in range(1, count):
+        number, place = numbers[n], n
+        while place > 0 and numbers[place - 1] > number:
+            numbers[place] = numbers[place - 1]
+            place -= 1
+        numbers[place] = number
+    return float(numbers[3 * count // 4])
+
+
+@kernel
+def _limit(
+    nearest: Nearest, spacing: Floats, size: Floats, most: float, axes: Floats, chunk: int
+) -> None:
+    """Limit the discs of a chunk; see `limit`."""
+    start = int(np.int64(chunk)) * CHUNK
+    count = nearest.shape[1]
+    sizes, lengths = np.empty(count), np.empty(2)
+    for n in range(start, min(start + CHUNK, size.size)):
+        # Collect the sizes around, and count neighbours as isolated as the point.
+        alike, long = 0, 0.0
+        for j in range(count):
+            there = nearest[n, j]
+            sizes[j] = size[there]
+            alike += int(spacing[there] >= SIMILAR_SPACING * spacing[n])
+        # A stray point gets no margin.
+        factor = most if alike > FEW else 1.0
+        for k in range(2):
+            lengths[k] = _length(axes, n, k)
+            long = max(long, lengths[k])
+        # Skip the sort if enough sizes around are long enough for the quartile to be one of them.
+        enough = 0
+        for j in range(count):
+            enough += int(sizes[j] * factor >= long)
+        if enough >= count - 3 * count // 4:
+            continue
+        # Shorten the axes to the limit.
+        reach = _upper_of(sizes, count) * factor
+        for k in range(2):
+            if lengths[k] > reach:
+                for c in range(3):
+                    axes[n, k, c] *= np.float32(reach / lengths[k])
+
+
+@kernel
+def _length(axes: Floats, n: int, k: int) -> float:
+    """Length of a half axis."""
+    x, y, z = float(axes[n, k, 0]), float(axes[n, k, 1]), float(axes[n, k, 2])
+    return math.sqrt(x * x + y * y + z * z)
+
+
+@parallel_kernel
+def limit(
+    counter: Counter,
+    nearest: Nearest,
+    spacing: Floats,
+    size: Floats,
+    most: float,
+    axes: Floats,
+) -> None:
+    """Shorten the half axes of discs that are far larger than those around them.
+
+    A half axis is at most `most` times as long as the upper quartile of the sizes around it, which
+    three outliers of twelve cannot raise. A stray point, around which at most one other is half as
+    isolated, gets no more than the quartile. Otherwise points far from a surface would cover it,
+    and spikes would stick out from its rims.
+
+    Parameters
+    ----------
+    nearest
+        (N, k) neighbours of each point, without itself.
+    spacing
+        (N,) mean distance to the nearest of them.
+    size
+        (N,) longest half axes before.
+    most
+        Factor of the limit.
+    axes
+        (N, 2, 3) changed in place.
+    """
+    for chunk in tasks(counter, (nearest.shape[0] + CHUNK - 1) // CHUNK):
+        _limit(nearest, spacing, size, most, axes, chunk)
+
+
+@kernel
+def _lay(normal: Floats, radius: Floats, axes: Floats, chunk: int) -> None:
+    """Fill the discs of a chunk; see `lay`."""
+    start = int(np.int64(chunk)) * CHUNK
+    for n in range(start, min(start + CHUNK, radius.size)):
+        known = (float(normal[n, 0]), float(normal[n, 1]), float(normal[n, 2]))
+        length = math.sqrt(dot(known, known))
+        upward = (known[0] / length, known[1] / length, known[2] / length)
+        one = across(upward)
+        two = cross(upward, one)
+        # Any pair of perpendicular axes will do for a round disc.
+        for c in range(3):
+            normal[n, c] = np.float32(upward[c])
+            axes[n, 0, c] = np.float32(radius[n] * one[c])
+            axes[n, 1, c] = np.float32(radius[n] * two[c])
+
+
+@parallel_kernel
+def lay(counter: Counter, normal: Floats, radius: Floats, axes: Floats) -> None:
+    """Make round discs of known radius (N,): fill `axes` (N, 2, 3).
+
+    Normals are scaled to unit length.
+    """
+    for chunk in tasks(counter, (radius.size + CHUNK - 1) // CHUNK):
+        _lay(normal, radius, axes, chunk)

@@ -1,0 +1,266 @@
+"""Sort the points of a cloud along a Morton curve, in memory or bucket by bucket.
+
+Points with the same curve code are ordered by all their attributes. So the order depends neither on
+the order of the input nor on where it is stored.
+"""
+
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.memory.mapped import most_of
+from resample.types import Doubles, Floats
+from resample.watching import report, told
+from resample_points.data.cloud import Cloud, checked, some_of
+from resample_points.data.parts import on_threads, rows_of, zeros_beside
+
+BATCH_SIZE = 256  # points compared at a time
+NEAR = 1 << 15  # points sorted at a time, which fit into the processor's cache
+LOWER = np.uint64(63 - 16)  # bits of a code below those counted by the first sort
+SAMPLED = 1 << 16  # points sampled to choose the ends of buckets
+SORTED = 160  # bytes per point while its bucket is sorted
+
+Indices = NDArray[np.int64]
+Codes = NDArray[np.uint64]
+
+
+class MortonCurve(NamedTuple):
+    """A Morton curve with 2²¹ steps per axis through a box."""
+
+    low: Floats  # (3,) least coordinates
+    extent: float  # of the box's longest side
+
+    def codes(self, position: Floats | Doubles) -> Codes:
+        """Return the codes (N,) of points (N, 3) along the curve."""
+        from resample_points.geometry.kernels.curve import codes
+
+        code: Codes = np.empty(len(position), np.uint64)
+        place = np.ascontiguousarray(position, np.float32)
+        with told(None):  # part of larger work
+            codes(place, self.low, (2**21 - 1) / self.extent, code)
+        return code
+
+
+class Ordered(NamedTuple):
+    """Sorted points, relative to the center of their bounding box."""
+
+    origin: Doubles  # (3,)
+    cloud: Cloud
+
+
+def in_order(cloud: Cloud, radius: float | None) -> Ordered:
+    """Sort the points that can be drawn; all get one radius, if given.
+
+    Raises
+    ------
+    ValueError
+        As `resample_points.data.cloud.checked` does, or the disk has no room.
+    """
+    pages = most_of(np.asarray(cloud.position))
+    if pages is not None:
+        return _by_buckets(cloud, radius, max(BATCH_SIZE, pages // SORTED))
+    points = _drawn(cloud, radius)
+    origin = _middle(*corners(points.position)) if len(points.position) else np.zeros(3)
+    position = np.empty((len(points.position), 3), np.float32)
+
+    def move(rows: slice) -> None:
+        position[rows] = points.position[rows] - origin
+
+    on_threads(move, rows_of(position))
+    relative = points._replace(position=position)
+    order = canonical(relative, curve_through(relative.position))
+    parts = {name: getattr(relative, name) for name in ("position", "normal", "color", "radius")}
+    return Ordered(origin, Cloud(**{name: _taken(part, order) for name, part in parts.items()}))
+
+
+def _taken(values: NDArray[Any], order: Indices) -> Any:
+    """Return values (N, ...) in an order; (0, ...) unchanged."""
+    if not len(values):
+        return values
+    taken = np.empty_like(values, order="C")
+
+    def take(rows: slice) -> None:
+        np.take(values, order[rows], axis=0, out=taken[rows], mode="clip")  # "raise" would copy
+
+    on_threads(take, rows_of(order))
+    return taken
+
+
+def _drawn(cloud: Cloud, radius: float | None) -> Cloud:
+    """Return the points that can be drawn, with one radius, if given."""
+    points = checked(cloud)
+    if radius is None:
+        return points
+    return points._replace(radius=np.full(len(points.position), radius, np.float32))
+
+
+def _middle(low: Floats | Doubles, high: Floats | Doubles) -> Doubles:
+    return np.asarray(0.5 * low + 0.5 * high, np.float64)
+
+
+def corners(position: Floats | Doubles) -> tuple[Floats | Doubles, Floats | Doubles]:
+    """Return least and greatest coordinates (3,) of at least one point."""
+    whole = len(position) // BATCH_SIZE * BATCH_SIZE
+    if not whole:
+        return position.min(axis=0), position.max(axis=0)
+    rows = position[:whole].reshape(-1, 3 * BATCH_SIZE)  # long rows are compared faster
+    low, high = rows.min(axis=0).reshape(-1, 3), rows.max(axis=0).reshape(-1, 3)
+    rest = position[whole:]
+    return np.concatenate([low, rest]).min(axis=0), np.concatenate([high, rest]).max(axis=0)
+
+
+def curve_through(position: Floats | Doubles) -> MortonCurve:
+    """Return the curve through the bounding box of points (N, 3)."""
+    if not len(position):
+        return MortonCurve(np.zeros(3, np.float32), 1.0)
+    return _curve_in(*(np.asarray(corner, np.float32) for corner in corners(position)))
+
+
+def _curve_in(low: Floats, high: Floats) -> MortonCurve:
+    return MortonCurve(low, float((high - low).max()) or 1.0)
+
+
+def canonical(cloud: Cloud, curve: MortonCurve) -> Indices:
+    """Return the order along a curve; points with equal codes by all their attributes."""
+    code = curve.codes(cloud.position)
+    order, ordered = _ascending(code)  # unstable for equal codes, which are ordered below
+    same = ordered[1:] == ordered[:-1]
+    if same.any():
+        shared = np.flatnonzero(np.append(False, same) | np.append(same, False))
+        among = order[shared]
+        parts = [part[among].reshape(among.size, -1).T for part in cloud[3::-1] if len(part)]
+        keys = [column for columns in parts for column in columns[::-1]]
+        order[shared] = among[np.lexsort([*keys, code[among]])]
+    return order
+
+
+def _ascending(code: Codes) -> tuple[Indices, Codes]:
+    """Return the order (N,) of codes, and the sorted codes.
+
+    They are grouped by their high bits, then adjacent groups are sorted together.
+    """
+    if code.size <= NEAR:
+        order = np.argsort(code)
+        return order, code[order]
+    high = (code >> LOWER).astype(np.uint16)
+    order = np.argsort(high, kind="stable")  # a radix sort
+    grouped = code[order]
+    ends = np.cumsum(np.bincount(high))
+    wanted = np.arange(NEAR, code.size + NEAR, NEAR)
+    starts = np.unique(np.append(0, ends[np.searchsorted(ends, np.minimum(wanted, code.size))]))
+
+    def settle(span: tuple[int, int]) -> None:
+        part = slice(*span)
+        own = np.argsort(grouped[part])
+        order[part], grouped[part] = order[part][own], grouped[part][own]
+
+    on_threads(settle, pairwise(starts.tolist()))
+    return order, grouped
+
+
+def _rows(cloud: Cloud, rows: slice) -> Cloud:
+    """Return rows of a cloud, without columns."""
+    position, normal, color, radius, _ = cloud
+    return Cloud(position[rows], normal[rows], color[rows], radius[rows])
+
+
+class _PreparedCloud(NamedTuple):
+    """A cloud in files that is prepared for sorting part by part."""
+
+    cloud: Cloud
+    radius: float | None
+    origin: Doubles  # (3,)
+
+    def part(self, rows: slice) -> Cloud:
+        """Return the points of some rows that can be drawn, relative to the origin."""
+        points = _drawn(_rows(self.cloud, rows), self.radius)
+        return points._replace(position=(points.position - self.origin).astype(np.float32))
+
+    def parts(self) -> Iterator[Cloud]:
+        """Yield all parts."""
+        for rows in rows_of(self.cloud.position):
+            yield self.part(rows)
+
+    def allocate(self, count: int) -> Cloud:
+        """Allocate arrays in files for a number of points."""
+
+        def array(is_there: bool, *width: int) -> Floats:
+            shape = (count if is_there else 0, *width)
+            found: Floats = zeros_beside(self.cloud.position, shape, np.float32)
+            return found
+
+        has_radius = self.radius is not None or len(self.cloud.radius) > 0
+        return Cloud(
+            array(True, 3),
+            array(len(self.cloud.normal) > 0, 3),
+            array(len(self.cloud.color) > 0, 3),
+            array(has_radius),
+        )
+
+
+def _by_buckets(cloud: Cloud, radius: float | None, most: int) -> Ordered:
+    """Sort a cloud in files, about `most` points at a time.
+
+    A sample of the points determines where buckets end along the curve; all points are then moved
+    to their buckets, which are sorted one by one.
+    """
+    low, high, count = np.full(3, np.inf), np.full(3, -np.inf), 0
+    for rows in rows_of(cloud.position):
+        position = checked(_rows(cloud, rows)).position
+        if len(position):
+            least, greatest = corners(position)
+            low, high = np.minimum(low, least), np.maximum(high, greatest)
+        count += len(position)
+    origin = _middle(low, high) if count else np.zeros(3)
+    given = _PreparedCloud(cloud, radius, origin)
+    if not count:
+        return Ordered(origin, given.part(slice(0)))
+    curve = _curve_in((low - origin).astype(np.float32), (high - origin).astype(np.float32))
+    ends = _ends(given, curve, 2 * count // most)
+    ordered, start = _moved(given, curve, ends, count)
+    for first, last in pairwise(start.tolist()):
+        part = _rows(ordered, slice(first, last))
+        part = some_of(part, canonical(part, curve))
+        for each, values in zip(ordered[:4], part[:4], strict=True):
+            each[first:last] = values
+        report(last, count)
+    return Ordered(origin, ordered)
+
+
+def _ends(given: _PreparedCloud, curve: MortonCurve, buckets: int) -> Codes:
+    """Return the codes at which buckets of about equal size end."""
+    every = max(1, len(given.cloud.position) // SAMPLED)
+    sample = np.sort(curve.codes(given.part(slice(None, None, every)).position))
+    ends: Codes = np.unique(sample[:: max(1, len(sample) // max(1, buckets))][1:])
+    return ends
+
+
+def _moved(
+    given: _PreparedCloud, curve: MortonCurve, ends: Codes, count: int
+) -> tuple[Cloud, Indices]:
+    """Move points to buckets that end at given codes; also return the buckets' starts."""
+    bucket = zeros_beside(given.cloud.position, (count,), np.uint32)
+    held, first = np.zeros(len(ends) + 1, np.int64), 0
+    for part in given.parts():
+        some = np.searchsorted(ends, curve.codes(part.position), side="right")
+        bucket[first : first + len(some)] = some
+        held += np.bincount(some, minlength=len(held))
+        first += len(some)
+    start = np.concatenate([[0], np.cumsum(held)])
+    moved, free, first = given.allocate(count), start[:-1].copy(), 0
+    for part in given.parts():
+        some = bucket[first : first + len(part.position)]
+        first += len(some)
+        order = np.argsort(some, kind="stable")
+        part, some = some_of(part, order), some[order]  # noqa: PLW2901
+        cuts = (np.flatnonzero(np.diff(some)) + 1).tolist()
+        for begin, end in pairwise([0, *cuts, len(some)] if len(some) else []):
+            place = int(free[some[begin]])
+            for values, new in zip(moved[:4], part[:4], strict=True):
+                if len(new):
+                    values[place : place + end - begin] = new[begin:end]
+            free[some[begin]] += end - begin
+    return moved, start

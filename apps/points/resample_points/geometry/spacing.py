@@ -1,0 +1,254 @@
+"""Prepare a cloud for rendering: sort points, find normals and discs.
+
+Done once per cloud; the result serves every camera.
+"""
+
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.memory import amount
+from resample.memory.mapped import is_in_file
+from resample.types import Doubles, Floats
+from resample.watching import portion
+from resample_points.data.cloud import Cloud
+from resample_points.data.parts import memory_left, rows_of, zeros_beside
+from resample_points.geometry.sorting import Ordered, curve_through, in_order
+
+NEIGHBOURS = 13  # with the point itself
+MORE_NEIGHBOURS = 41  # for points whose 13 neighbours leave a gap
+LARGEST = 1.75  # largest disc, relative to the upper quartile of its neighbours' sizes
+F4 = np.float32
+SORTING, MEASURING = 0.2, 0.95  # share of all work, share of the rest
+RANKED = 48  # bytes per point while ranks are sorted
+CROWDED = 0.1  # share of the blocks that begin at the same code as the previous block
+
+Indices = NDArray[np.int64]
+
+
+class Surfels(NamedTuple):
+    """N discs of surfaces, in an order independent of the input's."""
+
+    origin: Doubles  # (3,) scene units; positions are relative to it, so that float32 resolves them
+    position: Floats  # (N, 3) scene units
+    axes: Floats  # (N, 2, 3) scene units, half axes; first × second is along the normal
+    color: Floats  # (N, 3) linear light; or (0, 3)
+    is_oriented: bool  # normals are known to point outward
+
+
+def prepare_cloud(
+    cloud: Cloud,
+    *,
+    radius: float | None = None,
+    largest: float = LARGEST,
+    threads: int | None = None,
+    cache: bool = False,
+) -> Surfels:
+    """Prepare a point cloud.
+
+    Parameters
+    ----------
+    cloud
+        Points; those without a finite position or color, or with a radius not above 0, are dropped.
+        Unknown normals are fitted to the neighbours.
+    radius
+        Radius of all discs, scene units. Default: the cloud's own; if it has none, each disc is the
+        smallest ellipse around its point that contains the part of the surface nearer to it than to
+        its neighbours: discs then touch and leave no gaps.
+    largest
+        Largest disc, relative to the upper quartile of the sizes of its 12 neighbours; for a stray
+        point, with at most one neighbour that is half as isolated, at most 1. Infinity removes both
+        limits. Only for discs without a given radius.
+    threads
+        Most threads to use; the discs do not depend on it.
+    cache
+        Cache normals and discs in the user's cache folder; see
+        `resample_points.geometry.storing`.
+
+    Returns
+    -------
+    Discs in the order of a space-filling curve.
+
+    Raises
+    ------
+    ValueError
+        Lengths do not fit, or no radius is known and all points coincide.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_points import Cloud, prepare_cloud
+    >>> x, y = np.meshgrid(np.arange(10.0), np.arange(10.0))
+    >>> place = np.stack([x, y, 0 * x], axis=2).reshape(-1, 3)
+    >>> discs = prepare_cloud(Cloud(place, np.empty((0, 3)), np.empty((0, 3)), np.empty(0)))
+    >>> round(float(np.median(np.linalg.norm(discs.axes, axis=2))), 1)  # half a diagonal
+    0.7
+    """
+    if not largest > 0:
+        raise ValueError(
+            f"discs of at most {largest:g} times their neighbours'; give a factor above 0"
+        )
+    if radius is not None and not (np.isfinite(radius) and radius > 0):
+        raise ValueError(f"a radius of {radius}; give a length above 0")
+    from resample.engine import jit
+
+    with jit.threads(jit.workers() if threads is None else threads):
+        with portion(0.0, SORTING):
+            ordered = in_order(cloud, radius)
+        with portion(SORTING, 1.0):
+            return _discs(ordered, largest, cache)
+
+
+def _discs(ordered: Ordered, largest: float, cache: bool) -> Surfels:
+    """Compute the discs of sorted points."""
+    cloud = ordered.cloud
+    position = np.asarray(cloud.position, F4)
+    count = len(position)
+    normal, axes = zeros_beside(position, (count, 3), F4), zeros_beside(position, (count, 2, 3), F4)
+    is_oriented = bool(count) and len(cloud.normal) > 0
+    if len(cloud.normal):
+        for rows in rows_of(position):
+            normal[rows] = cloud.normal[rows]
+            is_oriented = is_oriented and bool(normal[rows].any(axis=1).all())
+    if count and not (is_oriented and len(cloud.radius)):
+        if len(cloud.radius) or not cache or is_in_file(position):
+            _measured(position, normal, axes, None if len(cloud.radius) else largest)
+        else:
+            from resample_points.geometry.storing import measured_once
+
+            measure = partial(_measured, position, normal, axes, largest)
+            measured_once(position, normal, axes, largest, measure)
+    if count and len(cloud.radius):
+        from resample_points.geometry.kernels.cells import lay
+
+        lay(normal, cloud.radius, axes)
+    return Surfels(ordered.origin, position, axes, cloud.color, is_oriented)
+
+
+def _measured(position: Floats, normal: Floats, axes: Floats, largest: float | None) -> None:
+    """Fill in normals and discs from each point's neighbours; None: normals only."""
+    is_first, count = _first_of_each_place(position)
+    if count == 1 and largest is not None:
+        raise ValueError("all points coincide, so their size is unknown; give a radius")
+    place = position if count == len(position) else _taken(position, is_first, count)
+    is_crowded = _is_crowded(place)
+    if place is position and not is_crowded:
+        _measured_places(place, normal, axes, largest)
+        return
+    upward = _taken(normal, is_first, count)
+    if is_crowded:
+        along = _along_ranks(place)
+        place, upward = _permuted(place, along), _permuted(upward, along)
+    found = zeros_beside(place, (count, 2, 3), F4)
+    _measured_places(place, upward, found, largest)
+    if is_crowded:
+        back = np.argsort(along)
+        upward, found = _permuted(upward, back), _permuted(found, back)
+    first = 0
+    for rows in rows_of(position):
+        owner = first + np.cumsum(is_first[rows]) - 1
+        normal[rows], axes[rows] = upward[owner], found[owner]
+        first = int(owner[-1]) + 1
+
+
+def _first_of_each_place(position: Floats) -> tuple[NDArray[np.bool_], int]:
+    """Mark points (N,) that differ from the previous one, and count them."""
+    is_first = zeros_beside(position, (len(position),), np.bool_)
+    count = 0
+    for rows in rows_of(position):
+        first = max(1, rows.start)
+        is_first[rows.start] = True
+        is_first[first : rows.stop] = _differ(
+            position[first : rows.stop], position[first - 1 : rows.stop - 1]
+        )
+        count += int(np.count_nonzero(is_first[rows]))
+    return is_first, count
+
+
+def _taken(values: Floats, is_taken: NDArray[np.bool_], count: int) -> Floats:
+    """Return the rows (count, ...) of values that are marked."""
+    taken: Floats = zeros_beside(values, (count, *values.shape[1:]), F4)
+    first = 0
+    for rows in rows_of(values):
+        some = values[rows][is_taken[rows]]
+        taken[first : first + len(some)] = some
+        first += len(some)
+    return taken
+
+
+def _permuted(values: Floats, order: Indices) -> Floats:
+    """Return rows of values in an order."""
+    permuted: Floats = zeros_beside(values, values.shape, F4)
+    for rows in rows_of(values):
+        permuted[rows] = values[order[rows]]
+    return permuted
+
+
+def _measured_places(position: Floats, normal: Floats, axes: Floats, largest: float | None) -> None:
+    """Fill in normals and discs of distinct points sorted along a curve."""
+    from resample_points.geometry.kernels.cells import Spaced, limit
+    from resample_points.geometry.kernels.measuring import NeighbourCounts, measure_all
+    from resample_points.geometry.kernels.neighbours import blocks_of
+
+    count = len(position)
+    discs = Spaced(axes, zeros_beside(position, (count,), F4))
+    wanted = NeighbourCounts(min(NEIGHBOURS, count), min(MORE_NEIGHBOURS, count))
+    nearest = zeros_beside(position, (count, wanted.few - 1), np.int32)
+    with portion(0.0, MEASURING):
+        measure_all(blocks_of(position), wanted, normal, discs, nearest)
+    if count > 1 and largest is not None and np.isfinite(largest):
+        with portion(MEASURING, 1.0):
+            limit(nearest, discs.spacing, _sizes(axes), float(largest), axes)
+
+
+def _sizes(axes: Floats) -> Floats:
+    """Return the lengths (N,) of the longer half axes."""
+    size: Floats = zeros_beside(axes, (len(axes),), F4)
+    for rows in rows_of(axes):
+        part = axes[rows]
+        square = part[:, :, 0] * part[:, :, 0]
+        for c in (1, 2):
+            square += part[:, :, c] * part[:, :, c]
+        size[rows] = np.sqrt(np.maximum(square[:, 0], square[:, 1]))
+    return size
+
+
+def _differ(position: Floats, other: Floats) -> NDArray[np.bool_]:
+    """Mark points (N,) that differ from others."""
+    x, y, z = (position[:, axis] != other[:, axis] for axis in range(3))
+    differ: NDArray[np.bool_] = x | y | z
+    return differ
+
+
+def _is_crowded(position: Floats) -> bool:
+    """Whether many points of a sorted cloud share a code, because of far stray points."""
+    from resample_points.geometry.kernels.neighbours import BLOCK
+
+    if len(position) <= BLOCK:
+        return False
+    code = curve_through(position).codes(position[::BLOCK])
+    return bool((code[1:] == code[:-1]).mean() > CROWDED)
+
+
+def _along_ranks(position: Floats) -> Indices:
+    """Return the order (N,) along a curve through coordinate ranks, for crowded clouds.
+
+    Raises
+    ------
+    ValueError
+        Memory does not hold the ranks of a cloud in files.
+    """
+    if is_in_file(position):
+        left = memory_left()
+        if left is not None and RANKED * len(position) > left:
+            raise ValueError(
+                "some points are so far away that all others nearly coincide, which takes "
+                f"{amount(RANKED * len(position))} of memory, and {amount(left)} may be used; "
+                "drop those points, or allow more memory"
+            )
+    ranks = np.empty(position.shape, np.float32)
+    for axis in range(3):
+        ranks[np.argsort(position[:, axis], kind="stable"), axis] = np.arange(len(position))
+    return np.argsort(curve_through(ranks).codes(ranks), kind="stable")

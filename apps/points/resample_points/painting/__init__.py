@@ -1,0 +1,1 @@
+"""Paint clouds: in memory, or from files in parts."""

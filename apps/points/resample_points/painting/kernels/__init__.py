@@ -1,0 +1,1 @@
+"""Numba kernels that paint clouds; they take only arrays and numbers."""

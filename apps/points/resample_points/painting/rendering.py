@@ -1,0 +1,325 @@
+"""Render point clouds: points where discs are small, splats where they are large.
+
+cloud = prepare_cloud(read_cloud("scan.ply"))
+frame = render_cloud(cloud, framed(cloud, size=(640, 480), azimuth=30), size=(640, 480))
+"""
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from time import perf_counter
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from resample import registry
+from resample.cameras.models import AnyCamera, Camera
+from resample.memory.mapped import most_of
+from resample.painting.scenes.plans import shape_of
+from resample.painting.scenes.scene import dealt_to_tiles
+from resample.profiles.filters import PixelFilter
+from resample.profiles.subpixels import Subpixels, subpixels_of
+from resample.types import Floats, Frame, Records, Screen, Statistics
+from resample.watching import told
+from resample_points.data.cloud import Cloud
+from resample_points.data.parts import rows_of, zeros_beside
+from resample_points.geometry.spacing import Surfels, prepare_cloud
+from resample_points.painting.windows import (
+    POINT,
+    SHOWN,
+    SPLAT,
+    STAGES,
+    VISIBILITY_KINDS,
+    Projector,
+    Visibility,
+    WindowCanvas,
+    kinds_of,
+    paint_in_windows,
+)
+
+if TYPE_CHECKING:
+    from resample_points.painting.kernels.discs import CloudCamera
+
+TILE = 16  # px
+MOST_SUBPIXELS = 16
+TOLERANCE = 1.5  # radii; discs that differ by more in depth belong to two surfaces
+GRAY = 0.8  # albedo of clouds without colors
+
+
+class Shading(StrEnum):
+    """Light source that shades a cloud."""
+
+    NONE = "none"  # no shading: colors as scanned
+    HEADLIGHT = "headlight"  # a light at the camera, Lambert's law
+
+
+@dataclass(frozen=True)
+class CloudStyle:
+    """Options of drawing a cloud.
+
+    Parameters
+    ----------
+    point_size
+        Scale of all discs' radii.
+    light
+        Default: a headlight for clouds without colors, else none.
+    cull
+        Cull discs that face away. Needs normals that point outward.
+    subpixels
+        Sub-pixels per side of a pixel; their square is the number of coverage levels.
+    near
+        Near plane, scene units along the view axis.
+
+    Raises
+    ------
+    ValueError
+        A number is out of range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_points import Cloud, CloudStyle, framed, render_cloud
+    >>> place = np.random.default_rng(1).normal(size=(500, 3))
+    >>> cloud = Cloud(place, np.empty((0, 3)), np.empty((0, 3)), np.full(500, 0.1))
+    >>> camera = framed(cloud, size=(32, 24))
+    >>> for style in (CloudStyle(), CloudStyle(point_size=0.5)):
+    ...     frame = render_cloud(cloud, camera, size=(32, 24), style=style)
+    ...     print(round(float(frame.coverage.mean()), 2))
+    0.1
+    0.04
+    """
+
+    point_size: float = 1.0
+    light: Shading | str | None = None
+    cull: bool = False
+    subpixels: int = 4
+    near: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.point_size) and self.point_size > 0):
+            raise ValueError(f"a point size of {self.point_size}; give a factor above 0")
+        if self.light is not None and self.light not in list(Shading):
+            raise ValueError(f"light {self.light!r}; it can be {' or '.join(Shading)}")
+        if not 1 <= self.subpixels <= MOST_SUBPIXELS:
+            raise ValueError(f"{self.subpixels} sub-pixels; give 1 to {MOST_SUBPIXELS}")
+        if not (np.isfinite(self.near) and self.near >= 0):
+            raise ValueError(f"the near plane at {self.near} must not lie behind the eye")
+
+
+def render_cloud(
+    cloud: Cloud | Surfels,
+    camera: Camera,
+    *,
+    size: tuple[int, int],
+    style: CloudStyle | None = None,
+    filter: str | PixelFilter | None = None,  # noqa: A002
+    threads: int | None = None,
+) -> Frame:
+    """Render a point cloud.
+
+    Parameters
+    ----------
+    cloud
+        Points, or the result of `prepare_cloud`, which saves time for further pictures.
+    camera
+        Perspective camera without distortion. Points before its near plane are clipped.
+    size
+        Width and height, px.
+    style
+        Options of drawing.
+    filter
+        Pixel filter: `area`, `gaussian:sigma=0.5`, `tent`, `mitchell`, `lanczos:a=3`... Default:
+        the mean over a pixel's square.
+    threads
+        Most threads to use, also for the preparation.
+
+    Returns
+    -------
+    The picture, bit-identical for any number of threads and any order of the points. Its statistics
+    count as points the discs smaller than a sub-pixel along both axes, and as splats all others.
+
+    Raises
+    ------
+    ValueError
+        The size is invalid, the camera is parallel or has distortion, or back faces shall be culled
+        and the cloud has no normals.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_points import Camera, Cloud, render_cloud
+    >>> x, y = np.meshgrid(np.linspace(-1, 1, 20), np.linspace(-1, 1, 20))
+    >>> place = np.stack([x, y, np.full_like(x, 3)], axis=2).reshape(-1, 3)  # of a square
+    >>> cloud = Cloud(place, np.empty((0, 3)), np.ones((400, 3)), np.empty(0))
+    >>> frame = render_cloud(cloud, Camera.from_fov(60, 24, 32), size=(32, 24))
+    >>> frame, frame.statistics.splats
+    (Frame(32 × 24 px, 33.3 % covered, depth from 3), 400)
+    """
+    from resample.engine import jit
+
+    chosen = CloudStyle() if style is None else style
+    shape = shape_of(size)
+    _check_camera(camera)
+    with jit.threads(jit.workers() if threads is None else threads):
+        start = perf_counter()
+        surfels = cloud if isinstance(cloud, Surfels) else prepare_cloud(cloud)
+        if chosen.cull and len(surfels.position) and not surfels.is_oriented:
+            raise ValueError("back faces cannot be culled: the cloud's file has no normals")
+        prepared = perf_counter() - start
+        painted = _drawn(surfels, camera, shape, chosen, filter)
+    held = np.zeros(VISIBILITY_KINDS, np.int64)
+    for rows in rows_of(painted.visible):
+        held += np.bincount(painted.visible[rows], minlength=VISIBILITY_KINDS)
+    statistics = Statistics(
+        len(painted.visible),
+        int(held[POINT] + held[POINT | SHOWN]),
+        int(held[SPLAT] + held[SPLAT | SHOWN]),
+        int(held[POINT] + held[SPLAT]),
+        painted.subpixels,
+        {"prepare": prepared, **painted.seconds},
+    )
+    coverage = painted.rgba[..., 3].copy()
+    return Frame(painted.rgba, painted.depth, painted.first_depth, coverage, statistics)
+
+
+def _drawn(
+    surfels: Surfels,
+    camera: Camera,
+    shape: tuple[int, int],
+    style: CloudStyle,
+    filter: str | PixelFilter | None,  # noqa: A002
+) -> "PaintedCloud":
+    pixel_filter = registry.build("filters", filter) if isinstance(filter, str) else filter
+    if pixel_filter is None or subpixels_of(pixel_filter).weight.size == 1:
+        return _painted(surfels, camera, shape, style, TILE)
+    parts = subpixels_of(pixel_filter, max(style.subpixels, subpixels_of(pixel_filter).count))
+    return _filtered(surfels, camera, shape, style, parts)
+
+
+class PaintedCloud(NamedTuple):
+    """A painted cloud."""
+
+    rgba: Floats  # (H, W, 4)
+    depth: Floats  # (H, W)
+    first_depth: Floats  # (H, W)
+    visible: Visibility
+    subpixels: int  # per side of a pixel
+    seconds: dict[str, float]  # per stage
+
+
+def _painted(
+    surfels: Surfels, camera: Camera, shape: tuple[int, int], style: CloudStyle, tile: int
+) -> PaintedCloud:
+    """Paint a cloud in tiles; each pixel is the mean of its sub-pixels."""
+    from resample_points.painting.kernels.discs import project_discs
+    from resample_points.painting.kernels.painting import CloudPicture
+
+    picture = CloudPicture(
+        np.zeros((*shape, 4), np.float32),
+        np.full(shape, np.inf, np.float32),
+        np.full(shape, np.inf, np.float32),
+    )
+    canvas = WindowCanvas(
+        Screen(shape[1], shape[0], 0.0, np.zeros((4, 4))), tile, style.subpixels, picture
+    )
+    eye = eye_of(surfels, camera, shape, style)
+
+    def project_some(rows: slice, records: Records) -> None:
+        position, axes = surfels.position[rows], surfels.axes[rows]
+        color = surfels.color[rows] if len(surfels.color) else np.full_like(position, GRAY)
+        project_discs(position, axes, color, eye, records)
+
+    pages = most_of(surfels.position)
+    if pages is None:
+        seen, seconds = _painted_at_once(len(surfels.position), project_some, canvas)
+    else:
+        seen, seconds = paint_in_windows(surfels, project_some, canvas, pages)
+    return PaintedCloud(*picture, seen, style.subpixels, seconds)
+
+
+def _painted_at_once(
+    count: int, see: Projector, canvas: WindowCanvas
+) -> tuple[Visibility, dict[str, float]]:
+    """Paint all discs; return what is visible of each, and seconds per stage."""
+    from resample_points.painting.kernels.discs import SURFEL
+    from resample_points.painting.kernels.painting import Discs, paint
+
+    times = [perf_counter()]
+    records = np.zeros(count, SURFEL)
+    with told(None):
+        see(slice(0, count), records)
+        times.append(perf_counter())
+        tiles = dealt_to_tiles(records, canvas.screen, canvas.size)
+    times.append(perf_counter())
+    discs = Discs(records, np.zeros(count, np.uint8))
+    paint(discs, tiles, canvas.subpixels, canvas.picture)
+    times.append(perf_counter())
+    seen = kinds_of(records)
+    seen |= np.where((discs.shows > 0) & (seen > 0), np.uint8(SHOWN), np.uint8(0))
+    return seen, dict(zip(STAGES, np.diff(times).tolist(), strict=True))
+
+
+def _filtered(
+    surfels: Surfels, camera: Camera, shape: tuple[int, int], style: CloudStyle, parts: Subpixels
+) -> PaintedCloud:
+    """Paint a cloud on sub-pixels, strip by strip, and filter them."""
+    from resample.engine.surfaces.resolve import nearest_of_rows, resolve_rows
+
+    n = parts.count
+    light, away = (np.zeros((*shape, count), np.float32) for count in (4, 1))
+    first = np.full(shape, np.inf, np.float32)
+    seen: Visibility = zeros_beside(surfels.position, (len(surfels.position),), np.uint8)
+    seconds = dict.fromkeys(STAGES, 0.0)
+    for strip in parts.strips(shape):
+        moved = replace(camera, matrix=strip.matrix @ camera.matrix)
+        fine = _painted(surfels, moved, strip.shape, replace(style, subpixels=1), TILE * n)
+        seen |= fine.visible
+        for stage, spent in fine.seconds.items():
+            seconds[stage] += spent
+        rows = slice(strip.first, strip.last)
+        resolve_rows(fine.rgba.reshape(strip.shape[0], -1), parts.weight, n, light[rows])
+        cover = fine.rgba[..., 3:]
+        depth = cover * np.where(cover > 0, fine.depth[..., None], np.float32(0))
+        resolve_rows(depth[..., 0], parts.weight, n, away[rows])
+        nearest_of_rows(fine.first_depth, n, parts.margin, first[rows])
+    covered = light[..., 3:] > 0
+    rgba = np.where(covered, light, np.float32(0))
+    rgba /= np.maximum(rgba[..., 3:], np.float32(1))  # keep light consistent with coverage
+    depth = np.full(shape, np.inf, np.float32)
+    np.divide(away[..., 0], light[..., 3], out=depth, where=covered[..., 0])
+    return PaintedCloud(rgba, depth, first, seen, n, seconds)
+
+
+def eye_of(
+    surfels: Surfels, camera: Camera, shape: tuple[int, int], style: CloudStyle
+) -> "CloudCamera":
+    """Return the camera for the kernels, in the discs' own coordinates."""
+    from resample_points.painting.kernels.discs import CloudCamera
+
+    pose = np.asarray(camera.world_to_camera, np.float64)
+    matrix = np.asarray(camera.matrix, np.float64)
+    shift = pose[:3, :3] @ surfels.origin + pose[:3, 3]
+    light = style.light
+    if light is None:
+        light = Shading.NONE if len(surfels.color) else Shading.HEADLIGHT
+    return CloudCamera(
+        np.ascontiguousarray(matrix @ np.column_stack([pose[:3, :3], shift])),
+        -pose[:3, :3].T @ shift,
+        *shape,
+        float(np.sqrt(abs(matrix[0, 0] * matrix[1, 1]))),
+        float(max(style.near, camera.near)),
+        style.subpixels,
+        float(style.point_size),
+        light == Shading.HEADLIGHT,
+        style.cull,
+        TOLERANCE,
+    )
+
+
+def _check_camera(camera: AnyCamera) -> None:
+    if not isinstance(camera, Camera):
+        raise ValueError(f"clouds are rendered in perspective, not by {type(camera).__name__}")
+    if camera.distortion is not None:
+        raise ValueError(
+            "clouds are rendered without distortion; give a camera that has none and distort the "
+            "picture by resample-texture warp --lens"
+        )

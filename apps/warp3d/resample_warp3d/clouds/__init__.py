@@ -1,1 +1,0 @@
-"""Point clouds: files, colors, spacing, cameras, rendering."""

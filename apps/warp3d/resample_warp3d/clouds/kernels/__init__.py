@@ -1,1 +1,0 @@
-"""Numba kernels of clouds; they take only arrays and numbers."""

@@ -1,0 +1,84 @@
+"""Commands that pass their arguments on to another application, which is a plugin."""
+
+from collections.abc import Callable
+from typing import Annotated, Any
+
+from cyclopts import App, Parameter
+
+from resample import registry
+from resample.console.messages import say
+
+Words = Annotated[str, Parameter(show=False, allow_leading_hyphen=True)]
+
+
+def door(name: str, *command: str) -> Callable[..., Any]:
+    """Function that imports an application on demand and runs it, or one of its commands."""
+
+    def launch(*words: Words) -> Any:
+        application = registry.load("apps", name)
+        return application(
+            (*command, *words),
+            exit_on_error=False,
+            print_error=False,
+            result_action="return_value",
+        )
+
+    return launch
+
+
+def moved_command(old: str, application: str, command: str) -> App:
+    """Command of an application that is another's now: says so in a line and runs that one.
+
+    Parameters
+    ----------
+    old
+        Names of the application and the command before.
+    application
+        Name of the plugin that has the command now.
+    command
+        Its name there.
+    """
+    launch = door(application, command)
+
+    def run(*words: Words) -> Any:
+        mention_move(old, application, command)
+        return launch(*words)
+
+    moved = App(
+        name=old.rpartition(" ")[2],
+        help=f"Old name of resample-{application} {command}; goes with the next release.",
+        help_flags=(),
+        version_flags=(),
+    )
+    moved.default(run)
+    vars(run)["now"] = application, command
+    return moved
+
+
+def command_now(application: str, command: str) -> tuple[str, App]:
+    """Names and parser of an application's command, also if it is another application's now.
+
+    Raises
+    ------
+    LookupError
+        The application is unknown.
+    ValueError
+        It has no such command.
+    """
+    commands = registry.load("apps", application)
+    names = [name for name in commands if not name.startswith("-")]
+    if command not in names:
+        raise ValueError(
+            f"resample-{application} has no command {command!r}; it has {', '.join(names)}"
+        )
+    now = getattr(commands[command].default_command, "now", None)
+    if now is None:
+        return f"{commands.name[0]} {command}", commands[command]
+    mention_move(f"{commands.name[0]} {command}", *now)
+    return command_now(*now)
+
+
+def mention_move(old: str, application: str, command: str) -> None:
+    """Tell the user what a command of the release before is called now."""
+    new = f"resample-{application} {command}"
+    say(f"{old} is now {new}; the old name goes with the next release")

@@ -1,0 +1,111 @@
+"""Films on command lines: paths that files hold, and frames that workers share."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from resample.command import workers
+from resample.command.settings import Sharing
+from resample.console.messages import progress_bar, say
+from resample.files.animations import (
+    MOST_FRAMES,
+    Frames,
+    Shots,
+    check_count,
+    made_by,
+    write_film,
+)
+
+if TYPE_CHECKING:
+    from resample.cameras.keyframes import Keyframes
+    from resample.cameras.viewpoints import Viewpoint
+
+
+class Tour(NamedTuple):
+    """A path through keyframes."""
+
+    keyframes: "Keyframes"
+    frames: int
+
+    def viewpoints(self, _spacing: float = 0.0) -> "list[Viewpoint]":
+        """Viewpoint of each frame; it does not depend on the spacing of what is shown."""
+        return self.keyframes.between(self.frames)
+
+
+def is_file_of_path(path: str, known: Sequence[str], holds: str = "keyframes or poses") -> bool:
+    """Whether a camera path is a file, and not one of the known names.
+
+    Raises
+    ------
+    ValueError
+        It is neither.
+    """
+    if path in known:
+        return False
+    if not Path(path).exists() and not Path(path).suffix:
+        raise ValueError(f"unknown path {path!r}; known: {', '.join(known)}, or a file of {holds}")
+    return True
+
+
+def tour_of(path: Path, frames: int | None, fps: float, fov: float) -> Tour:
+    """Path through a file's keyframes, all of whose frames can be made; says what is left out.
+
+    Parameters
+    ----------
+    path, fov
+        As `resample.cameras.keyframes.keyframes_of` takes them.
+    frames
+        Number of frames; None: as the keyframes' times (s) require.
+    fps
+        Frames per second.
+
+    Raises
+    ------
+    ValueError, OSError
+        The file holds no path or cannot be read, or there are too few or too many frames.
+    """
+    from resample.cameras.keyframes import keyframes_of, left_out_of
+
+    keyframes = keyframes_of(path, fov)
+    complaint = left_out_of(path)
+    if complaint is not None:
+        say(complaint)
+    if frames is None:
+        frames = 1 + round(min(keyframes.duration * fps, MOST_FRAMES))
+    try:
+        check_count(frames)
+        keyframes.between(frames)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    return Tour(keyframes, frames)
+
+
+def write_shared(
+    output: Path,
+    shots: Shots,
+    again: Callable[[int], Frames],
+    sharing: Sharing,
+    threads: int | None,
+    *,
+    fps: float,
+    resume: bool = False,
+) -> None:
+    """Write a film whose frames workers share, if any were asked for; shows a progress bar.
+
+    Parameters
+    ----------
+    output, shots, fps, resume
+        As `resample.files.animations.write_film` takes them.
+    again
+        As `resample.files.animations.made_by` takes it.
+    sharing, threads
+        As `resample.command.workers.at_work` takes them.
+
+    Raises
+    ------
+    ValueError, OSError
+        As these do.
+    """
+    with workers.at_work(sharing, threads) as crew, progress_bar("rendering") as progress:
+        made, executor = made_by(crew, shots, again)
+        write_film(output, made, fps, resume=resume, progress=progress, executor=executor)
