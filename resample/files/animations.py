@@ -70,16 +70,7 @@ class Shots(NamedTuple):
 
 
 def check_film(path: Path, fps: float) -> None:
-    """Reject a target that `write_film` would reject, before any work is done.
-
-    Raises
-    ------
-    ValueError
-        The suffix is neither a film's nor missing, the rate is not positive, or the encoder is not
-        installed.
-    OSError
-        A file has the name of the folder, or the target's folder is not writable.
-    """
+    """Reject a target that `write_film` would reject, before any work is done."""
     if path.suffix and path.suffix.lower() not in FILMS and not path.is_dir():
         *most, last = FILMS
         raise ValueError(

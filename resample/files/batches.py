@@ -29,13 +29,6 @@ def batch_of(images: Sequence[Place], output: Path) -> list[tuple[Place, Path]]:
         suffix of a picture or film, without subfolders.
     output
         Folder; it need not exist yet.
-
-    Raises
-    ------
-    ValueError
-        There is no file, two results would have the same name, or one would replace its source.
-    OSError
-        The output is not a folder, or a file is damaged.
     """
     sources = list(dict.fromkeys(file for image in images for file in _files(image)))
     if not sources:

@@ -28,11 +28,6 @@ class BufferedJpeg:
         Existing file to write to.
     spec
         OpenImageIO header of the picture.
-
-    Raises
-    ------
-    OSError
-        There is not enough space (writing methods may raise this too), or it cannot be started.
     """
 
     def __init__(self, path: Path, spec: Any) -> None:

@@ -67,11 +67,6 @@ def source_fingerprint(*names: str) -> str:
     """Fingerprint of the source code of modules and packages, and of the engine.
 
     Cached results that such code computed are keyed by it.
-
-    Raises
-    ------
-    ModuleNotFoundError
-        There is no module of a name.
     """
     from resample.engine.compiled.sources import engine_digest
 

@@ -58,13 +58,7 @@ class StoredPicture(NamedTuple):
         return DEPTHS[self.array.dtype.name]
 
     def rows(self, first: int, last: int, across: slice = slice(None)) -> NDArray[Any]:
-        """Read rows (N, W, C), or some of their columns, as stored; floats have at most 32 bits.
-
-        Raises
-        ------
-        ValueError, OSError
-            They cannot be read.
-        """
+        """Read rows (N, W, C), or some of their columns, as stored; floats have at most 32 bits."""
         _, width, channels = self.shape
         part = {"y": slice(first, last), "x": slice(*across.indices(width)[:2])}
         part["c"] = slice(0, channels)
@@ -87,11 +81,6 @@ class StoredPicture(NamedTuple):
         """Read all rows (H, W, C) to memory or to a file, see `array_where_it_fits`.
 
         With `seen`, only that part is defined.
-
-        Raises
-        ------
-        ValueError, OSError
-            They cannot be read, or do not fit anywhere.
         """
         stored = self.array.dtype
         kind = np.dtype(np.float32) if stored.itemsize == 8 else stored.newbyteorder("=")
@@ -111,15 +100,7 @@ def is_in_store(path: Place) -> bool:
 
 
 def open_picture(path: Place) -> StoredPicture:
-    """Open a picture in a zarr store; for OME-Zarr the finest level.
-
-    Raises
-    ------
-    ValueError
-        The extra is not installed, it is not a picture, or its metadata cannot be read.
-    OSError
-        The path does not exist, access is denied, or it cannot be fetched.
-    """
+    """Open a picture in a zarr store; for OME-Zarr the finest level."""
     node, name = open_node(path), path.name  # raises if zarr is missing
     import zarr
 
@@ -170,13 +151,7 @@ def _checked(found: StoredPicture) -> StoredPicture:
 
 
 def check_store(path: Path) -> None:
-    """Reject a store that could not be written, before any work is done.
-
-    Raises
-    ------
-    ValueError
-        The extra is not installed, or the path exists.
-    """
+    """Reject a store that could not be written, before any work is done."""
     require_zarr(path.name)
     if path.exists():
         raise ValueError(f"{path} already exists; remove it or give another name")
@@ -189,13 +164,6 @@ def writing_store(path: Path, height: int) -> "Iterator[StoreRows]":
     Yields
     ------
     The object that takes the rows from the top.
-
-    Raises
-    ------
-    ValueError
-        As in `check_store`; or the number of rows differs.
-    OSError
-        It cannot be written; no partial store is left.
     """
     check_store(path)
     try:

@@ -25,13 +25,7 @@ QUALITY = {"crf": "18", "preset": "medium"}
 
 
 def check_codecs(path: Path) -> None:
-    """Reject films if PyAV is not installed.
-
-    Raises
-    ------
-    ValueError
-        It is missing; the message says how to install it.
-    """
+    """Reject films if PyAV is not installed."""
     try:
         import av  # noqa: F401
     except ImportError:
@@ -43,15 +37,7 @@ def check_codecs(path: Path) -> None:
 
 @contextmanager
 def opened_film(path: Path) -> Iterator["InputContainer"]:
-    """Open a film for reading.
-
-    Raises
-    ------
-    OSError
-        It is not a film, or damaged.
-    ValueError
-        PyAV is not installed, or its frames are too large.
-    """
+    """Open a film for reading."""
     check_codecs(path)
     import av
 
@@ -71,15 +57,7 @@ def opened_film(path: Path) -> Iterator["InputContainer"]:
 
 @contextmanager
 def new_film(path: Path) -> Iterator["OutputContainer"]:
-    """Open an MP4 film for writing.
-
-    Raises
-    ------
-    OSError
-        It cannot be written.
-    ValueError
-        PyAV is not installed.
-    """
+    """Open an MP4 film for writing."""
     check_codecs(path)
     import av
 
@@ -97,10 +75,6 @@ def new_stream(film: "OutputContainer", fps: float, size: tuple[int, int]) -> An
 
     Parameters
     ----------
-    film
-        The film to write.
-    fps
-        Frames per second.
     size
         Height and width, px. H.264 stores one color per 2 × 2 pixels, so sides are rounded to even.
     """

@@ -30,13 +30,7 @@ class WriteOptions(NamedTuple):
 
 
 def check_output(path: Path, look: WriteOptions, *, transparent: bool) -> None:
-    """Reject a target that `write_picture` would reject, before any work is done.
-
-    Raises
-    ------
-    ValueError
-        The suffix is unknown, or the format lacks transparency or this bit depth.
-    """
+    """Reject a target that `write_picture` would reject, before any work is done."""
     suffix = path.suffix.lower()
     if suffix not in (*SUFFIXES, STORE):
         raise ValueError(f"{path}: pictures are written as {', '.join(SUFFIXES)} or {STORE}")
@@ -50,13 +44,7 @@ def check_output(path: Path, look: WriteOptions, *, transparent: bool) -> None:
 
 
 def flattened(picture: Picture, background: Color) -> Picture:
-    """Composite a picture over a uniform color; gray stays gray over gray.
-
-    Raises
-    ------
-    ValueError
-        The picture is neither gray nor RGB.
-    """
+    """Composite a picture over a uniform color; gray stays gray over gray."""
     data, kind, about = picture
     if not kind.has_alpha:
         return picture
@@ -91,13 +79,7 @@ class StoredPage(NamedTuple):
 
 
 def page_of(path: Path, picture: Picture, look: WriteOptions, *, tells: bool = True) -> StoredPage:
-    """Convert a picture to stored form; warn about lost metadata.
-
-    Raises
-    ------
-    ValueError
-        The format cannot store it.
-    """
+    """Convert a picture to stored form; warn about lost metadata."""
     check_output(path, look, transparent=picture.kind.has_alpha)
     check_source(path, picture, look)
     if look.background is not None:
@@ -128,13 +110,7 @@ def _integers(picture: Picture, form: str, is_light: bool) -> NDArray[Any]:
 
 
 def check_source(path: Path, picture: Picture, look: WriteOptions) -> None:
-    """Reject a target that cannot store a picture's numbers (not light).
-
-    Raises
-    ------
-    ValueError
-        The format lacks the type, or another bit depth was requested.
-    """
+    """Reject a target that cannot store a picture's numbers (not light)."""
     number, suffix = picture.about.number, path.suffix.lower()
     if not number or suffix == ".exr":
         return
@@ -250,8 +226,6 @@ def with_word(
         (H, W, C) as stored.
     values
         The same before conversion, NaN where missing.
-    missing, as_whole
-        As in `gaps_of`.
     """
     gap, word = np.isnan(values), data.dtype.type(missing)
     taken = ~gap & (data == word)

@@ -78,15 +78,7 @@ class PictureFile(NamedTuple):
         return self.form == "half" and not (self.encoding.is_encoded or has_straight_alpha)
 
     def strips(self, form: str = "float", height: int | None = None) -> Iterator[NDArray[Any]]:
-        """Rows as stored, in a type of OpenImageIO, from the top; then the file is closed.
-
-        Raises
-        ------
-        OSError
-            The file is damaged.
-        ValueError
-            It unpacks to implausibly much.
-        """
+        """Rows as stored, in a type of OpenImageIO, from the top; then the file is closed."""
         spec = self.source.spec()
         check_honest(self.path, spec)
         if height is None:
@@ -125,13 +117,7 @@ class PictureFile(NamedTuple):
 
 
 def open_file(path: str | Path, page: int = 0) -> PictureFile:
-    """Open a picture file and read its header, without data.
-
-    Raises
-    ------
-    OSError
-        The file is missing or damaged.
-    """
+    """Open a picture file and read its header, without data."""
     source = opened(path, page)
     spec = source.spec()
     form = str(spec.format)

@@ -130,41 +130,13 @@ def read_picture(path: str | Place, page: int = 0, *, as_data: bool = False) -> 
     ValueError
         It does not fit into memory.
     """
-    return open_picture_at(place_of(path), page, as_data=as_data).picture()
+    return picture_at(place_of(path), page, as_data=as_data).picture()
 
 
 def form_of(path: Place) -> tuple[tuple[int, int, int], Kind]:
-    """Height, width and channels of the result of `read_picture`, and its kind.
-
-    Raises
-    ------
-    OSError
-        The file is missing or damaged.
-    """
+    """Height, width and channels of the result of `read_picture`, and its kind."""
     header = header_of(path, 0, as_data=True)
     return (*header.size, header.shape[2]), header.kind
-
-
-def has_levels(path: Place) -> tuple[int, int, int] | None:
-    """Height, width and channels if `read_picture_levels` can read a picture; else None."""
-    reader = open_picture_at(path)
-    return reader.shape if reader.is_plain else None
-
-
-def read_picture_levels(path: Place) -> LoadedPicture:
-    """Read a picture like `read_picture`, but without converting its levels.
-
-    Raises
-    ------
-    OSError
-        The file is missing or damaged.
-    ValueError
-        `has_levels` returns None for it.
-    """
-    reader = open_picture_at(path)
-    if not reader.is_plain:
-        raise ValueError(f"{path} has more than levels of 8 or 16 bits")
-    return reader.load()
 
 
 @dataclass(frozen=True, eq=False)
@@ -301,7 +273,7 @@ class LoadablePicture:
             yield with_gaps(light, ordered, about) if self.as_data else light
 
 
-def open_picture_at(path: Place, page: int = 0, *, as_data: bool = True) -> LoadablePicture:
+def picture_at(path: Place, page: int = 0, *, as_data: bool = True) -> LoadablePicture:
     """Read a picture's header; parameters and errors as in `read_picture`."""
     is_stored = isinstance(path, Address) or is_in_store(path)
     stored = open_picture(path) if is_stored else None
@@ -310,20 +282,14 @@ def open_picture_at(path: Place, page: int = 0, *, as_data: bool = True) -> Load
 
 
 def loadable_picture(path: Place) -> LoadablePicture | None:
-    """Open a picture to load; None for integers that float32 cannot represent.
-
-    Raises
-    ------
-    OSError
-        The file is missing or damaged.
-    """
-    reader = open_picture_at(path)
+    """Open a picture to load; None for integers that float32 cannot represent."""
+    reader = picture_at(path)
     return None if reader.header.about.number in WIDE else reader
 
 
 def header_of(path: Place, page: int = 0, *, as_data: bool) -> Header:
     """Read the header of a picture; parameters and errors as in `read_picture`."""
-    return open_picture_at(path, page, as_data=as_data).header
+    return picture_at(path, page, as_data=as_data).header
 
 
 def alpha_last(kind: Kind) -> tuple[Kind, list[int]]:

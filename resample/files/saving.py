@@ -46,13 +46,7 @@ Put = Callable[[Picture], None]
 
 
 def check_frame(path: Path, bits: int, background: Color | None) -> None:
-    """Reject a target that `write_frame` would reject, before any work is done.
-
-    Raises
-    ------
-    ValueError
-        The suffix is unknown, or the format lacks transparency or this bit depth.
-    """
+    """Reject a target that `write_frame` would reject, before any work is done."""
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise ValueError(f"{path}: pictures are written as {', '.join(SUFFIXES)}")
@@ -238,15 +232,7 @@ def write_picture(path: Path, picture: Picture, look: WriteOptions) -> None:
 
 
 def write_pages(path: Path, pictures: Iterable[Picture], look: WriteOptions) -> None:
-    """Write a sequence of pictures, taken one by one, to one file; several need TIFF.
-
-    Raises
-    ------
-    ValueError
-        The format cannot store one of them, or there is none.
-    OSError
-        The file cannot be written.
-    """
+    """Write a sequence of pictures, taken one by one, to one file; several need TIFF."""
     if path.suffix.lower() == STORE:
         (picture,) = pictures
         with writing_rows(path, picture.data.shape[0], look) as put:
@@ -271,13 +257,6 @@ def writing_rows(path: Path, height: int, look: WriteOptions) -> Iterator[Put]:
     ------
     The function that takes the picture's rows from the top, any number at a time, always with
     the same channels.
-
-    Raises
-    ------
-    ValueError
-        The format cannot store them, or the number of rows differs.
-    OSError
-        The file cannot be written.
     """
     if path.suffix.lower() == STORE:
         with writing_store(path, height) as store:
@@ -329,13 +308,7 @@ class _Rows:
 
 
 def new_output(path: Path, temporary: Path, spec: Any, mode: str = "Create") -> Any:
-    """Open an OpenImageIO output for a file that is called `path` in messages.
-
-    Raises
-    ------
-    OSError
-        It cannot be written.
-    """
+    """Open an OpenImageIO output for a file that is called `path` in messages."""
     import OpenImageIO
 
     name = plain(temporary)
@@ -351,13 +324,7 @@ def new_output(path: Path, temporary: Path, spec: Any, mode: str = "Create") -> 
 
 
 def _finish(path: Path, temporary: Path, written: list[WrittenPage]) -> None:
-    """Add metadata that OpenImageIO cannot write, and read the file back as a check.
-
-    Raises
-    ------
-    OSError
-        It is incomplete.
-    """
+    """Add metadata that OpenImageIO cannot write, and read the file back as a check."""
     check_end(path, temporary)
     complete(temporary, written)
     try:

@@ -53,13 +53,7 @@ class Frames(NamedTuple):
     pages: tuple[int, ...] | None = None  # for TIFF: directories that are pictures
 
     def read(self) -> Iterator[Picture]:
-        """Read pictures one after the other.
-
-        Raises
-        ------
-        OSError
-            The file is damaged.
-        """
+        """Read pictures one after the other."""
         if self.pages is not None:
             return (read_picture(self.path, page, as_data=True) for page in self.pages)
         is_film = self.path.suffix.lower() in FILMS
@@ -67,13 +61,7 @@ class Frames(NamedTuple):
 
 
 def frames_of(path: Place) -> Frames | None:
-    """Pictures of a file with several; None if it has one or is not a picture.
-
-    Raises
-    ------
-    OSError
-        The file is damaged.
-    """
+    """Pictures of a file with several; None if it has one or is not a picture."""
     if isinstance(path, Address) or is_in_store(path) or not path.is_file():
         return None
     suffix = path.suffix.lower()
@@ -87,14 +75,7 @@ def frames_of(path: Place) -> Frames | None:
 
 
 def check_frames(path: Path, frames: Frames, look: WriteOptions) -> None:
-    """Reject a target that `write_frames` would reject, before any work is done.
-
-    Raises
-    ------
-    ValueError
-        The format cannot hold several pictures, lacks this bit depth, or needs a package that is
-        not installed.
-    """
+    """Reject a target that `write_frames` would reject, before any work is done."""
     suffix, is_animated = path.suffix.lower(), frames.path.suffix.lower() in ANIMATED
     if suffix in TIFF:
         check_output(path, look, transparent=False)
@@ -121,15 +102,6 @@ def write_frames(
         Pictures of one size, except for TIFF.
     seconds
         Display time of each.
-    look
-        Options for writing.
-
-    Raises
-    ------
-    ValueError
-        The format cannot store them.
-    OSError
-        The file cannot be written.
     """
     suffix = path.suffix.lower()
     if suffix in TIFF:

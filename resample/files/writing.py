@@ -50,12 +50,6 @@ def replacing(path: str | Path) -> Iterator[Path]:
     Yields
     ------
     An empty file in the same folder, with the same suffix, to write to. Removed on error.
-
-    Raises
-    ------
-    OSError
-        The target cannot be created: its folder is missing or not writable, or it is a folder or
-        device. Or the disk is full: the error has that number and the target's name.
     """
     target = Path(os.path.realpath(path))
     if target.exists() and not target.is_file():
@@ -98,8 +92,6 @@ def refused(path: str | Path, temporary: Path, why: str) -> OSError:
 
     Parameters
     ----------
-    path
-        Its name in the message.
     temporary
         File written by the library. If it cannot be extended, a full disk is the reason.
     why
@@ -118,13 +110,7 @@ def refused(path: str | Path, temporary: Path, why: str) -> OSError:
 
 
 def check_end(path: str | Path, temporary: Path) -> None:
-    """Reject a truncated PNG or MP4 file from a library.
-
-    Raises
-    ------
-    OSError
-        It is truncated.
-    """
+    """Reject a truncated PNG or MP4 file from a library."""
     kind, size = temporary.suffix.lower(), temporary.stat().st_size
     with temporary.open("rb") as file:
         if kind == ".png":
@@ -158,13 +144,7 @@ class _Plain(io.FileIO):
 
 
 def save_array(path: Path, values: "ArrayLike") -> None:
-    """Write an array as NPY; NumPy does not notice a full disk.
-
-    Raises
-    ------
-    OSError
-        It cannot be written.
-    """
+    """Write an array as NPY; NumPy does not notice a full disk."""
     import numpy as np
 
     with io.BufferedWriter(_Plain(path, "wb")) as file:
@@ -202,11 +182,6 @@ def inheriting(target: Path) -> Iterator[list[Path]]:
 
     They belong to this process from now on, which can resume their work.
 
-    Parameters
-    ----------
-    target
-        As in `beside`, before anything else is written there.
-
     Yields
     ------
     The folders. Those that still exist at the end are removed.
@@ -227,13 +202,7 @@ def inheriting(target: Path) -> Iterator[list[Path]]:
 
 
 def _taken_over(path: Path, target: Path) -> Path:
-    """Rename a folder of a dead process to a name of this process.
-
-    Raises
-    ------
-    OSError
-        It is not a folder, or is gone.
-    """
+    """Rename a folder of a dead process to a name of this process."""
     if not path.is_dir():
         raise NotADirectoryError(path)
     own = _named(target)
@@ -316,15 +285,7 @@ def write_json(path: Path, content: Mapping[str, Any]) -> None:
 
 
 def check_targets(*paths: Path | None) -> None:
-    """Reject files that could not be written, before any work is done; None is skipped.
-
-    Raises
-    ------
-    ValueError
-        Two are the same.
-    OSError
-        A folder is missing or not writable, or a target is not a file.
-    """
+    """Reject files that could not be written, before any work is done; None is skipped."""
     given = [path for path in paths if path is not None]
     if len({path.resolve() for path in given}) < len(given):
         raise ValueError(f"{given[0]} cannot be written twice; give each output its own name")

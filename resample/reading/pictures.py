@@ -38,11 +38,6 @@ def check_honest(path: str | Path, spec: Any) -> tuple[int, int]:
     Returns
     -------
     Number of values, and bytes per value.
-
-    Raises
-    ------
-    ValueError
-        It is rejected.
     """
     if spec.deep:
         raise ValueError(f"{path} is a deep picture, of samples at several depths; flatten it")
@@ -62,13 +57,6 @@ def opened(path: str | Path, page: int = 0) -> Any:
     Returns
     -------
     OpenImageIO's ImageInput.
-
-    Raises
-    ------
-    OSError
-        It is missing or cannot be read.
-    ValueError
-        See `check_unopened`.
     """
     import OpenImageIO
 
@@ -98,13 +86,6 @@ def check_unopened(path: str | Path) -> None:
     """Reject a picture that unpacks to too much when opened, by any library.
 
     That applies to compressed texts and color profiles of PNG, and to JPEG 2000 and JPEG XL.
-
-    Raises
-    ------
-    ValueError
-        It is rejected.
-    OSError
-        It cannot be read.
     """
     size = size_at_once(Path(path))
     if size is not None:  # at least a byte per pixel

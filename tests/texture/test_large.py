@@ -9,7 +9,7 @@ from PIL import Image
 
 from resample.files.formats import WriteOptions
 from resample.files.images import read_channels
-from resample.files.pictures import Kind, Picture, has_levels
+from resample.files.pictures import Kind, Picture, picture_at
 from resample.files.saving import writing_rows
 from resample_texture import cli
 from resample_texture.command import large
@@ -159,9 +159,10 @@ def test_a_file_that_is_torn_leaves_nothing(monkeypatch, capsys):
 def test_files_with_more_than_plain_levels_are_no_levels():
     Image.new("I;16", (4, 4)).save("numbers.tif")
     Image.new("LA", (4, 4)).save("la.png")
-    assert has_levels(Path("rgb.png")) == (150, 260, 3)
-    assert has_levels(Path("sideways.jpg")) == (260, 150, 3)
-    assert has_levels(Path("la.png")) is None
+    found = {name: picture_at(Path(name)) for name in ("rgb.png", "sideways.jpg", "la.png")}
+    assert [picture.is_plain for picture in found.values()] == [True, True, False]
+    assert found["rgb.png"].shape == (150, 260, 3)
+    assert found["sideways.jpg"].shape == (260, 150, 3)
 
 
 def rows(count, width=5):

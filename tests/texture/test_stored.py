@@ -10,7 +10,7 @@ import zarr
 from PIL import Image
 
 from resample.files.images import read_image, read_rows
-from resample.files.pictures import read_picture, read_picture_levels
+from resample.files.pictures import picture_at, read_picture
 from resample.memory import mapped
 from resample_texture import cli
 from resample_texture.command import large
@@ -93,13 +93,13 @@ def test_an_image_of_ome_zarr_is_read_whatever_its_axes():
     assert found.kind == given.kind
     assert np.array_equal(found.data, given.data)
     store("b.zarr", turned[0], dimension_names=["c", "y", "x"])
-    assert np.array_equal(read_picture_levels(Path("b.zarr")).data, values)
+    assert np.array_equal(picture_at(Path("b.zarr")).load().data, values)
 
 
 def test_chunks_that_are_missing_hold_what_fills_them():
     made = zarr.create_array("a.zarr", shape=SHAPE, chunks=(32, 32), dtype="u1", fill_value=9)
     made[:32, :32] = 200
-    found = read_picture_levels(Path("a.zarr")).data[..., 0]
+    found = picture_at(Path("a.zarr")).load().data[..., 0]
     assert (found[:32, :32] == 200).all()
     assert (found[32:] == 9).all()
 
@@ -112,8 +112,8 @@ def test_what_memory_should_not_hold_is_in_a_file_meanwhile(monkeypatch):
     for name in ("a.zarr", "a.tif"):
         assert ended(*TURN, name, "-o", f"{name}.png") == 0
     monkeypatch.setattr(mapped, "pages_of", lambda _: 1 << 20)
-    assert mapped.is_in_file(read_picture_levels(Path("a.zarr")).data)
-    assert mapped.is_in_file(read_picture_levels(Path("a.tif")).data)
+    assert mapped.is_in_file(picture_at(Path("a.zarr")).load().data)
+    assert mapped.is_in_file(picture_at(Path("a.tif")).load().data)
     for name in ("a.zarr", "a.tif"):
         assert ended(*TURN, name, "-o", "b.png") == 0
         assert Path("b.png").read_bytes() == Path(f"{name}.png").read_bytes()

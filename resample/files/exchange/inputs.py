@@ -31,15 +31,6 @@ def as_picture(given: Any, name: str = "picture") -> NDArray[Any]:
     Returns
     -------
     Masked arrays stay masked. Arrays that need no conversion are not copied.
-
-    Raises
-    ------
-    TypeError
-        It is none of these, or its values are not real numbers.
-    ValueError
-        Lists have different lengths, or dimensions are unknown.
-    OSError
-        The file cannot be read.
     """
     if isinstance(given, str | PathLike | Address):
         return _read(given)
@@ -59,10 +50,10 @@ def as_picture(given: Any, name: str = "picture") -> NDArray[Any]:
 
 def _read(path: str | PathLike[str] | Address) -> NDArray[Any]:
     """Read levels of 8- and 16-bit pictures as stored; linear light of all others."""
-    from resample.files.pictures import has_levels, read_picture, read_picture_levels
+    from resample.files.pictures import picture_at, read_picture
 
-    file = place_of(path)
-    return read_picture_levels(file).data if has_levels(file) else read_picture(file).data
+    found = picture_at(place_of(path))
+    return found.load().data if found.is_plain else read_picture(found.path).data
 
 
 def _array(given: Any, name: str) -> NDArray[Any]:

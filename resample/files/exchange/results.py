@@ -81,13 +81,7 @@ def line_about(result: Any) -> str:
 
 
 def light_of(result: Any) -> Floats:
-    """Premultiplied linear light (H, W, 4) of a result.
-
-    Raises
-    ------
-    ValueError
-        It is a batch, or has too many channels for a picture.
-    """
+    """Premultiplied linear light (H, W, 4) of a result."""
     if isinstance(result, Frame):
         return result.rgba
     stored = np.ma.getdata(result.image)

@@ -68,8 +68,6 @@ def moved(geo: Geo, matrix: Doubles) -> Geo:
 
     Parameters
     ----------
-    geo
-        Georeference of the source.
     matrix
         (3, 3) homography from source to target, px from the corners.
 

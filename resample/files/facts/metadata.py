@@ -71,17 +71,7 @@ def page_tags(path: Path) -> list[Directory]:
 
 
 def about_file(path: Path, spec: Any, tags: Directory) -> FileMetadata:
-    """Read a file's metadata.
-
-    Parameters
-    ----------
-    path
-        The file.
-    spec
-        Its header from OpenImageIO.
-    tags
-        Tags of its page, for a TIFF file.
-    """
+    """Read a file's metadata; `tags` are those of its page, for a TIFF file."""
     camera = tags or block_tags(_exif_block(path), CAMERA, NESTED)
     profile = spec.getattribute("ICCProfile")
     spoken = tuple(
@@ -128,18 +118,7 @@ def turn(orientation: int, shape: tuple[int, int]) -> Doubles:
 def describe(spec: Any, about: FileMetadata, suffix: str, *, is_encoded: bool, colors: int) -> bool:
     """Pass metadata that OpenImageIO can write; returns whether there is a color profile.
 
-    Parameters
-    ----------
-    spec
-        Header of the file to write.
-    about
-        Metadata.
-    suffix
-        Suffix of the file, in lower case.
-    is_encoded
-        Values are encoded, as in the source.
-    colors
-        Number of color channels.
+    `is_encoded`: values are, as in the source.
     """
     if suffix == ".exr" or not about.camera:
         for name, kind, value in about.spoken:

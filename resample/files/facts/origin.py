@@ -32,15 +32,7 @@ def state(spec: Any, path: Path) -> None:
 
 
 def settings_in(path: Path) -> str:
-    """Read the settings, as TOML, that a picture was made with.
-
-    Raises
-    ------
-    OSError
-        The file cannot be read.
-    ValueError
-        It contains none.
-    """
+    """Read the settings, as TOML, that a picture was made with."""
     source = opened(path)
     text = str(source.spec().get_string_attribute(KEY))
     source.close()

@@ -1,20 +1,20 @@
 """Read and write tags of TIFF files and of Exif blocks, which share a format.
 
-OpenImageIO and Pillow hide unknown tags, such as georeferences. So this module reads the
-directories itself, and appends new ones to finished files.
+OpenImageIO hides unknown tags, such as georeferences. Pillow cannot add tags to a finished file,
+writes Exif blocks with other types (maker's notes as bytes, floats as doubles), and reads on where
+directories are damaged. So this module reads them itself, and appends new ones to finished files.
 """
 
 import struct
 from collections.abc import Collection, Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
-from typing import Any, BinaryIO, Literal, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-SHORT, LONG, DOUBLE = 3, 4, 12
-ASCII = 2
+ASCII, SHORT, LONG, DOUBLE = 2, 3, 4, 12
 # Value types by number; fractions are two integers.
 TYPES = {
     1: "u1", 2: "u1", 3: "u2", 4: "u4", 5: "u4", 6: "i1", 7: "u1", 8: "i2", 9: "i4", 10: "i4",
@@ -37,23 +37,21 @@ Directory = Mapping[int, "Tag | Directory"]
 
 
 class _Layout(NamedTuple):
-    """Byte order and word sizes of a file."""
+    """Formats of a file's parts, as of `struct`."""
 
-    order: Literal["<", ">"]  # of bytes
-    is_big: bool  # BigTIFF, with offsets of 8 bytes
+    order: str  # of bytes
+    entry: str  # tag, type, count, and values or their offset
+    offset: str
+    length: str  # of a directory
+    pointer: int  # position of the first directory's offset
 
-    @property
-    def offset(self) -> str:
-        return self.order + ("Q" if self.is_big else "I")
 
-    @property
-    def length(self) -> str:
-        return self.order + ("Q" if self.is_big else "H")
-
-    @property
-    def entry(self) -> str:
-        """Struct of an entry: tag, type, count, and values or their offset."""
-        return self.order + ("HHQ8s" if self.is_big else "HHI4s")
+LAYOUTS = {  # by the first bytes of TIFF and BigTIFF
+    **{start: _Layout(o, f"{o}HHI4s", f"{o}I", f"{o}H", 4)
+       for start, o in ((b"II*\0", "<"), (b"MM\0*", ">"))},
+    **{start: _Layout(o, f"{o}HHQ8s", f"{o}Q", f"{o}Q", 8)
+       for start, o in ((b"II+\0", "<"), (b"MM\0+", ">"))},
+}  # fmt: skip
 
 
 class _Entry(NamedTuple):
@@ -101,21 +99,10 @@ def text_tag(words: str) -> Tag:
 def read_tags(
     path: str | Path, wanted: Collection[int], nested: Mapping[int, Collection[int] | None]
 ) -> list[dict[int, "Tag | Directory"]]:
-    """Read selected tags of every directory of a TIFF file.
+    """Read wanted tags of every directory of a TIFF file; none for other files.
 
-    Parameters
-    ----------
-    path
-        The file; other formats have no directories.
-    wanted
-        Numbers of the tags.
-    nested
-        Tags that point to directories, and which of their tags to read; None: all.
-
-    Raises
-    ------
-    OSError
-        The file is damaged.
+    `nested`: tags that point to directories, and which of their tags to read; None: all. Damaged
+    files raise an OSError.
     """
     with Path(path).open("rb") as file:
         try:
@@ -127,7 +114,7 @@ def read_tags(
 def block_tags(
     block: bytes, wanted: Collection[int], nested: Mapping[int, Collection[int] | None]
 ) -> dict[int, "Tag | Directory"]:
-    """Read selected tags of an Exif block; none if it is damaged."""
+    """Read wanted tags of an Exif block, see `read_tags`; none if it is damaged."""
     try:
         found = _directories(_Counted(BytesIO(block)), wanted, nested, 1)
     except (struct.error, ValueError):
@@ -137,33 +124,25 @@ def block_tags(
 
 def block_of(directory: Directory) -> bytes:
     """Exif block of a directory."""
-    file, layout = BytesIO(), _Layout("<", False)
+    file, layout = BytesIO(), LAYOUTS[b"II*\0"]
     file.write(b"II*\0" + bytes(4))
     place = _append(file, layout, [], directory, 0)
-    file.seek(4)
+    file.seek(layout.pointer)
     file.write(struct.pack(layout.offset, place))
     return file.getvalue()
 
 
 def add_tags(path: Path, additions: Sequence[Directory]) -> None:
-    """Add or replace tags in the directories of a TIFF file.
+    """Add or replace tags in the directories of a TIFF file that no other process reads yet.
 
-    Parameters
-    ----------
-    path
-        File that no other process reads yet.
-    additions
-        One per directory; nested mappings become directories of their own.
-
-    Raises
-    ------
-    OSError
-        The file cannot be written, or gets too large.
+    Nested mappings become directories of their own. An OSError is raised if the file cannot be
+    written or gets too large.
     """
     with path.open("r+b") as file:
-        layout, pointer = _head(file)
+        layout = LAYOUTS.get(file.read(4))
         if layout is None:
             raise OSError(f"{path} is not a TIFF file")
+        pointer = layout.pointer
         try:
             for directory in additions:
                 place = _number(file, pointer, layout.offset)
@@ -179,19 +158,6 @@ def add_tags(path: Path, additions: Sequence[Directory]) -> None:
             raise OSError(f"{path}: its tags cannot be written: {error}") from None
 
 
-def _head(file: BinaryIO) -> tuple[_Layout | None, int]:
-    """Layout of a TIFF file, and the position of the first directory's offset."""
-    file.seek(0)
-    start = file.read(8)
-    if start[:2] not in (b"II", b"MM") or len(start) < 8:
-        return None, 0
-    order: Literal["<", ">"] = "<" if start[:2] == b"II" else ">"
-    version = struct.unpack(order + "H", start[2:4])[0]
-    if version not in (42, 43):
-        return None, 0
-    return _Layout(order, version == 43), 8 if version == 43 else 4
-
-
 def _number(file: BinaryIO, place: int, form: str) -> int:
     file.seek(place)
     return int(struct.unpack(form, file.read(struct.calcsize(form)))[0])
@@ -204,9 +170,9 @@ def _entries(file: BinaryIO, layout: _Layout, place: int) -> tuple[list[_Entry],
     if count > 65535:
         raise ValueError(f"a directory of {count} tags")
     stored = file.read(count * size)
-    lines = [_Entry(*line) for line in struct.iter_unpack(layout.entry, stored)]
-    if len(lines) < count:
+    if len(stored) < count * size:
         raise ValueError("a directory is cut off")
+    lines = [_Entry(*line) for line in struct.iter_unpack(layout.entry, stored)]
     return lines, place + struct.calcsize(layout.length) + count * size
 
 
@@ -216,39 +182,44 @@ def _directories(
     nested: Mapping[int, Collection[int] | None],
     most: int = MOST_DIRECTORIES,
 ) -> list[dict[int, "Tag | Directory"]]:
-    layout, pointer = _head(file)
+    file.seek(0)
+    start = file.read(8)
+    layout = LAYOUTS.get(start[:4])
     found: list[dict[int, Tag | Directory]] = []
-    if layout is None:
+    if layout is None or len(start) < 8:
         return found
-    place = _number(file, pointer, layout.offset)
+    place = _number(file, layout.pointer, layout.offset)
     while place and len(found) < most:
-        lines, pointer = _entries(file, layout, place)
-        directory: dict[int, Tag | Directory] = {}
-        for line in lines:
-            if line.tag in nested and line.size == 1 and line.kind in TYPES:
-                inner = int(_tag(file, layout, line).values[0])
-                directory[line.tag] = _tags(file, layout, inner, nested[line.tag])
-            elif line.tag in wanted and line.kind in TYPES:
-                directory[line.tag] = _tag(file, layout, line)
+        directory, pointer = _directory(file, layout, place, wanted, nested)
         found.append(directory)
         place = _number(file, pointer, layout.offset)
     return found
 
 
-def _tags(
-    file: BinaryIO, layout: _Layout, place: int, wanted: Collection[int] | None
-) -> dict[int, Tag]:
-    return {
-        line.tag: _tag(file, layout, line)
-        for line in _entries(file, layout, place)[0]
-        if (wanted is None or line.tag in wanted) and line.kind in TYPES
-    }
+def _directory(
+    file: BinaryIO,
+    layout: _Layout,
+    place: int,
+    wanted: Collection[int] | None,
+    nested: Mapping[int, Collection[int] | None],
+) -> tuple[dict[int, "Tag | Directory"], int]:
+    """Wanted tags of a directory, and the position of the next one's offset."""
+    directory: dict[int, Tag | Directory] = {}
+    lines, after = _entries(file, layout, place)
+    for line in lines:
+        is_nested = line.tag in nested and line.size == 1
+        if line.kind in TYPES and (is_nested or wanted is None or line.tag in wanted):
+            tag = _tag(file, layout, line)
+            directory[line.tag] = tag
+            if is_nested:
+                inner = _directory(file, layout, int(tag.values[0]), nested[line.tag], {})
+                directory[line.tag] = inner[0]
+    return directory, after
 
 
 def _tag(file: BinaryIO, layout: _Layout, line: _Entry) -> Tag:
     kind = np.dtype(TYPES[line.kind])
-    count = line.size * (2 if line.kind in FRACTIONS else 1)
-    size = count * kind.itemsize
+    size = line.size * (2 if line.kind in FRACTIONS else 1) * kind.itemsize
     if size > LARGEST_VALUE:
         raise ValueError(f"tag {line.tag} of {size} bytes")
     stored = line.field[:size]
@@ -257,8 +228,7 @@ def _tag(file: BinaryIO, layout: _Layout, line: _Entry) -> Tag:
         stored = file.read(size)
     if len(stored) < size:
         raise ValueError(f"tag {line.tag} is cut off")
-    values = np.frombuffer(stored, kind.newbyteorder(layout.order))
-    return Tag(line.kind, values.astype(kind))
+    return Tag(line.kind, np.frombuffer(stored, layout.order + TYPES[line.kind]).astype(kind))
 
 
 def _append(
@@ -266,9 +236,8 @@ def _append(
 ) -> int:
     """Append a directory to a file and return its position."""
     kept = [line for line in lines if line.tag not in added]
-    fresh = [_stored(file, layout, tag, value) for tag, value in added.items()]
+    both = sorted(kept + [_stored(file, layout, tag, value) for tag, value in added.items()])
     place = _end(file)
-    both = sorted(kept + fresh)
     file.write(struct.pack(layout.length, len(both)))
     file.write(b"".join(struct.pack(layout.entry, *line) for line in both))
     file.write(struct.pack(layout.offset, following))
@@ -279,7 +248,7 @@ def _stored(file: BinaryIO, layout: _Layout, tag: int, value: "Tag | Directory")
     """Append a tag's values to the file and return its entry."""
     if not isinstance(value, Tag):
         value = Tag(LONG, np.array([_append(file, layout, [], value, 0)], np.uint32))
-    stored = value.values.astype(np.dtype(TYPES[value.kind]).newbyteorder(layout.order)).tobytes()
+    stored = value.values.astype(layout.order + TYPES[value.kind]).tobytes()
     room = struct.calcsize(layout.offset)
     count = value.values.size // (2 if value.kind in FRACTIONS else 1)
     if len(stored) > room:

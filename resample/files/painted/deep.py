@@ -37,15 +37,7 @@ def check_deep(path: Path) -> None:
 
 
 def write_deep(path: Path, slabs: Iterable[DepthSlab]) -> None:
-    """Write slabs of one size from front to back; empty pixels get no sample.
-
-    Raises
-    ------
-    ValueError
-        The suffix is not .exr, or there is no slab.
-    OSError
-        The file cannot be written.
-    """
+    """Write slabs of one size from front to back; empty pixels get no sample."""
     check_deep(path)
     parts, shape = [], (0, 0)
     for slab in slabs:

@@ -19,19 +19,8 @@ def keep_tile(folder: Path, window: Window, film: Film, facts: Mapping[str, int]
 
     Parameters
     ----------
-    folder
-        Target folder.
     window
         Window in px of the whole picture.
-    film
-        Its contents.
-    facts
-        Numbers to store with it.
-
-    Raises
-    ------
-    OSError
-        It cannot be written.
     """
     parts: dict[str, Any] = film._asdict() | {f"of_{name}": n for name, n in facts.items()}
     with replacing(folder / NAME.format(*window)) as temporary, temporary.open("wb") as file:
@@ -39,13 +28,7 @@ def keep_tile(folder: Path, window: Window, film: Film, facts: Mapping[str, int]
 
 
 def kept_tile(folder: Path, window: Window) -> tuple[Film, dict[str, int]] | None:
-    """Read a window and its numbers; None if it was not written.
-
-    Raises
-    ------
-    OSError
-        It cannot be read.
-    """
+    """Read a window and its numbers; None if it was not written."""
     path = folder / NAME.format(*window)
     if not path.is_file():
         return None

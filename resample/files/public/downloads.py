@@ -38,14 +38,6 @@ def download(url: str, target: Path, size: int, digest: str) -> None:
         Its size in bytes. Longer responses are cut.
     digest
         SHA-256 or SHA-512 of its content, as hexadecimal digits.
-
-    Raises
-    ------
-    ValueError
-        The server repeatedly sent a different file. It is not kept.
-    OSError
-        The server cannot be reached, refuses, is silent or too slow; or the folder is not writable
-        or full.
     """
     if target.is_file() and _digest(target, digest) == digest:
         return

@@ -64,15 +64,6 @@ def fetch(
     Returns
     -------
     Folder of the set.
-
-    Raises
-    ------
-    LookupError
-        The name is unknown.
-    ValueError
-        A received file differs from the listed one. It is not kept.
-    OSError
-        A server cannot be reached, or refuses; or the folder cannot be written.
     """
     known = available(package)
     if name not in known:

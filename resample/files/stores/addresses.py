@@ -56,13 +56,7 @@ class Address:
         )
 
     def store(self) -> Any:
-        """Open as a zarr store for reading.
-
-        Raises
-        ------
-        ValueError
-            The extra is not installed, or the address is invalid.
-        """
+        """Open as a zarr store for reading."""
         try:
             import obstore
             from zarr.storage import ObjectStore

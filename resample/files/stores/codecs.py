@@ -34,11 +34,6 @@ def bound(array: Any, size: int, most: int) -> None:
         Zarr array; it stays bound.
     size, most
         Bytes of a chunk's values, and the bound on its codecs' output.
-
-    Raises
-    ------
-    ValueError
-        A codec creates Python objects.
     """
     inner = array.async_array
     pipeline = inner.codec_pipeline

@@ -25,13 +25,7 @@ class Listing(Protocol):
     """Information on files before they are read."""
 
     def size(self, key: str) -> int | None:
-        """Size of a file in bytes; None if it does not exist.
-
-        Raises
-        ------
-        ValueError
-            It must not be read.
-        """
+        """Size of a file in bytes; None if it does not exist."""
         ...
 
     def names(self, path: str, depth: int) -> Iterator[str] | None:
@@ -200,13 +194,7 @@ class GuardedStore(WrapperStore[Any]):  # type: ignore[misc]
 
 
 def guard(array: Any, name: str) -> None:
-    """Bound the stored and unpacked sizes of an array's chunks.
-
-    Raises
-    ------
-    ValueError
-        A chunk needs more memory than is free; or a codec creates Python objects.
-    """
+    """Bound the stored and unpacked sizes of an array's chunks."""
     alone = prod(array.chunks) * array.dtype.itemsize
     size = prod(getattr(array, "shards", None) or array.chunks) * array.dtype.itemsize
     check_free(f"a chunk of {name}", alone)

@@ -51,13 +51,6 @@ def holes_of(array: Any, name: str) -> Holes:
     """Find missing chunks of a zarr array in a folder or zip file.
 
     Other stores cannot list them.
-
-    Raises
-    ------
-    ValueError
-        There are implausibly many of them.
-    OSError
-        The folder cannot be read.
     """
     sides = _sides(array)
     grid = tuple(-(-size // side) for size, side in zip(array.shape, sides, strict=True))

@@ -55,11 +55,6 @@ def layout_of(attributes: Mapping[str, Any], name: str, space: str = SPACE) -> L
         Attributes and name of the group.
     space
         Letters of the required axes.
-
-    Raises
-    ------
-    ValueError
-        They have another version or are invalid, or the axes are not spatial.
     """
     from pydantic import ValidationError
 

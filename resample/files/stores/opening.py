@@ -22,13 +22,7 @@ def is_store(path: Path) -> bool:
 
 
 def require_zarr(what: str) -> Any:
-    """Import the package zarr, an extra.
-
-    Raises
-    ------
-    ValueError
-        It is not installed; the message says how to install it.
-    """
+    """Import the package zarr, an extra."""
     try:
         import zarr
     except ImportError as error:
@@ -40,15 +34,7 @@ def require_zarr(what: str) -> Any:
 
 
 def open_node(path: Place) -> Any:
-    """Open a group or array in a folder, a zip file or at an address.
-
-    Raises
-    ------
-    ValueError
-        The extra is not installed, there is no such node, or its metadata cannot be read.
-    OSError
-        The path does not exist, or access is denied.
-    """
+    """Open a group or array in a folder, a zip file or at an address."""
     zarr = require_zarr(path.name)
     from resample.files.stores.guarding import Folder, GuardedStore, Zip
 
