@@ -17,9 +17,8 @@ from resample.colors import Background, from_srgb, over, straight, to_srgb
 from resample.files.facts.origin import state
 from resample.files.writing import INCOMPLETE, check_end, refused, replacing
 from resample.memory.mapped import array_where_it_fits
-from resample.reading.names import plain
+from resample.reading.native import plain, suppressed_output
 from resample.reading.pictures import check_honest, check_picture, opened
-from resample.reading.silence import suppressed_output
 from resample.types import Floats, Frame
 
 SUFFIXES = (".png", ".exr")

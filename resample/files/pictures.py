@@ -51,7 +51,7 @@ from resample.files.levels import fits, gaps_of, levels, whole_numbers, with_wor
 from resample.files.stores.addresses import Address, Place, place_of
 from resample.files.writing import INCOMPLETE, check_end, refused, replacing
 from resample.memory import require_memory
-from resample.reading.names import plain
+from resample.reading.native import plain
 from resample.reading.pictures import opened as opened_picture
 from resample.types import Floats
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from resample.files.writing import INCOMPLETE, refused, replacing
 from resample.reading.limits import check_unpacked
-from resample.reading.names import plain
+from resample.reading.native import plain
 from resample.types import Floats
 
 CHANNELS = ("R", "G", "B", "A", "Z", "ZBack")

@@ -6,13 +6,14 @@ from typing import NamedTuple
 import numpy as np
 
 from resample.painting.points import can_defer_points, plan_of_points, suits_points
-from resample.painting.scenes.parts import SLACK, SamplesInParts
 from resample.painting.scenes.plans import (
     MIXTURE,
     POINTS,
+    SLACK,
     SPLATS,
     PicturePlan,
     PlansOfPart,
+    SamplesInParts,
     together,
 )
 from resample.painting.scenes.scene import PreparedScene, size_of_tiles
