@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from resample.profiles.interpolation import Interpolation, prefilter, remembered
+from resample.profiles.interpolation import Interpolation, prefilter
+from resample.profiles.memoization import once
 from resample.types import Doubles
 from resample_texture.arguments import REFLECT_101
 from resample_texture.texels.plates import texels_at
@@ -86,7 +87,7 @@ def _inner(lines: Doubles, margin: int, axis: int) -> Doubles:
     return np.moveaxis(np.moveaxis(lines, axis, 0)[margin : lines.shape[axis] - margin], 0, axis)
 
 
-@remembered
+@once
 def pieces(interpolation: Interpolation) -> tuple[Doubles, Doubles, float]:
     """Return the weights of the samples around a place as polynomials of the place.
 
