@@ -555,7 +555,7 @@ class Resampler:
 
     def is_even(self, plan: PicturePlan) -> bool:
         """Whether all tiles of a picture are as fine."""
-        from resample.engine.grid import grid_of
+        from resample.engine.subpixels import grid_of
 
         style = self._style(np.eye(3), None)
         if self.projection is Projection.FIRST_HIT:

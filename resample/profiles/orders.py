@@ -217,7 +217,7 @@ def layers_of(order: CompositingOrder, position: Floats, view: View, lattice: Do
 
 
 def sheets_of(layers: Layers, summing: Summing, position: Floats, view: View) -> Sheets:
-    """Keys and sheets of samples (N, 3), as painters compute them (`resample.engine.layers`)."""
+    """Keys and sheets of samples (N, 3), as painters compute them (`engine.compositing`)."""
     place = _places(layers, position, view)
     number = np.floor(place.astype(np.float32) / np.float32(layers.thickness))
     sheet = np.clip(number.astype(np.float64), -LAST_SHEET, LAST_SHEET).astype(np.int32)

@@ -25,8 +25,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.grid import grid, is_surely_point, point_width
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.engine.subpixels import grid, is_surely_point, point_width
 from resample.engine.vectors import (
     Matrix,
     Vector,

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.canvas import laid_out, pixel_weights
 from resample.engine.ellipsoids.footprints import optics_of
 from resample.engine.ellipsoids.lanes import paint_splats_on_rows
 from resample.engine.ellipsoids.mixed import Mixture, limits_of
@@ -63,7 +62,6 @@ from resample.engine.ellipsoids.work_queue import (
     put_in_order,
     take,
 )
-from resample.engine.grid import grid
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.mixtures.keys import key_by_sheets
 from resample.engine.mixtures.models import POINT, choose_points, form_models, tint_splats
@@ -77,6 +75,7 @@ from resample.engine.points.point_sheets import (
     put_behind,
 )
 from resample.engine.sorting import HALF, bits_of, key_of_bits, sort_pairs
+from resample.engine.subpixels import grid, laid_out, pixel_weights
 from resample.types import (
     Film,
     Floats,

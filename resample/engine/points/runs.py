@@ -10,7 +10,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.canvas import laid_out, pixel_weights
 from resample.engine.ellipsoids.footprints import Eye
 from resample.engine.ellipsoids.outlines import BATCH, NO_REACH, Bounds, OutlineSetup, outline_setup
 from resample.engine.ellipsoids.rows import (
@@ -28,7 +27,6 @@ from resample.engine.ellipsoids.rows import (
 )
 from resample.engine.ellipsoids.runs import home_of, in_order, is_run_open
 from resample.engine.ellipsoids.steps import Carried, checkpoint, go_on, in_steps
-from resample.engine.grid import point_width
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.points.cells import (
     LINE,
@@ -45,6 +43,7 @@ from resample.engine.points.cells import (
 )
 from resample.engine.points.octets import spread
 from resample.engine.points.outlines import is_clipped, projected, spacing_on_grid, squared_spacing
+from resample.engine.subpixels import laid_out, pixel_weights, point_width
 from resample.types import (
     Doubles,
     Film,

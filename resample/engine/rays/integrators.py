@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from resample.engine.compositing import VISIBLE
 from resample.engine.jit import inner_step
 from resample.engine.lookup import absorbed
-from resample.engine.over import VISIBLE
 from resample.engine.rays.classifiers import (
     Light,
     SummedClassifier,

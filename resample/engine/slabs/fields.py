@@ -11,11 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.canvas import Home
+from resample.engine.compositing import VISIBLE
 from resample.engine.ellipsoids.rows import ALPHA, BLUE, DEPTH, FIRST, GREEN, RED, index_of
 from resample.engine.ellipsoids.splats import clipped_span
 from resample.engine.jit import kernel
-from resample.engine.over import VISIBLE
 from resample.engine.slabs.blends import Values
 from resample.engine.slabs.lighting import classified, length_of, shaded_color
 from resample.engine.slabs.sums import (
@@ -28,6 +27,7 @@ from resample.engine.slabs.sums import (
     stride_of,
     sum_at,
 )
+from resample.engine.subpixels import Home
 from resample.engine.vectors import Vector
 from resample.types import (
     ADDITIVE,

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.canvas import Home, laid_out, pixel_weights
 from resample.engine.ellipsoids.footprints import optics_of
 from resample.engine.ellipsoids.mixed import Mixture, limits_of
 from resample.engine.ellipsoids.outlines import (
@@ -39,7 +38,6 @@ from resample.engine.ellipsoids.rows import (
 from resample.engine.ellipsoids.runs import home_of, in_order
 from resample.engine.ellipsoids.steps import Carried, checkpoint, go_on, leave_out
 from resample.engine.ellipsoids.work_queue import WorkQueue, enlarged, new_queue, put_in_order
-from resample.engine.grid import grid
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.mixtures.deferred import TAKEN, form, make_ready, margin_of, take_runs
 from resample.engine.mixtures.keys import end_of_sheet, sort_by_depth
@@ -78,6 +76,7 @@ from resample.engine.slabs.sums import (
     new_sums,
     no_dirt,
 )
+from resample.engine.subpixels import Home, grid, laid_out, pixel_weights
 from resample.types import (
     ADDITIVE,
     Film,

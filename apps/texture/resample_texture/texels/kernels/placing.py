@@ -10,9 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.cells.batch import Batch
-from resample.engine.cells.boxes import beyond, length
-from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
+from resample.engine.cells.bands import BOTTOM, LEFT, RIGHT, TOP
+from resample.engine.cells.boxes import Batch, beyond, length
 from resample.engine.jit import inner_kernel
 from resample.types import Doubles, Floats, Single
 from resample_texture.texels.kernels.blocks import START, Integers
