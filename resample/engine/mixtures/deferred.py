@@ -7,8 +7,6 @@ hidden runs cost next to nothing, and projected samples never leave the cache. T
 culling (Zhang, Manocha, Hudson and Hoff 1997) with the picture itself as occlusion map.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from resample.engine.ellipsoids.footprints import optics_of
@@ -96,14 +94,8 @@ OCCLUSION_INTERVAL = 64  # splats painted between occlusion checks
 
 Queue = tuple[int, int, np.uint64]  # samples queued, runs taken, largest pair of all samples
 
-
-class TileTarget(NamedTuple):
-    """The canvas of a tile that samples are painted on."""
-
-    rows: Floats
-    open_groups: Groups
-    sheet: PointSheet  # of points; without a mixture it has no cells
-    limits: SplatLimits
+# Rows, groups of open ones, the sheet of points (without cells if there is no mixture), and limits.
+TileTarget = tuple[Floats, Groups, PointSheet, SplatLimits]
 
 
 @kernel
@@ -404,7 +396,7 @@ def paint_runs(
         limits = limits_of(mixture, rows, size, style, least_ray, linear)
         size = (0, 0) if mixture is None else size
         sheet = new_sheet(size[0], size[1], runs.samples.scale is not None)
-        ground = TileTarget(rows, open_rows(height, width), sheet, limits)
+        ground = (rows, open_rows(height, width), sheet, limits)
         # Resume the tile, paint it, and checkpoint it.
         members = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
         resume(rows, height, width, tile, carried)

@@ -231,10 +231,10 @@ def _spread_points(
     amount: Doubles,
     count: int,
     taps: int,
-    front: int,
-    slot: int,
+    nearest: tuple[int, int],
 ) -> int:
-    """Add a batch to the open sheets, from `front` in `slot` on; return the last one touched."""
+    """Add a batch to the open sheets, from the nearest in its slot on; return the last touched."""
+    front, slot = nearest
     pitch, behind = LINE * ring.columns, front
     low_row = low_column = 1 << 30
     high_row = high_column = 0
@@ -256,19 +256,8 @@ def _spread_points(
         place = slot + sheet - front
         place -= SLOTS if place >= SLOTS else 0
         first = LINE * ((place * ring.rows + row) * ring.columns + column)
-        spread(
-            cells,
-            first,
-            pitch,
-            amount,
-            LINE * n,
-            ROUND,
-            scratch,
-            n + int(ACROSS),
-            n + int(DOWN),
-            BATCH,
-            taps,
-        )
+        around = (n + int(ACROSS), n + int(DOWN), BATCH, taps)
+        spread(cells, (first, pitch), amount, LINE * n, ROUND, scratch, around)
     # Mark the rectangle in all sheets that the batch may have touched.
     if high_row + 1 > low_row:
         for sheet in range(front, behind + 1):
@@ -378,14 +367,14 @@ def paint_point_runs(
                 _weigh(scratch, Y, DOWN, TOTAL_Y, count, taps, profile)
                 _share_out(scratch, count)
                 _fill_lines(amount, scratch, samples.color, begin, count)
-                last = _spread_points(cells, dirty, ring, scratch, amount, count, taps, front, slot)
+                nearest = front, slot
+                last = _spread_points(cells, dirty, ring, scratch, amount, count, taps, nearest)
                 behind = max(behind, last)
                 for number in range(count):
                     tally[tile, 0] += int(scratch[np.uint64(number) + HOME])
         while front <= behind:
             if is_any_open:
-                scales = _scales(form, front)
-                close_sheet(cells, dirty, slot, ring, scales, rows, opaque)
+                close_sheet(cells, dirty, slot, ring, _scales(form, front), rows, opaque)
             else:
                 empty_sheet(cells, dirty, slot, ring)
             slot, front = (slot + 1) % SLOTS, front + 1
