@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from resample import resampler
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
 from resample.engine.points.octets import spread
+from resample.painting import points
 from resample.painting import points as deferred_points
 from resample.painting.choices import Opacity, Primitive
 from resample.profiles.filters import Box, Gaussian, Mitchell, profile, table
@@ -36,14 +36,14 @@ TOLERANCE = 1e-4
 def deferred_only(monkeypatch):
     """Count the pictures that are painted without records."""
     painted = []
-    paint = resampler.paint_points
+    paint = points.paint_points
 
     def counted(*args):
         result = paint(*args)
         painted.append(result is not None)
         return result
 
-    monkeypatch.setattr(resampler, "paint_points", counted)
+    monkeypatch.setattr(points, "paint_points", counted)
     return painted
 
 
