@@ -24,8 +24,6 @@ from resample.painting.choices import (
     Projection,
     number_of,
 )
-from resample.painting.layers import layers_of
-from resample.painting.scenes.parts import SamplesInParts
 from resample.painting.scenes.plans import (
     ALL_PAINTERS,
     NOTHING,
@@ -33,6 +31,7 @@ from resample.painting.scenes.plans import (
     SPLATS,
     PicturePlan,
     PlansOfPart,
+    SamplesInParts,
     Window,
     check_size,
     checked_window,
@@ -53,7 +52,14 @@ from resample.painting.scenes.scene import (
 from resample.profiles import filters
 from resample.profiles.filters import Box, Gaussian, PixelFilter
 from resample.profiles.memoization import once
-from resample.profiles.orders import OF_FIELDS, CompositingOrder, EverySample, Rays, Summing
+from resample.profiles.orders import (
+    OF_FIELDS,
+    CompositingOrder,
+    EverySample,
+    Rays,
+    Summing,
+    layers_of,
+)
 from resample.profiles.reconstruction import (
     GaussianKernel,
     Reconstruction,
@@ -549,7 +555,7 @@ class Resampler:
 
     def is_even(self, plan: PicturePlan) -> bool:
         """Whether all tiles of a picture are as fine."""
-        from resample.engine.grid import grid_of
+        from resample.engine.subpixels import grid_of
 
         style = self._style(np.eye(3), None)
         if self.projection is Projection.FIRST_HIT:

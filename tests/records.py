@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.grid import grid_of
-from resample.engine.over import VISIBLE
+from resample.engine.compositing import VISIBLE
 from resample.engine.points.adding import MOST_TAPS
-from resample.painting.layers import sheets_of
+from resample.engine.subpixels import grid_of
 from resample.painting.scenes.scene import check_samples, size_of_tiles, tiles_along
+from resample.profiles.orders import sheets_of
 from resample.types import AFFINE, DISC, EXACT, Frame, Statistics
 from tests.samples import painter
 

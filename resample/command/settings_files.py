@@ -26,7 +26,7 @@ from resample.command.threads import at_most
 from resample.files.facts.origin import SUFFIXES as PICTURES
 from resample.files.facts.origin import settings_in, stating
 from resample.files.writing import check_targets, replacing
-from resample.reading.raising import raised
+from resample.reading.limits import raised
 from resample.reading.texts import text_of, toml_of
 from resample.words import naming
 

@@ -58,7 +58,7 @@ def start(module: str) -> NoReturn:
     status: Any = 0
     try:
         from resample.command.threads import leave_algebra_alone
-        from resample.console.streams import open_streams
+        from resample.console.messages import open_streams
 
         open_streams()
         leave_algebra_alone()

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from resample.reading.names import plain
+from resample.reading.native import plain
 
 MOST = 4  # upper bound on bytes per encoded value: no code of libjpeg's exceeds 26 bits
 HEAD = 1 << 16  # bytes besides values and attributes

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from resample.colors import from_srgb
 from resample.lazy import renamed
+from resample.reading.native import suppressed_output
 from resample.reading.pictures import check_honest, check_picture, complaint_of, opened
-from resample.reading.silence import suppressed_output
 from resample.types import Floats
 
 STRIP, LEAST_STRIP = 256, 32  # rows read at a time; for wide pictures

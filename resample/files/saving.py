@@ -34,7 +34,7 @@ from resample.files.formats import (
 from resample.files.images import open_file
 from resample.files.pictures import Kind, Picture
 from resample.files.writing import INCOMPLETE, check_end, refused, replacing
-from resample.reading.names import plain
+from resample.reading.native import plain
 from resample.reading.pictures import complaint_of
 from resample.types import Floats, Frame
 

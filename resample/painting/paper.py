@@ -17,12 +17,12 @@ from resample.hybrid.record import RECORD, SPLAT, depth_order
 from resample.hybrid.splats import LookupTables
 from resample.hybrid.voxels import OrderedVoxels, place_voxels
 from resample.painting.choices import Footprint
-from resample.painting.layers import sheets_of
 from resample.painting.scenes.plans import NOTHING as NO_WINDOW
 from resample.painting.scenes.plans import PAPER, PicturePlan, Window
 from resample.painting.scenes.scene import Clock, PaintTarget, PreparedScene, nothing_painted
 from resample.profiles.filters import PixelFilter
 from resample.profiles.memoization import once
+from resample.profiles.orders import sheets_of
 from resample.profiles.reconstruction import Reconstruction
 from resample.types import (
     Film,

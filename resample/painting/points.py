@@ -80,7 +80,7 @@ def plan_of_points(scene: PreparedScene, samples: Samples) -> PicturePlan:
 
 def suits_points(scene: PreparedScene, plan: PicturePlan) -> bool:
     """Whether all samples of a plan are points, and their filter is suitable."""
-    from resample.engine.grid import grid_of
+    from resample.engine.subpixels import grid_of
 
     finest = grid_of(plan.least, scene.style)
     is_seen = plan.visible > 0 and _are_points(scene, plan.most)
@@ -137,8 +137,8 @@ def spacings_of_points(scene: PreparedScene, samples: Samples) -> Floats:
 def points_in_steps(scene: PreparedScene, profile: Profile) -> InSteps:
     """Painter of points for a planned scene, step by step."""
     from resample.engine.ellipsoids.steps import KEPT
-    from resample.engine.grid import grid_of
     from resample.engine.points.runs import paint_point_runs
+    from resample.engine.subpixels import grid_of
 
     stage, plan = scene.stage, plan_of(scene)
     form = _form_of(scene, plan, grid_of(plan.least, scene.style))
@@ -169,9 +169,9 @@ def paint_points(
         Called with the fraction of the work done.
     """
     from resample.engine.ellipsoids.steps import AT_ONCE
-    from resample.engine.grid import grid_of
     from resample.engine.points.outlines import find_point_spacings
     from resample.engine.points.runs import paint_point_runs
+    from resample.engine.subpixels import grid_of
 
     clock = Clock()
     runs = _outlined(scene, samples)

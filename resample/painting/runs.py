@@ -46,7 +46,7 @@ def planned(scene: PreparedScene, painter: str, runs: Runs, columns: int) -> Pre
     """
     if scene.plan is not None:
         return scene
-    from resample.engine.grid import grid_of
+    from resample.engine.subpixels import grid_of
 
     known, style = runs.known, scene.style
     least = known["least_spacing"].min()
@@ -89,7 +89,7 @@ def dealt(
     `find_spacings` computes the spacings of tiles of a planned scene.
     """
     from resample.engine.ellipsoids.runs import count_runs, deal_runs
-    from resample.engine.grid import grid_of
+    from resample.engine.subpixels import grid_of
 
     known, screen, style = runs.known, scene.screen, scene.style
     plan = plan_of(scene)

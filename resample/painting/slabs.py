@@ -130,8 +130,8 @@ def planned_as_summed(scene: PreparedScene, samples: Samples, painter: str) -> P
 
 def columns_of(scene: PreparedScene, least: Single) -> int:
     """Limit on sub-pixels in a row of a tile, for a smallest spacing of samples."""
-    from resample.engine.grid import grid_of
     from resample.engine.slabs.sums import NARROW
+    from resample.engine.subpixels import grid_of
 
     return NARROW if _is_narrow(scene, grid_of(least, scene.style)) else MOST_COLUMNS
 
@@ -143,7 +143,7 @@ def spacings_of_summed(scene: PreparedScene, samples: Samples) -> Floats:
 
 def _as_fine(scene: PreparedScene, least: Single) -> PreparedScene:
     """Scene with all tiles as fine as the finest, if the projection requires it."""
-    from resample.engine.grid import grid_of
+    from resample.engine.subpixels import grid_of
 
     fewest = FEWEST.get(scene.style.projection, 0)
     if not fewest or scene.style.subpixels:
@@ -184,9 +184,9 @@ def _is_narrow(scene: PreparedScene, finest: int) -> bool:
 
 def _sums_of(scene: PreparedScene) -> "Summed":
     """Sums of a planned scene."""
-    from resample.engine.grid import grid_of
     from resample.engine.slabs.painting import ALL, PARTS, WHOLES, Summed
     from resample.engine.slabs.sums import Narrow, Wide
+    from resample.engine.subpixels import grid_of
 
     layers, finest = scene.layers, grid_of(plan_of(scene).least, scene.style)
     ring = Narrow if _is_narrow(scene, finest) else Wide

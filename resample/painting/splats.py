@@ -59,7 +59,7 @@ def are_splats_exact(scene: PreparedScene) -> bool:
 def runs_of(scene: PreparedScene, samples: Samples, *, are_mixed: bool) -> Runs:
     """Runs of samples, with bounds that are valid only for splats unless `are_mixed`."""
     from resample.engine.ellipsoids.run_bounds import outline_runs
-    from resample.engine.grid import grid_of
+    from resample.engine.subpixels import grid_of
 
     start = breaks(scene, samples, RUN_EXTENT, LONGEST_RUN)
     known = np.zeros(start.size - 1, RUN)
@@ -80,7 +80,7 @@ def runs_of(scene: PreparedScene, samples: Samples, *, are_mixed: bool) -> Runs:
 
 def may_have_points(scene: PreparedScene, runs: Runs) -> bool:
     """Whether a sample may be a point."""
-    from resample.engine.grid import grid_of
+    from resample.engine.subpixels import grid_of
 
     least = runs.known["least_spacing"].min()
     return bool(least * grid_of(least, scene.style) <= scene.style.threshold)
@@ -88,7 +88,7 @@ def may_have_points(scene: PreparedScene, runs: Runs) -> bool:
 
 def _is_vague(scene: PreparedScene, known: Records, *, are_mixed: bool) -> bool:
     """Whether bounds of the smallest spacing leave the resolution, or the kind, undecided."""
-    from resample.engine.grid import grid_of
+    from resample.engine.subpixels import grid_of
 
     least, most = known["least_spacing"].min(), known["most_spacing"]
     finest = grid_of(least, scene.style)
@@ -132,7 +132,7 @@ def planned_as(scene: PreparedScene, samples: Samples, painter: str) -> PictureP
 
 def has_points(scene: PreparedScene, plan: PicturePlan) -> bool:
     """Whether a plan of splats may include points."""
-    from resample.engine.grid import grid_of
+    from resample.engine.subpixels import grid_of
 
     return bool(plan.least * grid_of(plan.least, scene.style) <= scene.style.threshold)
 

@@ -10,13 +10,12 @@ their centers. Averaging it over pixels of another picture then blurs only once.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache, wraps
-from typing import Any, ClassVar, NamedTuple, Protocol, TypeVar
+from typing import ClassVar, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
+from resample.profiles.memoization import once
 from resample.types import Doubles, Floats
 
 R = TypeVar("R")
@@ -210,24 +209,6 @@ def excess(interpolation: Interpolation) -> float:
     return LIMITS[getattr(interpolation, "limit", "none")]
 
 
-def remembered(function: Callable[..., R]) -> Callable[..., R]:
-    """Cache a function of an interpolation (or filter) and other keys.
-
-    For objects of plugins that are not hashable it is called each time.
-    """
-    known = lru_cache(maxsize=64)(function)
-
-    @wraps(function)
-    def call(first: Any, *others: Any) -> R:
-        try:
-            hash(first)
-        except TypeError:
-            return function(first, *others)
-        return known(first, *others)
-
-    return call
-
-
 def taps(interpolation: Interpolation, offset: Doubles, extent: Doubles | float = 0.0) -> Floats:
     """Compute the weights of the samples around positions.
 
@@ -281,7 +262,7 @@ class Integrals(NamedTuple):
     shift: float
 
 
-@remembered
+@once
 def integrals(interpolation: Interpolation, phases: int, ones: int) -> Integrals:
     """Integral of an interpolation's kernel, with weights normalised to sum 1 everywhere."""
     radius = math.ceil(2.0 * interpolation.radius) / 2.0
@@ -308,7 +289,7 @@ def integrals(interpolation: Interpolation, phases: int, ones: int) -> Integrals
     return Integrals(flat, stride, taps, before, 0.5 if is_whole else 0.0)
 
 
-@remembered
+@once
 def prefilter(interpolation: Interpolation) -> Floats:
     """Compute the symmetric filter that turns samples into an interpolation's coefficients.
 

@@ -1,16 +1,28 @@
-"""Limits on the contents of untrusted files, and on their unpacked size.
+"""Limits on untrusted files: what they hold, their unpacked size, and the files they may refer to.
 
 Each limit is far above what ordinary files need. `RESAMPLE_LIMIT` in the environment raises it for
 this process and its children, as in `RESAMPLE_LIMIT=unpacked=8GiB,ratio=5000`; a command's
 `--limit` raises it for the command.
+
+An untrusted file must not cause others to be read that the user did not intend: the files it refers
+to (textures, materials, buffers, raw data) must be in or below its own folder.
+`RESAMPLE_ALLOW_OUTSIDE=1` in the environment, or a command's `--allow-outside`, allows all.
 """
 
 import os
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import NamedTuple
 
 from resample.memory import amount, available_memory, bytes_of
 
 SETTING = "RESAMPLE_LIMIT"  # name of an environment variable
+SIMILAR_FRAMES = 40  # factor on the ratio for animations with similar frames
+BYTES = ("text", "tree", "unpacked")  # limits that are amounts of memory
+OUTSIDE = "RESAMPLE_ALLOW_OUTSIDE"  # name of an environment variable
+ADDRESS = re.compile(r"^[A-Za-z][A-Za-z0-9+.-]+:")  # not a drive's single letter
 
 
 class LimitError(ValueError):
@@ -26,10 +38,6 @@ class FileLimits(NamedTuple):
     items: int = 10_000  # referenced files, members of an archive, parts of a name
     unpacked: int = 1 << 30  # bytes that compressed data may always unpack to
     ratio: int = 200  # unpacked size relative to the packed one, above that
-
-
-SIMILAR_FRAMES = 40  # factor on the ratio for animations with similar frames
-BYTES = ("text", "tree", "unpacked")  # limits that are amounts of memory
 
 
 def limits() -> FileLimits:
@@ -141,3 +149,87 @@ def check_free(what: str, count: int) -> None:
             f"{what} needs {amount(count)} of memory and {amount(free)} are free; take a smaller "
             "one, or free some"
         )
+
+
+def neighbour(source: Path, name: str) -> Path:
+    """Path of a file that another refers to, whether it exists or not.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from resample.reading.limits import neighbour
+    >>> neighbour(Path("scans/head.nhdr"), "head.raw").as_posix()
+    'scans/head.raw'
+    """
+    if ADDRESS.match(name):
+        raise _refusal(source, name, "an address, not a file; fetch it, and name the copy")
+    if "\0" in name:
+        raise _refusal(source, name, "no name of a file")
+    file = source.parent / name
+    if not allows_outside():
+        remedy = "files are read from its own folder only; put it there, or give --allow-outside"
+        path = Path(name.replace("\\", "/"))
+        if path.is_absolute() or re.match(r"^[A-Za-z]:", name):
+            raise _refusal(source, name, f"an absolute path; {remedy}")
+        if ".." in path.parts:
+            raise _refusal(source, name, f"a path that leads outside; {remedy}")
+        if not _is_within(source, file):
+            raise _refusal(source, name, f"a link that leads outside; {remedy}")
+    if file.exists() and not (file.is_file() or file.is_dir()):
+        raise _refusal(source, name, "a device or a pipe, not a file")
+    return file
+
+
+def allows_outside() -> bool:
+    """Whether files may refer to others outside their folder."""
+    return os.environ.get(OUTSIDE, "") not in ("", "0")
+
+
+def _is_within(source: Path, file: Path) -> bool:
+    """Whether a file is under the folder of another, or of the target if that is a link."""
+    try:
+        real = file.resolve()
+        homes = (source.parent.resolve(), source.resolve().parent)
+    except (OSError, RuntimeError):  # a cycle of links
+        return False
+    return any(real.is_relative_to(home) for home in homes)
+
+
+def _refusal(source: Path, name: str, reason: str) -> ValueError:
+    return ValueError(f"{source.name} names {name!r:.100}, {reason}")
+
+
+@contextmanager
+def raised(limit: str | None = None, *, allow_outside: bool = False) -> Iterator[None]:
+    """Raise limits, or allow files to refer to others outside their folder, in this block.
+
+    Parameters
+    ----------
+    limit
+        As in `RESAMPLE_LIMIT`: unpacked=8GiB,ratio=5000. Overrides the environment.
+    allow_outside
+        As `RESAMPLE_ALLOW_OUTSIDE=1`.
+
+    Examples
+    --------
+    >>> from resample.reading.limits import limits
+    >>> from resample.reading.limits import raised
+    >>> with raised("depth=90"):
+    ...     limits().depth
+    90
+    """
+    names = (SETTING, OUTSIDE)
+    before = {name: os.environ.get(name) for name in names}
+    if limit is not None:
+        os.environ[SETTING] = ",".join(filter(None, (before[SETTING], limit)))
+    if allow_outside:
+        os.environ[OUTSIDE] = "1"
+    try:
+        limits()
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value

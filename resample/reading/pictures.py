@@ -11,8 +11,7 @@ from typing import Any
 
 from resample.reading.codestreams import size_at_once
 from resample.reading.limits import check_free, check_size, check_unpacked
-from resample.reading.names import plain
-from resample.reading.silence import suppressed_output
+from resample.reading.native import plain, suppressed_output
 from resample.reading.unpacking import PIECE
 from resample.words import one_line
 

@@ -10,7 +10,7 @@ import numpy as np
 from resample.files.pictures import read_picture
 from resample.measuring.compare import contact_sheet
 from resample_texture import warp
-from resample_texture.geometry.sizes import turning
+from resample_texture.geometry.matrices import turning
 
 PICTURE = Path(__file__).parents[2] / "docs/images/turned.png"
 DEGREES, SIDE, ZOOM = 7.0, 56, 4

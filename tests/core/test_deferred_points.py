@@ -208,5 +208,5 @@ def test_lines_are_spread_as_the_obvious_loop_spreads_them(rng):
         for column in range(3):
             first = 16 + 80 * row + 8 * column
             expected[first : first + 8] += shares * weight[2 + 5 * column]
-    spread(cells, 16, 80, amount, 8, rounding, weight, 2, 20, 5, 3)
+    spread(cells, (16, 80), amount, 8, rounding, weight, (2, 20, 5, 3))
     np.testing.assert_allclose(cells, expected, rtol=1e-15)

@@ -7,12 +7,12 @@ import pytest
 
 from resample import Camera, Resampler, particles
 from resample.engine.ellipsoids.run_bounds import break_runs, outline_runs
-from resample.engine.grid import grid, grid_of
 from resample.engine.mixtures.deferred import find_spacings, paint_runs
 from resample.engine.points.runs import paint_point_runs
 from resample.engine.rays.coefficients import find_bounds, find_coefficients
 from resample.engine.rays.painting import paint_rays
 from resample.engine.slabs.painting import paint_summed_runs
+from resample.engine.subpixels import grid, grid_of
 from resample.painting.choices import Primitive
 from resample.painting.splines import spline_of
 from resample.profiles.orders import ImageSheets, Rays

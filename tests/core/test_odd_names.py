@@ -9,8 +9,8 @@ from resample.cli import app
 from resample.files.facts.origin import settings_in, stating
 from resample.files.pictures import read_picture
 from resample.files.sequences import frames_of
-from resample.reading import names
-from resample.reading.names import plain
+from resample.reading import native
+from resample.reading.native import plain
 from resample.words import visible
 from resample_volume.files.stores.states import state_of_files
 from tests.commands import ended
@@ -96,8 +96,8 @@ def test_a_store_may_hold_files_of_any_name():
 
 def test_names_that_are_text_stay_and_links_go_with_the_process(monkeypatch):
     leave = []
-    monkeypatch.setattr(names.atexit, "register", leave.append)
-    names._folder.cache_clear()
+    monkeypatch.setattr(native.atexit, "register", leave.append)
+    native._folder.cache_clear()
     assert plain("café.png") == "café.png"
     Path(f"{ODD}.nii.gz").write_text("content")
     link = plain(f"{ODD}.nii.gz")
@@ -111,7 +111,7 @@ def test_names_that_are_text_stay_and_links_go_with_the_process(monkeypatch):
     monkeypatch.undo()
     leave[0]()
     assert not Path(link).parent.exists()
-    names._folder.cache_clear()
+    native._folder.cache_clear()
 
 
 def test_commands_show_such_names_as_codes(capsys):

@@ -19,9 +19,14 @@ from resample.cameras.files import read_entries, viewpoint
 from resample.cameras.keyframes import read_keyframes
 from resample.command.settings_files import options_of
 from resample.files.sequences import frames_of
-from resample.reading.limits import check_free, check_unpacked, limits
-from resample.reading.neighbours import allows_outside, neighbour
-from resample.reading.raising import raised
+from resample.reading.limits import (
+    allows_outside,
+    check_free,
+    check_unpacked,
+    limits,
+    neighbour,
+    raised,
+)
 from resample.reading.texts import json_of, toml_of
 from resample.words import one_line, visible
 from resample_points.files.readers import read_cloud

@@ -10,8 +10,14 @@ from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at, orbit
 from resample.measuring.quality import psnr
 from resample.painting.choices import Primitive
-from resample.painting.layers import layers_of, sheets_of
-from resample.profiles.orders import AxisSheets, EverySample, ImageSheets, Summing
+from resample.profiles.orders import (
+    AxisSheets,
+    EverySample,
+    ImageSheets,
+    Summing,
+    layers_of,
+    sheets_of,
+)
 from resample.profiles.reconstruction import GaussianKernel
 from resample.types import Samples
 from tests import naive

@@ -11,7 +11,7 @@ import pytest
 from resample.files.facts.origin import settings_in
 from resample.files.images import read_image, read_rows
 from resample.files.pictures import read_picture
-from resample.reading.silence import suppressed_output
+from resample.reading.native import suppressed_output
 from resample_warp3d.depth.files import read_depth
 
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from resample import Orthographic
-from resample.painting.scenes.parts import SamplesInParts
+from resample.painting.scenes.plans import SamplesInParts
 from resample.profiles.filters import Gaussian
 from resample.profiles.orders import EverySample
 from tests.core.test_windows import (

@@ -12,7 +12,7 @@ from PIL import Image, TiffImagePlugin
 from resample.files.images import read_channels, read_image
 from resample.files.sequences import frames_of
 from resample_texture import Hybrid, cli, resize, rotate, scale
-from resample_texture.geometry.sizes import scaled_shape, turned_shape
+from resample_texture.geometry.matrices import scaled_shape, turned_shape
 from tests import commands
 from tests.commands import HEAVY, imported, store
 

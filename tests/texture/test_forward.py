@@ -5,7 +5,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from resample import registry
-from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
+from resample.engine.cells.bands import BOTTOM, LEFT, RIGHT, TOP
 from resample.profiles.filters import Area, Box, Gaussian, Mitchell, Tent
 from resample.profiles.interpolation import (
     AreaSpline,

@@ -6,7 +6,7 @@ import pytest
 from resample_texture import Homography, drawing, warp
 from resample_texture.arguments import geometry_of, method_named
 from resample_texture.geometry.mappings import BackwardMap
-from resample_texture.geometry.sizes import turning
+from resample_texture.geometry.matrices import turning
 from resample_texture.geometry.windows import Rect, windows_of
 from resample_texture.types import Edge
 

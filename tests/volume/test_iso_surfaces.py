@@ -10,8 +10,8 @@ from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import Subject, render
 from resample_volume.scenes import Scene
-from resample_volume.surfaces import iso_surfaces
-from resample_volume.surfaces.iso_surfaces import IsoSurface
+from resample_volume.surfaces import meshes
+from resample_volume.surfaces.meshes import IsoSurface
 from resample_volume.voxels.shading import Light
 from tests.commands import ended, refused
 from tests.volume.test_space_meshes import FOG, RED, ahead, fog
@@ -152,6 +152,6 @@ def test_what_is_no_surface_is_one_line(text, said, tmp_path, monkeypatch, capsy
 
 
 def test_without_vtk_it_is_said_what_to_install(monkeypatch):
-    monkeypatch.setattr(iso_surfaces, "find_spec", lambda _: None)
+    monkeypatch.setattr(meshes, "find_spec", lambda _: None)
     with pytest.raises(ValueError, match=r"hybrid-resample\[vtk\]"):
         IsoSurface.of("60")

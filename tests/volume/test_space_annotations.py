@@ -12,8 +12,7 @@ from resample_volume.cli import app
 from resample_volume.files.writing import write_volume
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import Subject, as_volume, render
-from resample_volume.space.annotations import round_length
-from resample_volume.space.cube import AXES, PATIENT, cube_picture
+from resample_volume.space.annotations import AXES, PATIENT, cube_picture, round_length
 from resample_volume.space.lines import Stroke, with_lines
 from resample_volume.voxels.framing import corners
 

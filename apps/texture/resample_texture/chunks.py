@@ -145,18 +145,12 @@ def warp_chunks(  # noqa: PLR0913 - what a user may say about a warp
         raise ValueError(f"edge {REFLECT_101} is only for pictures in memory; use mirror")
     geometry = geometry_of(matrix, shape, convention, inverse)
     way = _Way(method_named(method), geometry, shape, border, threads)
+    light: dict[str, Any] = {"linear_light": linear_light, "alpha": alpha}
     if out is None:
-        return _lazy(source, kept, way, sides, _Light(linear_light, alpha))
-    for chunk in _chunks(kept, way, sides, linear_light=linear_light, alpha=alpha):
+        return _lazy(source, kept, way, sides, light)
+    for chunk in _chunks(kept, way, sides, **light):
         out[chunk.part] = chunk.warped.image
     return out
-
-
-class _Light(NamedTuple):
-    """Meaning of a source's values, as `warp` takes it."""
-
-    linear_light: bool
-    alpha: str | None
 
 
 @dataclass(frozen=True)
@@ -180,7 +174,9 @@ class _Placed:
         return self.values[down, columns.start - self.left : columns.stop - self.left]
 
 
-def _lazy(source: Any, kept: _LazyPicture, way: _Way, sides: tuple[int, int], light: _Light) -> Any:
+def _lazy(
+    source: Any, kept: _LazyPicture, way: _Way, sides: tuple[int, int], light: dict[str, Any]
+) -> Any:
     """Return the target as a dask array, whose chunks depend on the parts they show."""
     dask, is_partly = _dask(), _is_read_in_parts(kept, way)
     is_dask = dask.is_dask_collection(source)
@@ -218,13 +214,13 @@ def _block(
     shape: tuple[int, ...],
     drawing: Drawing,
     part: tuple[slice, slice],
-    light: _Light,
+    light: dict[str, Any],
     is_partly: bool,
 ) -> NDArray[Any]:
     """Warp one chunk of the target from the part of the source that it shows."""
     values = np.asarray(values)
     source: Any = _LazyPicture(_Placed(values, seen.left, seen.top, shape)) if is_partly else values
-    return _drawn(source, drawing, **light._asdict()).image[part]
+    return _drawn(source, drawing, **light).image[part]
 
 
 def _drawing(way: _Way, roi: tuple[int, int, int, int]) -> tuple[Drawing, tuple[slice, slice]]:

@@ -6,7 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample_texture.arguments import whole_pair
-from resample_texture.geometry.sizes import resizing, scaled_shape, scaling, turned_shape, turning
+from resample_texture.geometry.matrices import (
+    resizing,
+    scaled_shape,
+    scaling,
+    turned_shape,
+    turning,
+)
 from resample_texture.types import Method, Warped
 from resample_texture.warping import warp
 

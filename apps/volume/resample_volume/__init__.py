@@ -28,8 +28,7 @@ if TYPE_CHECKING:
     from resample_volume.space.annotations import Annotations, annotate
     from resample_volume.space.measuring import measure
     from resample_volume.surfaces.image_planes import ImagePlane
-    from resample_volume.surfaces.iso_surfaces import IsoSurface
-    from resample_volume.surfaces.meshes import SceneMesh, read_mesh, scene_mesh
+    from resample_volume.surfaces.meshes import IsoSurface, SceneMesh, read_mesh, scene_mesh
     from resample_volume.types import Volume
     from resample_volume.viewing import picture
     from resample_volume.voxels.shading import Light

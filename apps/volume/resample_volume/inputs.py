@@ -12,7 +12,7 @@ from resample.types import Doubles
 from resample_volume.classification.scales import LINEAR, scaled
 from resample_volume.data.recordings import in_color, is_color
 from resample_volume.data.values import is_streamed
-from resample_volume.exchange.parts import Part, check_whole
+from resample_volume.exchange import Part, Taker, check_whole
 from resample_volume.files.parsing.headers import KEPT
 from resample_volume.files.source import open_volume
 from resample_volume.types import Volume
@@ -73,8 +73,6 @@ def as_volume(given: Any, name: str = "array", *, part: Part = "", scale: str = 
 
 
 def _as_it_is(given: Any, name: str, part: Part) -> Volume:
-    from resample_volume.exchange.taking import taker_of
-
     if isinstance(given, Volume | str | PathLike):
         check_whole(part, "a file" if not isinstance(given, Volume) else given.name)
     if isinstance(given, Volume):
@@ -83,7 +81,7 @@ def _as_it_is(given: Any, name: str, part: Part) -> Volume:
         return open_volume(str(given))
     if isinstance(given, tuple) and len(given) == 2 and _is_part(given[1]):
         return as_volume(given[0], name, part=given[1])
-    taker = taker_of(given)
+    taker = _taker_of(given)
     if taker is None:
         check_whole(part, "an array")
         return _placed(_array(given), name)
@@ -187,3 +185,26 @@ def _placed(
         name,
     )
     return in_color(values, volume) if colored else volume
+
+
+def _taker_of(given: Any) -> Taker | None:
+    """Return the converter of an object, with values (Z, Y, X) or (Z, Y, X, C) of any type.
+
+    None for objects of no known library.
+    """
+    from resample_volume.exchange.datasets import of_dataset
+    from resample_volume.exchange.grids import of_grid, of_labeled, of_nibabel, of_simple_itk
+
+    every = type(given).__mro__
+    homes = {kind.__module__.partition(".")[0] for kind in every}
+    if "vtkObjectBase" in {kind.__name__ for kind in every}:  # PyVista's, too
+        return of_dataset
+    if "SimpleITK" in homes:
+        return of_simple_itk
+    if "nibabel" in homes:
+        return of_nibabel
+    if hasattr(given, "dims") and hasattr(given, "coords"):
+        return of_labeled
+    if hasattr(given, "left_edge") and hasattr(given, "ActiveDimensions"):
+        return of_grid
+    return None

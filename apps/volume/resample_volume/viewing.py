@@ -43,7 +43,7 @@ from resample_volume.voxels.visible import lattice_of
 
 if TYPE_CHECKING:
     from resample.cameras.models import AnyCamera
-    from resample_volume.figures.beside import VtkBeside
+    from resample_volume.figures.compare import VtkBeside
 
 VTK = "VTK"  # other renderers of the same
 COMMAND, FILM = "resample-volume render", "resample-volume animate"
@@ -168,7 +168,7 @@ class VolumePainter:
 
     def beside(self, rival: str, settings: Settings, size: Size) -> PagePicture:
         """Render with VTK, see `resample.view.views.Comparing`."""
-        from resample_volume.figures.beside import VtkBeside
+        from resample_volume.figures.compare import VtkBeside
 
         if rival != VTK:
             raise ValueError(f"{rival!r:.40} is not known; a page can compare with {VTK}")

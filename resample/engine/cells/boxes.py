@@ -1,15 +1,17 @@
-"""Cells as axis-aligned boxes on the screen, and their overlaps with pixels."""
+"""Cells as axis-aligned boxes on the screen, their overlaps with pixels, and batches of them."""
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from resample.engine.jit import inner_kernel
-from resample.types import Single
+from resample.engine.jit import inner_kernel, kernel
+from resample.types import Floats, Single
 
 Number = Any  # float32 or float64; results have the type of the arguments
 Pixel = Any  # a number kept in int32
+Places = NDArray[np.int32]
 
 
 @inner_kernel
@@ -36,3 +38,27 @@ def beyond(start: Number, extent: Number, pixel: Number) -> Number:
 def within(start: Number, end: Number, pixel: Number) -> tuple[Number, Number]:
     """Where a box begins and ends within a pixel along an axis; in reverse order if it misses."""
     return max(start, pixel), min(end, pixel + np.float32(1))
+
+
+class Batch(NamedTuple):
+    """Columns of N cells, of which the first few may be in use."""
+
+    pixel: Places  # (N,) first pixel that a cell meets: row × width + column in its part's pixels
+    # (N,) share of the second pixel (area filter), or the distance from the first tap to where the
+    # filter starts, 0..1 px.
+    along_x: Floats
+    along_y: Floats
+    mass: Floats  # (N,) px² that a cell covers; 0 if it meets no pixel
+    values: NDArray[Any]  # (channels, N)
+
+
+@kernel
+def new_batch(channels: int, count: int) -> Batch:
+    """Allocate a batch of `count` cells."""
+    return Batch(
+        np.empty(count, np.int32),
+        np.empty(count, np.float32),
+        np.empty(count, np.float32),
+        np.empty(count, np.float32),
+        np.empty((channels, count), np.float32),
+    )

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.engine.cells.bands import BOTTOM, LEFT, RIGHT, TOP
 from resample.engine.cells.sums import offsets
 from resample.engine.cells.taps import FilterTaps, add
-from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
 from resample.engine.jit import Counter, inner_kernel, kernel, tasks
 from resample.engine.roles import called_role, making_role, plays, role
 from resample.engine.surfaces.stamps import Ground
@@ -28,7 +28,7 @@ BATCH = 1 << 25  # numbers that parts may hold at a time
 class SourceParts(NamedTuple):
     """Parts of a source, and the pixels of the target that belong to each."""
 
-    bounds: Integers  # (B, 4) px that the cells of a part may meet: see `tiles.LEFT`
+    bounds: Integers  # (B, 4) px that the cells of a part may meet: see `bands.LEFT`
     start: Integers  # (B + 1,) where the sums of each begin
     sums: Floats  # all parts' pixels, channels and weight interleaved
 

@@ -10,13 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.cells.batch import Batch, new_batch
-from resample.engine.cells.boxes import beyond
+from resample.engine.cells.bands import BOTTOM, LEFT, RIGHT, TOP
+from resample.engine.cells.boxes import Batch, beyond, new_batch
 from resample.engine.cells.parts import SourceParts
 from resample.engine.cells.taps import FilterTaps, add
-from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
-from resample.engine.surfaces.ellipses import blurred_ellipse
 from resample.engine.surfaces.stamps import (
     CURVE,
     HIGH,
@@ -33,6 +31,7 @@ from resample.engine.surfaces.stamps import (
     X,
     Y,
     add_splats,
+    blurred_ellipse,
 )
 from resample.types import Doubles, Floats
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP, bands, overlapping
+from resample.engine.cells.bands import BOTTOM, LEFT, RIGHT, TOP, bands, overlapping
 from resample.engine.jit import Counter, kernel, parallel_kernel
 from resample.types import Doubles, Floats
 

@@ -25,8 +25,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.grid import grid, is_surely_point, point_width
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.engine.subpixels import grid, is_surely_point, point_width
 from resample.engine.vectors import (
     Matrix,
     Vector,
@@ -92,18 +92,6 @@ class Viewport(NamedTuple):
     height: int
     margin: float
     sides: tuple[Side, Side, Side, Side]
-
-
-class LinearPart(NamedTuple):
-    """Linearization of the projection at an ellipsoid's center, and the ellipse it gives."""
-
-    x: float  # center at depth 1; 0 where rays are parallel
-    y: float
-    fx: float  # px per length at the center's depth
-    fy: float
-    xx: float  # px², covariance of the ellipse
-    yy: float
-    xy: float
 
 
 class Optics(NamedTuple):
@@ -363,8 +351,14 @@ def _amplitude(center: Vector, eye: Eye, shape: Shape) -> float:
 
 
 @kernel
-def linear_part(center: Vector, eye: Eye, shape: Shape) -> LinearPart:
-    """Linearize the projection at a center, and map the ellipsoid by it."""
+def linear_part(
+    center: Vector, eye: Eye, shape: Shape
+) -> tuple[float, float, float, float, float, float, float]:
+    """Linearize the projection at a center, and map the ellipsoid by it.
+
+    Returns the center at depth 1 (0 where rays are parallel), px per length at the center's depth,
+    and the covariance xx, yy, xy of the ellipse, px².
+    """
     # Direction to the center, and px per scene unit there.
     v, far = shape.covariance, eye.perspective
     per_z = 1.0 / center[2] if far else 1.0
@@ -374,7 +368,7 @@ def linear_part(center: Vector, eye: Eye, shape: Shape) -> LinearPart:
     xx = fx * fx * (v[0][0] - 2.0 * x * v[0][2] + x * x * v[2][2])
     yy = fy * fy * (v[1][1] - 2.0 * y * v[1][2] + y * y * v[2][2])
     xy = fx * fy * (v[0][1] - x * v[1][2] - y * v[0][2] + x * y * v[2][2])
-    return LinearPart(x, y, fx, fy, xx, yy, xy)
+    return x, y, fx, fy, xx, yy, xy
 
 
 @kernel

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from resample.engine.compositing import VISIBLE, Light
 from resample.engine.ellipsoids.mixed import Bend, Mixture, bend_of
 from resample.engine.ellipsoids.outlines import (
     ACROSS,
@@ -54,7 +55,6 @@ from resample.engine.ellipsoids.rows import (
 )
 from resample.engine.jit import lane_kernel, lane_step
 from resample.engine.lookup import absorbed, unit_lookup
-from resample.engine.over import VISIBLE, Light
 from resample.engine.roles import lane_role, plays
 from resample.types import (
     Absorbing,

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from resample.engine.compositing import key_of, place_of
 from resample.engine.ellipsoids.footprints import (
     Eye,
     Optics,
@@ -20,10 +21,9 @@ from resample.engine.ellipsoids.footprints import (
     major_of,
     optics_of,
 )
-from resample.engine.grid import POINT_SPACING, point_width
 from resample.engine.jit import kernel
-from resample.engine.layers import key_of, place_of
 from resample.engine.sorting import Pairs, bits_of, paired
+from resample.engine.subpixels import POINT_SPACING, point_width
 from resample.engine.vectors import Vector, column, cross, dot, multiply, scaled, vector_at
 from resample.types import (
     AFFINE,

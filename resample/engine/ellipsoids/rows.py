@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.canvas import Home
+from resample.engine.compositing import VISIBLE
 from resample.engine.ellipsoids.outlines import BLUE as LIT_BLUE
 from resample.engine.ellipsoids.outlines import (
     BOTTOM,
@@ -32,7 +32,7 @@ from resample.engine.ellipsoids.outlines import RED as LIT_RED
 from resample.engine.ellipsoids.splats import clipped_span, cut_integral
 from resample.engine.jit import kernel
 from resample.engine.lookup import absorbed
-from resample.engine.over import VISIBLE
+from resample.engine.subpixels import Home
 from resample.types import (
     MOST_COLUMNS,
     Ellipsoid,

@@ -5,13 +5,12 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.canvas import Home
 from resample.engine.ellipsoids.outlines import BOTTOM, LEFT, RIGHT, SPACING, TOP, Bounds
 from resample.engine.ellipsoids.rows import Groups, Members, is_open
 from resample.engine.ellipsoids.splats import first_inside, last_inside
-from resample.engine.grid import grid
 from resample.engine.jit import kernel
 from resample.engine.sorting import bits_of, member_of, paired, sort_pairs
+from resample.engine.subpixels import Home, grid
 from resample.engine.tiles import overlapping_tiles
 from resample.types import Floats, Place, Record, Records, Screen, Style, Tiles
 

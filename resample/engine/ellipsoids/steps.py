@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.canvas import laid_out
 from resample.engine.ellipsoids.rows import (
     ALPHA,
     BLUE,
@@ -25,6 +24,7 @@ from resample.engine.ellipsoids.rows import (
 )
 from resample.engine.jit import kernel
 from resample.engine.sorting import HALF, Pairs, bits_of
+from resample.engine.subpixels import laid_out
 from resample.types import Floats, Indices, Single, Stage, Tiles
 
 KEPT = (RED, GREEN, BLUE, ALPHA, DEPTH, WEIGHT, FIRST)  # numbers of a sub-pixel that are saved

@@ -7,11 +7,8 @@ hidden runs cost next to nothing, and projected samples never leave the cache. T
 culling (Zhang, Manocha, Hudson and Hoff 1997) with the picture itself as occlusion map.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
-from resample.engine.canvas import laid_out, pixel_weights
 from resample.engine.ellipsoids.footprints import optics_of
 from resample.engine.ellipsoids.lanes import paint_splats_on_rows
 from resample.engine.ellipsoids.mixed import Mixture, limits_of
@@ -63,7 +60,6 @@ from resample.engine.ellipsoids.work_queue import (
     put_in_order,
     take,
 )
-from resample.engine.grid import grid
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.mixtures.keys import key_by_sheets
 from resample.engine.mixtures.models import POINT, choose_points, form_models, tint_splats
@@ -77,6 +73,7 @@ from resample.engine.points.point_sheets import (
     put_behind,
 )
 from resample.engine.sorting import HALF, bits_of, key_of_bits, sort_pairs
+from resample.engine.subpixels import grid, laid_out, pixel_weights
 from resample.types import (
     Film,
     Floats,
@@ -97,14 +94,8 @@ OCCLUSION_INTERVAL = 64  # splats painted between occlusion checks
 
 Queue = tuple[int, int, np.uint64]  # samples queued, runs taken, largest pair of all samples
 
-
-class TileTarget(NamedTuple):
-    """The canvas of a tile that samples are painted on."""
-
-    rows: Floats
-    open_groups: Groups
-    sheet: PointSheet  # of points; without a mixture it has no cells
-    limits: SplatLimits
+# Rows, groups of open ones, the sheet of points (without cells if there is no mixture), and limits.
+TileTarget = tuple[Floats, Groups, PointSheet, SplatLimits]
 
 
 @kernel
@@ -405,7 +396,7 @@ def paint_runs(
         limits = limits_of(mixture, rows, size, style, least_ray, linear)
         size = (0, 0) if mixture is None else size
         sheet = new_sheet(size[0], size[1], runs.samples.scale is not None)
-        ground = TileTarget(rows, open_rows(height, width), sheet, limits)
+        ground = (rows, open_rows(height, width), sheet, limits)
         # Resume the tile, paint it, and checkpoint it.
         members = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
         resume(rows, height, width, tile, carried)

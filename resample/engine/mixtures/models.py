@@ -42,11 +42,11 @@ from resample.engine.ellipsoids.outlines import (
     X,
     Y,
 )
-from resample.engine.grid import point_width
 from resample.engine.jit import kernel, lane_step
 from resample.engine.lookup import absorbed
 from resample.engine.points.adding import MOST_TAPS
 from resample.engine.roles import making_role, plays
+from resample.engine.subpixels import point_width
 from resample.engine.vectors import (
     Matrix,
     Vector,

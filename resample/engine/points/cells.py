@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.engine.compositing import VISIBLE
 from resample.engine.ellipsoids.rows import ALPHA, BLUE, DEPTH, FIRST, GREEN, RED, WEIGHT, index_of
 from resample.engine.jit import kernel
-from resample.engine.over import VISIBLE
 from resample.types import Doubles, Floats, Single
 
 SLOTS = 17  # sheets that may be open at a time: those that a run of neighbours spans

@@ -27,17 +27,17 @@ def _eight(builder: Any, data: Any, first: Any) -> Any:
 
 
 @intrinsic
-def _spread(_, cells, first, pitch, amount, line, rounding, weight, across, down, step, taps):  # type: ignore[no-untyped-def]  # noqa: ARG001
+def _spread(_, cells, layout, amount, line, rounding, weight, taps):  # type: ignore[no-untyped-def]  # noqa: ARG001
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         # Unpack the arrays to their data pointers, and load the eight amounts.
         cells, amount, weight = (
             context.make_array(signature.args[n])(context, builder, arguments[n]).data
-            for n in (0, 3, 6)
+            for n in (0, 2, 5)
         )
-        first, pitch, line, across, down, step, taps = (
-            arguments[n] for n in (1, 2, 4, 7, 8, 9, 10)
-        )
-        rounding, whole = _all(builder, arguments[5]), first.type
+        line, rounding = arguments[3], _all(builder, arguments[4])
+        first, pitch = (builder.extract_value(arguments[1], n) for n in range(2))
+        across, down, step, taps = (builder.extract_value(arguments[6], n) for n in range(4))
+        whole = first.type
         amounts = builder.load(_eight(builder, amount, line), align=8)
 
         def weights(begin: Any, count: int) -> list[Any]:
@@ -74,18 +74,16 @@ def _spread(_, cells, first, pitch, amount, line, rounding, weight, across, down
 
     # Signature of the intrinsic.
     whole, array, number = numba.int64, numba.float64[::1], numba.float64
-    arguments = (array, whole, whole, array, whole, number, array, whole, whole, whole, whole)
-    return numba.void(*arguments), generate
+    layout, taps = numba.types.UniTuple(whole, 2), numba.types.UniTuple(whole, 4)
+    return numba.void(array, layout, array, whole, number, array, taps), generate
 
 
 def define(spread: Callable[..., None]) -> None:
     """Register the intrinsic as numba's implementation of `spread`."""
 
     @overload(spread, inline="always")
-    def vectors(cells, first, pitch, amount, line, rounding, weight, across, down, step, taps):  # type: ignore[no-untyped-def]  # noqa: ARG001
-        def compiled(cells, first, pitch, amount, line, rounding, weight, across, down, step, taps):  # type: ignore[no-untyped-def]
-            return _spread(
-                cells, first, pitch, amount, line, rounding, weight, across, down, step, taps
-            )
+    def vectors(cells, layout, amount, line, rounding, weight, taps):  # type: ignore[no-untyped-def]  # noqa: ARG001
+        def compiled(cells, layout, amount, line, rounding, weight, taps):  # type: ignore[no-untyped-def]
+            return _spread(cells, layout, amount, line, rounding, weight, taps)
 
         return compiled

@@ -6,36 +6,32 @@ from resample.types import Doubles
 
 def spread(
     cells: Doubles,
-    first: int,
-    pitch: int,
+    layout: tuple[int, int],
     amount: Doubles,
     line: int,
     rounding: float,
     weight: Doubles,
-    across: int,
-    down: int,
-    step: int,
-    taps: int,
+    taps: tuple[int, int, int, int],
 ) -> None:
     """Add eight amounts to each cell of a square, times the weights of its row and column.
 
     Parameters
     ----------
-    cells
-        Flat; the first cell begins at `first`, and rows of cells are `pitch` apart.
+    cells, layout
+        Flat; where the first cell begins, and how far rows of cells are apart.
     amount
         Eight numbers from `line` on.
     rounding
         Constant that is added to amounts times a row's weight and subtracted again, to round them.
-    weight
-        Those of columns begin at `across`, those of rows at `down`, each `step` after the last.
-    taps
-        Number of rows, and of columns.
+    weight, taps
+        Where those of columns begin, where those of rows do, how far they are apart, and the number
+        of rows, and of columns.
     """
-    for row in range(taps):
+    (first, pitch), (across, down, step, count) = layout, taps
+    for row in range(count):
         # Weigh by the row, and round to whole quanta.
         shares = (amount[line : line + 8] * weight[down + row * step] + rounding) - rounding
-        for column in range(taps):
+        for column in range(count):
             cell = first + row * pitch + 8 * column
             cells[cell : cell + 8] += shares * weight[across + column * step]
 

@@ -9,6 +9,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.engine.compositing import key_of, place_of
 from resample.engine.ellipsoids.footprints import Eye, Shape, in_camera
 from resample.engine.ellipsoids.outlines import (
     BATCH,
@@ -25,9 +26,8 @@ from resample.engine.ellipsoids.outlines import (
 )
 from resample.engine.ellipsoids.run_bounds import CHUNKS, sum_up
 from resample.engine.ellipsoids.runs import finest_of, may_be_finer
-from resample.engine.grid import POINT_SPACING
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
-from resample.engine.layers import key_of, place_of
+from resample.engine.subpixels import POINT_SPACING
 from resample.engine.vectors import Vector, dot, vector_at
 from resample.types import (
     Doubles,

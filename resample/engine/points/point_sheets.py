@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.engine.compositing import VISIBLE
 from resample.engine.ellipsoids.outlines import (
     AREA,
     DEPTH,
@@ -36,10 +37,9 @@ from resample.engine.ellipsoids.rows import (
     is_open,
 )
 from resample.engine.ellipsoids.rows import DEPTH as FAR
-from resample.engine.grid import point_width
 from resample.engine.jit import kernel
-from resample.engine.over import VISIBLE
 from resample.engine.points.adding import MOST_TAPS, box_around
+from resample.engine.subpixels import point_width
 from resample.types import Floats, Place, Single, Stage, Style
 
 _NOWHERE = 1 << 30

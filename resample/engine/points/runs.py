@@ -10,7 +10,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.canvas import laid_out, pixel_weights
 from resample.engine.ellipsoids.footprints import Eye
 from resample.engine.ellipsoids.outlines import BATCH, NO_REACH, Bounds, OutlineSetup, outline_setup
 from resample.engine.ellipsoids.rows import (
@@ -28,7 +27,6 @@ from resample.engine.ellipsoids.rows import (
 )
 from resample.engine.ellipsoids.runs import home_of, in_order, is_run_open
 from resample.engine.ellipsoids.steps import Carried, checkpoint, go_on, in_steps
-from resample.engine.grid import point_width
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.points.cells import (
     LINE,
@@ -45,6 +43,7 @@ from resample.engine.points.cells import (
 )
 from resample.engine.points.octets import spread
 from resample.engine.points.outlines import is_clipped, projected, spacing_on_grid, squared_spacing
+from resample.engine.subpixels import laid_out, pixel_weights, point_width
 from resample.types import (
     Doubles,
     Film,
@@ -232,10 +231,10 @@ def _spread_points(
     amount: Doubles,
     count: int,
     taps: int,
-    front: int,
-    slot: int,
+    nearest: tuple[int, int],
 ) -> int:
-    """Add a batch to the open sheets, from `front` in `slot` on; return the last one touched."""
+    """Add a batch to the open sheets, from the nearest in its slot on; return the last touched."""
+    front, slot = nearest
     pitch, behind = LINE * ring.columns, front
     low_row = low_column = 1 << 30
     high_row = high_column = 0
@@ -257,19 +256,8 @@ def _spread_points(
         place = slot + sheet - front
         place -= SLOTS if place >= SLOTS else 0
         first = LINE * ((place * ring.rows + row) * ring.columns + column)
-        spread(
-            cells,
-            first,
-            pitch,
-            amount,
-            LINE * n,
-            ROUND,
-            scratch,
-            n + int(ACROSS),
-            n + int(DOWN),
-            BATCH,
-            taps,
-        )
+        around = (n + int(ACROSS), n + int(DOWN), BATCH, taps)
+        spread(cells, (first, pitch), amount, LINE * n, ROUND, scratch, around)
     # Mark the rectangle in all sheets that the batch may have touched.
     if high_row + 1 > low_row:
         for sheet in range(front, behind + 1):
@@ -379,14 +367,14 @@ def paint_point_runs(
                 _weigh(scratch, Y, DOWN, TOTAL_Y, count, taps, profile)
                 _share_out(scratch, count)
                 _fill_lines(amount, scratch, samples.color, begin, count)
-                last = _spread_points(cells, dirty, ring, scratch, amount, count, taps, front, slot)
+                nearest = front, slot
+                last = _spread_points(cells, dirty, ring, scratch, amount, count, taps, nearest)
                 behind = max(behind, last)
                 for number in range(count):
                     tally[tile, 0] += int(scratch[np.uint64(number) + HOME])
         while front <= behind:
             if is_any_open:
-                scales = _scales(form, front)
-                close_sheet(cells, dirty, slot, ring, scales, rows, opaque)
+                close_sheet(cells, dirty, slot, ring, _scales(form, front), rows, opaque)
             else:
                 empty_sheet(cells, dirty, slot, ring)
             slot, front = (slot + 1) % SLOTS, front + 1

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from resample.engine.compositing import VISIBLE
 from resample.engine.jit import inner_step
 from resample.engine.lookup import absorbed
-from resample.engine.over import VISIBLE
 from resample.engine.rays.classifiers import (
     Light,
     SummedClassifier,
@@ -115,13 +115,6 @@ class RayContext(NamedTuple):
     aims: Aims
 
 
-class Shine(NamedTuple):
-    """Factor of a piece's own color and its white highlight, both dimmed by depth."""
-
-    own: float
-    highlight: float
-
-
 Way = Composite | Extreme | Mean | IsoSurfaceHit
 
 NOTHING = (0.0, 0.0, 0.0, 0.0, 0.0, math.inf, 0.0, 0.0, 0.0)
@@ -134,14 +127,16 @@ def integrate(way: Way, ray: Ray, medium: Medium) -> Result:
 
 
 @inner_step
-def _put(result: Result, light: Light, shine: Shine, length: float, depth: float) -> Result:
+def _put(
+    result: Result, light: Light, shine: tuple[float, float], length: float, depth: float
+) -> Result:
     """Composite a homogeneous piece under what has been accumulated so far."""
     red, green, blue, alpha, deep, first, cover, value, presence = result
     # The piece's opacity, times the transmittance in front of it.
     extinction = light[3]
     share = (1.0 - alpha) * float(absorbed(extinction * length))
     # Lights are multiplied by the extinction; divide it out, shade, and accumulate.
-    own, high = shine.own / extinction, shine.highlight
+    own, high = shine[0] / extinction, shine[1]
     red += share * (own * light[0] + high)
     green += share * (own * light[1] + high)
     blue += share * (own * light[2] + high)
@@ -213,8 +208,10 @@ def _slope_in(part: RaySegment, t: float, medium: Medium) -> Vector:
 
 
 @inner_step
-def _shine_at(way: Composite, ray: Ray, step: float, slope: Vector, context: RayContext) -> Shine:
-    """Shade a position whose gradient is known."""
+def _shine_at(
+    way: Composite, ray: Ray, step: float, slope: Vector, context: RayContext
+) -> tuple[float, float]:
+    """Shade a position: the factor of its own color, and its white highlight, dimmed by depth."""
     medium, depth, own, highlight = context.medium, depth_at(ray, step), 1.0, 0.0
     # The directions of the light differ along the ray where they depend on the position.
     if way.is_lit:
@@ -224,7 +221,7 @@ def _shine_at(way: Composite, ray: Ray, step: float, slope: Vector, context: Ray
         # Apply depth cueing.
         own, highlight = reflected(medium, place, faced(medium, place, slope), aims)
     kept = depth_cue_at(medium.classifier, depth)
-    return Shine(kept * own, kept * highlight)
+    return kept * own, kept * highlight
 
 
 @inner_step

@@ -6,8 +6,8 @@ of the boxes are leaves. A ray traverses the tree in that order, without a stack
 
 import math
 
+from resample.engine.compositing import VISIBLE
 from resample.engine.jit import inner_step
-from resample.engine.over import VISIBLE
 from resample.engine.rays.classifiers import Light
 from resample.engine.rays.integrators import NOTHING, Result, Way, integrate
 from resample.engine.rays.marching import ray_at

@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.canvas import Home, pixel_weights
 from resample.engine.jit import Counter, inner_kernel, kernel, packed_kernel, tasks
 from resample.engine.rays.adaptive_sampling import (
     ALPHA,
@@ -22,6 +21,7 @@ from resample.engine.rays.adaptive_sampling import (
 from resample.engine.rays.integrators import Way
 from resample.engine.rays.media import Medium
 from resample.engine.rays.meshes import integrate_with_mesh, is_on_mesh
+from resample.engine.subpixels import Home, pixel_weights
 from resample.types import Film, Floats, Indices, Tables, View
 
 

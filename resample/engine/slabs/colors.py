@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from resample.engine.compositing import VISIBLE
 from resample.engine.ellipsoids.lanes import expm1_of, of_16_times
 from resample.engine.ellipsoids.rows import (
     ALPHA,
@@ -17,7 +18,6 @@ from resample.engine.ellipsoids.rows import (
 from resample.engine.ellipsoids.rows import DEPTH as FAR
 from resample.engine.ellipsoids.rows import FIRST as NEAREST
 from resample.engine.jit import lane_kernel, lane_step
-from resample.engine.over import VISIBLE
 from resample.engine.slabs.sums import Canvas, Ring, clean, stride_of, sum_at
 from resample.types import Floats, Single
 

@@ -11,11 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.canvas import Home
+from resample.engine.compositing import VISIBLE
 from resample.engine.ellipsoids.rows import ALPHA, BLUE, DEPTH, FIRST, GREEN, RED, index_of
 from resample.engine.ellipsoids.splats import clipped_span
 from resample.engine.jit import kernel
-from resample.engine.over import VISIBLE
 from resample.engine.slabs.blends import Values
 from resample.engine.slabs.lighting import classified, length_of, shaded_color
 from resample.engine.slabs.sums import (
@@ -28,6 +27,7 @@ from resample.engine.slabs.sums import (
     stride_of,
     sum_at,
 )
+from resample.engine.subpixels import Home
 from resample.engine.vectors import Vector
 from resample.types import (
     ADDITIVE,
@@ -180,7 +180,7 @@ def _classify_mean(
     # Search for a surface.
     slope = (found.x / weight, found.y / weight, found.z / weight)
     if blend.projection == FIRST_HIT:
-        _find_hit(blend, canvas, row, column, value, slope, middle, front, slab, cutting)
+        _find_hit(blend, canvas, (row, column), value, slope, (middle, front), slab, cutting)
         return
     # Composite: classify the mean value and gradient, shade, and convert length to opacity.
     red, green, blue, extinction = classified(classifier, value, length_of(slope))
@@ -198,20 +198,20 @@ def _classify_mean(
 def _find_hit(
     blend: Values,
     canvas: Canvas,
-    row: int,
-    column: int,
+    pixel: tuple[int, int],
     value: float,
     slope: Vector,
-    middle: float,
-    front: float,
+    depths: tuple[float, float],
     slab: Slab,
     cutting: SphereCut,
 ) -> None:
     """Paint the surface where the field crosses the wanted value between two slabs.
 
-    A ray that enters the field at or above the value, at a clip plane, hits the surface there.
+    A ray that enters the field at or above the value, at a clip plane, hits the surface there. The
+    depths are those of the slab's middle and front on the ray.
     """
     # Compare with the slab just in front, if the ray has met it.
+    (row, column), (middle, front) = pixel, depths
     state, classifier, number = canvas.state[row, column], blend.classifier, np.float32(slab.number)
     before, at_depth, share = 0.0, front, 1.0
     is_next = state[PRESENCE] > 0.0 and state[SLAB] == number - np.float32(1.0)

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.canvas import Home, laid_out, pixel_weights
 from resample.engine.ellipsoids.footprints import optics_of
 from resample.engine.ellipsoids.mixed import Mixture, limits_of
 from resample.engine.ellipsoids.outlines import (
@@ -39,7 +38,6 @@ from resample.engine.ellipsoids.rows import (
 from resample.engine.ellipsoids.runs import home_of, in_order
 from resample.engine.ellipsoids.steps import Carried, checkpoint, go_on, leave_out
 from resample.engine.ellipsoids.work_queue import WorkQueue, enlarged, new_queue, put_in_order
-from resample.engine.grid import grid
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.mixtures.deferred import TAKEN, form, make_ready, margin_of, take_runs
 from resample.engine.mixtures.keys import end_of_sheet, sort_by_depth
@@ -68,7 +66,6 @@ from resample.engine.slabs.steps import (
 )
 from resample.engine.slabs.sums import (
     Canvas,
-    Dirty,
     Ring,
     Slab,
     SphereCut,
@@ -78,6 +75,7 @@ from resample.engine.slabs.sums import (
     new_sums,
     no_dirt,
 )
+from resample.engine.subpixels import Home, grid, laid_out, pixel_weights
 from resample.types import (
     ADDITIVE,
     Film,
@@ -94,6 +92,8 @@ from resample.types import (
 
 PARTS, WHOLES, ALL = range(3)  # slabs cut splats; sheets of whole splats; one sum of all
 FAR_AHEAD = -(1 << 60)  # number of a slab before all others
+
+Projected = tuple[Runs, OutlineSetup, Window]  # samples, and their projection to a tile
 
 
 class Summed(NamedTuple):
@@ -130,25 +130,6 @@ class Ready(NamedTuple):
     stage: Stage
     reach: float  # half an ellipsoid's extent along the view axis, scene units
     done: int  # slabs before this one were composited in an earlier step
-
-
-class TileSamples(NamedTuple):
-    """Samples, and their projection to a tile."""
-
-    runs: Runs
-    setup: OutlineSetup
-    window: Window
-
-
-class SlabScratch(NamedTuple):
-    """Scratch of a thread, which its tiles use one after the other."""
-
-    work: Floats
-    sums: Floats
-    along: Floats
-    dirty: Dirty
-    across: Floats
-    down: Floats
 
 
 @making_role
@@ -313,7 +294,7 @@ def _add_ready(
     ready: Ready,
     sweep: Sweep,
     taken: tuple[WorkQueue, int],
-    seen: TileSamples,
+    seen: Projected,
     mixture: Mixture | None,
     output: tuple[Tally, Carried],
 ) -> Sweep:
@@ -365,7 +346,7 @@ def _add_ready(
 @kernel
 def _paint_tile(
     members: Members,
-    seen: TileSamples,
+    seen: Projected,
     blend: Blend,
     canvas: Canvas,
     ready: Ready,
@@ -432,14 +413,9 @@ def paint_summed_runs(
         math.sqrt(shape.covariance[2][2]),
         outline_setup(stage, margin_of(mixture, stage)),
     )
-    own = SlabScratch(
-        aligned(WORK),
-        new_sums(summed.ring, pairs),
-        np.empty(pairs * PAIR, np.float32),
-        no_dirt(summed.ring.slots),
-        np.empty(MOST_TAPS, np.float32),
-        np.empty(MOST_TAPS, np.float32),
-    )
+    work, sums, dirty = aligned(WORK), new_sums(summed.ring, pairs), no_dirt(summed.ring.slots)
+    along, across = np.empty(pairs * PAIR, np.float32), np.empty(MOST_TAPS, np.float32)
+    down = np.empty(MOST_TAPS, np.float32)
     # Take tiles until none is left.
     for number in tasks(counter, tile_order.size):
         tile = tile_order[number]
@@ -447,7 +423,7 @@ def paint_summed_runs(
         home, place, height, width = laid_out(tile, tiles, stage)
         tally[tile, 3] = n = place.subpixels
         rows, open_groups = new_rows(height, width), open_rows(height, width)
-        least_ray = _cast(rows, own.along, height, width, place, stage)
+        least_ray = _cast(rows, along, height, width, place, stage)
         # Choose limits and margins for culling.
         limits = limits_of(mixture, rows, (height, width), style, least_ray, 0.0)
         pad = 0.0 if mixture is None else pad_of_tile(style, setup.beyond.beyond, n)
@@ -457,11 +433,11 @@ def paint_summed_runs(
         )
         state = state_of(blend, height, width, cutting)
         canvas = Canvas(
-            rows, open_groups, own.along, own.sums, own.dirty, own.across, own.down, own.work,
+            rows, open_groups, along, sums, dirty, across, down, work,
             state, height, width,
         )  # fmt: skip
         sides = sides_of(eye, shape, place, (height, width), pad)
-        seen = TileSamples(runs, setup, Window(place, height, width, home_of(home), sides))
+        seen = (runs, setup, Window(place, height, width, home_of(home), sides))
         tools = Tools(slant_of(eye, shape, place), limits, integral, cutting, np.float32(1.0))
         ready = Ready(summed, tools, stage, reach, begin_of_step(FAR_AHEAD, carried))
         # Resume the tile from an earlier step.
@@ -478,7 +454,7 @@ def paint_summed_runs(
         # Close the one sum, and clear all slabs for the next tile.
         if summed.what == ALL:
             _closed(blend, canvas, ready, sweep, 1)
-        empty(own.sums, own.dirty, summed.ring)
+        empty(sums, dirty, summed.ring)
         # Filter sub-pixels to pixels.
         weight = pixel_weights(tables, n)
         finish(blend, canvas, n, weight, home, value)

@@ -1,4 +1,9 @@
-"""Lines of elliptical Gaussians summed to pixels, in stamps.
+"""Ellipses on the screen: their forms, and lines of Gaussians over them, summed in stamps.
+
+A circle around a sample is taken to the screen by the Jacobian J, whose columns are (xu, yu) and
+(xv, yv). Its image is the form V; with d the way from its center, q = dᵀ V⁻¹ d is the squared
+distance in units of V. In a row of pixels dy below the center q is least, dy² / V_yy, at slope × dy
+to the right of it, and grows from there as curve × the square of the distance.
 
 A splat weighs peak × exp(−q / 2) in the centers of pixels, as far as q ≤ `RIM`; sums lie
 interleaved, the channels of a pixel and its weight side by side.
@@ -31,6 +36,48 @@ SIDE = 16  # px
 _PIXEL, _WIDTH = np.arange(SIDE * SIDE), np.maximum(np.arange(SIDE + 1), 1)[:, None]
 ACROSS = (_PIXEL % _WIDTH).astype(np.float32)
 DOWN = (_PIXEL // _WIDTH).astype(np.float32)
+
+
+class Ellipse(NamedTuple):
+    """A form V, ready to be scanned row by row."""
+
+    wide: Single  # V_xx, px²
+    high: Single  # V_yy, px²
+    slope: Single  # V_xy / V_yy, px to the right per px downward
+    curve: Single  # V_yy / det V, px⁻²
+
+
+@kernel
+def blurred_ellipse(
+    along_u: tuple[Single, Single],
+    along_v: tuple[Single, Single],
+    area: Single,
+    variance: Single,
+    filter_variance: Single,
+) -> tuple[Ellipse, Single]:
+    """Form `variance` J Jᵀ + `filter_variance` of a circle under a filter, and det V.
+
+    `area` is |det J|; `variance` is in the sample's units, `filter_variance` in px².
+    """
+    xu, yu = along_u
+    xv, yv = along_v
+    across, down = xu * xu + xv * xv, yu * yu + yv * yv
+    wide, high = variance * across + filter_variance, variance * down + filter_variance
+    # det V without the difference of two large numbers that long, thin ellipses would make it.
+    rest = filter_variance * (variance * (across + down) + filter_variance)
+    both = variance * area * (variance * area) + rest
+    return Ellipse(wide, high, variance * (xu * yu + xv * yv) / high, high / both), both
+
+
+@kernel
+def longest_stretch(along_u: tuple[Single, Single], along_v: tuple[Single, Single]) -> Single:
+    """Largest singular value of J."""
+    half, two = np.float32(0.5), np.float32(2)
+    xu, yu = along_u
+    xv, yv = along_v
+    across, down = xu * xu + xv * xv, yu * yu + yv * yv
+    odd, twist = xu * xu + yu * yu - xv * xv - yv * yv, two * (xu * xv + yu * yv)
+    return math.sqrt(half * (across + down + math.sqrt(odd * odd + twist * twist)))
 
 
 class Ground(NamedTuple):

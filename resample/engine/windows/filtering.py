@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.cells.tiles import bands
+from resample.engine.cells.bands import bands
 from resample.engine.jit import Counter, inner_kernel, kernel, packed_kernel
 from resample.types import Floats
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
+from resample.engine.cells.bands import BOTTOM, LEFT, RIGHT, TOP
 from resample.engine.jit import Counter, inner_kernel, inner_step, kernel, tasks
 from resample.engine.roles import role
 from resample.engine.windows.boxes import (

@@ -1,8 +1,8 @@
-"""Convex polygons as arrays of corners (N, 2): clipped to rectangles, measured."""
+"""Convex polygons as arrays of corners (N, 2): clipped to rectangles, crossed, measured."""
 
 import numpy as np
 
-from resample.engine.jit import inner_kernel
+from resample.engine.jit import inner_kernel, kernel
 from resample.types import Doubles
 
 MOST_CORNERS = 8  # of a quadrilateral clipped to a rectangle
@@ -52,3 +52,38 @@ def area(polygon: Doubles, count: int) -> float:
         m = (k + 1) % count
         total += polygon[k, 0] * polygon[m, 1] - polygon[m, 0] * polygon[k, 1]
     return float(0.5 * np.abs(total))
+
+
+@kernel
+def crossing(rim: Doubles, count: int, height: float) -> tuple[float, float]:
+    """Left and right end of a level line in a convex polygon; not in order if none.
+
+    Each edge is computed from its upper end, so that polygons which share it agree on it.
+    """
+    low, high = np.inf, -np.inf
+    for k in range(count):
+        m = (k + 1) % count
+        # Intersect each edge that crosses the line.
+        if (rim[k, 1] <= height) != (rim[m, 1] <= height):
+            upper, lower = (k, m) if rim[k, 1] < rim[m, 1] else (m, k)
+            share = (height - rim[upper, 1]) / (rim[lower, 1] - rim[upper, 1])
+            x = rim[upper, 0] + share * (rim[lower, 0] - rim[upper, 0])
+            low, high = min(low, x), max(high, x)
+    return low, high
+
+
+@kernel
+def box(polygon: Doubles, count: int) -> tuple[float, float, float, float]:
+    """Left, top, right and bottom of a polygon (count, 2)."""
+    left, top, right, bottom = np.inf, np.inf, -np.inf, -np.inf
+    for k in range(count):
+        left, right = min(left, polygon[k, 0]), max(right, polygon[k, 0])
+        top, bottom = min(top, polygon[k, 1]), max(bottom, polygon[k, 1])
+    return left, top, right, bottom
+
+
+@kernel
+def reach(polygon: Doubles, count: int) -> float:
+    """Width and height of a polygon together."""
+    left, top, right, bottom = box(polygon, count)
+    return right - left + bottom - top

@@ -12,8 +12,7 @@ from zarr.storage import WrapperStore
 
 from resample.files.stores.codecs import bound
 from resample.memory import amount
-from resample.reading.limits import LimitError, check_free, check_size
-from resample.reading.neighbours import allows_outside, neighbour
+from resample.reading.limits import LimitError, allows_outside, check_free, check_size, neighbour
 from resample.reading.unpacking import check_member
 
 PER_VALUE, BESIDE = 2, 4096  # largest packed size, relative to the values, plus a constant in bytes

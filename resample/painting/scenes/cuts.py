@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from resample.painting.scenes.parts import SLACK, SamplesInParts
+from resample.painting.scenes.plans import SLACK, SamplesInParts
 from resample.painting.scenes.scene import PreparedScene
 from resample.types import Film, Floats, Indices, Runs, Samples, Single, Tally, Tiles
 

@@ -1,12 +1,12 @@
-"""Plans: properties of a whole picture, from which parts of it can be painted separately."""
+"""What parts of a picture need of the whole: its plan, and samples that are loaded in parts."""
 
 import operator
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from resample.types import Floats, Layers, Single
+from resample.types import Classifier, Doubles, Field, Floats, Indices, Layers, Samples, Single
 
 SPLATS, POINTS, MIXTURE, PAPER = "splats", "points", "mixture", "paper"  # names of painters
 ALL_PAINTERS = (SPLATS, POINTS, MIXTURE)  # of which all samples decide
@@ -14,6 +14,7 @@ ALL_PAINTERS = (SPLATS, POINTS, MIXTURE)  # of which all samples decide
 Window = tuple[int, int, int, int]  # x0, y0, x1, y1, px of the whole picture; the end is exclusive
 NOTHING: Window = (0, 0, 0, 0)  # window for a plan without a picture
 LARGEST_PICTURE = 2**28  # px
+SLACK = 1e-5  # largest relative rounding error of lengths in a scene
 
 
 class PicturePlan(NamedTuple):
@@ -125,3 +126,16 @@ def check_size(height: int, width: int) -> None:
             f"a picture of {width} x {height} pixels; both sides must be at least 1 and there can "
             f"be at most {LARGEST_PICTURE} pixels"
         )
+
+
+class SamplesInParts(NamedTuple):
+    """Disjoint parts of samples, loaded on demand."""
+
+    center: Doubles  # (P,) centers of balls around each part's samples, scene units
+    radius: Doubles  # (P,) their radii
+    bounds: Floats  # (P, 4) left, top, right and bottom of their footprints, px
+    sizes: Indices  # (P,) upper bound on samples of each
+    lattice: Doubles  # (3, 3) as in `Samples`
+    load: Callable[[Indices], Samples | Field]  # returns the samples of some parts, in any order
+    step: int  # samples to load together, or more if no part is that small
+    classifier: Classifier | None = None  # for parts of a field

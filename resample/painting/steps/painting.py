@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.painting.layers import sheets_of
 from resample.painting.runs import dealt, film_of, plan_of, shown, tile_order, values_of
 from resample.painting.scenes.cuts import NEVER, Between, EndOfStep, InSteps, cut_at, keys_of
-from resample.painting.scenes.parts import SamplesInParts
+from resample.painting.scenes.plans import SamplesInParts
 from resample.painting.scenes.scene import (
     PaintTarget,
     PreparedScene,
@@ -21,7 +20,7 @@ from resample.painting.scenes.scene import (
     samples_of,
     tiles_along,
 )
-from resample.profiles.orders import Summing
+from resample.profiles.orders import Summing, sheets_of
 from resample.types import Field, Floats, Indices, Samples, Tiles
 from resample.watching import Progress, report, told
 

@@ -6,13 +6,14 @@ from typing import NamedTuple
 import numpy as np
 
 from resample.painting.points import can_defer_points, plan_of_points, suits_points
-from resample.painting.scenes.parts import SLACK, SamplesInParts
 from resample.painting.scenes.plans import (
     MIXTURE,
     POINTS,
+    SLACK,
     SPLATS,
     PicturePlan,
     PlansOfPart,
+    SamplesInParts,
     together,
 )
 from resample.painting.scenes.scene import PreparedScene, size_of_tiles
@@ -32,7 +33,7 @@ class Painters(NamedTuple):
 
 def _tile_of(scene: PreparedScene, by: Painters, plan: PicturePlan) -> int:
     """Side in px of a tile for a picture of such samples."""
-    from resample.engine.grid import grid_of
+    from resample.engine.subpixels import grid_of
 
     columns = MOST_COLUMNS if by.is_streamed else columns_of(scene, plan.least)
     return size_of_tiles(grid_of(plan.least, scene.style), scene.tables.pixel_margin, columns)
@@ -111,7 +112,7 @@ def plan_of_parts(scene: PreparedScene, source: SamplesInParts, by: Painters) ->
     They suffice if the whole picture has equal sub-pixels and no sample may be a point. Layers do
     not begin at the first sample.
     """
-    from resample.engine.grid import grid_of
+    from resample.engine.subpixels import grid_of
 
     least, most = _spacings(scene, source)
     finest = grid_of(least, scene.style)

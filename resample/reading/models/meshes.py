@@ -8,10 +8,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from resample.reading.limits import check_items, check_size, check_unpacked
+from resample.reading.limits import check_items, check_size, check_unpacked, neighbour
 from resample.reading.markup import check_xml_file, check_xml_member
 from resample.reading.models.gltf import PARTS, SIZES, check_gltf, header_of
-from resample.reading.neighbours import neighbour
 from resample.reading.unpacking import check_members
 from resample.words import naming, one_line, visible
 
@@ -177,7 +176,7 @@ def trimesh_resolver(source: Path) -> Any:
 def _resolver(source: Path) -> Any:
     import trimesh
 
-    from resample.reading.neighbours import allows_outside
+    from resample.reading.limits import allows_outside
 
     if allows_outside():
         try:

@@ -6,8 +6,7 @@ import numpy as np
 
 from resample.types import Floats
 from resample_texture.baselines.common import check_count, refuse_forward_map
-from resample_texture.geometry.mappings import BackwardMap, Geometry, Homography
-from resample_texture.geometry.places import places_of
+from resample_texture.geometry.mappings import BackwardMap, Geometry, Homography, places_of
 from resample_texture.texels.pyramid import pyramid
 from resample_texture.types import Edge, Warped
 

@@ -28,9 +28,9 @@ from resample_texture.geometry.mappings import (
     BackwardMap,
     Geometry,
     Homography,
+    places_of,
     source_coordinates,
 )
-from resample_texture.geometry.places import places_of
 from resample_texture.texels.pyramid import shrunk
 from resample_texture.types import Edge, Warped
 

@@ -51,7 +51,7 @@ class NewSize(Choices):
         ValueError
             No size was given, two were, or it is not a size.
         """
-        from resample_texture.geometry.sizes import scaled_shape
+        from resample_texture.geometry.matrices import scaled_shape
 
         if (self.size is None) == (self.width is None and self.height is None):
             raise ValueError("give a --size, or a --width, a --height or both")
@@ -69,7 +69,7 @@ class NewSize(Choices):
     def target(self, source_shape: tuple[int, int]) -> "PictureTarget":
         """Return the target of a picture (height, width)."""
         from resample_texture.command.inputs import PictureTarget
-        from resample_texture.geometry.sizes import resizing
+        from resample_texture.geometry.matrices import resizing
 
         shape = self.shape(source_shape)
         return PictureTarget(resizing(source_shape, shape), shape)
@@ -105,7 +105,7 @@ class Factor(Choices):
     def target(self, source_shape: tuple[int, int]) -> "PictureTarget":
         """Return the target of a picture (height, width)."""
         from resample_texture.command.inputs import PictureTarget
-        from resample_texture.geometry.sizes import scaled_shape, scaling
+        from resample_texture.geometry.matrices import scaled_shape, scaling
 
         factor = self.pair()
         shape = scaled_shape(source_shape, factor)
@@ -132,7 +132,7 @@ class Rotation(Choices):
     def target(self, source_shape: tuple[int, int]) -> "PictureTarget":
         """Return the target of a picture (height, width)."""
         from resample_texture.command.inputs import PictureTarget
-        from resample_texture.geometry.sizes import turned_shape, turning
+        from resample_texture.geometry.matrices import turned_shape, turning
 
         shape = turned_shape(source_shape, self.degrees) if self.expand else source_shape
         return PictureTarget(turning(source_shape, self.degrees, shape), shape)

@@ -11,10 +11,12 @@ from resample import registry
 from resample.memory.contiguous import contiguous
 from resample.types import Doubles
 from resample_texture.arguments import REFLECT_101, edge_named
-from resample_texture.differentiable.coefficients import (
+from resample_texture.differentiable.interpolation import (
     coefficients,
     margin_of,
+    pieces,
     ring_of,
+    rules,
     transposed,
 )
 from resample_texture.differentiable.kernels.gather import (
@@ -26,7 +28,6 @@ from resample_texture.differentiable.kernels.gather import (
 from resample_texture.differentiable.kernels.points import REFLECT_101 as REFLECTED
 from resample_texture.differentiable.kernels.points import InterpolatedSource
 from resample_texture.differentiable.places import MapPlaces, MatrixPlaces
-from resample_texture.differentiable.profiles import pieces, rules
 from resample_texture.texels.forward import EDGES
 from resample_texture.types import Edge
 

@@ -19,7 +19,7 @@ from resample.colors import from_srgb
 from resample.files.images import read_image
 from resample.reading.limits import check_unpacked
 from resample.reading.models.meshes import check_mesh, named_textures, trimesh_resolver, unreadable
-from resample.reading.names import plain
+from resample.reading.native import plain
 from resample.types import Floats
 from resample_texture.mesh.covers import AlphaMode, Cover
 from resample_texture.mesh.gltf import WHITE, Described, described

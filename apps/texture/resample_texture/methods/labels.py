@@ -11,9 +11,9 @@ from resample_texture.geometry.mappings import (
     ForwardMap,
     Geometry,
     Homography,
+    places_of,
     source_coordinates,
 )
-from resample_texture.geometry.places import places_of
 from resample_texture.geometry.shifts import Picks, nearest_texels
 from resample_texture.texels.gaps import missing_in, unmasked
 from resample_texture.types import Edge, Warped

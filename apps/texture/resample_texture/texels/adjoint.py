@@ -107,9 +107,8 @@ def _texel_gradients(
         axes = blocks.axes[batch]
         start = patch_offsets(axes, taps.shape[0], channels)
         patches = np.empty(start[-1])
-        gather_blocks(
-            weighted, blocks.places, axes, blocks.bounds[batch], taps, spread, start, patches
-        )
+        bounds = blocks.bounds[batch]
+        gather_blocks(weighted, blocks.places, axes, bounds, taps, spread, (start, patches))
         scatter_texels(patches, start, axes, EDGES[edge], taps.shape[0], totals, texels)
     for kind in range(sums):
         texels[kind] += _summed_back(totals[kind])

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from resample.engine.cells.bands import BOTTOM, LEFT, RIGHT, TOP
 from resample.engine.cells.parts import batches, parts_of
 from resample.engine.cells.sums import collect
-from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
 from resample.types import Doubles, Floats
 from resample_texture.geometry.mappings import BackwardMap
 from resample_texture.texels.forward import (

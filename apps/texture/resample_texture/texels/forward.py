@@ -18,7 +18,8 @@ from resample.engine.cells.sums import Border, Means, collect, finish
 from resample.engine.cells.taps import FilterTaps
 from resample.engine.windows.edges import CLAMP, MIRROR, TRANSPARENT, WRAP
 from resample.profiles.filters import Area, PixelFilter, profile_table
-from resample.profiles.interpolation import AreaSpline, Interpolation, prefilter, remembered, taps
+from resample.profiles.interpolation import AreaSpline, Interpolation, prefilter, taps
+from resample.profiles.memoization import once
 from resample.types import Doubles, Floats
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
 from resample_texture.texels.kernels.blocks import (
@@ -165,7 +166,7 @@ def moved(geometry: Homography, margin: int) -> Homography:
     return Homography(geometry.matrix @ back, geometry.is_signed)
 
 
-@remembered
+@once
 def tap_table(interpolation: Interpolation) -> Floats:
     """Return the taps of an interpolation for cells (K, R), in the order of `phase`."""
     counts = [*range(1, EXACT + 1), DENSE]

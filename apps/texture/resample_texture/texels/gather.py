@@ -77,11 +77,11 @@ def planned(
     places, view = _places(size, geometry, shape), _view((*whole, 1), edge, cells)
     tiles = around = _measured(places, view, shape)
     if region is not None and 0 < math.prod(region.shape) <= MOST_AROUND:
-        whole_of = _Whole(region.whole, region.shape, whole, edge)
+        target = (region.whole, region.shape, whole, edge, cells)
         try:
-            around = _measured_once(whole_of, cells)
+            around = _measured_once(*target)
         except TypeError:  # a plugin's options that cannot be hashed
-            around = _measured_once.__wrapped__(whole_of, cells)
+            around = _measured_once.__wrapped__(*target)
     return GatherPlan(size, geometry, shape, edge, cells, places, tiles, around)
 
 
@@ -218,19 +218,11 @@ def _measured(places: Plane | Map, view: GridView, shape: tuple[int, int]) -> Ta
     return TargetTiles(bounds, extent, (extent.work <= MOST_WORK) & (extent.span <= LONGEST))
 
 
-class _Whole(NamedTuple):
-    """A target of which regions are drawn."""
-
-    geometry: Homography
-    shape: tuple[int, int]
-    size: tuple[int, int]  # of the source
-    edge: Edge
-
-
 @lru_cache(maxsize=2)  # for targets drawn chunk by chunk
-def _measured_once(whole: _Whole, cells: CellGrid) -> TargetTiles:
-    """Measure the tiles of a whole target, cached."""
-    geometry, shape, size, edge = whole
+def _measured_once(
+    geometry: Homography, shape: tuple[int, int], size: tuple[int, int], edge: Edge, cells: CellGrid
+) -> TargetTiles:
+    """Measure the tiles of a whole target, cached; `size` is the source's."""
     return _measured(_places(size, geometry, shape), _view((*size, 1), edge, cells), shape)
 
 

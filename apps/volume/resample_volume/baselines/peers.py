@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 
 from resample.cameras.models import AnyCamera
 from resample.painting.choices import Projection
-from resample.reading.silence import suppressed_output
+from resample.reading.native import suppressed_output
 from resample.types import Doubles, Floats, View
 from resample_volume.classification.transfer import Transfer
 from resample_volume.types import Volume

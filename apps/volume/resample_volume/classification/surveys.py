@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Doubles
-from resample_volume.classification.hounsfield import Units, resembles_ct, units_of
-from resample_volume.classification.tissues import METAL
+from resample_volume.classification.tomography import METAL, Units, resembles_ct, units_of
 from resample_volume.data.memoization import memoized
 from resample_volume.data.statistics.scanning import are_few, step_of
 from resample_volume.data.thresholds import Counts, Histogram

@@ -492,8 +492,7 @@ class Beside(Choices):
         if not names:
             return SceneObjects((), (), ())
         from resample_volume.surfaces.image_planes import ImagePlane
-        from resample_volume.surfaces.iso_surfaces import IsoSurface
-        from resample_volume.surfaces.meshes import read_mesh
+        from resample_volume.surfaces.meshes import IsoSurface, read_mesh
 
         check_together(resampler, Classification(look.classify), names)
         planes = tuple(ImagePlane.of(text) for text in self.plane)

@@ -1,7 +1,8 @@
-"""Compare renderers on one view of one volume."""
+"""Compare renderers on one view of one volume, also with VTK while the view changes."""
 
 import time
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
@@ -17,7 +18,9 @@ from resample.painting.choices import Footprint, Primitive, Projection
 from resample.profiles.orders import Rays, Summing
 from resample.resampler import Resampler
 from resample.types import Floats, LatticeField
+from resample_volume.baselines.peers import Peer, VtkRenderer
 from resample_volume.baselines.raycasting import Casting, cast_rays
+from resample_volume.classification.transfer import Transfer
 from resample_volume.media.appearance import Appearance, transfer_of
 from resample_volume.rendering import Subject, painted_with_bar
 from resample_volume.types import Volume
@@ -179,3 +182,61 @@ class Contest:
         frame = painted_with_bar(resampler, seen, self.camera, self.size, clip=cuts)
         frame = subject.developed(frame)
         return frame.rgba, frame.statistics.splat_fraction
+
+
+@dataclass
+class VtkBeside:
+    """VTK's ray caster for one volume; keeps the state of the last look.
+
+    One thread draws everything, as a window belongs to the thread that created it.
+    """
+
+    _thread: ThreadPoolExecutor = field(default_factory=lambda: ThreadPoolExecutor(1, "vtk"))
+    _kept: tuple[Any, VtkRenderer] | None = None
+
+    def picture(
+        self,
+        volume: Volume,
+        appearance: Appearance,
+        resampler: Resampler,
+        camera: AnyCamera,
+        size: tuple[int, int],
+    ) -> Floats:
+        """Render a picture (H, W, 4), premultiplied linear RGBA, one ray per pixel.
+
+        Parameters
+        ----------
+        volume
+            As placed before the camera; the same in all calls.
+        appearance, resampler
+            As for our own picture.
+        camera
+            The camera.
+        size
+            Width and height, px.
+
+        Raises
+        ------
+        ValueError
+            VTK is not installed, or cannot show this.
+        """
+        check_vtk(appearance, resampler)
+        transfer = transfer_of(volume, appearance)
+        drawn = self._thread.submit(self._drawn, volume, transfer, appearance, camera, size)
+        return drawn.result()
+
+    def _drawn(
+        self,
+        volume: Volume,
+        transfer: Transfer,
+        appearance: Appearance,
+        camera: AnyCamera,
+        size: tuple[int, int],
+    ) -> Floats:
+        key = (appearance, size)
+        if self._kept is None or self._kept[0] != key:
+            width, height = size
+            look = Peer(light=appearance.light)
+            self._kept = None  # frees the window before another is created
+            self._kept = key, VtkRenderer(volume, transfer, height=height, width=width, look=look)
+        return self._kept[1].render(camera)

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from resample.cameras.models import Camera
 from resample.cameras.poses import orbit
 from resample.painting.choices import Primitive
-from resample.painting.layers import layers_of, sheets_of
-from resample.profiles.orders import EverySample
+from resample.profiles.orders import EverySample, layers_of, sheets_of
 from resample.resampler import PAPER_FILTER, Resampler
 from resample.types import Doubles, Records, Samples, Sheets
 from resample_volume.figures.data import VolumeFolder

@@ -25,8 +25,7 @@ from resample_volume.voxels.visible import finite_range
 if TYPE_CHECKING:
     from resample_volume.classification.labels import Labels
     from resample_volume.surfaces.image_planes import ImagePlane
-    from resample_volume.surfaces.iso_surfaces import IsoSurface
-    from resample_volume.surfaces.meshes import SceneMesh
+    from resample_volume.surfaces.meshes import IsoSurface, SceneMesh
     from resample_volume.surfaces.sections import Section
 
 # Each keeps its own tables.
@@ -136,7 +135,7 @@ def _surfaces_of(given: "Iterable[IsoSurface | str]") -> "tuple[IsoSurface, ...]
     """Return isosurfaces, of which some may be texts."""
     if not given:
         return ()
-    from resample_volume.surfaces.iso_surfaces import IsoSurface
+    from resample_volume.surfaces.meshes import IsoSurface
 
     return tuple(IsoSurface.of(one) if isinstance(one, str) else one for one in given)
 

@@ -19,8 +19,14 @@ from numpy.typing import NDArray
 from resample.cameras.models import AnyCamera
 from resample.files.painted.tiles import keep_tile, kept_tile
 from resample.memory import trim
-from resample.painting.scenes.parts import SamplesInParts
-from resample.painting.scenes.plans import ALL_PAINTERS, SPLATS, PicturePlan, PlansOfPart, Window
+from resample.painting.scenes.plans import (
+    ALL_PAINTERS,
+    SPLATS,
+    PicturePlan,
+    PlansOfPart,
+    SamplesInParts,
+    Window,
+)
 from resample.resampler import Resampler
 from resample.types import Doubles, Film, Samples
 from resample.watching import Executor, Progress, report, shared_out, told

@@ -1,4 +1,4 @@
-"""Draw axes, box, orientation cube and scale bar into a picture of a volume."""
+"""Draw axes, box, orientation cube, scale bar and text into a picture of a volume."""
 
 import math
 from dataclasses import dataclass
@@ -11,10 +11,8 @@ from resample.types import Doubles, Floats, Frame, View
 from resample_volume.classification.surveys import survey, without_padding
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import Subject
-from resample_volume.space.cube import AXES, PATIENT, cube_picture
 from resample_volume.space.lines import Stroke, with_lines
 from resample_volume.space.measuring import unit_of_space
-from resample_volume.space.text import letters, put_mask, type_size
 from resample_volume.types import Volume
 from resample_volume.voxels.framing import Shifted, centered, corners
 
@@ -24,6 +22,15 @@ BAR = 0.22  # of the picture's width, at most
 HIDDEN = 0.5  # opacity in front of a label from which it is left out
 CUBE = 0.2  # of the picture's shorter side
 MARGIN = 0.03  # likewise
+FONT = "DejaVu Sans"  # part of matplotlib
+LIGHT, DARK = 0.9, 0.02  # linear gray of letters and bars, and of their outline
+AROUND = 1  # px
+AXES = ("+X", "-X", "+Y", "-Y", "+Z", "-Z")
+PATIENT = ("L", "R", "P", "A", "S", "I")  # directions of the LPS axes
+FINE = 4  # sub-pixels per side of a pixel
+TYPE = 96  # px, of letters before they are mapped to a face
+RIM = 0.07  # dark border, of half a side
+REACH = 1.75  # half sides, from the cube's center to its corners
 
 
 @dataclass(frozen=True)
@@ -205,3 +212,96 @@ def _put_bar(rgba: Floats, per_unit: float, volume: Volume, given: Annotations) 
     middle = left + mask.shape[1] / 2
     left, top = round(middle - words.shape[1] / 2), top - words.shape[0] - thick - 2
     put_mask(rgba, words, left, top, is_dark=given.is_dark)
+
+
+def letters(text: str, size: int) -> Floats:
+    """Return the pixel coverage (h, w) of a line of text; `size` is its font size in px."""
+    from matplotlib.font_manager import findfont
+    from matplotlib.ft2font import FT2Font
+
+    font = FT2Font(findfont(FONT))
+    font.set_size(size, 72)
+    font.set_text(text, 0.0)
+    font.draw_glyphs_to_bitmap(antialiased=True)
+    return np.asarray(font.get_image(), np.float32) / np.float32(255)
+
+
+def type_size(height: int, width: int) -> int:
+    """Return the font size for a picture, px."""
+    return max(9, round(0.035 * min(height, width)))
+
+
+def put_mask(rgba: Floats, mask: Floats, left: int, top: int, *, is_dark: bool = False) -> None:
+    """Draw light letters or bars with a dark outline on a premultiplied picture, or vice versa.
+
+    They are clipped at its edges.
+    """
+    from scipy.ndimage import grey_dilation
+
+    wide = np.pad(mask, 2 * AROUND)
+    rim = grey_dilation(wide, size=(2 * AROUND + 1, 2 * AROUND + 1))
+    ink, around = (DARK, LIGHT) if is_dark else (LIGHT, DARK)
+    for share, gray in ((0.8 * rim, around), (wide, ink)):
+        cover(rgba, share, (gray, gray, gray), left - 2 * AROUND, top - 2 * AROUND)
+
+
+def cover(
+    rgba: Floats, share: Floats, color: tuple[float, float, float], left: int, top: int
+) -> None:
+    """Composite a color over a part of a premultiplied picture by pixel coverage (h, w)."""
+    height, width = share.shape
+    part = rgba[max(0, top) : max(0, top + height), max(0, left) : max(0, left + width)]
+    shown = share[max(0, -top) :, max(0, -left) :][: part.shape[0], : part.shape[1]]
+    ink = np.array([*color, 1.0], np.float32)
+    part *= (1 - shown)[..., None]
+    part += shown[..., None] * ink
+
+
+def cube_picture(rotation: Doubles, side: int, names: tuple[str, ...] = AXES) -> Floats:
+    """Draw a cube with a letter on each face (S, S, 4), premultiplied, linear.
+
+    Parameters
+    ----------
+    rotation
+        (3, 3) from scene to camera.
+    side
+        S, px.
+    """
+    place = ((np.arange(side * FINE) + 0.5) / (side * FINE) * 2 - 1) * REACH
+    screen = np.stack(np.meshgrid(place, place), axis=-1)
+    fine = np.zeros((side * FINE, side * FINE, 4))
+    for face, name in enumerate(names):
+        normal = (1 - 2 * (face % 2)) * np.eye(3)[face // 2]
+        toward = -float(rotation[2] @ normal)
+        if toward > 1e-3:
+            _draw(fine, screen, rotation, normal, name)
+    coarse = fine.reshape(side, FINE, side, FINE, 4).mean(axis=(1, 3))
+    return np.asarray(coarse, np.float32)
+
+
+def _draw(fine: Doubles, screen: Doubles, rotation: Doubles, normal: Doubles, name: str) -> None:
+    """Draw a face, upright as seen from outside."""
+    up = np.array([0.0, 1.0, 0.0] if normal[2] else [0.0, 0.0, 1.0])
+    across = np.cross(up, normal)
+    to_screen = np.stack([rotation @ across, rotation @ up], axis=1)[:2]
+    middle = (rotation @ normal)[:2]
+    local = (screen - middle) @ np.linalg.inv(to_screen).T  # -1..1 to the right and up
+    inside = (np.abs(local) <= 1).all(axis=-1)
+    bright = 0.15 + 0.55 * -float(rotation[2] @ normal)
+    is_rim = np.abs(local).max(axis=-1) > 1 - RIM
+    gray = np.where(is_rim, 0.02, bright * (1 - _ink(name, local)) + 0.01)
+    fine[inside, :3] = gray[inside, None]
+    fine[inside, 3] = 1.0
+
+
+def _ink(name: str, local: Doubles) -> Doubles:
+    """Return the coverage by ink at points on a face."""
+    mask = letters(name, TYPE)
+    height, width = mask.shape
+    scale = max(width / 1.5, height / 1.1)  # px of letters per half side
+    column = np.floor(local[..., 0] * scale + width / 2).astype(np.int64)
+    row = np.floor(-local[..., 1] * scale + height / 2).astype(np.int64)
+    inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
+    return np.asarray(
+        np.where(inside, mask[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)], 0.0)
+    )

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.over import VISIBLE
+from resample.engine.compositing import VISIBLE
 from resample.types import Doubles, Frame, View
 
 LEAST_DEPTH = 1e-6  # fraction of a line's length: nearer parts are cut off in perspective

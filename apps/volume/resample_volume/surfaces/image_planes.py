@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -95,14 +94,6 @@ class ImagePlane:
         return replace(self, window=(low, high if high > low else low + 1.0))
 
 
-class _Place(NamedTuple):
-    """Place of a plane perpendicular to an axis."""
-
-    axis: int  # 0: x
-    number: float
-    is_share: bool  # whether in percent of the extent, otherwise in voxels
-
-
 def _check_place(where: str) -> None:
     """Reject what is not a plane of any volume."""
     if where[:1].isdigit() or where[:1] in ("-", "+", "."):
@@ -111,8 +102,11 @@ def _check_place(where: str) -> None:
         raise ValueError(f"plane {where!r}; {FORM}")
 
 
-def _place(where: str) -> _Place | None:
-    """Parse the place of a plane perpendicular to an axis; None if it is not one."""
+def _place(where: str) -> tuple[int, float, bool] | None:
+    """Parse the place of a plane perpendicular to an axis; None if it is not one.
+
+    The axis (0: x), a number, and whether it is in percent of the extent, otherwise in voxels.
+    """
     axis, _, text = where.partition("=")
     is_share = text.endswith("%")
     try:
@@ -121,7 +115,7 @@ def _place(where: str) -> _Place | None:
         return None
     if len(axis) != 1 or axis not in AXES or not math.isfinite(number):
         return None
-    return _Place(AXES.index(axis), number, is_share)
+    return AXES.index(axis), number, is_share
 
 
 def _window(text: str) -> tuple[float, float]:
@@ -154,14 +148,15 @@ def _across(volume: Volume, where: str) -> tuple[float, float, float, float]:
     place = _place(where)
     if place is None:
         raise ValueError(f"plane {where!r}; {FORM}")
-    count = volume.values.shape[2 - place.axis]
-    number = place.number / 100 * count - 0.5 if place.is_share else place.number
+    axis, number, is_share = place
+    count = volume.values.shape[2 - axis]
+    number = number / 100 * count - 0.5 if is_share else number
     if not -0.5 <= number <= count - 0.5:
         raise ValueError(
             f"plane {where!r} misses {volume.name}, which has {count} voxels along "
-            f"{AXES[place.axis]}; give 0 to {count - 1}, or 0% to 100%"
+            f"{AXES[axis]}; give 0 to {count - 1}, or 0% to 100%"
         )
-    row = np.linalg.inv(lattice_of(volume))[place.axis]
+    row = np.linalg.inv(lattice_of(volume))[axis]
     return _plane(row, float(row @ volume.origin) + number)
 
 

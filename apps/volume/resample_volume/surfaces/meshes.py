@@ -1,7 +1,9 @@
-"""Meshes in a volume's scene, read by trimesh."""
+"""Meshes in a volume's scene, read by trimesh, and isosurfaces; how they look."""
 
+import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +13,15 @@ from numpy.typing import NDArray
 from resample.painting.meshes import mesh_of
 from resample.painting.scenes.scene import check_places
 from resample.reading.models.meshes import check_mesh, trimesh_resolver, unreadable
-from resample.reading.names import plain
+from resample.reading.native import plain
 from resample.types import NO_TRIANGLES, Doubles, Triangles
 
 SUFFIXES = (".ply", ".obj", ".stl", ".glb")
 GRAY = 0.6  # linear, of a mesh without colors
 SMOOTH = 40.0  # greatest angle between triangles of one smooth surface, degrees
 ALLOWED = "color and opacity, as in stent.ply:color=tomato,opacity=0.5"
+ISO_KEYS = ("color", "opacity")
+ISO_FORM = "give a value, and after a colon color and opacity, as in 300:color=ivory,opacity=0.5"
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,3 +257,50 @@ def placed(meshes: tuple[SceneMesh, ...], middle: Doubles) -> Triangles:
         np.concatenate(face),
         np.concatenate([np.full(len(mesh.face), mesh.opacity) for mesh in meshes]),
     )
+
+
+@dataclass(frozen=True)
+class IsoSurface:
+    """An isosurface of the field, shaded as meshes are.
+
+    Examples
+    --------
+    >>> from resample_volume import IsoSurface
+    >>> IsoSurface.of("300:opacity=0.5")
+    IsoSurface(value=300.0, color=(0.6, 0.6, 0.6), opacity=0.5)
+    """
+
+    value: float  # data units
+    color: tuple[float, float, float] = (GRAY, GRAY, GRAY)  # linear light
+    opacity: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not math.isfinite(self.value):
+            raise ValueError(f"surface of {self.value}; {ISO_FORM}")
+        if not 0 <= self.opacity <= 1:
+            raise ValueError(f"opacity {self.opacity} of a surface; give 0 to 1")
+        if find_spec("vtkmodules") is None:
+            raise ValueError(
+                f"the surface of {self.value:g} is found by VTK; pip install "
+                "'hybrid-resample[vtk]', or show it alone by the projection first-hit"
+            )
+
+    @classmethod
+    def of(cls, text: str) -> "IsoSurface":
+        """Parse `300` or `300:color=ivory,opacity=0.5`.
+
+        Raises
+        ------
+        ValueError
+            The text is not of this form, a choice is unknown or not allowed, or VTK is missing.
+        """
+        number, _, rest = text.partition(":")
+        choices = choices_of("surface", text, rest, ISO_KEYS, ISO_FORM)
+        try:
+            value = float(number)
+        except ValueError:
+            raise ValueError(f"surface {text!r}; {ISO_FORM}") from None
+        color = (GRAY, GRAY, GRAY)
+        if "color" in choices:
+            color = chosen_color("surface", choices["color"])
+        return cls(value, color, chosen_opacity("surface", choices))

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from resample.types import Doubles
 from resample_volume.classification.scales import scale_named
 from resample_volume.data.memory import require_memory
-from resample_volume.surfaces.iso_surfaces import IsoSurface
-from resample_volume.surfaces.meshes import SceneMesh
+from resample_volume.surfaces.meshes import IsoSurface, SceneMesh
 from resample_volume.surfaces.plane_meshes import values_at
 from resample_volume.types import Volume
 from resample_volume.voxels.fields import check_iso

@@ -8,8 +8,8 @@ import numpy as np
 
 from resample.memory import require_memory
 from resample.reading.arrays import is_npy, npz_names, read_npy, read_npz
+from resample.reading.native import suppressed_output
 from resample.reading.pictures import check_picture, complaint_of, opened
-from resample.reading.silence import suppressed_output
 from resample_warp3d.depth.encodings import Raw
 
 PFM_HEADER = re.compile(rb"(P[Ff])\s+(\d+)\s+(\d+)\s+(\S+)\s")

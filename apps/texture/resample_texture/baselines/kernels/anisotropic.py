@@ -63,14 +63,6 @@ class Taps(NamedTuple):
     side_y: float
 
 
-class MipLevel(NamedTuple):
-    """Memory layout of one level."""
-
-    start: int  # in the array of all texels
-    height: int
-    width: int
-
-
 @kernel
 def _settle(position: float, size: int, edge: int) -> float:
     """Equivalent coordinate under the edge rule, at most one texel outside the level."""
@@ -106,13 +98,17 @@ def _pair(position: float, size: int, edge: int) -> tuple[int, int, Single, Sing
 
 @kernel
 def _weigh(
-    level: MipLevel, x: float, y: float, channels: int, edge: int
+    level: tuple[int, int, int], x: float, y: float, channels: int, edge: int
 ) -> tuple[tuple[int, int, int, int], tuple[Single, Single, Single, Single]]:
-    """Offsets and bilinear weights of the 2 × 2 texels around a place; 0 for no texel."""
-    left, right, on_left, on_right = _pair(x, level.width, edge)
-    upper, lower, above, below = _pair(y, level.height, edge)
-    upper = level.start + upper * level.width * channels
-    lower = level.start + lower * level.width * channels
+    """Offsets and bilinear weights of the 2 × 2 texels around a place; 0 for no texel.
+
+    A level is where it begins in the array of all texels, its height and its width.
+    """
+    first, height, width = level
+    left, right, on_left, on_right = _pair(x, width, edge)
+    upper, lower, above, below = _pair(y, height, edge)
+    upper = first + upper * width * channels
+    lower = first + lower * width * channels
     left, right = left * channels, right * channels
     start = upper + left, upper + right, lower + left, lower + right
     return start, (above * on_left, above * on_right, below * on_left, below * on_right)
@@ -180,9 +176,9 @@ def _read_row(
         for number in range(fine, fine + (2 if coarse_share > 0.0 else 1)):
             share = coarse_share if number > fine else np.float32(1.0) - coarse_share
             share /= np.float32(taps.number)
-            level = MipLevel(levels[number, 0], levels[number, 1], levels[number, 2])
+            level = levels[number, 0], levels[number, 1], levels[number, 2]
             # Scale places to the level: sizes are rounded, so each axis has its own factor.
-            scale_x, scale_y = level.width / levels[0, 2], level.height / levels[0, 1]
+            scale_x, scale_y = level[2] / levels[0, 2], level[1] / levels[0, 1]
             # Sum bilinear taps along the major axis.
             for tap in range(taps.number):
                 along = (tap + 0.5) / taps.number - 0.5

@@ -33,7 +33,7 @@ class InterpolatedSource(NamedTuple):
 
     weight: Doubles  # (D, K) of each sample's weight, a polynomial of the place; see `first_of`
     slope: Doubles  # (D − 1, K) of its derivative
-    rules: Doubles  # (6, 4) Gauss points: two, then four; see `profiles.rules`
+    rules: Doubles  # (6, 4) Gauss points: two, then four; see `interpolation.rules`
     shift: float  # of the polynomials' pieces, samples
     size: tuple[int, int]  # (height, width) of the source
     margin: int  # coefficients around the source's own, on all sides

@@ -12,8 +12,8 @@ import numpy as np
 from resample.engine.cells.boxes import within
 from resample.engine.jit import kernel
 from resample.engine.vectors import Matrix
+from resample.engine.windows.polygons import box, crossing
 from resample.types import Floats, Single
-from resample_texture.mesh.kernels.clip import box, crossing
 from resample_texture.mesh.kernels.color import Skin, fill_line
 from resample_texture.mesh.kernels.surfaces import (
     Place,

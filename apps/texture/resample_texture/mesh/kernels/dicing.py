@@ -9,15 +9,15 @@ import math
 import numpy as np
 
 from resample.engine.jit import kernel, making_kernel
-from resample.engine.windows.polygons import area
+from resample.engine.windows.polygons import area, reach
 from resample.types import Doubles
 from resample_texture.mesh.kernels.cells import TextureDicing, paint_cells
-from resample_texture.mesh.kernels.clip import cut_out, reach
 from resample_texture.mesh.kernels.color import Skin, level_for
 from resample_texture.mesh.kernels.surfaces import (
     Place,
     ProjectedTriangles,
     VisibilityCamera,
+    cut_out,
     matrix_at,
     stretched,
     texture_place,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.vectors import Matrix, Vector, column, cross, dot, multiply
+from resample.engine.windows.polygons import cut_to
 from resample.types import Doubles, Records
 
 Ints = NDArray[np.int64]
@@ -230,3 +231,22 @@ def stretched(forward: Matrix, place: Place) -> tuple[float, float]:
     """Length on screen of a unit step of u and of one of t, px."""
     along_u, along_t = stretch(forward, place)
     return math.hypot(along_u[0], along_u[1]), math.hypot(along_t[0], along_t[1])
+
+
+@kernel
+def cut_out(
+    triangles: ProjectedTriangles,
+    n: int,
+    rectangle: tuple[float, float, float, float],
+    polygon: Doubles,
+    spare: Doubles,
+) -> int:
+    """Clip a triangle to left, top, right, bottom, px; count its corners.
+
+    `polygon` (8, 2) receives them; `spare` is scratch of its shape.
+    """
+    count = triangles.corners[n]
+    # Copy the corners: clipping overwrites them.
+    for k in range(count):
+        polygon[k, 0], polygon[k, 1] = triangles.corner[n, k, 0], triangles.corner[n, k, 1]
+    return cut_to(polygon, spare, count, rectangle)

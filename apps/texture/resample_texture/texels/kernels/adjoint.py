@@ -8,9 +8,9 @@ added one after the other: the same bits for any number of threads.
 
 import numpy as np
 
-from resample.engine.cells.batch import Batch, new_batch
+from resample.engine.cells.bands import BOTTOM, LEFT, RIGHT, TOP
+from resample.engine.cells.boxes import Batch, new_batch
 from resample.engine.cells.taps import FilterTaps, gather
-from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.windows.edges import mapped
 from resample.types import Doubles, Floats
@@ -150,8 +150,7 @@ def gather_blocks(
     bounds: Integers,
     taps: Floats,
     spread: FilterTaps,
-    start: Integers,
-    patches: Doubles,
+    patches: tuple[Integers, Doubles],
 ) -> None:
     """Gather the gradients of every block's texels from the gradient of the picture.
 
@@ -163,15 +162,14 @@ def gather_blocks(
         (B, 2, 6) blocks, and (B, 4) the pixels that they meet.
     taps
         (K, R) of the interpolation; see `texels`.
-    start
-        (B + 1,) where the patch of each block begins; see `patch_offsets`.
     patches
-        Filled: (C, rows, columns) of each block.
+        (B + 1,) where the patch of each block begins, see `patch_offsets`; and all of them, filled:
+        (C, rows, columns) of each block.
     """
-    channels = gradient.shape[2]
+    channels, (start, values) = gradient.shape[2], patches
     for n in tasks(counter, axes.shape[0]):
         rows, columns = _patch_shape(axes[n], taps.shape[0])
-        patch = patches[start[n] : start[n + 1]].reshape((channels, rows, columns))
+        patch = values[start[n] : start[n + 1]].reshape((channels, rows, columns))
         _gather_block(gradient, geometry, axes[n], bounds[n], taps, spread, patch)
 
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
+from resample.engine.cells.bands import BOTTOM, LEFT, RIGHT, TOP
 from resample.engine.jit import kernel
 from resample.types import Doubles
 
@@ -35,13 +35,6 @@ FINEST = 20  # log₂ of the parts of a texel
 # Rectangles that are visited at most to find the blocks of a plane: a number, and more per pixel.
 MOST_SPLITS, PER_PIXEL = 1 << 18, 16
 TILE = 32  # texels along a side of a block of a map, before it is split
-
-
-class DicingRate(NamedTuple):
-    """How fine cells are."""
-
-    quality: float  # cells per px, at least
-    largest: float  # px, length of a cell of several texels, at most
 
 
 class Rectangle(NamedTuple):
@@ -289,11 +282,17 @@ def _push(roots: Integers, root: int, stack: Integers) -> None:
 
 @kernel
 def _divided(
-    matrix: Doubles, lines: Doubles, stack: Integers, top: int, cut: DicingRate, seen: Rectangle
+    matrix: Doubles,
+    lines: Doubles,
+    stack: Integers,
+    top: int,
+    cut: tuple[float, float],
+    seen: Rectangle,
 ) -> int:
     """Make a block of the rectangle on top of a stack, or split it.
 
-    Returns how many rectangles replace it on the stack; -1: it is a block; 0: it is culled.
+    `cut` is the least number of cells per px and the greatest length of a cell, px. Returns how
+    many rectangles replace it on the stack; -1: it is a block; 0: it is culled.
     """
     u, v, ranges, box, cells, block = seen
     # Cull what lies outside the frame.
@@ -307,7 +306,7 @@ def _divided(
     # Dice both axes by their largest stretch.
     _copy(stack[top], block, 4)
     for axis in range(2):
-        cells[axis] = _dice(block, axis, ranges[axis, 1], cut.quality, cut.largest)
+        cells[axis] = _dice(block, axis, ranges[axis, 1], cut[0], cut[1])
     # Split what has too many cells, or too uneven ones.
     axis = _longer(ranges, cells)
     if axis >= 0:
@@ -354,7 +353,7 @@ def split_plane(
     # Prepare the frustum's lines, growing results, and a stack for a depth-first descent.
     height, width = frame
     left_over = MOST_SPLITS + PER_PIXEL * height * width  # rectangles that may be visited
-    lines, cut = view_bounds(matrix, height, width, reach), DicingRate(quality, largest)
+    lines, cut = view_bounds(matrix, height, width, reach), (quality, largest)
     found = np.empty((256, 2, 6), np.int64), np.empty((256, 4), np.int64), 0
     stack = np.zeros((256, 2, 4), np.int64)
     block, box = np.empty((2, 6), np.int64), np.empty(4)

@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.cells.batch import Batch, new_batch
+from resample.engine.cells.bands import BOTTOM, LEFT, RIGHT, TOP
+from resample.engine.cells.boxes import Batch, new_batch
 from resample.engine.cells.parts import SourceParts, begun, fill, lines, paint_parts
 from resample.engine.cells.taps import FilterTaps
-from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
 from resample.engine.jit import Counter, inner_kernel, parallel_kernel
 from resample.engine.roles import plays
 from resample.engine.windows.edges import TRANSPARENT, mapped

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.cells.tiles import bands
+from resample.engine.cells.bands import bands
 from resample.engine.jit import Counter, kernel, parallel_kernel
 from resample.engine.windows.edges import MIRROR, TRANSPARENT, WRAP
 from resample.types import Doubles, Floats, Indices

@@ -10,9 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.cells.batch import Batch
-from resample.engine.cells.boxes import beyond, length
-from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
+from resample.engine.cells.bands import BOTTOM, LEFT, RIGHT, TOP
+from resample.engine.cells.boxes import Batch, beyond, length
 from resample.engine.jit import inner_kernel
 from resample.types import Doubles, Floats, Single
 from resample_texture.texels.kernels.blocks import START, Integers
@@ -43,28 +42,22 @@ class Walk(NamedTuple):
     width: int  # px, of the block's pixels
 
 
-class CellRaster(NamedTuple):
-    """Pixels of a block, and cells in texels."""
-
-    left: float  # px
-    top: float
-    width: int
-    right: int  # px from the left; first pixels of cells lie before
-    bottom: int
-    size_u: float  # texels
-    size_v: float
-
-
 @inner_kernel
-def _raster_of(block: Integers, box: Integers, taps: int) -> CellRaster:
-    """Pixels and cell sizes of a block; a cell meets at least 2 pixels along an axis."""
+def _raster_of(
+    block: Integers, box: Integers, taps: int
+) -> tuple[float, float, int, int, int, float, float]:
+    """Pixels and cell sizes of a block; a cell meets at least 2 pixels along an axis.
+
+    Left, top and width, px; right and bottom ends of first pixels, px from there; and sizes of a
+    cell along u and v, texels.
+    """
     width, height = box[RIGHT] - box[LEFT], box[BOTTOM] - box[TOP]
     size_u, _ = extents(block, 0)
     size_v, _ = extents(block, 1)
     # Keep the first pixel of a cell so far from the border that all its taps fit.
     beside = max(2, taps) - 1
     left, top = float(box[LEFT]), float(box[TOP])
-    return CellRaster(left, top, width, width - beside, height - beside, size_u, size_v)
+    return left, top, width, width - beside, height - beside, size_u, size_v
 
 
 @inner_kernel

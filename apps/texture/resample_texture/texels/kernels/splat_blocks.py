@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from resample.engine.cells.tiles import BOTTOM, LEFT, RIGHT, TOP
+from resample.engine.cells.bands import BOTTOM, LEFT, RIGHT, TOP
 from resample.engine.jit import kernel
 from resample.engine.surfaces.stamps import HIGH, MASS, RIM, ROWS, WIDE, X, Y
 from resample.types import Doubles

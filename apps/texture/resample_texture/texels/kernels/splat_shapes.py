@@ -5,9 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.cells.tiles import LEFT, TOP
+from resample.engine.cells.bands import LEFT, TOP
 from resample.engine.jit import kernel
-from resample.engine.surfaces.ellipses import blurred_ellipse, longest_stretch
 from resample.engine.surfaces.stamps import (
     CURVE,
     HIGH,
@@ -20,6 +19,8 @@ from resample.engine.surfaces.stamps import (
     WIDE,
     X,
     Y,
+    blurred_ellipse,
+    longest_stretch,
 )
 from resample.types import Doubles, Floats, Single
 from resample_texture.texels.kernels.blocks import LENGTH, START, Integers

@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from resample.reading.limits import check_items, check_size
+from resample.reading.limits import check_items, check_size, neighbour
 from resample.reading.markup import check_xml_file
-from resample.reading.neighbours import neighbour
 from resample_volume.data.memory import require_memory
 from resample_volume.files.cells.needs import require_vtk
 from resample_volume.files.parsing.headers import existing_file

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.reading.silence import suppressed_output
+from resample.reading.native import suppressed_output
 from resample.types import Doubles
 from resample_volume.files.cells.lattice import SLACK, Leaf, Raster
 

@@ -5,8 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from resample.reading.headers import whole
-from resample.reading.limits import check_items
-from resample.reading.neighbours import neighbour
+from resample.reading.limits import check_items, neighbour
 
 PATTERN = re.compile(r"[^%]*%0?\d{0,2}d[^%]*")  # of names with a number in them
 LONGEST = 1 << 20  # bytes of a header

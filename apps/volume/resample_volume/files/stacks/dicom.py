@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.reading.limits import LimitError, check_items, check_unpacked
-from resample.reading.silence import suppressed_output
+from resample.reading.native import suppressed_output
 from resample.reading.unpacking import RAW, check_deflated
 from resample.types import Doubles
 from resample_volume.data.memory import require_memory

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.reading.limits import check_items, check_unpacked
+from resample.reading.native import suppressed_output
 from resample.reading.pictures import check_picture, opened
-from resample.reading.silence import suppressed_output
 from resample_volume.data.memory import require_memory
 from resample_volume.files.parsing.headers import VolumeHeader
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from resample.reading.limits import check_unpacked
-from resample.reading.silence import suppressed_output
+from resample.reading.native import suppressed_output
 from resample_volume.files.xml.vtk_blocks import count_of
 from resample_volume.files.xml.vtk_elements import APPENDED, Element, data_start, elements_of
 

@@ -10,8 +10,7 @@ import numpy as np
 
 from resample.reading.limits import check_unpacked
 from resample.reading.markup import check_xml_file
-from resample.reading.names import plain
-from resample.reading.silence import suppressed_output
+from resample.reading.native import plain, suppressed_output
 from resample_volume.data.memory import require_memory
 from resample_volume.data.rectilinear import rectilinear
 from resample_volume.files.parsing.choosing import (

@@ -195,17 +195,11 @@ class _Path(NamedTuple):
     is_back: bool  # whether to the slice before
 
 
-class _Ways(NamedTuple):
-    """Flows (Y, X, 2) between slices, samples; by the first slice of the pair."""
-
-    on: dict[int, Plane]  # from a slice to the next, on that slice
-    back: dict[int, Plane]  # from the next one to the slice, on the next one
-
-
 def _put_group(slices: _Slices, found: Floats, parts: int, first: int) -> None:
     """Write the thin slices of a group of thick ones."""
     last = len(slices.value) - 1
-    ways = _Ways({}, {})
+    # Flows (Y, X, 2) from a slice to the next and back, samples, by the first slice of the pair.
+    ways: dict[int, tuple[Plane, Plane]] = {}
     for before in range(first, min(first + GROUP, last + 1)):
         start = max(0, _first_after(before, parts))
         end = min(len(found), _first_after(before + 1, parts))
@@ -215,19 +209,27 @@ def _put_group(slices: _Slices, found: Floats, parts: int, first: int) -> None:
             found[start:end] = [_spline_at(slices, one) for one in at]
             continue
         for pair in range(max(0, before - 1), min(last, before + 2)):
-            if pair not in ways.on:
-                ways.on[pair], ways.back[pair] = _ways(slices, pair)
-        for pair in [pair for pair in ways.on if pair < before - 1]:
-            del ways.on[pair], ways.back[pair]
+            if pair not in ways:
+                ways[pair] = _ways(slices, pair)
+        for pair in [pair for pair in ways if pair < before - 1]:
+            del ways[pair]
         _put_between(slices, found[start:end], at, before, ways)
 
 
-def _put_between(slices: _Slices, found: Floats, at: list[float], before: int, ways: _Ways) -> None:
+def _put_between(
+    slices: _Slices,
+    found: Floats,
+    at: list[float],
+    before: int,
+    ways: dict[int, tuple[Plane, Plane]],
+) -> None:
     """Write thin slices at some positions between a thick one and the next."""
-    on, back = ways.on[before], ways.back[before]
+    on, back = ways[before]
+    _, back_before = ways.get(before - 1, (None, None))
+    on_next, _ = ways.get(before + 1, (None, None))
     paths = (
-        _Path(on, back, _flow_mismatch(on, ways.back.get(before - 1)), is_back=False),
-        _Path(back, on, _flow_mismatch(back, ways.on.get(before + 1)), is_back=True),
+        _Path(on, back, _flow_mismatch(on, back_before), is_back=False),
+        _Path(back, on, _flow_mismatch(back, on_next), is_back=True),
     )
     trust = _fit(slices, _bend(slices, before), UNSURE)
     for n, place in enumerate(at):

@@ -4,8 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.cells.passes import take, walk
-from resample.engine.cells.tiles import bands, overlapping
+from resample.engine.cells.bands import bands, overlapping, take, walk
 from resample.engine.jit import Counter, inner_kernel, parallel_kernel
 from resample.engine.roles import plays
 from resample.types import Floats, Single

@@ -1,4 +1,4 @@
-"""Layers of a compositing order: the layer of a sample, and its sort key."""
+"""Compositing orders: what covers a pixel, the layer of a sample, and its sort key."""
 
 import math
 
@@ -7,6 +7,11 @@ import numpy as np
 from resample.engine.jit import kernel
 from resample.engine.vectors import Vector, dot
 from resample.types import LAST_SHEET, Layers, Single
+
+VISIBLE = 1.0 / 255.0  # opacity from which on a pixel counts as covered, for its nearest depth
+
+# Straight red, green, blue, and their depth.
+Light = tuple[Single, Single, Single, Single]
 
 
 @kernel

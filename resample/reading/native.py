@@ -1,0 +1,108 @@
+"""C and C++ libraries: names of files that they can open, and their messages suppressed.
+
+Such libraries expect names in UTF-8. Linux allows any bytes in names; Python represents undecodable
+ones as lone surrogates, which such libraries reject.
+"""
+
+import atexit
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
+from threading import Lock
+
+
+def plain(path: str | Path) -> str:
+    r"""Name of a file for any library: its own, or a temporary link if it is not valid text.
+
+    Returns
+    -------
+    Links keep the suffix, are in the folder for temporary files, and are removed at exit.
+
+    Examples
+    --------
+    >>> from resample.reading.native import plain
+    >>> plain("café.png"), plain("caf\udce9.png").isascii()
+    ('café.png', True)
+    """
+    name = str(path)
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        return _link(os.path.abspath(name))
+    return name
+
+
+def _link(target: str) -> str:
+    """Link to a file, the same for repeated calls."""
+    ending = "".join(Path(target).suffixes[-2:])
+    name = sha256(os.fsencode(target)).hexdigest()[:16] + (ending if ending.isascii() else "")
+    link = os.path.join(_folder(os.getpid()), name)
+    with suppress(FileExistsError):
+        os.symlink(target, link)
+    return link
+
+
+@cache
+def _folder(process: int) -> str:
+    """Folder of a process's links, removed with it but not with its forks."""
+    made = tempfile.mkdtemp(prefix="resample-names-")
+
+    def remove() -> None:
+        if os.getpid() == process:
+            shutil.rmtree(made, ignore_errors=True)
+
+    atexit.register(remove)
+    return made
+
+
+class _Silence:
+    """Standard error of the process, suppressed while any block needs it."""
+
+    def __init__(self) -> None:
+        self._turn, self._blocks, self._kept = Lock(), 0, -1
+
+    def begin(self) -> None:
+        """Redirect the descriptor, unless another block has done so."""
+        with self._turn:
+            self._blocks += 1
+            if self._blocks > 1:
+                return
+            try:
+                self._kept = os.dup(2)
+            except OSError:  # a daemon without standard error
+                self._kept = -1
+                return
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, 2)
+            os.close(nowhere)
+
+    def end(self) -> None:
+        """Restore the descriptor, unless another block still needs it redirected."""
+        with self._turn:
+            self._blocks -= 1
+            if self._blocks or self._kept < 0:
+                return
+            os.dup2(self._kept, 2)
+            os.close(self._kept)
+
+
+_SILENCE = _Silence()
+
+
+@contextmanager
+def suppressed_output() -> Iterator[None]:
+    """Discard what the process writes to standard error in this block.
+
+    VTK, libpng and others write to file descriptor 2 directly; only the descriptor itself can be
+    redirected. Other threads' messages are lost as well.
+    """
+    _SILENCE.begin()
+    try:
+        yield
+    finally:
+        _SILENCE.end()
