@@ -79,15 +79,7 @@ def model_in(kind: Any) -> type[BaseModel] | None:
 
 
 def name_of(field: str, metadata: Any) -> str:
-    """Name of an option without leading hyphens.
-
-    Parameters
-    ----------
-    field
-        Field of the model, or parameter of the command, that the option fills.
-    metadata
-        Metadata of its annotation.
-    """
+    """Name of an option without leading hyphens."""
     for part in metadata:
         if isinstance(part, Parameter) and part.name:
             return str(next(iter(part.name))).removeprefix("--")

@@ -27,17 +27,7 @@ def door(name: str, *command: str) -> Callable[..., Any]:
 
 
 def moved_command(old: str, application: str, command: str) -> App:
-    """Command of an application that is another's now: says so in a line and runs that one.
-
-    Parameters
-    ----------
-    old
-        Names of the application and the command before.
-    application
-        Name of the plugin that has the command now.
-    command
-        Its name there.
-    """
+    """Command of an application that is another's now: says so in a line and runs that one."""
     launch = door(application, command)
 
     def run(*words: Words) -> Any:
@@ -56,15 +46,7 @@ def moved_command(old: str, application: str, command: str) -> App:
 
 
 def command_now(application: str, command: str) -> tuple[str, App]:
-    """Names and parser of an application's command, also if it is another application's now.
-
-    Raises
-    ------
-    LookupError
-        The application is unknown.
-    ValueError
-        It has no such command.
-    """
+    """Names and parser of an application's command, also if it is another application's now."""
     commands = registry.load("apps", application)
     names = [name for name in commands if not name.startswith("-")]
     if command not in names:

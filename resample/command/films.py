@@ -33,13 +33,7 @@ class Tour(NamedTuple):
 
 
 def is_file_of_path(path: str, known: Sequence[str], holds: str = "keyframes or poses") -> bool:
-    """Whether a camera path is a file, and not one of the known names.
-
-    Raises
-    ------
-    ValueError
-        It is neither.
-    """
+    """Whether a camera path is a file, and not one of the known names."""
     if path in known:
         return False
     if not Path(path).exists() and not Path(path).suffix:
@@ -52,17 +46,10 @@ def tour_of(path: Path, frames: int | None, fps: float, fov: float) -> Tour:
 
     Parameters
     ----------
-    path, fov
-        As `resample.cameras.keyframes.keyframes_of` takes them.
     frames
         Number of frames; None: as the keyframes' times (s) require.
     fps
         Frames per second.
-
-    Raises
-    ------
-    ValueError, OSError
-        The file holds no path or cannot be read, or there are too few or too many frames.
     """
     from resample.cameras.keyframes import keyframes_of, left_out_of
 
@@ -90,22 +77,7 @@ def write_shared(
     fps: float,
     resume: bool = False,
 ) -> None:
-    """Write a film whose frames workers share, if any were asked for; shows a progress bar.
-
-    Parameters
-    ----------
-    output, shots, fps, resume
-        As `resample.files.animations.write_film` takes them.
-    again
-        As `resample.files.animations.made_by` takes it.
-    sharing, threads
-        As `resample.command.workers.at_work` takes them.
-
-    Raises
-    ------
-    ValueError, OSError
-        As these do.
-    """
+    """Write a film whose frames workers share, if any were asked for; shows a progress bar."""
     with workers.at_work(sharing, threads) as crew, progress_bar("rendering") as progress:
         made, executor = made_by(crew, shots, again)
         write_film(output, made, fps, resume=resume, progress=progress, executor=executor)

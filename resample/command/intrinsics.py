@@ -12,13 +12,7 @@ FILES = "a file of Open3D (.json), ROS (.yaml) or OpenCV (.yml, .xml)"
 
 
 def intrinsic_numbers(name: str, text: str) -> list[float]:
-    """Read the numbers fx, fy, cx, cy and skew from a text.
-
-    Raises
-    ------
-    ValueError
-        There are not four or five numbers.
-    """
+    """Read the numbers fx, fy, cx, cy and skew from a text."""
     numbers = numbers_in(name, text)
     if len(numbers) not in (4, 5):
         raise ValueError(f"{name} {text!r}; give fx,fy,cx,cy or fx,fy,cx,cy,skew")
@@ -31,13 +25,7 @@ def check_intrinsics(name: str, text: str) -> None:
 
 
 def with_intrinsics(name: str, text: str, convention: str) -> "Calibration":
-    """Read intrinsics from numbers, or from a file in its own program's convention.
-
-    Raises
-    ------
-    ValueError, OSError
-        The text is neither, or the file cannot be read.
-    """
+    """Read intrinsics from numbers, or from a file in its own program's convention."""
     from resample.cameras.calibrations.lens_files import Calibration, is_file, read_intrinsics
     from resample.cameras.models import Camera
 

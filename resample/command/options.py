@@ -22,19 +22,8 @@ def run(app: "cyclopts.App", arguments: Sequence[str] | None = None) -> NoReturn
 
     Parameters
     ----------
-    app
-        The commands. If one returns an integer, that is the exit status.
     arguments
         Arguments; None takes those of the process.
-
-    Raises
-    ------
-    SystemExit
-        Always. Status 0 on success. Status 2 with one line on stderr for a ValueError,
-        LookupError, OSError, MemoryError, pydantic ValidationError, an unknown argument, or if
-        OpenCV cannot be imported; 130 after Ctrl-C. A KeyError or IndexError is a bug in the
-        program, not a user's error: these and all other exceptions pass through with their
-        traceback.
     """
     from cyclopts import CycloptsError
 

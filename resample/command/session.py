@@ -34,8 +34,6 @@ class Session:
 
         Parameters
         ----------
-        name
-            Name of the stage.
         bar
             Text of the progress bar on the terminal; None shows no bar.
 
@@ -77,17 +75,8 @@ def require_picture(
     ----------
     shape
         Height and width, px.
-    bytes_per_pixel
-        Bytes of the picture and of the copies that painting and writing make.
     others
         Other memory that is held at the same time, bytes by name.
-    workers
-        Further processes on this machine that hold as much each.
-
-    Raises
-    ------
-    ValueError
-        The picture needs more memory than is allowed or free.
     """
     height, width = shape
     picture = {"the picture": bytes_per_pixel * height * width}

@@ -365,13 +365,7 @@ class Written(Choices):
 
 
 def height_and_width(size: str) -> tuple[int, int]:
-    """Parse a size in px, 400 or 640x480.
-
-    Raises
-    ------
-    ValueError
-        See `PictureFormat.height_and_width`.
-    """
+    """Parse a size in px, 400 or 640x480."""
     return PictureFormat(size=size).height_and_width()
 
 
@@ -380,11 +374,6 @@ def method_names(text: str, least: int = 1) -> list[str]:
 
     A part with = but no name is another parameter of the preceding method, as in
     `oiio:filter=cubic,opencv-supersample:n=4,kernel=linear`.
-
-    Raises
-    ------
-    ValueError
-        There are fewer than `least` methods.
     """
     names: list[str] = []
     for part in filter(None, (word.strip() for word in text.split(","))):

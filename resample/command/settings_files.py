@@ -109,15 +109,7 @@ def options_of(command: App) -> dict[str, Argument]:
 
 
 def schema_of(name: str, command: App) -> dict[str, Any]:
-    """JSON schema of a command's settings; entries with `about` = `look` may be in any file.
-
-    Parameters
-    ----------
-    name
-        Names of the application and the command.
-    command
-        The command.
-    """
+    """JSON schema of a command's settings; entries with `about` = `look` may be in any file."""
     properties: dict[str, Any] = {COMMAND: {"const": name}}
     assert command.default_command is not None
     marks = marks_of(command.default_command)
@@ -155,27 +147,6 @@ def read_settings(
     """Read options of a command from a file and convert their types.
 
     Options that are not about the look are left out with a warning.
-
-    Parameters
-    ----------
-    path
-        A .toml, or a picture that these commands made.
-    name
-        Names of the application and the command.
-    options, marks
-        Of the command, by name.
-    is_trusted
-        Whether the file may also set everything except what files are allowed to do.
-    former
-        Name that the command had before.
-
-    Raises
-    ------
-    OSError
-        The file cannot be read.
-    ValueError
-        It is not TOML or belongs to another command, an option is unknown or has the wrong type,
-        or a picture is to be trusted.
     """
     is_picture = path.suffix.lower() in PICTURES
     if is_picture and is_trusted:

@@ -39,18 +39,7 @@ class StoppedError(SystemExit):
 
 
 def start(module: str) -> NoReturn:
-    """Run the `main` of a module as the command of this process.
-
-    Parameters
-    ----------
-    module
-        Its name; it is imported here.
-
-    Raises
-    ------
-    SystemExit
-        Always: with the status of the command, 130 after SIGINT and 143 after SIGTERM.
-    """
+    """Run the `main` of a module as the command of this process."""
     stop = _stopping()
     for number in WORDS:
         if signal.getsignal(number) is not signal.SIG_IGN:  # `nohup` ignores signals

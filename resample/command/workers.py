@@ -42,18 +42,8 @@ def worker_pools(sharing: Sharing, threads: int | None = None) -> Iterator[Start
 
     Parameters
     ----------
-    sharing
-        Number of processes, or address of a scheduler.
     threads
         Threads of each task; None: the local cores are divided, and remote tasks take one each.
-
-    Raises
-    ------
-    ValueError
-        The extra is not installed, both kinds are requested, or workers have another version.
-    OSError
-        The scheduler does not answer or has no workers, or workers ended repeatedly or while
-        starting.
     """
     check_sharing(sharing)
     if not sharing.has_workers:
@@ -93,13 +83,7 @@ def _start_no_workers() -> None:
 
 
 def check_sharing(sharing: Sharing) -> None:
-    """Reject workers that cannot exist, before any work is done.
-
-    Raises
-    ------
-    ValueError
-        As in `at_work`.
-    """
+    """Reject workers that cannot exist, before any work is done."""
     if sharing.workers is not None and sharing.scheduler is not None:
         raise ValueError("--workers starts processes, --scheduler has its own; give only one")
     if sharing.has_workers:

@@ -26,14 +26,8 @@ def exports_of(
 
     Parameters
     ----------
-    about
-        Description of the view; its command, inputs, `fixed` options and function are used.
-    settings
-        Options by name.
     size
         Width and height, px.
-    cameras, keyframes
-        Keyframes of a film, and the file that holds them; one camera needs no file.
     """
     command, inputs = about["command"], about["inputs"]
     whole = {**about.get("fixed", {}), **settings, "size": f"{size[0]}x{size[1]}"}
@@ -57,13 +51,7 @@ def exports_of(
 
 
 def keyframes_as_toml(cameras: Sequence[str], settings: Settings) -> str:
-    """Write keyframes as TOML, `STEP` apart, each along the shorter rotation from the previous.
-
-    Raises
-    ------
-    ValueError
-        A camera does not orbit the scene.
-    """
+    """Write keyframes as TOML, `STEP` apart, each along the shorter rotation from the previous."""
     tables, last = [], 0.0
     for n, text in enumerate(cameras):
         orbit = viewpoint_of(text)

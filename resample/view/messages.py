@@ -74,13 +74,7 @@ _adapter: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discrimina
 
 
 def message_of(text: str) -> Message:
-    """Parse a message of a page.
-
-    Raises
-    ------
-    ValueError
-        It is not a valid message.
-    """
+    """Parse a message of a page."""
     if len(text) > LONGEST:
         raise ValueError(f"a message of {len(text)} letters; at most {LONGEST} are allowed")
     return _adapter.validate_json(text)

@@ -20,11 +20,6 @@ def joined(entry: Path = NOTEBOOK) -> str:
 
     Names are unique across the page's modules, and their only imports are of the form
     `import { a, b } from "./c.js"`; so their text without imports and exports is a module as well.
-
-    Parameters
-    ----------
-    entry
-        A module; its default export is kept.
     """
     texts: dict[Path, str] = {}
     _gather(entry, texts)

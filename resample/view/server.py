@@ -41,13 +41,7 @@ HEADERS = {
 
 
 def require_parts() -> None:
-    """Reject serving if the extra is not installed.
-
-    Raises
-    ------
-    ValueError
-        The extra is missing; the message says how to install it.
-    """
+    """Reject serving if the extra is not installed."""
     try:
         import starlette  # noqa: F401
         import uvicorn  # noqa: F401
@@ -154,21 +148,9 @@ async def _talked(
 def served(view: Viewable, shown: Callable[[], object] | None = None) -> Iterator[tuple[str, str]]:
     """Serve a view from a background thread.
 
-    Parameters
-    ----------
-    view
-        The view to serve.
-    shown
-        As in `application`.
-
     Yields
     ------
     Host with its port, and the token.
-
-    Raises
-    ------
-    ValueError
-        The extra is not installed.
     """
     require_parts()
     listening = socket.create_server((LOOPBACK, 0))

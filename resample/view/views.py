@@ -120,15 +120,6 @@ def pixel_at(size: Size, x: float, y: float) -> tuple[int, int]:
 def controls_of(name: str, command: App, left_out: Sequence[str] = ()) -> list[dict[str, Any]]:
     """Options of a command that a page offers: those that change the look.
 
-    Parameters
-    ----------
-    name
-        Names of the application and the command.
-    command
-        The command.
-    left_out
-        Options without a control on the page.
-
     Returns
     -------
     For each option its `key`, `heading`, `help`, `default` and the `schema` of its values.
@@ -169,22 +160,7 @@ def marks_in(command: str) -> Marks:
 
 
 def check_page_options(command: str, options: Settings, begun: Settings) -> None:
-    """Reject changes of a page to anything but the look.
-
-    Parameters
-    ----------
-    command
-        Command that the options belong to.
-    options
-        Settings from the page. Unknown names are left for `chosen` to reject.
-    begun
-        Settings chosen on the command line or in Python; a page may repeat them.
-
-    Raises
-    ------
-    ValueError
-        A setting is not allowed.
-    """
+    """Reject changes of a page to anything but the look."""
     marks = marks_in(command)
     for key, value in options.items():
         is_known = key in begun and begun[key] == value
@@ -196,13 +172,7 @@ def check_page_options(command: str, options: Settings, begun: Settings) -> None
 
 
 def chosen(settings: Settings, models: Sequence[type[Choices]]) -> list[Any]:
-    """Create models of options from settings.
-
-    Raises
-    ------
-    ValueError
-        An option is unknown or invalid.
-    """
+    """Create models of options from settings."""
     parts: list[dict[str, Any]] = [{} for _ in models]
     fields = {
         option_of(model, field): (n, field)

@@ -155,13 +155,7 @@ def shown(view: Viewable, settings: Mapping[str, Any], holds: Folder | None = No
 
 
 def kept(name: str, given: Any) -> tuple[Path, Folder | None]:
-    """File of a picture; an array is written to a temporary folder, which is returned too.
-
-    Raises
-    ------
-    TypeError, ValueError
-        It is not a picture, or its levels do not have 8 or 16 bits.
-    """
+    """File of a picture; an array is written to a temporary folder, which is returned too."""
     if isinstance(given, str | Path):
         return Path(given), None
     from resample.files.exchange.inputs import as_picture

@@ -155,17 +155,7 @@ class CloudPainter:
 def cloud_view(
     path: Path, begin: Sequence[Choices] = (), controls: Sequence[dict[str, Any]] = ()
 ) -> FileView:
-    """Return what pages show of a point cloud.
-
-    Parameters
-    ----------
-    path
-        File of the cloud.
-    begin
-        Initial options.
-    controls
-        Controls from `resample.view.views.controls_of`; empty: a page without controls.
-    """
+    """Return what pages show of a point cloud."""
     first = CloudPainter(path)
     settings = {"camera": "30/20/1", "steady": True, **settings_of(begin)}
 

@@ -32,14 +32,7 @@ PassageMethod = Callable[[Source, Passage, Shape], Rendered]
 def painted(
     method: Method, pixel: PixelFilter | None, source: Source, passage: Passage, shape: Shape
 ) -> Rendered:
-    """Paint a source for a target of any camera model.
-
-    Raises
-    ------
-    ValueError
-        The method only supports the warping equation, a panorama has a wrong shape, or as
-        `resample_warp3d.methods.filtering.filtered` does.
-    """
+    """Paint a source for a target of any camera model."""
     if not isinstance(method, Hybrid):
         raise ValueError(
             f"{type(method).__name__} warps from pinhole to pinhole; for lenses, panoramas and"

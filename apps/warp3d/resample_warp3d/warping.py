@@ -181,13 +181,7 @@ def filled(source: Source, seen: Callable[[Source], Warped], fill: bool | Fillin
 
 
 def nearness_of(depth: Any) -> Floats:
-    """Return 1 / depth, 0 where the depth is unknown.
-
-    Raises
-    ------
-    ValueError
-        It does not have the shape (H, W).
-    """
+    """Return 1 / depth, 0 where the depth is unknown."""
     given = two_dimensional(as_picture(depth, "depth map"), "depth")
     nearness = np.zeros(given.shape, np.float64)
     np.divide(1.0, given, out=nearness, where=np.isfinite(given) & (given > CLOSEST))
@@ -203,13 +197,7 @@ def two_dimensional(given: ArrayLike, name: str) -> Doubles:
 
 
 def as_light(color: Any) -> Floats:
-    """Convert a picture to (H, W, C) float32; integers are divided by their largest value.
-
-    Raises
-    ------
-    ValueError
-        It is not a picture, or has an unknown type.
-    """
+    """Convert a picture to (H, W, C) float32; integers are divided by their largest value."""
     given = as_picture(color)
     if given.ndim == 2:
         given = given[..., None]

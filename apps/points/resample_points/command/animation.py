@@ -25,20 +25,10 @@ def path_of(path: str, frames: int | None, fps: float, start: "Viewpoint") -> "l
 
     Parameters
     ----------
-    path
-        One of `PATHS`, or a file as `resample.cameras.keyframes.keyframes_of` takes it.
     frames
         Number of frames; None: `FRAMES`, or as many as the keyframes' times (s) need.
     fps
         Frames per second.
-    start
-        Start of the path, unless it has keyframes.
-
-    Raises
-    ------
-    ValueError, OSError
-        The path is unknown, the file is invalid, there are too few or too many frames, or the start
-        is not a camera around the cloud.
     """
     from resample.cameras.viewpoints import Orbit
     from resample.command.films import is_file_of_path, tour_of

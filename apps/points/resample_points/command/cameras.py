@@ -15,13 +15,7 @@ Shape = tuple[int, int]  # height and width, px
 
 
 def start_of(camera: str, up: str) -> "Viewpoint":
-    """Read a cloud's viewpoint; angles get the default field of view of clouds.
-
-    Raises
-    ------
-    ValueError, LookupError, OSError
-        It is not a perspective camera, or its file cannot be read.
-    """
+    """Read a cloud's viewpoint; angles get the default field of view of clouds."""
     from resample.cameras.files import viewpoint
     from resample_points.geometry.framing import FIELD
 
@@ -32,13 +26,7 @@ def start_of(camera: str, up: str) -> "Viewpoint":
 
 
 def calibrated_of(pose: str | None, intrinsics: str | None) -> "Calibration | None":
-    """Read the camera of --pose and --intrinsics, if given.
-
-    Raises
-    ------
-    ValueError, LookupError, OSError
-        Only one is given, the numbers do not make a camera, or a file cannot be read.
-    """
+    """Read the camera of --pose and --intrinsics, if given."""
     from resample.cameras.files import read_pose
     from resample.command.intrinsics import with_intrinsics
 

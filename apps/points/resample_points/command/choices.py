@@ -137,13 +137,7 @@ class CloudAim(CloudStart):
     ] = None
 
     def check(self) -> None:
-        """Refuse invalid cameras before any work is done.
-
-        Raises
-        ------
-        ValueError, LookupError, OSError
-            As `start_of` and `calibrated_of` do.
-        """
+        """Refuse invalid cameras before any work is done."""
         start_of(self.camera, self.up)
         calibrated_of(self.pose, self.intrinsics)
 

@@ -58,26 +58,14 @@ class CloudScene(NamedTuple):
         return frame._replace(rgba=beside(frame.rgba, bar, behind))
 
     def write(self, path: Path, frame: Any, form: FrameFormat) -> None:
-        """Write a frame with its color bar.
-
-        Raises
-        ------
-        OSError
-            The file cannot be written.
-        """
+        """Write a frame with its color bar."""
         from resample.files.saving import write_frame
 
         write_frame(path, self.shown(frame, form), bits=form.bits, background=form.behind())
 
 
 def scene_of(session: "Session", file: Path, look: CloudOptions) -> CloudScene:
-    """Read, color and prepare the cloud of a file.
-
-    Raises
-    ------
-    ValueError, OSError
-        The file is not a cloud, lacks a column, or cannot be read.
-    """
+    """Read, color and prepare the cloud of a file."""
     from resample.watching import told
     from resample_points.data.coloring import colored
     from resample_points.files.readers import read_cloud
@@ -115,13 +103,7 @@ def mention_origin(name: str, surfels: "Surfels") -> None:
 
 
 def check_memory(shape: Shape, output: Path, workers: int = 0) -> None:
-    """Refuse a picture (height, width) that does not fit into memory, here and in workers.
-
-    Raises
-    ------
-    ValueError
-        It needs more memory than is allowed or free.
-    """
+    """Refuse a picture (height, width) that does not fit into memory, here and in workers."""
     from resample.command.session import bytes_per_value, require_picture
 
     require_picture(shape, CHANNELS * bytes_per_value(output), workers=workers)

@@ -51,13 +51,7 @@ def some_of(cloud: Cloud, which: NDArray[Any]) -> Cloud:
 
 
 def kept_columns(cloud: Cloud, wanted: Sequence[str] | None) -> Cloud:
-    """Return a cloud with the wanted columns only; None: all.
-
-    Raises
-    ------
-    ValueError
-        There is no such column.
-    """
+    """Return a cloud with the wanted columns only; None: all."""
     if wanted is None:
         return cloud
     for name in wanted:
@@ -74,26 +68,14 @@ def columns_of(cloud: Cloud) -> list[str]:
 
 
 def places(cloud: Cloud) -> Floats | Doubles:
-    """Return the positions (N, 3) of points that have one.
-
-    Raises
-    ------
-    ValueError
-        Positions do not have that shape.
-    """
+    """Return the positions (N, 3) of points that have one."""
     position: Floats | Doubles = part_of(cloud, "position")
     known = np.isfinite(position).all(axis=1)
     return position if known.all() else position[known]
 
 
 def checked(cloud: Cloud) -> Cloud:
-    """Return the points that can be drawn, in checked arrays, without columns.
-
-    Raises
-    ------
-    ValueError
-        Lengths do not fit, a part is not an array, or a coordinate is absurd.
-    """
+    """Return the points that can be drawn, in checked arrays, without columns."""
     parts = {name: part_of(cloud, name) for name in ("position", "normal", "color", "radius")}
     known = _are_finite(parts["position"])
     if len(parts["color"]):

@@ -47,21 +47,10 @@ def colored(
 
     Parameters
     ----------
-    cloud
-        Cloud with columns, as `read_cloud` returns it.
-    column
-        Name of a column, or x, y or z. Points without a finite value become gray.
-    colormap
-        One of matplotlib's.
     span
         Values at the ends of the colormap; values beyond get the color of the end. Two numbers, or
         text `low,high`, each of which may be a quantile: `2%,98%`. Default: the least and the
         greatest value.
-
-    Raises
-    ------
-    ValueError
-        The column or colormap is unknown, or the span is invalid.
     """
     value = _column(cloud, column)
     whole = span_in(value)
@@ -139,13 +128,7 @@ def _column(cloud: Cloud, name: str) -> NDArray[Any]:
 
 
 def span_of(given: str | Range | None, values: NDArray[Any], whole: Range) -> Range:
-    """Return a span in numbers, from text, numbers, or None for the whole range.
-
-    Raises
-    ------
-    ValueError
-        The text is invalid, a number is not finite, or the first is not below the last.
-    """
+    """Return a span in numbers, from text, numbers, or None for the whole range."""
     if given is None:
         return whole
     words = given.split(",") if isinstance(given, str) else [str(float(end)) for end in given]

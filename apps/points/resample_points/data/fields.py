@@ -23,13 +23,7 @@ PACKED = ("rgb", "rgba")  # a color packed into the bits of one number
 
 
 def cloud_of(fields: Fields) -> Cloud:
-    """Make a cloud from a file's columns.
-
-    Raises
-    ------
-    ValueError
-        It has no positions, or packs colors in an unknown way.
-    """
+    """Make a cloud from a file's columns."""
     position = _stacked(fields, PLACES)
     if position is None:
         raise ValueError(f"has no x, y and z; it has {', '.join(fields) or 'nothing'}")

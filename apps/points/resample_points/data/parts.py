@@ -34,13 +34,7 @@ class Storage(NamedTuple):
     what: str  # name of the cloud for messages
 
     def array(self, width: tuple[int, ...], kind: DTypeLike) -> NDArray[Any]:
-        """Allocate an array (points, ...) of zeros.
-
-        Raises
-        ------
-        ValueError
-            Neither memory nor the disk holds it.
-        """
+        """Allocate an array (points, ...) of zeros."""
         shape = (self.points, *width)
         if self.pages is None or not self.points:
             return np.zeros(shape, kind)
@@ -48,17 +42,7 @@ class Storage(NamedTuple):
 
 
 def storage_for(count: int, what: str, hint: str = "") -> Storage:
-    """Choose storage for a number of points; log it if it is in files.
-
-    Parameters
-    ----------
-    count
-        Largest number of points.
-    what
-        Name of the cloud for messages.
-    hint
-        What the user can do if memory does not hold it, for the message.
-    """
+    """Choose storage for a number of points; log it if it is in files."""
     left = memory_left()
     if left is None or count * PER_POINT <= left:
         return Storage(count, None, what)
@@ -88,13 +72,7 @@ class CloudBuilder:
         self._columns: dict[str, NDArray[Any]] = {}
 
     def add(self, part: Cloud) -> None:
-        """Add the points of a part that have a finite position.
-
-        Raises
-        ------
-        ValueError
-            The disk has no room for them.
-        """
+        """Add the points of a part that have a finite position."""
         known = np.asarray(np.isfinite(part.position).all(axis=1))
         kept = part if known.all() else some_of(part, known)
         rows = slice(self._filled, self._filled + len(kept.position))
@@ -116,13 +94,7 @@ class CloudBuilder:
         arrays[name][rows] = given
 
     def cloud(self) -> Cloud:
-        """Return all points added.
-
-        Raises
-        ------
-        ValueError
-            There are no points.
-        """
+        """Return all points added."""
         if not self._filled:
             raise ValueError("has no points")
         arrays = {name: array[: self._filled] for name, array in self._arrays.items()}
@@ -145,13 +117,7 @@ def on_threads(work: Callable[[Part], None], parts: Iterable[Part]) -> None:
 
 
 def zeros_beside(values: NDArray[Any], shape: tuple[int, ...], kind: DTypeLike) -> NDArray[Any]:
-    """Allocate zeros in the same storage as `values`.
-
-    Raises
-    ------
-    ValueError
-        The disk has no room for it.
-    """
+    """Allocate zeros in the same storage as `values`."""
     if most_of(values) is None or 0 in shape:
         return np.zeros(shape, kind)
     return array_like(values, shape, kind, "a cloud")
@@ -169,11 +135,6 @@ def quantile_of(values: NDArray[Any], share: float) -> float:
     """Return a quantile of the finite values of (N,); at least one must be finite.
 
     It interpolates linearly between values, as NumPy's `quantile` does.
-
-    Raises
-    ------
-    ValueError
-        The share is not from 0 to 1.
     """
     if not 0.0 <= share <= 1.0:
         raise ValueError(f"a quantile of {share:g}; give a share from 0 to 1")

@@ -52,13 +52,7 @@ class _Laser(NamedTuple):
 
     @property
     def packing(self) -> bytes:
-        """The compression record of a LAZ file.
-
-        Raises
-        ------
-        OSError
-            The record is missing or does not fit the points.
-        """
+        """The compression record of a LAZ file."""
         import lazrs
 
         with _damage(self.path):
@@ -76,10 +70,6 @@ def read_las(path: Path, level: int = 0, columns: Sequence[str] | None = None) -
 
     Parameters
     ----------
-    path
-        File of any version and point format. Points marked as withheld are dropped.
-    level
-        Number of the finest levels of a COPC file to skip.
     columns
         Names of columns to keep; None: all.
 
@@ -88,14 +78,6 @@ def read_las(path: Path, level: int = 0, columns: Sequence[str] | None = None) -
     Colors are sRGB in 16 bits, or in 8 if none is above 255. If there are none, or all are black,
     points are gray by their intensity, of which the 98 % quantile is white, or else get a color per
     class.
-
-    Raises
-    ------
-    ValueError
-        The extra is not installed, the level or column does not exist, or neither memory nor disk
-        has room for the cloud.
-    OSError
-        The file is damaged or cut off.
     """
     laspy = _required(path.name)
     with _quiet(), path.open("rb") as file:

@@ -155,15 +155,8 @@ def framed_together(
 
     Parameters
     ----------
-    cloud, size, up, fov
-        As `framed` takes them.
     angles
         Azimuth and elevation of each, degrees.
-
-    Raises
-    ------
-    ValueError
-        As `framed` does.
     """
     seen = _visible(cloud)
     middle, camera = seen.box_middle(), _camera(size, fov)
@@ -177,13 +170,7 @@ def framed_together(
 
 
 def ball_around(cloud: Cloud | Surfels) -> Sphere:
-    """Return a bounding sphere of a cloud's framed points, scene units.
-
-    Raises
-    ------
-    ValueError
-        The cloud has no points.
-    """
+    """Return a bounding sphere of a cloud's framed points, scene units."""
     seen = _visible(cloud)
     middle = seen.box_middle()
     return Sphere(middle, max(seen.farthest_from(middle) + seen.reach, LEAST))

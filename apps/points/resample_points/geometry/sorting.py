@@ -52,13 +52,7 @@ class Ordered(NamedTuple):
 
 
 def in_order(cloud: Cloud, radius: float | None) -> Ordered:
-    """Sort the points that can be drawn; all get one radius, if given.
-
-    Raises
-    ------
-    ValueError
-        As `resample_points.data.cloud.checked` does, or the disk has no room.
-    """
+    """Sort the points that can be drawn; all get one radius, if given."""
     pages = most_of(np.asarray(cloud.position))
     if pages is not None:
         return _by_buckets(cloud, radius, max(BATCH_SIZE, pages // SORTED))

@@ -233,13 +233,7 @@ def _is_crowded(position: Floats) -> bool:
 
 
 def _along_ranks(position: Floats) -> Indices:
-    """Return the order (N,) along a curve through coordinate ranks, for crowded clouds.
-
-    Raises
-    ------
-    ValueError
-        Memory does not hold the ranks of a cloud in files.
-    """
+    """Return the order (N,) along a curve through coordinate ranks, for crowded clouds."""
     if is_in_file(position):
         left = memory_left()
         if left is not None and RANKED * len(position) > left:

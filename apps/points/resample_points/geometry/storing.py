@@ -41,10 +41,6 @@ def measured_once(
         (N, 3) 0 where unknown; filled in.
     axes
         (N, 2, 3) filled in.
-    largest
-        As `resample_points.geometry.spacing.prepare_cloud` takes it.
-    measure
-        Fills in both.
     """
     if len(position) < LEAST_POINTS:
         measure()

@@ -54,24 +54,12 @@ def paint_in_windows(
 
     Parameters
     ----------
-    surfels
-        The discs.
-    see
-        Function that projects rows of discs.
     canvas
         Frame whose picture is filled; it must be transparent, with infinite depths.
-    most
-        Bytes that discs on the screen may take in memory; those of a single tile may take more and
-        are then stored in a file.
 
     Returns
     -------
     What is visible of each disc, and seconds per stage.
-
-    Raises
-    ------
-    ValueError
-        The disk has no room.
     """
     job = _RenderJob(surfels, see, canvas, most, dict.fromkeys(STAGES, 0.0))
     with portion(0.0, SURVEYING):

@@ -104,13 +104,7 @@ def poses_between(poses: Sequence[Doubles], count: int) -> list[Doubles]:
 
 
 def check_path(path: str, frames: int | None, amount: float | None) -> None:
-    """Refuse a path that `poses_of` would refuse, before any work is done.
-
-    Raises
-    ------
-    ValueError, LookupError, OSError
-        As `poses_of` does.
-    """
+    """Refuse a path that `poses_of` would refuse, before any work is done."""
     poses_of(path, frames, amount, np.eye(4), Range(1.0, 1.0))
 
 
@@ -121,19 +115,8 @@ def poses_of(
 
     Parameters
     ----------
-    path
-        One of `PATHS`, or a file as `resample.cameras.files.read_poses` takes it.
     frames
         Number of frames; None: `FRAMES`, or the file's number of poses.
-    amount
-        As `NearbyPath` takes it; not for a file.
-    start, distance
-        Pose at which paths start, and the distances seen from it.
-
-    Raises
-    ------
-    ValueError, OSError
-        The path is neither, or a number is out of range.
     """
     if is_file_of_path(path, PATHS, "poses"):
         if amount is not None:
@@ -159,12 +142,8 @@ def shots(
     ----------
     poses
         One per frame, world to camera.
-    camera
-        Camera of the frames, whose pose is replaced.
     render
         Function from a camera to a frame (H, W, 3), 0..1, as a screen shows it.
-    job
-        Other parameters that the frames depend on; see `resample.files.animations.Shots`.
     """
 
     def frame(n: int) -> Levels:
@@ -177,13 +156,7 @@ def shots(
 
 
 def on_screen(warped: Warped, *, has_alpha: bool, background: Background) -> Floats:
-    """Return a warped picture (H, W, 3) as a screen shows it, 0..1.
-
-    Raises
-    ------
-    ValueError
-        It is neither gray nor RGB.
-    """
+    """Return a warped picture (H, W, 3) as a screen shows it, 0..1."""
     channels = warped.image.shape[2] - has_alpha
     if channels not in (1, 3):
         raise ValueError(f"a picture of {channels} channels; gray and RGB ones can be shown")

@@ -34,24 +34,7 @@ DEMO_SIZE, DEMO_FRAMES, DEMO_FPS = 256, 24, 12.0
 def compare_files(
     given: TrueView, reader: DepthReader, aim: Aim, names: Sequence[str], refine: str = "auto"
 ) -> "DepthComparison":
-    """Compare methods with a true picture.
-
-    Parameters
-    ----------
-    given
-        Files; only the mask may be missing.
-    reader, aim
-        How the files are read, and the camera of the true picture.
-    names
-        Methods.
-    refine
-        How the depth that all methods get is refined.
-
-    Raises
-    ------
-    OSError, ValueError, LookupError
-        A file cannot be read, or an option is invalid.
-    """
+    """Compare methods with a true picture."""
     from resample_warp3d.figures.compare import compare_view
 
     truth = read_truth(Path(str(given.truth)), given.mask)

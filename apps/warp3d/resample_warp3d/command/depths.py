@@ -86,13 +86,7 @@ class DepthFrames:
         return self._file(n).is_file()
 
     def write(self, n: int, depth: Floats) -> None:
-        """Write a frame's depth (H, W), scene units.
-
-        Raises
-        ------
-        OSError
-            The file cannot be written.
-        """
+        """Write a frame's depth (H, W), scene units."""
         scale = MILLIMETERS if self.scale is None else self.scale
         self._lost.append(write_depth(self._file(n), depth, scale))
 
@@ -140,13 +134,7 @@ class DepthFrames:
 def depths_of(
     pattern: Path | None, output: Path, meaning: Depth, sharing: Sharing = ALONE
 ) -> DepthFrames | None:
-    """Return the depth files of a film that is written to `output`, if requested.
-
-    Raises
-    ------
-    ValueError, OSError
-        As `DepthFrames` does; or the film's frames use the same folder, or there are workers.
-    """
+    """Return the depth files of a film that is written to `output`, if requested."""
     if pattern is None:
         return None
     if sharing.has_workers:

@@ -145,13 +145,7 @@ def triangles(source: Source) -> Indices:
 
 
 def levels(source: Source) -> Levels:
-    """Return colors (H, W, 4) as 8-bit sRGB with straight alpha.
-
-    Raises
-    ------
-    ValueError
-        The picture is neither gray nor RGB, with or without alpha.
-    """
+    """Return colors (H, W, 4) as 8-bit sRGB with straight alpha."""
     channels = source.color.shape[2]
     if channels not in (1, 2, 3, 4):
         raise ValueError(f"a picture of {channels} channels; gray and RGB ones can be exported")

@@ -92,13 +92,7 @@ class DepthFilm:
 def film_with_depth(
     color: str, depth: str, extras: Extras, further: Sequence[object], showing: Showing
 ) -> DepthFilm | None:
-    """Return the film with its depth; None if a single picture is given.
-
-    Raises
-    ------
-    ValueError, OSError
-        As `DepthFilm` does; or an option is given that works for single pictures only.
-    """
+    """Return the film with its depth; None if a single picture is given."""
     frames = frames_of(Path(color))
     if frames is None:
         return None
@@ -115,13 +109,7 @@ def render_film(
     film: DepthFilm, output: Path, reader: DepthReader, aim: Aim,
     warping: DepthWarping, look: WriteOptions,     depth_output: Path | None = None,
 ) -> None:  # fmt: skip
-    """Write a film from another viewpoint, and its depth if requested.
-
-    Raises
-    ------
-    ValueError, LookupError, OSError
-        A file or an option is invalid.
-    """
+    """Write a film from another viewpoint, and its depth if requested."""
     depths = depths_of(depth_output, output, reader.meaning)
     check_targets(output)
     check_frames(output, film.frames, look)

@@ -119,15 +119,7 @@ class Truth(NamedTuple):
 
 
 def read_truth(truth: Path, mask: Path | None) -> Truth:
-    """Read the true picture of a view, over black, and its mask.
-
-    Raises
-    ------
-    OSError
-        A file is missing or damaged.
-    ValueError
-        The picture is neither gray nor RGB.
-    """
+    """Read the true picture of a view, over black, and its mask."""
     picture = flattened(read_picture(truth), (0.0, 0.0, 0.0))
     if len(picture.kind.channels) not in (1, 3):
         raise ValueError(f"{truth} is neither gray nor RGB: {', '.join(picture.kind.channels)}")
@@ -136,13 +128,7 @@ def read_truth(truth: Path, mask: Path | None) -> Truth:
 
 
 def view_names(text: str) -> ViewNames:
-    """Split a text COLOR,DEPTH,POSE into file names.
-
-    Raises
-    ------
-    ValueError
-        There are not three names.
-    """
+    """Split a text COLOR,DEPTH,POSE into file names."""
     words = [word.strip() for word in text.split(",")]
     if len(words) != 3 or not all(words):
         raise ValueError(f"view {text!r}; give COLOR,DEPTH,POSE, three files separated by commas")
@@ -159,13 +145,7 @@ class DepthReader(NamedTuple):
 
     @classmethod
     def checked(cls, eye: SourceCamera, meaning: Depth, *, labels: bool = False) -> "DepthReader":
-        """Return a checked reader of the command line's options; report assumptions.
-
-        Raises
-        ------
-        ValueError
-            The options do not go together.
-        """
+        """Return a checked reader of the command line's options; report assumptions."""
         meaning.check()
         if meaning.is_relative:
             near, far = meaning.range()
@@ -190,15 +170,6 @@ def read_view(reader: DepthReader, color: str, depth: str, pose: str | None = No
     color, depth
         Files, as `resample.files.pictures.read_picture` and
         `resample_warp3d.depth.files.read_depth` take them.
-    pose
-        Used instead of the source camera's pose.
-
-    Raises
-    ------
-    OSError
-        A file is missing or damaged.
-    ValueError, LookupError
-        The files do not fit each other, hold no depth, or an option is invalid.
     """
     form, _ = form_of(Path(color))
     needed = {"libraries": libraries(), "the source": bytes_of_source(form)}
@@ -212,22 +183,7 @@ def read_view(reader: DepthReader, color: str, depth: str, pose: str | None = No
 def view_of(
     reader: DepthReader, picture: Picture, raw: Raw, names: tuple[str, str], pose: str | None = None
 ) -> DepthInput:
-    """Make a depth image from a picture and the raw numbers of its depth.
-
-    Parameters
-    ----------
-    picture, raw
-        As read from files.
-    names
-        Names of these files, for messages.
-    pose
-        Used instead of the source camera's pose.
-
-    Raises
-    ------
-    OSError, ValueError, LookupError
-        As `read_view` does.
-    """
+    """Make a depth image from a picture and the raw numbers of its depth."""
     shape = picture.data.shape[0], picture.data.shape[1]
     sight = reader.eye.camera_model(shape, pose)
     if isinstance(sight, Orthographic):
@@ -309,13 +265,7 @@ def mention_doubt(reader: DepthReader, view: DepthInput, depth: str) -> None:
 def read_views(
     reader: DepthReader, color: str, depth: str, further: Sequence[ViewNames] = ()
 ) -> Inputs:
-    """Read a depth image and further ones of the same scene; warn of doubtful poses.
-
-    Raises
-    ------
-    OSError, ValueError, LookupError
-        As `read_view` does; or further views are given for a source that allows none.
-    """
+    """Read a depth image and further ones of the same scene; warn of doubtful poses."""
     if further:
         reader.eye.check_pinhole("--view")
     if reader.eye.source_projection == "equirectangular":
@@ -332,13 +282,7 @@ def bytes_of_source(form: tuple[int, ...]) -> int:
 
 
 def read_rectified(color: str, disparity: str, scale: float | None) -> DepthInput:
-    """Read one picture of a rectified pair, with disparity in px as nearness.
-
-    Raises
-    ------
-    OSError, ValueError
-        As `read_view` does.
-    """
+    """Read one picture of a rectified pair, with disparity in px as nearness."""
     picture = read_picture(color)
     raw, encoding = read_depth(disparity), BareDisparity(scale)
     shape = picture.data.shape[0], picture.data.shape[1]

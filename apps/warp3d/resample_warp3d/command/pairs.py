@@ -41,13 +41,7 @@ class Eyes(NamedTuple):
 
 
 def together(left: Picture, right: Picture, layout: str) -> Picture:
-    """Combine the pictures of both eyes.
-
-    Raises
-    ------
-    ValueError
-        The layout is an anaglyph and the pictures are neither gray nor RGB.
-    """
+    """Combine the pictures of both eyes."""
     first, second = _with_alpha_of_either(left, right)
     if layout == "anaglyph":
         return _anaglyph(first, second)

@@ -256,19 +256,8 @@ def check_memory(views: Sequence[DepthInput], shape: Shape, output: Path, others
 
     Parameters
     ----------
-    views
-        Sources, as read.
     shape
         Height and width of the target, px.
-    output
-        Output file.
-    others
-        Number of further processes on this machine that hold as much.
-
-    Raises
-    ------
-    ValueError
-        It needs more memory than is allowed or free.
     """
     channels = max(view.picture.data.shape[2] for view in views)
     sources = sum(bytes_of_source(view.picture.data.shape) for view in views)

@@ -68,13 +68,7 @@ def names_picture(warped: Warped, kind: Kind) -> Picture:
 
 
 def check_extras(extras: Extras, eye: SourceCamera | None = None) -> None:
-    """Refuse unknown suffixes, and cameras whose pictures cannot be exported.
-
-    Raises
-    ------
-    ValueError
-        There is such a suffix or camera.
-    """
+    """Refuse unknown suffixes, and cameras whose pictures cannot be exported."""
     if extras.holes is not None:
         check_holes(extras.holes)
     if extras.coverage is not None:
@@ -92,17 +86,8 @@ def write_extras(extras: Extras, warped: Warped, scale: float | None) -> None:
 
     Parameters
     ----------
-    extras
-        Files to write.
-    warped
-        The warped picture.
     scale
         Values of a PNG's depth per scene unit; None means `MILLIMETERS`.
-
-    Raises
-    ------
-    OSError
-        A file cannot be written.
     """
     if extras.holes is not None:
         write_holes(extras.holes, warped.holes)
@@ -127,13 +112,6 @@ def write_holes(path: Path, holes: NDArray[np.uint8]) -> None:
     """Write the causes of holes as a palette PNG with the numbers of `Hole`.
 
     Covered pixels are transparent; the other colors are `HOLE_COLORS`.
-
-    Raises
-    ------
-    ValueError
-        The suffix is not .png.
-    OSError
-        The file cannot be written.
     """
     from PIL import Image
 
@@ -168,13 +146,6 @@ def write_depth(path: Path, depth: Floats, scale: float = MILLIMETERS) -> int:
     Returns
     -------
     Number of pixels dropped.
-
-    Raises
-    ------
-    ValueError
-        The suffix is unknown.
-    OSError
-        The file cannot be written.
     """
     check_depth(path)
     suffix, lost = path.suffix.lower(), 0

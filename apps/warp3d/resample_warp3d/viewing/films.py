@@ -40,13 +40,7 @@ FILM = {
 
 
 def poses_as_text(cameras: Sequence[str], taken: Inputs, settings: Settings) -> str:
-    """Return poses, world to camera, of cameras that a page writes as `move;turn`.
-
-    Raises
-    ------
-    ValueError, OSError
-        A camera is invalid, or the file of the initial pose cannot be read.
-    """
+    """Return poses, world to camera, of cameras that a page writes as `move;turn`."""
     pose = settings.get("pose")
     start = taken.camera.world_to_camera if pose is None else read_pose(str(pose))
     return "\n".join(_lines(_step(camera) @ start) for camera in cameras)
@@ -64,23 +58,10 @@ def write_depth_film(
 
     Parameters
     ----------
-    inputs
-        Color and depth, as the command takes them.
-    settings
-        Options by name; those of the camera's pose are ignored.
     size
         Width and height, px.
-    poses
-        Content of a file of poses.
-    path
-        File of the film.
     progress
         Called with the share that is done.
-
-    Raises
-    ------
-    ValueError, LookupError, OSError
-        The command has no such option, or a file cannot be read or written.
     """
     given = {key: value for key, value in settings.items() if key not in STEERED}
     if unknown := [key for key in given if key not in OPTIONS]:
