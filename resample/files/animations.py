@@ -138,10 +138,6 @@ def made_by(
     ----------
     crew
         Workers; None: frames are made in this process.
-    shots
-        Frames as made here.
-    read
-        Function of the number of threads that returns the same frames. It must pickle.
     """
     if crew is None:
         return shots, None

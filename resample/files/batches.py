@@ -20,16 +20,7 @@ def is_batch(images: Sequence[Place], output: Path) -> bool:
 
 
 def batch_of(images: Sequence[Place], output: Path) -> list[tuple[Place, Path]]:
-    """Expand arguments to pairs of source and target.
-
-    Parameters
-    ----------
-    images
-        Files, addresses, folders and patterns such as `photos/*.jpg`; in folders, files with the
-        suffix of a picture or film, without subfolders.
-    output
-        Folder; it need not exist yet.
-    """
+    """Expand arguments to pairs of source and target."""
     sources = list(dict.fromkeys(file for image in images for file in _files(image)))
     if not sources:
         raise ValueError(f"{', '.join(map(str, images))}: no pictures found")

@@ -185,8 +185,6 @@ def levels(data: Floats, form: str, *, has_alpha: bool, is_light: bool) -> NDArr
         (H, W, C) linear light, premultiplied; missing values become 0.
     form
         Unsigned type, whose largest number stands for 1.
-    has_alpha
-        The last channel is opacity. The others are divided by it.
     is_light
         Encode all but opacity by the sRGB curve; otherwise values are stored linearly.
     """
@@ -224,8 +222,6 @@ def with_word(
     ----------
     data
         (H, W, C) as stored.
-    values
-        The same before conversion, NaN where missing.
     """
     gap, word = np.isnan(values), data.dtype.type(missing)
     taken = ~gap & (data == word)

@@ -137,18 +137,11 @@ def read_image(path: str | Path, page: int = 0) -> Floats:
     path
         Any format of OpenImageIO. Integer formats and files marked so are taken as sRGB, others
         as linear light. The orientation tag is ignored.
-    page
-        Number of the picture in a file that holds several.
 
     Returns
     -------
     (H, W, C) with those of the channels R, G, B and A that exist; all channels if there is no R or
     if there are unnamed bands.
-
-    Raises
-    ------
-    OSError
-        The file is missing or damaged.
     """
     file = open_file(path, page)
     return file.encoding.light(file.values())
@@ -168,8 +161,6 @@ def read_rows(
 
     Parameters
     ----------
-    path
-        As in `read_image`.
     height
         Approximate rows per strip; tiles are not cut. None: a few million values per strip.
 
@@ -177,11 +168,6 @@ def read_rows(
     -------
     Height, width and number of channels, and an iterator over strips (rows, width, channels) from
     the top; together they equal the result of `read_image`.
-
-    Raises
-    ------
-    OSError
-        The file is missing or damaged; damage may be detected only while iterating.
     """
     file = open_file(path)
     check_honest(path, file.source.spec())

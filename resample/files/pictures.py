@@ -203,18 +203,6 @@ class LoadablePicture:
         """Read the picture as `read_picture` does, but keep the stored form if it is smaller.
 
         Large arrays are kept in a file, see `array_where_it_fits`.
-
-        Parameters
-        ----------
-        seen
-            Rows and columns needed. Other levels in chunks are not read.
-
-        Raises
-        ------
-        OSError
-            The file is missing or damaged.
-        ValueError
-            It fits neither into memory nor on the disk.
         """
         header, file = self.header, self._file
         if file is not None:
@@ -318,8 +306,6 @@ def gaps_of(data: Floats, missing: float, *, as_whole: bool) -> NDArray[np.bool]
     ----------
     data
         (H, W, C).
-    missing
-        Marker for a missing value.
     as_whole
         A pixel, (H, W, 1), is missing if all its values are.
     """

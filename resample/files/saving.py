@@ -75,23 +75,10 @@ def write_frame(
 
     Parameters
     ----------
-    path
-        Target with a suffix in `SUFFIXES`.
-    frame
-        EXR stores all of it, other formats only its `rgba`.
     bits
         Bits per channel; 32 are floats of linear light. EXR has 32.
     background
         Linear background color; None keeps transparency.
-    half, attributes
-        As in `write_exr`; other formats support neither.
-
-    Raises
-    ------
-    ValueError
-        The format cannot store it.
-    OSError
-        The file cannot be written.
     """
     path = Path(path)
     check_frame(path, bits, _color(background))
@@ -111,8 +98,6 @@ def write_png(
 
     Parameters
     ----------
-    path
-        Target.
     rgba
         (H, W, 4) premultiplied, linear light; clipped to 0..1.
     bits
@@ -120,13 +105,6 @@ def write_png(
     background
         Background, 3 values of linear light; the file is then opaque, (H, W, 3). Without it the
         file has straight alpha, and light where alpha is 0 is lost.
-
-    Raises
-    ------
-    ValueError
-        `bits` is neither 8 nor 16, the shape does not fit or a value is NaN.
-    OSError
-        The file cannot be written.
     """
     if bits not in (8, 16):
         raise ValueError(f"PNG has 8 or 16 bits per channel, not {bits}")
@@ -171,25 +149,14 @@ def write_exr(
 
     Parameters
     ----------
-    path
-        Target.
     frame
         Becomes the channels R, G, B, A (premultiplied, linear light), Z (`depth`), coverage,
         first.Z (`first_depth`) and, if there is one, `value`; all but colors are float32.
         Depths are in scene units, inf where empty.
-    compression
-        One of `LOSSLESS`.
     half
         Store R, G, B and A in 16 bits instead of 32.
     attributes
         Header entries: text, numbers, and sequences of numbers (16 make a 4 × 4 matrix).
-
-    Raises
-    ------
-    ValueError
-        The compression is unknown.
-    OSError
-        The file cannot be written.
     """
     if compression not in LOSSLESS:
         raise ValueError(f"unknown compression {compression!r}; known: {', '.join(LOSSLESS)}")
@@ -214,19 +181,8 @@ def write_picture(path: Path, picture: Picture, look: WriteOptions) -> None:
 
     Parameters
     ----------
-    path
-        Target with a suffix in `SUFFIXES`.
     picture
         EXR and float TIFF store it unchanged; integers are straight and sRGB-encoded.
-    look
-        Options for writing.
-
-    Raises
-    ------
-    ValueError
-        The format cannot store it.
-    OSError
-        The file cannot be written.
     """
     write_pages(path, [picture], look)
 

@@ -92,17 +92,7 @@ def check_frames(path: Path, frames: Frames, look: WriteOptions) -> None:
 def write_frames(
     path: Path, pictures: Iterable[Picture], seconds: Sequence[float], look: WriteOptions
 ) -> None:
-    """Write a sequence of pictures to one file.
-
-    Parameters
-    ----------
-    path
-        Target: multi-page TIFF, GIF, animated PNG or WebP, or a film.
-    pictures
-        Pictures of one size, except for TIFF.
-    seconds
-        Display time of each.
-    """
+    """Write a sequence of pictures to one file."""
     suffix = path.suffix.lower()
     if suffix in TIFF:
         write_pages(path, pictures, look)

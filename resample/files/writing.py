@@ -42,11 +42,6 @@ _tidied: set[Path] = set()  # folders, once per process
 def replacing(path: str | Path) -> Iterator[Path]:
     """Write to a temporary file and move it to its target on success.
 
-    Parameters
-    ----------
-    path
-        Target. It is created or replaced at the end of the block; links are followed.
-
     Yields
     ------
     An empty file in the same folder, with the same suffix, to write to. Removed on error.
@@ -88,15 +83,7 @@ def _on_disk(path: Path) -> None:
 
 
 def refused(path: str | Path, temporary: Path, why: str) -> OSError:
-    """Error for a file that a library could not write.
-
-    Parameters
-    ----------
-    temporary
-        File written by the library. If it cannot be extended, a full disk is the reason.
-    why
-        The library's message.
-    """
+    """Error for a file that a library could not write."""
     try:
         with temporary.open("ab", buffering=0) as file:
             left = PROBE
@@ -154,11 +141,6 @@ def save_array(path: Path, values: "ArrayLike") -> None:
 @contextmanager
 def beside(target: Path) -> Iterator[Path]:
     """Unused name beside a target, for a temporary file or folder.
-
-    Parameters
-    ----------
-    target
-        File or folder. Leftovers of killed processes in its folder are removed.
 
     Yields
     ------

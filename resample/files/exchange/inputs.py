@@ -25,8 +25,6 @@ def as_picture(given: Any, name: str = "picture") -> NDArray[Any]:
         An array of real numbers of any layout and byte order, masked, memory-mapped or lazy; nested
         lists; the path or address of a picture; a Pillow image, whose palette becomes colors; a
         SimpleITK image; or an `xarray.DataArray` with rows along y and columns along x.
-    name
-        Name in messages.
 
     Returns
     -------

@@ -30,10 +30,6 @@ def download(url: str, target: Path, size: int, digest: str) -> None:
 
     Parameters
     ----------
-    url
-        Address of the file.
-    target
-        Path to store it; its folder is created.
     size
         Its size in bytes. Longer responses are cut.
     digest

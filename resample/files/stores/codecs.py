@@ -26,15 +26,7 @@ Decode = Callable[..., Any]  # takes packed data and `most`, the largest output 
 
 
 def bound(array: Any, size: int, most: int) -> None:
-    """Bound the output of an array's codecs.
-
-    Parameters
-    ----------
-    array
-        Zarr array; it stays bound.
-    size, most
-        Bytes of a chunk's values, and the bound on its codecs' output.
-    """
+    """Bound the output of an array's codecs."""
     inner = array.async_array
     pipeline = inner.codec_pipeline
     codecs = [_bound(codec, size, most) for codec in pipeline]

@@ -47,15 +47,7 @@ class Layout(NamedTuple):
 
 
 def layout_of(attributes: Mapping[str, Any], name: str, space: str = SPACE) -> Layout | None:
-    """Parse a group's attributes; None if they describe no image.
-
-    Parameters
-    ----------
-    attributes, name
-        Attributes and name of the group.
-    space
-        Letters of the required axes.
-    """
+    """Parse a group's attributes; None if they describe no image."""
     from pydantic import ValidationError
 
     from resample.files.stores.models import Multiscale, Own
