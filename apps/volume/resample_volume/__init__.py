@@ -37,7 +37,7 @@ _HOMES = {
     "Annotations": "space.annotations",
     "Appearance": "media.appearance",
     "ImagePlane": "surfaces.image_planes",
-    "IsoSurface": "surfaces.iso_surfaces",
+    "IsoSurface": "surfaces.meshes",
     "Light": "voxels.shading",
     "Orbit": "resample.cameras.viewpoints",
     "Scene": "scenes",

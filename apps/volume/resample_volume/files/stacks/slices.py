@@ -96,7 +96,11 @@ def _walk(path: Path) -> Iterator[tuple[SlicePage, Any]]:
 def _opened(path: Path) -> Iterator[Any]:
     if not path.is_file():
         raise ValueError(f"{path.name} is a device or a pipe, not a file")
-    image = opened(path)
+    try:
+        image = opened(path)
+    except OSError as error:
+        reason = str(error).rpartition("that can be read: ")[2]
+        raise ValueError(f"{path.name} cannot be read: {reason}") from None
     try:
         yield image
     finally:
