@@ -35,6 +35,7 @@ from resample_texture.texels.splatting import (
     borders_of_splats,
     check_deviations,
     forward_of,
+    is_within,
     nearest_drawn,
     splat_view_bounds,
 )
@@ -99,18 +100,9 @@ class Paper:
             values = color * share[:, None] if self.total else color
             paint(records, FLAT_TABLES, WeightedSum(values, image, weight), shape)
         lines, full = borders_of_splats(geometry, size, edge, self.sigma, self.widths.kernel)
-        is_full = (weight >= full) | _is_within(lines, shape, self.widths.filter)
+        is_full = (weight >= full) | is_within(lines, shape, self.widths.filter)
         mean, coverage = mean_of(WeightedSum(image, image, weight), is_full)
         return Warped(image if self.total else mean, coverage)
-
-
-def _is_within(lines: Doubles, shape: tuple[int, int], reach: float) -> NDArray[np.bool_]:
-    """Pixels (H, W) that lie farther than `reach`, px, inside lines (N, 3) on screen."""
-    x, y = np.arange(shape[1]) + 0.5, np.arange(shape[0])[:, None] + 0.5
-    within = np.ones(shape, np.bool_)
-    for a, b, c in lines:
-        within &= a * x + b * y + c > reach * (abs(a) + abs(b))
-    return within
 
 
 def _batches(

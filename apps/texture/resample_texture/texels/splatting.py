@@ -9,6 +9,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from resample.engine.cells.parts import batches, parts_of
 from resample.engine.cells.sums import collect
@@ -226,3 +227,12 @@ def borders_of_splats(
     nearest = nearest_drawn(oriented(geometry, source_shape), radius)
     lines[:-1] -= radius * front
     return np.vstack([lines, np.array([0.0, 0.0, 1.0]) - 2.0 * nearest * front]), full
+
+
+def is_within(lines: Doubles, shape: tuple[int, int], reach: float) -> NDArray[np.bool_]:
+    """Pixels (H, W) that lie farther than `reach`, px, inside lines (N, 3) on screen."""
+    x, y = np.arange(shape[1]) + 0.5, np.arange(shape[0])[:, None] + 0.5
+    within = np.ones(shape, np.bool_)
+    for a, b, c in lines:
+        within &= a * x + b * y + c > reach * (abs(a) + abs(b))
+    return within
