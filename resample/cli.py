@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 from cyclopts import App, Parameter
 
 from resample import registry
-from resample.command.applications import Words, command_now, door
+from resample.command.applications import Words, command_now, launcher
 from resample.command.options import run
 from resample.lazy import installed_version
 
@@ -94,7 +94,7 @@ def view(file: str, /, *words: Words) -> Any:
     files = [file, *takewhile(lambda word: not word.startswith("-"), words)]
     for name in names:
         if registry.load("views", name)(files):
-            return door(name)("view", file, *words)
+            return launcher(name)("view", file, *words)
     raise ValueError(f"{', '.join(files)}: cannot be viewed; these can: {', '.join(names)}")
 
 
@@ -156,5 +156,5 @@ for _name in registry.names("apps"):
         help_flags=(),
         version_flags=(),
     )
-    _application.default(door(_name))
+    _application.default(launcher(_name))
     app.command(_application)

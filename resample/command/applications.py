@@ -11,7 +11,7 @@ from resample.console.messages import say
 Words = Annotated[str, Parameter(show=False, allow_leading_hyphen=True)]
 
 
-def door(name: str, *command: str) -> Callable[..., Any]:
+def launcher(name: str, *command: str) -> Callable[..., Any]:
     """Function that imports an application on demand and runs it, or one of its commands."""
 
     def launch(*words: Words) -> Any:
@@ -28,7 +28,7 @@ def door(name: str, *command: str) -> Callable[..., Any]:
 
 def moved_command(old: str, application: str, command: str) -> App:
     """Command of an application that is another's now: says so in a line and runs that one."""
-    launch = door(application, command)
+    launch = launcher(application, command)
 
     def run(*words: Words) -> Any:
         mention_move(old, application, command)

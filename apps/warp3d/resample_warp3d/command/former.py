@@ -3,7 +3,7 @@
 from typing import ClassVar
 
 from resample.command.about import OptionTopic
-from resample.command.applications import door, mention_move
+from resample.command.applications import launcher, mention_move
 from resample.command.flags import Steady, Up, Viewed
 from resample.command.settings import CAMERA, Choices, Serving
 from resample.memory import ALLOWED
@@ -28,4 +28,4 @@ def view_cloud(file: str, start: FormerStart, page: Serving) -> None:
     mention_move("resample-warp3d view", "points", "view")
     allowed = ALLOWED.get()
     memory = {} if allowed is None else {"memory": f"{allowed / 1024}KiB"}
-    door("points", "view")(file, *option_words({**memory, **settings_of((start, page))}))
+    launcher("points", "view")(file, *option_words({**memory, **settings_of((start, page))}))
