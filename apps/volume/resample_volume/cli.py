@@ -186,7 +186,7 @@ def compare(
     from resample.files.writing import check_targets, rows_as_json
     from resample.measuring.compare import check_sheet, contact_sheet, plain
     from resample_volume.command.inputs import prepared, require_values
-    from resample_volume.command.rendering import BYTES_PER_PIXEL, subject_of
+    from resample_volume.command.rendering import BYTES_PER_PIXEL, scene_of
     from resample_volume.figures.compare import Contest, check_vtk, gathered_for, thickest, variants
     from resample_volume.voxels.framing import centered
 
@@ -209,7 +209,7 @@ def compare(
     if peer is not None:
         check_vtk(appearance, first)
     first = next(iter(choice.values()))
-    subject = subject_of(Session(), scene, appearance, thickest(choice), look.fit)
+    subject = scene_of(Session(), [(scene, appearance)], thickest(choice), look.fit)
     gathered = gathered_for(choice, scene, appearance)
     contest = Contest(subject, gathered, subject.camera(viewpoint, *pixels), pixels)
     (contest.cast if reference == "rays" else contest.splatted)(first, rays)
@@ -483,14 +483,15 @@ def demo(*, output: flags.DemoOutput = DEMO_FOLDER) -> None:
     from resample.console.messages import say
     from resample.files.saving import write_frame
     from resample.measuring.compare import contact_sheet
-    from resample_volume.command.rendering import painted, subject_of
+    from resample_volume.command.rendering import painted, scene_of
     from resample_volume.files.source import generate as generated
 
     output.mkdir(parents=True, exist_ok=True)
     for name, (camera_angles, side) in DEMO.items():
         session, size, pictures = Session(), (side, side), {}
         volume, look = generated(name), AppearanceChoices(camera=camera_angles)
-        subject = subject_of(session, volume, look.appearance(volume), Resampling().resampler())
+        medium = volume, look.appearance(volume)
+        subject = scene_of(session, [medium], Resampling().resampler())
         camera = subject.camera(look.viewpoint(), *size)
         for method in ("hybrid", "points", "splats"):
             resampler = Resampling(method=method).resampler()

@@ -51,17 +51,6 @@ MARK = "picture"  # file in a folder of windows that identifies their picture
 BYTES_PER_PIXEL = needs.BYTES_PER_PIXEL
 
 
-def subject_of(
-    session: Session,
-    volume: Volume,
-    appearance: Appearance,
-    resampler: Resampler,
-    fit: Fit = "visible",
-) -> Subject:
-    """Prepare a volume for a renderer."""
-    return scene_of(session, [(volume, appearance)], resampler, fit)
-
-
 def scene_of(
     session: Session,
     media: Sequence[VolumeLayer],
