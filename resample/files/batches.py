@@ -4,11 +4,10 @@ import glob
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from resample.files.chunked import SUFFIX as STORE
 from resample.files.chunked import is_in_store
 from resample.files.formats import SUFFIXES
 from resample.files.sequences import FILMS, WRITTEN, frames_of
-from resample.files.stores.addresses import Address, Place
+from resample.files.stores.addresses import STORE, Address, Place
 
 READ = (*SUFFIXES, *WRITTEN, *FILMS, ".bmp", ".hdr", ".jp2", ".jxl", ".pgm", ".ppm", ".pfm", ".tga")
 

@@ -23,7 +23,6 @@ from resample.files.stores.opening import (
 from resample.files.writing import beside, unwritten
 from resample.memory.mapped import array_where_it_fits
 
-SUFFIX = ".zarr"
 SIDE = 256  # px, of written chunks
 NAMES = {1: ("Y",), 3: ("R", "G", "B"), 4: ("R", "G", "B", "A")}  # channels, by their count
 LETTERS = {2: "yx", 3: "yxc"}  # default axes by number of dimensions

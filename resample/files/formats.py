@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 from resample.colors import to_srgb
 from resample.console.backgrounds import Color
 from resample.console.messages import say
-from resample.files.chunked import SUFFIX as STORE
-from resample.files.chunked import check_store
 from resample.files.facts.metadata import AS_FLOATS, JPEG, TIFF, FileMetadata
 from resample.files.pictures import Kind, Picture
+from resample.files.stores.addresses import STORE
 from resample.types import Floats
 
 SUFFIXES = (".png", ".exr", ".jpg", ".jpeg", ".tif", ".tiff")
@@ -35,6 +34,8 @@ def check_output(path: Path, look: WriteOptions, *, transparent: bool) -> None:
     if suffix not in (*SUFFIXES, STORE):
         raise ValueError(f"{path}: pictures are written as {', '.join(SUFFIXES)} or {STORE}")
     if suffix == STORE:
+        from resample.files.chunked import check_store
+
         check_store(path)
     if suffix in JPEG and transparent and look.background is None:
         raise ValueError(f"{path}: JPEG has no transparency; give --background white, or take .png")

@@ -8,13 +8,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import from_srgb
-from resample.files.chunked import Part, StoredPicture, is_in_store, open_picture
 from resample.files.facts.geotiff import moved
 from resample.files.facts.metadata import (
     TURNS,
@@ -31,6 +30,9 @@ from resample.memory import require_memory
 from resample.memory.mapped import array_where_it_fits
 from resample.reading.pictures import check_honest, check_picture
 from resample.types import Floats
+
+if TYPE_CHECKING:
+    from resample.files.chunked import Part, StoredPicture
 
 BYTES_PER_VALUE = 20  # bytes per value of a source and its copies while it is read and processed
 FORMS = {  # OpenImageIO's integer types
@@ -147,7 +149,7 @@ class LoadablePicture:
     page: int
     header: Header
     as_data: bool  # see `read_picture`
-    stored: StoredPicture | None  # of zarr
+    stored: "StoredPicture | None"  # of zarr
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -199,7 +201,7 @@ class LoadablePicture:
         turned = np.ascontiguousarray(upright(data, self.header.orientation))
         return Picture(turned, kind, self.header.upright_about)
 
-    def load(self, seen: Part | None = None) -> LoadedPicture:
+    def load(self, seen: "Part | None" = None) -> LoadedPicture:
         """Read the picture as `read_picture` does, but keep the stored form if it is smaller.
 
         Large arrays are kept in a file, see `array_where_it_fits`.
@@ -263,6 +265,8 @@ class LoadablePicture:
 
 def picture_at(path: Place, page: int = 0, *, as_data: bool = True) -> LoadablePicture:
     """Read a picture's header; parameters and errors as in `read_picture`."""
+    from resample.files.chunked import is_in_store, open_picture
+
     is_stored = isinstance(path, Address) or is_in_store(path)
     stored = open_picture(path) if is_stored else None
     header = _header(path, page, stored, as_data=as_data)
@@ -315,7 +319,7 @@ def gaps_of(data: Floats, missing: float, *, as_whole: bool) -> NDArray[np.bool]
     return np.asarray(gaps.all(axis=2, keepdims=True)) if as_whole else gaps
 
 
-def _header(path: Place, page: int, stored: StoredPicture | None, *, as_data: bool) -> Header:
+def _header(path: Place, page: int, stored: "StoredPicture | None", *, as_data: bool) -> Header:
     if stored is not None:
         kind = Kind(stored.channels, stored.bits, is_encoded=stored.bits < 32)
         is_half = stored.array.dtype.name == "float16"

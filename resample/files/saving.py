@@ -10,9 +10,6 @@ from numpy.typing import NDArray
 
 from resample.colors import Background, over
 from resample.console.backgrounds import Color
-from resample.files.buffered_jpeg import BufferedJpeg
-from resample.files.chunked import SUFFIX as STORE
-from resample.files.chunked import writing_store
 from resample.files.facts.metadata import (
     JPEG,
     TIFF,
@@ -33,6 +30,7 @@ from resample.files.formats import (
 )
 from resample.files.images import open_file
 from resample.files.pictures import Kind, Picture
+from resample.files.stores.addresses import STORE
 from resample.files.writing import INCOMPLETE, check_end, refused, replacing
 from resample.reading.native import plain
 from resample.reading.pictures import complaint_of
@@ -215,6 +213,8 @@ def writing_rows(path: Path, height: int, look: WriteOptions) -> Iterator[Put]:
     the same channels.
     """
     if path.suffix.lower() == STORE:
+        from resample.files.chunked import writing_store
+
         with writing_store(path, height) as store:
             yield lambda picture: store.put(page_of(path, picture, look).data)
         return
@@ -269,6 +269,8 @@ def new_output(path: Path, temporary: Path, spec: Any, mode: str = "Create") -> 
 
     name = plain(temporary)
     if path.suffix.lower() in JPEG:
+        from resample.files.buffered_jpeg import BufferedJpeg
+
         return BufferedJpeg(temporary, spec)
     target = OpenImageIO.ImageOutput.create(name)
     if target is None:

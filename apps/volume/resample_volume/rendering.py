@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -47,7 +47,6 @@ from resample_volume.media.appearance import (
     resampler_for,
     transfer_of,
 )
-from resample_volume.media.mixing import MixedMedia
 from resample_volume.media.xrays import AS_IT_IS, Tone, XRay, exposed, settled, tone_of
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import faced, keep, planes
@@ -76,12 +75,13 @@ from resample_volume.voxels.visible import (
 
 if TYPE_CHECKING:
     from resample_volume.media.lattices import CommonLattice
+    from resample_volume.media.mixing import MixedMedia
     from resample_volume.surfaces.meshes import SceneMesh
 
 NOTHING = np.zeros((0, 3), np.float32)
 NO_VOXELS = Voxels(NOTHING, NOTHING, NOTHING[:, 0], NOTHING, np.eye(3))
 
-Visible = Voxels | FieldVoxels | Gathered | MixedMedia
+Visible: TypeAlias = "Voxels | FieldVoxels | Gathered | MixedMedia"
 Fit = Literal["visible", "volume"]  # what cameras orbit
 
 
@@ -430,15 +430,15 @@ class Subject:
 
     def samples_for(self, camera: AnyCamera) -> Samples | Field | LatticeField:
         """Return the input of a renderer: samples, or a field, shaded for a camera."""
-        from resample_volume.media.mixing import added
-
         cue, light = self.appearance.cue, self.appearance.light
         near, far = cue_range(camera, self.sphere)
         if isinstance(self.voxels, Voxels):
             across = faced(self.voxels, self._across(camera))
             samples = lit_samples(across, light, camera)
             return samples if cue is None else cued(samples, camera, cue, near, far)
-        if isinstance(self.voxels, MixedMedia):
+        if not isinstance(self.voxels, Gathered | FieldVoxels):
+            from resample_volume.media.mixing import added
+
             parts = [faced(part, self._across(camera)) for part in self.voxels.parts]
             colors = [lit_samples(part, light, camera).color for part in parts]
             samples = added(self.voxels, colors)

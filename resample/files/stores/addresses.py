@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
+STORE = ".zarr"  # suffix of stores
 SCHEMES = ("s3", "s3a", "gs", "az", "abfs", "abfss", "http", "https")
 PATIENCE = timedelta(seconds=30)  # for a response, and for all attempts to read a chunk
 TRIES = 4

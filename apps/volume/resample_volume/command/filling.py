@@ -6,10 +6,10 @@ from resample.cameras.viewpoints import Orbit, Viewpoint
 from resample.console.messages import say
 from resample.resampler import Resampler
 from resample_volume.media.appearance import VolumeLayer, named_or_own
-from resample_volume.media.mixing import MixedMedia
 from resample_volume.rendering import Fit, Subject
+from resample_volume.voxels.fields import FieldVoxels
 from resample_volume.voxels.framing import Placed, filling, shown_by
-from resample_volume.voxels.visible import Voxels
+from resample_volume.voxels.gathered import Gathered
 
 Fitted = (
     Fit | Literal["picture"]
@@ -48,7 +48,7 @@ def filled(
         )
     volume, look = medium
     shown: Placed
-    if isinstance(subject.voxels, Voxels | MixedMedia):
+    if not isinstance(subject.voxels, FieldVoxels | Gathered):
         shown = subject.voxels
     else:
         framing = named_or_own(look.framing or look.transfer, volume)

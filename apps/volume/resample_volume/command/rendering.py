@@ -16,7 +16,6 @@ from resample.command.settings import Sharing
 from resample.command.workers import StartWorkers, worker_pools
 from resample.console.backgrounds import Color
 from resample.console.messages import say
-from resample.files.painted.tiles import NAME
 from resample.files.writing import beside, inheriting
 from resample.fingerprints import fingerprint
 from resample.lazy import installed_version
@@ -325,6 +324,7 @@ def shared(
 
     Windows that a killed command left of the same picture are reused.
     """
+    from resample.files.painted.tiles import NAME
     from resample_volume.windows import Budget
 
     here = local_budget(media, context.threads)

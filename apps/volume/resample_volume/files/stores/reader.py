@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from resample.files.stores.addresses import Place
-from resample.files.stores.holes import holes_of
 from resample.files.stores.metadata import SPACE, Layout, Level, layout_of, moved
-from resample.files.stores.opening import open_node, reading_metadata
 from resample.reading.limits import check_free
 from resample_volume.data.bricks import Step
 from resample_volume.data.memory import require_memory
@@ -25,7 +23,6 @@ from resample_volume.files.parsing.headers import (
     stem,
 )
 from resample_volume.files.parsing.steps import Numbers, three_numbers
-from resample_volume.files.stores.chunks import Chunked
 from resample_volume.types import Recording, Volume
 
 if TYPE_CHECKING:
@@ -85,6 +82,8 @@ class Zarr:
             It cannot be read, or holds no such level.
         """
         from resample.files.stores.guarding import guard
+        from resample.files.stores.holes import holes_of
+        from resample_volume.files.stores.chunks import Chunked
 
         name = stem(PurePath(path.resolve().name), self.suffixes)
         layout, node = _image(path, name)
@@ -168,6 +167,8 @@ def with_level(reader: Any, level: int) -> Any:
 
 def _image(path: Place, name: str) -> "tuple[Layout, zarr.Array[Any] | zarr.Group]":
     """Return the metadata of an image, and its location."""
+    from resample.files.stores.opening import open_node, reading_metadata
+
     node = open_node(path)  # the message says what is missing
     import zarr
 
@@ -214,6 +215,8 @@ def _plain(array: "zarr.Array[Any]", name: str) -> Layout:
 def _array(node: "zarr.Array[Any] | zarr.Group", level: Level, name: str) -> "zarr.Array[Any]":
     """Return the array of a level."""
     import zarr
+
+    from resample.files.stores.opening import reading_metadata
 
     if isinstance(node, zarr.Array):
         return node

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.files.stores.addresses import STORE
 from resample.files.stores.metadata import OWN
 from resample.files.stores.opening import require_zarr
 from resample.files.writing import beside, unwritten
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     import zarr
 
 VERSION = "0.5"
-SUFFIX = ".zarr"
 COMPRESSIONS = ("zstd", "blosc", "none")
 NAMES = {"t": "time", "c": "channel", "z": "space", "y": "space", "x": "space"}
 
@@ -99,7 +99,7 @@ def bricks_of(recording: Recording, form: Layered) -> int:
 def check_store(path: Path) -> None:
     """Reject a store that cannot be written, before any work is done."""
     require_zarr(path.name)
-    if not path.name.lower().endswith(SUFFIX):
+    if not path.name.lower().endswith(STORE):
         raise ValueError(f"{path}: volumes are converted to OME-Zarr, as volume.ome.zarr")
     if path.exists():
         raise ValueError(f"{path} already exists; remove it or give another name")
