@@ -240,14 +240,14 @@ class Resampler:
         self, scene: PreparedScene, samples: Samples, progress: Progress | None
     ) -> tuple[PaintTarget, Statistics]:
         """Picture of a scene by whom its order asks for."""
-        from resample.painting.slabs import paint_summed
-
         if self._is_paper:
             from resample.painting.paper import paint_paper
 
             return paint_paper(scene, samples, self._choices_of_paper, progress)
         if self._is_streamed(scene):
             return self._streamed(scene, samples, progress)
+        from resample.painting.slabs import paint_summed
+
         return paint_summed(scene, samples, self.reconstruction, progress)
 
     @property
@@ -348,10 +348,10 @@ class Resampler:
         -------
         None where painters have to be asked that were left out.
         """
-        from resample.painting.steps.planning import plan_of_all
-
         if self._is_paper:
             return together([part.mixture for part in parts if part.mixture is not None])
+        from resample.painting.steps.planning import plan_of_all
+
         with _kernels(None):
             scene = self._of_nothing(lattice, camera, (height, width))
             return plan_of_all(scene, self._painters(scene), parts)
@@ -365,10 +365,10 @@ class Resampler:
         -------
         Whether they reach as far on one side of their center as on the other; and px, at most.
         """
-        from resample.painting.steps.planning import margin_beyond_window
-
         if self._is_paper:
             return self._choices_of_paper.widths.is_projected, self._point_filter.radius
+        from resample.painting.steps.planning import margin_beyond_window
+
         return margin_beyond_window(self._of_nothing(lattice, camera, plan.size), plan)
 
     def _of_nothing(

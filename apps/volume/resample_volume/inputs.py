@@ -192,19 +192,20 @@ def _taker_of(given: Any) -> Taker | None:
 
     None for objects of no known library.
     """
-    from resample_volume.exchange.datasets import of_dataset
-    from resample_volume.exchange.grids import of_grid, of_labeled, of_nibabel, of_simple_itk
-
     every = type(given).__mro__
     homes = {kind.__module__.partition(".")[0] for kind in every}
     if "vtkObjectBase" in {kind.__name__ for kind in every}:  # PyVista's, too
+        from resample_volume.exchange.datasets import of_dataset
+
         return of_dataset
+    is_labeled = hasattr(given, "dims") and hasattr(given, "coords")
+    is_grid = hasattr(given, "left_edge") and hasattr(given, "ActiveDimensions")
+    if not (is_labeled or is_grid or homes & {"SimpleITK", "nibabel"}):
+        return None
+    from resample_volume.exchange.grids import of_grid, of_labeled, of_nibabel, of_simple_itk
+
     if "SimpleITK" in homes:
         return of_simple_itk
     if "nibabel" in homes:
         return of_nibabel
-    if hasattr(given, "dims") and hasattr(given, "coords"):
-        return of_labeled
-    if hasattr(given, "left_edge") and hasattr(given, "ActiveDimensions"):
-        return of_grid
-    return None
+    return of_labeled if is_labeled else of_grid

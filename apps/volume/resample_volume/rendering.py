@@ -335,10 +335,10 @@ class Subject:
         depth cue are those of the first; each has its own transfer function, gradient and labels.
         Cameras orbit what is visible, or all of the volumes.
         """
-        from resample_volume.media.mixing import mixed, with_light
-
         if len(media) == 1:
             return cls.of(*media[0], resampler, around=media[0][0] if fit == "volume" else None)
+        from resample_volume.media.mixing import mixed, with_light
+
         resampler = resampler or BY_DEFAULT
         check_several(media, resampler)
         media, resampler = decided(media, resampler)

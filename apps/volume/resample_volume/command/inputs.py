@@ -118,9 +118,9 @@ def with_memory(
 
     Workers scan a large one, unless its statistics are cached.
     """
-    from resample_volume.files.stores import statistics_cache
-
     if is_streamed(volume):
+        from resample_volume.files.stores import statistics_cache
+
         values = bricks_of(volume)
         return_freed_memory()
         free = available_memory()

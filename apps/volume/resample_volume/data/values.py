@@ -215,7 +215,7 @@ def as_array(volume: Volume) -> Volume:
     if not is_streamed(volume):
         return volume
     bricks = bricks_of(volume)
-    size = bricks.size * bricks.dtype.itemsize
+    size = bricks.bytes_to_load
     made = bytes_of_field(bricks.shape, bricks.dtype)
     if bricks.memory is None or size + made <= bricks.memory:
         require_memory(size, volume.name)

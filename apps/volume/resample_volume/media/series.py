@@ -102,13 +102,13 @@ class Series:
 
 def whole(recording: Recording) -> Volume:
     """Stack all times of a recording in one volume."""
-    from resample_volume.files.stores.chunks import Single
-
     values: Any = recording.values
     times, parts, *size = values.shape
     if not recording.is_color and parts != 1:
         return volume_at(recording, 0, None)  # the message says that there are channels
     if is_chunked(recording):
+        from resample_volume.files.stores.chunks import Single
+
         return alone(recording._replace(values=Single(values.stacked_along_z())))  # type: ignore[arg-type]
     across = np.moveaxis(values, 0, 1).reshape(1, parts, times * size[0], *size[1:])
     return alone(recording._replace(values=across))
