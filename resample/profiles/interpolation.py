@@ -25,6 +25,7 @@ NEGLIGIBLE = 1e-7  # fraction of the middle tap of a prefilter below which taps 
 LONGEST = 512  # samples over which a prefilter is computed
 FINE = 4096  # integration steps per sample
 LIMITS = {"none": -1.0, "range": 0.0, "peaks": 1.0}  # allowed overshoot, fraction of a peak
+ROUNDING = 1e-12  # weights at points below which they are errors of rounding
 RAYS = 8  # quadrature points in half a part of a sample
 
 
@@ -78,6 +79,33 @@ class InterpolatingCatmullRom:
         t = distance
         near = (1.5 * t - 2.5) * t * t + 1.0
         far = ((-0.5 * t + 2.5) * t - 4.0) * t + 2.0
+        return np.where(t < 1.0, near, np.where(t < 2.0, far, 0.0))
+
+
+@dataclass(frozen=True)
+class InterpolatingCubic:
+    """Cubic convolution with a slope of choice; −3/4 is OpenCV's INTER_CUBIC and PyTorch's bicubic.
+
+    Keys, Cubic Convolution Interpolation for Digital Image Processing, 1981. Only with −1/2, as
+    `InterpolatingCatmullRom` has it, parabolas are reproduced.
+
+    Parameters
+    ----------
+    a
+        Slope at a distance of one sample, −1 to 0.
+    """
+
+    a: float = -0.75
+    radius: ClassVar[float] = 2.0
+
+    def __post_init__(self) -> None:
+        if not -1.0 <= self.a <= 0.0:
+            raise ValueError(f"a is a slope between -1 and 0, not {self.a}")
+
+    def __call__(self, distance: Doubles) -> Doubles:
+        t, a = distance, self.a
+        near = ((a + 2.0) * t - (a + 3.0)) * t * t + 1.0
+        far = a * (((t - 5.0) * t + 8.0) * t - 4.0)
         return np.where(t < 1.0, near, np.where(t < 2.0, far, 0.0))
 
 
@@ -287,6 +315,31 @@ def integrals(interpolation: Interpolation, phases: int, ones: int) -> Integrals
     stride = table.shape[1]
     flat = np.append(table, np.zeros(ones, np.float32))
     return Integrals(flat, stride, taps, before, 0.5 if is_whole else 0.0)
+
+
+@once
+def point_taps(interpolation: Interpolation, phases: int) -> tuple[Floats, int, int]:
+    """Weights of the samples around points, for fractions p / phases of a sample.
+
+    Returns
+    -------
+    table
+        ((phases + 2) × stride,); row p holds the weights, padded with zeros. Where a point is a
+        sample's center, that sample alone has a weight if the kernel interpolates.
+    stride, taps
+        A multiple of eight, and the number of weights, from the sample `taps` / 2 − 1 before the
+        point on.
+    """
+    reach = max(1, math.ceil(interpolation.radius))
+    stride = 8 * math.ceil(2 * reach / 8)
+    fraction = np.minimum(np.arange(phases + 2) / phases, 1.0)[:, None]
+    distance = np.abs(np.arange(1 - reach, reach + 1) - fraction)
+    inside = np.minimum(distance, interpolation.radius)
+    weight = np.where(distance <= interpolation.radius, interpolation(inside), 0.0)
+    weight = weight / weight.sum(axis=1, keepdims=True)
+    table = np.zeros((phases + 2, stride), np.float32)
+    table[:, : 2 * reach] = np.where(np.abs(weight) < ROUNDING, 0.0, weight)
+    return table.reshape(-1), stride, 2 * reach
 
 
 @once

@@ -12,7 +12,14 @@ from numpy.typing import NDArray
 from resample.types import Floats
 from resample_texture.arguments import REFLECT_101, check_out, within
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
-from resample_texture.geometry.shifts import Picks, picks_of_move, texels_at, unfolded, whole_move
+from resample_texture.geometry.shifts import (
+    Picks,
+    picks_of_move,
+    texels_at,
+    unfolded,
+    whole_move,
+    whole_shift,
+)
 from resample_texture.geometry.windows import PictureWindow, VisibleTiles, between, windows_of
 from resample_texture.texels.encoding import (
     Encoding,
@@ -21,7 +28,16 @@ from resample_texture.texels.encoding import (
     encoded,
     has_straight_alpha,
 )
-from resample_texture.texels.gaps import Mended, added, masked, mended, missing_in, unmasked
+from resample_texture.texels.gaps import (
+    LEAST,
+    Mended,
+    added,
+    kept,
+    masked,
+    mended,
+    missing_in,
+    unmasked,
+)
 from resample_texture.texels.spans import WIDE
 from resample_texture.types import Edge, Method, Warped
 
@@ -44,14 +60,29 @@ class Drawing(NamedTuple):
     threads: int | None = None
     as_light: bool = False  # the result is float light, whatever the source's type
     has_gaps: bool | None = None  # whether some values are not finite; None: unknown
+    behind: NDArray[Any] | None = None  # (h, w, C) or (1, 1, C) background, of the source's type
+
+    def stored(self, warped: Warped, encoding: Encoding, part: Any = np.s_[:, :]) -> Warped:
+        """Return a part of the target as a picture of the source's type, over the background."""
+        if self.behind is None:
+            return finished(warped, encoding)
+        plain = kept(warped, encoding.gaps)
+        behind = np.broadcast_to(self.behind, (*self.shape, self.behind.shape[2]))[part]
+        image = encoded(plain.image, plain.coverage, encoding, missing=plain.missing, behind=behind)
+        return Warped(image, warped.coverage)
 
 
 def drawn(
     image: NDArray[Any], drawing: Drawing, *, linear_light: bool, alpha: str | None
 ) -> Warped:
-    """Warp a picture (H, W) or (H, W, C), masked or not; coverage is 0 without values."""
+    """Warp a picture (H, W) or (H, W, C), masked or not; coverage is 0 without values.
+
+    With a background the picture is opaque, and the coverage that of the source.
+    """
     image, drawing = continued(image, drawing)
     picks = copied(image, drawing)
+    if picks is not None and drawing.behind is not None:
+        return Warped(_copied_over(image, picks, drawing.behind), picks.coverage)
     if picks is not None:
         moved = picked(image, picks, alpha)
         if drawing.as_light:
@@ -85,7 +116,7 @@ def _drawn_whole(
         there = np.ascontiguousarray(texels[..., -encoding.gaps :])
         plain = added(warped, run(drawing._replace(method=mean), there).image, encoding.gaps)
         return _as_stored(plain, encoding)
-    return finished(warped, encoding)
+    return drawing.stored(warped, encoding)
 
 
 def finished(warped: Warped, encoding: Encoding) -> Warped:
@@ -204,7 +235,7 @@ class _Read:
         from resample.engine import jit
 
         with jit.threads(self.drawing.threads):
-            return finished(mixed.projected(self), encoding)
+            return self.drawing.stored(mixed.projected(self), encoding, mixed.far.part)
 
     def _decoded(self, part: NDArray[Any]) -> tuple[Floats, Encoding]:
         return decoded(np.asarray(part), **self.light, gaps=self.gaps)
@@ -238,9 +269,16 @@ def _part_of(
         roi = (left, top, right - left, bottom - top)
         geometry, shape, inner = within(geometry, drawing.shape, roi, drawing.method)
     edge = drawing.edge if window.source.is_within(size) else Edge.CLAMP
+    behind = drawing.behind
+    if behind is not None and behind.shape[:2] != (1, 1):
+        y, x = top - (inner[0].start or 0), left - (inner[1].start or 0)
+        behind = behind[y : y + shape[0], x : x + shape[1]]
     assert not isinstance(geometry, ForwardMap)  # forward maps are not drawn in windows
     return drawing._replace(
-        geometry=between(geometry, window, size, drawing.shape), shape=shape, edge=edge
+        geometry=between(geometry, window, size, drawing.shape),
+        shape=shape,
+        edge=edge,
+        behind=behind,
     ), inner
 
 
@@ -281,9 +319,13 @@ def copied(image: NDArray[Any], drawing: Drawing) -> Picks | None:
     if hasattr(method, "picks"):
         picks: Picks = method.picks(image, geometry, shape, Edge(edge))
         return picks
-    if not (isinstance(geometry, Homography) and getattr(method, "keeps_texels", False)):
+    if not getattr(method, "keeps_texels", False):
         return None
-    move = whole_move(geometry.matrix)
+    move = None
+    if isinstance(geometry, Homography):
+        move = whole_move(geometry.matrix)
+    elif isinstance(geometry, BackwardMap) and geometry.x.shape == shape:
+        move = whole_shift(geometry.x, geometry.y)
     if move is None:
         return None
     return picks_of_move(move, (image.shape[0], image.shape[1]), shape, Edge(edge))
@@ -307,6 +349,20 @@ def picked(image: NDArray[Any], picks: Picks, alpha: str | None = None) -> Warpe
         hidden = (lost | nothing[..., None]).reshape(form)
         result = masked(result, hidden, mask.fill)
     return Warped(result, np.where(nothing, np.float32(0), picks.coverage))
+
+
+def _copied_over(image: NDArray[Any], picks: Picks, behind: NDArray[Any]) -> NDArray[Any]:
+    """Copy texels, value for value, over a background."""
+    planes = image.reshape(*image.shape[:2], -1)
+    form = (*picks.coverage.shape, *image.shape[2:])
+    is_there = (picks.coverage >= LEAST)[..., None]
+    row, column = np.broadcast_arrays(picks.row, picks.column)
+    values = np.ma.getdata(planes)[row, column]
+    shown = np.where(is_there, values, behind).astype(image.dtype, copy=False).reshape(form)
+    if not isinstance(image, np.ma.MaskedArray):
+        return shown
+    hidden = (np.ma.getmaskarray(planes)[row, column] & is_there).reshape(form)
+    return masked(shown, hidden, image.fill_value)
 
 
 def _run_with_gaps(drawing: Drawing, texels: Floats, gaps: int) -> Warped:

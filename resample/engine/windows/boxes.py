@@ -16,6 +16,8 @@ PHASES = 256  # rows of a table of integrals
 ONES = 8  # entries of 1 before, and of 0 after, those in between
 LONGEST = 192.0  # samples, of a box's side
 SHORTEST = 0.05  # samples; shorter sides are widened to it, which leaves the mean as it is
+POINTLIKE = 0.01  # samples; shorter sides are points, if the interpolation is of point values
+FINE_PHASES = 1024  # rows of a table of weights at points
 WIDE = 224  # weights along an axis, at most
 SPARE = 8  # numbers that may be read beyond a grid's last
 
@@ -33,6 +35,15 @@ class Integral(NamedTuple):
     taps: int
     before: int
     shift: float
+    shortest: float  # samples; shorter sides are widened to it, or are points
+
+
+class PointTaps(NamedTuple):
+    """Weights of the samples around a point, tabulated by the point's fraction of a sample."""
+
+    table: Floats  # (FINE_PHASES + 2) × stride; padded with zeros
+    stride: int  # a multiple of eight
+    taps: int  # 0: short sides are widened boxes
 
 
 class Plate(NamedTuple):
@@ -69,7 +80,7 @@ def _far_weights(
     first: int,
 ) -> None:
     """As `weights`, for a side so long that the tables' transitions at its ends do not overlap."""
-    table, stride, taps, _, _ = integral
+    table, stride, taps = integral.table, integral.stride, integral.taps
     low, high = rows[0] * stride + ONES, rows[1] * stride + ONES
     # Clamp both ends' entries to their rows: 1 before the transition, 0 after it.
     for k in range(taps + apart):
@@ -88,8 +99,36 @@ def _clear(scratch: Floats, first: int) -> None:
 
 
 @inner_step
+def _point_weights(
+    points: PointTaps, place: float, size: int, share: Single, scratch: Floats, first: int
+) -> int:
+    """Compute the weights of the samples around a point, into `scratch`; return the first sample.
+
+    Parameters
+    ----------
+    place
+        Samples from the start of a grid with `size` of them; the window is kept on the grid.
+    """
+    table, stride, taps = points
+    # Split the distance from the sample before into samples, table rows and a fraction of a row.
+    before = taps // 2 - 1
+    low = min(max(float(before), place - 0.5), float(size - taps + before))
+    at: Whole = np.int32(low)
+    f = np.float32(low - at) * np.float32(FINE_PHASES)
+    row: Whole = np.int32(f)
+    f -= np.float32(row)
+    k = np.uint64(row * stride)
+    for n in range(stride):
+        o = k + np.uint64(n)
+        step = table[o + np.uint64(stride)] - table[o]
+        scratch[first + n] = share * (table[o] + f * step)
+    return int(at - before)
+
+
+@inner_step
 def weights(
     integral: Integral,
+    points: PointTaps,
     side: tuple[float, float],
     size: int,
     share: Single,
@@ -112,9 +151,11 @@ def weights(
     -------
     First sample, and how many. Weights up to the next multiple of eight are 0.
     """
-    table, stride, taps, before, shift = integral
+    table, stride, taps, before, shift, shortest = integral
+    if points.taps > 0 and side[1] < shortest:
+        return _point_weights(points, side[0], size, share, scratch, first), points.taps
     # Bound the side; constants come first, as min and max with NaN return their first argument.
-    extent = min(max(SHORTEST, side[1]), LONGEST)
+    extent = min(max(shortest, side[1]), LONGEST)
     # Keep the window on the grid.
     low = max(float(before), side[0] - 0.5 * extent - shift)
     low = min(low, float(size - taps) + before - extent - 1.0)
@@ -246,7 +287,13 @@ def _add_columns(scratch: Floats, count: int, channels: int, total: Floats) -> N
 
 @inner_step
 def add_mean(
-    plate: Plate, integral: Integral, box: GridBox, share: Single, scratch: Floats, total: Floats
+    plate: Plate,
+    integral: Integral,
+    points: PointTaps,
+    box: GridBox,
+    share: Single,
+    scratch: Floats,
+    total: Floats,
 ) -> None:
     """Add the mean of a grid over a box, times a share, to the channels `total`.
 
@@ -260,8 +307,8 @@ def add_mean(
     # Weights along both axes; the share is in those along v.
     flat, _, _, rows, columns, channels, there, before = plate
     one = np.float32(1)
-    left, wide = weights(integral, (box.u, box.wide), columns, one, scratch, 0)
-    top, high = weights(integral, (box.v, box.high), rows, share, scratch, WIDE)
+    left, wide = weights(integral, points, (box.u, box.wide), columns, one, scratch, 0)
+    top, high = weights(integral, points, (box.v, box.high), rows, share, scratch, WIDE)
     # First number of the window.
     at = np.uint64((top * there + left) * channels - before)
     stride = np.uint64(there * channels)

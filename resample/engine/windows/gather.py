@@ -20,6 +20,7 @@ from resample.engine.windows.boxes import (
     GridBox,
     Integral,
     Plate,
+    PointTaps,
     add_mean,
     scratch_size,
 )
@@ -49,6 +50,7 @@ FARTHEST = 2.0**40  # samples from the grid's origin beyond which there is nothi
 LIMITED = 2.0  # samples along u and v up to which the limits at one position hold for a pixel
 LONGEST_LIMITED = 24.0  # samples along one axis, `LIMITED` along the other: limits are averaged
 NEARLY = 1e-6  # samples, or share of a pixel, that count as nothing
+OWN = 1.001  # samples², a sample's own extent along an axis, and what maps in float32 round
 
 
 class PixelFootprint(NamedTuple):
@@ -65,6 +67,7 @@ class GridView(NamedTuple):
 
     plate: Plate
     integral: Integral
+    points: PointTaps  # its weights at points; none: pixels are averaged over all that they cover
     size: tuple[int, int]  # (height, width) of the source; the grid is a part of it, with margins
     edge: int
     margin: float  # samples around the source into which positions are folded; inf: they are not
@@ -138,7 +141,7 @@ def _add_part(
     wide, high = math.sqrt(uu), math.sqrt(vv)
     for _ in range(boxes):
         box = GridBox(u + apart_u, v + apart_v, wide, high)
-        add_mean(view.plate, view.integral, box, share, scratch.weights, scratch.total)
+        add_mean(view.plate, view.integral, view.points, box, share, scratch.weights, scratch.total)
         apart_u, apart_v = -apart_u, -apart_v
 
 
@@ -163,6 +166,36 @@ def _add_parts(view: GridView, footprint: PixelFootprint, scratch: PixelScratch)
     each = np.float32(1.0 / (counts[0] * counts[1]))
     for n in range(counts[0] * counts[1]):
         _add_part(view, _part(footprint, counts, n), each, scratch)
+
+
+@inner_kernel
+def _shrunk(footprint: PixelFootprint) -> PixelFootprint:
+    """By how much a footprint is larger than a sample: their second moments' difference.
+
+    A sample is already a mean over its own extent, so only what a pixel covers beyond that is to be
+    averaged: nothing where samples keep their size or grow.
+    """
+    # Second moments, times 12, and their eigenvalues.
+    (ux, vx), (uy, vy) = footprint.along_x, footprint.along_y
+    uu, vv, uv = ux * ux + uy * uy, vx * vx + vy * vy, ux * vx + uy * vy
+    middle, apart = 0.5 * (uu + vv), math.hypot(0.5 * (uu - vv), uv)
+    # Subtract the sample's own along both eigenvectors.
+    if middle + apart <= OWN:
+        return PixelFootprint(footprint.u, footprint.v, (0.0, 0.0), (0.0, 0.0))
+    longer = math.sqrt(middle + apart - OWN)
+    shorter = math.sqrt(max(middle - apart - OWN, 0.0))
+    # Halve the angle 2 a of their axes: cos 2a = (uu − vv) / 2 apart.
+    double = 0.5 * (uu - vv) / apart if apart > NEARLY else 1.0
+    x = math.sqrt(max(0.5 + 0.5 * double, 0.0))
+    y = math.copysign(math.sqrt(max(0.5 - 0.5 * double, 0.0)), uv)
+    along_x, along_y = (longer * x, longer * y), (-shorter * y, shorter * x)
+    return PixelFootprint(footprint.u, footprint.v, along_x, along_y)
+
+
+@inner_step
+def _averaged(view: GridView, footprint: PixelFootprint) -> PixelFootprint:
+    """What a pixel is averaged over: its footprint, or what of it is larger than a sample."""
+    return footprint if view.points.taps == 0 else _shrunk(footprint)
 
 
 @inner_step
@@ -221,6 +254,7 @@ def _mean_within(view: GridView, footprint: PixelFootprint, scratch: PixelScratc
         return 0.0
     height, width = float(view.size[0]), float(view.size[1])
     # Split finely, and add the parts whose centers lie on the source.
+    footprint = _averaged(view, footprint)
     counts, inside = parts_of(footprint, view.finest), 0
     counts = max(counts[0], AT_EDGES), max(counts[1], AT_EDGES)
     for n in range(counts[0] * counts[1]):
@@ -252,7 +286,7 @@ def _mean_of(view: GridView, footprint: PixelFootprint, scratch: PixelScratch) -
     if not _is_within(view, footprint):
         return _mean_within(view, footprint, scratch)
     # Elsewhere, fold the footprint into the grid, and add it whole or in parts.
-    placed = _place(view, footprint)
+    placed = _averaged(view, _place(view, footprint))
     if is_box(placed, view.finest):
         _add_part(view, placed, np.float32(1), scratch)
     else:

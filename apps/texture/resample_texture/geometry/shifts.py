@@ -47,6 +47,20 @@ def whole_move(matrix: Doubles) -> Move | None:
     return Move((int(shift[0]), int(shift[1])), (int(sign[0]), int(sign[1])), is_turned)
 
 
+def whole_shift(x: Doubles, y: Doubles) -> Move | None:
+    """Return the shift by whole pixels of a backward map (h, w); None if it is any other."""
+    across, down = np.arange(x.shape[1]) + 0.5, np.arange(x.shape[0])[:, None] + 0.5
+    right, below = float(x[0, 0]) - 0.5, float(y[0, 0]) - 0.5
+    if not (right.is_integer() and below.is_integer() and max(abs(right), abs(below)) <= FARTHEST):
+        return None
+    ends = np.s_[[0, -1]], np.s_[:, [0, -1]]  # most other maps differ here
+    for part in (*ends, np.s_[:]):
+        is_along = np.array_equal(x[part], np.broadcast_to(across + right, x.shape)[part])
+        if not (is_along and np.array_equal(y[part], np.broadcast_to(down + below, y.shape)[part])):
+            return None
+    return Move((-int(right), -int(below)), (1, 1))
+
+
 def picks_of_move(
     move: Move, source_shape: tuple[int, int], shape: tuple[int, int], edge: Edge
 ) -> Picks:

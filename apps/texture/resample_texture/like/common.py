@@ -5,25 +5,52 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from resample import registry
+from resample.profiles.interpolation import Nearest
 from resample_texture.arguments import check_shape, method_named
-from resample_texture.drawing import Drawing, continued, copied, run
-from resample_texture.geometry.shifts import Picks
-from resample_texture.texels.encoding import check_picture, decoded, encoded
-from resample_texture.texels.gaps import LEAST, kept, masked
+from resample_texture.drawing import Drawing, drawn
+from resample_texture.methods.forward import Hybrid
 from resample_texture.types import Method
 
 NEAREST = "nearest"  # the interpolation that copies texels, done by the method of that name
-ORDERS = {0: NEAREST, 1: "bilinear", 2: "spline", 3: "spline", 4: "spline", 5: "spline"}
+SPLINES = {order: f"spline:degree={order}" for order in (2, 3, 4, 5)}
+ORDERS = {0: NEAREST, 1: "bilinear", **SPLINES}
 
 
-def method_for(interpolation: str, method: str | Method | None) -> Method:
-    """Return a method with an interpolation, by default `hybrid` or `nearest`."""
+def method_for(interpolation: str, method: str | Method | None = None) -> Method:
+    """Return a method with an interpolation, by default `hybrid` or `nearest`.
+
+    Kernels of other libraries interpolate between values at points, and pixels are averaged only
+    where they cover more than a texel; what takes texels for means, as `area-spline` does, averages
+    always.
+    """
     if method is None:
-        method = NEAREST if interpolation == NEAREST else "hybrid"
+        if interpolation == NEAREST:
+            return method_named(NEAREST)
+        kernel = registry.build("interpolations", interpolation)
+        return Hybrid(interpolation=kernel, average="always" if _averages(kernel) else "shrinking")
     chosen = method_named(method)
     if hasattr(chosen, "interpolation"):
         chosen = method_named(chosen, interpolation=interpolation)
     return chosen
+
+
+def method_of_order(
+    order: int, interpolation: str | None, method: str | Method | None, splines: bool = True
+) -> Method:
+    """Return the method of an order of SciPy's or scikit-image's, or of an interpolation.
+
+    Without `splines` order 3 is scikit-image's cubic convolution.
+    """
+    if order not in ORDERS:
+        raise ValueError(f"order {order!r}; known: 0 to 5")
+    kernel = ORDERS[order] if splines or order != 3 else "catmull-rom"
+    return method_for(interpolation or kernel, method)
+
+
+def _averages(kernel: Any) -> bool:
+    """Whether an interpolation is one of means, or of blocks."""
+    return bool(getattr(kernel, "is_mean", False)) or isinstance(kernel, Nearest)
 
 
 def draw(
@@ -39,14 +66,8 @@ def draw(
         Filter linear light, not the encoded levels.
     """
     check_shape(drawing.shape)
-    check_picture(np.ma.getdata(image))
-    image, drawing = continued(image, drawing)
-    picks = copied(image, drawing)
-    if picks is not None:
-        return _copies(image, picks, behind)
-    texels, encoding = decoded(image, linear_light=linear_light, alpha="none")
-    plain = kept(run(drawing, texels), encoding.gaps)
-    return encoded(plain.image, plain.coverage, encoding, missing=plain.missing, behind=behind)
+    drawing = drawing._replace(behind=behind)
+    return drawn(image, drawing, linear_light=linear_light, alpha="none").image
 
 
 def color_behind(
@@ -74,20 +95,6 @@ def into(given: NDArray[Any] | None, result: NDArray[Any]) -> NDArray[Any]:
         return result
     given[...] = result
     return given
-
-
-def _copies(image: NDArray[Any], picks: Picks, behind: NDArray[Any]) -> NDArray[Any]:
-    """Copy texels, value for value, over a background."""
-    planes = image.reshape(*image.shape[:2], -1)
-    form = (*picks.coverage.shape, *image.shape[2:])
-    is_there = (picks.coverage >= LEAST)[..., None]
-    row, column = np.broadcast_arrays(picks.row, picks.column)
-    values = np.ma.getdata(planes)[row, column]
-    shown = np.where(is_there, values, behind).astype(image.dtype, copy=False).reshape(form)
-    if not isinstance(image, np.ma.MaskedArray):
-        return shown
-    hidden = (np.ma.getmaskarray(planes)[row, column] & is_there).reshape(form)
-    return masked(shown, hidden, image.fill_value)
 
 
 def _finite(values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -10,7 +10,7 @@ from resample_texture.arguments import REFLECT_101, check_out, whole_pair
 from resample_texture.drawing import Drawing
 from resample_texture.geometry.mappings import BackwardMap, Geometry
 from resample_texture.geometry.matrices import homography
-from resample_texture.like.common import ORDERS, color_behind, draw, method_for
+from resample_texture.like.common import color_behind, draw, method_of_order
 from resample_texture.texels.spans import rounded
 from resample_texture.types import Edge, Method
 
@@ -37,6 +37,7 @@ def affine_transform(  # noqa: PLR0913, PLR0917 - as scipy.ndimage has it
     cval: float = 0.0,
     prefilter: bool = True,
     *,
+    interpolation: str | None = None,
     method: str | Method | None = None,
 ) -> NDArray[Any]:
     """Warp a picture (H, W): pixel o shows the input at `matrix` @ o + `offset`, rows first.
@@ -46,13 +47,16 @@ def affine_transform(  # noqa: PLR0913, PLR0917 - as scipy.ndimage has it
     matrix
         (2, 2), its diagonal (2,), or (2, 3) or (3, 3) with the offset in the last column.
     order
-        0 copies texels, 1 interpolates linearly, 2 to 5 use a cubic spline.
+        0 copies texels, 1 interpolates linearly, 2 to 5 are the degrees of a spline.
+    interpolation
+        Instead of that the name of one that `warp` takes, such as `area-spline`.
     """
     image = _picture(input)
     shape = _shape(output_shape, output, image)
     both = SWAP @ _full(matrix, offset) @ SWAP
     geometry = homography(both, convention="opencv", inverse=True)
-    return _drawn(image, geometry, shape, (order, mode, cval, prefilter), output, method)
+    chosen = method_of_order(order, interpolation, method)
+    return _drawn(image, geometry, shape, (order, mode, cval, prefilter), output, chosen)
 
 
 def map_coordinates(  # noqa: PLR0913 - as scipy.ndimage has it
@@ -64,6 +68,7 @@ def map_coordinates(  # noqa: PLR0913 - as scipy.ndimage has it
     cval: float = 0.0,
     prefilter: bool = True,
     *,
+    interpolation: str | None = None,
     method: str | Method | None = None,
 ) -> NDArray[Any]:
     """Warp a picture: pixels show the input at `coordinates` (2, h, w), rows first.
@@ -79,7 +84,8 @@ def map_coordinates(  # noqa: PLR0913 - as scipy.ndimage has it
         raise ValueError(f"coordinates have the shape (2, height, width), not {places.shape}")
     geometry = BackwardMap.from_opencv(places[1], places[0])
     shape = geometry.x.shape[0], geometry.x.shape[1]
-    return _drawn(image, geometry, shape, (order, mode, cval, prefilter), output, method)
+    chosen = method_of_order(order, interpolation, method)
+    return _drawn(image, geometry, shape, (order, mode, cval, prefilter), output, chosen)
 
 
 def _picture(given: NDArray[Any]) -> NDArray[Any]:
@@ -116,12 +122,10 @@ def _drawn(
     shape: tuple[int, int],
     chosen: tuple[int, str, float, bool],
     output: NDArray[Any] | DTypeLike | None,
-    method: str | Method | None,
+    method: Method,
 ) -> NDArray[Any]:
     """Draw a picture in the requested type, into the given array if any."""
     order, mode, cval, prefilter = chosen
-    if order not in ORDERS:
-        raise ValueError(f"order {order!r}; known: 0 to 5")
     if mode not in MODES:
         raise ValueError(f"mode {mode!r}; known: {', '.join(MODES)}")
     if order > 1 and not prefilter:
@@ -130,7 +134,7 @@ def _drawn(
     dtype = image.dtype if output is None else np.dtype(output) if out is None else out.dtype
     if dtype.kind == "f" and image.dtype.kind != "f":
         image = image.astype(dtype)
-    drawing = Drawing(method_for(ORDERS[order], method), geometry, shape, MODES[mode])
+    drawing = Drawing(method, geometry, shape, MODES[mode])
     result = draw(image, drawing, color_behind(cval, image, "cval"))
     if result.dtype != dtype:
         whole = dtype.kind in "biu" and result.dtype.kind == "f"

@@ -1,9 +1,10 @@
 """`warpPerspective`, `warpAffine`, `remap` and `resize` as in `cv2`, without aliasing.
 
-`from resample_texture.like import opencv as cv2` works: names, order of parameters, flags, borders
-and pixel centers are OpenCV's; OpenCV need not be installed. Arrays of all types and layouts are
-accepted, also masked ones. Values that are not numbers have no weight; pixels of which less than
-half has a value are not a number, or masked, in the result.
+`from resample_texture.like import opencv as cv2` works: names, order of parameters, flags, kernels,
+borders and pixel centers are OpenCV's; OpenCV need not be installed. Where nothing shrinks, results
+are those of OpenCV up to rounding; where texels shrink, pixels are means. Arrays of all types and
+layouts are accepted, also masked ones. Values that are not numbers have no weight; pixels of which
+less than half has a value are not a number, or masked, in the result.
 """
 
 from typing import Any
@@ -19,15 +20,16 @@ from resample_texture.like.common import NEAREST, color_behind, draw, into, meth
 from resample_texture.types import Edge, Method
 
 # Values of cv2's constants, so that it need not be imported.
+INTER_NEAREST, INTER_AREA, INTER_LINEAR_EXACT, INTER_NEAREST_EXACT = 0, 3, 5, 6
 WARP_INVERSE_MAP, WARP_FILL_OUTLIERS, WARP_RELATIVE_MAP = 16, 8, 32
-INTER_NEAREST, INTER_LINEAR_EXACT, INTER_NEAREST_EXACT = 0, 5, 6
 INTERPOLATIONS = {
     INTER_NEAREST: NEAREST,
     1: "bilinear",
-    2: "catmull-rom",
-    3: "bilinear",
-    4: "spline",
+    2: "cubic",
+    INTER_AREA: "bilinear",
+    4: "lanczos:a=4",
 }
+OF_RESIZE = {**INTERPOLATIONS, INTER_LINEAR_EXACT: "bilinear", INTER_NEAREST_EXACT: NEAREST}
 BORDER_CONSTANT, BORDER_TRANSPARENT = 0, 5
 BORDERS = {
     BORDER_CONSTANT: Edge.TRANSPARENT,
@@ -49,6 +51,7 @@ def warp_like_opencv(  # noqa: PLR0913 - as cv2 has it
     borderMode: int = BORDER_CONSTANT,  # noqa: N803
     borderValue: Color = 0,  # noqa: N803
     *,
+    interpolation: str | None = None,
     linear_light: bool = False,
     method: str | Method | None = None,
 ) -> NDArray[Any]:
@@ -67,11 +70,13 @@ def warp_like_opencv(  # noqa: PLR0913 - as cv2 has it
         Shows through under `BORDER_TRANSPARENT`. The result is also stored there, if shape and
         type fit.
     flags
-        `cv2.INTER_*`: interpolation where texels grow (LANCZOS4: a cubic spline). NEAREST copies
-        the texel at each pixel's center.
+        `cv2.INTER_*`: the kernel between texels. Where they shrink, it is averaged over the pixel.
+        NEAREST copies the texel at each pixel's center.
     borderMode, borderValue
         `BORDER_CONSTANT`, `_REPLICATE`, `_REFLECT`, `_REFLECT_101`, `_WRAP` or `_TRANSPARENT`; one
         value for all channels or one for each.
+    interpolation
+        Instead of that flag the name of one that `warp` takes, such as `area-spline`.
     linear_light
         Filter the linear light of uint8 and uint16; OpenCV filters the encoded values.
     method
@@ -94,9 +99,9 @@ def warp_like_opencv(  # noqa: PLR0913 - as cv2 has it
     kind = flags & ~WARP_INVERSE_MAP & ~WARP_FILL_OUTLIERS  # the latter is always done
     if kind not in INTERPOLATIONS:
         raise ValueError(f"flags {flags}: interpolations are cv2.INTER_NEAREST to INTER_LANCZOS4")
+    chosen = method_for(interpolation or INTERPOLATIONS[kind], method)
     shape = _shape(dsize)
     geometry = homography(M, convention="opencv", inverse=bool(flags & WARP_INVERSE_MAP))
-    chosen = method_for(INTERPOLATIONS[kind], method)
     drawing = Drawing(chosen, geometry, shape, _edge(borderMode))
     return _shown(src, drawing, dst, borderMode, borderValue, linear_light=linear_light)
 
@@ -113,6 +118,7 @@ def warpAffine(  # noqa: N802, PLR0913 - as cv2 has it
     borderMode: int = BORDER_CONSTANT,  # noqa: N803
     borderValue: Color = 0,  # noqa: N803
     *,
+    interpolation: str | None = None,
     linear_light: bool = False,
     method: str | Method | None = None,
 ) -> NDArray[Any]:
@@ -121,7 +127,7 @@ def warpAffine(  # noqa: N802, PLR0913 - as cv2 has it
         raise ValueError(f"an affine matrix is (2, 3), not {np.shape(M)}; see warpPerspective")
     return warpPerspective(
         src, M, dsize, dst, flags, borderMode, borderValue,
-        linear_light=linear_light, method=method,
+        interpolation=interpolation, linear_light=linear_light, method=method,
     )  # fmt: skip
 
 
@@ -129,7 +135,7 @@ def remap(  # noqa: PLR0913 - as cv2 has it
     src: NDArray[Any],
     map1: ArrayLike,
     map2: ArrayLike | None,
-    interpolation: int,
+    interpolation: int | str,
     dst: NDArray[Any] | None = None,
     borderMode: int = BORDER_CONSTANT,  # noqa: N803
     borderValue: Color = 0,  # noqa: N803
@@ -142,19 +148,19 @@ def remap(  # noqa: PLR0913 - as cv2 has it
     Parameters
     ----------
     interpolation
-        `cv2.INTER_*`, with `cv2.WARP_RELATIVE_MAP` if maps are relative to each pixel.
+        `cv2.INTER_*`, with `cv2.WARP_RELATIVE_MAP` if maps are relative to each pixel; or the name
+        of an interpolation that `warp` takes.
     """
-    kind = interpolation & ~WARP_RELATIVE_MAP
-    if kind not in INTERPOLATIONS:
-        raise ValueError(
-            f"interpolation {interpolation}: known are cv2.INTER_NEAREST to INTER_LANCZOS4"
-        )
+    is_relative = False
+    if not isinstance(interpolation, str):
+        is_relative = bool(interpolation & WARP_RELATIVE_MAP)
+        interpolation &= ~WARP_RELATIVE_MAP
+    chosen = method_for(_kernel(interpolation, INTERPOLATIONS, "INTER_LANCZOS4"), method)
     places = BackwardMap.from_opencv(map1, map2)
     height, width = places.x.shape
-    if interpolation & WARP_RELATIVE_MAP:
+    if is_relative:
         x, y = np.arange(width), np.arange(height)[:, None]
         places = BackwardMap(places.x + x, places.y + y)
-    chosen = method_for(INTERPOLATIONS[kind], method)
     drawing = Drawing(chosen, places, (height, width), _edge(borderMode))
     return _shown(src, drawing, dst, borderMode, borderValue, linear_light=linear_light)
 
@@ -165,7 +171,7 @@ def resize(  # noqa: PLR0913 - as cv2 has it
     dst: NDArray[Any] | None = None,
     fx: float = 0,
     fy: float = 0,
-    interpolation: int = 1,
+    interpolation: int | str = 1,
     *,
     linear_light: bool = False,
     method: str | Method | None = None,
@@ -181,18 +187,17 @@ def resize(  # noqa: PLR0913 - as cv2 has it
     fx, fy
         Scale along x and y, if there is no `dsize`.
     interpolation
-        `cv2.INTER_*`.
+        `cv2.INTER_*`, AREA being the mean of the block that a pixel covers; or the name of an
+        interpolation that `warp` takes.
 
     Raises
     ------
     ValueError
         There is neither a size nor a scale, or as `warpPerspective` does.
     """
-    known = {**INTERPOLATIONS, INTER_LINEAR_EXACT: "bilinear", INTER_NEAREST_EXACT: NEAREST}
-    if interpolation not in known:
-        raise ValueError(
-            f"interpolation {interpolation}: known are cv2.INTER_NEAREST to INTER_NEAREST_EXACT"
-        )
+    is_area = interpolation == INTER_AREA
+    kernel = NEAREST if is_area else _kernel(interpolation, OF_RESIZE, "INTER_NEAREST_EXACT")
+    chosen = method_for(kernel, "hybrid" if is_area and method is None else method)
     height, width = np.shape(src)[:2]
     if dsize is None or tuple(dsize) == (0, 0):
         if not (np.isfinite([fx, fy]).all() and min(fx, fy) > 0):
@@ -206,7 +211,6 @@ def resize(  # noqa: PLR0913 - as cv2 has it
         x = np.floor(np.arange(shape[1]) * (1.0 / fx)) + 0.5
         y = np.floor(np.arange(shape[0]) * (1.0 / fy)) + 0.5
         geometry = BackwardMap(*np.meshgrid(x, y))
-    chosen = method_for(known[interpolation], method)
     drawing = Drawing(chosen, geometry, shape, Edge.CLAMP)
     return _shown(src, drawing, dst, BORDER_CONSTANT, 0, linear_light=linear_light)
 
@@ -234,6 +238,15 @@ def _shape(size: tuple[int, int]) -> tuple[int, int]:
     width, height = whole_pair(size, "width", "height")
     check_shape((height, width))
     return height, width
+
+
+def _kernel(interpolation: int | str, known: dict[int, str], last: str) -> str:
+    """Return the name of a flag's interpolation, or the name given."""
+    if isinstance(interpolation, str):
+        return interpolation
+    if interpolation not in known:
+        raise ValueError(f"interpolation {interpolation}: known are cv2.INTER_NEAREST to {last}")
+    return known[interpolation]
 
 
 def _edge(border: int) -> str:

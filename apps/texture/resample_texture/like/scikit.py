@@ -9,7 +9,7 @@ from resample_texture.arguments import REFLECT_101, whole_pair
 from resample_texture.drawing import Drawing
 from resample_texture.geometry.mappings import BackwardMap, Geometry
 from resample_texture.geometry.matrices import homography
-from resample_texture.like.common import ORDERS, color_behind, draw, method_for
+from resample_texture.like.common import color_behind, draw, method_of_order
 from resample_texture.types import Edge, Method
 
 MODES = {
@@ -32,6 +32,7 @@ def warp(  # noqa: PLR0913, PLR0917 - as scikit-image has it
     clip: bool = True,
     preserve_range: bool = False,
     *,
+    interpolation: str | None = None,
     method: str | Method | None = None,
 ) -> NDArray[Any]:
     """Warp a picture (H, W) or (H, W, C) by an inverse map, antialiased where it shrinks.
@@ -50,14 +51,16 @@ def warp(  # noqa: PLR0913, PLR0917 - as scikit-image has it
     output_shape
         Height and width of the result; by default the image's.
     order
-        0 copies texels, 1 interpolates linearly, 2 to 5 use a cubic spline; by default 1, and 0
-        for booleans.
+        0 copies texels, 1 interpolates linearly, 2 to 5 are the degrees of a spline, but 3 is cubic
+        convolution if `inverse_map` is a matrix; by default 1, and 0 for booleans.
     mode, cval
         Edge mode: `constant`, `edge`, `symmetric`, `reflect` or `wrap`.
     clip
         Clip values to the range of the image and `cval`.
     preserve_range
         Keep integer values instead of scaling them.
+    interpolation
+        Instead of an order the name of one that `resample_texture.warp` takes, as `area-spline`.
     method
         As `resample_texture.warp` takes it.
 
@@ -69,14 +72,14 @@ def warp(  # noqa: PLR0913, PLR0917 - as scikit-image has it
     image = image if isinstance(image, np.ma.MaskedArray) else np.asarray(image)
     if order is None:
         order = 0 if image.dtype.kind == "b" else 1
-    if order not in ORDERS:
-        raise ValueError(f"order {order!r}; known: 0 to 5")
     if mode not in MODES:
         raise ValueError(f"mode {mode!r}; known: {', '.join(MODES)}")
     shape = whole_pair(output_shape or image.shape[:2], "height", "width")
     geometry = _geometry(inverse_map, map_args or {}, shape)
+    is_map = isinstance(geometry, BackwardMap)
+    chosen = method_of_order(order, interpolation, method, splines=is_map)
     given = image if order == 0 else _as_floats(image, preserve_range)
-    drawing = Drawing(method_for(ORDERS[order], method), geometry, shape, MODES[mode])
+    drawing = Drawing(chosen, geometry, shape, MODES[mode])
     result = draw(given, drawing, color_behind(cval, given, "cval"))
     return _clipped(result, given, cval) if clip and order > 1 else result
 

@@ -53,6 +53,11 @@ class Hybrid:
     error
         Instead of a quality: the rms error, as a share of the source's range, that white noise may
         have, 0.0007 or more. Pictures have far less.
+    average
+        `always`: a pixel is the mean over all that it covers. `shrinking`: only where it covers
+        more than a texel is it a mean, of what it covers beyond that; elsewhere it is the
+        interpolation's value at its center, as OpenCV, SciPy and scikit-image have it. Forward maps
+        average always.
 
     Raises
     ------
@@ -77,6 +82,7 @@ class Hybrid:
     total: bool = False
     clamp: bool = False
     error: float | None = None
+    average: str = "always"
 
     def __post_init__(self) -> None:
         _build(self, "filter", "filters")
@@ -86,6 +92,7 @@ class Hybrid:
         if self.magnified not in ("cells", "splats"):
             raise ValueError(f"magnified texels become cells or splats, not {self.magnified!r}")
         _check_clamp(self.clamp, self.total)
+        self._check_average()
 
     @property
     def keeps_texels(self) -> bool:
@@ -194,7 +201,29 @@ class Hybrid:
         from resample_texture.texels.forward import CellGrid
 
         quality = self.quality if self.error is None else _quality_for(self.error)
-        return CellGrid(self.filter, self.interpolation, quality, is_sum=self.total)
+        return CellGrid(
+            self.filter,
+            self.interpolation,
+            quality,
+            is_sum=self.total,
+            shrinking=self.average == "shrinking",
+        )
+
+    def _check_average(self) -> None:
+        if self.average not in ("always", "shrinking"):
+            raise ValueError(f"average is always or shrinking, not {self.average!r}")
+        if self.average == "always":
+            return
+        if not self._takes_areas or self.magnified != "cells" or self.total:
+            raise ValueError(
+                "average=shrinking interpolates under the area filter; leave filter, magnified and"
+                " total out"
+            )
+        if getattr(self.interpolation, "is_mean", False):
+            raise ValueError(
+                f"{self.interpolation} takes texels for means, so it averages always; with"
+                " average=shrinking give bilinear, cubic, lanczos or spline"
+            )
 
     def _splatted(
         self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge

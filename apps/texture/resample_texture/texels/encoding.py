@@ -169,11 +169,16 @@ def _of_texels(picture: Floats, encoding: Encoding) -> NDArray[Any]:
 
 def _over(picture: Floats, coverage: Floats, behind: Floats) -> Floats:
     """Composite a picture (H, W, C) over a background; its nans show only through gaps."""
-    missing = np.broadcast_to(1.0 - coverage, picture.shape)
-    through = np.zeros_like(picture)
-    np.multiply(missing, behind, out=through, where=missing > 0.0)
-    through += picture
-    return through
+    gaps = np.nonzero((coverage < 1.0).any(axis=2))
+    if not gaps[0].size:
+        return picture
+    share = 1.0 - np.broadcast_to(coverage, picture.shape)[gaps]
+    color = np.broadcast_to(behind, picture.shape)[gaps]
+    through = np.zeros_like(share)
+    np.multiply(share, color, out=through, where=share > 0.0)
+    over = picture.copy()
+    over[gaps] += through
+    return over
 
 
 def light(planes: NDArray[Any], *, is_encoded: bool, has_alpha: bool = False) -> Floats:

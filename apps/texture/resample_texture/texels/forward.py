@@ -65,6 +65,7 @@ class CellGrid:
     joined: float = JOINED  # px; 0: texels are not merged
     cut: bool = True  # whether texels are split
     is_sum: bool = False
+    shrinking: bool = False  # pixels that gather average only where samples shrink
 
     @property
     def reach(self) -> float:

@@ -12,10 +12,20 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.windows.boxes import LONGEST, ONES, PHASES, Integral, Plate
+from resample.engine.windows.boxes import (
+    FINE_PHASES,
+    LONGEST,
+    ONES,
+    PHASES,
+    POINTLIKE,
+    SHORTEST,
+    Integral,
+    Plate,
+    PointTaps,
+)
 from resample.engine.windows.gather import Extent, GridView
 from resample.engine.windows.limits import Limits
-from resample.profiles.interpolation import Interpolation, excess, integrals, prefilter
+from resample.profiles.interpolation import Interpolation, excess, integrals, point_taps, prefilter
 from resample.types import Doubles, Floats
 from resample_texture.geometry.mappings import BackwardMap, Homography, TargetRegion
 from resample_texture.geometry.windows import VisibleTiles
@@ -285,6 +295,10 @@ def _view(form: tuple[int, ...], edge: Edge, cells: CellGrid) -> GridView:
     height, width, channels = form
     plate = Plate(NOTHING, 0.0, 0.0, 0, 0, channels, 0, 0)
     finest = float(1.5 / cells.quality)
-    integral = Integral(*integrals(cells.interpolation, PHASES, ONES))
+    points = PointTaps(NOTHING, 0, 0)
+    if cells.shrinking:
+        points = PointTaps(*point_taps(cells.interpolation, FINE_PHASES))
+    shortest = POINTLIKE if cells.shrinking else SHORTEST
+    integral = Integral(*integrals(cells.interpolation, PHASES, ONES), shortest)
     limits = Limits(plate, excess(cells.interpolation))
-    return GridView(plate, integral, (height, width), EDGES[edge], math.inf, finest, limits)
+    return GridView(plate, integral, points, (height, width), EDGES[edge], math.inf, finest, limits)
