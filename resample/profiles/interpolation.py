@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import ClassVar, NamedTuple, Protocol, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from resample.profiles.memoization import once
 from resample.types import Doubles, Floats
@@ -26,6 +27,7 @@ LONGEST = 512  # samples over which a prefilter is computed
 FINE = 4096  # integration steps per sample
 LIMITS = {"none": -1.0, "range": 0.0, "peaks": 1.0}  # allowed overshoot, fraction of a peak
 ROUNDING = 1e-12  # weights at points below which they are errors of rounding
+SHORTEST = 1e-3  # samples; shorter sides are widened to it
 RAYS = 8  # quadrature points in half a part of a sample
 
 
@@ -290,12 +292,19 @@ class Integrals(NamedTuple):
     shift: float
 
 
+def _half_steps(interpolation: Interpolation) -> float:
+    """Radius of an interpolation, rounded up to half samples."""
+    return math.ceil(2.0 * interpolation.radius) / 2.0
+
+
 @once
-def integrals(interpolation: Interpolation, phases: int, ones: int) -> Integrals:
-    """Integral of an interpolation's kernel, with weights normalised to sum 1 everywhere."""
-    radius = math.ceil(2.0 * interpolation.radius) / 2.0
-    is_whole = radius == int(radius)
-    taps, before = int(2.0 * radius), math.ceil(radius - 0.5) - is_whole
+def cumulative(interpolation: Interpolation) -> tuple[Doubles, Doubles]:
+    """Integral of an interpolation's kernel from its start: places, and its values there.
+
+    Weights are normalised so that those of all samples sum to 1 at every place.
+    """
+    radius = _half_steps(interpolation)
+    taps = int(2.0 * radius)
     fine = np.linspace(-radius, radius, taps * FINE + 1)
     inside = np.minimum(np.abs(fine), interpolation.radius)
     kernel = np.where(np.abs(fine) <= interpolation.radius, interpolation(inside), 0.0)
@@ -305,7 +314,66 @@ def integrals(interpolation: Interpolation, phases: int, ones: int) -> Integrals
     sums[[0, -1]] = sums[[0, -1]].max()
     kernel = kernel / np.append(np.tile(sums[:-1], taps), sums[0])
     integral = np.append(0.0, np.cumsum(0.5 * (kernel[1:] + kernel[:-1])))
-    integral /= integral[-1]
+    return fine, integral / integral[-1]
+
+
+def side_weights(
+    interpolation: Interpolation, low: Doubles, high: Doubles
+) -> tuple[NDArray[np.int64], Doubles]:
+    """Weights of samples for means over sides (N,) from `low` to `high`.
+
+    Sample n covers n..n + 1. Weights of a side sum to 1.
+
+    Returns
+    -------
+    First sample of each side (N,), and weights (N, K).
+    """
+    radius, integral = _half_steps(interpolation), cumulative(interpolation)[1]
+    extent = np.maximum(high - low, SHORTEST)
+    middle = 0.5 * (low + high)
+    low, high = middle - 0.5 * extent, middle + 0.5 * extent
+    first = np.floor(low - radius - 0.5).astype(np.int64) + 1
+    last = np.ceil(high + radius - 0.5).astype(np.int64)
+    center = first[:, None] + np.arange(int((last - first).max(initial=1))) + 0.5
+    ends = (_read(integral, (end[:, None] - center + radius) * FINE) for end in (low, high))
+    start, end = ends
+    weight = (end - start) / extent[:, None]
+    return first, weight / weight.sum(axis=1, keepdims=True)
+
+
+def _read(table: Doubles, place: Doubles) -> Doubles:
+    """Interpolate a table linearly at places, which are clipped to it."""
+    at = np.clip(place, 0.0, table.size - 1.0)
+    row = np.minimum(at.astype(np.int64), table.size - 2)
+    return np.asarray(table[row] + (at - row) * (table[row + 1] - table[row]))
+
+
+def point_weights(
+    interpolation: Interpolation, place: Doubles
+) -> tuple[NDArray[np.int64], Doubles]:
+    """Weights of samples at places (N,), as `side_weights` has them for sides."""
+    before = np.floor(place - 0.5)
+    weight = _at_points(interpolation, place - 0.5 - before)
+    return before.astype(np.int64) + 1 - weight.shape[1] // 2, weight
+
+
+def _at_points(interpolation: Interpolation, fraction: Doubles) -> Doubles:
+    """Weights (N, K) of the samples around points that are so far beyond a sample's center."""
+    reach = max(1, math.ceil(interpolation.radius))
+    distance = np.abs(np.arange(1 - reach, reach + 1) - fraction[:, None])
+    inside = np.minimum(distance, interpolation.radius)
+    weight = np.where(distance <= interpolation.radius, interpolation(inside), 0.0)
+    weight[np.abs(weight) < ROUNDING] = 0.0
+    return np.asarray(weight / weight.sum(axis=1, keepdims=True))
+
+
+@once
+def integrals(interpolation: Interpolation, phases: int, ones: int) -> Integrals:
+    """Integral of an interpolation's kernel, with weights normalised to sum 1 everywhere."""
+    radius = _half_steps(interpolation)
+    is_whole = radius == int(radius)
+    taps, before = int(2.0 * radius), math.ceil(radius - 0.5) - is_whole
+    fine, integral = cumulative(interpolation)
     # A fraction may be rounded to 1, whose row is read with the next one.
     phase = np.arange(phases + 2) / phases - (0.0 if is_whole else 0.5)
     table = np.zeros((phases + 2, taps + 2 * ones), np.float32)
@@ -332,13 +400,10 @@ def point_taps(interpolation: Interpolation, phases: int) -> tuple[Floats, int, 
     """
     reach = max(1, math.ceil(interpolation.radius))
     stride = 8 * math.ceil(2 * reach / 8)
-    fraction = np.minimum(np.arange(phases + 2) / phases, 1.0)[:, None]
-    distance = np.abs(np.arange(1 - reach, reach + 1) - fraction)
-    inside = np.minimum(distance, interpolation.radius)
-    weight = np.where(distance <= interpolation.radius, interpolation(inside), 0.0)
-    weight = weight / weight.sum(axis=1, keepdims=True)
+    fraction = np.minimum(np.arange(phases + 2) / phases, 1.0)
+    weight = _at_points(interpolation, fraction)
     table = np.zeros((phases + 2, stride), np.float32)
-    table[:, : 2 * reach] = np.where(np.abs(weight) < ROUNDING, 0.0, weight)
+    table[:, : 2 * reach] = weight
     return table.reshape(-1), stride, 2 * reach
 
 

@@ -23,6 +23,8 @@ from resample_texture.types import Edge, Method
 
 LARGEST_PICTURE = 1 << 30  # pixels; a larger size is taken for a mistake
 MARGIN = 3  # px of a map around a region, beyond the filter, from which pixel sizes are estimated
+FEW_CHANNELS = 1, 3, 4  # rows of a picture that is taken for one with its channels first, ...
+MANY = 16  # ... if it has as many columns and channels, at least
 REFLECT_101 = "reflect-101"  # as `mirror`, about the outermost texels' centers: d c b | a b c d
 
 Places = Callable[[Any, Any], Any]  # from x and y in the target to x and y in the source
@@ -130,6 +132,62 @@ def check_shape(shape: tuple[int, int]) -> None:
             f"a target of {width} × {height} px; give a height and a width of 1 px or more, "
             f"together at most {LARGEST_PICTURE} px"
         )
+
+
+PREMULTIPLIED = "premultiplied"
+
+
+def check_layout(image: NDArray[Any]) -> None:
+    """Refuse pictures that have their channels first."""
+    form = image.shape[-3:]
+    if image.ndim in (3, 4) and form[0] in FEW_CHANNELS and min(form[1:]) >= MANY:
+        raise ValueError(
+            f"{image.shape} looks like channels first: {form[0]} rows of {form[1]} pixels with"
+            f" {form[2]} channels each; give numpy.moveaxis(image, {image.ndim - 3}, -1)"
+        )
+
+
+def fill_for(fill: float | str | None, image: Any, alpha: str | None, method: Method) -> Any:
+    """Return the value of pixels without any; None: the picture is multiplied by its coverage.
+
+    Values of floats and of masked arrays are measurements, unless they have opacity or are totals.
+    Of the picture only `dtype` and `shape` are read.
+    """
+    is_total = dataclasses.is_dataclass(method) and bool(getattr(method, "total", False))
+    has_alpha = len(image.shape) > 2 and image.shape[-1] == 4 and alpha != "none"
+    if fill == PREMULTIPLIED:
+        return None
+    if fill is None:
+        is_measured = image.dtype.kind == "f" or isinstance(image, np.ma.MaskedArray)
+        return math.nan if is_measured and not (is_total or has_alpha) else None
+    if isinstance(fill, str) or not np.isscalar(fill):
+        raise ValueError(f"fill is a number or {PREMULTIPLIED!r}, not {fill!r}")
+    if is_total or has_alpha:
+        kind = "totals are 0" if is_total else "pictures with opacity are transparent"
+        raise ValueError(f"{kind} where nothing is; leave fill out")
+    if image.dtype.kind in "bui" and not _holds(image.dtype, fill):
+        raise ValueError(f"fill {fill!r} is no {image.dtype}; give a value of that type")
+    return fill
+
+
+def _holds(dtype: np.dtype[Any], value: Any) -> bool:
+    """Whether a type of whole numbers has a value."""
+    if dtype.kind == "b":
+        return value in (0, 1)
+    limits = np.iinfo(dtype)
+    return bool(np.isfinite(value) and value == int(value) and limits.min <= value <= limits.max)
+
+
+def without_nodata(image: NDArray[Any], nodata: float | None) -> NDArray[Any]:
+    """Mask the value that stands for missing ones."""
+    if nodata is None:
+        return image
+    if isinstance(image, np.ma.MaskedArray):
+        raise ValueError("a masked array says what is missing; leave nodata out")
+    if image.dtype.kind in "bui" and not _holds(image.dtype, nodata):
+        raise ValueError(f"nodata {nodata!r} is no {image.dtype}; give a value of that type")
+    missing = np.isnan(image) if np.isnan(nodata) else image == image.dtype.type(nodata)
+    return np.ma.MaskedArray(image, missing)
 
 
 def check_out(out: NDArray[Any], shape: tuple[int, ...], image: NDArray[Any]) -> None:

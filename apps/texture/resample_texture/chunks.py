@@ -18,6 +18,7 @@ from resample_texture.arguments import (
     REFLECT_101,
     Places,
     edge_named,
+    fill_for,
     geometry_of,
     method_named,
     whole_pair,
@@ -78,6 +79,7 @@ class _Way(NamedTuple):
     shape: tuple[int, int]
     edge: str
     threads: int | None
+    fill: Any  # see `Drawing.fill`
 
 
 def warp_chunks(  # noqa: PLR0913 - what a user may say about a warp
@@ -91,8 +93,9 @@ def warp_chunks(  # noqa: PLR0913 - what a user may say about a warp
     edge: str = "transparent",
     convention: str = "corner",
     inverse: bool = False,
-    linear_light: bool = True,
+    linear_light: bool | None = None,
     alpha: str | None = None,
+    fill: float | str | None = None,
     threads: int | None = None,
 ) -> Any:
     """Warp a picture larger than memory, chunk by chunk; pixels equal those of `warp`.
@@ -105,7 +108,7 @@ def warp_chunks(  # noqa: PLR0913 - what a user may say about a warp
     source
         (H, W) or (H, W, C), anything with `shape` and `dtype` that returns arrays for slices:
         `zarr.open_array(...)`, `dask.array`, `numpy.memmap`.
-    matrix, shape, method, edge, convention, inverse, linear_light, alpha, threads
+    matrix, shape, method, edge, convention, inverse, linear_light, alpha, fill, threads
         As `warp` takes them. Geometry must be a matrix or a backward map, and the method one whose
         pixels gather from a part of the source, as the default. `reflect-101` is not available.
     out
@@ -144,7 +147,9 @@ def warp_chunks(  # noqa: PLR0913 - what a user may say about a warp
     if border == REFLECT_101:
         raise ValueError(f"edge {REFLECT_101} is only for pictures in memory; use mirror")
     geometry = geometry_of(matrix, shape, convention, inverse)
-    way = _Way(method_named(method), geometry, shape, border, threads)
+    chosen = method_named(method)
+    filling = fill_for(fill, kept, alpha, chosen)
+    way = _Way(chosen, geometry, shape, border, threads, filling)
     light: dict[str, Any] = {"linear_light": linear_light, "alpha": alpha}
     if out is None:
         return _lazy(source, kept, way, sides, light)
@@ -226,7 +231,8 @@ def _block(
 def _drawing(way: _Way, roi: tuple[int, int, int, int]) -> tuple[Drawing, tuple[slice, slice]]:
     """Return the drawing for a region (left, top, width, height), and its part of it."""
     geometry, form, part = within(way.geometry, way.shape, roi, way.method)
-    return Drawing(way.method, geometry, form, way.edge, way.threads), part
+    drawing = Drawing(way.method, geometry, form, way.edge, way.threads, fill=way.fill)
+    return drawing, part
 
 
 def _source_rect(source: _LazyPicture, drawing: Drawing) -> Rect:
@@ -262,7 +268,7 @@ def _chunks(
     way: _Way,
     sides: tuple[int, int],
     *,
-    linear_light: bool,
+    linear_light: bool | None,
     alpha: str | None,
 ) -> Iterator[Chunk]:
     """Yield all chunks of the target, row by row."""
@@ -289,7 +295,9 @@ def _is_read_in_parts(source: _LazyPicture, way: _Way) -> bool:
     return parts_of(source, Drawing(*way)) is not None
 
 
-def _drawn(source: Any, drawing: Drawing, *, linear_light: bool, alpha: str | None) -> Warped:
+def _drawn(
+    source: Any, drawing: Drawing, *, linear_light: bool | None, alpha: str | None
+) -> Warped:
     """Draw one chunk from the part of a source that it shows, or from one in memory."""
     parts = None
     if isinstance(source, _LazyPicture):

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Floats
-from resample_texture.arguments import REFLECT_101, check_out, within
+from resample_texture.arguments import PREMULTIPLIED, REFLECT_101, check_out, within
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
 from resample_texture.geometry.shifts import (
     Picks,
@@ -39,7 +39,7 @@ from resample_texture.texels.gaps import (
     unmasked,
 )
 from resample_texture.texels.spans import WIDE
-from resample_texture.types import Edge, Method, Warped
+from resample_texture.types import Edge, Means, Method, Warped
 
 if TYPE_CHECKING:
     from resample_texture.texels.gather import MixedTiles
@@ -61,11 +61,12 @@ class Drawing(NamedTuple):
     as_light: bool = False  # the result is float light, whatever the source's type
     has_gaps: bool | None = None  # whether some values are not finite; None: unknown
     behind: NDArray[Any] | None = None  # (h, w, C) or (1, 1, C) background, of the source's type
+    fill: Any = None  # value where nothing covers a pixel, others are means; None: premultiplied
 
     def stored(self, warped: Warped, encoding: Encoding, part: Any = np.s_[:, :]) -> Warped:
         """Return a part of the target as a picture of the source's type, over the background."""
         if self.behind is None:
-            return finished(warped, encoding)
+            return finished(warped, encoding, self.fill)
         plain = kept(warped, encoding.gaps)
         behind = np.broadcast_to(self.behind, (*self.shape, self.behind.shape[2]))[part]
         image = encoded(plain.image, plain.coverage, encoding, missing=plain.missing, behind=behind)
@@ -73,7 +74,7 @@ class Drawing(NamedTuple):
 
 
 def drawn(
-    image: NDArray[Any], drawing: Drawing, *, linear_light: bool, alpha: str | None
+    image: NDArray[Any], drawing: Drawing, *, linear_light: bool | None, alpha: str | None
 ) -> Warped:
     """Warp a picture (H, W) or (H, W, C), masked or not; coverage is 0 without values.
 
@@ -85,6 +86,8 @@ def drawn(
         return Warped(_copied_over(image, picks, drawing.behind), picks.coverage)
     if picks is not None:
         moved = picked(image, picks, alpha)
+        if drawing.fill is not None:
+            return filled(moved, drawing.fill)
         if drawing.as_light:
             return Warped(light_of(moved.image, linear_light, alpha), moved.coverage)
         return moved
@@ -95,7 +98,7 @@ def drawn(
     return _drawn_whole(image, drawing, linear_light=linear_light, alpha=alpha)
 
 
-def light_of(image: NDArray[Any], linear_light: bool, alpha: str | None) -> Floats:
+def light_of(image: NDArray[Any], linear_light: bool | None, alpha: str | None) -> Floats:
     """Return the light, in floats, of a picture of levels or of light."""
     if image.dtype.kind == "f":
         return image.astype(np.float32)
@@ -104,7 +107,7 @@ def light_of(image: NDArray[Any], linear_light: bool, alpha: str | None) -> Floa
 
 
 def _drawn_whole(
-    image: NDArray[Any], drawing: Drawing, *, linear_light: bool, alpha: str | None
+    image: NDArray[Any], drawing: Drawing, *, linear_light: bool | None, alpha: str | None
 ) -> Warped:
     """Warp a picture without windows."""
     is_sum = adds(drawing.method)
@@ -119,9 +122,26 @@ def _drawn_whole(
     return drawing.stored(warped, encoding)
 
 
-def finished(warped: Warped, encoding: Encoding) -> Warped:
-    """Return warped texels as a picture of the source's type."""
-    return _as_stored(mended(warped, encoding.gaps), encoding)
+def finished(warped: Warped, encoding: Encoding, fill: Any = None) -> Warped:
+    """Return warped texels as a picture of the source's type; see `Drawing.fill`."""
+    plain = mended(warped, encoding.gaps)
+    if fill is None:
+        return _as_stored(plain, encoding)
+    coverage = plain.coverage.reshape(*plain.image.shape[:2], -1)
+    image = np.divide(plain.image, coverage, out=np.zeros_like(plain.image), where=coverage > 0.0)
+    made = _as_stored(plain._replace(image=image, coverage=np.ones_like(coverage)), encoding)
+    return filled(Warped(made.image, plain.coverage), fill)
+
+
+def filled(warped: Warped, fill: Any) -> Means:
+    """Put a value, or a mask, where nothing covers a pixel."""
+    image, is_empty = warped.image, warped.coverage == 0.0
+    if isinstance(image, np.ma.MaskedArray):
+        is_all = is_empty.reshape(is_empty.shape + (1,) * (image.ndim - is_empty.ndim))
+        image = masked(image.data, np.ma.getmaskarray(image) | is_all, image.fill_value)
+    else:
+        image[is_empty] = fill
+    return Means(image, warped.coverage)
 
 
 def _as_stored(plain: Mended, encoding: Encoding) -> Warped:
@@ -133,7 +153,13 @@ def put(warped: Warped, out: NDArray[Any]) -> Warped:
     """Put a result into the array given as `out`."""
     check_out(out, warped.image.shape, warped.image)
     out[...] = warped.image
-    return Warped(out, warped.coverage)
+    return type(warped)(out, warped.coverage)
+
+
+def with_nodata(warped: Warped, nodata: float, fill: float | str | None) -> Warped:
+    """Return a masked picture with a value in place of its mask: `nodata`, or `fill` if given."""
+    value = nodata if fill is None or fill == PREMULTIPLIED else fill
+    return type(warped)(np.ma.filled(warped.image, value), warped.coverage)
 
 
 def _is_large(image: NDArray[Any], drawing: Drawing) -> bool:
@@ -169,13 +195,14 @@ def parts_of(image: Any, drawing: Drawing) -> DrawnParts | None:
 
 
 def drawn_in_parts(
-    image: Any, drawing: Drawing, parts: DrawnParts, *, linear_light: bool, alpha: str | None
+    image: Any, drawing: Drawing, parts: DrawnParts, *, linear_light: bool | None, alpha: str | None
 ) -> Warped:
     """Warp a picture window by window; it need only support slices."""
     form = LIGHT if drawing.as_light else image.dtype
     result = Warped(
         np.empty((*drawing.shape, *image.shape[2:]), form), np.empty(drawing.shape, np.float32)
     )
+    result = result if drawing.fill is None else Means(*result)
     size, channels = (image.shape[0], image.shape[1]), math.prod(image.shape[2:])
     is_near: NDArray[np.bool_] | None = None
     if parts.mixed is not None:
@@ -208,7 +235,9 @@ def _pixels_of(mixed: "MixedTiles", shape: tuple[int, int]) -> NDArray[np.bool_]
 class _Read:
     """Texels of a sliceable picture, decoded on demand."""
 
-    def __init__(self, image: Any, drawing: Drawing, linear_light: bool, alpha: str | None) -> None:
+    def __init__(
+        self, image: Any, drawing: Drawing, linear_light: bool | None, alpha: str | None
+    ) -> None:
         self.image, self.drawing = image, drawing
         self.channels = math.prod(image.shape[2:])
         has_gaps = _has_gaps(image) if drawing.has_gaps is None else drawing.has_gaps

@@ -23,8 +23,9 @@ def resize(
     *,
     method: str | Method = "hybrid",
     edge: str = "clamp",
-    linear_light: bool = True,
+    linear_light: bool | None = None,
     alpha: str | None = None,
+    **choices: Any,
 ) -> Warped:
     """Resize a picture so that it fills the target exactly.
 
@@ -38,6 +39,8 @@ def resize(
         Name, or an object with its own options, such as `Hybrid(filter="gaussian:sigma=0.5")`.
     edge, linear_light, alpha
         As `warp` takes them.
+    choices
+        Its other options, such as `nodata`, `fill` or `threads`.
 
     Raises
     ------
@@ -55,7 +58,8 @@ def resize(
     """
     target = whole_pair(shape, "height", "width")
     matrix = resizing(_shape_of(image), target)
-    return warp(image, matrix, target, method, edge=edge, linear_light=linear_light, alpha=alpha)
+    light: dict[str, Any] = {"linear_light": linear_light, "alpha": alpha}
+    return warp(image, matrix, target, method, edge=edge, **light, **choices)
 
 
 def scale(
@@ -64,14 +68,15 @@ def scale(
     *,
     method: str | Method = "hybrid",
     edge: str = "clamp",
-    linear_light: bool = True,
+    linear_light: bool | None = None,
     alpha: str | None = None,
+    **choices: Any,
 ) -> Warped:
     """Scale a picture by an exact factor; its size is rounded to whole px.
 
     Parameters
     ----------
-    image, method, edge, linear_light, alpha
+    image, method, edge, linear_light, alpha, choices
         As `resize` takes them.
     factor
         Above 0; one factor, or two for x and y.
@@ -93,7 +98,8 @@ def scale(
     both = factor if isinstance(factor, tuple) else (factor, factor)
     target = scaled_shape(_shape_of(image), both)
     matrix = scaling(both)
-    return warp(image, matrix, target, method, edge=edge, linear_light=linear_light, alpha=alpha)
+    light: dict[str, Any] = {"linear_light": linear_light, "alpha": alpha}
+    return warp(image, matrix, target, method, edge=edge, **light, **choices)
 
 
 def rotate(
@@ -103,14 +109,15 @@ def rotate(
     *,
     method: str | Method = "hybrid",
     edge: str = "transparent",
-    linear_light: bool = True,
+    linear_light: bool | None = None,
     alpha: str | None = None,
+    **choices: Any,
 ) -> Warped:
     """Rotate a picture counterclockwise about its center; multiples of 90° copy values.
 
     Parameters
     ----------
-    image, method, edge, linear_light, alpha
+    image, method, edge, linear_light, alpha, choices
         As `resize` takes them.
     degrees
         Angle; negative angles turn clockwise.
@@ -137,7 +144,8 @@ def rotate(
         turned_shape(source, degrees) if shape is None else whole_pair(shape, "height", "width")
     )
     matrix = turning(source, degrees, target)
-    return warp(image, matrix, target, method, edge=edge, linear_light=linear_light, alpha=alpha)
+    light: dict[str, Any] = {"linear_light": linear_light, "alpha": alpha}
+    return warp(image, matrix, target, method, edge=edge, **light, **choices)
 
 
 def _shape_of(image: NDArray[Any]) -> tuple[int, int]:

@@ -7,13 +7,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample_texture.arguments import (
     Places,
+    check_layout,
     check_shape,
     edge_named,
+    fill_for,
     geometry_of,
     method_named,
     whole_pair,
+    without_nodata,
 )
-from resample_texture.drawing import MOST_AT_ONCE, Drawing, drawn, put
+from resample_texture.drawing import MOST_AT_ONCE, Drawing, drawn, put, with_nodata
 from resample_texture.geometry.mappings import Geometry
 from resample_texture.types import Edge, Method, Warped
 
@@ -71,8 +74,10 @@ class Plan:
         self,
         image: NDArray[Any],
         *,
-        linear_light: bool = True,
+        linear_light: bool | None = None,
         alpha: str | None = None,
+        nodata: float | None = None,
+        fill: float | str | None = None,
         threads: int | None = None,
         out: NDArray[Any] | None = None,
     ) -> Warped:
@@ -81,8 +86,8 @@ class Plan:
         Parameters
         ----------
         image
-            A picture of `source_shape`. It and `linear_light`, `alpha`, `threads` and `out` are as
-            `warp` takes them, except that batches are refused.
+            A picture of `source_shape`. It and all options are as `warp` takes them, except that
+            batches are refused.
 
         Returns
         -------
@@ -94,10 +99,15 @@ class Plan:
             The picture has another size or is invalid.
         """
         image = image if isinstance(image, np.ma.MaskedArray) else np.asarray(image)
+        check_layout(image)
         if image.shape[:2] != self.source_shape:
             raise ValueError(f"the plan is for pictures of {self.source_shape}, not {image.shape}")
         values = image.size + image[0, 0].size * self.shape[0] * self.shape[1]
         drawing = self._quick if values <= MOST_AT_ONCE else self._drawing
-        drawing = drawing._replace(threads=threads)
+        image = without_nodata(image, nodata)
+        filling = fill_for(fill, image, alpha, self._drawing.method)
+        drawing = drawing._replace(threads=threads, fill=filling)
         warped = drawn(image, drawing, linear_light=linear_light, alpha=alpha)
+        if nodata is not None:
+            warped = with_nodata(warped, nodata, fill)
         return warped if out is None else put(warped, out)

@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from resample.files.exchange.inputs import as_picture
+from resample.files.exchange.inputs import picture_and_encoding
 from resample.painting.previews import enlarged
 from resample.painting.scenes.plans import shape_of
 from resample.types import Doubles, Floats
@@ -60,8 +60,12 @@ class PictureScene:
     Warped(15 × 20 × 3 uint8, 100 % covered)
     """
 
-    def __init__(self, given: Any, *, linear_light: bool = True, alpha: str | None = None) -> None:
-        self.image = as_picture(given)
+    def __init__(
+        self, given: Any, *, linear_light: bool | None = None, alpha: str | None = None
+    ) -> None:
+        self.image, is_encoded = picture_and_encoding(given)
+        if linear_light is None:
+            linear_light = is_encoded
         self._light: dict[str, Any] = {"linear_light": linear_light, "alpha": alpha}
         self._levels: list[Floats] = []  # the texels, and the levels of their 2 × 2 pyramid
         self._encoding: Encoding | None = None

@@ -14,35 +14,37 @@ from resample.types import Floats
 from resample_texture.geometry.edges import Edge
 from resample_texture.geometry.mappings import Geometry
 
-__all__ = ["Edge", "Method", "Previewed", "Warped"]
+__all__ = ["Edge", "Means", "Method", "Previewed", "Warped"]
 
 
 class _Warped(NamedTuple):
     """Fields of `Warped`."""
 
-    image: NDArray[Any]  # (H, W) or (H, W, C) as the source; multiplied by the coverage
+    image: NDArray[Any]  # (H, W) or (H, W, C) as the source
     coverage: Floats  # (H, W) share of the pixel filter's mass that the source fills, 0..1
 
 
 class Warped(Showable, _Warped):
-    """A warped picture, or a batch (N, ...) of them.
+    """A warped picture, or a batch (N, ...) of them; its image is multiplied by the coverage.
 
     Examples
     --------
     >>> import numpy as np
     >>> from resample_texture import warp
-    >>> warped = warp(np.full((16, 16), 6.0), [[1, 0, 2.5], [0, 1, 0]], (16, 16))
+    >>> picture = np.full((16, 16), 200, np.uint8)
+    >>> warped = warp(picture, [[1, 0, 2.5], [0, 1, 0]], (16, 16), linear_light=False)
     >>> warped
-    Warped(16 × 16 float64, 87.5 % covered)
-    >>> warped.image[8, 1:4].round(3).tolist(), warped.coverage[8, 1:4].tolist()
-    ([0.0, 3.0, 6.0], [0.0, 0.5, 1.0])
-    >>> warped.mean[8, 1:4].round(3).tolist()
-    [nan, 6.0, 6.0]
+    Warped(16 × 16 uint8, 87.5 % covered)
+    >>> warped.image[8, 1:4].tolist(), warped.coverage[8, 1:4].tolist()
+    ([0, 100, 200], [0.0, 0.5, 1.0])
+    >>> warped.mean[8, 1:4].tolist()
+    [nan, 200.0, 200.0]
     """
 
     __slots__ = ()
 
     is_preview = False  # whether fewer texels and pixels were used
+    is_premultiplied = True  # whether the image is multiplied by the coverage
 
     @property
     def mean(self) -> NDArray[Any]:
@@ -58,6 +60,30 @@ class Warped(Showable, _Warped):
         np.divide(image, coverage, out=empty, where=coverage > 0.0)
         empty[np.ma.getmaskarray(self.image)] = np.nan
         return empty
+
+
+class Means(Warped):
+    """Warped measurements: each pixel is the mean of what covers it, however little that is.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_texture import warp
+    >>> warp(np.full((16, 16), 6.0), [[1, 0, 2.5], [0, 1, 0]], (16, 16)).image[8, 1:4].tolist()
+    [nan, 6.0, 6.0]
+    """
+
+    __slots__ = ()
+
+    is_premultiplied = False
+
+    @property
+    def mean(self) -> NDArray[Any]:
+        """Mean of what covers each pixel; not a number where nothing covers it."""
+        image = np.ma.getdata(self.image)
+        mean = image.astype(np.result_type(image.dtype, np.float32))
+        mean[(self.coverage == 0.0) | np.ma.getmaskarray(self.image)] = np.nan
+        return mean
 
 
 class Previewed(Warped):

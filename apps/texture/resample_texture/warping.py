@@ -5,17 +5,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from resample.files.exchange.inputs import as_picture
+from resample.files.exchange.inputs import picture_and_encoding
 from resample_texture.arguments import (
     Places,
+    check_layout,
     check_shape,
     edge_named,
+    fill_for,
     geometry_of,
     method_named,
     whole_pair,
     within,
+    without_nodata,
 )
-from resample_texture.drawing import Drawing, adds, drawn, put
+from resample_texture.drawing import Drawing, adds, drawn, put, with_nodata
 from resample_texture.geometry.mappings import Geometry
 from resample_texture.texels.gaps import masked
 from resample_texture.types import Method, Warped
@@ -34,8 +37,10 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     edge: str = "transparent",
     convention: str = "corner",
     inverse: bool = False,
-    linear_light: bool = True,
+    linear_light: bool | None = None,
     alpha: str | None = None,
+    nodata: float | None = None,
+    fill: float | str | None = None,
     roi: tuple[int, int, int, int] | None = None,
     threads: int | None = None,
     out: NDArray[Any] | None = None,
@@ -48,8 +53,8 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
         An array (H, W) or (H, W, C), or a batch (N, H, W, C), in any layout, masked or not; or
         anything else that `resample.files.exchange.inputs.as_picture` takes, such as a path. uint8
         and uint16 are taken for light; bool, other integers of 8 to 64 bits and floats of 16 to 64
-        bits for values, which are never encoded or limited to 0..1. Values that are masked or not
-        finite are missing, channel by channel, and have no weight.
+        bits for values, which are never encoded or limited to 0..1. Values that are masked, not
+        finite or `nodata` are missing, channel by channel, and have no weight.
     matrix
         (3, 3) homography or (2, 3) affine map from source to target; or a `Homography`, a
         `ForwardMap` or a `BackwardMap`; or a function from x and y of pixels, (height, width)
@@ -76,11 +81,19 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     inverse
         True: `matrix` maps target to source.
     linear_light
-        Filter linear light: uint8 and uint16 are taken for sRGB-encoded, and the result is encoded
-        again. False filters values as given.
+        True: uint8 and uint16 are sRGB-encoded; their linear light is filtered, and the result is
+        encoded again. False: values are filtered as given. By default uint8 is taken for encoded,
+        and of files what they say to be.
     alpha
         What a fourth channel is: `straight` (as for uint8 and uint16), `premultiplied` (as for all
         other types) or `none`.
+    nodata
+        Value that stands for missing ones, also in the result.
+    fill
+        Value of pixels that nothing is known of, and all others are means of what is known; or
+        `premultiplied`: values are multiplied by the coverage, as light is composited. By default
+        floats and masked arrays, unless they have opacity, get NaN or a mask, or `nodata`, and
+        others are multiplied.
     roi
         Left, top, width and height of the part of the target to return, px.
     threads
@@ -90,12 +103,13 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
 
     Returns
     -------
-    `image` of the source's type and number of channels, (height, width) or (height, width, C),
-    multiplied by `coverage` (height, width): uncovered pixels are black. If the fourth channel is
-    straight opacity, only it is multiplied; copied texels (`nearest`, `majority`, shifts by whole
-    pixels) are not multiplied. A channel known for less than half of its pixel's coverage is not a
-    number, or masked. A masked array returns a masked array, a batch (N, height, width, C) and
-    (N, height, width).
+    `image` of the source's type and number of channels, (height, width) or (height, width, C), and
+    `coverage` (height, width). Of floats and masked arrays pixels are means of what is known, NaN
+    or masked where that is nothing, and a channel that is known for less than half of its pixel's
+    coverage is, too; sums are 0 there. Others are multiplied by the coverage, so that pixels beyond
+    the picture are black, or their opacity is, if the fourth channel is straight opacity; copied
+    texels (`nearest`, `majority`, shifts by whole pixels) are not multiplied. A masked array
+    returns a masked array, a batch (N, height, width, C) and (N, height, width).
 
     Raises
     ------
@@ -117,7 +131,9 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     >>> warp(image, lambda x, y: (y, x), (64, 48))  # where each pixel comes from
     Warped(64 × 48 × 3 uint8, 100 % covered)
     """
-    image = as_picture(image)
+    image, is_encoded = picture_and_encoding(image)
+    linear_light = is_encoded if linear_light is None else linear_light
+    check_layout(image)
     border = edge_named(edge)
     shape = whole_pair(shape, "height", "width")
     chosen = method_named(
@@ -132,13 +148,17 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     if roi is not None:
         geometry, shape, part = within(geometry, shape, roi, chosen)
     check_shape(shape)
+    image = without_nodata(image, nodata)
     drawing = Drawing(chosen, geometry, shape, border, threads)
+    drawing = drawing._replace(fill=fill_for(fill, image, alpha, chosen))
 
     def one(picture: NDArray[Any]) -> Warped:
         warped = drawn(picture, drawing, linear_light=linear_light, alpha=alpha)
-        return Warped(warped.image[part], warped.coverage[part])
+        return type(warped)(warped.image[part], warped.coverage[part])
 
     warped = one(image) if image.ndim != 4 else _stacked([one(picture) for picture in image], image)
+    if nodata is not None:
+        warped = with_nodata(warped, nodata, fill)
     return warped if out is None else put(warped, out)
 
 
@@ -151,4 +171,4 @@ def _stacked(each: list[Warped], image: NDArray[Any]) -> Warped:
     if isinstance(image, np.ma.MaskedArray):
         mask = np.stack([np.ma.getmaskarray(one) for one in images])
         stacked = masked(stacked, mask, image.fill_value)
-    return Warped(stacked, np.stack([warped.coverage for warped in each]))
+    return type(each[0])(stacked, np.stack([warped.coverage for warped in each]))

@@ -30,6 +30,11 @@ def as_picture(given: Any, name: str = "picture") -> NDArray[Any]:
     -------
     Masked arrays stay masked. Arrays that need no conversion are not copied.
     """
+    return picture_and_encoding(given, name)[0]
+
+
+def picture_and_encoding(given: Any, name: str = "picture") -> tuple[NDArray[Any], bool | None]:
+    """Do as `as_picture`, and tell whether its levels are sRGB-encoded, if a file says so."""
     if isinstance(given, str | PathLike | Address):
         return _read(given)
     library = type(given).__module__.partition(".")[0]
@@ -43,15 +48,17 @@ def as_picture(given: Any, name: str = "picture") -> NDArray[Any]:
         array = _array(given, name)
     if array.dtype.kind not in "biuf":
         raise TypeError(f"a {name} of {array.dtype}; its values must be real numbers")
-    return array
+    return array, None
 
 
-def _read(path: str | PathLike[str] | Address) -> NDArray[Any]:
+def _read(path: str | PathLike[str] | Address) -> tuple[NDArray[Any], bool | None]:
     """Read levels of 8- and 16-bit pictures as stored; linear light of all others."""
     from resample.files.pictures import picture_at, read_picture
 
     found = picture_at(place_of(path))
-    return found.load().data if found.is_plain else read_picture(found.path).data
+    if found.is_plain:
+        return found.load().data, found.is_encoded
+    return read_picture(found.path).data, None
 
 
 def _array(given: Any, name: str) -> NDArray[Any]:

@@ -98,9 +98,10 @@ def light_of(result: Any) -> Floats:
         if stored.dtype in ENCODED:  # straight opacity
             values[..., :3] *= values[..., 3:]
         return values
-    return np.concatenate(
-        [values, np.asarray(result.coverage, np.float32)[..., np.newaxis]], axis=2
-    )
+    coverage = np.asarray(result.coverage, np.float32)[..., np.newaxis]
+    if not getattr(result, "is_premultiplied", True):
+        values = values * coverage
+    return np.concatenate([values, coverage], axis=2)
 
 
 def _as_light(image: NDArray[Any]) -> Floats:

@@ -48,6 +48,7 @@ def warped(
             quality=choice.quality,
             total=choice.total or None,
             edge=choice.edge,
+            fill="premultiplied",
             roi=roi,
             threads=choice.threads,
         )

@@ -2,7 +2,7 @@
 
 Texels are float32, linear light or plain values, multiplied by alpha and by whether a value exists,
 so that transparent or missing texels do not affect the color of neighbours. Only uint8 and uint16
-may be sRGB-encoded pictures; all other types are plain values.
+may be sRGB-encoded pictures, uint16 only where that is said; all other types are plain values.
 """
 
 from enum import StrEnum
@@ -53,7 +53,7 @@ class Encoding(NamedTuple):
 def decoded(
     image: NDArray[Any],
     *,
-    linear_light: bool = True,
+    linear_light: bool | None = None,
     alpha: str | None = None,
     is_sum: bool = False,
     gaps: int = 0,
@@ -63,7 +63,8 @@ def decoded(
     Parameters
     ----------
     linear_light
-        Take the color of `LEVELS` for sRGB-encoded; False: take all values as given.
+        Take the color of `LEVELS` for sRGB-encoded; False: take all values as given. None: only
+        uint8 is encoded.
     alpha
         Meaning of a fourth channel, an `Alpha`; by default straight for `LEVELS`, else
         premultiplied.
@@ -80,6 +81,8 @@ def decoded(
     if gaps and missing is None:
         missing = np.zeros(planes.shape, np.bool_)
     span = None if is_straight else span_of(planes, missing, from_zero=is_sum)
+    if linear_light is None:
+        linear_light = image.dtype == np.uint8
     is_encoded = image.dtype.name in LEVELS and linear_light
     given = planes if span is None else span.reduced(planes)
     texels = light(given, is_encoded=is_encoded, has_alpha=has_alpha)

@@ -39,6 +39,7 @@ from resample_texture.texels.partly import (
     project_partly,
 )
 from resample_texture.texels.plates import Sides, SourcePart, plates_of
+from resample_texture.texels.separable import SeparablePlan, separable_plan, weigh
 from resample_texture.types import Edge, Warped
 
 TILE = 32  # px per side; a thread takes a tile at a time
@@ -75,6 +76,7 @@ class GatherPlan(NamedTuple):
     places: Plane | Map
     tiles: TargetTiles
     around: TargetTiles  # of the whole target if the picture is a region of it, or `tiles`
+    axes: SeparablePlan | None  # of a warp along the axes, whose tiles all gather
 
 
 def planned(
@@ -86,13 +88,17 @@ def planned(
     whole = size if region is None else region.size or size
     places, view = _places(size, geometry, shape), _view((*whole, 1), edge, cells)
     tiles = around = _measured(places, view, shape)
+    axes = separable_plan(size, geometry, shape, edge, cells)
+    if axes is not None:
+        tiles = tiles._replace(is_near=np.ones(len(tiles.bounds), np.bool_))
+        return GatherPlan(size, geometry, shape, edge, cells, places, tiles, tiles, axes)
     if region is not None and 0 < math.prod(region.shape) <= MOST_AROUND:
         target = (region.whole, region.shape, whole, edge, cells)
         try:
             around = _measured_once(*target)
         except TypeError:  # a plugin's options that cannot be hashed
             around = _measured_once.__wrapped__(*target)
-    return GatherPlan(size, geometry, shape, edge, cells, places, tiles, around)
+    return GatherPlan(size, geometry, shape, edge, cells, places, tiles, around, None)
 
 
 def gather(plan: GatherPlan, source: Floats, *, near_only: bool = False) -> Warped:
@@ -100,8 +106,10 @@ def gather(plan: GatherPlan, source: Floats, *, near_only: bool = False) -> Warp
 
     With `near_only`, tiles that do not gather stay empty.
     """
-    _, geometry, shape, edge, cells, places, tiles, around = plan
+    _, geometry, shape, edge, cells, places, tiles, around, axes = plan
     held = _source_part(source, geometry)
+    if axes is not None:
+        return weigh(axes, held, edge, cells)
     view = _view((*held.size, source.shape[2]), edge, cells)
     make = np.zeros if near_only else np.empty  # mending of gaps reads all pixels
     warped = Warped(make((*shape, source.shape[2]), np.float32), make(shape, np.float32))

@@ -80,12 +80,26 @@ def plates_of(
 def filtered(source: Floats, along_u: Floats, along_v: Floats, edge: Edge) -> Floats:
     """Apply a separable filter to a source (H, W, C), continued beyond its edges by `edge`."""
     height, width, channels = source.shape
+    whole = SourcePart(source, (height, width)), Sides((0, width), (0, height))
+    return filtered_grid(*whole, edge, along_u, along_v).reshape(height, width, channels)
+
+
+def filtered_grid(
+    source: SourcePart, sides: Sides, edge: Edge, along_u: Floats, along_v: Floats
+) -> Floats:
+    """Return a rectangle of a source's continued plane, filtered, row by row."""
+    height, width, channels = source.texels.shape
     left, above = along_u.size // 2, along_v.size // 2
-    sides = Sides((-left, width + left), (-above, height + above))
-    flat = _continued(SourcePart(source, (height, width)), sides, edge)
-    result = np.empty(source.shape, np.float32)
-    shape = height + 2 * above, width + 2 * left, channels
-    filter_plate(flat, shape, Filters(along_u, along_v), result.reshape(-1))
+    is_whole = source.first == (0, 0) and sides == Sides((0, width), (0, height))
+    if is_whole and left == above == 0:
+        return source.texels.reshape(-1)
+    (first, last), (top, bottom) = sides
+    outer = Sides((first - left, last + left), (top - above, bottom + above))
+    flat = _continued(source, outer, edge)
+    if left == above == 0:
+        return flat
+    result = np.empty(sides.shape[0] * sides.shape[1] * channels, np.float32)
+    filter_plate(flat, (*outer.shape, channels), Filters(along_u, along_v), result)
     return result
 
 

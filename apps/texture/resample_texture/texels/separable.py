@@ -1,0 +1,225 @@
+"""Warps along a picture's axes: shifts, scales and flips, as weighted sums along each axis.
+
+A pixel is then a box, and its mean a sum down the columns and one across the rows. Weights are
+exact for sides of any length, and where nothing is left to interpolate, as in the mean of two whole
+texels, only those weights remain.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from resample.engine.windows.gather import LIMITED, LONGEST_LIMITED, NEARLY, OWN
+from resample.engine.windows.limits import MARGIN, Limits
+from resample.engine.windows.separable import (
+    ROWS,
+    AxisTaps,
+    SeparableGrid,
+    TileSizes,
+    weigh_grid,
+)
+from resample.profiles.interpolation import excess, point_weights, prefilter, side_weights
+from resample.types import Doubles, Floats
+from resample_texture.geometry.mappings import BackwardMap, Homography, TargetRegion
+from resample_texture.texels.forward import CellGrid, oriented
+from resample_texture.texels.kernels.blocks import Integers
+from resample_texture.texels.plates import Sides, SourcePart, filtered_grid
+from resample_texture.types import Edge, Warped
+
+FARTHEST = 256  # texels beyond the source that are stored
+TRIMMED = 1e-6  # weights below this share of the largest are left out, and what is left sums to 1
+MOST_COLUMNS = 64  # of a tile
+NUMBERS = 4096  # in a row of the grid that a tile reads, unless a single pixel reads more
+MOST_WEIGHTS = 1 << 24  # of an axis
+ONE = np.ones(1, np.float32)
+
+
+class Weights(NamedTuple):
+    """Weights of the texels that pixels along one axis read, on the continued plane."""
+
+    first: Integers  # (N,)
+    table: Floats  # (N, K)
+    share: Floats  # (N,) share of each pixel that lies on the source
+    prefilter: Floats  # of the texels, along this axis
+
+    @property
+    def ends(self) -> tuple[int, int]:
+        """First texel that is read, and last + 1."""
+        return int(self.first.min()), int(self.first.max()) + self.table.shape[1]
+
+    def from_start(self, start: int) -> AxisTaps:
+        """Weights as kernels take them, of a grid that begins at a texel."""
+        stride = self.table.shape[1]
+        return AxisTaps(self.first - start, self.table.reshape(-1), stride, self.share)
+
+    def most(self, step: int) -> int:
+        """Most texels that are read by `step` pixels side by side."""
+        starts = np.arange(0, self.first.size, step)
+        low = np.minimum.reduceat(self.first, starts)
+        high = np.maximum.reduceat(self.first, starts)
+        return int((high - low).max()) + int(self.table.shape[1])
+
+
+class SeparablePlan(NamedTuple):
+    """Weights along both axes of a warp, whatever the texels."""
+
+    down: Weights
+    across: Weights
+    limits_down: Weights | None  # of the corners between texels; None: no limits hold
+    limits_across: Weights | None
+
+
+def separable_plan(
+    size: tuple[int, int],
+    geometry: Homography | BackwardMap,
+    shape: tuple[int, int],
+    edge: Edge,
+    cells: CellGrid,
+) -> SeparablePlan | None:
+    """Plan the warp of sources (height, width) to a target; None unless it is along the axes."""
+    if not isinstance(geometry, Homography):
+        return None
+    region = geometry.region or TargetRegion(geometry, 0, 0, shape)
+    whole = region.size or size
+    inverse = np.linalg.inv(oriented(region.whole, whole))
+    if inverse[[0, 1, 2, 2], [1, 0, 0, 1]].any() or not inverse[2, 2] > 0.0:
+        return None
+    scale, start = inverse[[1, 0], [1, 0]] / inverse[2, 2], inverse[[1, 0], 2] / inverse[2, 2]
+    sides = np.abs(scale)
+    middles = [
+        start[n] + scale[n] * (first + np.arange(count) + 0.5)
+        for n, (first, count) in enumerate(zip((region.top, region.left), shape, strict=True))
+    ]
+    for middle, side, texels in zip(middles, sides, whole, strict=True):
+        beyond = max(-middle.min(), middle.max() - texels) + 0.5 * side
+        if edge is not Edge.TRANSPARENT and beyond > FARTHEST:
+            return None
+        if middle.size * (side + 64.0) > MOST_WEIGHTS:
+            return None
+    axes = [
+        _weights(middle, float(side), texels, edge, cells)
+        for middle, side, texels in zip(middles, sides, whole, strict=True)
+    ]
+    return SeparablePlan(axes[0], axes[1], *_limits(middles, sides, cells))
+
+
+def weigh(plan: SeparablePlan, source: SourcePart, edge: Edge, cells: CellGrid) -> Warped:
+    """Warp a source (H, W, C), or a part of one that holds all that pixels read."""
+    down, across, limits_down, limits_across = plan
+    channels = source.texels.shape[2]
+    shape = down.first.size, across.first.size
+    warped = Warped(np.empty((*shape, channels), np.float32), np.empty(shape, np.float32))
+    sides = Sides(across.ends, down.ends)
+    flat = filtered_grid(source, sides, edge, across.prefilter, down.prefilter)
+    taps = down.from_start(sides.down[0]), across.from_start(sides.across[0])
+    plain, limit_taps = _plain(source, edge, cells, limits_down, limits_across, taps)
+    grid = SeparableGrid(flat, sides.shape[1], channels, *taps, plain, *limit_taps)
+    wide = _tile_width(across, channels)
+    numbers, beside, corners = across.most(wide), 0, 0
+    if limits_down is not None and limits_across is not None:
+        beside = limits_across.most(wide)
+        numbers, corners = max(numbers, beside), beside * limits_down.most(ROWS)
+    sizes = TileSizes(wide, numbers * channels, beside * channels, corners * channels)
+    weigh_grid(grid, sizes, warped.image, warped.coverage)
+    return warped
+
+
+def _plain(
+    source: SourcePart,
+    edge: Edge,
+    cells: CellGrid,
+    down: Weights | None,
+    across: Weights | None,
+    taps: tuple[AxisTaps, AxisTaps],
+) -> tuple[Limits, tuple[AxisTaps, AxisTaps]]:
+    """Return the texels that limit, and the weights of the corners between them."""
+    if down is None or across is None:
+        none = Sides((0, 0), (0, 0)).plate(np.zeros(0, np.float32), Sides((0, 0), (0, 0)), 1)
+        return Limits(none, -1.0), taps
+    sides = Sides(across.ends, down.ends).wider(MARGIN)
+    flat = filtered_grid(source, sides, edge, ONE, ONE)
+    plate = sides.plate(flat, sides, source.texels.shape[2])
+    corners = down.from_start(sides.down[0]), across.from_start(sides.across[0])
+    return Limits(plate, excess(cells.interpolation)), corners
+
+
+def _tile_width(across: Weights, channels: int) -> int:
+    """Columns of a tile, so that the rows of the grid that it reads stay in the cache."""
+    steps = np.abs(np.diff(across.first))
+    each = max(1.0, float(steps.mean())) if steps.size else 1.0
+    room = (NUMBERS / channels - across.table.shape[1]) / each
+    return int(min(max(room, 1.0), MOST_COLUMNS, across.first.size))
+
+
+def _weights(middle: Doubles, side: float, size: int, edge: Edge, cells: CellGrid) -> Weights:
+    """Return the weights of pixels at places along an axis, each `side` texels long."""
+    low, high = middle - 0.5 * side, middle + 0.5 * side
+    share = np.ones(middle.size, np.float32)
+    if edge is Edge.TRANSPARENT:
+        low, high = np.clip(low, 0.0, size), np.clip(high, 0.0, size)
+        share = ((high - low) / side).astype(np.float32)
+        share[share > 1.0 - NEARLY], share[share < NEARLY] = 1.0, 0.0
+    interpolation = cells.interpolation
+    if cells.shrinking:
+        middle = 0.5 * (low + high)
+        longer = math.sqrt(max(side * side - OWN, 0.0))
+        low, high = middle - 0.5 * longer, middle + 0.5 * longer
+        if edge is Edge.TRANSPARENT:
+            low, high = np.clip(low, 0.0, size), np.clip(high, 0.0, size)
+    if cells.shrinking and longer == 0.0:
+        first, table = point_weights(interpolation, low)
+    else:
+        first, table = side_weights(interpolation, low, high)
+    taps = prefilter(interpolation)
+    if taps.size > 1 and side > 1.0:
+        first, table = _folded(first, table, taps)
+        taps = ONE
+    first, table = _trimmed(first, table)
+    return Weights(first, table.astype(np.float32), share, taps)
+
+
+def _folded(first: Integers, table: Doubles, taps: Floats) -> tuple[Integers, Doubles]:
+    """Return the weights of texels, given those of their coefficients."""
+    count, many = table.shape
+    wide = np.zeros((count, many + taps.size - 1))
+    for n, tap in enumerate(taps.astype(np.float64).tolist()):
+        wide[:, n : n + many] += tap * table
+    return first - taps.size // 2, wide
+
+
+def _trimmed(first: Integers, table: Doubles) -> tuple[Integers, Doubles]:
+    """Leave out weights at both ends that are errors of rounding; the rest sums to 1."""
+    many = table.shape[1]
+    is_some = np.abs(table) > TRIMMED * np.abs(table).max(axis=1, keepdims=True)
+    start = is_some.argmax(axis=1)
+    end = many - is_some[:, ::-1].argmax(axis=1)
+    most = int((end - start).max())
+    start = np.minimum(start, many - most)
+    kept = np.take_along_axis(np.where(is_some, table, 0.0), start[:, None] + np.arange(most), 1)
+    return first + start, kept / kept.sum(axis=1, keepdims=True)
+
+
+def _limits(
+    middles: list[Doubles], sides: Doubles, cells: CellGrid
+) -> tuple[Weights | None, Weights | None]:
+    """Return the weights of the corners that limit pixels down and across, if any do."""
+    shorter, longer = sorted(sides.tolist())
+    if excess(cells.interpolation) < 0.0 or shorter > LIMITED or longer > LONGEST_LIMITED:
+        return None, None
+    counts = [1 if side == shorter or longer <= LIMITED else math.ceil(side) for side in sides]
+    found = []
+    for middle, side, count in zip(middles, sides.tolist(), counts, strict=True):
+        parts = middle[:, None] + side * ((np.arange(count) + 0.5) / count - 0.5)
+        corner = np.floor(parts)
+        first = corner.min(axis=1).astype(np.int64)
+        many = int((corner.max(axis=1) - first).max()) + 2
+        table = np.zeros((middle.size, many))
+        rows = np.arange(middle.size)
+        for n in range(count):
+            at, part = corner[:, n].astype(np.int64) - first, parts[:, n] - corner[:, n]
+            table[rows, at] += (1.0 - part) / count
+            table[rows, at + 1] += part / count
+        share = np.ones(middle.size, np.float32)
+        found.append(Weights(first, table.astype(np.float32), share, ONE))
+    return found[0], found[1]

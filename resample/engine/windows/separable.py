@@ -1,0 +1,227 @@
+"""Pixels whose sides run along a grid's axes: weighted sums down, then across.
+
+A mean over such a pixel is separable, so each axis is summed once: first down the columns of the
+grid that a tile of pixels reads, then, transposed, across them. Loops run along numbers that lie
+side by side, whatever the number of channels and of weights.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.jit import Counter, inner_kernel, packed_kernel, tasks
+from resample.engine.windows.limits import Corners, Limits, Part, fill_corners
+from resample.types import Floats, Single
+
+Integers = NDArray[np.int64]
+
+ROWS = 32  # of a tile; numbers side by side once it is transposed
+
+
+class AxisTaps(NamedTuple):
+    """Weights of the samples that pixels along one axis read."""
+
+    first: Integers  # (N,) first sample of each
+    weight: Floats  # N × taps
+    taps: int  # samples that a pixel reads
+    share: Floats  # (N,) share of the pixel that lies on the source
+
+
+class TileSizes(NamedTuple):
+    """Sizes of tiles, and of the scratch for them."""
+
+    wide: int  # px
+    line: int  # numbers of a grid's row that a tile reads, at most
+    beside: int  # numbers of a row of corners that limit a tile; 0: there are none
+    corners: int  # numbers of all these corners
+
+
+class SeparableGrid(NamedTuple):
+    """A grid, and what pixels read of it along both axes."""
+
+    flat: Floats  # rows × columns × channels
+    columns: int
+    channels: int
+    down: AxisTaps
+    across: AxisTaps
+    limits: Limits  # of an interpolation that rings; excess below 0: none
+    limits_down: AxisTaps  # weights of the corners between samples; see `limits`
+    limits_across: AxisTaps
+
+
+class TileScratch(NamedTuple):
+    """Scratch for one tile."""
+
+    lines: Floats  # rows of the grid, weighted down
+    turned: Floats  # the same, transposed
+    total: Floats  # columns × channels × ROWS
+    low: Floats  # limits of those
+    high: Floats
+    corners: Corners
+
+
+@inner_kernel
+def _add_two(
+    line: Floats,
+    source: Floats,
+    places: tuple[int, int, int],
+    count: int,
+    weights: tuple[Single, Single],
+    is_first: bool,
+) -> None:
+    """Add two stretches, each times a weight, to a line, or set it to their sum."""
+    to, a, b = np.uint64(places[0]), np.uint64(places[1]), np.uint64(places[2])
+    s, t = weights
+    if is_first:
+        for n in range(count):
+            k = np.uint64(n)
+            line[to + k] = s * source[a + k] + t * source[b + k]
+    else:
+        for n in range(count):
+            k = np.uint64(n)
+            line[to + k] += s * source[a + k] + t * source[b + k]
+
+
+@inner_kernel
+def _sum(
+    line: Floats, to: int, source: Floats, at: int, step: int, count: int, taps: AxisTaps, n: int
+) -> None:
+    """Set a stretch of a line to the weighted sum of the stretches that pixel n reads.
+
+    Parameters
+    ----------
+    step
+        Numbers of the source between two samples.
+    """
+    weight, w, last = taps.weight, n * taps.taps, taps.taps - 1
+    # Take pairs; the first sets the line. Of an odd number the last is its own pair.
+    for k in range(0, taps.taps, 2):
+        m, other = min(k + 1, last), weight[w + k + 1] if k < last else np.float32(0)
+        places = to, at + k * step, at + m * step
+        _add_two(line, source, places, count, (weight[w + k], other), k == 0)
+
+
+@inner_kernel
+def _read_by(taps: AxisTaps, first: int, last: int) -> tuple[int, int]:
+    """First sample that some pixels read, and last + 1."""
+    low = high = taps.first[first]
+    for n in range(first, last):
+        low, high = min(low, taps.first[n]), max(high, taps.first[n])
+    return low, high + taps.taps
+
+
+@inner_kernel
+def _weigh(
+    flat: Floats,
+    form: tuple[int, int, int, int],
+    taps: tuple[AxisTaps, AxisTaps],
+    tile: tuple[int, int, int, int],
+    scratch: TileScratch,
+    total: Floats,
+) -> None:
+    """Sum a grid for a tile of pixels, into `total`, columns × channels × ROWS.
+
+    Parameters
+    ----------
+    form
+        Columns and channels of the grid in memory, and its first column and row.
+    tile
+        Left, top, right and bottom, px.
+    """
+    columns, channels, before, above = form
+    down, across = taps
+    left, top, right, bottom = tile
+    # Find the columns of the grid that the tile reads.
+    low, high = _read_by(across, left, right)
+    width, height = (high - low) * channels, bottom - top
+    # Sum down, row by row.
+    for row in range(height):
+        at = ((down.first[top + row] - above) * columns + low - before) * channels
+        _sum(scratch.lines, row * width, flat, at, columns * channels, width, down, top + row)
+    # Transpose, so that rows lie side by side.
+    lines, turned = scratch.lines, scratch.turned
+    for k in range(width):
+        for row in range(height):
+            turned[k * ROWS + row] = lines[row * width + k]
+    # Sum across, channel by channel.
+    for x in range(left, right):
+        for c in range(channels):
+            at = ((across.first[x] - low) * channels + c) * ROWS
+            to = ((x - left) * channels + c) * ROWS
+            _sum(total, to, turned, at, channels * ROWS, ROWS, across, x)
+
+
+@inner_kernel
+def _clamp(grid: SeparableGrid, tile: tuple[int, int, int, int], scratch: TileScratch) -> None:
+    """Clamp the sums of a tile to the limits of the samples around."""
+    down, across = grid.limits_down, grid.limits_across
+    left, top, right, bottom = tile
+    # Compute the limits at the corners that the tile's pixels lie between.
+    first, last = _read_by(across, left, right)
+    above, below = _read_by(down, top, bottom)
+    part = Part(first, above, last - first, below - above)
+    fill_corners(grid.limits, part, scratch.corners)
+    # Interpolate them as the samples are, and clamp.
+    form = part.wide, grid.channels, first, above
+    taps = down, across
+    _weigh(scratch.corners.low, form, taps, tile, scratch, scratch.low)
+    _weigh(scratch.corners.high, form, taps, tile, scratch, scratch.high)
+    total, low, high = scratch.total, scratch.low, scratch.high
+    for n in range((right - left) * grid.channels * ROWS):
+        total[n] = min(max(total[n], low[n]), high[n])
+
+
+@inner_kernel
+def _put(
+    grid: SeparableGrid,
+    tile: tuple[int, int, int, int],
+    total: Floats,
+    image: Floats,
+    covered: Floats,
+) -> None:
+    """Put the sums of a tile into the picture, premultiplied by coverage."""
+    left, top, right, bottom = tile
+    down, across, channels = grid.down, grid.across, grid.channels
+    for row in range(top, bottom):
+        for x in range(left, right):
+            share = down.share[row] * across.share[x]
+            covered[row, x] = share
+            at = (x - left) * channels * ROWS + row - top
+            for c in range(channels):
+                image[row, x, c] = share * total[at + c * ROWS]
+
+
+@packed_kernel
+def weigh_grid(
+    counter: Counter, grid: SeparableGrid, sizes: TileSizes, image: Floats, covered: Floats
+) -> None:
+    """Fill a picture (height, width, C) and its coverage with sums of a grid."""
+    height, width, channels = image.shape
+    # Allocate the scratch of this thread.
+    wide, line, beside, most = sizes
+    pixels = wide * channels * ROWS
+    limited = pixels if beside > 0 else 0
+    scratch = TileScratch(
+        np.empty(line * ROWS, np.float32),
+        np.zeros(line * ROWS, np.float32),
+        np.empty(pixels, np.float32),
+        np.empty(limited, np.float32),
+        np.empty(limited, np.float32),
+        Corners(
+            np.empty(most, np.float32),
+            np.empty(most, np.float32),
+            np.empty(2 * (beside + channels), np.float32),
+            np.empty(2 * (beside + channels), np.float32),
+        ),
+    )
+    tiles_across = -(-width // wide)
+    for n in tasks(counter, tiles_across * -(-height // ROWS)):
+        down, across = divmod(n, tiles_across)
+        left, top = across * wide, down * ROWS
+        tile = left, top, min(left + wide, width), min(top + ROWS, height)
+        form = grid.columns, channels, 0, 0
+        _weigh(grid.flat, form, (grid.down, grid.across), tile, scratch, scratch.total)
+        if beside > 0:
+            _clamp(grid, tile, scratch)
+        _put(grid, tile, scratch.total, image, covered)
