@@ -39,7 +39,7 @@ from resample_texture.texels.partly import (
     project_partly,
 )
 from resample_texture.texels.plates import Sides, SourcePart, plates_of
-from resample_texture.texels.separable import SeparablePlan, separable_plan, weigh
+from resample_texture.texels.separable import SeparablePlan, separable_plan, weigh, weigh_in_blocks
 from resample_texture.types import Edge, Warped
 
 TILE = 32  # px per side; a thread takes a tile at a time
@@ -166,8 +166,10 @@ def visible_tiles(
 
     None unless all tiles gather: projected texels have no bounds per tile.
     """
-    tiles = planned(size, geometry, shape, edge, cells).tiles
-    return _visible(tiles, edge, cells) if tiles.is_near.all() else None
+    plan = planned(size, geometry, shape, edge, cells)
+    if plan.axes is not None and plan.axes.is_long:
+        return None
+    return _visible(plan.tiles, edge, cells) if plan.tiles.is_near.all() else None
 
 
 def _visible(tiles: TargetTiles, edge: Edge, cells: CellGrid) -> VisibleTiles:
@@ -186,9 +188,12 @@ class MixedTiles(NamedTuple):
     far: Far
     edge: Edge
     cells: CellGrid
+    axes: SeparablePlan | None = None  # of a warp along the axes, all of whose tiles are far
 
     def projected(self, reader: TexelReader) -> Warped:
         """Project the texels of a source that is read on demand to the far tiles."""
+        if self.axes is not None:
+            return weigh_in_blocks(self.axes, reader, self.edge)
         geometry, shape, wanted, _ = self.far
         return project_partly(reader, geometry, shape, self.edge, self.cells, wanted)
 
@@ -202,6 +207,11 @@ def mixed_tiles(
     None if all tiles gather, or texels cannot be projected part by part.
     """
     plan = planned(source_shape[:2], geometry, shape, edge, cells)
+    if plan.axes is not None and plan.axes.is_long:
+        nowhere = np.zeros(len(plan.tiles.bounds), np.bool_)
+        far = Far(geometry, shape, (0, 0, shape[1], shape[0]), np.s_[:, :])
+        near = _visible(plan.tiles._replace(is_near=nowhere), edge, cells)
+        return MixedTiles(near, nowhere, far, edge, cells, plan.axes)
     if plan.tiles.is_near.all():
         return None
     far, finer = far_of(plan), cells.finer()

@@ -24,13 +24,15 @@ from resample.types import Doubles, Floats
 from resample_texture.geometry.mappings import BackwardMap, Homography, TargetRegion
 from resample_texture.texels.forward import CellGrid, oriented
 from resample_texture.texels.kernels.blocks import Integers
-from resample_texture.texels.plates import Sides, SourcePart, filtered_grid
+from resample_texture.texels.partly import TexelReader
+from resample_texture.texels.plates import Sides, SourcePart, filtered_grid, texels_at
 from resample_texture.types import Edge, Warped
 
 FARTHEST = 256  # texels beyond the source that are stored
 TRIMMED = 1e-6  # weights below this share of the largest are left out, and what is left sums to 1
 MOST_COLUMNS = 64  # of a tile
 NUMBERS = 4096  # in a row of the grid that a tile reads, unless a single pixel reads more
+BLOCK = 64  # rows that are added at a time where pixels read more
 MOST_WEIGHTS = 1 << 24  # of an axis
 ONE = np.ones(1, np.float32)
 
@@ -53,12 +55,40 @@ class Weights(NamedTuple):
         stride = self.table.shape[1]
         return AxisTaps(self.first - start, self.table.reshape(-1), stride, self.share)
 
+    def within(self, start: int, stop: int) -> tuple[Integers, "Weights"]:
+        """Return the pixels that read texels of a stretch, and their weights of these."""
+        many = self.table.shape[1]
+        which = np.flatnonzero((self.first < stop) & (self.first + many > start))
+        at = np.arange(start, stop) - self.first[which, None]
+        is_read = (at >= 0) & (at < many)
+        table = np.take_along_axis(self.table[which], np.where(is_read, at, 0), 1) * is_read
+        first, share = np.full(which.size, start), np.ones(which.size, np.float32)
+        return which, Weights(first, table, share, self.prefilter)
+
     def most(self, step: int) -> int:
         """Most texels that are read by `step` pixels side by side."""
         starts = np.arange(0, self.first.size, step)
         low = np.minimum.reduceat(self.first, starts)
         high = np.maximum.reduceat(self.first, starts)
         return int((high - low).max()) + int(self.table.shape[1])
+
+
+class HeldTexels(NamedTuple):
+    """A source in memory, or a part of one, as a `TexelReader`."""
+
+    source: SourcePart
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Height, width and channels of the whole."""
+        return (*self.source.size, self.source.texels.shape[2])
+
+    def texels(self, rows: Integers, columns: Integers) -> Floats:
+        """Read texels (R, K, C) of rows (R,) and columns (K,); others than held are not shown."""
+        held, (left, top) = self.source.texels, self.source.first
+        rows, columns = np.clip(rows - top, 0, len(held) - 1), columns - left
+        found = held[rows][:, np.clip(columns, 0, held.shape[1] - 1)]
+        return np.ascontiguousarray(found)
 
 
 class SeparablePlan(NamedTuple):
@@ -68,6 +98,12 @@ class SeparablePlan(NamedTuple):
     across: Weights
     limits_down: Weights | None  # of the corners between texels; None: no limits hold
     limits_across: Weights | None
+
+    @property
+    def is_long(self) -> bool:
+        """Whether pixels read so many rows that these are added block by block."""
+        down, across = self.down, self.across
+        return down.table.shape[1] > BLOCK and across.prefilter.size == down.prefilter.size == 1
 
 
 def separable_plan(
@@ -106,6 +142,8 @@ def separable_plan(
 
 def weigh(plan: SeparablePlan, source: SourcePart, edge: Edge, cells: CellGrid) -> Warped:
     """Warp a source (H, W, C), or a part of one that holds all that pixels read."""
+    if plan.is_long:
+        return weigh_in_blocks(plan, HeldTexels(source), edge)
     down, across, limits_down, limits_across = plan
     channels = source.texels.shape[2]
     shape = down.first.size, across.first.size
@@ -115,14 +153,47 @@ def weigh(plan: SeparablePlan, source: SourcePart, edge: Edge, cells: CellGrid) 
     taps = down.from_start(sides.down[0]), across.from_start(sides.across[0])
     plain, limit_taps = _plain(source, edge, cells, limits_down, limits_across, taps)
     grid = SeparableGrid(flat, sides.shape[1], channels, *taps, plain, *limit_taps)
+    weigh_grid(grid, _tile_sizes(plan, channels), warped.image, warped.coverage)
+    return warped
+
+
+def weigh_in_blocks(plan: SeparablePlan, reader: TexelReader, edge: Edge) -> Warped:
+    """Warp a source of which `BLOCK` rows are read at a time; the bits do not depend on the part.
+
+    For `SeparablePlan.is_long`.
+    """
+    down, across, *_ = plan
+    height, width, channels = reader.shape
+    sides = Sides(across.ends, down.ends)
+    columns = texels_at(np.arange(*sides.across), width, edge)
+    total = np.zeros((down.first.size, across.first.size, channels))
+    taps = across.from_start(sides.across[0])
+    none = _no_limits()
+    for start in range(sides.down[0] // BLOCK * BLOCK, sides.down[1], BLOCK):
+        which, part = down.within(start, start + BLOCK)
+        if not which.size:
+            continue
+        rows = texels_at(np.arange(start, start + BLOCK), height, edge)
+        flat = reader.texels(rows, columns).reshape(-1)
+        here = part.from_start(start)
+        grid = SeparableGrid(flat, columns.size, channels, here, taps, none, here, taps)
+        image = np.empty((which.size, across.first.size, channels), np.float32)
+        sizes = _tile_sizes(SeparablePlan(part, across, None, None), channels)
+        weigh_grid(grid, sizes, image, np.empty(image.shape[:2], np.float32))
+        total[which] += image
+    coverage = down.share[:, None] * across.share
+    return Warped((total * down.share[:, None, None]).astype(np.float32), coverage)
+
+
+def _tile_sizes(plan: SeparablePlan, channels: int) -> TileSizes:
+    """Return the sizes of tiles, and of the scratch for them."""
+    _, across, limits_down, limits_across = plan
     wide = _tile_width(across, channels)
     numbers, beside, corners = across.most(wide), 0, 0
     if limits_down is not None and limits_across is not None:
         beside = limits_across.most(wide)
         numbers, corners = max(numbers, beside), beside * limits_down.most(ROWS)
-    sizes = TileSizes(wide, numbers * channels, beside * channels, corners * channels)
-    weigh_grid(grid, sizes, warped.image, warped.coverage)
-    return warped
+    return TileSizes(wide, numbers * channels, beside * channels, corners * channels)
 
 
 def _plain(
@@ -135,13 +206,18 @@ def _plain(
 ) -> tuple[Limits, tuple[AxisTaps, AxisTaps]]:
     """Return the texels that limit, and the weights of the corners between them."""
     if down is None or across is None:
-        none = Sides((0, 0), (0, 0)).plate(np.zeros(0, np.float32), Sides((0, 0), (0, 0)), 1)
-        return Limits(none, -1.0), taps
+        return _no_limits(), taps
     sides = Sides(across.ends, down.ends).wider(MARGIN)
     flat = filtered_grid(source, sides, edge, ONE, ONE)
     plate = sides.plate(flat, sides, source.texels.shape[2])
     corners = down.from_start(sides.down[0]), across.from_start(sides.across[0])
     return Limits(plate, excess(cells.interpolation)), corners
+
+
+def _no_limits() -> Limits:
+    """Return limits that do not hold."""
+    none = Sides((0, 0), (0, 0))
+    return Limits(none.plate(np.zeros(0, np.float32), none, 1), -1.0)
 
 
 def _tile_width(across: Weights, channels: int) -> int:
