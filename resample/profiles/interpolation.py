@@ -415,11 +415,17 @@ def prefilter(interpolation: Interpolation) -> Floats:
     -------
     (K,) taps, K odd, that sum to 1; a single 1 if samples are the coefficients.
     """
+    return exact_prefilter(interpolation).astype(np.float32)
+
+
+@once
+def exact_prefilter(interpolation: Interpolation) -> Doubles:
+    """Compute the taps of `prefilter` in float64."""
     reach = math.ceil(interpolation.radius)
     at_samples = _means(interpolation, np.arange(-reach, reach + 1.0), 1.0)
     at_samples = at_samples / at_samples.sum()
     if not np.abs(np.delete(at_samples, reach)).max(initial=0.0) > 1e-6:
-        return np.ones(1, np.float32)
+        return np.ones(1)
     ring = np.zeros(LONGEST)
     ring[np.arange(-reach, reach + 1)] = at_samples
     response = np.fft.rfft(ring).real
@@ -429,4 +435,4 @@ def prefilter(interpolation: Interpolation) -> Floats:
     middle = LONGEST // 2
     length = int(np.flatnonzero(np.abs(inverse) > NEGLIGIBLE * inverse[middle]).max()) - middle
     kept = inverse[middle - length : middle + length + 1]
-    return np.asarray(kept / kept.sum(), np.float32)
+    return np.asarray(kept / kept.sum())

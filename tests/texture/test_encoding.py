@@ -51,7 +51,8 @@ def test_texels_are_planes_of_float32_and_go_back_to_the_picture_s_form(dtype, c
 
 @pytest.mark.parametrize("dtype", ["uint8", "uint16"])
 def test_color_of_integers_is_decoded_and_opacity_is_not(dtype):
-    texels, _ = decoded(np.full((1, 1, 4), np.iinfo(dtype).max // 2 + 1, dtype))
+    image = np.full((1, 1, 4), np.iinfo(dtype).max // 2 + 1, dtype)
+    texels, _ = decoded(image, linear_light=True)
     half = (np.iinfo(dtype).max // 2 + 1) / np.iinfo(dtype).max
     expected = [*[from_srgb(np.float32(half)) * half] * 3, half]
     np.testing.assert_allclose(texels[0, 0], expected, rtol=1e-6)

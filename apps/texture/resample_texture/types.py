@@ -82,7 +82,8 @@ class Means(Warped):
         """Mean of what covers each pixel; not a number where nothing covers it."""
         image = np.ma.getdata(self.image)
         mean = image.astype(np.result_type(image.dtype, np.float32))
-        mean[(self.coverage == 0.0) | np.ma.getmaskarray(self.image)] = np.nan
+        mean[self.coverage == 0.0] = np.nan
+        mean[np.ma.getmaskarray(self.image)] = np.nan
         return mean
 
 

@@ -19,7 +19,13 @@ from resample.engine.windows.separable import (
     TileSizes,
     weigh_grid,
 )
-from resample.profiles.interpolation import excess, point_weights, prefilter, side_weights
+from resample.profiles.interpolation import (
+    exact_prefilter,
+    excess,
+    point_weights,
+    prefilter,
+    side_weights,
+)
 from resample.types import Doubles, Floats
 from resample_texture.geometry.mappings import BackwardMap, Homography, TargetRegion
 from resample_texture.texels.forward import CellGrid, oriented
@@ -249,17 +255,17 @@ def _weights(middle: Doubles, side: float, size: int, edge: Edge, cells: CellGri
         first, table = side_weights(interpolation, low, high)
     taps = prefilter(interpolation)
     if taps.size > 1 and side > 1.0:
-        first, table = _folded(first, table, taps)
+        first, table = _folded(first, table, exact_prefilter(interpolation))
         taps = ONE
     first, table = _trimmed(first, table)
     return Weights(first, table.astype(np.float32), share, taps)
 
 
-def _folded(first: Integers, table: Doubles, taps: Floats) -> tuple[Integers, Doubles]:
+def _folded(first: Integers, table: Doubles, taps: Doubles) -> tuple[Integers, Doubles]:
     """Return the weights of texels, given those of their coefficients."""
     count, many = table.shape
     wide = np.zeros((count, many + taps.size - 1))
-    for n, tap in enumerate(taps.astype(np.float64).tolist()):
+    for n, tap in enumerate(taps.tolist()):
         wide[:, n : n + many] += tap * table
     return first - taps.size // 2, wide
 
