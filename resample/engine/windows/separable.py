@@ -16,6 +16,7 @@ from resample.types import Floats, Single
 
 Integers = NDArray[np.int64]
 
+SECTION = 64  # weights of a pixel that are summed on their own
 ROWS = 32  # of a tile; numbers side by side once it is transposed
 
 
@@ -85,21 +86,58 @@ def _add_two(
 
 @inner_kernel
 def _sum(
-    line: Floats, to: int, source: Floats, at: int, step: int, count: int, taps: AxisTaps, n: int
+    line: Floats,
+    to: int,
+    source: Floats,
+    places: tuple[int, int, int],
+    taps: AxisTaps,
+    weights: tuple[int, int],
 ) -> None:
-    """Set a stretch of a line to the weighted sum of the stretches that pixel n reads.
+    """Set a stretch of a line to a weighted sum of stretches of a source.
 
     Parameters
     ----------
-    step
-        Numbers of the source between two samples.
+    places
+        First number of the source's first stretch, numbers from one stretch to the next, and
+        numbers in a stretch.
+    weights
+        First weight, and last + 1.
     """
-    weight, w, last = taps.weight, n * taps.taps, taps.taps - 1
+    weight, (at, step, count), (first, last) = taps.weight, places, weights
     # Take pairs; the first sets the line. Of an odd number the last is its own pair.
-    for k in range(0, taps.taps, 2):
-        m, other = min(k + 1, last), weight[w + k + 1] if k < last else np.float32(0)
-        places = to, at + k * step, at + m * step
-        _add_two(line, source, places, count, (weight[w + k], other), k == 0)
+    for k in range(first, last, 2):
+        other = weight[k + 1] if k + 1 < last else np.float32(0)
+        here = at + (k - first) * step
+        there = here + step if k + 1 < last else here
+        _add_two(line, source, (to, here, there), count, (weight[k], other), k == first)
+
+
+@inner_kernel
+def _sum_across(
+    total: Floats, to: int, spare: int, source: Floats, places: tuple[int, int], taps: AxisTaps,
+    pixel: int,
+) -> None:  # fmt: skip
+    """Sum the columns that a pixel reads, in sections, so that errors of rounding do not add up.
+
+    Parameters
+    ----------
+    spare
+        Where in `total` there are numbers to spare.
+    """
+    at, step = places
+    first = pixel * taps.taps
+    last = first + taps.taps
+    # The first section sets the total.
+    middle = min(first + SECTION, last)
+    _sum(total, to, source, (at, step, ROWS), taps, (first, middle))
+    # Others are summed on their own, and added.
+    while middle < last:
+        after = min(middle + SECTION, last)
+        here = at + (middle - first) * step
+        _sum(total, spare, source, (here, step, ROWS), taps, (middle, after))
+        for n in range(ROWS):
+            total[to + n] += total[spare + n]
+        middle = after
 
 
 @inner_kernel
@@ -138,18 +176,21 @@ def _weigh(
     # Sum down, row by row.
     for row in range(height):
         at = ((down.first[top + row] - above) * columns + low - before) * channels
-        _sum(scratch.lines, row * width, flat, at, columns * channels, width, down, top + row)
+        first = (top + row) * down.taps
+        places = at, columns * channels, width
+        _sum(scratch.lines, row * width, flat, places, down, (first, first + down.taps))
     # Transpose, so that rows lie side by side.
     lines, turned = scratch.lines, scratch.turned
     for k in range(width):
         for row in range(height):
             turned[k * ROWS + row] = lines[row * width + k]
     # Sum across, channel by channel.
+    spare = total.size - ROWS
     for x in range(left, right):
         for c in range(channels):
             at = ((across.first[x] - low) * channels + c) * ROWS
             to = ((x - left) * channels + c) * ROWS
-            _sum(total, to, turned, at, channels * ROWS, ROWS, across, x)
+            _sum_across(total, to, spare, turned, (at, channels * ROWS), across, x)
 
 
 @inner_kernel
@@ -201,11 +242,11 @@ def weigh_grid(
     # Allocate the scratch of this thread.
     wide, line, beside, most = sizes
     pixels = wide * channels * ROWS
-    limited = pixels if beside > 0 else 0
+    limited = pixels + ROWS if beside > 0 else 0
     scratch = TileScratch(
         np.empty(line * ROWS, np.float32),
         np.zeros(line * ROWS, np.float32),
-        np.empty(pixels, np.float32),
+        np.empty(pixels + ROWS, np.float32),
         np.empty(limited, np.float32),
         np.empty(limited, np.float32),
         Corners(
