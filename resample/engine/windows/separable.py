@@ -10,12 +10,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.jit import Counter, inner_kernel, packed_kernel, tasks
+from resample.engine.jit import Counter, inner_kernel, inner_step, packed_kernel, tasks
+from resample.engine.windows.boxes import Place
 from resample.engine.windows.limits import Corners, Limits, Part, fill_corners
 from resample.types import Floats, Single
 
 Integers = NDArray[np.int64]
 
+TOGETHER = 16  # numbers of a row that are written at a time
 SECTION = 64  # weights of a pixel that are summed on their own
 ROWS = 32  # of a tile; numbers side by side once it is transposed
 
@@ -112,29 +114,63 @@ def _sum(
         _add_two(line, source, (to, here, there), count, (weight[k], other), k == first)
 
 
+@inner_step
+def _four_columns(
+    total: Floats, to: Place, source: Floats, at: Place, step: Place, weights: Floats, k: Place
+) -> None:
+    """Add four columns of ROWS numbers each, times weights; the loop's length is known."""
+    one = np.uint64(1)
+    s, t, u, v = weights[k], weights[k + one], weights[k + one + one], weights[k + one + one + one]
+    for n in range(ROWS):
+        r = np.uint64(n)
+        first = s * source[at + r] + t * source[at + step + r]
+        last = u * source[at + step + step + r] + v * source[at + step + step + step + r]
+        total[to + r] += first + last
+
+
+@inner_step
+def _one_column(total: Floats, to: Place, source: Floats, at: Place, weight: Single) -> None:
+    """Add a column of ROWS numbers, times a weight."""
+    for n in range(ROWS):
+        r = np.uint64(n)
+        total[to + r] += weight * source[at + r]
+
+
 @inner_kernel
 def _sum_across(
-    total: Floats, to: int, spare: int, source: Floats, places: tuple[int, int], taps: AxisTaps,
-    pixel: int,
+    total: Floats, to: int, source: Floats, places: tuple[int, int], weight: Floats,
+    weights: tuple[int, int],
 ) -> None:  # fmt: skip
-    """Sum the columns that a pixel reads, in sections, so that errors of rounding do not add up.
+    """Set a column of a tile to a weighted sum of columns that are `places[1]` numbers apart."""
+    here, step = np.uint64(places[0]), np.uint64(places[1])
+    target, first, last = np.uint64(to), weights[0], weights[1]
+    for n in range(ROWS):
+        total[target + np.uint64(n)] = np.float32(0)
+    for _ in range((last - first) >> 2):
+        _four_columns(total, target, source, here, step, weight, np.uint64(first))
+        here += step << np.uint64(2)
+        first += 4
+    for k in range(first, last):
+        _one_column(total, target, source, here, weight[k])
+        here += step
 
-    Parameters
-    ----------
-    spare
-        Where in `total` there are numbers to spare.
-    """
+
+@inner_kernel
+def _sum_sections(
+    total: Floats, to: int, source: Floats, places: tuple[int, int], taps: AxisTaps, pixel: int
+) -> None:
+    """Sum the columns that a pixel reads, in sections, so that errors of rounding do not add up."""
     at, step = places
     first = pixel * taps.taps
-    last = first + taps.taps
-    # The first section sets the total.
-    middle = min(first + SECTION, last)
-    _sum(total, to, source, (at, step, ROWS), taps, (first, middle))
-    # Others are summed on their own, and added.
+    last, middle = first + taps.taps, min(first + SECTION, first + taps.taps)
+    # The first section sets the column.
+    _sum_across(total, to, source, places, taps.weight, (first, middle))
+    # Others are summed on their own, in numbers to spare, and added.
+    spare = total.size - ROWS
     while middle < last:
         after = min(middle + SECTION, last)
         here = at + (middle - first) * step
-        _sum(total, spare, source, (here, step, ROWS), taps, (middle, after))
+        _sum_across(total, spare, source, (here, step), taps.weight, (middle, after))
         for n in range(ROWS):
             total[to + n] += total[spare + n]
         middle = after
@@ -147,6 +183,18 @@ def _read_by(taps: AxisTaps, first: int, last: int) -> tuple[int, int]:
     for n in range(first, last):
         low, high = min(low, taps.first[n]), max(high, taps.first[n])
     return low, high + taps.taps
+
+
+@inner_kernel
+def _transpose(lines: Floats, width: int, height: int, turned: Floats) -> None:
+    """Transpose rows of a width into columns of ROWS numbers, of which `height` are set."""
+    step, to = np.uint64(width), np.uint64(0)
+    for k in range(width):
+        at = np.uint64(k)
+        for row in range(height):
+            turned[to + np.uint64(row)] = lines[at]
+            at += step
+        to += np.uint64(ROWS)
 
 
 @inner_kernel
@@ -180,17 +228,13 @@ def _weigh(
         places = at, columns * channels, width
         _sum(scratch.lines, row * width, flat, places, down, (first, first + down.taps))
     # Transpose, so that rows lie side by side.
-    lines, turned = scratch.lines, scratch.turned
-    for k in range(width):
-        for row in range(height):
-            turned[k * ROWS + row] = lines[row * width + k]
+    _transpose(scratch.lines, width, height, scratch.turned)
     # Sum across, channel by channel.
-    spare = total.size - ROWS
     for x in range(left, right):
         for c in range(channels):
             at = ((across.first[x] - low) * channels + c) * ROWS
             to = ((x - left) * channels + c) * ROWS
-            _sum_across(total, to, spare, turned, (at, channels * ROWS), across, x)
+            _sum_sections(total, to, scratch.turned, (at, channels * ROWS), across, x)
 
 
 @inner_kernel
@@ -214,6 +258,27 @@ def _clamp(grid: SeparableGrid, tile: tuple[int, int, int, int], scratch: TileSc
 
 
 @inner_kernel
+def _copy_rows(total: Floats, count: int, rows: int, image: Floats, first: int, width: int) -> None:
+    """Copy columns of ROWS numbers to rows of a picture that are `width` numbers apart."""
+    step, block = np.uint64(width), count // TOGETHER * TOGETHER
+    # Take a few columns at a time, which fill a line of the cache.
+    for start in range(0, block, TOGETHER):
+        to, source = np.uint64(first + start), np.uint64(start * ROWS)
+        for _ in range(rows):
+            at = source
+            for n in range(TOGETHER):
+                image[to + np.uint64(n)] = total[at + np.uint64(n * ROWS)]
+            to += step
+            source += np.uint64(1)
+    for k in range(block, count):
+        to, source = np.uint64(first + k), np.uint64(k * ROWS)
+        for _ in range(rows):
+            image[to] = total[source]
+            to += step
+            source += np.uint64(1)
+
+
+@inner_kernel
 def _put(
     grid: SeparableGrid,
     tile: tuple[int, int, int, int],
@@ -223,22 +288,28 @@ def _put(
 ) -> None:
     """Put the sums of a tile into the picture, premultiplied by coverage."""
     left, top, right, bottom = tile
-    down, across, channels = grid.down, grid.across, grid.channels
+    down, across, channels = grid.down.share, grid.across.share, grid.channels
+    width, count = across.size, (right - left) * channels
+    first = (top * width + left) * channels
+    _copy_rows(total, count, bottom - top, image, first, width * channels)
     for row in range(top, bottom):
+        pixel = np.uint64(row * width + left)
         for x in range(left, right):
-            share = down.share[row] * across.share[x]
-            covered[row, x] = share
-            at = (x - left) * channels * ROWS + row - top
-            for c in range(channels):
-                image[row, x, c] = share * total[at + c * ROWS]
+            share = down[row] * across[x]
+            covered[pixel] = share
+            if share != np.float32(1):
+                at = pixel * np.uint64(channels)
+                for c in range(channels):
+                    image[at + np.uint64(c)] *= share
+            pixel += np.uint64(1)
 
 
 @packed_kernel
 def weigh_grid(
     counter: Counter, grid: SeparableGrid, sizes: TileSizes, image: Floats, covered: Floats
 ) -> None:
-    """Fill a picture (height, width, C) and its coverage with sums of a grid."""
-    height, width, channels = image.shape
+    """Fill a picture, height × width × C, and its coverage with sums of a grid."""
+    height, width, channels = grid.down.first.size, grid.across.first.size, grid.channels
     # Allocate the scratch of this thread.
     wide, line, beside, most = sizes
     pixels = wide * channels * ROWS

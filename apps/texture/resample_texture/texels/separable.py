@@ -159,7 +159,8 @@ def weigh(plan: SeparablePlan, source: SourcePart, edge: Edge, cells: CellGrid) 
     taps = down.from_start(sides.down[0]), across.from_start(sides.across[0])
     plain, limit_taps = _plain(source, edge, cells, limits_down, limits_across, taps)
     grid = SeparableGrid(flat, sides.shape[1], channels, *taps, plain, *limit_taps)
-    weigh_grid(grid, _tile_sizes(plan, channels), warped.image, warped.coverage)
+    sizes = _tile_sizes(plan, channels)
+    weigh_grid(grid, sizes, warped.image.reshape(-1), warped.coverage.reshape(-1))
     return warped
 
 
@@ -185,7 +186,7 @@ def weigh_in_blocks(plan: SeparablePlan, reader: TexelReader, edge: Edge) -> War
         grid = SeparableGrid(flat, columns.size, channels, here, taps, none, here, taps)
         image = np.empty((which.size, across.first.size, channels), np.float32)
         sizes = _tile_sizes(SeparablePlan(part, across, None, None), channels)
-        weigh_grid(grid, sizes, image, np.empty(image.shape[:2], np.float32))
+        weigh_grid(grid, sizes, image.reshape(-1), np.empty(image[..., 0].size, np.float32))
         total[which] += image
     coverage = down.share[:, None] * across.share
     return Warped((total * down.share[:, None, None]).astype(np.float32), coverage)
