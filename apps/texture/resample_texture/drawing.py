@@ -98,6 +98,15 @@ def drawn(
     return _drawn_whole(image, drawing, linear_light=linear_light, alpha=alpha)
 
 
+def prepared(drawing: Drawing, size: tuple[int, int]) -> Drawing:
+    """Prepare the method for many pictures (height, width), if it can and the edge is its own."""
+    method: Any = drawing.method
+    if not hasattr(method, "planned") or drawing.edge == REFLECT_101 or 0 in size:
+        return drawing
+    quick = method.planned(size, drawing.geometry, drawing.shape, Edge(drawing.edge))
+    return drawing._replace(method=quick)
+
+
 def light_of(image: NDArray[Any], linear_light: bool | None, alpha: str | None) -> Floats:
     """Return the light, in floats, of a picture of levels or of light."""
     if image.dtype.kind == "f":

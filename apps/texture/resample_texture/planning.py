@@ -16,9 +16,9 @@ from resample_texture.arguments import (
     whole_pair,
     without_nodata,
 )
-from resample_texture.drawing import MOST_AT_ONCE, Drawing, drawn, put, with_nodata
+from resample_texture.drawing import MOST_AT_ONCE, Drawing, drawn, prepared, put, with_nodata
 from resample_texture.geometry.mappings import Geometry
-from resample_texture.types import Edge, Method, Warped
+from resample_texture.types import Method, Warped
 
 
 class Plan:
@@ -62,13 +62,8 @@ class Plan:
         check_shape(self.source_shape)
         border = edge_named(edge)
         geometry = geometry_of(matrix, self.shape, convention, inverse)
-        chosen: Any = method_named(method)
-        if hasattr(chosen, "planned") and border in tuple(Edge):
-            quick = chosen.planned(self.source_shape, geometry, self.shape, Edge(border))
-        else:
-            quick = chosen
-        self._drawing = Drawing(chosen, geometry, self.shape, border)
-        self._quick: Drawing = self._drawing._replace(method=quick)
+        self._drawing = Drawing(method_named(method), geometry, self.shape, border)
+        self._quick = prepared(self._drawing, self.source_shape)
 
     def __call__(
         self,

@@ -18,7 +18,7 @@ from resample_texture.arguments import (
     within,
     without_nodata,
 )
-from resample_texture.drawing import Drawing, adds, drawn, put, with_nodata
+from resample_texture.drawing import Drawing, adds, drawn, prepared, put, with_nodata
 from resample_texture.geometry.mappings import Geometry
 from resample_texture.texels.gaps import masked
 from resample_texture.types import Method, Warped
@@ -151,6 +151,8 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     image = without_nodata(image, nodata)
     drawing = Drawing(chosen, geometry, shape, border, threads)
     drawing = drawing._replace(fill=fill_for(fill, image, alpha, chosen))
+    if image.ndim == 4 and image.shape[0] > 1:
+        drawing = prepared(drawing, (image.shape[1], image.shape[2]))
 
     def one(picture: NDArray[Any]) -> Warped:
         warped = drawn(picture, drawing, linear_light=linear_light, alpha=alpha)
