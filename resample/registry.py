@@ -14,7 +14,7 @@ import difflib
 import inspect
 import sys
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -190,7 +190,17 @@ def _entries(group: str) -> "dict[str, EntryPoint]":
     """Entry points by public name; a name that two packages use is qualified."""
     if group not in GROUPS:
         raise LookupError(f"there are no {group!r}; plugins come as {', '.join(GROUPS)}")
-    found = entry_points(group=f"resample.{group}")
+    return _named(group, tuple(sys.path), entry_points)
+
+
+@cache
+def _named(
+    group: str,
+    path: tuple[str, ...],  # noqa: ARG001 - part of what is remembered
+    find: "Callable[..., EntryPoints]",
+) -> "dict[str, EntryPoint]":
+    """Entry points of a group by public name, cached while `sys.path` stays the same."""
+    found = find(group=f"resample.{group}")
     uses = Counter(entry.name for entry in found)
     return {
         entry.name if uses[entry.name] == 1 else f"{_distribution(entry)}/{entry.name}": entry

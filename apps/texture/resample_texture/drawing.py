@@ -47,6 +47,7 @@ if TYPE_CHECKING:
 Integers = NDArray[np.int64]
 MOST_AT_ONCE = 1 << 24  # values of source and target drawn without windows
 MOST_IN_WINDOW = 1 << 22  # values of a window, in the source and in the target
+FEW = 8192  # texels and px that one thread works on alone
 LIGHT = np.dtype(np.float32)
 
 
@@ -95,7 +96,12 @@ def drawn(
         parts = parts_of(image, drawing)
         if parts is not None:
             return drawn_in_parts(image, drawing, parts, linear_light=linear_light, alpha=alpha)
-    return _drawn_whole(image, drawing, linear_light=linear_light, alpha=alpha)
+    if math.prod(image.shape[:2]) + math.prod(drawing.shape) <= FEW:
+        drawing = drawing._replace(threads=1)  # to wake another takes longer
+    from resample.engine import jit
+
+    with jit.threads(drawing.threads):
+        return _drawn_whole(image, drawing, linear_light=linear_light, alpha=alpha)
 
 
 def prepared(drawing: Drawing, size: tuple[int, int]) -> Drawing:

@@ -1,7 +1,6 @@
 """Our ways to warp: points, splats and what is between them (plugins: group `methods`)."""
 
 import math
-from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeGuard
 
@@ -18,7 +17,6 @@ if TYPE_CHECKING:
     from resample_texture.texels.gather import GatherPlan, MixedTiles
 
 MOST_AROUND = 1 << 30  # px of a target, all of whose blocks are looked for, for a region of it
-FEW = 8192  # texels and px that one thread works on alone
 LARGEST_QUALITY = 16.0
 # Rms errors of white noise from 0 to 1 under the area filter, in the worst of 60 views, and from
 # which quality on they hold.
@@ -177,13 +175,10 @@ class Hybrid:
         shape: tuple[int, int],
         edge: Edge,
     ) -> Warped:
-        from resample.engine import jit
         from resample_texture.texels.gather import gather, planned
 
         size = source.shape[0], source.shape[1]
-        is_small = math.prod(size) + math.prod(shape) <= FEW
-        with jit.threads(1) if is_small else nullcontext():  # to wake another takes longer
-            return gather(planned(size, geometry, shape, edge, self.cells), source)
+        return gather(planned(size, geometry, shape, edge, self.cells), source)
 
     def _gathers(self, geometry: Geometry) -> TypeGuard[Homography | BackwardMap]:
         """Whether pixels look at the source, and no texels are projected but where they shrink."""
