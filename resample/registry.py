@@ -27,6 +27,7 @@ GROUPS = (
     "interpolations",
     "methods",
     "orders",
+    "projections",
     "readers",
     "reconstructions",
     "samples",

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from resample_texture.methods.paper import Paper
     from resample_texture.notebooks import view
     from resample_texture.planning import Plan
+    from resample_texture.projecting import project
     from resample_texture.scenes import PictureScene
     from resample_texture.types import Edge, Warped
     from resample_texture.warping import warp
@@ -39,6 +40,7 @@ _HOMES = {
     "Splats": "methods.forward",
     "Supersample": "methods.forward",
     "Warped": "types",
+    "project": "projecting",
     "resize": "everyday",
     "rotate": "everyday",
     "scale": "everyday",
@@ -61,6 +63,7 @@ __all__ = [
     "Splats",
     "Supersample",
     "Warped",
+    "project",
     "resize",
     "rotate",
     "scale",

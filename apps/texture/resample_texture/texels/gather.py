@@ -279,7 +279,7 @@ def _with_plate(
     if edge is Edge.TRANSPARENT or low[0] > high[0]:
         low, high = np.clip(low, 0, size - 1), np.clip(high, 1, size)
         lowest, highest = np.clip(lowest, 0, size - 1), np.clip(highest, 1, size)
-        reach += math.ceil(span.max(initial=0.0) / 8)
+        reach += math.ceil(min(span.max(initial=0.0) / 8, LONGEST / 2))
     elif (lowest < -MOST_BEYOND).any() or (highest > size + MOST_BEYOND).any():
         reach += math.ceil(min(span.max(), LONGEST))
         beyond = 0 if edge is not Edge.CLAMP else prefilter(interpolation).size // 2 + reach
