@@ -15,14 +15,13 @@ except ModuleNotFoundError as error:
 
 if TYPE_CHECKING:
     from resample_texture.chunks import warp_chunks
-    from resample_texture.everyday import resize, rotate, scale
+    from resample_texture.everyday import project, resize, rotate, scale
     from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Homography
     from resample_texture.like.opencv import warp_like_opencv
     from resample_texture.methods.forward import Hybrid, Points, Splats, Supersample
     from resample_texture.methods.paper import Paper
     from resample_texture.notebooks import view
     from resample_texture.planning import Plan
-    from resample_texture.projecting import project
     from resample_texture.scenes import PictureScene
     from resample_texture.types import Edge, Warped
     from resample_texture.warping import warp
@@ -40,7 +39,7 @@ _HOMES = {
     "Splats": "methods.forward",
     "Supersample": "methods.forward",
     "Warped": "types",
-    "project": "projecting",
+    "project": "everyday",
     "resize": "everyday",
     "rotate": "everyday",
     "scale": "everyday",

@@ -39,7 +39,7 @@ from resample_texture.texels.gaps import (
     unmasked,
 )
 from resample_texture.texels.spans import WIDE
-from resample_texture.types import Edge, Means, Method, Warped
+from resample_texture.types import Edge, Method, Warped, WarpedMeans
 
 if TYPE_CHECKING:
     from resample_texture.texels.gather import MixedTiles
@@ -148,7 +148,7 @@ def finished(warped: Warped, encoding: Encoding, fill: Any = None) -> Warped:
     return filled(Warped(made.image, plain.coverage), fill)
 
 
-def filled(warped: Warped, fill: Any) -> Means:
+def filled(warped: Warped, fill: Any) -> WarpedMeans:
     """Put a value, or a mask, where nothing covers a pixel."""
     image, is_empty = warped.image, warped.coverage == 0.0
     if isinstance(image, np.ma.MaskedArray):
@@ -156,7 +156,7 @@ def filled(warped: Warped, fill: Any) -> Means:
         image = masked(image.data, np.ma.getmaskarray(image) | is_all, image.fill_value)
     else:
         image[is_empty] = fill
-    return Means(image, warped.coverage)
+    return WarpedMeans(image, warped.coverage)
 
 
 def _as_stored(plain: Mended, encoding: Encoding) -> Warped:
@@ -217,7 +217,7 @@ def drawn_in_parts(
     result = Warped(
         np.empty((*drawing.shape, *image.shape[2:]), form), np.empty(drawing.shape, np.float32)
     )
-    result = result if drawing.fill is None else Means(*result)
+    result = result if drawing.fill is None else WarpedMeans(*result)
     size, channels = (image.shape[0], image.shape[1]), math.prod(image.shape[2:])
     is_near: NDArray[np.bool_] | None = None
     if parts.mixed is not None:

@@ -14,7 +14,7 @@ from resample.types import Floats
 from resample_texture.geometry.edges import Edge
 from resample_texture.geometry.mappings import Geometry
 
-__all__ = ["Edge", "Means", "Method", "Previewed", "Warped"]
+__all__ = ["Edge", "Method", "Previewed", "Warped", "WarpedMeans"]
 
 
 class _Warped(NamedTuple):
@@ -62,7 +62,7 @@ class Warped(Showable, _Warped):
         return empty
 
 
-class Means(Warped):
+class WarpedMeans(Warped):
     """Warped measurements: each pixel is the mean of what covers it, however little that is.
 
     Examples

@@ -46,7 +46,7 @@ class Tile(NamedTuple):
     height: int
 
 
-class Projection(Protocol):
+class PictureProjection(Protocol):
     """How directions lie in a picture (height, width)."""
 
     def check(self, shape: tuple[int, int]) -> None:
@@ -353,7 +353,9 @@ class SourceTile(NamedTuple):
     is_endless: bool = False  # it repeats beyond its edges
 
 
-def source_tiles(image: NDArray[Any], projection: Projection, step: float) -> Iterator[SourceTile]:
+def source_tiles(
+    image: NDArray[Any], projection: PictureProjection, step: float
+) -> Iterator[SourceTile]:
     """Yield the parts of a picture.
 
     Parameters
@@ -459,7 +461,9 @@ def _margin(tile: Tile) -> int:
     return max(1, tile.width // 4)
 
 
-def _padded(image: NDArray[Any], projection: Projection, tiles: list[Tile], n: int) -> NDArray[Any]:
+def _padded(
+    image: NDArray[Any], projection: PictureProjection, tiles: list[Tile], n: int
+) -> NDArray[Any]:
     """Return a face with texels of its neighbours around, the nearest ones on its plane."""
     shape, tile = (image.shape[0], image.shape[1]), tiles[n]
     margin = _margin(tile)
