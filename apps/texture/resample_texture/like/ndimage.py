@@ -1,5 +1,9 @@
-"""`affine_transform` and `map_coordinates` as in `scipy.ndimage`, without aliasing."""
+"""Transforms of pictures as in `scipy.ndimage`, without aliasing.
 
+`affine_transform`, `map_coordinates`, `rotate`, `shift` and `zoom`, of arrays of two dimensions.
+"""
+
+import math
 from typing import Any
 
 import numpy as np
@@ -76,16 +80,138 @@ def map_coordinates(  # noqa: PLR0913 - as scipy.ndimage has it
     Parameters
     ----------
     coordinates
-        (2, h, w); pixels are areas, whose size follows from their neighbours' coordinates.
+        (2, h, w); pixels are areas, whose size follows from their neighbours' coordinates. Or (2,
+        N), or of more dimensions: points, none of which is another's neighbour.
     """
     image = _picture(input)
     places = np.asarray(coordinates)
-    if places.ndim != 3 or places.shape[0] != 2:
+    if places.ndim < 2 or places.shape[0] != 2:
         raise ValueError(f"coordinates have the shape (2, height, width), not {places.shape}")
+    chosen = method_of_order(order, interpolation, method)
+    if places.ndim != 3:
+        values = (order, mode, cval, prefilter)
+        return _at_points(image, places, values, output, chosen)
     geometry = BackwardMap.from_opencv(places[1], places[0])
     shape = geometry.x.shape[0], geometry.x.shape[1]
-    chosen = method_of_order(order, interpolation, method)
     return _drawn(image, geometry, shape, (order, mode, cval, prefilter), output, chosen)
+
+
+def zoom(  # noqa: PLR0913 - as scipy.ndimage has it
+    input: NDArray[Any],  # noqa: A002
+    zoom: float | tuple[float, float],
+    output: NDArray[Any] | DTypeLike | None = None,
+    order: int = 3,
+    mode: str = "constant",
+    cval: float = 0.0,
+    prefilter: bool = True,
+    *,
+    grid_mode: bool = False,
+    interpolation: str | None = None,
+    method: str | Method | None = None,
+) -> NDArray[Any]:
+    """Scale a picture by a factor, or by one down and one across.
+
+    Parameters
+    ----------
+    grid_mode
+        True: the picture's edges, not the centers of its outermost texels, become the result's.
+    """
+    image = _picture(input)
+    factors = np.broadcast_to(np.asarray(zoom, np.float64), 2)
+    size = np.array(image.shape)
+    shape = [round(int(n) * float(factor)) for n, factor in zip(size, factors, strict=True)]
+    if min(shape) < 1:
+        raise ValueError(f"zoom {zoom} leaves no pixel of a picture of {image.shape}")
+    new = np.array(shape)
+    scale = size / new if grid_mode else (size - 1) / np.maximum(new - 1, 1)
+    scale[scale == 0.0] = 1.0
+    offset = 0.5 * scale - 0.5 if grid_mode else np.zeros(2)
+    return affine_transform(
+        image, scale, offset, (shape[0], shape[1]), output, order, mode, cval, prefilter,
+        interpolation=interpolation, method=method,
+    )  # fmt: skip
+
+
+def shift(  # noqa: PLR0913 - as scipy.ndimage has it
+    input: NDArray[Any],  # noqa: A002
+    shift: float | tuple[float, float],
+    output: NDArray[Any] | DTypeLike | None = None,
+    order: int = 3,
+    mode: str = "constant",
+    cval: float = 0.0,
+    prefilter: bool = True,
+    *,
+    interpolation: str | None = None,
+    method: str | Method | None = None,
+) -> NDArray[Any]:
+    """Move a picture by a distance, or by one down and one across."""
+    moves = -np.broadcast_to(np.asarray(shift, np.float64), 2)
+    return affine_transform(
+        input, (1.0, 1.0), moves, None, output, order, mode, cval, prefilter,
+        interpolation=interpolation, method=method,
+    )  # fmt: skip
+
+
+def rotate(  # noqa: PLR0913, PLR0917 - as scipy.ndimage has it
+    input: NDArray[Any],  # noqa: A002
+    angle: float,
+    axes: tuple[int, int] = (1, 0),
+    reshape: bool = True,
+    output: NDArray[Any] | DTypeLike | None = None,
+    order: int = 3,
+    mode: str = "constant",
+    cval: float = 0.0,
+    prefilter: bool = True,
+    *,
+    interpolation: str | None = None,
+    method: str | Method | None = None,
+) -> NDArray[Any]:
+    """Turn a picture counterclockwise by degrees.
+
+    Parameters
+    ----------
+    reshape
+        Make the result large enough for the whole picture.
+    """
+    image = _picture(input)
+    if sorted(axis % 2 for axis in axes) != [0, 1]:
+        raise ValueError(f"axes are 0 and 1 of a picture, not {axes}")
+    turn = math.radians(angle)
+    matrix = np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
+    size = np.array(image.shape)
+    bounds = np.abs(matrix) @ size if reshape else size
+    shape = np.floor(bounds + 0.5).astype(int) if reshape else size
+    offset = 0.5 * (size - 1) - matrix @ (0.5 * (shape - 1))
+    return affine_transform(
+        image, matrix, offset, (int(shape[0]), int(shape[1])), output, order, mode, cval, prefilter,
+        interpolation=interpolation, method=method,
+    )  # fmt: skip
+
+
+def _at_points(
+    image: NDArray[Any],
+    places: NDArray[Any],
+    values: tuple[int, str, float, bool],
+    output: NDArray[Any] | DTypeLike | None,
+    method: Method,
+) -> NDArray[Any]:
+    """Draw points (2, ...) apart from each other, with pixels that show nothing between them."""
+    points = places.reshape(2, -1)
+    if not points.shape[1]:
+        return np.zeros(places.shape[1:], image.dtype)
+    side = math.ceil(math.sqrt(points.shape[1]))
+    apart = np.full((2, 2 * side + 1, 2 * side + 1), np.nan)
+    row, column = np.divmod(np.arange(points.shape[1]), side)
+    apart[:, 2 * row + 1, 2 * column + 1] = points
+    kind = output.dtype if isinstance(output, np.ndarray) else output
+    geometry = BackwardMap.from_opencv(apart[1], apart[0])
+    drawn = _drawn(image, geometry, (apart.shape[1], apart.shape[2]), values, kind, method)
+    result: NDArray[Any] = drawn[2 * row + 1, 2 * column + 1].reshape(places.shape[1:])
+    if not isinstance(output, np.ndarray):
+        return result
+    check_out(output, result.shape, result)
+    output[...] = result
+    return output
 
 
 def _picture(given: NDArray[Any]) -> NDArray[Any]:

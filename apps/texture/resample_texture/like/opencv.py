@@ -266,3 +266,12 @@ def _picture_behind(dst: NDArray[Any], full: tuple[int, ...], dtype: np.dtype[An
             f"dst is {behind.dtype} of {behind.shape}; the result is {dtype} of {full}"
         )
     return behind.reshape(*full[:2], -1)
+
+
+def __getattr__(name: str) -> Any:
+    """`warpPolar`, `linearPolar` and `logPolar`, which stand on `remap`."""
+    if name in ("warpPolar", "linearPolar", "logPolar"):
+        from resample_texture.like import polar
+
+        return getattr(polar, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
