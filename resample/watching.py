@@ -134,7 +134,7 @@ def portion(first: float, last: float) -> Iterator[None]:
     0.625
     1.0
     """
-    progress = _watch.get().progress
+    progress = progress_here()
     if progress is None:
         yield
         return
@@ -145,6 +145,11 @@ def portion(first: float, last: float) -> Iterator[None]:
         yield
     finally:
         _watch.reset(token)
+
+
+def progress_here() -> Progress | None:
+    """What is told of the progress of the current work."""
+    return _watch.get().progress
 
 
 def is_watched() -> bool:
@@ -187,7 +192,6 @@ class Executor(Protocol):
 
     def map(self, job: Callable[..., Any], /, *parts: Iterable[Any]) -> Iterable[Any]:
         """Results of a job for each part, in order."""
-        ...
 
 
 class WorkerPool(NamedTuple):

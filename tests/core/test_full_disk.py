@@ -20,12 +20,12 @@ from resample.files.facts.metadata import FileMetadata
 from resample.files.facts.tags import ASCII, Tag
 from resample.files.formats import WriteOptions, page_of
 from resample.files.painted.deep import DepthSlab, write_deep
-from resample.files.painted.tiles import keep_tile
 from resample.files.pictures import Kind, Picture
 from resample.files.saving import spec_of, write_pages, write_picture, writing_rows
 from resample.files.sequences import write_frames
 from resample.files.writing import check_end, refused, write_json
 from resample.measuring.compare import contact_sheet, write_screen
+from resample.outofcore.windows import keep_tile
 from resample.types import Film, Frame
 from resample_volume.classification.files import save_transfer
 from resample_volume.classification.transfer import TransferFunction

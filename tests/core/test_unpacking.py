@@ -19,9 +19,9 @@ from resample.files.facts.tags import read_tags
 from resample.files.films import film_picture, new_film, new_stream
 from resample.files.images import read_image, read_rows
 from resample.files.painted.deep import DepthSlab, write_deep
-from resample.files.painted.tiles import NAME, kept_tile
 from resample.files.pictures import read_picture
 from resample.files.sequences import frames_of
+from resample.outofcore.windows import NAME, kept_tile
 from resample.reading.arrays import read_npz
 from resample.reading.codestreams import size_at_once, size_of
 from resample.reading.models.meshes import check_mesh

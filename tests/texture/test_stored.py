@@ -180,14 +180,14 @@ def test_an_error_on_the_way_leaves_no_store(monkeypatch, capsys):
     store("a.zarr", texels(3, np.uint8))
     monkeypatch.setattr(large, "MOST_AT_ONCE", 0)
     monkeypatch.setattr(large, "MOST_IN_STRIP", 20_000)
-    one = large.Large._strip
+    one = large.Large.paint
 
     def failing(self, first, count):
         if first:
             raise OSError(28, "No space left on device")
         return one(self, first, count)
 
-    monkeypatch.setattr(large.Large, "_strip", failing)
+    monkeypatch.setattr(large.Large, "paint", failing)
     assert "b.zarr: cannot be written: No space left" in refused(
         capsys, *TURN, "a.zarr", "-o", "b.zarr"
     )

@@ -14,9 +14,9 @@ import pytest
 from resample.command.workers import WorkerPool
 from resample.files import writing
 from resample.files.images import read_image
+from resample.outofcore import windows
 from resample_volume.cli import app
 from resample_volume.command import rendering
-from resample_volume.outofcore import windowed
 from tests import commands
 from tests.processes import PATIENCE
 
@@ -72,7 +72,7 @@ def store(tmp_path, monkeypatch):
 @pytest.fixture
 def painted(monkeypatch):
     """Windows that are painted by this process."""
-    made, keep_tile = [], windowed.keep_tile
+    made, keep_tile = [], windows.keep_tile
 
     def noted(folder, window, *rest):
         made.append(window)
@@ -84,7 +84,7 @@ def painted(monkeypatch):
             crew = WorkerPool(executor, 1, threads or 1, None, is_local=True)
             yield lambda: crew if sharing.has_workers else None
 
-    monkeypatch.setattr(windowed, "keep_tile", noted)
+    monkeypatch.setattr(windows, "keep_tile", noted)
     monkeypatch.setattr(rendering, "worker_pools", hiring)
     return made
 

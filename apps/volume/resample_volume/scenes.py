@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Spelled, viewpoint_of
 from resample.lazy import old_members
+from resample.outofcore.caching import Memo, memoizing
 from resample.painting.choices import Projection
 from resample.painting.scenes.plans import shape_of
 from resample.resampler import Resampler
 from resample.types import Frame
 from resample.watching import Cancel, Progress, cancellable
 from resample_volume.classification.surveys import survey, without_padding
-from resample_volume.data.memoization import Memo, memoizing
 from resample_volume.data.values import as_array
 from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Appearance, Classification, of_voxels, resampler_for

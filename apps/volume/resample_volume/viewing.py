@@ -14,6 +14,7 @@ from resample.files.animations import write_film
 from resample.files.exchange.results import levels_of
 from resample.files.saving import screen_levels, write_frame
 from resample.files.stores.addresses import is_address
+from resample.outofcore.caching import Memo, memoizing
 from resample.registry import names
 from resample.resampler import Resampler
 from resample.types import Frame
@@ -27,7 +28,6 @@ from resample_volume.classification.surveys import survey
 from resample_volume.command.animation import FrameOptions, cameras_of, drawing, flight_of, shots
 from resample_volume.command.choices import AppearanceChoices, Beside, ReadOptions
 from resample_volume.command.inputs import prepared
-from resample_volume.data.memoization import Memo, memoizing
 from resample_volume.editing import points_of, spelled
 from resample_volume.files.generated import GENERATED
 from resample_volume.files.source import find_reader

@@ -1,1 +1,1 @@
-"""Write painted scenes: deep pictures, and windows of one picture."""
+"""Write painted scenes: deep pictures."""

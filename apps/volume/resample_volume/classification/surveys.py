@@ -5,10 +5,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.outofcore.caching import memoized
 from resample.types import Doubles
 from resample_volume.classification.tomography import METAL, Units, resembles_ct, units_of
-from resample_volume.data.memoization import memoized
-from resample_volume.data.statistics.scanning import are_few, step_of
+from resample_volume.data.scanning import are_few, step_of
 from resample_volume.data.thresholds import Counts, Histogram
 from resample_volume.data.values import Stored, values_of
 from resample_volume.types import Volume

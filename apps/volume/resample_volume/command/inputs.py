@@ -13,14 +13,14 @@ from resample.command.workers import StartWorkers
 from resample.console.messages import progress_bar, say
 from resample.memory import allow, amount, available_memory, bytes_of, return_freed_memory
 from resample.memory.mapped import is_in_file
+from resample.outofcore.bricks import SHARE
+from resample.outofcore.passes import PassContext
 from resample.watching import told
 from resample_volume.classification.scales import LINEAR, scaled
 from resample_volume.classification.surveys import Survey, findings, survey, without_padding
 from resample_volume.command.choices import ReadOptions
 from resample_volume.data.bricks import Bricks
 from resample_volume.data.recordings import SeveralTimesError, how, volume_at
-from resample_volume.data.statistics.caches import SHARE
-from resample_volume.data.statistics.scanning import Helpers
 from resample_volume.data.values import as_array, bricks_of, is_streamed
 from resample_volume.files.parsing.steps import three_numbers
 from resample_volume.files.readers import Raw, Reader
@@ -132,13 +132,13 @@ def with_memory(
     return volume
 
 
-def _helpers(start_workers: StartWorkers, bricks: Bricks) -> Helpers | None:
+def _helpers(start_workers: StartWorkers, bricks: Bricks) -> PassContext | None:
     """Start workers to scan a chunked volume; None if no workers were asked for."""
     crew = start_workers()
     if crew is None:
         return None
     bricks.pin_bricks((bricks.memory or 0) // SHARE // crew.tasks)
-    return Helpers(crew.executor, crew.threads)
+    return PassContext(crew.executor, crew.threads)
 
 
 def announced(volume: Volume) -> Volume:

@@ -324,7 +324,7 @@ def shared(
 
     Windows that a killed command left of the same picture are reused.
     """
-    from resample.files.painted.tiles import NAME
+    from resample.outofcore.windows import NAME
     from resample_volume.windows import Budget
 
     here = local_budget(media, context.threads)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.memory.mapped import array_like
+from resample.outofcore.caching import memoized
 from resample.painting.choices import MEASURING, Projection
 from resample.painting.splines import FIELD, spline_of
 from resample.profiles.orders import MONOTONE
@@ -33,10 +34,9 @@ from resample_volume.classification.transfer import (
     tabulated,
     visible_places,
 )
-from resample_volume.data.memoization import memoized
 from resample_volume.data.memory import require_memory
 from resample_volume.data.parts import slabs
-from resample_volume.data.statistics.scanning import are_few
+from resample_volume.data.scanning import are_few
 from resample_volume.types import Volume
 from resample_volume.voxels.fields import UNLIT, check_iso, columns_of, table_range
 from resample_volume.voxels.shading import Light, lamp_of

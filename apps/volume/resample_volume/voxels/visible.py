@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.outofcore.caching import memoized
 from resample.types import Doubles, Floats
 from resample_volume.classification.regions import Faded
 from resample_volume.classification.transfer import (
@@ -15,7 +16,6 @@ from resample_volume.classification.transfer import (
     extinction,
     visible_places,
 )
-from resample_volume.data.memoization import memoized
 from resample_volume.data.memory import require_memory
 from resample_volume.data.parts import side_by_side, slabs
 from resample_volume.data.recordings import linear_colors

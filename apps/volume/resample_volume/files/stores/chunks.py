@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from resample.files.stores.addresses import Place
 from resample.files.stores.holes import Holes, values_of
 from resample.files.stores.opening import reading
-from resample_volume.data.bricks import Box, Bricks, Step
+from resample.outofcore.bricks import Box, Step
+from resample_volume.data.bricks import Bricks
 from resample_volume.data.values import Stored
 from resample_volume.files.parsing.headers import WIDENED
 from resample_volume.files.stores.states import Portion

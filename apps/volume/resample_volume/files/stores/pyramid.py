@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resample_volume.data.bricks import Step
+from resample.outofcore.bricks import Step
 
 SMALLEST = 64  # voxels along the longest axis of the last level
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from resample.files.stores.addresses import Place
 from resample.files.stores.metadata import SPACE, Layout, Level, layout_of, moved
+from resample.outofcore.bricks import Step
 from resample.reading.limits import check_free
-from resample_volume.data.bricks import Step
 from resample_volume.data.memory import require_memory
 from resample_volume.data.recordings import alone
 from resample_volume.files.parsing.headers import (

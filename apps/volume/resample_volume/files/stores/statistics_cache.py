@@ -17,7 +17,7 @@ from resample.files.cached import load_arrays, store_arrays
 from resample.files.stores.addresses import Address, Place
 from resample.memory.mapped import folder
 from resample_volume.data.bricks import Bricks
-from resample_volume.data.statistics.scanning import BrickStats, are_few, step_of
+from resample_volume.data.scanning import BrickStats, are_few, step_of
 from resample_volume.files.stores.states import Portion, State, state_of_files, state_of_server
 
 LEAST = 1 << 23  # voxels; a pass over fewer takes less than a second

@@ -16,9 +16,9 @@ from resample.files.stores.addresses import STORE
 from resample.files.stores.metadata import OWN
 from resample.files.stores.opening import require_zarr
 from resample.files.writing import beside, unwritten
+from resample.outofcore.bricks import Box, Step, boxes_of
 from resample.types import Doubles
 from resample.watching import Progress
-from resample_volume.data.bricks import Box, Step
 from resample_volume.data.values import values_of
 from resample_volume.files.stores.pyramid import halved, per_axis, sizes
 from resample_volume.types import Recording
@@ -165,7 +165,7 @@ def _fill(levels: "list[zarr.Array[Any]]", recording: Recording, form: Layered) 
     """Write all levels, the finest first; yield the fraction written."""
     letters, times, parts = _letters(recording), *recording.values.shape[:2]
     shapes = [level.shape[-3:] for level in levels]
-    boxes = [_boxes(shape, form.step) for shape in shapes]
+    boxes = [boxes_of(shape, (form.step,) * 3) for shape in shapes]
     total, done = times * parts * sum(map(len, boxes)), 0
     for time, part in product(range(times), range(parts)):
         at = tuple(n for n, letter in ((time, "t"), (part, "c")) if letter in letters)
@@ -185,15 +185,6 @@ def _fill(levels: "list[zarr.Array[Any]]", recording: Recording, form: Layered) 
 def _box_reader(recording: Recording, time: int, part: int) -> Callable[[Box], NDArray[Any]]:
     """Return a reader of boxes."""
     return values_of(recording.values[time, part]).read
-
-
-def _boxes(shape: Step, step: int) -> list[Box]:
-    """Yield boxes of whole chunks or shards that fill a level, z slowest."""
-    found = []
-    for start in product(*(range(0, size, step) for size in shape)):
-        z, y, x = (slice(n, min(n + step, size)) for n, size in zip(start, shape, strict=True))
-        found.append((z, y, x))
-    return found
 
 
 def _finer(box: Box, per: Step) -> Box:

@@ -4,22 +4,19 @@ Each process scans some layers of bricks. Results are ends, counts and values th
 parts joined in their order are bit-identical to a single scan.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterable
 from functools import partial
-from itertools import pairwise, product
+from itertools import product
 from math import prod
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.outofcore.bricks import Box, BrickArray, Step, spans
+from resample.outofcore.passes import PassContext, in_order, passed
 from resample.types import Doubles
-from resample.watching import Executor, report, shared_out
-
-Step = tuple[int, int, int]  # z, y, x
-Box = tuple[slice, slice, slice]  # z, y, x
-R = TypeVar("R")
+from resample.watching import report
 
 SAMPLED = 2e6  # sample size for the distribution of floating-point values
 LITTLE = 1 << 21  # values that NumPy counts in the time that OpenCV takes to import
@@ -39,42 +36,6 @@ class BrickStats(NamedTuple):
     codes: NDArray[np.int64] | None  # counts of each value, by its bits, for types of few values
 
 
-class Helpers(NamedTuple):
-    """Executor and threads for parts of the scan."""
-
-    executor: Executor
-    threads: int | None  # of each part; None: all
-
-
-class InBricks(Protocol):
-    """Protocol of the scanned values: `bricks.Bricks`, which can be pickled."""
-
-    shape: Step
-    dtype: np.dtype[Any]
-    reads: int
-
-    @property
-    def count(self) -> Step:
-        """Bricks along z, y and x."""
-        ...
-
-    def box(self, index: Step) -> Box:
-        """Voxels of a brick."""
-        ...
-
-    def brick(self, index: Step) -> NDArray[Any]:
-        """Return the values of a brick."""
-        ...
-
-    def anew(self) -> "InBricks":
-        """Return a copy that counts its own reads."""
-        ...
-
-    def each(self, job: Callable[[Step], R], indices: Sequence[Step]) -> Iterator[R]:
-        """Run a job on bricks; yield results in their order."""
-        ...
-
-
 class _Layers(NamedTuple):
     """Result of the scan of some layers of bricks."""
 
@@ -88,7 +49,7 @@ class _Layers(NamedTuple):
     reads: int
 
 
-def scanned(bricks: InBricks, helpers: Helpers | None = None) -> BrickStats:
+def scanned(bricks: BrickArray, helpers: PassContext | None = None) -> BrickStats:
     """Scan all values; each brick is read once, some of floating-point values twice.
 
     Parameters
@@ -96,18 +57,16 @@ def scanned(bricks: InBricks, helpers: Helpers | None = None) -> BrickStats:
     helpers
         Workers; None: this process only. A part is repeated if its worker ended.
     """
-    executor, threads = helpers or (None, None)
-    layers, _, _ = bricks.count
-    cuts = sorted({layers * n // PARTS for n in range(PARTS + 1)})
-    spans = [(0, layers)] if executor is None else list(pairwise(cuts))
+    layers, context = bricks.count[0], helpers or PassContext()
+    parts = spans(layers, 1 if context.executor is None else PARTS)
     found: list[_Layers] = []
-    for part in shared_out(executor, partial(_scan_layers, bricks, threads), spans):
+    for part in passed(partial(_scan_layers, bricks), parts, context):
         found.append(part)
         bricks.reads += part.reads
-        report(spans[len(found) - 1][1], layers)
+        report(parts[len(found) - 1][1], layers)
     least, greatest, some = (np.concatenate([part[n] for part in found]) for n in (0, 1, 4))
     codes = [part.codes for part in found if part.codes is not None]
-    beyond = _outliers(bricks, least, greatest, some, helpers)
+    beyond = _outliers(bricks, (least, greatest), some, context)
     return BrickStats(
         least,
         greatest,
@@ -129,7 +88,7 @@ def _rim(found: list[_Layers]) -> NDArray[Any]:
     return np.concatenate([side.ravel() for side in (*ends, *across)])
 
 
-def _scan_layers(bricks: InBricks, threads: int | None, span: tuple[int, int]) -> _Layers:
+def _scan_layers(bricks: BrickArray, span: tuple[int, int]) -> _Layers:
     """Scan a range of layers of bricks."""
     own, (first, last), (_, down, across) = bricks.anew(), span, bricks.count
     indices = list(product(range(first, last), range(down), range(across)))
@@ -155,38 +114,27 @@ def _scan_layers(bricks: InBricks, threads: int | None, span: tuple[int, int]) -
         return infinite, missing, count_codes(values) if few else None
 
     infinite = missing = 0
-    with _on(threads):
-        for n, (more, none, counted) in enumerate(own.each(scan, indices)):
-            report(n + 1, len(indices))
-            infinite, missing = infinite + more, missing + none
-            if codes is not None and counted is not None:
-                codes += counted
+    for n, (more, none, counted) in enumerate(in_order(scan, indices)):
+        report(n + 1, len(indices))
+        infinite, missing = infinite + more, missing + none
+        if codes is not None and counted is not None:
+            codes += counted
     for side, is_outer in ((0, low == 0), (1, high == bricks.shape[0])):
         sides[side] = sides[side] if is_outer else sides[side][:0]
     return _Layers(least, greatest, infinite, missing, some, sides, codes, own.reads)
 
 
 def _outliers(
-    bricks: InBricks,
-    least: Doubles,
-    greatest: Doubles,
-    some: NDArray[Any],
-    helpers: Helpers | None,
+    bricks: BrickArray, ends: tuple[Doubles, Doubles], some: NDArray[Any], context: PassContext
 ) -> NDArray[Any]:
     """Return finite values outside the range of a sample, from bricks with such ends."""
     if are_few(bricks.dtype):
         return some[:0].ravel()
     low, high, *_ = extent(some)
-    chosen = [
-        (int(z), int(y), int(x)) for z, y, x in np.argwhere((least < low) | (greatest > high))
-    ]
-    executor, threads = helpers or (None, None)
-    cuts = sorted({len(chosen) * n // PARTS for n in range(PARTS + 1)})
-    parts = [chosen[first:last] for first, last in pairwise(cuts)]
+    chosen = [tuple(map(int, at)) for at in np.argwhere((ends[0] < low) | (ends[1] > high))]
+    parts = [chosen[first:last] for first, last in spans(len(chosen), PARTS)]
     found = [some[:0].ravel()]
-    for values, reads in shared_out(
-        executor, partial(_scan_outside, bricks, threads, (low, high)), parts
-    ):
+    for values, reads in passed(partial(_scan_outside, bricks, (low, high)), parts, context):
         found.append(values)
         bricks.reads += reads
         report(len(found) - 1, len(parts))
@@ -194,7 +142,7 @@ def _outliers(
 
 
 def _scan_outside(
-    bricks: InBricks, threads: int | None, ends: tuple[float, float], chosen: list[Step]
+    bricks: BrickArray, ends: tuple[float, float], chosen: list[Step]
 ) -> tuple[NDArray[Any], int]:
     """Return finite values of some bricks outside a range, and the number of bricks read."""
     own, (low, high) = bricks.anew(), ends
@@ -203,16 +151,7 @@ def _scan_outside(
         values = own.brick(index)
         return np.asarray(values[((values < low) | (values > high)) & np.isfinite(values)])
 
-    with _on(threads):
-        found = np.concatenate(list(own.each(scan, chosen)))
-    return found, own.reads
-
-
-def _on(count: int | None) -> AbstractContextManager[None]:
-    """Limit the number of threads; None: all of this machine."""
-    from resample.engine.jit import threads
-
-    return nullcontext() if count is None else threads(count)
+    return np.concatenate(list(in_order(scan, chosen))), own.reads
 
 
 def step_of(size: int) -> int:
