@@ -121,7 +121,7 @@ def _mapping_of(size: int, what: str) -> mmap.mmap:
     try:
         place.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=place) as file:
-            _claim(file.fileno(), size, place)
+            claim(file.fileno(), size, place)
             return mmap.mmap(file.fileno(), size)
     except OSError as error:
         raise ValueError(
@@ -131,7 +131,7 @@ def _mapping_of(size: int, what: str) -> mmap.mmap:
         ) from None
 
 
-def _claim(file: int, size: int, place: Path) -> None:
+def claim(file: int, size: int, place: Path) -> None:
     """Resize a file and reserve its disk space."""
     import shutil
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.outofcore.passes import in_order
+from resample.outofcore.sharing import SharedBricks
 from resample.watching import report
 
 Step = tuple[int, ...]  # an index or a size along each axis, such as z, y, x
@@ -136,6 +137,11 @@ class PinnedCache:
                 self._kept[index] = values
                 self.size += values.nbytes
 
+    def all(self) -> list[tuple[Step, NDArray[Any]]]:
+        """Return all bricks, with their indices."""
+        with self._lock:
+            return list(self._kept.items())
+
     def limit(self, most: int) -> None:
         """Set the limit in bytes; 0 evicts all."""
         with self._lock:
@@ -182,6 +188,7 @@ class BrickArray:
     request: BrickRequest | None = None  # blocks whose elements are requested; None: all
     recent: LruCache | None = None  # cache of bricks
     pinned: PinnedCache | None = None  # pinned bricks, as stored in the file
+    shared: SharedBricks | None = None  # pinned bricks that other processes have, too
     period: int | None = None  # elements of the first axis at which bricks restart; None: none
     _lock: Lock = field(default_factory=Lock)
 
@@ -238,13 +245,28 @@ class BrickArray:
     def _read(self, index: Step) -> NDArray[Any]:
         """Read the values of a brick, from the cache or the file."""
         values = None if self.pinned is None else self.pinned.found(index)
+        box, number = self.box(index), int(np.ravel_multi_index(index, self.count))
+        if values is None and self.shared is not None:
+            shape = tuple(side.stop - side.start for side in box)
+            values = self.shared.found(number, shape, self.dtype)
         if values is None:
-            values = self.read(self.box(index))
+            values = self.read(box)
             with self._lock:
                 self.reads += 1
-            if self.pinned is not None:
+            is_there = self.shared is not None and self.shared.keep(number, values)
+            if self.pinned is not None and not is_there:
                 self.pinned.keep(index, values)
         return values
+
+    def share_bricks(self) -> None:
+        """Let processes of this machine share pinned bricks, of which none reads one again."""
+        if self.pinned is not None and self.shared is None:
+            bricks = prod(self.count)
+            shared = SharedBricks.within(self.pinned.most, bricks, self.bytes_each)
+            if shared is not None:
+                for index, values in self.pinned.all():
+                    shared.keep(int(np.ravel_multi_index(index, self.count)), values)
+            self.shared = shared
 
     def within(self, request: BrickRequest | None, recent: LruCache | None = None) -> Self:
         """Return a copy restricted to some blocks; it counts its own reads."""
@@ -263,6 +285,7 @@ class BrickArray:
 
     def pin_bricks(self, most: int) -> None:
         """Pin the bricks read first, up to a limit in bytes."""
+        self.shared = self.shared if most else None
         if self.pinned is None:
             self.pinned = PinnedCache(most)
         else:

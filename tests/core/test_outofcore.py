@@ -210,3 +210,43 @@ def test_a_pass_tells_its_progress_by_the_sizes_of_parts():
     context = PassContext(tell=shares.append).portion(0.5, 1.0)
     assert list(passed(abs, [-1, 2], context, [3, 1])) == [1, 2]
     assert shares == [0.875, 1.0]
+
+
+def test_processes_of_a_machine_share_bricks_so_that_none_is_read_twice(rng, tmp_path, monkeypatch):
+    monkeypatch.setenv("HYBRID_RESAMPLE_CACHE", str(tmp_path))
+    values = rng.integers(0, 99, (7, 9)).astype(np.int16)
+    bricks = BrickArray(values.__getitem__, values.shape, values.dtype, (2, 4))
+    bricks.pin_bricks(1000)
+    bricks.brick((0, 0))
+    bricks.share_bricks()
+    other = pickle.loads(pickle.dumps(bricks)).anew()
+    assert (other.whole() == values).all()
+    assert other.reads == len(bricks.all()) - 1
+    assert (bricks.whole() == values).all()
+    assert bricks.reads == 1
+    assert not list(tmp_path.iterdir())  # the file has no name
+
+
+def test_bricks_are_read_where_a_file_of_others_has_none_of_them(rng, tmp_path, monkeypatch):
+    monkeypatch.setenv("HYBRID_RESAMPLE_CACHE", str(tmp_path))
+    values = rng.random((8, 8))
+    bricks = BrickArray(values.__getitem__, values.shape, values.dtype, (4, 4))
+    bricks.pin_bricks(400)  # of which two have a place
+    bricks.share_bricks()
+    assert (bricks.whole() == values).all()
+    bricks.shared._sums[0] += 1  # not complete
+    assert (bricks.whole() == values).all()
+    monkeypatch.setattr(bricks.shared, "token", b"of another machine")
+    assert pickle.loads(pickle.dumps(bricks)).shared is None
+    bricks.pin_bricks(0)
+    assert (bricks.shared, bricks.pinned_bytes) == (None, 0)
+
+
+def test_bricks_are_not_shared_where_no_file_can_be_written(tmp_path, monkeypatch):
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("HYBRID_RESAMPLE_CACHE", str(tmp_path / "file"))
+    bricks = BrickArray(np.ones(9).__getitem__, (9,), np.dtype(float), (4,))
+    bricks.pin_bricks(1000)
+    bricks.share_bricks()
+    assert bricks.shared is None
+    assert bricks.whole().all()

@@ -219,6 +219,8 @@ def _pin_bricks(media: Sequence[VolumeLayer], budget: Budget) -> None:
     """Let volumes pin the bricks read first, in a share of a process's memory budget."""
     for bricks in _bricks_of(media):
         bricks.pin_bricks(budget.memory // SHARE // len(media))
+        if budget.executor is not None:
+            bricks.share_bricks()
 
 
 def _bricks_of(media: Sequence[VolumeLayer]) -> list[Bricks]:

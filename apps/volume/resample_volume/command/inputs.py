@@ -138,6 +138,7 @@ def _helpers(start_workers: StartWorkers, bricks: Bricks) -> PassContext | None:
     if crew is None:
         return None
     bricks.pin_bricks((bricks.memory or 0) // SHARE // crew.tasks)
+    bricks.share_bricks()
     return PassContext(crew.executor, crew.threads)
 
 
