@@ -4,7 +4,9 @@ See `resample.engine.slabs.painting`. Splats with exact footprints take a faster
 """
 
 import math
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,13 +14,19 @@ from numpy.typing import ArrayLike
 
 from resample.painting.runs import counted, dealt, paint_tiles, plan_of, planned
 from resample.painting.scenes.cuts import Between, InSteps, Output
-from resample.painting.scenes.plans import MIXTURE, SPLATS, PicturePlan
+from resample.painting.scenes.planning import (
+    are_splats_exact,
+    margin_beyond_window,
+    plan_of_all,
+    plan_of_parts,
+)
+from resample.painting.scenes.plans import MIXTURE, SPLATS, PicturePlan, PlansOfPart, SamplesInParts
 from resample.painting.scenes.scene import Clock, PaintTarget, PreparedScene
 from resample.painting.splats import (
-    are_splats_exact,
     count_of_points,
     may_have_points,
     mixture_of,
+    plans_of,
     runs_of,
     spacings_of,
 )
@@ -59,86 +67,97 @@ FEWEST = {ADDITIVE: 1, FIRST_HIT: 3}
 MEASURING = (MAXIMUM, AVERAGE, ADDITIVE)
 
 
-def paint_summed(
-    scene: PreparedScene,
-    samples: Samples,
-    reconstruction: Reconstruction,
-    progress: Progress | None,
-) -> tuple[PaintTarget, Statistics]:
-    """Paint samples that are summed before compositing."""
-    from resample.engine.ellipsoids.steps import AT_ONCE
-    from resample.engine.mixtures.deferred import find_spacings
-    from resample.engine.slabs.painting import Ways, paint_summed_runs
+@dataclass(frozen=True)
+class SummedPainter:
+    """Sums samples by sheets, slabs or altogether before it composites the sums."""
 
-    clock = Clock()
-    scene, runs = _planned(scene, samples)
-    summed, mixture = _sums_of(scene), mixture_of(scene)
-    runs = _keyed(scene, summed, runs)
-    clock.lap("project")
-    stage, are_mixed = scene.stage, mixture is not None
-    deal = dealt(scene, runs, lambda tiles: find_spacings(tiles, runs, stage, are_mixed))
-    clock.lap("bin")
-    screen, is_measuring = scene.screen, scene.style.projection in MEASURING
-    value = np.full((screen.height, screen.width) if is_measuring else (0, 0), np.nan, np.float32)
-    blend = _blend_of(scene, is_mixed=are_mixed)
-    ways = Ways(_integral_of(scene, reconstruction), summed, blend)
+    reconstruction: Reconstruction
+    needs_together = None
 
-    def paint(turn: Indices, output: tuple[Film, Tally]) -> None:
-        film, tally = output
-        whole = film, value, tally, AT_ONCE
-        paint_summed_runs(turn, deal[0], runs, stage, ways, mixture, whole)
+    def paint(
+        self, scene: PreparedScene, samples: Samples, progress: Progress | None
+    ) -> tuple[PaintTarget, Statistics]:
+        """Composite sums of samples."""
+        from resample.engine.ellipsoids.steps import AT_ONCE
+        from resample.engine.mixtures.deferred import find_spacings
+        from resample.engine.slabs.painting import Ways, paint_summed_runs
 
-    painted = paint_tiles(paint, scene, deal, progress)._replace(value=value)
-    clock.lap("paint")
-    statistics = painted.statistics(samples.extinction.size, clock.seconds)
-    points = 0 if mixture is None else count_of_points(scene, runs, deal[0])
-    return painted, counted(statistics, runs, points)
+        clock = Clock()
+        scene, runs = _planned(scene, samples)
+        summed, mixture = _sums_of(scene), mixture_of(scene)
+        runs = _keyed(scene, summed, runs)
+        clock.lap("project")
+        stage, are_mixed = scene.stage, mixture is not None
+        deal = dealt(scene, runs, lambda tiles: find_spacings(tiles, runs, stage, are_mixed))
+        clock.lap("bin")
+        screen, is_measuring = scene.screen, scene.style.projection in MEASURING
+        value = np.full(
+            (screen.height, screen.width) if is_measuring else (0, 0), np.nan, np.float32
+        )
+        blend = _blend_of(scene, is_mixed=are_mixed)
+        ways = Ways(_integral_of(scene, self.reconstruction), summed, blend)
+
+        def paint(turn: Indices, output: tuple[Film, Tally]) -> None:
+            film, tally = output
+            whole = film, value, tally, AT_ONCE
+            paint_summed_runs(turn, deal[0], runs, stage, ways, mixture, whole)
+
+        painted = paint_tiles(paint, scene, deal, progress)._replace(value=value)
+        clock.lap("paint")
+        statistics = painted.statistics(samples.extinction.size, clock.seconds)
+        points = 0 if mixture is None else count_of_points(scene, runs, deal[0])
+        return painted, counted(statistics, runs, points)
+
+    def plans(self, scene: PreparedScene, samples: Samples, asked: Sequence[str]) -> PlansOfPart:
+        """Plans of some samples, as far as possible."""
+        return plans_of(scene, samples, asked, partial(_columns_of, scene))
+
+    def plan_of_all(self, scene: PreparedScene, parts: Sequence[PlansOfPart]) -> PicturePlan | None:
+        """Plan of all samples from those of all parts."""
+        return plan_of_all(scene, parts, partial(_columns_of, scene))
+
+    def plan_of_parts(self, scene: PreparedScene, source: SamplesInParts) -> PicturePlan | None:
+        """Plan of splats from bounds of parts alone."""
+        return plan_of_parts(scene, source, partial(_columns_of, scene))
+
+    def margin(self, scene: PreparedScene, plan: PicturePlan) -> tuple[bool, float]:
+        """Extent of painted samples beyond their exact footprints."""
+        return margin_beyond_window(scene, plan)
+
+    def spacings(self, scene: PreparedScene, samples: Samples) -> Floats:
+        """Smallest spacing of samples in each tile."""
+        return spacings_of(_as_fine(scene, plan_of(scene).least), samples)
+
+    def in_steps(self, scene: PreparedScene) -> tuple[PreparedScene, InSteps]:
+        """Painter of sums, of tiles that are as fine as the projection needs."""
+        from resample.engine.ellipsoids.steps import KEPT
+        from resample.engine.slabs.painting import ALL, PARTS, Ways, paint_summed_runs
+        from resample.engine.slabs.steps import FIELD_STATE
+        from resample.engine.slabs.sums import PLANES
+
+        scene = _as_fine(scene, plan_of(scene).least)
+        mixture, summed, stage = mixture_of(scene), _sums_of(scene), scene.stage
+        blend = _blend_of(scene, is_mixed=mixture is not None)
+        ways = Ways(_integral_of(scene, self.reconstruction), summed, blend)
+
+        def runs(samples: Samples) -> Runs:
+            return _keyed(scene, summed, runs_of(scene, samples, are_mixed=mixture is not None))
+
+        def paint(turn: Indices, tiles: Tiles, runs: Runs, output: Output) -> None:
+            paint_summed_runs(turn, tiles, runs, stage, ways, mixture, output)
+
+        between = {PARTS: Between.SLABS, ALL: Between.NOTHING}.get(summed.what, Between.SHEETS)
+        kept = len(KEPT) + (0 if scene.classifier is None else FIELD_STATE)
+        kept += PLANES if summed.what == ALL else 0
+        return scene, InSteps(runs, paint, between, kept, scene.style.projection in MEASURING)
 
 
-def summed_in_steps(
-    scene: PreparedScene, reconstruction: Reconstruction
-) -> tuple[PreparedScene, InSteps]:
-    """Painter of summed samples for a planned scene, step by step, and the scene to use."""
-    from resample.engine.ellipsoids.steps import KEPT
-    from resample.engine.slabs.painting import ALL, PARTS, Ways, paint_summed_runs
-    from resample.engine.slabs.steps import FIELD_STATE
-    from resample.engine.slabs.sums import PLANES
-
-    scene = _as_fine(scene, plan_of(scene).least)
-    mixture, summed, stage = mixture_of(scene), _sums_of(scene), scene.stage
-    blend = _blend_of(scene, is_mixed=mixture is not None)
-    ways = Ways(_integral_of(scene, reconstruction), summed, blend)
-
-    def runs(samples: Samples) -> Runs:
-        return _keyed(scene, summed, runs_of(scene, samples, are_mixed=mixture is not None))
-
-    def paint(turn: Indices, tiles: Tiles, runs: Runs, output: Output) -> None:
-        paint_summed_runs(turn, tiles, runs, stage, ways, mixture, output)
-
-    between = {PARTS: Between.SLABS, ALL: Between.NOTHING}.get(summed.what, Between.SHEETS)
-    kept = len(KEPT) + (0 if scene.classifier is None else FIELD_STATE)
-    kept += PLANES if summed.what == ALL else 0
-    return scene, InSteps(runs, paint, between, kept, scene.style.projection in MEASURING)
-
-
-def planned_as_summed(scene: PreparedScene, samples: Samples, painter: str) -> PicturePlan:
-    """Plan of samples as if all were splats with exact footprints, or as a mixture."""
-    runs = runs_of(scene, samples, are_mixed=painter == MIXTURE)
-    least = runs.known["least_spacing"].min()
-    return plan_of(planned(scene, painter, runs, columns_of(scene, least)))
-
-
-def columns_of(scene: PreparedScene, least: Single) -> int:
+def _columns_of(scene: PreparedScene, least: Single) -> int:
     """Limit on sub-pixels in a row of a tile, for a smallest spacing of samples."""
     from resample.engine.slabs.sums import NARROW
     from resample.engine.subpixels import grid_of
 
     return NARROW if _is_narrow(scene, grid_of(least, scene.style)) else MOST_COLUMNS
-
-
-def spacings_of_summed(scene: PreparedScene, samples: Samples) -> Floats:
-    """Smallest spacings in tiles (T,) of a planned scene; inf where empty."""
-    return spacings_of(_as_fine(scene, plan_of(scene).least), samples)
 
 
 def _as_fine(scene: PreparedScene, least: Single) -> PreparedScene:
@@ -160,7 +179,7 @@ def _planned(scene: PreparedScene, samples: Samples) -> tuple[PreparedScene, Run
     if fine is not scene:
         scene = fine
         runs, painter = _runs_of(scene, samples)
-    scene = planned(scene, painter, runs, columns_of(scene, least))
+    scene = planned(scene, painter, runs, _columns_of(scene, least))
     return replace(scene, plan=plan_of(scene)._replace(least=least)), runs
 
 

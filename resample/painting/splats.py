@@ -4,10 +4,14 @@ Splats with exact footprints take a faster path; with other footprints or points
 mixture. See `resample.engine.mixtures.deferred`.
 """
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from resample.painting import points
 from resample.painting.runs import (
     RUN_EXTENT,
     breaks,
@@ -18,11 +22,25 @@ from resample.painting.runs import (
     planned,
 )
 from resample.painting.scenes.cuts import Between, InSteps, Output
-from resample.painting.scenes.plans import MIXTURE, SPLATS, PicturePlan
+from resample.painting.scenes.planning import (
+    Columns,
+    are_splats_exact,
+    margin_beyond_window,
+    plan_of_all,
+    plan_of_parts,
+)
+from resample.painting.scenes.plans import (
+    MIXTURE,
+    POINTS,
+    SPLATS,
+    PicturePlan,
+    PlansOfPart,
+    SamplesInParts,
+)
 from resample.painting.scenes.scene import Clock, PaintTarget, PreparedScene, size_of_tiles
+from resample.profiles.filters import PixelFilter, filter_profile
+from resample.profiles.reconstruction import Reconstruction, footprint_pieces, footprint_profile
 from resample.types import (
-    DISC,
-    EXACT,
     MOST_COLUMNS,
     RUN,
     Absorbing,
@@ -36,6 +54,7 @@ from resample.types import (
     Records,
     Runs,
     Samples,
+    Single,
     Statistics,
     Tabulated,
     Tally,
@@ -47,13 +66,6 @@ if TYPE_CHECKING:
     from resample.engine.ellipsoids.mixed import Mixture
 
 LONGEST_RUN = 64  # samples
-
-
-def are_splats_exact(scene: PreparedScene) -> bool:
-    """Whether splats have exact footprints, and may occur."""
-    style = scene.style
-    is_exact = style.model == EXACT or (style.model == DISC and not scene.view.perspective)
-    return is_exact and style.threshold < np.inf and style.inflated == style.blurred == 0
 
 
 def runs_of(scene: PreparedScene, samples: Samples, *, are_mixed: bool) -> Runs:
@@ -124,17 +136,19 @@ def paint_splats(
     return _painted(scene, runs, formula, None, clock, progress)
 
 
-def planned_as(scene: PreparedScene, samples: Samples, painter: str) -> PicturePlan:
-    """Plan of samples as if all were splats with exact footprints, or as a mixture."""
-    runs = runs_of(scene, samples, are_mixed=painter == MIXTURE)
-    return plan_of(planned(scene, painter, runs, MOST_COLUMNS))
-
-
-def has_points(scene: PreparedScene, plan: PicturePlan) -> bool:
-    """Whether a plan of splats may include points."""
-    from resample.engine.subpixels import grid_of
-
-    return bool(plan.least * grid_of(plan.least, scene.style) <= scene.style.threshold)
+def plans_of(
+    scene: PreparedScene, samples: Samples, asked: Sequence[str], columns: Columns
+) -> PlansOfPart:
+    """Plans of samples as if all were splats with exact footprints, and as a mixture."""
+    found: list[PicturePlan | None] = []
+    for painter, is_possible in ((SPLATS, are_splats_exact(scene)), (MIXTURE, True)):
+        plan = None
+        if painter in asked and is_possible:
+            runs = runs_of(scene, samples, are_mixed=painter == MIXTURE)
+            most = columns(runs.known["least_spacing"].min())
+            plan = plan_of(planned(scene, painter, runs, most))
+        found.append(plan)
+    return PlansOfPart(found[0], None, found[1])
 
 
 def spacings_of(scene: PreparedScene, samples: Samples) -> Floats:
@@ -229,3 +243,79 @@ def _peak(scene: PreparedScene) -> float:
     """Largest line integral of the kernel, through its center along its longest axis."""
     longest = np.sqrt(np.linalg.eigvalsh(scene.ellipsoid.covariance)[-1])
     return float(scene.tables.footprint.max() * scene.ellipsoid.scale * longest)
+
+
+def _most_columns(_: Single) -> int:
+    return MOST_COLUMNS
+
+
+@dataclass(frozen=True)
+class StreamedPainter:
+    """Composites splats one by one, and points in layers."""
+
+    reconstruction: Reconstruction
+    point_filter: PixelFilter
+    needs_together = None
+
+    @cached_property
+    def _profiles(self) -> tuple[Profile | None, Pieces | None]:
+        """Line integrals as formulas of one piece and of more, where there are such."""
+        return footprint_profile(self.reconstruction), footprint_pieces(self.reconstruction)
+
+    @cached_property
+    def _point_profile(self) -> Profile | None:
+        """Filter of points as a formula, where there is one."""
+        return filter_profile(self.point_filter)
+
+    def _formula(self, scene: PreparedScene) -> Formula:
+        return formula_of(scene, *self._profiles)
+
+    def _may_be_points(self, scene: PreparedScene) -> bool:
+        return self._point_profile is not None and points.can_defer_points(scene)
+
+    def paint(
+        self, scene: PreparedScene, samples: Samples, progress: Progress | None
+    ) -> tuple[PaintTarget, Statistics]:
+        """As splats if all are, as points if all are, or else as a mixture."""
+        painted, formula = None, self._formula(scene)
+        by = None if scene.plan is None else scene.plan.painter
+        if are_splats_exact(scene) and by in (None, SPLATS):
+            painted = paint_splats(scene, samples, formula, progress)
+        can_defer = (
+            samples.scale is None and points.can_defer_points(scene) and by in (None, POINTS)
+        )
+        if painted is None and can_defer and self._point_profile is not None:
+            painted = points.paint_points(scene, samples, self._point_profile, progress)
+        return painted or paint_mixture(scene, samples, formula, progress)
+
+    def plans(self, scene: PreparedScene, samples: Samples, asked: Sequence[str]) -> PlansOfPart:
+        """Plans of some samples, as far as possible."""
+        found = plans_of(scene, samples, asked, _most_columns)
+        if POINTS not in asked or not self._may_be_points(scene):
+            return found
+        return found._replace(points=points.plan_of_points(scene, samples))
+
+    def plan_of_all(self, scene: PreparedScene, parts: Sequence[PlansOfPart]) -> PicturePlan | None:
+        """Plan of all samples from those of all parts."""
+        suits_points = points.suits_points if self._may_be_points(scene) else None
+        return plan_of_all(scene, parts, _most_columns, suits_points)
+
+    def plan_of_parts(self, scene: PreparedScene, source: SamplesInParts) -> PicturePlan | None:
+        """Plan of splats from bounds of parts alone."""
+        return plan_of_parts(scene, source, _most_columns)
+
+    def margin(self, scene: PreparedScene, plan: PicturePlan) -> tuple[bool, float]:
+        """Extent of painted samples beyond their exact footprints."""
+        return margin_beyond_window(scene, plan)
+
+    def spacings(self, scene: PreparedScene, samples: Samples) -> Floats:
+        """Smallest spacing of samples in each tile."""
+        by_points = scene.plan is not None and scene.plan.painter == POINTS
+        return (points.spacings_of_points if by_points else spacings_of)(scene, samples)
+
+    def in_steps(self, scene: PreparedScene) -> tuple[PreparedScene, InSteps]:
+        """Painter of points if the plan says so, otherwise of splats or a mixture."""
+        by_points = scene.plan is not None and scene.plan.painter == POINTS
+        if by_points and self._point_profile is not None:
+            return scene, points.points_in_steps(scene, self._point_profile)
+        return scene, splats_in_steps(scene, self._formula(scene))

@@ -12,8 +12,9 @@ from resample import Footprint, Primitive, Resampler
 from resample.cameras.viewpoints import Orbit
 from resample.command.settings import Sharing
 from resample.command.workers import at_work
-from resample.profiles.orders import AxisSheets, ImageSheets
+from resample.profiles.orders import ImageSheets
 from resample_volume import windows
+from resample_volume.baselines.painting import AxisSheets
 from resample_volume.classification.labels import Labels, Rule
 from resample_volume.classification.materials import Windowed
 from resample_volume.classification.regions import Region, RegionTransfer
