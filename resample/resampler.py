@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,6 +26,8 @@ from resample.painting.preparing import (
     style_of,
     tables_of,
 )
+from resample.painting.runs import spacings_of
+from resample.painting.scenes.cuts import RunPainter, most_waiting
 from resample.painting.scenes.plans import (
     ALL_PAINTERS,
     NOTHING,
@@ -59,10 +60,6 @@ from resample.types import (
     View,
 )
 from resample.watching import Progress
-
-if TYPE_CHECKING:
-    from resample.painting.scenes.cuts import InSteps
-    from resample.painting.scenes.painters import SamplePainter
 
 
 @dataclass(frozen=True)
@@ -317,7 +314,7 @@ class Resampler(PaintChoices):
         with limited(None):
             scene, known = self._in_windows(samples, camera, plan.size, clip)
             scene = replace(scene, layers=plan.layers, plan=plan._replace(spacing=None))
-            found = self._painter.spacings(scene, known)
+            found = spacings_of(*self._painter.by_runs(scene), known)
         if plan.spacing is not None:
             found = np.minimum(found, plan.spacing)
         return plan._replace(spacing=found)
@@ -407,7 +404,6 @@ class Resampler(PaintChoices):
         -------
         Bytes, and samples that wait for nearer ones, at most.
         """
-        from resample.painting.scenes.cuts import most_waiting
         from resample.painting.stepping import state_bytes
 
         scene, by = self._in_steps(source, camera, plan, window, None)
@@ -420,11 +416,11 @@ class Resampler(PaintChoices):
         plan: PicturePlan,
         window: Window,
         clip: ArrayLike | None,
-    ) -> "tuple[PreparedScene, InSteps]":
+    ) -> tuple[PreparedScene, RunPainter]:
         """Scene of a picture that was planned, and how its samples are painted step by step."""
         look = None if source.classifier is None else kernel_classifier(source.classifier)
         scene = self._scene(no_samples(source.lattice), camera.view(), plan.size, look, clip)
-        return self._painter.in_steps(replace(scene, layers=plan.layers, plan=plan, window=window))
+        return self._painter.by_runs(replace(scene, layers=plan.layers, plan=plan, window=window))
 
     def footprints(
         self, samples: Samples | Field, camera: AnyCamera, *, height: int, width: int
@@ -468,11 +464,6 @@ class Resampler(PaintChoices):
             value = np.nan_to_num(painted.value, nan=0.0)
             film = film._replace(rgba=as_gray(value))
         return Frame(*film, statistics, value)
-
-    @cached_property
-    def _painter(self) -> "SamplePainter":
-        """Who paints samples."""
-        return self.painter
 
     @cached_property
     def _tables(self) -> Tables:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 from dataclasses import InitVar, dataclass, field, fields
 from enum import StrEnum
-from functools import cache
+from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -196,8 +196,8 @@ class PaintChoices:
                 f"{self.subpixels} sub-pixels per side of a pixel; 1 to 32 are allowed"
             )
 
-    @property
-    def painter(self) -> "SamplePainter":
+    @cached_property
+    def _painter(self) -> "SamplePainter":
         """Who paints samples: the primitive's own painter, or the one that the order asks for."""
         own = technique_of(self.primitive).painter
         if own is not None:

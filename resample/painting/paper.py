@@ -1,6 +1,5 @@
 """The paper's own painter (`resample.hybrid`) of volumes: voxels in strict depth order."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -18,7 +17,7 @@ from resample.hybrid.points import LEAST_RADIUS
 from resample.hybrid.record import RECORD, SPLAT, depth_order
 from resample.hybrid.splats import LookupTables
 from resample.hybrid.voxels import OrderedVoxels, place_voxels
-from resample.painting.scenes.cuts import InSteps
+from resample.painting.scenes.cuts import RunPainter
 from resample.painting.scenes.plans import NOTHING as NO_WINDOW
 from resample.painting.scenes.plans import (
     PAPER,
@@ -33,7 +32,6 @@ from resample.painting.scenes.scene import (
     PaintTarget,
     PreparedScene,
     nothing_painted,
-    tiles_along,
 )
 from resample.profiles.filters import PixelFilter
 from resample.profiles.memoization import once
@@ -116,13 +114,8 @@ class PaperPainter:
         del scene, plan
         return self.is_projected, self.pixel_filter.radius
 
-    def spacings(self, scene: PreparedScene, samples: Samples) -> Floats:
-        """No tile is finer than another."""
-        del samples
-        return np.ones(math.prod(tiles_along(scene.screen, TILE)), np.float32)
-
-    def in_steps(self, scene: PreparedScene) -> tuple[PreparedScene, InSteps]:
-        """Refused: not painted in steps."""
+    def by_runs(self, scene: PreparedScene) -> tuple[PreparedScene, RunPainter]:
+        """Refused: samples are not painted by runs."""
         del scene
         raise ValueError(self.needs_together)
 

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from resample.painting.runs import counted, dealt, paint_tiles, plan_of, planned
-from resample.painting.scenes.cuts import Between, InSteps, Output
+from resample.painting.runs import paint_at_once, plan_of, planned
+from resample.painting.scenes.cuts import Between, Output, RunPainter
 from resample.painting.scenes.planning import (
     are_splats_exact,
     margin_beyond_window,
@@ -28,7 +28,6 @@ from resample.painting.splats import (
     mixture_of,
     plans_of,
     runs_of,
-    spacings_of,
 )
 from resample.profiles.orders import Summing
 from resample.profiles.reconstruction import (
@@ -44,14 +43,11 @@ from resample.types import (
     MAXIMUM,
     MOST_COLUMNS,
     Doubles,
-    Film,
-    Floats,
     Indices,
     Runs,
     Samples,
     Single,
     Statistics,
-    Tally,
     Tiles,
 )
 from resample.watching import Progress
@@ -78,35 +74,11 @@ class SummedPainter:
         self, scene: PreparedScene, samples: Samples, progress: Progress | None
     ) -> tuple[PaintTarget, Statistics]:
         """Composite sums of samples."""
-        from resample.engine.ellipsoids.steps import AT_ONCE
-        from resample.engine.mixtures.deferred import find_spacings
-        from resample.engine.slabs.painting import Ways, paint_summed_runs
-
         clock = Clock()
         scene, runs = _planned(scene, samples)
-        summed, mixture = _sums_of(scene), mixture_of(scene)
-        runs = _keyed(scene, summed, runs)
+        scene, by = self.by_runs(scene)
         clock.lap("project")
-        stage, are_mixed = scene.stage, mixture is not None
-        deal = dealt(scene, runs, lambda tiles: find_spacings(tiles, runs, stage, are_mixed))
-        clock.lap("bin")
-        screen, is_measuring = scene.screen, scene.style.projection in MEASURING
-        value = np.full(
-            (screen.height, screen.width) if is_measuring else (0, 0), np.nan, np.float32
-        )
-        blend = _blend_of(scene, is_mixed=are_mixed)
-        ways = Ways(_integral_of(scene, self.reconstruction), summed, blend)
-
-        def paint(turn: Indices, output: tuple[Film, Tally]) -> None:
-            film, tally = output
-            whole = film, value, tally, AT_ONCE
-            paint_summed_runs(turn, deal[0], runs, stage, ways, mixture, whole)
-
-        painted = paint_tiles(paint, scene, deal, progress)._replace(value=value)
-        clock.lap("paint")
-        statistics = painted.statistics(samples.extinction.size, clock.seconds)
-        points = 0 if mixture is None else count_of_points(scene, runs, deal[0])
-        return painted, counted(statistics, runs, points)
+        return paint_at_once(scene, by, runs, clock, progress)
 
     def plans(self, scene: PreparedScene, samples: Samples, asked: Sequence[str]) -> PlansOfPart:
         """Plans of some samples, as far as possible."""
@@ -124,32 +96,34 @@ class SummedPainter:
         """Extent of painted samples beyond their exact footprints."""
         return margin_beyond_window(scene, plan)
 
-    def spacings(self, scene: PreparedScene, samples: Samples) -> Floats:
-        """Smallest spacing of samples in each tile."""
-        return spacings_of(_as_fine(scene, plan_of(scene).least), samples)
-
-    def in_steps(self, scene: PreparedScene) -> tuple[PreparedScene, InSteps]:
-        """Painter of sums, of tiles that are as fine as the projection needs."""
+    def by_runs(self, scene: PreparedScene) -> tuple[PreparedScene, RunPainter]:
+        """Painter of sums, on tiles that are as fine as the projection needs."""
         from resample.engine.ellipsoids.steps import KEPT
+        from resample.engine.mixtures.deferred import find_spacings
         from resample.engine.slabs.painting import ALL, PARTS, Ways, paint_summed_runs
         from resample.engine.slabs.steps import FIELD_STATE
         from resample.engine.slabs.sums import PLANES
 
         scene = _as_fine(scene, plan_of(scene).least)
         mixture, summed, stage = mixture_of(scene), _sums_of(scene), scene.stage
-        blend = _blend_of(scene, is_mixed=mixture is not None)
+        are_mixed = mixture is not None
+        blend = _blend_of(scene, is_mixed=are_mixed)
         ways = Ways(_integral_of(scene, self.reconstruction), summed, blend)
-
-        def runs(samples: Samples) -> Runs:
-            return _keyed(scene, summed, runs_of(scene, samples, are_mixed=mixture is not None))
 
         def paint(turn: Indices, tiles: Tiles, runs: Runs, output: Output) -> None:
             paint_summed_runs(turn, tiles, runs, stage, ways, mixture, output)
 
-        between = {PARTS: Between.SLABS, ALL: Between.NOTHING}.get(summed.what, Between.SHEETS)
         kept = len(KEPT) + (0 if scene.classifier is None else FIELD_STATE)
         kept += PLANES if summed.what == ALL else 0
-        return scene, InSteps(runs, paint, between, kept, scene.style.projection in MEASURING)
+        return scene, RunPainter(
+            lambda samples: _keyed(scene, runs_of(scene, samples, are_mixed=are_mixed)),
+            lambda tiles, runs: find_spacings(tiles, runs, stage, are_mixed),
+            paint,
+            lambda tiles, runs: count_of_points(scene, tiles, runs) if are_mixed else 0,
+            {PARTS: Between.SLABS, ALL: Between.NOTHING}.get(summed.what, Between.SHEETS),
+            kept,
+            scene.style.projection in MEASURING,
+        )
 
 
 def _columns_of(scene: PreparedScene, least: Single) -> int:
@@ -180,7 +154,7 @@ def _planned(scene: PreparedScene, samples: Samples) -> tuple[PreparedScene, Run
         scene = fine
         runs, painter = _runs_of(scene, samples)
     scene = planned(scene, painter, runs, _columns_of(scene, least))
-    return replace(scene, plan=plan_of(scene)._replace(least=least)), runs
+    return replace(scene, plan=plan_of(scene)._replace(least=least)), _keyed(scene, runs)
 
 
 def _runs_of(scene: PreparedScene, samples: Samples) -> tuple[Runs, str]:
@@ -218,12 +192,12 @@ def _sums_of(scene: PreparedScene) -> "Summed":
     return Summed(PARTS, layers.thickness, layers, ring(slots))
 
 
-def _keyed(scene: PreparedScene, summed: "Summed", runs: Runs) -> Runs:
-    """Runs, with keys of sheets if sheets are summed."""
+def _keyed(scene: PreparedScene, runs: Runs) -> Runs:
+    """Runs, with keys of sheets if whole splats are summed by sheets."""
     from resample.engine.mixtures.keys import find_first_sheets
-    from resample.engine.slabs.painting import WHOLES
 
-    if summed.what == WHOLES:
+    is_one_sum = scene.style.projection in (AVERAGE, ADDITIVE)
+    if scene.summing is Summing.SHEETS and not is_one_sum:
         find_first_sheets(runs, scene.layers, scene.view)
     return runs
 

@@ -15,13 +15,11 @@ from resample.painting import points
 from resample.painting.runs import (
     RUN_EXTENT,
     breaks,
-    counted,
-    dealt,
-    paint_tiles,
+    paint_at_once,
     plan_of,
     planned,
 )
-from resample.painting.scenes.cuts import Between, InSteps, Output
+from resample.painting.scenes.cuts import Between, Output, RunPainter
 from resample.painting.scenes.planning import (
     Columns,
     are_splats_exact,
@@ -44,8 +42,6 @@ from resample.types import (
     MOST_COLUMNS,
     RUN,
     Absorbing,
-    Film,
-    Floats,
     Formula,
     Indices,
     Linear,
@@ -57,7 +53,6 @@ from resample.types import (
     Single,
     Statistics,
     Tabulated,
-    Tally,
     Tiles,
 )
 from resample.watching import Progress
@@ -133,7 +128,7 @@ def paint_splats(
         return None
     scene = planned(scene, SPLATS, runs, MOST_COLUMNS)
     clock.lap("project")
-    return _painted(scene, runs, formula, None, clock, progress)
+    return paint_at_once(scene, splats_by_runs(scene, formula), runs, clock, progress)
 
 
 def plans_of(
@@ -151,35 +146,26 @@ def plans_of(
     return PlansOfPart(found[0], None, found[1])
 
 
-def spacings_of(scene: PreparedScene, samples: Samples) -> Floats:
-    """Smallest spacing of the samples in each tile (T,) of a planned scene; inf where empty.
-
-    The samples are splats, or a mixture.
-    """
-    from resample.engine.mixtures.deferred import find_spacings
-
-    are_mixed = mixture_of(scene) is not None
-    runs = runs_of(scene, samples, are_mixed=are_mixed)
-    tiles, _ = dealt(scene, runs, lambda tiles: find_spacings(tiles, runs, scene.stage, are_mixed))
-    return tiles.spacing
-
-
-def splats_in_steps(scene: PreparedScene, formula: Formula) -> InSteps:
-    """Painter of splats, or a mixture, for a planned scene, step by step."""
+def splats_by_runs(scene: PreparedScene, formula: Formula) -> RunPainter:
+    """Painter of splats, or a mixture, for a planned scene."""
     from resample.engine.ellipsoids.steps import KEPT
-    from resample.engine.mixtures.deferred import paint_runs
+    from resample.engine.mixtures.deferred import find_spacings, paint_runs
 
     mixture, stage = mixture_of(scene), scene.stage
-
-    def runs(samples: Samples) -> Runs:
-        return runs_of(scene, samples, are_mixed=mixture is not None)
+    are_mixed = mixture is not None
 
     def paint(turn: Indices, tiles: Tiles, runs: Runs, output: Output) -> None:
         film, _, tally, carried = output
         paint_runs(turn, tiles, runs, stage, formula, mixture, (film, tally, carried))
 
-    between = Between.SPLATS if mixture is None else Between.LAYERS
-    return InSteps(runs, paint, between, len(KEPT))
+    return RunPainter(
+        lambda samples: runs_of(scene, samples, are_mixed=are_mixed),
+        lambda tiles, runs: find_spacings(tiles, runs, stage, are_mixed),
+        paint,
+        lambda tiles, runs: count_of_points(scene, tiles, runs) if are_mixed else 0,
+        Between.LAYERS if are_mixed else Between.SPLATS,
+        len(KEPT),
+    )
 
 
 def paint_mixture(
@@ -190,7 +176,7 @@ def paint_mixture(
     runs = runs_of(scene, samples, are_mixed=True)
     scene = planned(scene, MIXTURE, runs, MOST_COLUMNS)
     clock.lap("project")
-    return _painted(scene, runs, formula, mixture_of(scene), clock, progress)
+    return paint_at_once(scene, splats_by_runs(scene, formula), runs, clock, progress)
 
 
 def mixture_of(scene: PreparedScene) -> "Mixture | None":
@@ -202,33 +188,7 @@ def mixture_of(scene: PreparedScene) -> "Mixture | None":
     return Mixture(bool(scene.style.threshold < np.inf), float(plan_of(scene).least))
 
 
-def _painted(
-    scene: PreparedScene,
-    runs: Runs,
-    formula: Formula,
-    mixture: "Mixture | None",
-    clock: Clock,
-    progress: Progress | None,
-) -> tuple[PaintTarget, Statistics]:
-    """Paint samples in runs."""
-    from resample.engine.ellipsoids.steps import AT_ONCE
-    from resample.engine.mixtures.deferred import find_spacings, paint_runs
-
-    stage, are_mixed = scene.stage, mixture is not None
-    deal = dealt(scene, runs, lambda tiles: find_spacings(tiles, runs, stage, are_mixed))
-    clock.lap("bin")
-
-    def paint(turn: Indices, output: tuple[Film, Tally]) -> None:
-        paint_runs(turn, deal[0], runs, stage, formula, mixture, (*output, AT_ONCE))
-
-    painted = paint_tiles(paint, scene, deal, progress)
-    clock.lap("paint")
-    statistics = painted.statistics(runs.samples.extinction.size, clock.seconds)
-    points = 0 if mixture is None else count_of_points(scene, runs, deal[0])
-    return painted, counted(statistics, runs, points)
-
-
-def count_of_points(scene: PreparedScene, runs: Runs, tiles: Tiles) -> int:
+def count_of_points(scene: PreparedScene, tiles: Tiles, runs: Runs) -> int:
     """Number of visible samples that are points."""
     from resample.engine.ellipsoids.run_bounds import CHUNKS
     from resample.engine.mixtures.deferred import count_points
@@ -308,14 +268,9 @@ class StreamedPainter:
         """Extent of painted samples beyond their exact footprints."""
         return margin_beyond_window(scene, plan)
 
-    def spacings(self, scene: PreparedScene, samples: Samples) -> Floats:
-        """Smallest spacing of samples in each tile."""
-        by_points = scene.plan is not None and scene.plan.painter == POINTS
-        return (points.spacings_of_points if by_points else spacings_of)(scene, samples)
-
-    def in_steps(self, scene: PreparedScene) -> tuple[PreparedScene, InSteps]:
+    def by_runs(self, scene: PreparedScene) -> tuple[PreparedScene, RunPainter]:
         """Painter of points if the plan says so, otherwise of splats or a mixture."""
         by_points = scene.plan is not None and scene.plan.painter == POINTS
         if by_points and self._point_profile is not None:
-            return scene, points.points_in_steps(scene, self._point_profile)
-        return scene, splats_in_steps(scene, self._formula(scene))
+            return scene, points.points_by_runs(scene, self._point_profile)
+        return scene, splats_by_runs(scene, self._formula(scene))
