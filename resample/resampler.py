@@ -26,7 +26,6 @@ from resample.painting.preparing import (
     style_of,
     tables_of,
 )
-from resample.painting.runs import spacings_of
 from resample.painting.scenes.cuts import RunPainter, most_waiting
 from resample.painting.scenes.plans import (
     ALL_PAINTERS,
@@ -314,7 +313,7 @@ class Resampler(PaintChoices):
         with limited(None):
             scene, known = self._in_windows(samples, camera, plan.size, clip)
             scene = replace(scene, layers=plan.layers, plan=plan._replace(spacing=None))
-            found = spacings_of(*self._painter.by_runs(scene), known)
+            found = self._painter.spacings(scene, known)
         if plan.spacing is not None:
             found = np.minimum(found, plan.spacing)
         return plan._replace(spacing=found)

@@ -1,5 +1,6 @@
 """The paper's own painter (`resample.hybrid`) of volumes: voxels in strict depth order."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -32,6 +33,7 @@ from resample.painting.scenes.scene import (
     PaintTarget,
     PreparedScene,
     nothing_painted,
+    tiles_along,
 )
 from resample.profiles.filters import PixelFilter
 from resample.profiles.memoization import once
@@ -113,6 +115,11 @@ class PaperPainter:
         """Extent of points and ellipses beyond exact footprints."""
         del scene, plan
         return self.is_projected, self.pixel_filter.radius
+
+    def spacings(self, scene: PreparedScene, samples: Samples) -> Floats:
+        """As many ones as tiles: none is finer than another."""
+        del samples
+        return np.ones(math.prod(tiles_along(scene.screen, TILE)), np.float32)
 
     def by_runs(self, scene: PreparedScene) -> tuple[PreparedScene, RunPainter]:
         """Refused: samples are not painted by runs."""

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from resample.painting.runs import paint_at_once, plan_of, planned
+from resample.painting.runs import paint_at_once, plan_of, planned, spacings_of
 from resample.painting.scenes.cuts import Between, Output, RunPainter
 from resample.painting.scenes.planning import (
     are_splats_exact,
@@ -43,6 +43,7 @@ from resample.types import (
     MAXIMUM,
     MOST_COLUMNS,
     Doubles,
+    Floats,
     Indices,
     Runs,
     Samples,
@@ -95,6 +96,10 @@ class SummedPainter:
     def margin(self, scene: PreparedScene, plan: PicturePlan) -> tuple[bool, float]:
         """Extent of painted samples beyond their exact footprints."""
         return margin_beyond_window(scene, plan)
+
+    def spacings(self, scene: PreparedScene, samples: Samples) -> Floats:
+        """Smallest spacing of samples in each tile."""
+        return spacings_of(*self.by_runs(scene), samples)
 
     def by_runs(self, scene: PreparedScene) -> tuple[PreparedScene, RunPainter]:
         """Painter of sums, on tiles that are as fine as the projection needs."""

@@ -18,6 +18,7 @@ from resample.painting.runs import (
     paint_at_once,
     plan_of,
     planned,
+    spacings_of,
 )
 from resample.painting.scenes.cuts import Between, Output, RunPainter
 from resample.painting.scenes.planning import (
@@ -42,6 +43,7 @@ from resample.types import (
     MOST_COLUMNS,
     RUN,
     Absorbing,
+    Floats,
     Formula,
     Indices,
     Linear,
@@ -267,6 +269,10 @@ class StreamedPainter:
     def margin(self, scene: PreparedScene, plan: PicturePlan) -> tuple[bool, float]:
         """Extent of painted samples beyond their exact footprints."""
         return margin_beyond_window(scene, plan)
+
+    def spacings(self, scene: PreparedScene, samples: Samples) -> Floats:
+        """Smallest spacing of samples in each tile."""
+        return spacings_of(*self.by_runs(scene), samples)
 
     def by_runs(self, scene: PreparedScene) -> tuple[PreparedScene, RunPainter]:
         """Painter of points if the plan says so, otherwise of splats or a mixture."""

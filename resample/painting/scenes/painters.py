@@ -6,7 +6,7 @@ from typing import Protocol
 from resample.painting.scenes.cuts import RunPainter
 from resample.painting.scenes.plans import PicturePlan, PlansOfPart, SamplesInParts
 from resample.painting.scenes.scene import PaintTarget, PreparedScene
-from resample.types import Samples, Statistics
+from resample.types import Floats, Samples, Statistics
 from resample.watching import Progress
 
 
@@ -38,6 +38,9 @@ class SamplePainter(Protocol):
         -------
         Whether they are symmetric about their center, and a bound on the extent, px.
         """
+
+    def spacings(self, scene: PreparedScene, samples: Samples) -> Floats:
+        """Smallest spacing of samples in each tile (T,) of a planned scene; inf where empty."""
 
     def by_runs(self, scene: PreparedScene) -> tuple[PreparedScene, RunPainter]:
         """Painter of a planned scene by runs of samples, and the scene to use."""
