@@ -449,13 +449,13 @@ class Resampler(PaintChoices):
         progress: Progress | None,
     ) -> Frame:
         """Picture of a field that rays go through."""
-        from resample.painting.rays import Gathering, paint_field
+        from resample.painting.rays import RayPainter
 
         field = kernel_field(field)
         style = style_of(self, field.lattice, field.classifier)
         rays, step = self.order if isinstance(self.order, Rays) else Rays(), self.order.thickness
-        how = Gathering(style, self._tables, step, rays.quality, rays.interpolation, clip)
-        return self._developed(*paint_field(field, view, size, how, progress))
+        painter = RayPainter(style, self._tables, step, rays.quality, rays.interpolation, clip)
+        return self._developed(*painter.paint(field, view, size, progress))
 
     def _developed(self, painted: PaintTarget, statistics: Statistics) -> Frame:
         film, value = painted.film, painted.value if self.projection in MEASURING else None
