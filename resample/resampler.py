@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,7 +27,6 @@ from resample.painting.preparing import (
     style_of,
     tables_of,
 )
-from resample.painting.scenes.cuts import RunPainter, most_waiting
 from resample.painting.scenes.plans import (
     ALL_PAINTERS,
     NOTHING,
@@ -59,6 +59,9 @@ from resample.types import (
     View,
 )
 from resample.watching import Progress
+
+if TYPE_CHECKING:
+    from resample.painting.scenes.cuts import RunPainter
 
 
 @dataclass(frozen=True)
@@ -403,6 +406,7 @@ class Resampler(PaintChoices):
         -------
         Bytes, and samples that wait for nearer ones, at most.
         """
+        from resample.painting.scenes.cuts import most_waiting
         from resample.painting.stepping import state_bytes
 
         scene, by = self._in_steps(source, camera, plan, window, None)
@@ -415,7 +419,7 @@ class Resampler(PaintChoices):
         plan: PicturePlan,
         window: Window,
         clip: ArrayLike | None,
-    ) -> tuple[PreparedScene, RunPainter]:
+    ) -> "tuple[PreparedScene, RunPainter]":
         """Scene of a picture that was planned, and how its samples are painted step by step."""
         look = None if source.classifier is None else kernel_classifier(source.classifier)
         scene = self._scene(no_samples(source.lattice), camera.view(), plan.size, look, clip)
