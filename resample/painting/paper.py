@@ -102,7 +102,6 @@ class PaperPainter:
         return PlansOfPart(None, None, self._plan(scene, samples.extinction.size))
 
     def plan_of_all(self, scene: PreparedScene, parts: Sequence[PlansOfPart]) -> PicturePlan | None:
-        """Plan of all samples."""
         del scene
         return together([part.mixture for part in parts if part.mixture is not None])
 
@@ -112,7 +111,6 @@ class PaperPainter:
         return None
 
     def margin(self, scene: PreparedScene, plan: PicturePlan) -> tuple[bool, float]:
-        """Extent of points and ellipses beyond exact footprints."""
         del scene, plan
         return self.is_projected, self.pixel_filter.radius
 
@@ -137,7 +135,6 @@ class PaperPainter:
     def paint(
         self, scene: PreparedScene, samples: Samples, progress: Progress | None
     ) -> tuple[PaintTarget, Statistics]:
-        """Picture of samples by the paper's method."""
         clock, style, count = Clock(), scene.style, samples.extinction.size
         size = (scene.screen.height, scene.screen.width)
         plan = scene.plan or self._plan(scene, count)

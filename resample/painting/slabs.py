@@ -74,7 +74,6 @@ class SummedPainter:
     def paint(
         self, scene: PreparedScene, samples: Samples, progress: Progress | None
     ) -> tuple[PaintTarget, Statistics]:
-        """Composite sums of samples."""
         clock = Clock()
         scene, runs = _planned(scene, samples)
         scene, by = self.by_runs(scene)
@@ -82,23 +81,18 @@ class SummedPainter:
         return paint_at_once(scene, by, runs, clock, progress)
 
     def plans(self, scene: PreparedScene, samples: Samples, asked: Sequence[str]) -> PlansOfPart:
-        """Plans of some samples, as far as possible."""
         return plans_of(scene, samples, asked, partial(_columns_of, scene))
 
     def plan_of_all(self, scene: PreparedScene, parts: Sequence[PlansOfPart]) -> PicturePlan | None:
-        """Plan of all samples from those of all parts."""
         return plan_of_all(scene, parts, partial(_columns_of, scene))
 
     def plan_of_parts(self, scene: PreparedScene, source: SamplesInParts) -> PicturePlan | None:
-        """Plan of splats from bounds of parts alone."""
         return plan_of_parts(scene, source, partial(_columns_of, scene))
 
     def margin(self, scene: PreparedScene, plan: PicturePlan) -> tuple[bool, float]:
-        """Extent of painted samples beyond their exact footprints."""
         return margin_beyond_window(scene, plan)
 
     def spacings(self, scene: PreparedScene, samples: Samples) -> Floats:
-        """Smallest spacing of samples in each tile."""
         return spacings_of(*self.by_runs(scene), samples)
 
     def by_runs(self, scene: PreparedScene) -> tuple[PreparedScene, RunPainter]:

@@ -251,27 +251,22 @@ class StreamedPainter:
         return painted or paint_mixture(scene, samples, formula, progress)
 
     def plans(self, scene: PreparedScene, samples: Samples, asked: Sequence[str]) -> PlansOfPart:
-        """Plans of some samples, as far as possible."""
         found = plans_of(scene, samples, asked, _most_columns)
         if POINTS not in asked or not self._may_be_points(scene):
             return found
         return found._replace(points=points.plan_of_points(scene, samples))
 
     def plan_of_all(self, scene: PreparedScene, parts: Sequence[PlansOfPart]) -> PicturePlan | None:
-        """Plan of all samples from those of all parts."""
         suits_points = points.suits_points if self._may_be_points(scene) else None
         return plan_of_all(scene, parts, _most_columns, suits_points)
 
     def plan_of_parts(self, scene: PreparedScene, source: SamplesInParts) -> PicturePlan | None:
-        """Plan of splats from bounds of parts alone."""
         return plan_of_parts(scene, source, _most_columns)
 
     def margin(self, scene: PreparedScene, plan: PicturePlan) -> tuple[bool, float]:
-        """Extent of painted samples beyond their exact footprints."""
         return margin_beyond_window(scene, plan)
 
     def spacings(self, scene: PreparedScene, samples: Samples) -> Floats:
-        """Smallest spacing of samples in each tile."""
         return spacings_of(*self.by_runs(scene), samples)
 
     def by_runs(self, scene: PreparedScene) -> tuple[PreparedScene, RunPainter]:
