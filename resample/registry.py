@@ -27,6 +27,7 @@ GROUPS = (
     "interpolations",
     "methods",
     "orders",
+    "primitives",
     "readers",
     "reconstructions",
     "samples",

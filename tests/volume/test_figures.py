@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from resample.files.images import read_image
-from resample.painting.choices import FOOTPRINTS, Footprint, Primitive
-from resample.profiles.orders import AxisSheets, EverySample
+from resample.painting.choices import Footprint, Primitive, footprints_of
+from resample.profiles.orders import EverySample
 from resample.resampler import Resampler
+from resample_volume.baselines.painting import AxisSheets
 from resample_volume.figures import data, footprints, gallery, paper, popping, schematic, timing
 from resample_volume.figures.data import VolumeFolder
 from resample_volume.figures.footprints import KernelBall
@@ -241,7 +242,7 @@ def test_the_disc_errs_alike_at_all_angles(errors):
     assert on == pytest.approx(off, rel=1e-6)
 
 
-@pytest.mark.parametrize("model", [model.value for model in FOOTPRINTS[Primitive.SPLATS]])
+@pytest.mark.parametrize("model", [model.value for model in footprints_of(Primitive.SPLATS)])
 def test_pictures_err_as_the_rays_say(errors, model):
     row = errors[30, 5, model]
     # Pixels need not hit the worst ray.

@@ -15,8 +15,9 @@ from resample.command.workers import at_work
 from resample.outofcore import samples
 from resample.outofcore.boxes import PartBoxes
 from resample.outofcore.passes import PassContext
-from resample.profiles.orders import AxisSheets, ImageSheets
+from resample.profiles.orders import ImageSheets
 from resample_volume import windows
+from resample_volume.baselines.painting import AxisSheets
 from resample_volume.classification.labels import Labels, Rule
 from resample_volume.classification.materials import Windowed
 from resample_volume.classification.regions import Region, RegionTransfer

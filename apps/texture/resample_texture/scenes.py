@@ -160,14 +160,11 @@ class PictureScene:
 
     def _preview(self, geometry: Geometry, shape: tuple[int, int], edge: str) -> Previewed:
         """Sample a reduced level at every other pixel, and enlarge that to the target."""
-        from resample_texture.baselines.opencv import InterLinear
-        from resample_texture.methods.forward import Hybrid
-
         border = Edge.MIRROR if edge_named(edge) not in list(Edge) else Edge(edge)
         small = -(-shape[0] // PER), -(-shape[1] // PER)
         level = self._level(geometry, shape)
         texels, encoding = self._texels(level)
-        method: Method = Hybrid() if isinstance(geometry, ForwardMap) else InterLinear()
+        method = method_named("hybrid" if isinstance(geometry, ForwardMap) else "bilinear")
         drawing = Drawing(method, _shrunk(geometry, self._merged(level), small), small, border)
         made = finished(run(drawing, texels), encoding)
         image, coverage = (enlarged(np.ma.getdata(part), PER, shape, smooth=True) for part in made)

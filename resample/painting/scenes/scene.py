@@ -260,6 +260,14 @@ class PaintTarget(NamedTuple):
         points, splats, hidden = (int(count) for count in self.tally[:, :3].sum(axis=0))
         return Statistics(samples, points, splats, hidden, int(self.tally[:, 3].max()), seconds)
 
+    def cut(self, window: Window) -> "PaintTarget":
+        """The part of a picture in a window."""
+        x0, y0, x1, y1 = window
+        part = slice(y0, y1), slice(x0, x1)
+        film = Film(*(np.ascontiguousarray(layer[part]) for layer in self.film))
+        value = self.value[part].copy() if self.value.size else self.value
+        return self._replace(film=film, value=value)
+
 
 def nothing_painted(
     height: int, width: int, tiles: int = 1, *, has_values: bool = False

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.windows.boxes import LONGEST, ONES, PHASES, Integral, Plate
+from resample.engine.windows.boxes import LONGEST, ONES, PHASES, Plate
 from resample.engine.windows.gather import Extent, GridView
 from resample.engine.windows.limits import Limits
 from resample.profiles.interpolation import Interpolation, excess, integrals, prefilter
@@ -285,6 +285,6 @@ def _view(form: tuple[int, ...], edge: Edge, cells: CellGrid) -> GridView:
     height, width, channels = form
     plate = Plate(NOTHING, 0.0, 0.0, 0, 0, channels, 0, 0)
     finest = float(1.5 / cells.quality)
-    integral = Integral(*integrals(cells.interpolation, PHASES, ONES))
+    integral = integrals(cells.interpolation, PHASES, ONES)
     limits = Limits(plate, excess(cells.interpolation))
     return GridView(plate, integral, (height, width), EDGES[edge], math.inf, finest, limits)

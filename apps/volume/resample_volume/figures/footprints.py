@@ -10,7 +10,7 @@ import numpy as np
 
 from resample.cameras.models import Camera
 from resample.hybrid.correction import true_distance
-from resample.painting.choices import FOOTPRINTS, Footprint, Primitive
+from resample.painting.choices import Footprint, Primitive, footprints_of
 from resample.profiles.reconstruction import GaussianKernel, footprint_table
 from resample.resampler import Resampler
 from resample.types import Doubles, Record, Samples
@@ -254,7 +254,7 @@ def picture_errors(sphere: KernelBall) -> dict[str, float]:
     truth = line_integral(distance_of(sphere, ray)) / KERNEL.radius**2  # of one voxel's length
     return {
         str(model): float(np.abs(_drawn(sphere, camera, model) - truth).max() / truth.max())
-        for model in FOOTPRINTS[Primitive.SPLATS]
+        for model in footprints_of(Primitive.SPLATS)
     }
 
 

@@ -15,9 +15,10 @@ from resample.cameras.models import AnyCamera, Camera
 from resample.cameras.viewpoints import Orbit, Sphere
 from resample.measuring.compare import plain
 from resample.painting.choices import Primitive
-from resample.profiles.orders import AxisSheets, ImageSheets
+from resample.profiles.orders import ImageSheets
 from resample.resampler import Resampler
 from resample.types import Floats, Samples
+from resample_volume.baselines.painting import AxisSheets
 from resample_volume.baselines.peers import Peer, VtkRenderer
 from resample_volume.classification.presets import load_transfer
 from resample_volume.classification.transfer import TransferFunction, from_points

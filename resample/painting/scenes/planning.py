@@ -1,14 +1,10 @@
-"""Choose the painter of a picture whose samples are loaded in parts."""
+"""Choose who paints a picture whose samples are loaded in parts, and its tiles."""
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from resample.painting.points import can_defer_points, plan_of_points, suits_points
 from resample.painting.scenes.plans import (
-    MIXTURE,
-    POINTS,
     SLACK,
     SPLATS,
     PicturePlan,
@@ -17,65 +13,62 @@ from resample.painting.scenes.plans import (
     together,
 )
 from resample.painting.scenes.scene import PreparedScene, size_of_tiles
-from resample.painting.slabs import columns_of, planned_as_summed
-from resample.painting.splats import are_splats_exact, has_points, planned_as
-from resample.types import AFFINE, MOST_COLUMNS, SMALL_ANGLE, Samples
+from resample.types import AFFINE, DISC, EXACT, SMALL_ANGLE, Single
 
 MIRRORED = (AFFINE, SMALL_ANGLE)  # footprints that are symmetric about their center
 
-
-class Painters(NamedTuple):
-    """Painters that are possible with some choices."""
-
-    is_streamed: bool  # splats are composited one by one
-    has_point_filter: bool  # the filter of points is a formula
+Columns = Callable[[Single], int]  # limit on sub-pixels in a row of a tile, by least spacing
 
 
-def _tile_of(scene: PreparedScene, by: Painters, plan: PicturePlan) -> int:
-    """Side in px of a tile for a picture of such samples."""
+def are_splats_exact(scene: PreparedScene) -> bool:
+    """Whether splats have exact footprints, and may occur."""
+    style = scene.style
+    is_exact = style.model == EXACT or (style.model == DISC and not scene.view.perspective)
+    return is_exact and style.threshold < np.inf and style.inflated == style.blurred == 0
+
+
+def has_points(scene: PreparedScene, plan: PicturePlan) -> bool:
+    """Whether a plan of splats may include points."""
     from resample.engine.subpixels import grid_of
 
-    columns = MOST_COLUMNS if by.is_streamed else columns_of(scene, plan.least)
-    return size_of_tiles(grid_of(plan.least, scene.style), scene.tables.pixel_margin, columns)
+    return bool(plan.least * grid_of(plan.least, scene.style) <= scene.style.threshold)
 
 
-def plans_of(
-    scene: PreparedScene, samples: Samples, by: Painters, asked: Sequence[str]
-) -> PlansOfPart:
-    """Plans of some samples for the requested painters, as far as possible."""
-    planned = planned_as if by.is_streamed else planned_as_summed
-    splats = points = mixture = None
-    if SPLATS in asked and are_splats_exact(scene):
-        splats = planned(scene, samples, SPLATS)
-    if POINTS in asked and _may_be_points(scene, by):
-        points = plan_of_points(scene, samples)
-    if MIXTURE in asked:
-        mixture = planned(scene, samples, MIXTURE)
-    return PlansOfPart(splats, points, mixture)
+def _tile_of(scene: PreparedScene, columns: Columns, least: Single) -> int:
+    """Side in px of a tile for a picture of samples with a smallest spacing."""
+    from resample.engine.subpixels import grid_of
 
-
-def _may_be_points(scene: PreparedScene, by: Painters) -> bool:
-    return by.is_streamed and by.has_point_filter and can_defer_points(scene)
+    most = columns(least)
+    return size_of_tiles(grid_of(least, scene.style), scene.tables.pixel_margin, most)
 
 
 def plan_of_all(
-    scene: PreparedScene, by: Painters, parts: Sequence[PlansOfPart]
+    scene: PreparedScene,
+    parts: Sequence[PlansOfPart],
+    columns: Columns,
+    suits_points: Callable[[PreparedScene, PicturePlan], bool] | None = None,
 ) -> PicturePlan | None:
-    """Plan of all samples together; None: plans for other painters are needed."""
+    """Plan of all samples together; None: plans for other painters are needed.
+
+    Parameters
+    ----------
+    suits_points
+        Whether the samples of a plan may be painted as points; None: none are.
+    """
     splats, points, mixture = (_combined_plan(plans) for plans in zip(*parts, strict=True))
     found = None
     if are_splats_exact(scene):
         if splats is None:
             return None
         found = None if has_points(scene, splats) else splats
-    if found is None and _may_be_points(scene, by):
+    if found is None and suits_points is not None:
         if points is None:
             return None
         found = points if suits_points(scene, points) else None
     found = found or mixture
     if found is None:
         return None
-    return found._replace(tile=_tile_of(scene, by, found), spacing=None)
+    return found._replace(tile=_tile_of(scene, columns, found.least), spacing=None)
 
 
 def _combined_plan(plans: Sequence[PicturePlan | None]) -> PicturePlan | None:
@@ -106,14 +99,18 @@ def margin_beyond_window(scene: PreparedScene, plan: PicturePlan) -> tuple[bool,
     return style.model in MIRRORED, max(widened, of_points)
 
 
-def plan_of_parts(scene: PreparedScene, source: SamplesInParts, by: Painters) -> PicturePlan | None:
+def plan_of_parts(
+    scene: PreparedScene, source: SamplesInParts, columns: Columns
+) -> PicturePlan | None:
     """Plan of splats with exact footprints from bounds of parts; None if these do not suffice.
 
-    They suffice if the whole picture has equal sub-pixels and no sample may be a point. Layers do
-    not begin at the first sample.
+    They suffice if splats are exact, the whole picture has equal sub-pixels, and no sample may be a
+    point. Layers do not begin at the first sample.
     """
     from resample.engine.subpixels import grid_of
 
+    if not are_splats_exact(scene):
+        return None
     least, most = _spacings(scene, source)
     finest = grid_of(least, scene.style)
     if finest != grid_of(most, scene.style) or least * finest <= scene.style.threshold:
@@ -132,7 +129,7 @@ def plan_of_parts(scene: PreparedScene, source: SamplesInParts, by: Painters) ->
         (float(low[0]), float(low[1]), float(high[0]), float(high[1])),
         int(source.sizes.sum()),
     )
-    return plan._replace(tile=_tile_of(scene, by, plan))
+    return plan._replace(tile=_tile_of(scene, columns, plan.least))
 
 
 def _spacings(scene: PreparedScene, source: SamplesInParts) -> tuple[float, float]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.painting.runs import dealt, film_of, plan_of, shown, tile_order, values_of
-from resample.painting.scenes.cuts import NEVER, Between, EndOfStep, InSteps, cut_at, keys_of
+from resample.painting.scenes.cuts import NEVER, Between, EndOfStep, RunPainter, cut_at, keys_of
 from resample.painting.scenes.plans import SamplesInParts
 from resample.painting.scenes.scene import (
     PaintTarget,
@@ -32,13 +32,13 @@ BORDER = 1.0  # px, largest rounding error of bounds
 Flags = NDArray[np.bool_]
 
 
-def state_bytes(scene: PreparedScene, by: InSteps) -> int:
+def state_bytes(scene: PreparedScene, by: RunPainter) -> int:
     """Bytes of a window's state between steps, without samples."""
     return 4 * by.kept * int(_subpixels(scene, _tiles_of(scene)).sum())
 
 
 def paint_in_steps(
-    scene: PreparedScene, by: InSteps, source: SamplesInParts, progress: Progress | None
+    scene: PreparedScene, by: RunPainter, source: SamplesInParts, progress: Progress | None
 ) -> PaintTarget:
     """Paint a window of a picture.
 
@@ -105,7 +105,7 @@ def _subpixels(scene: PreparedScene, tiles: Tiles) -> Indices:
     return count
 
 
-def _initial_state(scene: PreparedScene, by: InSteps, tiles: Tiles) -> "Carried":
+def _initial_state(scene: PreparedScene, by: RunPainter, tiles: Tiles) -> "Carried":
     """State of the tiles before the first step."""
     from resample.engine.ellipsoids.steps import Carried, Step
 
@@ -168,7 +168,7 @@ def _concatenated(parts: list[Samples]) -> Samples | None:
 
 def _paint_step(
     scene: PreparedScene,
-    by: InSteps,
+    by: RunPainter,
     samples: Samples,
     carried: "Carried",
     are_open: Flags,
@@ -177,18 +177,14 @@ def _paint_step(
     """Paint the samples of a step on open tiles."""
     runs = by.runs(samples)
     runs.known["seen"][runs.known["key"] >= carried.step.last] = 0
-    tiles, load = dealt(scene, runs, _keep_spacings)
+    tiles, load = dealt(scene, runs)
     turn = tile_order(load, are_open)
     if turn.size:
         by.paint(turn, tiles, runs, (painted.film, painted.value, painted.tally, carried))
 
 
-def _keep_spacings(tiles: Tiles) -> None:
-    """Do nothing: the spacings of tiles are known."""
-
-
 def _samples_to_keep(
-    scene: PreparedScene, by: InSteps, samples: Samples, end: EndOfStep
+    scene: PreparedScene, by: RunPainter, samples: Samples, end: EndOfStep
 ) -> Samples | None:
     """Samples to keep for the next step; None if there are none."""
     summing = Summing.SHEETS if by.between is Between.SHEETS else Summing.POINTS
