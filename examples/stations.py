@@ -26,7 +26,7 @@ from resample.files.animations import Shots, check_film, fingerprint, write_film
 from resample.files.saving import screen_levels, write_png
 from resample.files.writing import check_targets
 from resample.view.files import FileView
-from resample.view.views import PagePicture, chosen, controls_of, settings_of
+from resample.view.views import PagePicture, chosen, settings_of
 from resample.watching import cancellable
 
 COMMAND, BLACK = "resample-stations map", (0.0, 0.0, 0.0)
@@ -140,11 +140,9 @@ def view(
     page: Annotated[Serving, flags.Flat] = PAGE,
 ) -> None:
     """Show the map in the browser: tilt it, choose colors, copy the command of the view."""
-    from resample.view.server import require_parts, serve
+    from resample.view.server import show
 
-    require_parts()
     about = {"title": stations.name, "command": COMMAND, "inputs": [str(stations)]}
-    about["controls"] = controls_of(COMMAND, app["map"])
     about["settings"] = {"camera": look.camera, **settings_of([look])}
-    shown = FileView(Stations(stations), lambda: about, partial(chosen, models=(Look, FrameFormat)))
-    serve(shown, host=page.host, port=page.port, browser=page.browser)
+    refuse = partial(chosen, models=(Look, FrameFormat))
+    show(lambda: FileView(Stations(stations), lambda: about, refuse), page)

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from resample_points.files.readers import read_cloud
     from resample_points.geometry.framing import framed
     from resample_points.geometry.spacing import prepare_cloud
-    from resample_points.notebooks import view
     from resample_points.painting.rendering import CloudStyle, render_cloud
+    from resample_points.viewing import view
 
 _HOMES = {
     "Camera": "resample.cameras.models",
@@ -30,7 +30,7 @@ _HOMES = {
     "prepare_cloud": "geometry.spacing",
     "read_cloud": "files.readers",
     "render_cloud": "painting.rendering",
-    "view": "notebooks",
+    "view": "viewing",
 }
 
 __all__ = [

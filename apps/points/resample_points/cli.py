@@ -141,14 +141,10 @@ def view(
     file
         As in render.
     """
-    from resample.view.server import require_parts, serve
-    from resample.view.views import controls_of
-    from resample_points.viewing import COMMAND, cloud_view
+    from resample.view.server import show
+    from resample_points.viewing import cloud_view
 
-    require_parts()
-    shown = cloud_view(file, (start,), controls_of(COMMAND, app["render"]))
-    shown.check()
-    serve(shown, host=page.host, port=page.port, browser=page.browser)
+    show(lambda: cloud_view(file, (start,)), page)
 
 
 with_settings(app, FORMER)

@@ -39,6 +39,8 @@ from resample_points.geometry.spacing import Surfels
 if TYPE_CHECKING:
     from PIL.Image import Image
 
+    from resample.view.widgets import Viewer
+
 COMMAND, FILM = "resample-points render", "resample-points animate"
 RATE = 24.0  # frames per second, of the command
 SHOWN = (CloudOptions, CloudAim, FrameFormat)  # options that a page can change
@@ -152,9 +154,7 @@ class CloudPainter:
         return self._kept[1:]
 
 
-def cloud_view(
-    path: Path, begin: Sequence[Choices] = (), controls: Sequence[dict[str, Any]] = ()
-) -> FileView:
+def cloud_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
     """Return what pages show of a point cloud."""
     first = CloudPainter(path)
     settings = {"camera": "30/20/1", "steady": True, **settings_of(begin)}
@@ -167,11 +167,41 @@ def cloud_view(
             "film": {"command": FILM, "options": OF_FILMS, **ORBITING},
             "package": "resample_points",
             "inputs": [str(path)],
-            "controls": [control for control in controls if control["key"] not in LEFT_OUT],
             "settings": settings,
         }
 
-    return FileView(first, described, _checked)
+    return FileView(first, described, _checked, left_out=LEFT_OUT)
+
+
+def view(cloud: str | Path, /, **settings: Any) -> "Viewer":
+    """Show a point cloud in a notebook's cell: navigate, copy the Python code.
+
+    Parameters
+    ----------
+    cloud
+        File of the cloud.
+    settings
+        Initial options of `resample-points render`: `color_by="z"`.
+
+    Returns
+    -------
+    A widget with `settings`, `frame` and `to_python()`. It needs the extra `notebook`.
+
+    Raises
+    ------
+    ValueError, LookupError, OSError
+        An option is invalid, or the file cannot be read.
+
+    Examples
+    --------
+    >>> import resample
+    >>> from resample_points import view
+    >>> view(resample.sample_path("sample:knot-points"), camera="top").settings["camera"]
+    'top'
+    """
+    from resample.view.widgets import Viewer, named
+
+    return Viewer(cloud_view(Path(cloud)), named(settings))
 
 
 def suits(names: Sequence[str]) -> bool:

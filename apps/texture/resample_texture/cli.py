@@ -100,21 +100,17 @@ def view(
     image
         Any picture, or a mesh: .obj, .glb or .gltf.
     """
-    from resample.view.server import require_parts, serve
-    from resample.view.views import Viewable, controls_of, settings_of
-    from resample_texture.viewing import COMMAND, PictureView, meshes
+    from resample.view.server import show
+    from resample.view.views import settings_of
+    from resample_texture.viewing import MESHES, model_view, picture_view
 
-    require_parts()
-    shown: Viewable
-    if image.suffix.lower() in meshes.MESHES:
+    if image.suffix.lower() in MESHES:
         if given := settings_of([place, warping]):
             raise ValueError(f"{', '.join(given)}: of pictures; leave that out with a mesh")
-        shown = meshes.model_view(image, (), controls_of(meshes.COMMAND, app["mesh"]))
+        show(lambda: model_view(image), page)
     else:
         warping.check()
-        shown = PictureView(image, (place, warping), controls_of(COMMAND, app["warp"]))
-    shown.check()
-    serve(shown, host=page.host, port=page.port, browser=page.browser)
+        show(lambda: picture_view(image, (place, warping)), page)
 
 
 for change in (everyday.resize, everyday.scale, everyday.rotate, everyday.undistort):

@@ -311,15 +311,10 @@ def view(
     volume
         As in render.
     """
-    from resample.view.server import require_parts, serve
-    from resample.view.views import controls_of
-    from resample_volume.viewing import COMMAND, VolumeView
+    from resample.view.server import show
+    from resample_volume.viewing import volume_view
 
-    require_parts()
-    controls = controls_of(COMMAND, app["render"])
-    shown = VolumeView(volume, source, (look, resampling, beside), controls)
-    shown.check()
-    serve(shown, host=page.host, port=page.port, browser=page.browser)
+    show(lambda: volume_view(volume, source, (look, resampling, beside)), page)
 
 
 @app.command

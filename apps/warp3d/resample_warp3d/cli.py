@@ -329,10 +329,10 @@ def view(
     further
         As in render.
     """
-    from resample.view.server import require_parts, serve
-    from resample.view.views import controls_of, settings_of
+    from resample.view.server import show
+    from resample.view.views import settings_of
     from resample_warp3d.command.former import view_cloud
-    from resample_warp3d.viewing import depths
+    from resample_warp3d.viewing import depth_view
 
     begin = eye, meaning, aim, warping
     if depth is None:
@@ -344,11 +344,7 @@ def view(
         return
     if given := settings_of((start,)):
         raise ValueError(f"--{next(iter(given))} belongs to a cloud; give its file alone")
-    require_parts()
-    controls = controls_of(depths.COMMAND, app["render"])
-    shown = depths.depth_view(file, depth, begin, further or (), controls)
-    shown.check()
-    serve(shown, host=page.host, port=page.port, browser=page.browser)
+    show(lambda: depth_view(file, depth, begin, further or ()), page)
 
 
 @app.command

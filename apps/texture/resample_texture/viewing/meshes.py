@@ -97,9 +97,7 @@ class ModelPainter:
         )
 
 
-def model_view(
-    path: Path, begin: Sequence[Choices] = (), controls: Sequence[dict[str, Any]] = ()
-) -> FileView:
+def model_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
     """Return what pages show of a mesh.
 
     Parameters
@@ -108,8 +106,6 @@ def model_view(
         File of the mesh.
     begin
         Initial options.
-    controls
-        Controls from `resample.view.views.controls_of`; empty: a page without controls.
     """
     first = ModelPainter(path)
 
@@ -121,11 +117,10 @@ def model_view(
             "package": "resample_texture",
             "function": "mesh_picture",
             "inputs": [str(path)],
-            "controls": [control for control in controls if control["key"] not in LEFT_OUT],
             "settings": {"camera": "30/20/1", **settings_of(begin)},
         }
 
-    return FileView(first, described, _checked)
+    return FileView(first, described, _checked, left_out=LEFT_OUT)
 
 
 def mesh_picture(path: str | Path, settings: Mapping[str, Any]) -> "Image":
