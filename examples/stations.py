@@ -20,9 +20,9 @@ from resample.cameras.viewpoints import Sphere, camera_from
 from resample.colors import mapped
 from resample.command import flags
 from resample.command.about import OptionTopic
+from resample.command.films import write_shared
 from resample.command.settings import Choices, FrameFormat, Serving
-from resample.console.messages import progress_bar
-from resample.files.animations import Shots, check_film, fingerprint, write_film
+from resample.files.animations import Shots, check_film, fingerprint
 from resample.files.saving import screen_levels, write_png
 from resample.files.writing import check_targets
 from resample.view.files import FileView
@@ -127,8 +127,7 @@ def film(
 
     job = {**look.model_dump(), "size": shape, "data": fingerprint(known.place, known.value)}
     shots = Shots(len(known.times), frame, job)
-    with progress_bar("filming") as progress:
-        write_film(output, shots, fps, resume=resume, progress=progress)
+    write_shared(output, shots, fps=fps, resume=resume)
 
 
 @app.command

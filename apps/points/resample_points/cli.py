@@ -102,7 +102,7 @@ def animate(
     """
     from resample.command.films import write_shared
     from resample.command.session import Session
-    from resample.command.workers import check_sharing, share_memory
+    from resample.command.workers import at_work, check_sharing, share_memory
     from resample.console.backgrounds import linear_color
     from resample.files.animations import check_film
     from resample_points.command import animation
@@ -121,7 +121,8 @@ def animate(
     cameras = cameras_of(scene.surfels, viewpoints, shape, steady=start.steady)
     film = animation.film_of(scene, cameras, shape, behind)
     again = partial(animation.frames_of, file, look, cameras, shape, behind)
-    write_shared(output, film, again, sharing, look.threads, fps=fps, resume=resume)
+    with at_work(sharing, look.threads) as crew:
+        write_shared(output, film, again, crew, fps=fps, resume=resume)
 
 
 @app.command

@@ -318,9 +318,9 @@ def animate(
         What lies beyond the picture's edges.
     """
     from resample import registry
+    from resample.command.films import write_shared
     from resample.console.backgrounds import linear_color
-    from resample.console.messages import progress_bar
-    from resample.files.animations import check_film, write_film
+    from resample.files.animations import check_film
     from resample.files.pictures import read_picture
     from resample_texture.command import animation
     from resample_texture.command.needs import require_film
@@ -332,9 +332,7 @@ def animate(
     check_film(output, fps)
     require_film(image, flight.size)
     picture = animation.with_alpha(read_picture(image).data)
-    with progress_bar("rendering") as progress:
-        shots = animation.shots(picture, flight, paint)
-        write_film(output, shots, fps, resume=resume, progress=progress)
+    write_shared(output, animation.shots(picture, flight, paint), fps=fps, resume=resume)
 
 
 @app.command
@@ -393,8 +391,7 @@ def figures(
 def demo(*, output: flags.DemoOutput = DEMO) -> None:
     """Show floors of generated pictures by several methods, and a flight over one."""
     from resample import registry
-    from resample.console.messages import progress_bar
-    from resample.files.animations import write_film
+    from resample.command.films import write_shared
     from resample_texture.command import animation
     from resample_texture.figures.paper import (
         FIGURE,
@@ -409,10 +406,9 @@ def demo(*, output: flags.DemoOutput = DEMO) -> None:
     comparisons = compare_floors(subjects, ["points", "hybrid", "bilinear"], (384, 384))
     write_figures(output, comparisons, FIGURE, "floors.png")
     paint = animation.FlightOptions(registry.build("methods", "hybrid"), background=(0.3, 0.5, 0.7))
-    with progress_bar("rendering") as progress:
-        flight = animation.Flyover(frames=24, size=(180, 320))
-        shots = animation.shots(animation.with_alpha(wall), flight, paint)
-        write_film(output / "flight.gif", shots, 12, progress=progress)
+    flight = animation.Flyover(frames=24, size=(180, 320))
+    shots = animation.shots(animation.with_alpha(wall), flight, paint)
+    write_shared(output / "flight.gif", shots, fps=12)
     sys.stdout.write(f"The pictures are in {output.resolve()}\n")
 
 

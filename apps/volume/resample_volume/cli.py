@@ -263,10 +263,10 @@ def animate(
     threads
         Number of threads at most; pixels do not depend on it.
     """
+    from resample.command.films import write_shared
     from resample.command.session import require_picture
     from resample.command.workers import worker_pools
-    from resample.console.messages import progress_bar
-    from resample.files.animations import check_film, write_film
+    from resample.files.animations import check_film
     from resample_volume.command import animation, filming
     from resample_volume.command.inputs import over_time
     from resample_volume.command.rendering import BYTES_PER_PIXEL
@@ -286,9 +286,9 @@ def animate(
         if source.time is None and not added.channels:
             recording = over_time(source, volume)
         film = filming.film_of(script, recording, flight, paint, about, start_workers)
-        made, executor = filming.shared_by(start_workers(), script, film)
-        with progress_bar("filming") as progress:
-            write_film(output, made, fps, resume=resume, progress=progress, executor=executor)
+        crew = start_workers()
+        again = filming.again(script, film, crew)
+        write_shared(output, film.shots, again, crew, fps=fps, resume=resume, bar="filming")
 
 
 @app.command

@@ -263,7 +263,7 @@ def animate(
 
     from resample.command.films import write_shared
     from resample.command.session import Session
-    from resample.command.workers import check_sharing
+    from resample.command.workers import at_work, check_sharing
     from resample.console.backgrounds import linear_color
     from resample.files.animations import check_film
     from resample_warp3d.command.animation import Range, check_path, poses_of
@@ -296,8 +296,8 @@ def animate(
     film = film_of(session, taken, shape, warping, behind)
     made = shots_with_depth(poses, camera, film, depths)
     again = partial(frames_of, ToFilm(reader, color, depth, warping, shape, behind), poses, camera)
-    with appearing(depths, resume=resume):
-        write_shared(output, made, again, sharing, warping.threads, fps=fps, resume=resume)
+    with appearing(depths, resume=resume), at_work(sharing, warping.threads) as crew:
+        write_shared(output, made, again, crew, fps=fps, resume=resume)
 
 
 @app.command

@@ -200,7 +200,7 @@ def stored(source: ReadOptions, name: str) -> Recording:
     if source.time is not None or source.channel is not None:
         volume = opened(source, name, streamed=True)
         if volume.colors is None:
-            values: Any = Single(volume.values)
+            values = Single(volume.values)
             return Recording(values, *volume[1:6], note=volume.note, space=volume.space)
     streamed = open_streamed(*_named(source, name))
     return held(source, name) if streamed is None else streamed._replace(**_changes(source))

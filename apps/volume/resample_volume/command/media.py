@@ -3,7 +3,7 @@
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from resample.command.workers import StartWorkers
 from resample.console.messages import progress_bar, say
@@ -110,15 +110,16 @@ def with_objects(shown: list[VolumeLayer], objects: SceneObjects) -> list[Volume
 
 def times_of(source: ReadOptions, recording: Recording) -> Recording | None:
     """Return the times of a recording's chosen channel; None if there is only one."""
-    from resample_volume.files.stores.chunks import Chunked
+    from resample_volume.media.series import chunked
 
-    values: Any = recording.values
+    values = recording.values
     if source.channel is not None:
         if 1 in values.shape[:2]:
             return None  # channels alone, of which one is chosen, or times that are meant by them
         volume_at(recording, 0, source.channel)  # refuses what there is not
         at = source.channel % values.shape[1]
-        one: Any = values.only(at) if isinstance(values, Chunked) else values[:, at : at + 1]
+        in_file = chunked(recording)
+        one = values[:, at : at + 1] if in_file is None else in_file.only(at)
         recording = recording._replace(values=one, is_color=False)
     ordered = with_times_first(recording)
     if ordered.values.shape[0] > 1:
