@@ -15,7 +15,6 @@ from cyclopts import App
 from pydantic import Field
 
 from resample import Scatter
-from resample.cameras.files import viewpoint
 from resample.cameras.viewpoints import Sphere, camera_from
 from resample.colors import mapped
 from resample.command import flags
@@ -63,7 +62,7 @@ class Stations:
         ends = self.place.min(axis=0), self.place.max(axis=0)
         reach = 0.5 * np.linalg.norm(ends[1] - ends[0]) + look.radius
         ball = Sphere(np.append(np.mean(ends, axis=0), 0.0), float(reach))
-        view = camera_from(viewpoint(look.camera, look.fov, "z"), ball, *shape).view()
+        view = camera_from(flags.viewpoint(look.camera, look.fov, "z"), ball, *shape).view()
         # From the plane z = 0 to pixels: what x, y and the origin are to the camera.
         plane = np.column_stack([view.rotation[:, :2], view.translation])
         if not view.perspective:

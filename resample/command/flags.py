@@ -1,7 +1,7 @@
 """Options shared by several commands; `settings` has those that belong to models."""
 
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
 from cyclopts import Group, Parameter
 
@@ -9,10 +9,25 @@ from resample.command.about import CAMERA as ANGLES
 from resample.command.about import OptionTopic
 from resample.command.settings import CAMERA, HEADINGS, SIZE
 
+if TYPE_CHECKING:
+    from resample.cameras.viewpoints import Viewpoint
+
 
 def under(heading: str) -> Parameter:
     """Parameter listed under one of `HEADINGS` in the help."""
     return Parameter(group=Group(heading, sort_key=HEADINGS.index(heading)))
+
+
+def viewpoint(camera: str, fov: float, up: str) -> "Viewpoint":
+    """Read a viewpoint; only one that is no angles loads the readers of camera files."""
+    from resample.cameras.viewpoints import orbit_of
+
+    orbit = orbit_of(camera, fov, up)
+    if orbit is not None:
+        return orbit
+    from resample.cameras.files import viewpoint as viewpoint_in
+
+    return viewpoint_in(camera, fov, up)
 
 
 T = TypeVar("T")

@@ -22,7 +22,7 @@ from resample import memory as memories
 from resample.command.about import Marks, OptionTopic, about, marks_of, model_in, name_of
 from resample.command.flags import Switch, under
 from resample.command.settings import LIMITS, MEMORY, SETTINGS, Choices
-from resample.command.threads import at_most
+from resample.command.stopping import at_most
 from resample.files.facts.origin import SUFFIXES as PICTURES
 from resample.files.facts.origin import settings_in, stating
 from resample.files.writing import check_targets, replacing

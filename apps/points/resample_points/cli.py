@@ -8,7 +8,7 @@ from cyclopts import App
 
 from resample.command import flags
 from resample.command.about import words
-from resample.command.options import run
+from resample.command.session import run
 from resample.command.settings import FrameFormat, Serving, Sharing, height_and_width
 from resample.command.settings_files import with_settings
 from resample.lazy import installed_version

@@ -8,7 +8,7 @@ from cyclopts import App
 
 from resample.command import flags
 from resample.command.about import OptionTopic, words
-from resample.command.options import run
+from resample.command.session import run
 from resample.command.settings import Serving, Written, height_and_width, method_names
 from resample.command.settings_files import with_settings
 from resample.lazy import installed_version

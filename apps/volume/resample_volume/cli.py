@@ -10,7 +10,7 @@ from cyclopts import App, Parameter
 
 from resample.command import flags
 from resample.command.about import OptionTopic, words
-from resample.command.options import run
+from resample.command.session import run
 from resample.command.settings import (
     PictureFormat,
     Resampling,

@@ -10,7 +10,7 @@ from cyclopts import App, Parameter
 from resample.command import flags
 from resample.command.about import OptionTopic
 from resample.command.applications import moved_command
-from resample.command.options import run
+from resample.command.session import run
 from resample.command.settings import Serving, Sharing, Written, height_and_width, method_names
 from resample.command.settings_files import with_settings
 from resample.lazy import installed_version

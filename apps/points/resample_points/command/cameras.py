@@ -16,7 +16,7 @@ Shape = tuple[int, int]  # height and width, px
 
 def start_of(camera: str, up: str) -> "Viewpoint":
     """Read a cloud's viewpoint; angles get the default field of view of clouds."""
-    from resample.cameras.files import viewpoint
+    from resample.command.flags import viewpoint
     from resample_points.geometry.framing import FIELD
 
     start = viewpoint(camera, FIELD, up)

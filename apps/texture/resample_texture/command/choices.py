@@ -9,7 +9,7 @@ from cyclopts import Parameter, Token
 from pydantic import Field
 
 from resample.command.about import NUMBERS, OptionTopic
-from resample.command.flags import FieldOfView, Hyphen, Switch, Up, Viewed
+from resample.command.flags import FieldOfView, Hyphen, Switch, Up, Viewed, viewpoint
 from resample.command.settings import (
     CALIBRATED,
     COUNTED,
@@ -222,9 +222,7 @@ class MeshView(Choices):
         return camera_from(self.viewpoint(), ball_around(mesh), *size)
 
     def viewpoint(self) -> "Viewpoint":
-        """Return the viewpoint, as `resample.cameras.files.viewpoint` reads it."""
-        from resample.cameras.files import viewpoint
-
+        """Return the viewpoint."""
         return viewpoint(self.camera, self.fov, self.up)
 
 

@@ -125,7 +125,7 @@ def warp_batch(images: Sequence[Place], output: Path, job: Job) -> dict[str, Any
         for n, (source, target) in enumerate(pairs):
             try:
                 told.append({"file": str(target), **_warp(session, source, target, job)})
-            except (KeyError, IndexError):  # bugs, see `resample.command.options.run`
+            except (KeyError, IndexError):  # bugs, see `resample.command.session.run`
                 raise
             except (ValueError, LookupError, OSError, MemoryError) as error:
                 say(f"{source.name} failed: {one_line(error)}")

@@ -46,7 +46,8 @@ from resample_volume.command.media import (
     times_of,
     with_objects,
 )
-from resample_volume.command.rendering import local_budget, say_lost_field, say_missed, scene_of
+from resample_volume.command.rendering import say_lost_field, say_missed, scene_of
+from resample_volume.command.windows import local_budget
 from resample_volume.data.values import bricks_of, is_streamed, values_of
 from resample_volume.media.appearance import Appearance, VolumeLayer, transfer_of
 from resample_volume.media.series import Ready, Series, is_chunked, whole

@@ -5,7 +5,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
-from resample.command.workers import StartWorkers
 from resample.console.messages import progress_bar, say
 from resample.painting.choices import Projection
 from resample.resampler import Resampler
@@ -29,6 +28,7 @@ from resample_volume.rendering import Subject
 from resample_volume.types import Recording
 
 if TYPE_CHECKING:
+    from resample.command.workers import StartWorkers
     from resample_volume.command.animation import Course
     from resample_volume.media.series import Series
 
@@ -69,7 +69,7 @@ def media(
     resampler: Resampler,
     *,
     recording: Recording | None = None,
-    start_workers: StartWorkers | None = None,
+    start_workers: "StartWorkers | None" = None,
 ) -> list[VolumeLayer]:
     """Read the volumes of a scene with their looks, each file once.
 
@@ -152,11 +152,7 @@ def appearance_over_time(
 
 def labelled(own: Appearance, series: "Series", look: AppearanceChoices) -> Appearance:
     """Return the look of all times with the labels of another look, if it has some."""
-    from resample_volume.files.labels import read_labels
-
-    if look.labels is None:
-        return own
-    return replace(own, labels=read_labels(look.labels, look.label, series[0]))
+    return own if look.labels is None else replace(own, labels=look.labels_of(series[0]))
 
 
 def _channels(
