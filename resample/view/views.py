@@ -107,16 +107,6 @@ class Viewable(Protocol):
         """File that the command would write."""
 
 
-def preview_size(size: Size) -> Size:
-    """Size of a preview: half as many pixels along each axis."""
-    return -(-size[0] // 2), -(-size[1] // 2)
-
-
-def pixel_at(size: Size, x: float, y: float) -> tuple[int, int]:
-    """Row and column of the pixel at a position, px; positions beyond the edge get the last."""
-    return min(int(y), size[1] - 1), min(int(x), size[0] - 1)
-
-
 def controls_of(name: str, left_out: Sequence[str] = ()) -> list[dict[str, Any]]:
     """Options of a command, such as `resample-volume render`, that change the look.
 

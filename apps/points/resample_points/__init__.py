@@ -20,11 +20,13 @@ if TYPE_CHECKING:
     from resample_points.geometry.framing import framed
     from resample_points.geometry.spacing import prepare_cloud
     from resample_points.painting.rendering import CloudStyle, render_cloud
+    from resample_points.scenes import CloudScene
     from resample_points.viewing import view
 
 _HOMES = {
     "Camera": "resample.cameras.models",
     "Cloud": "data.cloud",
+    "CloudScene": "scenes",
     "CloudStyle": "painting.rendering",
     "framed": "geometry.framing",
     "prepare_cloud": "geometry.spacing",
@@ -36,6 +38,7 @@ _HOMES = {
 __all__ = [
     "Camera",
     "Cloud",
+    "CloudScene",
     "CloudStyle",
     "framed",
     "prepare_cloud",

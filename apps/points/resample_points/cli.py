@@ -63,12 +63,12 @@ def render(
     check_targets(output)
     check_memory(shape, output)
     session = Session()
-    scene = scene_of(session, file, look)
+    cloud = scene_of(session, file, look)
     with session.stage("paint", bar="painting") as progress:
-        camera = aim.camera_for(scene.surfels, shape)
+        camera = aim.camera_for(cloud.scene.surfels, shape)
         with told(progress):
-            frame = scene.picture(camera, shape)
-    scene.write(output, frame, form)
+            frame = cloud.picture(camera, shape)
+    cloud.write(output, frame, form)
 
 
 @app.command
@@ -105,22 +105,22 @@ def animate(
     from resample.command.workers import at_work, check_sharing, share_memory
     from resample.console.backgrounds import linear_color
     from resample.files.animations import check_film
-    from resample_points.command import animation
-    from resample_points.command.cameras import cameras_of, start_of
-    from resample_points.command.rendering import check_memory, scene_of
+    from resample_points.command import rendering
+    from resample_points.command.choices import start_of
+    from resample_points.scenes import cameras_of
 
     shape = height_and_width(size)
     check_film(output, fps)
     check_sharing(sharing)
-    viewpoints = animation.path_of(path, frames, fps, start_of(start.camera, start.up))
+    viewpoints = rendering.path_of(path, frames, fps, start_of(start.camera, start.up))
     behind = linear_color(background) or (0.0, 0.0, 0.0)
     look.check(output, shape[0])
-    check_memory(shape, output, sharing.workers or 0)
+    rendering.check_memory(shape, output, sharing.workers or 0)
     share_memory(sharing)
-    scene = scene_of(Session(), file, look)
-    cameras = cameras_of(scene.surfels, viewpoints, shape, steady=start.steady)
-    film = animation.film_of(scene, cameras, shape, behind)
-    again = partial(animation.frames_of, file, look, cameras, shape, behind)
+    cloud = rendering.scene_of(Session(), file, look)
+    cameras = cameras_of(cloud.scene.surfels, viewpoints, shape, steady=start.steady)
+    film = rendering.film_of(cloud, cameras, shape, behind)
+    again = partial(rendering.frames_of, file, look, cameras, shape, behind)
     with at_work(sharing, look.threads) as crew:
         write_shared(output, film, again, crew, fps=fps, resume=resume)
 

@@ -1,56 +1,17 @@
-"""Quick previews of a volume: fewer voxels and pixels, the same view and opacity."""
+"""Quick previews of a volume: fewer voxels, the same view and opacity."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.cameras.models import AnyCamera
-from resample.painting import previews
-from resample.types import Frame, View
 from resample_volume.classification.labels import Labels
 from resample_volume.data.values import values_of
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import planes
 from resample_volume.voxels.framing import centered
-
-PER = 2  # pixels per side that a preview merges
-
-
-@dataclass(frozen=True, eq=False)
-class Shrunk:
-    """A camera for a picture of fewer pixels."""
-
-    camera: AnyCamera
-    per: int  # px per side that become one
-
-    def view(self) -> View:
-        view = self.camera.view()
-        return view._replace(focal=view.focal / self.per, principal=view.principal / self.per)
-
-
-def enlarged(frame: Frame, per: int, height: int, width: int) -> Frame:
-    """Upsample a picture: light is interpolated, depths and values are not.
-
-    Parameters
-    ----------
-    per
-        Pixels per side that one becomes.
-    height, width
-        Of the result, px; anything beyond is cropped.
-    """
-    smooth = partial(previews.enlarged, per=per, shape=(height, width), smooth=True)
-    alike = partial(previews.enlarged, per=per, shape=(height, width), smooth=False)
-    return frame._replace(
-        rgba=smooth(frame.rgba),
-        coverage=smooth(frame.coverage),
-        depth=alike(frame.depth),
-        first_depth=alike(frame.first_depth),
-        value=None if frame.value is None else alike(frame.value),
-    )
 
 
 def merged(volume: Volume, per: int) -> Volume:

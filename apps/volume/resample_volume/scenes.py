@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +13,10 @@ from resample.lazy import old_members
 from resample.painting.choices import Projection
 from resample.painting.scenes.plans import shape_of
 from resample.resampler import Resampler
+from resample.scene.previews import PER, Shrunk, enlarged_frame
+from resample.scene.scenes import AnyScene, Quality
 from resample.types import Frame
-from resample.watching import Cancel, Progress, cancellable
+from resample.watching import Cancel, Progress
 from resample_volume.classification.surveys import survey, without_padding
 from resample_volume.data.memoization import Memo, memoizing
 from resample_volume.data.values import as_array
@@ -22,7 +24,7 @@ from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Appearance, Classification, of_voxels, resampler_for
 from resample_volume.media.xrays import XRay, settled
 from resample_volume.picking import Picked, VoxelLookup, picked, voxels_at
-from resample_volume.previews import PER, Shrunk, enlarged, kept_cuts, merged, merged_labels
+from resample_volume.previews import kept_cuts, merged, merged_labels
 from resample_volume.rendering import Fit, Subject, resampled_appearance
 from resample_volume.surfaces.image_planes import settled as settled_plane
 from resample_volume.types import Volume
@@ -32,12 +34,10 @@ MERGED = 2  # voxels per side that a preview merges
 LARGE = 256**3  # voxels from which twice as many per side are merged
 FINEST = 1  # sub-pixels per side of a ray cast preview
 
-Quality = Literal["final", "preview"]
-
 
 @old_members(standing="placed_view")
 @dataclass(eq=False)
-class Scene:
+class Scene(AnyScene):
     """A volume for many pictures: changing looks, changing cameras, quick previews.
 
     Pictures of one look only need to be shaded for their camera; the view stays when a look or a
@@ -113,19 +113,13 @@ class Scene:
         resample.CancelledError
             It was cancelled.
         """
-        if quality not in ("final", "preview"):
-            raise ValueError(f"quality {quality!r}; it can be final or preview")
         height, width = shape_of(size)
-        appearance = look if isinstance(look, Appearance) else Appearance(look)
-        paint = resampler or resampler_for(appearance)
-        is_preview = quality == "preview"
-        if is_preview:
-            appearance, paint = self._quickly(appearance, paint)
-        with cancellable(cancel), memoizing(self._found):
-            subject = self._subject(appearance, paint, fit, is_preview=is_preview)
-            eye = subject.camera(viewpoint_of(camera), height, width)
+        with self._rendering(quality, cancel) as is_preview, memoizing(self._found):
+            subject, eye, paint = self._prepared(
+                look, camera, size, resampler, fit, is_preview=is_preview
+            )
             per = PER if is_preview else 1
-            frame = subject.painter(paint)(
+            frame = paint(
                 subject.samples_for(eye),
                 Shrunk(eye, per) if is_preview else eye,
                 height=-(-height // per),
@@ -135,7 +129,7 @@ class Scene:
             )
             frame = subject.developed(frame)
         if is_preview:
-            frame = enlarged(frame, per, height, width)
+            frame = enlarged_frame(frame, per, (height, width))
         return frame._replace(statistics=frame.statistics._replace(is_preview=is_preview))
 
     def placed_view(

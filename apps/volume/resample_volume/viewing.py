@@ -15,6 +15,7 @@ from resample.files.saving import screen_levels, write_frame
 from resample.files.stores.addresses import is_address
 from resample.registry import names
 from resample.resampler import Resampler
+from resample.scene.scenes import Quality
 from resample.types import Frame
 from resample.view.exports import KEYFRAMES, ORBITING, keyframes_as_toml
 from resample.view.files import LITTLE, FileView, path_file
@@ -34,7 +35,7 @@ from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Appearance, transfer_of
 from resample_volume.picking import Picked
 from resample_volume.rendering import Subject
-from resample_volume.scenes import Quality, Scene
+from resample_volume.scenes import Scene
 from resample_volume.space.annotations import annotated
 from resample_volume.space.measuring import measure
 from resample_volume.types import Volume

@@ -11,7 +11,7 @@ import numpy as np
 from resample.command.settings import Written
 from resample.files.exchange.results import levels_of
 from resample.view.files import FileView, file_of, levels_in
-from resample.view.views import PagePicture, Settings, Size, chosen, pixel_at, settings_of
+from resample.view.views import PagePicture, Settings, Size, chosen, settings_of
 from resample.watching import Cancel, cancellable
 from resample_texture.arguments import geometry_of
 from resample_texture.command.choices import Besides, PictureWarping, WarpGeometry, region
@@ -68,10 +68,10 @@ class PicturePainter:
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
         """Return the texel at a pixel, see `resample.view.views.Painter`."""
         target, warping = self._target(settings, size)
-        ids = self.scene.sample_ids(target.places, size=target.shape[::-1], edge=warping.edge)
-        row, column = ids[pixel_at(target.shape[::-1], x, y)].tolist()
-        if row < 0:
+        found = self.scene.pick(x, y, target.places, size=target.shape[::-1], edge=warping.edge)
+        if found is None:
             return {}
+        row, column = found
         texel = np.atleast_1d(self.scene.image[row, column])
         return {
             "column": column,

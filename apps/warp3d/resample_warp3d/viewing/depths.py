@@ -18,16 +18,10 @@ from resample.files.pictures import Kind, Picture
 from resample.files.saving import write_picture
 from resample.files.writing import save_array
 from resample.lazy import warn_of_old_name
+from resample.scene.picking import pixel_at
+from resample.scene.previews import preview_size
 from resample.view.files import FileView, image_of, shown
-from resample.view.views import (
-    PagePicture,
-    Settings,
-    Size,
-    chosen,
-    pixel_at,
-    preview_size,
-    settings_of,
-)
+from resample.view.views import PagePicture, Settings, Size, chosen, settings_of
 from resample.watching import Cancel, Progress, cancellable
 from resample_warp3d.command.animation import Range
 from resample_warp3d.command.cameras.source import SourceCamera
