@@ -17,8 +17,8 @@ from resample.cameras.keyframes import keyframes_of
 from resample_texture.viewing import picture_view
 from resample_volume.cli import app
 from resample_volume.viewing import volume_view
-from resample_warp3d.command.cameras.source import SourceCamera
 from resample_warp3d.command.choices import Depth
+from resample_warp3d.command.source import SourceCamera
 from resample_warp3d.viewing import depth_view
 from tests.commands import ended
 from tests.view.conftest import Served, frames_of, served

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from resample_warp3d.cli import app
-from resample_warp3d.command.cameras.source import SourceCamera
 from resample_warp3d.command.choices import Depth
+from resample_warp3d.command.source import SourceCamera
 from resample_warp3d.viewing import depth_view, films, suits
 from tests.commands import ended, refused
 from tests.view.conftest import Served, check_export, frames_of, served

@@ -11,7 +11,7 @@ from resample.view import server
 from resample.view.views import Warming
 from resample_texture.viewing import picture_view
 from resample_volume.viewing import volume_view
-from resample_warp3d.command.cameras.source import SourceCamera
+from resample_warp3d.command.source import SourceCamera
 from resample_warp3d.viewing import depth_view
 from tests.view.conftest import served
 

@@ -195,7 +195,7 @@ def mesh(
     from resample.command.session import Session, require_picture
     from resample.files.saving import check_suffix, write_frame
     from resample.files.writing import check_targets
-    from resample_texture.command.needs import BYTES_PER_MESH_PIXEL
+    from resample_texture.command.rendering import BYTES_PER_MESH_PIXEL
     from resample_texture.mesh.rendering import load_mesh, render_mesh
 
     check_suffix(output)
@@ -323,7 +323,7 @@ def animate(
     from resample.files.animations import check_film
     from resample.files.pictures import read_picture
     from resample_texture.command import animation
-    from resample_texture.command.needs import require_film
+    from resample_texture.command.rendering import require_film
     from resample_texture.types import Edge
 
     flight = animation.Flyover(path, frames, height_and_width(size))

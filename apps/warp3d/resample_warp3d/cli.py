@@ -3,19 +3,27 @@
 import sys
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal, NoReturn
+from typing import Annotated, ClassVar, Literal, NoReturn
 
 from cyclopts import App, Parameter
 
 from resample.command import flags
 from resample.command.about import OptionTopic
-from resample.command.applications import moved_command
+from resample.command.applications import launcher, mention_move, moved_command
+from resample.command.flags import Steady, Up, Viewed
 from resample.command.session import run
-from resample.command.settings import Serving, Sharing, Written, height_and_width, method_names
+from resample.command.settings import (
+    CAMERA,
+    Choices,
+    Serving,
+    Sharing,
+    Written,
+    height_and_width,
+    method_names,
+)
 from resample.command.settings_files import with_settings
 from resample.lazy import installed_version
-from resample_warp3d.command.cameras.source import SourceCamera
-from resample_warp3d.command.cameras.target import Aim, TargetCamera
+from resample.memory import ALLOWED
 from resample_warp3d.command.choices import (
     Depth,
     DepthWarping,
@@ -27,7 +35,31 @@ from resample_warp3d.command.choices import (
     Showing,
     Travel,
 )
-from resample_warp3d.command.former import FormerStart
+from resample_warp3d.command.source import SourceCamera
+from resample_warp3d.command.target import Aim, TargetCamera
+
+
+class FormerStart(Choices):
+    """Camera around a point cloud, for `resample-points view`."""
+
+    heading: ClassVar[str] = CAMERA
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
+
+    camera: Viewed = "30/20/1"
+    up: Up = "z"
+    steady: Steady = False
+
+
+def view_cloud(file: str, start: FormerStart, page: Serving) -> None:
+    """Show a cloud by `resample-points view`, within the memory of this command."""
+    from resample.view.exports import option_words
+    from resample.view.views import settings_of
+
+    mention_move("resample-warp3d view", "points", "view")
+    allowed = ALLOWED.get()
+    memory = {} if allowed is None else {"memory": f"{allowed / 1024}KiB"}
+    launcher("points", "view")(file, *option_words({**memory, **settings_of((start, page))}))
+
 
 app = App(
     name="resample-warp3d",
@@ -123,7 +155,7 @@ def render(
     check_memory(taken.views, shape, output)
     target = aim.camera_model(taken.camera, taken.shape, eye.convention)
     sources = prepared(session, taken.views, warping)
-    joining = joining_of(taken, joint.joining(unmixed=warping.unmixed))
+    joining = joining_of(taken, joint, unmixed=warping.unmixed)
     together = joined(session, sources, target, shape, warping, joining)
     seen = together.warped
     if not warping.fill:
@@ -331,7 +363,6 @@ def view(
     """
     from resample.view.server import show
     from resample.view.views import settings_of
-    from resample_warp3d.command.former import view_cloud
     from resample_warp3d.viewing import depth_view
 
     begin = eye, meaning, aim, warping

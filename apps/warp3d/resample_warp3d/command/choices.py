@@ -14,7 +14,7 @@ from resample.command.settings import (
     MethodsFilter,
     Threads,
 )
-from resample_warp3d.command.cameras.source import SourceCamera
+from resample_warp3d.command.source import SourceCamera
 
 if TYPE_CHECKING:
     from resample.cameras.models import Camera

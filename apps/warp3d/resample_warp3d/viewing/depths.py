@@ -24,11 +24,11 @@ from resample.view.files import FileView, image_of, shown
 from resample.view.views import PagePicture, Settings, Size, chosen, settings_of
 from resample.watching import Cancel, Progress, cancellable
 from resample_warp3d.command.animation import Range
-from resample_warp3d.command.cameras.source import SourceCamera
-from resample_warp3d.command.cameras.target import Aim
 from resample_warp3d.command.choices import Depth, DepthWarping, Joint, Showing
 from resample_warp3d.command.inputs import DepthReader, Inputs, read_views, view_names
 from resample_warp3d.command.rendering import Prepared, joined, joining_of, prepared
+from resample_warp3d.command.source import SourceCamera
+from resample_warp3d.command.target import Aim
 from resample_warp3d.command.writing import made_of
 from resample_warp3d.types import Hole, Warped
 from resample_warp3d.viewing.films import FILM, poses_as_text, write_depth_film
@@ -174,7 +174,7 @@ class DepthPainter:
         request = _checked({**settings, "size": f"{size[0]}x{size[1]}"})
         taken, sources = self._sources(request)
         target = request.aim.camera_model(taken.camera, taken.shape, request.eye.convention)
-        joining = joining_of(taken, request.joint.joining(unmixed=request.warping.unmixed))
+        joining = joining_of(taken, request.joint, unmixed=request.warping.unmixed)
         together = joined(Session(), sources, target, size[::-1], request.warping, joining)
         return _Rendering(request, taken.picture.kind, together.warped)
 
