@@ -1,6 +1,5 @@
 """Pick the voxel that a pixel shows."""
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
 HALF = 0.5  # accumulated opacity at which a voxel counts as the visible one
 
 Indices = NDArray[np.int64]
-VoxelLookup = Callable[..., tuple[Indices, Doubles]]  # `voxels_at` of pixels and perhaps a level
 PICKED_BY_PROJECTION = {
     Projection.COMPOSITE: 0,
     Projection.MAXIMUM: 1,

@@ -15,10 +15,10 @@ from resample.files.saving import screen_levels, write_frame
 from resample.files.stores.addresses import is_address
 from resample.registry import names
 from resample.resampler import Resampler
-from resample.scene.scenes import Quality
+from resample.scene.scenes import LITTLE, Quality
 from resample.types import Frame
 from resample.view.exports import KEYFRAMES, ORBITING, keyframes_as_toml
-from resample.view.files import LITTLE, FileView, path_file
+from resample.view.files import FileView, path_file
 from resample.view.views import PagePicture, Settings, Size, chosen, settings_of
 from resample.watching import Cancel, Progress
 from resample_volume.classification.names import PRESETS, TISSUES

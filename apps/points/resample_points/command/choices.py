@@ -13,7 +13,6 @@ from resample.command.settings import CAMERA, Choices, Threads
 if TYPE_CHECKING:
     from resample.cameras.calibrations.lens_files import Calibration
     from resample.cameras.viewpoints import Viewpoint
-    from resample.types import Floats
     from resample_points.geometry.spacing import Surfels
     from resample_points.scenes import Shape
 
@@ -156,13 +155,6 @@ class CloudAim(CloudStart):
         if self.steady and isinstance(start, Orbit):
             return start.around(ball_around(surfels), *shape)
         return camera_of(surfels, shape, start)
-
-
-def beside(rgba: "Floats", bar: "Floats | None", background: Any) -> "Floats":
-    """Put a color bar beside a picture, if there is one."""
-    from resample.measuring.color_bars import with_color_bar
-
-    return rgba if bar is None else with_color_bar(rgba, bar, background)
 
 
 def start_of(camera: str, up: str) -> "Viewpoint":

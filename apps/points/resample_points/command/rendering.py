@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from resample.command.settings import FrameFormat
 from resample.console.messages import say
 from resample.lazy import installed_version
-from resample_points.command.choices import CloudOptions, beside
+from resample_points.command.choices import CloudOptions
 
 if TYPE_CHECKING:
     from resample.cameras.models import Camera
@@ -56,9 +56,13 @@ class ColoredScene(NamedTuple):
 
     def shown(self, frame: Any, form: FrameFormat) -> Any:
         """Return a frame, with the color bar if requested."""
+        from resample.measuring.color_bars import with_color_bar
+
         behind = form.behind()
         bar = self.bar(frame.rgba.shape[0], behind)
-        return frame._replace(rgba=beside(frame.rgba, bar, behind))
+        if bar is None:
+            return frame
+        return frame._replace(rgba=with_color_bar(frame.rgba, bar, behind))
 
     def write(self, path: Path, frame: Any, form: FrameFormat) -> None:
         """Write a frame with its color bar."""
@@ -153,11 +157,14 @@ def film_of(
 
     from resample.files.animations import Shots, fingerprint
     from resample.files.saving import screen_levels
+    from resample.measuring.color_bars import with_color_bar
 
     bar = scene.bar(shape[0], background)
 
     def frame(n: int) -> Any:
-        rgba = beside(scene.picture(cameras[n], shape).rgba, bar, background)
+        rgba = scene.picture(cameras[n], shape).rgba
+        if bar is not None:
+            rgba = with_color_bar(rgba, bar, background)
         return screen_levels(rgba, background=background)
 
     surfels = scene.scene.surfels

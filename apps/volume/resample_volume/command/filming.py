@@ -30,7 +30,6 @@ from resample_volume.command.animation import (
     finished,
     over_time,
     shots,
-    shots_over_time,
 )
 from resample_volume.command.choices import Added, AppearanceChoices, Beside, ReadOptions
 from resample_volume.command.inputs import allowed_memory, read_as_whole, with_memory
@@ -39,7 +38,6 @@ from resample_volume.command.media import (
     appearance_over_time,
     beside,
     can_stream,
-    filmed,
     labelled,
     media,
     others,
@@ -146,7 +144,8 @@ def _film_of_times(
     look = appearance_over_time(series, script.appearance, paint.resampler)
     scenes = _scenes(script, series, look, paint.resampler)
     say_lost_field(scenes.at(0), paint.resampler)
-    course = filmed(scenes.subject, len(series))
+    with progress_bar("scanning all times") as progress:
+        course = Course(len(series), scenes.subject, progress)
     known = TimesStatistics(series.known._replace(levels=NO_LEVELS), look, course.sphere)
     given = script.beside.annotations(paint.background)
     paint = replace(paint, drawing=drawing(series[0], course[0], given))
@@ -157,7 +156,7 @@ def _film_of_times(
         say("the visible voxels do not fit in memory: frames are painted window by window")
         about = {**about, "values": _mark(series.all(), scenes.appearance)}
     frames = _frames_over(course, scenes, cameras, paint)
-    made = shots_over_time(course, cameras, paint, frames, about)
+    made = shots(course[0], cameras, paint, about, {"times": course.marks})._replace(frame=frames)
     return ReadyFilm(made, cameras, paint, is_chunked(times), course[0].is_of_field, known)
 
 

@@ -1,11 +1,10 @@
 """Scenes of several volumes, as named on the command line."""
 
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
-from resample.console.messages import progress_bar, say
+from resample.console.messages import say
 from resample.painting.choices import Projection
 from resample.resampler import Resampler
 from resample_volume.classification.presets import PRESETS
@@ -24,12 +23,10 @@ from resample_volume.command.inputs import (
 )
 from resample_volume.data.recordings import volume_at, with_times_first
 from resample_volume.media.appearance import Appearance, SceneObjects, VolumeLayer
-from resample_volume.rendering import Subject
 from resample_volume.types import Recording
 
 if TYPE_CHECKING:
     from resample.command.workers import StartWorkers
-    from resample_volume.command.animation import Course
     from resample_volume.media.series import Series
 
 KEYS = ("time", "channel", "level", "units", "spacing", "scale", "window", "transfer")
@@ -129,14 +126,6 @@ def times_of(source: ReadOptions, recording: Recording) -> Recording | None:
     if ordered.values.shape[1] > 1 and not ordered.is_color:
         volume_at(ordered, 0, None)  # says that one has to be chosen
     return ordered if ordered.values.shape[0] > 1 else None
-
-
-def filmed(subject: Callable[[int], Subject], times: int) -> "Course":
-    """Return the subject at each time, after a scan of all times."""
-    from resample_volume.command.animation import Course
-
-    with progress_bar("scanning all times") as progress:
-        return Course(times, subject, progress)
 
 
 def appearance_over_time(
