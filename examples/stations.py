@@ -18,8 +18,8 @@ from resample import Scatter
 from resample.cameras.viewpoints import Sphere, camera_from
 from resample.colors import mapped
 from resample.command import flags
-from resample.command.about import OptionTopic
 from resample.command.films import write_shared
+from resample.command.flags import OptionTopic
 from resample.command.settings import Choices, FrameFormat, Serving
 from resample.files.animations import Shots, check_film, fingerprint
 from resample.files.saving import screen_levels, write_png

@@ -12,7 +12,7 @@ from cyclopts.argument import Argument
 from numpy.typing import NDArray
 
 from resample import registry
-from resample.command.about import Marks, OptionTopic, about, marks_of, name_of
+from resample.command.flags import Marks, OptionTopic, about, marks_of, name_of
 from resample.command.settings import Choices
 from resample.command.settings_files import options_of, schema_of
 from resample.watching import Cancel, Progress

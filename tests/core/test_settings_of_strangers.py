@@ -18,8 +18,8 @@ from resample import registry
 from resample.cameras.files import viewpoint
 from resample.cameras.viewpoints import NAMED, Orbit
 from resample.cli import app
-from resample.command import about as abouts
-from resample.command.about import Inline, OptionTopic, about, marks_of
+from resample.command import flags as abouts
+from resample.command.flags import Inline, OptionTopic, about, marks_of
 from resample.command.intrinsics import with_intrinsics
 from resample.command.settings import Choices
 from resample.command.settings_files import OWN, options_of, read_settings

@@ -7,7 +7,7 @@ from typing import Annotated, NoReturn
 from cyclopts import App
 
 from resample.command import flags
-from resample.command.about import words
+from resample.command.flags import words
 from resample.command.session import run
 from resample.command.settings import FrameFormat, Serving, Sharing, height_and_width
 from resample.command.settings_files import with_settings

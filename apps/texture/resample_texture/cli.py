@@ -7,7 +7,8 @@ from typing import Annotated, Literal, NoReturn
 from cyclopts import App
 
 from resample.command import flags
-from resample.command.about import OptionTopic, words
+from resample.command.applications import fetcher
+from resample.command.flags import OptionTopic, words
 from resample.command.session import run
 from resample.command.settings import Serving, Written, height_and_width, method_names
 from resample.command.settings_files import with_settings
@@ -335,22 +336,7 @@ def animate(
     write_shared(output, animation.shots(picture, flight, paint), fps=fps, resume=resume)
 
 
-@app.command
-def fetch(name: str | None = None, /, *, folder: flags.Target = None) -> None:
-    """Download and verify a public data set and print its folder; without a name, list all.
-
-    Example: resample-texture fetch astronaut
-
-    Parameters
-    ----------
-    name
-        Name of the data set; its licence is printed.
-    folder
-        Folder to keep it in. Default: the user's cache.
-    """
-    from resample.files.public.sets import print_sets
-
-    print_sets("resample_texture", name, folder)
+app.command(fetcher("resample_texture", "astronaut"))
 
 
 @app.command

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, NoReturn
 from cyclopts import App, Parameter
 
 from resample.command import flags
-from resample.command.about import OptionTopic, words
+from resample.command.flags import OptionTopic, words
 from resample.command.session import run
 from resample.command.settings import (
     PictureFormat,

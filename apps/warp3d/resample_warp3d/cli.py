@@ -8,12 +8,10 @@ from typing import Annotated, ClassVar, Literal, NoReturn
 from cyclopts import App, Parameter
 
 from resample.command import flags
-from resample.command.about import OptionTopic
-from resample.command.applications import launcher, mention_move, moved_command
-from resample.command.flags import Steady, Up, Viewed
+from resample.command.applications import fetcher, launcher, mention_move, moved_command
+from resample.command.flags import CAMERA, OptionTopic, Steady, Up, Viewed
 from resample.command.session import run
 from resample.command.settings import (
-    CAMERA,
     Choices,
     Serving,
     Sharing,
@@ -451,22 +449,7 @@ def compare(
     sys.stdout.write(rows_as_json(comparison.rows) if as_json else plain(comparison.rows))
 
 
-@app.command
-def fetch(name: str | None = None, /, *, folder: flags.Target = None) -> None:
-    """Download and verify a public data set and print its folder; without a name, list all.
-
-    Example: resample-warp3d fetch living-room
-
-    Parameters
-    ----------
-    name
-        Name of the data set; its licence is printed.
-    folder
-        Folder to keep it in. Default: the user's cache.
-    """
-    from resample.files.public.sets import print_sets
-
-    print_sets("resample_warp3d", name, folder)
+app.command(fetcher("resample_warp3d", "living-room"))
 
 
 @app.command

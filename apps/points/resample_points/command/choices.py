@@ -6,9 +6,18 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 from cyclopts import Parameter
 from pydantic import Field
 
-from resample.command.about import NUMBERS, OptionTopic
-from resample.command.flags import Hyphen, Steady, Switch, Up, Viewed, viewpoint
-from resample.command.settings import CAMERA, Choices, Threads
+from resample.command.flags import (
+    CAMERA,
+    NUMBERS,
+    Hyphen,
+    OptionTopic,
+    Steady,
+    Switch,
+    Up,
+    Viewed,
+    viewpoint,
+)
+from resample.command.settings import Choices, Threads
 
 if TYPE_CHECKING:
     from resample.cameras.calibrations.lens_files import Calibration

@@ -9,9 +9,8 @@ from cyclopts import Parameter
 from pydantic import Field
 
 from resample.command import flags
-from resample.command.about import NUMBERS, OptionTopic
-from resample.command.flags import Hyphen, Switch
-from resample.command.settings import CALIBRATED, SIZE, Choices, Written, height_and_width
+from resample.command.flags import CALIBRATED, NUMBERS, SIZE, Hyphen, OptionTopic, Switch
+from resample.command.settings import Choices, Written, height_and_width
 from resample.files.stores.addresses import Address, Place
 from resample.words import numbers_in
 from resample_texture.command.choices import Besides, Filling, Picture, PictureWarping

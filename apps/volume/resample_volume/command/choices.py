@@ -7,17 +7,21 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 from cyclopts import Parameter
 from pydantic import Field
 
-from resample.command.about import TRANSFER, OptionTopic
-from resample.command.flags import FieldOfView, Hyphen, Switch, Up, Viewed, under, viewpoint
-from resample.command.settings import (
+from resample.command.flags import (
     CAMERA,
     LIGHT,
     MEMORY,
-    Choices,
-    Iso,
-    Resampling,
-    Shown,
+    TRANSFER,
+    FieldOfView,
+    Hyphen,
+    OptionTopic,
+    Switch,
+    Up,
+    Viewed,
+    under,
+    viewpoint,
 )
+from resample.command.settings import Choices, Iso, Resampling, Shown
 from resample.console.backgrounds import Color
 from resample_volume.classification.names import PRESETS, TISSUES
 

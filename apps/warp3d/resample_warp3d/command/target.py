@@ -4,10 +4,9 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from resample.command.about import NUMBERS, OptionTopic
-from resample.command.flags import Hyphen
+from resample.command.flags import NUMBERS, SIZE, Hyphen, OptionTopic
 from resample.command.intrinsics import Shape, check_intrinsics, with_intrinsics
-from resample.command.settings import SIZE, Choices, height_and_width
+from resample.command.settings import Choices, height_and_width
 from resample.words import numbers_in
 
 if TYPE_CHECKING:
