@@ -177,7 +177,7 @@ def test_values_that_say_the_look_are_never_taken_for_files():
     ("mark", "looks", "files"),
     [
         (
-            abouts.CAMERA,
+            abouts.ANGLES,
             [*NAMED, "30/20", "-30/20/1.5", "1e1/.5/1./0.1/-0.2"],
             ["a.toml", "/etc/passwd", "images.txt:3", "30", "../30", "30//20", "poses", ""],
         ),
@@ -200,7 +200,7 @@ def test_forms_of_values_tell_looks_from_files(mark, looks, files):
 
 
 def test_a_long_value_is_told_from_a_file_at_once():
-    for mark in (abouts.CAMERA, abouts.NUMBERS, abouts.TRANSFER):
+    for mark in (abouts.ANGLES, abouts.NUMBERS, abouts.TRANSFER):
         assert about(mark, "1" * 10**6 + "/x.json") is OptionTopic.SOURCE
 
 
