@@ -43,6 +43,11 @@ class CancelledError(RuntimeError):
 class Cancel:
     """A signal that stops work in another thread permanently.
 
+    Parameters
+    ----------
+    other
+        One that stops the same work, if it is given.
+
     Examples
     --------
     >>> stop = Cancel()
@@ -51,13 +56,13 @@ class Cancel:
     True
     """
 
-    def __init__(self) -> None:
-        self._event = Event()
+    def __init__(self, other: "Cancel | None" = None) -> None:
+        self._event, self._other = Event(), other
 
     @property
     def is_cancelled(self) -> bool:
         """Whether work is to stop, or has stopped."""
-        return self._event.is_set()
+        return self._event.is_set() or (self._other is not None and self._other.is_cancelled)
 
     def cancel(self) -> None:
         """Stop the work soon: it raises `CancelledError` in its caller."""
@@ -100,6 +105,11 @@ def cancellable(cancel: Cancel | None) -> Iterator[None]:
         yield
     finally:
         _watch.reset(token)
+
+
+def watched_cancel() -> Cancel | None:
+    """What may stop the current work; None if nothing may."""
+    return _watch.get().cancel
 
 
 @contextmanager

@@ -21,7 +21,7 @@ from resample.cameras.trajectories import (
     read_matrices,
     read_tum,
 )
-from resample.cameras.viewpoints import NAMED, Calibrated, Orbit, Spot, Viewpoint
+from resample.cameras.viewpoints import NAMED, Calibrated, Orbit, Spot, Viewpoint, orbit_of
 from resample.types import Doubles
 
 Read = Callable[[Path], list[Entry]]
@@ -160,20 +160,9 @@ def file_and_frame(text: str) -> tuple[str, str]:
 
 
 def viewpoint(text: str, fov: float = Orbit.fov, up: str = Orbit.up) -> Viewpoint:
-    """Parse a viewpoint of the command line.
-
-    Parameters
-    ----------
-    fov
-        Field of view along the picture's shorter side in degrees, unless the file has it; 0:
-        parallel projection, for angles only.
-    """
-    try:  # first, so that no file of such a name is opened
-        azimuth, elevation, *others = NAMED.get(text) or [float(part) for part in text.split("/")]
-        zoom, right, above = {0: (1.0, 0.0, 0.0), 1: (*others, 0.0, 0.0)}.get(len(others), others)
-    except ValueError:
-        return _viewpoint_in(text, fov)
-    return Orbit(azimuth, elevation, zoom, fov, up, (right, above))
+    """Parse a viewpoint of the command line; parameters as of `orbit_of`."""
+    # Angles first, so that no file of such a name is opened.
+    return orbit_of(text, fov, up) or _viewpoint_in(text, fov)
 
 
 def _viewpoint_in(text: str, fov: float) -> Viewpoint:

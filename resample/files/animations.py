@@ -128,7 +128,7 @@ def _frames(film: _Elsewhere) -> Frames:
 
 
 def made_by(
-    crew: WorkerPool | None, shots: Shots, read: Callable[[int], Frames]
+    crew: WorkerPool | None, shots: Shots, read: Callable[[int], Frames] | None
 ) -> tuple[Shots, Executor | None]:
     """Frames as worker processes make them, each after loading its own data; and the executor.
 
@@ -139,7 +139,7 @@ def made_by(
     crew
         Workers; None: frames are made in this process.
     """
-    if crew is None:
+    if crew is None or read is None:
         return shots, None
     memory = ALLOWED.get() if crew.is_local else None
     frames = _Elsewhere(token_hex(8), read, crew.threads, str(Path.cwd()), memory)

@@ -46,6 +46,12 @@ def memoizing(kept: Memo) -> Iterator[None]:
         _kept.reset(token)
 
 
+def memo_of(values: Any) -> Memo:
+    """Return what is kept about values; without a scene nothing is kept for long."""
+    kept: Memo | None = getattr(values, "found", _kept.get())
+    return {} if kept is None else kept
+
+
 def memoized(of: Callable[[Any], Any]) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Memoize a function that only depends on values and numbers, in a scene or on the values."""
 
@@ -53,9 +59,7 @@ def memoized(of: Callable[[Any], Any]) -> Callable[[Callable[P, R]], Callable[P,
         @wraps(find)
         def found(*args: P.args, **kwargs: P.kwargs) -> R:
             first, *others = args
-            kept = getattr(of(first), "found", _kept.get())
-            if kept is None:
-                return find(*args, **kwargs)
+            kept = memo_of(of(first))
             key = (find, id(of(first)), *others, *sorted(kwargs.items()))
             if key not in kept:
                 kept[key] = find(*args, **kwargs)

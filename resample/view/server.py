@@ -13,6 +13,7 @@ import webbrowser
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from resample.command.settings import Serving
 from resample.console.messages import say
 from resample.view.messages import LONGEST, message_of
 from resample.view.modules import PAGE, TYPES, parts
@@ -172,6 +173,14 @@ def _server(served: "Starlette") -> "uvicorn.Server":
 
     config = uvicorn.Config(served, log_level="warning", ws_max_size=LONGEST, lifespan="off")
     return uvicorn.Server(config)
+
+
+def show(view_of: Callable[[], Viewable], page: Serving) -> None:
+    """Serve the view that a function opens, at the address of a command's options."""
+    require_parts()
+    view = view_of()
+    view.check()
+    serve(view, host=page.host, port=page.port, browser=page.browser)
 
 
 def serve(view: Viewable, *, host: str = LOOPBACK, port: int = 0, browser: bool = True) -> None:

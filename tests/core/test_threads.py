@@ -10,7 +10,7 @@ import pytest
 
 from resample.cameras.models import Camera
 from resample.cameras.poses import look_at
-from resample.command.threads import at_most
+from resample.command.stopping import at_most
 from resample.engine.jit import IS_PLAIN
 from resample.files.images import read_image
 from resample.painting.choices import Primitive, footprints_of

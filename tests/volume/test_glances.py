@@ -12,12 +12,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from resample.command import workers
 from resample.command.settings import Sharing
 from resample.command.workers import WorkerPool, at_work
 from resample.files.images import read_image
 from resample.outofcore.passes import PassContext
 from resample_volume.cli import app
-from resample_volume.command import rendering
 from resample_volume.data import scanning
 from resample_volume.data.bricks import Bricks
 from resample_volume.files.source import open_streamed
@@ -137,7 +137,7 @@ def hired(monkeypatch):
             )
             yield lambda: crew
 
-    monkeypatch.setattr(rendering, "worker_pools", hiring)
+    monkeypatch.setattr(workers, "worker_pools", hiring)
     return executors
 
 

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from resample_volume.inputs import as_volume
     from resample_volume.media.appearance import Appearance
     from resample_volume.media.xrays import XRay
-    from resample_volume.notebooks import view
     from resample_volume.rendering import render
     from resample_volume.scenes import Scene
     from resample_volume.space.annotations import Annotations, annotate
@@ -30,7 +29,7 @@ if TYPE_CHECKING:
     from resample_volume.surfaces.image_planes import ImagePlane
     from resample_volume.surfaces.meshes import IsoSurface, SceneMesh, read_mesh, scene_mesh
     from resample_volume.types import Volume
-    from resample_volume.viewing import picture
+    from resample_volume.viewing import picture, view
     from resample_volume.voxels.shading import Light
 
 _HOMES = {
@@ -55,7 +54,7 @@ _HOMES = {
     "rectilinear": "data.rectilinear",
     "render": "rendering",
     "scene_mesh": "surfaces.meshes",
-    "view": "notebooks",
+    "view": "viewing",
 }
 
 __all__ = [

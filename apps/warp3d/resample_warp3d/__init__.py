@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from resample_warp3d.depth.preparation import prepare
     from resample_warp3d.depth.refining.conditioning import refine
     from resample_warp3d.methods.hybrid import Hybrid
-    from resample_warp3d.notebooks import view
     from resample_warp3d.registering import registered
     from resample_warp3d.scenes import DepthScene
     from resample_warp3d.sheet.behind import background, behind
     from resample_warp3d.types import DepthImage, Equation, Hole, Source, Warped
+    from resample_warp3d.viewing import view
     from resample_warp3d.views.merging import merge
     from resample_warp3d.views.panoramas import SEAMLESS, panorama
     from resample_warp3d.views.together import Joining, PosedSource, agreed, render_together
@@ -57,7 +57,7 @@ _HOMES = {
     "registered": "registering",
     "render": "warping",
     "render_together": "views.together",
-    "view": "notebooks",
+    "view": "viewing",
     "warp": "warping",
     "mapping_between": "wide.passages",
     "warp_disparity": "warping",

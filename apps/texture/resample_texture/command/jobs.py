@@ -31,8 +31,7 @@ from resample.words import one_line
 from resample_texture.command.choices import Besides, PictureWarping, region
 from resample_texture.command.inputs import Aim, PictureTarget
 from resample_texture.command.large import Destination, Large, large_picture
-from resample_texture.command.needs import check_memory
-from resample_texture.command.rendering import covers_all, report, warped
+from resample_texture.command.rendering import check_memory, covers_all, report, warped
 
 NOTHING = np.zeros((0, 0, 0), np.float32)
 
@@ -125,7 +124,7 @@ def warp_batch(images: Sequence[Place], output: Path, job: Job) -> dict[str, Any
         for n, (source, target) in enumerate(pairs):
             try:
                 told.append({"file": str(target), **_warp(session, source, target, job)})
-            except (KeyError, IndexError):  # bugs, see `resample.command.options.run`
+            except (KeyError, IndexError):  # bugs, see `resample.command.session.run`
                 raise
             except (ValueError, LookupError, OSError, MemoryError) as error:
                 say(f"{source.name} failed: {one_line(error)}")

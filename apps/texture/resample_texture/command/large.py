@@ -19,9 +19,10 @@ from resample.types import Floats
 from resample_texture.arguments import method_named, within
 from resample_texture.command.choices import PictureWarping
 from resample_texture.command.inputs import Aim, PictureTarget
-from resample_texture.command.needs import BYTES_IN_STRIP, InStrips
 from resample_texture.command.rendering import (
+    BYTES_IN_STRIP,
     WHOLE,
+    InStrips,
     as_light,
     bytes_at_once,
     covers_all,

@@ -5,9 +5,9 @@ from pathlib import Path
 
 from resample_texture.viewing import pictures
 from resample_texture.viewing.meshes import MESHES, mesh_picture, model_view
-from resample_texture.viewing.pictures import COMMAND, PLACES, PictureView, picture
+from resample_texture.viewing.pictures import picture, picture_view, view
 
-__all__ = ["COMMAND", "PLACES", "PictureView", "mesh_picture", "model_view", "picture", "suits"]
+__all__ = ["MESHES", "mesh_picture", "model_view", "picture", "picture_view", "suits", "view"]
 
 
 def suits(names: Sequence[str]) -> bool:

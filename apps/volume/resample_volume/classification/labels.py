@@ -62,6 +62,11 @@ class Labels:
                 f"labels must be whole numbers, not {self.values.dtype}; convert the file"
             )
 
+    @property
+    def are_few(self) -> bool:
+        """Whether each rule has an 8-bit number of its own, see `numbers`."""
+        return len(self.rules) <= MOST_RULES
+
     def check(self, volume: Volume) -> None:
         """Raise a ValueError if the volume is of another shape."""
         if self.values.shape != volume.values.shape:

@@ -9,7 +9,6 @@ import numpy as np
 
 from resample import registry
 from resample.files.stores.addresses import Address, is_address
-from resample.files.stores.opening import is_store
 from resample_volume.classification.scales import LINEAR, value_at
 from resample_volume.classification.surveys import findings, survey
 from resample_volume.data.recordings import volume_at
@@ -21,6 +20,16 @@ from resample_volume.types import Recording, Volume
 
 if TYPE_CHECKING:
     from resample_volume.files.stores.reader import Zarr
+
+OWN = {  # suffixes of readers that are imported only for such files
+    "npz": (".npz",),
+    "vdb": (".vdb",),
+    "vtm": (".vtm", ".vthb"),
+    "vtr": (".vtr",),
+    "vts": (".vts",),
+    "vtu": (".vtu",),
+    "zarr": (".ome.zarr", ".zarr", ".ome.zarr.zip", ".zarr.zip", ".ozx", ".zip"),
+}
 
 
 def open_volume(
@@ -146,10 +155,12 @@ def find_reader(path: str | Path) -> Reader:
         return _distant(None)
     path = Path(path)
     readers, broken = _readers()
-    if is_store(path):
-        suffix = ".zarr"
+    if path.is_dir():
+        from resample.files.stores.opening import is_store
+
+        suffix = ".zarr" if is_store(path) else _folder_suffix(path, readers)
     else:
-        suffix = _folder_suffix(path, readers) if path.is_dir() else _suffix(path.name, readers)
+        suffix = _suffix(path.name, readers)
     if not suffix:
         known = " ".join(sorted(readers))
         what = "holds no slices" if path.is_dir() else "has no known suffix"
@@ -227,11 +238,11 @@ def describe(volume: Volume, bins: int = 32) -> dict[str, Any]:
 
 def _unprefixed(name: str | Path) -> str | Path:
     """Resolve names of built-in data to a generated volume or file; others are unchanged."""
+    text = str(name)
+    if not text.startswith("sample:"):
+        return name
     from resample.samples.finding import PREFIX, sample_path
 
-    text = str(name)
-    if not text.startswith(PREFIX):
-        return name
     spec = text.removeprefix(PREFIX)
     return spec if spec.partition(":")[0] in GENERATED else sample_path(text)
 
@@ -249,7 +260,7 @@ def _readers() -> tuple[dict[str, list[str]], list[str]]:
     broken = []
     for name in registry.names("readers"):
         try:
-            suffixes = registry.load("readers", name).suffixes
+            suffixes = OWN.get(name) or registry.load("readers", name).suffixes
         except LookupError as error:  # only matters if that one is needed
             broken.append(str(error))
             continue

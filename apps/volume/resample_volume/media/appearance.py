@@ -12,7 +12,6 @@ from resample.painting.splines import LARGEST, bytes_of_field
 from resample.profiles.orders import OF_FIELDS, EverySample, Rays, Summing
 from resample.resampler import Resampler
 from resample_volume.classification.automatic import levels
-from resample_volume.classification.labels import MOST_RULES
 from resample_volume.classification.presets import Window, transfer_for
 from resample_volume.classification.surveys import survey
 from resample_volume.classification.transfer import Transfer, as_transfer
@@ -313,7 +312,7 @@ def _suits_rays(volume: Volume, look: Appearance) -> bool:
     """Return whether a volume fits in memory as a field, and is shaded by its own gradients."""
     if look.gradient != GRADIENT:
         return False
-    if look.labels is not None and len(look.labels.rules) > MOST_RULES:
+    if look.labels is not None and not look.labels.are_few:
         return False
     return fits_as_field(volume) and max(map(abs, finite_range(volume.values))) < LARGEST
 

@@ -2,23 +2,26 @@
 
 from collections.abc import Callable, Iterator
 from math import prod
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import from_srgb
 from resample.types import Flags, Floats, Tint
-from resample_volume.classification.labels import Labels
 from resample_volume.classification.transfer import TransferTable
 from resample_volume.data.memory import require_memory
 from resample_volume.data.recordings import linear_colors
 from resample_volume.types import Volume
 
+if TYPE_CHECKING:
+    from resample_volume.classification.labels import Labels
+
 PAD = 2  # voxels by which colors and flags are padded on each side, as coefficients are
 FULL = 65535  # type of a color channel
 
 
-def tint_of(volume: Volume, looks: TransferTable, labels: Labels | None) -> Tint:
+def tint_of(volume: Volume, looks: TransferTable, labels: "Labels | None") -> Tint:
     """Return the colors of a volume that has some; for labels, the colors of their rules.
 
     Colors are interpolated, so invisible voxels take the mean color of visible ones around them.
@@ -50,7 +53,7 @@ def _brightest(colors: NDArray[np.generic]) -> float:
     return max(1.0, *(float(linear_colors(plane).max(initial=0.0)) for plane in colors))
 
 
-def _filled(volume: Volume, looks: TransferTable, labels: Labels | None) -> Iterator[Floats]:
+def _filled(volume: Volume, looks: TransferTable, labels: "Labels | None") -> Iterator[Floats]:
     """Yield planes (Y, X, 3) of linear light; invisible voxels get colors from around them."""
     import cv2
 

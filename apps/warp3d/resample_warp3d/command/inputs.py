@@ -19,8 +19,8 @@ from resample.files.images import read_channels
 from resample.files.pictures import Picture, form_of, read_picture
 from resample.memory import require, require_memory
 from resample.types import Floats
-from resample_warp3d.command.cameras.source import SourceCamera
 from resample_warp3d.command.choices import Depth
+from resample_warp3d.command.source import SourceCamera
 from resample_warp3d.depth.agreement import pose_warning
 from resample_warp3d.depth.encodings import (
     BareDisparity,

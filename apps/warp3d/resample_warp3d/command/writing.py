@@ -13,9 +13,9 @@ from resample.files.pictures import Kind, Picture
 from resample.files.saving import write_picture
 from resample.files.writing import replacing, save_array
 from resample.types import Floats
-from resample_warp3d.command.cameras.source import SourceCamera
 from resample_warp3d.command.choices import DepthWarping, Extras
 from resample_warp3d.command.export import check_export
+from resample_warp3d.command.source import SourceCamera
 from resample_warp3d.types import Hole, Warped
 
 DEPTHS = (".exr", ".npy", ".png")

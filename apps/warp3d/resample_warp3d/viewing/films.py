@@ -15,11 +15,11 @@ from resample.view.files import path_file
 from resample.view.views import Settings, chosen, option_of
 from resample.watching import Progress
 from resample_warp3d.command.animation import Range, poses_of, shots
-from resample_warp3d.command.cameras.source import SourceCamera
-from resample_warp3d.command.cameras.target import Aim, TargetCamera
 from resample_warp3d.command.choices import Depth, DepthWarping
 from resample_warp3d.command.inputs import DepthReader, Inputs, read_views
 from resample_warp3d.command.rendering import film_of
+from resample_warp3d.command.source import SourceCamera
+from resample_warp3d.command.target import Aim, TargetCamera
 
 RATE = 24.0  # frames per second, of the command
 EACH = round(STEP * RATE)  # frames from one keyframe to the next

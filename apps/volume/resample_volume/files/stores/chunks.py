@@ -40,7 +40,11 @@ class Single:
         """Of the voxels."""
         return self.values.dtype
 
-    def __getitem__(self, chosen: tuple[int, int]) -> Stored:
+    def swapaxes(self, _first: int, _second: int, /) -> "Single":
+        """Return it as it is."""
+        return self
+
+    def __getitem__(self, _: tuple[int, int]) -> Stored:
         return self.values
 
 
@@ -111,7 +115,7 @@ class Chunked:
         own: np.dtype[Any] = np.dtype(self.array.dtype).newbyteorder("=")
         return np.dtype(WIDENED.get(own.name, own.name))
 
-    def swapaxes(self, first: int, second: int) -> "Chunked":
+    def swapaxes(self, first: int, second: int, /) -> "Chunked":
         """Return a view with times and channels swapped."""
         letters = list(self.order)
         letters[first], letters[second] = letters[second], letters[first]
@@ -129,10 +133,6 @@ class Chunked:
             self._bricks({first: chosen, second: n}).whole() for n in range(self._along(second))
         ]
         return np.stack(parts)
-
-    def whole(self) -> NDArray[Any]:
-        """Read all values into memory."""
-        return np.stack([np.asarray(self[n]) for n in range(self.shape[0])])
 
     def stacked_along_z(self) -> Bricks:
         """Stack all volumes of the first axis along z, if the second has length 1.

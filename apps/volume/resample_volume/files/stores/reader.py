@@ -56,11 +56,10 @@ class Zarr:
 
     def recorded(self, path: Place, check: Check = accept_any) -> Recording:
         found = self.streamed(path, check)
-        chunked: Any = found.values
-        size = math.prod(map(int, chunked.shape)) * chunked.dtype.itemsize
+        times, size = found.values, math.prod(found.values.shape) * found.values.dtype.itemsize
         require_memory(size, found.name)
         check_free(found.name, size)
-        return found._replace(values=chunked.whole())
+        return found._replace(values=np.stack([times[n] for n in range(times.shape[0])]))
 
     def streamed(
         self, path: Place, check: Check = accept_any, brick: Step | None = None
@@ -101,7 +100,7 @@ class Zarr:
         check(known)
         guard(array, name)
         holes = holes_of(array, name)
-        values: Any = Chunked(array, layout.axes, brick=brick, store=path.resolve(), holes=holes)
+        values = Chunked(array, layout.axes, brick=brick, store=path.resolve(), holes=holes)
         place = (known.spacing, known.origin, known.direction)
         told = Recording(values, *place, name, layout.units, layout.is_color, space=layout.space)
         missing = holes.message(array.fill_value)

@@ -4,10 +4,9 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from resample.command.about import NUMBERS, OptionTopic
-from resample.command.flags import Hyphen
+from resample.command.flags import NUMBERS, SIZE, Hyphen, OptionTopic
 from resample.command.intrinsics import Shape, check_intrinsics, with_intrinsics
-from resample.command.settings import SIZE, Choices, height_and_width
+from resample.command.settings import Choices, height_and_width
 from resample.words import numbers_in
 
 if TYPE_CHECKING:
@@ -182,7 +181,7 @@ class Aim(TargetCamera):
 
     def step(self) -> "Doubles":
         """Return the pose of the moved and turned camera, relative to the initial one."""
-        from resample_warp3d.command.cameras.steps import stepped
+        from resample_warp3d.command.animation import stepped
 
         move = [0.0, 0.0, 0.0] if self.move is None else numbers_in("move", self.move, 3)
         turn = [0.0, 0.0, 0.0] if self.turn is None else numbers_in("turn", self.turn, 3)

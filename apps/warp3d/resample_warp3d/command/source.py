@@ -4,15 +4,14 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from resample.command.about import NUMBERS, OptionTopic
-from resample.command.flags import Hyphen
+from resample.command.flags import CALIBRATED, COUNTED, NUMBERS, Hyphen, OptionTopic
 from resample.command.intrinsics import (
     FILES,
     Shape,
     check_intrinsics,
     with_intrinsics,
 )
-from resample.command.settings import CALIBRATED, COUNTED, Choices, Convention
+from resample.command.settings import Choices, Convention
 from resample.words import numbers_in
 
 if TYPE_CHECKING:
