@@ -21,7 +21,7 @@ from resample.colors import mapped
 from resample.command import flags
 from resample.command.about import OptionTopic
 from resample.command.settings import Choices, FrameFormat, Serving
-from resample.console.messages import progress_bar
+from resample.console import progress_bar
 from resample.files.animations import Shots, check_film, fingerprint, write_film
 from resample.files.saving import screen_levels, write_png
 from resample.files.writing import check_targets

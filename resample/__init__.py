@@ -66,9 +66,9 @@ __all__ = [
 
 
 def _exporter() -> Any:
-    from resample.files.exchange import results
+    from resample.files import exchange
 
-    return results
+    return exchange
 
 
 warn_of_namesake(__path__[0])

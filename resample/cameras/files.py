@@ -15,10 +15,12 @@ from resample.cameras.trajectories import (
     Entry,
     PosedPicture,
     Refused,
+    is_open3d,
     lines_of,
     read_icl,
     read_log,
     read_matrices,
+    read_open3d,
     read_tum,
 )
 from resample.cameras.viewpoints import NAMED, Calibrated, Orbit, Spot, Viewpoint
@@ -43,7 +45,7 @@ KINDS: Mapping[str, Read] = {
     "icl": read_icl,
     "log": read_log,
     "nerf": _from("calibrations.nerf", "read_nerf"),
-    "open3d": _from("open3d", "read_open3d"),
+    "open3d": read_open3d,
     "colmap": _from("calibrations.colmap", "read_colmap"),
     "toml": _from("tables", "read_toml"),
 }
@@ -200,8 +202,6 @@ def _recognised(path: Path) -> str:
         return "colmap"
     known = SUFFIXES.get(path.suffix.lower())
     if known == "nerf":
-        from resample.cameras.open3d import is_open3d
-
         return "open3d" if is_open3d(path) else known
     if known is not None:
         return known

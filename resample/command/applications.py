@@ -6,7 +6,7 @@ from typing import Annotated, Any
 from cyclopts import App, Parameter
 
 from resample import registry
-from resample.console.messages import say
+from resample.console import say
 
 Words = Annotated[str, Parameter(show=False, allow_leading_hyphen=True)]
 

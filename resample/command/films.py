@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from resample.command import workers
 from resample.command.settings import Sharing
-from resample.console.messages import progress_bar, say
+from resample.console import progress_bar, say
 from resample.files.animations import (
     MOST_FRAMES,
     Frames,

@@ -7,7 +7,7 @@ from traceback import extract_tb
 from typing import TYPE_CHECKING, NoReturn
 
 from resample.command.stopping import INTERRUPTED, StoppedError
-from resample.console.messages import give_up, listening, open_streams, say
+from resample.console import give_up, listening, open_streams, say
 from resample.memory import LOG, amount, peak_memory
 from resample.words import one_line
 

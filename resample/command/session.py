@@ -6,7 +6,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from resample.console.messages import Progress, progress_bar
+from resample.console import Progress, progress_bar
 from resample.memory import require
 
 COMPILER = 135 << 20  # bytes held by numba and LLVM

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.files.stores.addresses import Address, Place
-from resample.files.stores.holes import Holes, holes_of, values_of, warned
-from resample.files.stores.metadata import layout_of
+from resample.files.stores.metadata import Holes, holes_of, layout_of, values_of, warned
 from resample.files.stores.opening import (
     ZIPS,
     is_store,

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import to_srgb
-from resample.console.backgrounds import Color
-from resample.console.messages import say
+from resample.console import Color, say
 from resample.files.facts.metadata import AS_FLOATS, JPEG, TIFF, FileMetadata
 from resample.files.pictures import Kind, Picture
 from resample.files.stores.addresses import STORE

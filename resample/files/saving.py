@@ -9,15 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import Background, over
-from resample.console.backgrounds import Color
-from resample.files.facts.metadata import (
-    JPEG,
-    TIFF,
-    FileMetadata,
-    WrittenPage,
-    complete,
-    describe,
-)
+from resample.console import Color
+from resample.files.facts.metadata import JPEG, TIFF, FileMetadata, WrittenPage, complete, describe
 from resample.files.facts.origin import state
 from resample.files.formats import (
     LOSSLESS,
@@ -269,7 +262,7 @@ def new_output(path: Path, temporary: Path, spec: Any, mode: str = "Create") -> 
 
     name = plain(temporary)
     if path.suffix.lower() in JPEG:
-        from resample.files.buffered_jpeg import BufferedJpeg
+        from resample.files.images import BufferedJpeg
 
         return BufferedJpeg(temporary, spec)
     target = OpenImageIO.ImageOutput.create(name)

@@ -14,11 +14,11 @@ from contextlib import suppress
 from math import prod
 from pathlib import Path
 from threading import Lock, Thread
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from resample.memory import ALLOWED, amount, available_memory, mapped_memory
 
@@ -26,6 +26,7 @@ LOG = logging.getLogger("resample")
 FOLDER_VARIABLE = "HYBRID_RESAMPLE_CACHE"
 OFTEN = 0.01  # seconds between two checks of the pages in memory
 SPARE = 1 << 26  # bytes to leave free on the disk
+Number = TypeVar("Number", bound=np.generic)
 
 
 class _MappedFile(NamedTuple):
@@ -184,3 +185,21 @@ def _after_fork() -> None:
 
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_after_fork)
+
+
+def contiguous(given: ArrayLike, kind: type[Number]) -> NDArray[Number]:
+    """Writable C-ordered array of a type; a copy unless it already is one.
+
+    The result is a plain ndarray. Masked elements become NaN.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample.memory.mapped import contiguous
+    >>> frozen = np.broadcast_to(np.float32(1), (2, 3))
+    >>> contiguous(frozen, np.float32).flags.writeable
+    True
+    """
+    if np.ma.is_masked(given):
+        given = np.ma.filled(np.ma.asarray(given, np.float64), np.nan)
+    return np.require(given, kind, ["C", "A", "W", "E"])

@@ -158,7 +158,7 @@ def kept(name: str, given: Any) -> tuple[Path, Folder | None]:
     """File of a picture; an array is written to a temporary folder, which is returned too."""
     if isinstance(given, str | Path):
         return Path(given), None
-    from resample.files.exchange.inputs import as_picture
+    from resample.files.exchange import as_picture
 
     picture = as_picture(given)
     if picture.dtype not in (np.uint8, np.uint16):

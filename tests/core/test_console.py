@@ -8,7 +8,7 @@ import pytest
 
 from resample.command.options import run
 from resample.command.session import Session, libraries, require_picture
-from resample.console.messages import listening, progress_bar, say
+from resample.console import listening, progress_bar, say
 from resample.files.writing import check_targets, rows_as_json
 from resample.memory import require_memory
 

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from resample.files.cached import source_fingerprint
-from resample.fingerprints import fingerprint
+from resample.files.writing import source_fingerprint
+from resample_volume.data.fingerprints import fingerprint
 
 
 class Pair(NamedTuple):
@@ -143,7 +143,7 @@ def test_what_cannot_be_told_is_not(value):
 
 def test_other_processes_find_the_same():
     code = (
-        "from resample.fingerprints import fingerprint\n"
+        "from resample_volume.data.fingerprints import fingerprint\n"
         "print(fingerprint([{'b', 'a', 'c'}, frozenset({'x', 'y'}), {'k': 1.5}]))"
     )
     there = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True, text=True)

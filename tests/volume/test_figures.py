@@ -11,12 +11,10 @@ from resample.files.images import read_image
 from resample.painting.choices import FOOTPRINTS, Footprint, Primitive
 from resample.profiles.orders import AxisSheets, EverySample
 from resample.resampler import Resampler
-from resample_volume.figures import data, footprints, gallery, paper, popping, schematic, timing
-from resample_volume.figures.data import VolumeFolder
+from resample_volume.figures import footprints, gallery, paper, popping, schematic, timing
 from resample_volume.figures.footprints import KernelBall
-from resample_volume.figures.writing import write_numbers
-from resample_volume.files.source import generate
-from resample_volume.files.writing import write_volume
+from resample_volume.figures.paper import VolumeFolder, write_numbers
+from resample_volume.files.source import generate, write_volume
 
 SMALL = "vessel-tree:size=24"
 
@@ -26,7 +24,7 @@ def nothing_fetched(tmp_path, monkeypatch):
     """Folder of downloads, which is empty; stand-ins are small."""
     cache = tmp_path / "cache"
     monkeypatch.setenv("HYBRID_RESAMPLE_DATA", str(cache))
-    monkeypatch.setattr(data, "STAND_INS", {"skull": "vis_male", "aneurism": SMALL})
+    monkeypatch.setattr(paper, "STAND_INS", {"skull": "vis_male", "aneurism": SMALL})
     return cache
 
 

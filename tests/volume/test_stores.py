@@ -27,10 +27,10 @@ from resample_volume.files.source import (
     open_recording,
     open_streamed,
     open_volume,
+    write_volume,
 )
-from resample_volume.files.stores.pyramid import halved, per_axis
 from resample_volume.files.stores.reader import Zarr
-from resample_volume.files.writing import write_volume
+from resample_volume.files.stores.writing import halved, per_axis
 from resample_volume.rendering import render
 from resample_volume.types import Volume
 from tests.commands import ended, imported, refused

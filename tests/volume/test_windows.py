@@ -30,8 +30,8 @@ from resample_volume.outofcore.steepness import Slopes, steepness_by_bricks
 from resample_volume.rendering import Subject
 from resample_volume.surfaces.meshes import scene_mesh
 from resample_volume.types import Recording, Volume
-from resample_volume.voxels import blocks
-from resample_volume.voxels.blocks import Lattice, bounds_of, lattice_for
+from resample_volume.voxels import fields
+from resample_volume.voxels.fields import Lattice, bounds_of, lattice_for
 from resample_volume.voxels.framing import centered
 from resample_volume.voxels.shading import DepthCue
 from resample_volume.voxels.visible import gradients_at, lattice_of, steepness
@@ -268,7 +268,7 @@ FEW = (60, 75)  # px
 
 def in_small_steps(monkeypatch):
     monkeypatch.setattr(windowed, "LEAST", 1000)
-    monkeypatch.setattr(blocks, "SIDE", 4)
+    monkeypatch.setattr(fields, "SIDE", 4)
 
 
 @pytest.mark.parametrize(

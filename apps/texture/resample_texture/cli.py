@@ -155,7 +155,7 @@ def rectify(
     from resample.files.writing import check_targets
     from resample_texture.command.inputs import PictureTarget
     from resample_texture.command.jobs import Job
-    from resample_texture.geometry.corners import (
+    from resample_texture.geometry.matrices import (
         from_corners,
         order_corners,
         page_corners,
@@ -281,7 +281,7 @@ def compare(
     seen = scene_of(values, scene, shape)
     comparison = judge.compare(f"{image.name}, {scene}", seen, names)
     if output is not None and output.suffix.lower() == ".html":
-        from resample_texture.figures.report import write_report
+        from resample_texture.figures.compare import write_report
 
         write_report(comparison, output, about=judge.about(seen))
     elif output is not None:
@@ -322,8 +322,7 @@ def animate(
         What lies beyond the picture's edges.
     """
     from resample import registry
-    from resample.console.backgrounds import linear_color
-    from resample.console.messages import progress_bar
+    from resample.console import linear_color, progress_bar
     from resample.files.animations import check_film, write_film
     from resample.files.pictures import read_picture
     from resample_texture.command import animation
@@ -354,7 +353,7 @@ def fetch(name: str | None = None, /, *, folder: flags.Target = None) -> None:
     folder
         Folder to keep it in. Default: the user's cache.
     """
-    from resample.files.public.sets import print_sets
+    from resample.files.public import print_sets
 
     print_sets("resample_texture", name, folder)
 
@@ -397,7 +396,7 @@ def figures(
 def demo(*, output: flags.DemoOutput = DEMO) -> None:
     """Show floors of generated pictures by several methods, and a flight over one."""
     from resample import registry
-    from resample.console.messages import progress_bar
+    from resample.console import progress_bar
     from resample.files.animations import write_film
     from resample_texture.command import animation
     from resample_texture.figures.paper import (

@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from resample.files.exchange.inputs import as_picture
+from resample.files.exchange import as_picture
 from resample.painting.previews import enlarged
 from resample.painting.scenes.plans import shape_of
 from resample.types import Doubles, Floats
@@ -43,7 +43,7 @@ class PictureScene:
     Parameters
     ----------
     given
-        What `resample.files.exchange.inputs.as_picture` takes.
+        What `resample.files.exchange.as_picture` takes.
     linear_light, alpha
         As `warp` takes them.
 

@@ -19,7 +19,7 @@ from resample.command.settings import (
     method_names,
 )
 from resample.command.settings_files import with_settings
-from resample.console.backgrounds import linear_color
+from resample.console import linear_color
 from resample.lazy import installed_version
 from resample_volume.command.choices import (
     Added,
@@ -265,7 +265,7 @@ def animate(
     """
     from resample.command.session import require_picture
     from resample.command.workers import worker_pools
-    from resample.console.messages import progress_bar
+    from resample.console import progress_bar
     from resample.files.animations import check_film, write_film
     from resample_volume.command import animation, filming
     from resample_volume.command.inputs import over_time
@@ -368,8 +368,8 @@ def generate(name: str, /, *, output: flags.Output) -> None:
         Written to: .nrrd, .mha, .nii or .nii.gz; or .npy, which keeps the values alone.
     """
     from resample.files.writing import check_targets
+    from resample_volume.files.source import check_suffix, write_volume
     from resample_volume.files.source import generate as generated
-    from resample_volume.files.writing import check_suffix, write_volume
 
     check_suffix(output)
     check_targets(output)
@@ -407,7 +407,7 @@ def convert(
     levels
         Write coarser levels, too.
     """
-    from resample.console.messages import progress_bar, say
+    from resample.console import progress_bar, say
     from resample_volume.command.inputs import stored
     from resample_volume.files.stores.writing import (
         Layered,
@@ -480,7 +480,7 @@ def figures(
 def demo(*, output: flags.DemoOutput = DEMO_FOLDER) -> None:
     """Render the generated volumes by all three methods."""
     from resample.command.session import Session
-    from resample.console.messages import say
+    from resample.console import say
     from resample.files.saving import write_frame
     from resample.measuring.compare import contact_sheet
     from resample_volume.command.rendering import painted, scene_of

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from resample.view.views import chosen, controls_of
 from resample_volume.command.choices import ReadOptions
-from resample_volume.files.writing import write_volume
+from resample_volume.files.source import write_volume
 from resample_volume.inputs import as_volume
 from resample_volume.viewing import COMMAND, VolumeView
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from resample.command.settings import PictureFormat, Resampling
 from resample.files.animations import write_film
-from resample.files.exchange.results import levels_of
+from resample.files.exchange import levels_of
 from resample.files.saving import screen_levels, write_frame
 from resample.files.stores.addresses import is_address
 from resample.registry import names
@@ -36,7 +36,7 @@ from resample_volume.picking import Picked
 from resample_volume.rendering import Subject
 from resample_volume.scenes import Quality, Scene
 from resample_volume.space.annotations import annotated
-from resample_volume.space.measuring import measure
+from resample_volume.space.lines import measure
 from resample_volume.types import Volume
 from resample_volume.voxels.framing import centered
 from resample_volume.voxels.visible import lattice_of

@@ -264,7 +264,7 @@ def animate(
     from resample.command.films import write_shared
     from resample.command.session import Session
     from resample.command.workers import check_sharing
-    from resample.console.backgrounds import linear_color
+    from resample.console import linear_color
     from resample.files.animations import check_film
     from resample_warp3d.command.animation import Range, check_path, poses_of
     from resample_warp3d.command.depths import (
@@ -437,7 +437,7 @@ def fetch(name: str | None = None, /, *, folder: flags.Target = None) -> None:
     folder
         Folder to keep it in. Default: the user's cache.
     """
-    from resample.files.public.sets import print_sets
+    from resample.files.public import print_sets
 
     print_sets("resample_warp3d", name, folder)
 

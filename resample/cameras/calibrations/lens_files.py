@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 from resample.cameras.models import Camera, LensModel
 from resample.cameras.poses import turned_by
 from resample.reading.limits import check_size
-from resample.reading.markup import check_xml_text
-from resample.reading.texts import json_of, text_of, toml_of, yaml_of
+from resample.reading.texts import check_xml_text, json_of, text_of, toml_of, yaml_of
 from resample.types import Doubles
 from resample.words import naming, numbers_in
 

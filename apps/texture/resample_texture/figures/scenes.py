@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Doubles, Floats
-from resample_texture.geometry.corners import from_corners, page_corners
 from resample_texture.geometry.mappings import Homography, source_coordinates
+from resample_texture.geometry.matrices import from_corners, page_corners
 
 Mask = NDArray[np.bool_]
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from resample.memory.contiguous import contiguous
+from resample.memory.mapped import contiguous
 from resample.types import Doubles
 from resample_texture.geometry.maps import as_pairs, from_fixed_point, is_number
 

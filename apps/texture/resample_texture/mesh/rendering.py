@@ -34,7 +34,7 @@ from resample_texture.mesh.kernels.surfaces import (
     VisibilityCamera,
     project_triangles,
 )
-from resample_texture.mesh.kernels.tiles import SubpixelGrid
+from resample_texture.mesh.kernels.visibility import SubpixelGrid
 from resample_texture.mesh.shapes import Mesh
 from resample_texture.mesh.skin import skin
 

@@ -7,10 +7,9 @@ from numpy.typing import NDArray
 
 from resample.profiles.interpolation import Interpolation, prefilter
 from resample.types import Doubles, Floats, View
-from resample_texture.mesh.covers import AlphaMode, Cover
-from resample_texture.mesh.kernels.color import BLEND, MASK, OPAQUE, Skin
+from resample_texture.mesh.kernels.sampling import BLEND, MASK, OPAQUE, Skin
 from resample_texture.mesh.kernels.surfaces import Ints
-from resample_texture.mesh.shapes import Mesh
+from resample_texture.mesh.shapes import AlphaMode, Cover, Mesh
 from resample_texture.texels.forward import EDGES, tap_table
 from resample_texture.texels.plates import filtered
 from resample_texture.texels.pyramid import Pyramid

@@ -18,7 +18,7 @@ from resample.command.settings import (
     Resampling,
     Shown,
 )
-from resample.console.backgrounds import Color
+from resample.console import Color
 from resample_volume.classification.names import PRESETS, TISSUES
 
 if TYPE_CHECKING:
@@ -297,7 +297,7 @@ class AppearanceChoices(Choices):
         """
         from resample_volume.classification.scales import scale_named
         from resample_volume.media.appearance import Classification, check_together
-        from resample_volume.surfaces.sections import Section
+        from resample_volume.surfaces.plane_meshes import Section
 
         if self.label and self.labels is None:
             raise ValueError("label sets the look of a label; give the volume of labels, too")
@@ -330,7 +330,7 @@ class AppearanceChoices(Choices):
             A choice is unknown or not allowed.
         """
         from resample.painting.choices import MEASURING, Projection
-        from resample_volume.files.labels import read_labels
+        from resample_volume.files.source import read_labels
         from resample_volume.media.appearance import Appearance, Classification, named_transfer
         from resample_volume.media.xrays import MU_WATER, XRay
         from resample_volume.voxels.shading import DepthCue, Light
@@ -537,7 +537,7 @@ class BesidePicture(Beside):
             check_bar(output, height)
         if self.deep is None:
             return
-        from resample.files.painted.deep import check_deep
+        from resample.files.painted import check_deep
         from resample_volume.space.slabs import check_slabs
 
         check_deep(output)

@@ -3,7 +3,7 @@
 from typing import Literal
 
 from resample.cameras.viewpoints import Orbit, Viewpoint
-from resample.console.messages import say
+from resample.console import say
 from resample.resampler import Resampler
 from resample_volume.media.appearance import VolumeLayer, named_or_own
 from resample_volume.rendering import Fit, Subject

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from resample.command.workers import StartWorkers
-from resample.console.messages import progress_bar, say
+from resample.console import progress_bar, say
 from resample.painting.choices import Projection
 from resample.resampler import Resampler
 from resample_volume.classification.presets import PRESETS
@@ -151,7 +151,7 @@ def appearance_over_time(
 
 def labelled(own: Appearance, series: "Series", look: AppearanceChoices) -> Appearance:
     """Return the look of all times with the labels of another look, if it has some."""
-    from resample_volume.files.labels import read_labels
+    from resample_volume.files.source import read_labels
 
     if look.labels is None:
         return own

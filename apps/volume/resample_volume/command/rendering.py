@@ -14,10 +14,8 @@ from resample.cameras.viewpoints import Viewpoint
 from resample.command.session import Session
 from resample.command.settings import Sharing
 from resample.command.workers import StartWorkers, worker_pools
-from resample.console.backgrounds import Color
-from resample.console.messages import say
+from resample.console import Color, say
 from resample.files.writing import beside, inheriting
-from resample.fingerprints import fingerprint
 from resample.lazy import installed_version
 from resample.memory import available_memory
 from resample.painting.choices import SUMS, Projection
@@ -28,6 +26,7 @@ from resample.watching import told
 from resample_volume.classification.surveys import survey
 from resample_volume.command import needs
 from resample_volume.command.filling import Fitted, ball_fit, filled, whole_fit
+from resample_volume.data.fingerprints import fingerprint
 from resample_volume.data.values import is_streamed, values_of
 from resample_volume.media.appearance import (
     Appearance,
@@ -324,7 +323,7 @@ def shared(
 
     Windows that a killed command left of the same picture are reused.
     """
-    from resample.files.painted.tiles import NAME
+    from resample.files.painted import NAME
     from resample_volume.windows import Budget
 
     here = local_budget(media, context.threads)

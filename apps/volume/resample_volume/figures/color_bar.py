@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from resample.colors import Background, to_srgb
-from resample.console.backgrounds import Color
+from resample.console import Color
 from resample.measuring.color_bars import (
     BLACK,
     BarLayout,

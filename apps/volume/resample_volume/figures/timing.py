@@ -21,8 +21,15 @@ from resample.types import Floats, Samples
 from resample_volume.baselines.peers import Peer, VtkRenderer
 from resample_volume.classification.presets import load_transfer
 from resample_volume.classification.transfer import TransferFunction, from_points
-from resample_volume.figures.data import FigureVolume, VolumeFolder, missing
-from resample_volume.figures.writing import Row, drawing, save, write_numbers
+from resample_volume.figures.paper import (
+    FigureVolume,
+    Row,
+    VolumeFolder,
+    drawing,
+    missing,
+    save,
+    write_numbers,
+)
 from resample_volume.files.source import generate
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import visible_voxels

@@ -16,7 +16,6 @@ import numpy as np
 
 from resample.reading.arrays import DamageError, read_npy
 from resample_volume.data.recordings import alone, is_color
-from resample_volume.files.parsing.choosing import ArrayQuery, check_part
 from resample_volume.files.parsing.headers import (
     Check,
     VolumeHeader,
@@ -29,7 +28,8 @@ from resample_volume.files.parsing.headers import (
     recording,
     stem,
 )
-from resample_volume.files.parsing.steps import Numbers, sizes_of, steps_of, three_numbers
+from resample_volume.files.parsing.sections import ArrayQuery, check_part
+from resample_volume.files.parsing.texts import Numbers, sizes_of, steps_of, three_numbers
 from resample_volume.files.parsing.voxels import VoxelData, voxels, wrong_size
 from resample_volume.types import Recording, Volume
 
@@ -220,7 +220,7 @@ class TiffStack:
 
     def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         from resample_volume.files.stacks import slices
-        from resample_volume.files.stacks.pages import page_order
+        from resample_volume.files.stacks.slices import page_order
 
         if path.is_dir():
             paths, name = slices.files_with(path, self.suffixes), path.resolve().name

@@ -14,7 +14,7 @@ from resample_volume.data.values import bricks_of, with_bricks
 from resample_volume.outofcore.outline import FINE, OutlineQuery, VisibleOutline
 from resample_volume.outofcore.passes import PassContext, passed
 from resample_volume.types import Volume
-from resample_volume.voxels.blocks import Indices, Lattice, ends_of, lattice_for
+from resample_volume.voxels.fields import Indices, Lattice, ends_of, lattice_for
 from resample_volume.voxels.framing import (
     BINS,
     SOME,

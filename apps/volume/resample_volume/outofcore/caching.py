@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.cameras.viewpoints import Sphere
-from resample.files.cached import load_arrays, source_fingerprint, store_arrays
-from resample.fingerprints import fingerprint
+from resample.files.writing import load_arrays, source_fingerprint, store_arrays
 from resample.memory import mapped
+from resample_volume.data.fingerprints import fingerprint
 from resample_volume.data.values import bricks_of, streamed
 from resample_volume.files.stores import statistics_cache
 from resample_volume.outofcore.outline import VisibleBlocks

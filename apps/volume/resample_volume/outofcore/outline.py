@@ -12,8 +12,8 @@ from resample_volume.data.bricks import Bricks
 from resample_volume.data.values import bricks_of, with_bricks
 from resample_volume.outofcore.passes import PassContext, passed
 from resample_volume.types import Volume
-from resample_volume.voxels.blocks import Indices, Lattice, lattice_for
 from resample_volume.voxels.cropping import Steeps, merged_steeps, steeps_of
+from resample_volume.voxels.fields import Indices, Lattice, lattice_for
 from resample_volume.voxels.framing import bounds
 
 FINE = 8  # voxels per side of the bricks that give the order of voxels in memory

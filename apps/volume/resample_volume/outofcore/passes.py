@@ -9,7 +9,7 @@ import numpy as np
 
 from resample.watching import Executor, Progress, shared_out, told
 from resample_volume.data.bricks import BrickRequest, Bricks
-from resample_volume.voxels.blocks import Lattice
+from resample_volume.voxels.fields import Lattice
 
 PARTS = 8  # parts of a pass over a volume by several processes, at most
 THICK = 2  # layers of bricks per part, at least: slopes also read the adjacent layers

@@ -13,7 +13,7 @@ from resample_volume.data.values import bricks_of, with_bricks
 from resample_volume.outofcore.classified import candidates_by_bricks
 from resample_volume.outofcore.passes import PassContext, between, passed
 from resample_volume.types import Volume
-from resample_volume.voxels.blocks import lattice_for
+from resample_volume.voxels.fields import lattice_for
 from resample_volume.voxels.streaming import Candidates
 from resample_volume.voxels.visible import steep_between, steep_rank
 

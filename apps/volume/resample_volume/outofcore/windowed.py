@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.cameras.models import AnyCamera
-from resample.files.painted.tiles import keep_tile, kept_tile
+from resample.files.painted import keep_tile, kept_tile
 from resample.memory import trim
 from resample.painting.scenes.plans import (
     ALL_PAINTERS,
@@ -38,7 +38,8 @@ from resample_volume.outofcore.caching import cache_visible, cached_visible
 from resample_volume.outofcore.outline import Classified, VisibleBlocks
 from resample_volume.outofcore.passes import PassContext, between, passed
 from resample_volume.types import Volume
-from resample_volume.voxels.blocks import (
+from resample_volume.voxels.cropping import Steeps, merged_steeps, steeps_of
+from resample_volume.voxels.fields import (
     Blocks,
     Indices,
     Lattice,
@@ -47,7 +48,6 @@ from resample_volume.voxels.blocks import (
     lattice_for,
     widened,
 )
-from resample_volume.voxels.cropping import Steeps, merged_steeps, steeps_of
 from resample_volume.voxels.streaming import BYTES_PER_VOXEL, REMEDY
 from resample_volume.voxels.visible import BYTES_PER_CANDIDATE, lattice_of
 

@@ -11,8 +11,7 @@ from resample.types import Doubles, Floats, Frame, View
 from resample_volume.classification.surveys import survey, without_padding
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import Subject
-from resample_volume.space.lines import Stroke, with_lines
-from resample_volume.space.measuring import unit_of_space
+from resample_volume.space.lines import Stroke, unit_of_space, with_lines
 from resample_volume.types import Volume
 from resample_volume.voxels.framing import Shifted, centered, corners
 

@@ -39,8 +39,8 @@ from resample_volume.data.parts import slabs
 from resample_volume.data.statistics.scanning import are_few
 from resample_volume.types import Volume
 from resample_volume.voxels.fields import UNLIT, check_iso, columns_of, table_range
-from resample_volume.voxels.shading import Light, lamp_of
-from resample_volume.voxels.slices.thin import (
+from resample_volume.voxels.shading import PAD, Light, lamp_of, numbered, tint_of
+from resample_volume.voxels.thin import (
     EXTREMES,
     SAME,
     Thin,
@@ -50,7 +50,6 @@ from resample_volume.voxels.slices.thin import (
     thin_that_fits,
     thinned,
 )
-from resample_volume.voxels.tints import PAD, numbered, tint_of
 from resample_volume.voxels.transmittance import field_transmittance
 from resample_volume.voxels.visible import (
     finite_range,
@@ -302,7 +301,7 @@ def _filled(
     deep
         (Z, Y, X) index along z of the last voxel in front that is known, or NOTHING.
     """
-    from resample_volume.voxels.kernels.filling import nearest_in_columns, nearest_in_rows
+    from resample_volume.voxels.kernels.shading import nearest_in_columns, nearest_in_rows
 
     filled = array_like(values, values.shape, values.dtype, FIELD)
     behind, down, across = (np.full(values.shape[1:], NOTHING, np.int32) for _ in range(3))

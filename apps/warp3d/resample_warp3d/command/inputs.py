@@ -13,7 +13,7 @@ from resample.cameras.models import Camera, Orthographic
 from resample.cameras.panoramic import Equirectangular, check_panorama
 from resample.command.intrinsics import Shape
 from resample.command.session import libraries
-from resample.console.messages import say
+from resample.console import say
 from resample.files.formats import flattened
 from resample.files.images import read_channels
 from resample.files.pictures import Picture, form_of, read_picture
@@ -34,7 +34,7 @@ from resample_warp3d.depth.files import read_depth
 from resample_warp3d.depth.refining.conditioning import fitted
 from resample_warp3d.registering import registered
 from resample_warp3d.types import DepthImage
-from resample_warp3d.wide.projections import CameraModel, taken_by
+from resample_warp3d.wide import CameraModel, taken_by
 
 BYTES_PER_PIXEL = 144  # for refining and preparing a source, without its colors
 BYTES_PER_VALUE = 23  # per channel of a source, for refining, preparing and warping

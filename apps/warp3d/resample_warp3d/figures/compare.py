@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from resample import registry
 from resample.colors import from_srgb
-from resample.console.messages import progress_bar
+from resample.console import progress_bar
 from resample.measuring.compare import check_sheet, contact_sheet, enlarged, shown
 from resample.types import Doubles, Floats
 from resample_warp3d.depth.equation import between

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from resample_volume.data.recordings import alone
-from resample_volume.files.parsing.choosing import ArrayQuery, check_part
 from resample_volume.files.parsing.headers import (
     Check,
     accept_any,
@@ -13,7 +12,8 @@ from resample_volume.files.parsing.headers import (
     existing_file,
     stem,
 )
-from resample_volume.files.parsing.steps import Numbers, steps_of
+from resample_volume.files.parsing.sections import ArrayQuery, check_part
+from resample_volume.files.parsing.texts import Numbers, steps_of
 from resample_volume.types import Recording, Volume
 
 
@@ -44,7 +44,7 @@ class _Cells:
 
     def _pieces(self, path: Path) -> list[Any]:
         """Return VTK's data sets in a file."""
-        from resample_volume.files.cells.blocks import read_grid
+        from resample_volume.files.cells.reading import read_grid
 
         return [read_grid(path)]
 
@@ -76,6 +76,6 @@ class Vtm(_Cells):
     kind = "vtm"
 
     def _pieces(self, path: Path) -> list[Any]:
-        from resample_volume.files.cells.blocks import read_pieces
+        from resample_volume.files.cells.reading import read_pieces
 
         return read_pieces(path)

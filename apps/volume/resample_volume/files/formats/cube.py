@@ -10,7 +10,6 @@ from typing import BinaryIO, NamedTuple
 
 import numpy as np
 
-from resample.reading.headers import whole
 from resample.reading.limits import check_items, check_size
 from resample.types import Doubles
 from resample_volume.data.memory import require_memory
@@ -21,7 +20,7 @@ from resample_volume.files.parsing.headers import (
     header,
     recording,
 )
-from resample_volume.files.parsing.numbers import check_length, numbers
+from resample_volume.files.parsing.texts import check_length, numbers, whole
 from resample_volume.types import Recording
 
 BOHR = 0.529177210903  # Å (CODATA 2018)

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from resample.files.public.downloads import download
-from resample.files.public.sets import place_of
+from resample.files.public import download, place_of
 from resample.files.writing import replacing
 
 # NRRD, because it has a spacing; the raw file beside it is unchanged.

@@ -18,9 +18,15 @@ from resample.types import Doubles
 from resample_volume.data.memory import require_memory
 from resample_volume.data.rectilinear import rectilinear
 from resample_volume.files.parsing.headers import check_alone, header, volume
-from resample_volume.files.stacks.frames import check_frames
 from resample_volume.files.stacks.slices import natural
-from resample_volume.files.stacks.tags import check_lengths, check_text, numbers, text, whole
+from resample_volume.files.stacks.tags import (
+    check_frames,
+    check_lengths,
+    check_text,
+    numbers,
+    text,
+    whole,
+)
 from resample_volume.types import Volume
 
 EVEN_GAPS = 0.01  # tolerance of slice distances, of their mean

@@ -11,8 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Floats
-from resample_warp3d.depth.refining.inspecting import NOTHING, Findings, depth_of, edges_of, inspect
-from resample_warp3d.depth.refining.measuring import known, linked, noise_of, quantum_of
+from resample_warp3d.depth.refining.inspecting import (
+    NOTHING,
+    Findings,
+    depth_of,
+    edges_of,
+    inspect,
+    known,
+    linked,
+    noise_of,
+    quantum_of,
+)
 from resample_warp3d.types import DepthImage
 
 if TYPE_CHECKING:
@@ -177,8 +186,14 @@ def _ballot(task: RefinementTask, nearness: Floats) -> Ballot:
     """Make the voters of a map; samples between surfaces have no weight."""
     import cv2
 
-    from resample_warp3d.depth.refining.kernels.ramps import BESIDE, BETWEEN, Edges, classify
-    from resample_warp3d.depth.refining.kernels.slopes import Bends, measure_slopes
+    from resample_warp3d.depth.refining.kernels.ramps import (
+        BESIDE,
+        BETWEEN,
+        Bends,
+        Edges,
+        classify,
+        measure_slopes,
+    )
 
     recipe = task.recipe
     edges = Edges(recipe.run, recipe.share, max(recipe.least, NOISY * task.noise), 2.0 * task.step)

@@ -1,20 +1,44 @@
-"""Read unstructured grids from legacy VTK files; VTK's own reader trusts their counts.
+"""Read unstructured grids from legacy VTK files, and files that list the pieces of a grid.
 
 The form is that of "VTK File Formats" (docs.vtk.org), in its versions up to 5.1.
+
+They are read here, not by VTK, which would open whatever they name.
 """
 
 import math
+from collections.abc import Iterator
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 
-from resample_volume.files.cells.needs import require_vtk
-from resample_volume.files.parsing.choosing import cells_between
-from resample_volume.files.parsing.sections import Array, Sections
+from resample.reading.limits import check_items, check_size, neighbour
+from resample.reading.texts import check_xml_file
+from resample_volume.data.memory import require_memory
+from resample_volume.files.parsing.headers import existing_file
+from resample_volume.files.parsing.sections import Array, Sections, cells_between
+from resample_volume.files.xml.vti import UNSTRUCTURED, grid_of
 
 GRIDS = ("structured_grid", "unstructured_grid")
 Cells = tuple[NDArray[Any], NDArray[Any]]  # where each begins, and its corners
+READERS = {  # class of VTK's, by suffix
+    ".vti": "vtkXMLImageDataReader",
+    ".vtr": "vtkXMLRectilinearGridReader",
+    ".vts": "vtkXMLStructuredGridReader",
+    ".vtu": UNSTRUCTURED,
+}
+KIB = 1024
+
+
+def require_vtk(name: str) -> None:
+    """Reject a file if VTK is not installed."""
+    if find_spec("vtkmodules") is None:
+        raise ValueError(
+            f"{name} holds a grid of cells, which VTK resamples; pip install 'hybrid-resample[vtk]'"
+        )
 
 
 def legacy_grid(found: Sections) -> Any:
@@ -138,3 +162,44 @@ def _unlisted(stored: NDArray[np.int64], count: int, name: str) -> Cells:
 
 def _begins_arrays(words: list[str]) -> bool:
     return words[0].lower() in ("point_data", "cell_data")
+
+
+def read_grid(path: Path) -> Any:
+    """Read the grid of one piece, by its file's suffix; errors as of `vti.grid_of`."""
+    return grid_of(existing_file(path), READERS[path.suffix.lower()])
+
+
+def read_pieces(path: Path) -> list[Any]:
+    """Read all volumetric pieces that a file lists; surfaces are left out."""
+    require_vtk(path.name)
+    names = list(_names(path))
+    check_items(path.name, len(names), "pieces")
+    pieces, held = [], 0
+    for name in names:
+        file = neighbour(path, name)
+        if file.suffix.lower() not in READERS:
+            if file.suffix.lower() == ".vtp":
+                continue
+            known = ", ".join(READERS)
+            raise ValueError(f"{path.name} names {name!r:.100}; pieces are {known} and .vtp")
+        if not file.is_file():
+            raise FileNotFoundError(f"{path.name} wants {name!r:.100}, which is not beside it")
+        pieces.append(read_grid(file))
+        held += KIB * pieces[-1].GetActualMemorySize()
+        require_memory(held, path.name)
+    if not pieces:
+        raise ValueError(f"{path.name} names no grid that fills space: {', '.join(READERS)}")
+    return pieces
+
+
+def _names(path: Path) -> Iterator[str]:
+    """Return the listed file names."""
+    check_size(path.name, path.stat().st_size, "tree")
+    check_xml_file(path)
+    try:
+        tree = ElementTree.parse(path)  # noqa: S314 - defines nothing, as was checked
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
+        raise ValueError(f"{path.name} is damaged: {str(error)[:80]}; get the file again") from None
+    for element in tree.iter("DataSet"):
+        if "file" in element.attrib:
+            yield element.attrib["file"]

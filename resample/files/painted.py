@@ -1,6 +1,6 @@
-"""Deep pictures in OpenEXR: several samples of different depths per pixel."""
+"""Write painted scenes: deep pictures, and windows of one picture."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -9,10 +9,13 @@ from numpy.typing import NDArray
 
 from resample.files.saving import new_output
 from resample.files.writing import INCOMPLETE, refused, replacing
+from resample.painting.scenes.plans import Window
+from resample.reading.arrays import read_npz
 from resample.reading.pictures import complaint_of, opened
-from resample.types import Floats
+from resample.types import Film, Floats
 
 CHANNELS = ("R", "G", "B", "A", "Z", "ZBack")
+NAME = "window-{}-{}-{}-{}.npz"
 
 
 class DepthSlab(NamedTuple):
@@ -103,3 +106,26 @@ def _deep(parts: list[_PixelPart], shape: tuple[int, ...]) -> Any:
             for channel, value in enumerate(values):
                 data.set_deep_value(pixel, channel, sample, value)
     return data
+
+
+def keep_tile(folder: Path, window: Window, film: Film, facts: Mapping[str, int]) -> None:
+    """Write a window of a picture atomically.
+
+    Parameters
+    ----------
+    window
+        Window in px of the whole picture.
+    """
+    parts: dict[str, Any] = film._asdict() | {f"of_{name}": n for name, n in facts.items()}
+    with replacing(folder / NAME.format(*window)) as temporary, temporary.open("wb") as file:
+        np.savez(file, **parts)
+
+
+def kept_tile(folder: Path, window: Window) -> tuple[Film, dict[str, int]] | None:
+    """Read a window and its numbers; None if it was not written."""
+    path = folder / NAME.format(*window)
+    if not path.is_file():
+        return None
+    parts = read_npz(path)
+    film = Film(*(parts[name] for name in Film._fields))
+    return film, {name[3:]: int(part) for name, part in parts.items() if name.startswith("of_")}

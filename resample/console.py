@@ -1,4 +1,4 @@
-"""Messages and progress bars of commands, and streams that work even if the caller closed them.
+"""Messages, progress bars and standard streams of commands, and background colors by name.
 
 A file opened while one of the first three descriptors is free would get it, and with it all printed
 text.
@@ -18,6 +18,10 @@ Progress = Callable[[float], None]
 NAMES = ("stdin", "stdout", "stderr")
 LOUDNESS = "RESAMPLE_LOG"  # name of an environment variable
 LEVELS = ("debug", "info", "warning")
+Color = tuple[float, float, float]  # linear light
+
+SPLAT_COLOR: Color = (0.8, 0.02, 0.02)  # linear red, the paper's Figure 8a
+COLORS: dict[str, Color] = {"black": (0.0, 0.0, 0.0), "white": (1.0, 1.0, 1.0)}
 
 
 def open_streams() -> None:
@@ -112,3 +116,20 @@ def progress_bar(what: str, count: int = 0) -> Iterator[Progress | None]:
     with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
         task, total = bar.add_task(what, total=None), count or 1.0
         yield lambda share: bar.update(task, total=total, completed=round(share * total, 3))
+
+
+def linear_color(name: str) -> Color | None:
+    """Linear RGB of a color name or #rrggbb; None for "none"."""
+    if name.lower() == "none":
+        return None
+    if name in COLORS:
+        return COLORS[name]
+    import matplotlib.colors
+    import numpy as np
+
+    from resample.colors import from_srgb
+
+    if not matplotlib.colors.is_color_like(name):
+        raise ValueError(f"background {name!r}; give none, #rrggbb or a color's name")
+    red, green, blue = from_srgb(np.array(matplotlib.colors.to_rgb(name))).tolist()
+    return red, green, blue

@@ -1,1 +1,0 @@
-"""Messages to the user, background colors and standard streams."""
