@@ -55,10 +55,7 @@ SUFFIXES = {".npy": "matrix", ".json": "nerf", ".log": "log", ".toml": "toml"}
 def read_entries(path: str | Path, kind: str | None = None) -> list[Entry]:
     """Read all pictures of a file, including those that are invalid.
 
-    Parameters
-    ----------
-    kind
-        One of `KINDS`; None: detected from name and content.
+    `kind`: one of `KINDS`; None: detected from name and content.
     """
     file = Path(path)
     if not file.exists():
@@ -127,11 +124,8 @@ def read_camera(text: str, kind: str | None = None) -> Camera:
 def read_shot(text: str, kind: str | None = None) -> PosedPicture:
     """Read one pose of a file.
 
-    Parameters
-    ----------
-    text
-        `file` if it holds one pose; `file:3` for the fourth; `file:name` for the picture or time of
-        that name; folders and suffix are optional.
+    `text`: `file` if it holds one pose; `file:3` for the fourth; `file:name` for the picture or
+    time of that name; folders and suffix are optional.
     """
     entry = _read_entry(text, kind)
     if isinstance(entry, Refused):

@@ -39,14 +39,8 @@ def undistorted_places(
 ) -> Doubles:
     """Undistort positions: from the camera's picture to that of a pinhole, (..., 2) px.
 
-    Parameters
-    ----------
-    rotation
-        (3, 3) from the camera's axes to the pinhole's, OpenCV's R. Default: the identity.
-
-    Returns
-    -------
-    (..., 2) px, NaN where no light passes the lens or the point is behind the pinhole.
+    `rotation`: (3, 3) from the camera's axes to the pinhole's, OpenCV's R. Default: the identity.
+    Result: (..., 2) px, NaN where no light passes the lens or the point is behind the pinhole.
     """
     move = _unbending(camera)
     if rotation is not None:
@@ -62,9 +56,7 @@ def distorted_places(
 ) -> Doubles:
     """Distort positions: from a pinhole's picture to that of the camera, (..., 2) px.
 
-    Returns
-    -------
-    (..., 2) px, NaN behind the camera and beyond the fold of the lens.
+    Result: (..., 2) px, NaN behind the camera and beyond the fold of the lens.
     """
     move = _bending(camera)
     if rotation is not None:

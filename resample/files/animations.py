@@ -134,10 +134,7 @@ def made_by(
 
     Workers of this machine may use as much memory as this process is allowed.
 
-    Parameters
-    ----------
-    crew
-        Workers; None: frames are made in this process.
+    `crew`: workers; None: frames are made in this process.
     """
     if crew is None:
         return shots, None

@@ -159,9 +159,7 @@ def check_store(path: Path) -> None:
 def writing_store(path: Path, height: int) -> "Iterator[StoreRows]":
     """Write a picture of `height` rows; the store appears when the block succeeds.
 
-    Yields
-    ------
-    The object that takes the rows from the top.
+    Yields: the object that takes the rows from the top.
     """
     check_store(path)
     try:

@@ -35,16 +35,10 @@ MEASURED = ("depth", "first_depth", "coverage", "value", "holes", "magnification
 def as_picture(given: Any, name: str = "picture") -> NDArray[Any]:
     """Convert an argument to an array, with its values unchanged.
 
-    Parameters
-    ----------
-    given
-        An array of real numbers of any layout and byte order, masked, memory-mapped or lazy; nested
-        lists; the path or address of a picture; a Pillow image, whose palette becomes colors; a
-        SimpleITK image; or an `xarray.DataArray` with rows along y and columns along x.
-
-    Returns
-    -------
-    Masked arrays stay masked. Arrays that need no conversion are not copied.
+    `given`: an array of real numbers of any layout and byte order, masked, memory-mapped or lazy;
+    nested lists; the path or address of a picture; a Pillow image, whose palette becomes colors; a
+    SimpleITK image; or an `xarray.DataArray` with rows along y and columns along x. Result: masked
+    arrays stay masked. Arrays that need no conversion are not copied.
     """
     if isinstance(given, str | PathLike | Address):
         return _read(given)

@@ -139,16 +139,9 @@ def open_file(path: str | Path, page: int = 0) -> PictureFile:
 def read_image(path: str | Path, page: int = 0) -> Floats:
     """Read a picture in linear light, premultiplied, in the stored orientation.
 
-    Parameters
-    ----------
-    path
-        Any format of OpenImageIO. Integer formats and files marked so are taken as sRGB, others
-        as linear light. The orientation tag is ignored.
-
-    Returns
-    -------
-    (H, W, C) with those of the channels R, G, B and A that exist; all channels if there is no R or
-    if there are unnamed bands.
+    `path`: any format of OpenImageIO. Integer formats and files marked so are taken as sRGB, others
+    as linear light. The orientation tag is ignored. Result: (H, W, C) with those of the channels R,
+    G, B and A that exist; all channels if there is no R or if there are unnamed bands.
     """
     file = open_file(path, page)
     return file.encoding.light(file.values())
@@ -166,15 +159,9 @@ def read_rows(
 ) -> tuple[tuple[int, int, int], Iterator[Floats]]:
     """Read a picture strip by strip, in linear light, premultiplied.
 
-    Parameters
-    ----------
-    height
-        Approximate rows per strip; tiles are not cut. None: a few million values per strip.
-
-    Returns
-    -------
-    Height, width and number of channels, and an iterator over strips (rows, width, channels) from
-    the top; together they equal the result of `read_image`.
+    `height`: approximate rows per strip; tiles are not cut. None: a few million values per strip.
+    Result: height, width and number of channels, and an iterator over strips (rows, width,
+    channels) from the top; together they equal the result of `read_image`.
     """
     file = open_file(path)
     check_honest(path, file.source.spec())

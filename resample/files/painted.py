@@ -111,10 +111,7 @@ def _deep(parts: list[_PixelPart], shape: tuple[int, ...]) -> Any:
 def keep_tile(folder: Path, window: Window, film: Film, facts: Mapping[str, int]) -> None:
     """Write a window of a picture atomically.
 
-    Parameters
-    ----------
-    window
-        Window in px of the whole picture.
+    `window`: window in px of the whole picture.
     """
     parts: dict[str, Any] = film._asdict() | {f"of_{name}": n for name, n in facts.items()}
     with replacing(folder / NAME.format(*window)) as temporary, temporary.open("wb") as file:

@@ -33,12 +33,8 @@ class WrongFileError(ValueError):
 def download(url: str, target: Path, size: int, digest: str) -> None:
     """Download a file with a known checksum, unless it exists.
 
-    Parameters
-    ----------
-    size
-        Its size in bytes. Longer responses are cut.
-    digest
-        SHA-256 or SHA-512 of its content, as hexadecimal digits.
+    `size`: its size in bytes. Longer responses are cut. `digest`: SHA-256 or SHA-512 of its
+    content, as hexadecimal digits.
     """
     if target.is_file() and _digest(target, digest) == digest:
         return
@@ -162,20 +158,9 @@ def fetch(
 ) -> Path:
     """Download a set, unless it is there already.
 
-    Parameters
-    ----------
-    package
-        Package that lists the set.
-    name
-        One of `available(package)`.
-    folder
-        Parent folder; each set has a folder of its name. See `place_of`.
-    base_url
-        Mirror that has the files under their names; None: their original addresses.
-
-    Returns
-    -------
-    Folder of the set.
+    `package`: package that lists the set. `name`: one of `available(package)`. `folder`: parent
+    folder; each set has a folder of its name. See `place_of`. `base_url`: mirror that has the files
+    under their names; None: their original addresses. Result: folder of the set.
     """
     known = available(package)
     if name not in known:

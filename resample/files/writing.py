@@ -43,9 +43,7 @@ _tidied: set[Path] = set()  # folders, once per process
 def replacing(path: str | Path) -> Iterator[Path]:
     """Write to a temporary file and move it to its target on success.
 
-    Yields
-    ------
-    An empty file in the same folder, with the same suffix, to write to. Removed on error.
+    Yields: an empty file in the same folder, with the same suffix, to write to. Removed on error.
     """
     target = Path(os.path.realpath(path))
     if target.exists() and not target.is_file():
@@ -143,9 +141,7 @@ def save_array(path: Path, values: "ArrayLike") -> None:
 def beside(target: Path) -> Iterator[Path]:
     """Unused name beside a target, for a temporary file or folder.
 
-    Yields
-    ------
-    The name: hidden, with the same suffix. Whatever has it at the end is removed.
+    Yields: the name: hidden, with the same suffix. Whatever has it at the end is removed.
     """
     if target.parent not in _tidied:
         _tidied.add(target.parent)
@@ -165,9 +161,7 @@ def inheriting(target: Path) -> Iterator[list[Path]]:
 
     They belong to this process from now on, which can resume their work.
 
-    Yields
-    ------
-    The folders. Those that still exist at the end are removed.
+    Yields: the folders. Those that still exist at the end are removed.
     """
     start, found = f".{target.stem[:MOST]}.tmp-", []
     with suppress(OSError):
@@ -299,11 +293,8 @@ def load_arrays(file: Path, *names: str) -> "dict[str, NDArray[Any]] | None":
 def store_arrays(file: Path, arrays: Mapping[str, Any], most: int | None = None) -> bool:
     """Write arrays to a cache file, and return whether that succeeded.
 
-    Parameters
-    ----------
-    most
-        Limit on the bytes of all files in its folder, of which the least recently used are removed;
-        None: the folder is not ours, so that none are.
+    `most`: limit on the bytes of all files in its folder, of which the least recently used are
+    removed; None: the folder is not ours, so that none are.
     """
     import numpy as np
 

@@ -30,16 +30,8 @@ Row = Mapping[str, object]
 def shown(image: Floats, background: Background = (0.0, 0.0, 0.0)) -> Floats:
     """Convert a picture to display colors.
 
-    Parameters
-    ----------
-    image
-        (H, W, C) linear light: gray, RGB, or premultiplied with alpha as channel 2 or 4.
-    background
-        Background, 3 values of linear light.
-
-    Returns
-    -------
-    (H, W, 3) sRGB-encoded, 0..1.
+    `image`: (H, W, C) linear light: gray, RGB, or premultiplied with alpha as channel 2 or 4.
+    `background`: background, 3 values of linear light. Result: (H, W, 3) sRGB-encoded, 0..1.
     """
     channels = image.shape[2]
     if channels in (1, 2):
@@ -53,10 +45,8 @@ def measure_files(
 ) -> tuple[list[dict[str, object]], dict[str, Floats]]:
     """Compare files with a reference file.
 
-    Returns
-    -------
-    A row of `resample.measuring.quality.measure` for each file, computed on the displayed pictures,
-    and the pictures as read, reference first; both by file name.
+    Result: a row of `resample.measuring.quality.measure` for each file, computed on the displayed
+    pictures, and the pictures as read, reference first; both by file name.
     """
     target = read_image(reference)
     pictures, rows = {str(reference): target}, []
@@ -110,14 +100,9 @@ def contact_sheet(
 ) -> None:
     """Write pictures with their titles to one PNG, each pixel enlarged to a square.
 
-    Parameters
-    ----------
-    images
-        (H, W, 3) or premultiplied (H, W, 4), linear light, by title; shown over black.
-    columns
-        Pictures per row; None: chosen automatically.
-    zoom
-        Side of a pixel's square; None enlarges small pictures to `SMALLEST` px or more.
+    `images`: (H, W, 3) or premultiplied (H, W, 4), linear light, by title; shown over black.
+    `columns`: pictures per row; None: chosen automatically. `zoom`: side of a pixel's square; None
+    enlarges small pictures to `SMALLEST` px or more.
     """
     if not images:
         raise ValueError("a contact sheet needs at least one picture")

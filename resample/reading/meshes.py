@@ -23,12 +23,7 @@ PACKED = (".gz", ".bz2", ".xz", ".tar", ".tgz", ".7z")  # compressed formats tha
 def check_mesh(source: Path) -> None:
     """Reject a mesh that refers to files outside its folder, or unpacks to too much.
 
-    Raises
-    ------
-    ValueError
-        It is rejected.
-    OSError
-        It cannot be read.
+    Raises ValueError: it is rejected. Raises OSError: it cannot be read.
     """
     kind = source.suffix.lower()
     if kind in PACKED:

@@ -116,10 +116,7 @@ def _of_jpeg_xl(head: bytes) -> tuple[int, int] | None:
 def check_picture(path: str | Path, spec: Any, size: int | None = None) -> None:
     """Reject a picture that unpacks to implausibly much for its file, or to more than is free.
 
-    Parameters
-    ----------
-    size
-        Bytes per value in memory. Default: as stored.
+    `size`: bytes per value in memory. Default: as stored.
     """
     count, stored = check_honest(path, spec)
     check_free(str(path), count * (size or stored))
@@ -128,9 +125,7 @@ def check_picture(path: str | Path, spec: Any, size: int | None = None) -> None:
 def check_honest(path: str | Path, spec: Any) -> tuple[int, int]:
     """Reject a picture that unpacks to implausibly much for its file, or has no pixels.
 
-    Returns
-    -------
-    Number of values, and bytes per value.
+    Result: number of values, and bytes per value.
     """
     if spec.deep:
         raise ValueError(f"{path} is a deep picture, of samples at several depths; flatten it")
@@ -147,9 +142,7 @@ def opened(path: str | Path, page: int = 0) -> Any:
 
     Colors are as stored, not multiplied by alpha.
 
-    Returns
-    -------
-    OpenImageIO's ImageInput.
+    Result: OpenImageIO's ImageInput.
     """
     import OpenImageIO
 

@@ -69,19 +69,8 @@ def check_becomes(count: int, most: int) -> None:
 def check_members(what: str, members: Iterable[zipfile.ZipInfo], things: str) -> None:
     """Reject a zip file with too many members, or with unreliable sizes.
 
-    Parameters
-    ----------
-    what
-        Name for the message.
-    members
-        Members of the file.
-    things
-        Word for them in the message.
-
-    Raises
-    ------
-    ValueError
-        It is rejected.
+    `what`: name for the message. `members`: members of the file. `things`: word for them in the
+    message. Raises ValueError: it is rejected.
     """
     listed = list(members)
     check_items(what, len(listed), things)

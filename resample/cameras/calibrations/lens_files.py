@@ -83,15 +83,12 @@ def read_intrinsics(path: str) -> Calibration:
 def read_calibration(text: str, model: LensModel | None = None) -> Calibration:
     """Read a camera with a lens, from a file or numbers, and its rectification.
 
-    Parameters
-    ----------
-    text
-        fx, fy, cx, cy, k1, k2, p1, p2[, k3...], for a fisheye fx, fy, cx, cy, k1, k2, k3, k4; or
-        the path of a .yml, .yaml, .xml or .json file of `cv2.FileStorage`, or of a .json, .toml or
-        plain .yaml file with a camera_matrix and distortion_coefficients, and optionally a
-        lens_model (pinhole or fisheye), a rectification_matrix (3, 3), and a new_camera_matrix
-        (3, 3) or (3, 4); of a camera_info .yaml of ROS, from its calibrator or a printed message;
-        or of Open3D's .json of a pinhole.
+    `text`: fx, fy, cx, cy, k1, k2, p1, p2[, k3...], for a fisheye fx, fy, cx, cy, k1, k2, k3, k4;
+    or the path of a .yml, .yaml, .xml or .json file of `cv2.FileStorage`, or of a .json, .toml or
+    plain .yaml file with a camera_matrix and distortion_coefficients, and optionally a lens_model
+    (pinhole or fisheye), a rectification_matrix (3, 3), and a new_camera_matrix (3, 3) or (3, 4);
+    of a camera_info .yaml of ROS, from its calibrator or a printed message; or of Open3D's .json of
+    a pinhole.
     """
     if is_file(text):
         return _of_file(Path(text), model, needs_lens=True)

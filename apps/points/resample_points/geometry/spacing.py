@@ -270,14 +270,8 @@ def measured_once(
 ) -> None:
     """Fill in normals and discs from the cache, or measure and cache them.
 
-    Parameters
-    ----------
-    position
-        (N, 3), sorted.
-    normal
-        (N, 3) 0 where unknown; filled in.
-    axes
-        (N, 2, 3) filled in.
+    `position`: (N, 3), sorted. `normal`: (N, 3) 0 where unknown; filled in. `axes`: (N, 2, 3)
+    filled in.
     """
     if len(position) < LEAST_POINTS:
         measure()

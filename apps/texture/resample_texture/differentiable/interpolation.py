@@ -91,11 +91,9 @@ def _inner(lines: Doubles, margin: int, axis: int) -> Doubles:
 def pieces(interpolation: Interpolation) -> tuple[Doubles, Doubles, float]:
     """Return the weights of the samples around a place as polynomials of the place.
 
-    Returns
-    -------
-    (D, K) coefficients, the constants first, for K samples from the first to the last; (D − 1, K)
-    those of the derivatives; and a shift. With s the place − shift, a polynomial's argument is
-    s − ⌊s⌋ − 0.5 and sample k is ⌊s⌋ − ⌊(K − 1) / 2⌋ + k. Weights sum to 1 everywhere.
+    Result: (D, K) coefficients, the constants first, for K samples from the first to the last; (D −
+    1, K) those of the derivatives; and a shift. With s the place − shift, a polynomial's argument
+    is s − ⌊s⌋ − 0.5 and sample k is ⌊s⌋ − ⌊(K − 1) / 2⌋ + k. Weights sum to 1 everywhere.
     """
     if getattr(interpolation, "limit", "none") != "none":
         raise ValueError(

@@ -80,10 +80,7 @@ class Judge:
     def compare(self, title: str, scene: ComparedView, names: Sequence[str]) -> PictureComparison:
         """Measure methods by name in a scene.
 
-        Raises
-        ------
-        ValueError, LookupError
-            A method is unknown or refuses its parameters or the scene.
+        Raises ValueError, LookupError: a method is unknown or refuses its parameters or the scene.
         """
         methods = {name: registry.build("methods", name) for name in names}
         masks = scenes.zones(scene)

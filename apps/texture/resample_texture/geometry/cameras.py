@@ -110,23 +110,12 @@ def plane_homography(
     It knows what is behind the camera, wherever the texture's center is. The camera's near plane is
     ignored.
 
-    Parameters
-    ----------
-    camera
-        Camera whose frame is the target.
-    source_shape
-        Height and width of the texture, px.
-    texel_size
-        Width of a texel, scene units.
-    pose
-        (4, 4) or (3, 4) from the plane's space to the world; by default the identity. In its own
-        space the texture lies at z = 0, centered at the origin, with x to the right and y up; seen
-        from positive z it is not mirrored. The pose may mirror or stretch it.
-
-    Raises
-    ------
-    ValueError
-        The camera sees the plane edge-on, or a number is invalid.
+    `camera`: camera whose frame is the target. `source_shape`: height and width of the texture, px.
+    `texel_size`: width of a texel, scene units. `pose`: (4, 4) or (3, 4) from the plane's space to
+    the world; by default the identity. In its own space the texture lies at z = 0, centered at the
+    origin, with x to the right and y up; seen from positive z it is not mirrored. The pose may
+    mirror or stretch it. Raises ValueError: the camera sees the plane edge-on, or a number is
+    invalid.
     """
     height, width = source_shape
     if not (height > 0 and width > 0 and 0 < texel_size < np.inf):

@@ -38,12 +38,8 @@ def homography(
 ) -> Homography:
     """Return the homography of a matrix in any of the usual forms.
 
-    Parameters
-    ----------
-    matrix
-        (3, 3), or (2, 3) if it is affine.
-    inverse
-        The matrix maps the target to the source (`cv2.WARP_INVERSE_MAP`).
+    `matrix`: (3, 3), or (2, 3) if it is affine. `inverse`: the matrix maps the target to the source
+    (`cv2.WARP_INVERSE_MAP`).
     """
     if convention not in tuple(Convention):
         raise ValueError(f"unknown convention {convention!r}; known: {', '.join(Convention)}")
@@ -149,13 +145,9 @@ def scaled_shape(source_shape: tuple[int, int], factor: tuple[float, float]) -> 
 def turning(source_shape: tuple[int, int], degrees: float, shape: tuple[int, int]) -> Homography:
     """Return the map that rotates a picture counterclockwise about the centers.
 
-    Parameters
-    ----------
-    source_shape, shape
-        Height and width of the picture and of the target, px.
-    degrees
-        Multiples of 90 are exact: texels are copied if both centers are centers of pixels, or
-        corners of pixels.
+    `source_shape`, `shape`: height and width of the picture and of the target, px. `degrees`:
+    multiples of 90 are exact: texels are copied if both centers are centers of pixels, or corners
+    of pixels.
     """
     cosine, sine = _cosine_and_sine(degrees)
     turn = np.array([[cosine, sine], [-sine, cosine]])
@@ -230,12 +222,9 @@ def from_corners(source: ArrayLike, target: ArrayLike) -> Homography:
 def order_corners(corners: ArrayLike) -> Doubles:
     """Order a page's corners: top left, top right, bottom right, bottom left.
 
-    Parameters
-    ----------
-    corners
-        (4, 2) px in any order. The page's top side lies above its bottom side, and its left side to
-        the left of its right side, judged by the means of their ends; if two orders satisfy that,
-        the page is taken to be turned by less than 45 degrees.
+    `corners`: (4, 2) px in any order. The page's top side lies above its bottom side, and its left
+    side to the left of its right side, judged by the means of their ends; if two orders satisfy
+    that, the page is taken to be turned by less than 45 degrees.
     """
     given = _checked(corners, "page")
     offset = given - given.mean(axis=0)
@@ -257,10 +246,7 @@ def order_corners(corners: ArrayLike) -> Doubles:
 def rectified_shape(corners: ArrayLike) -> tuple[int, int]:
     """Return height and width of a page: means of opposite sides, rounded to px.
 
-    Parameters
-    ----------
-    corners
-        (4, 2) px: top left, top right, bottom right, bottom left.
+    `corners`: (4, 2) px: top left, top right, bottom right, bottom left.
     """
     page = _checked(corners, "page")
     _check_convex(page)

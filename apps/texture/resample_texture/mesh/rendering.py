@@ -125,15 +125,9 @@ def fitted_camera(
 ) -> AnyCamera:
     """Return a camera on a sphere around a mesh.
 
-    Parameters
-    ----------
-    zoom
-        At 1 the mesh's bounding sphere just fits the picture; at 2 the camera is at half the
-        distance, and a parallel projection shows everything at twice the size.
-    fov
-        Degrees along the picture's shorter side; 0 is parallel projection.
-    size
-        Width and height of the picture, px.
+    `zoom`: at 1 the mesh's bounding sphere just fits the picture; at 2 the camera is at half the
+    distance, and a parallel projection shows everything at twice the size. `fov`: degrees along the
+    picture's shorter side; 0 is parallel projection. `size`: width and height of the picture, px.
     """
     shape = _shape_of(size)
     return Orbit(azimuth, elevation, zoom, fov, up).around(ball_around(mesh), *shape)
@@ -152,26 +146,11 @@ def render_mesh(
 ) -> Frame[MeshStatistics]:
     """Render a mesh.
 
-    Parameters
-    ----------
-    mesh
-        Triangles with textures or vertex colors; both sides are visible.
-    camera
-        Any camera.
-    size
-        Width and height of the picture, px.
-    style
-        Options of drawing; None is `MeshStyle()`.
-
-    Returns
-    -------
-    Premultiplied linear RGBA with depth (mean over what the pixel's square shows) and coverage
-    (share of the pixel filter's mass). A pixel is the weighted mean of its sub-pixels.
-
-    Raises
-    ------
-    ValueError
-        The size is not allowed.
+    `mesh`: triangles with textures or vertex colors; both sides are visible. `camera`: any camera.
+    `size`: width and height of the picture, px. `style`: options of drawing; None is `MeshStyle()`.
+    Result: premultiplied linear RGBA with depth (mean over what the pixel's square shows) and
+    coverage (share of the pixel filter's mass). A pixel is the weighted mean of its sub-pixels.
+    Raises ValueError: the size is not allowed.
     """
     begin = time.perf_counter()
     height, width = _shape_of(size)

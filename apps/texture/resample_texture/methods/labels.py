@@ -88,10 +88,7 @@ class Majority:
 def codes_of(image: NDArray[Any]) -> tuple[NDArray[np.int32], int]:
     """Number the labels (H, W) from 0 in their order, −1 if missing; also return the count.
 
-    Parameters
-    ----------
-    image
-        (H, W), or (H, W, C) with labels that are compared channel by channel; masked or not.
+    `image`: (H, W), or (H, W, C) with labels that are compared channel by channel; masked or not.
     """
     values, mask = unmasked(image)
     planes = values.reshape(*values.shape[:2], -1)

@@ -124,22 +124,13 @@ def cast_rays(
 ) -> Cast:
     """Render samples, or a field that is classified after interpolation.
 
-    Parameters
-    ----------
-    samples
-        They must lie on their lattice: at an origin plus integer steps, at most one per node.
-    height, width
-        Of the picture, px.
-    progress
-        Called with the share of the work that is done, 0 to 1, and may raise to stop.
-
-    Returns
-    -------
-    Of a field, `value` is the largest value (maximum) or ∫ Σ kᵢ vᵢ / ∫ Σ kᵢ (average) in data
-    units, weighted by opacity over a pixel's rays and NaN where no sample is; or ∫ Σ kᵢ vᵢ
-    (additive) in data units × scene units, 0 there. Maximum and average have the color of that
-    value, additive is black; the opacity of all three is the ray's length within samples in
-    voxels, at most 1.
+    `samples`: they must lie on their lattice: at an origin plus integer steps, at most one per
+    node. `height`, `width`: of the picture, px. `progress`: called with the share of the work that
+    is done, 0 to 1, and may raise to stop. Result: of a field, `value` is the largest value
+    (maximum) or ∫ Σ kᵢ vᵢ / ∫ Σ kᵢ (average) in data units, weighted by opacity over a pixel's rays
+    and NaN where no sample is; or ∫ Σ kᵢ vᵢ (additive) in data units × scene units, 0 there.
+    Maximum and average have the color of that value, additive is black; the opacity of all three is
+    the ray's length within samples in voxels, at most 1.
     """
     if height < 1 or width < 1:
         raise ValueError(f"a picture of {width} x {height} pixels; both must be at least 1")

@@ -83,14 +83,8 @@ class Labels:
     ) -> tuple[Floats, Floats]:
         """Apply the rules to colors and opacities of voxels.
 
-        Parameters
-        ----------
-        voxel
-            (N,) indices into the flat volume, z slowest.
-        color
-            (N, 3) linear light.
-        opacity
-            (N,) 0..1.
+        `voxel`: (N,) indices into the flat volume, z slowest. `color`: (N, 3) linear light.
+        `opacity`: (N,) 0..1.
         """
         if not self.rules:
             return color, opacity

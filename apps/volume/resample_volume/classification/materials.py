@@ -122,10 +122,7 @@ class Windowed:
 def spread(transfer: Transfer, span: DataRange) -> Transfer:
     """Rescale a transfer function of fractions to a range in data units.
 
-    Parameters
-    ----------
-    span
-        Values of the fractions 0 and 1, ascending.
+    `span`: values of the fractions 0 and 1, ascending.
     """
     if not transfer.normalized:
         return transfer

@@ -132,16 +132,8 @@ def without_padding(volume: Volume, known: Survey) -> Volume:
 def ends(value: Doubles, count: Counts, most: int, gap: float) -> tuple[int, int]:
     """Return the first and last value that is not an outlier.
 
-    Parameters
-    ----------
-    value
-        (K,) values, ascending.
-    count
-        (K,) voxels of each.
-
-    Returns
-    -------
-    Indices; all values if the others are equal.
+    `value`: (K,) values, ascending. `count`: (K,) voxels of each. Result: indices; all values if
+    the others are equal.
     """
     total = np.cumsum(count)
     middle = value[np.searchsorted(total, total[-1] / 2)]

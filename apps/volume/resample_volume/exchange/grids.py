@@ -119,11 +119,8 @@ def _planes(given: Any, dim: str, count: int) -> Doubles:
 def of_grid(given: Any, part: Any, name: str) -> Volume:
     """Convert a field, whose values are at the centers of cells.
 
-    Parameters
-    ----------
-    given
-        It has `left_edge` and `right_edge` (3,), `ActiveDimensions` (3,), and fields (X, Y, Z) by
-        name.
+    `given`: it has `left_edge` and `right_edge` (3,), `ActiveDimensions` (3,), and fields (X, Y, Z)
+    by name.
     """
     if not part:
         raise ValueError(
@@ -144,11 +141,8 @@ def of_grid(given: Any, part: Any, name: str) -> Volume:
 def of_dataset(given: Any, part: Any, name: str) -> Volume:
     """Convert a data set; errors are those of readers of such files.
 
-    Parameters
-    ----------
-    given
-        `vtkImageData`, `vtkRectilinearGrid`, or what is resampled: a structured or unstructured
-        grid, or blocks of any of these.
+    `given`: `vtkImageData`, `vtkRectilinearGrid`, or what is resampled: a structured or
+    unstructured grid, or blocks of any of these.
     """
     if not (given.IsA("vtkDataSet") or given.IsA("vtkCompositeDataSet")):
         raise TypeError(f"a volume of {type(given).__name__}; give a data set of VTK's with cells")

@@ -63,17 +63,9 @@ def color_bar(
     since faint ones could not be told apart; on the right opacity is drawn as a curve. Functions of
     value and gradient are drawn over both axes instead.
 
-    Parameters
-    ----------
-    height
-        Of the picture, px, at least 64.
-    steep
-        Slope of a full surface, see `resample_volume.voxels.visible.steepness`. 1 shows the
-        gradients of a normalized function as fractions.
-
-    Returns
-    -------
-    (H, B, 4) linear, opaque. The width B follows from the height and the text.
+    `height`: of the picture, px, at least 64. `steep`: slope of a full surface, see
+    `resample_volume.voxels.visible.steepness`. 1 shows the gradients of a normalized function as
+    fractions. Result: (H, B, 4) linear, opaque. The width B follows from the height and the text.
     """
     check_height(height)
     by, form = scale_named(scale), FORMS[transfer.needs_gradient]

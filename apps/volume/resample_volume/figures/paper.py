@@ -151,10 +151,7 @@ def drawing(width: float, height: float) -> "Figure":
 def save(figure: "Figure", path: Path) -> None:
     """Write a figure as PNG.
 
-    Raises
-    ------
-    OSError
-        The file cannot be written.
+    Raises OSError: the file cannot be written.
     """
     with replacing(path) as temporary:
         figure.savefig(temporary, format="png", dpi=DPI)
@@ -163,10 +160,7 @@ def save(figure: "Figure", path: Path) -> None:
 def write_numbers(folder: Path, name: str, rows: Sequence[Row], facts: Mapping[str, Any]) -> None:
     """Write the numbers of a figure.
 
-    Parameters
-    ----------
-    rows
-        Columns are all keys in the order in which they first occur; None is left empty.
+    `rows`: columns are all keys in the order in which they first occur; None is left empty.
     """
     columns = list(dict.fromkeys(key for row in rows for key in row))
     with (

@@ -192,14 +192,11 @@ def generate(spec: str) -> Volume:
 def describe(volume: Volume, bins: int = 32) -> dict[str, Any]:
     """Describe a volume, in plain Python values.
 
-    Returns
-    -------
-    `name`, `shape` (x, y, z), `dtype`, `spacing`, `origin`, `direction` (3 rows), `range` (lowest
-    and highest finite value, or None), `scale` (on which bins are even), `nan` and `infinite`
-    (counts), `units` (words), `robust_range` (without padding and strays, or None), `padding` (its
-    values), `padded` and `stray` (counts), `thresholds` (between `2` and between `3` classes),
-    `findings` (lines), and
-    `histogram` (counts over the robust range).
+    Result: `name`, `shape` (x, y, z), `dtype`, `spacing`, `origin`, `direction` (3 rows), `range`
+    (lowest and highest finite value, or None), `scale` (on which bins are even), `nan` and
+    `infinite` (counts), `units` (words), `robust_range` (without padding and strays, or None),
+    `padding` (its values), `padded` and `stray` (counts), `thresholds` (between `2` and between `3`
+    classes), `findings` (lines), and `histogram` (counts over the robust range).
     """
     if bins < 1:
         raise ValueError(f"a histogram has at least 1 bin, not {bins}")
@@ -286,10 +283,7 @@ def _folder_suffix(folder: Path, readers: dict[str, list[str]]) -> str:
 def read_labels(path: str, rules: Sequence[str], volume: Volume) -> Labels:
     """Read the labels of a volume's voxels from a file.
 
-    Parameters
-    ----------
-    rules
-        Each such as `1:color=tomato,opacity=0.5` or `2:hidden`, one for a label.
+    `rules`: each such as `1:color=tomato,opacity=0.5` or `2:hidden`, one for a label.
     """
     chosen = parse_rules(rules)
     try:

@@ -259,12 +259,7 @@ def cover(
 def cube_picture(rotation: Doubles, side: int, names: tuple[str, ...] = AXES) -> Floats:
     """Draw a cube with a letter on each face (S, S, 4), premultiplied, linear.
 
-    Parameters
-    ----------
-    rotation
-        (3, 3) from scene to camera.
-    side
-        S, px.
+    `rotation`: (3, 3) from scene to camera. `side`: s, px.
     """
     place = ((np.arange(side * FINE) + 0.5) / (side * FINE) * 2 - 1) * REACH
     screen = np.stack(np.meshgrid(place, place), axis=-1)

@@ -241,10 +241,7 @@ class Section(NamedTuple):
     def planes(self, forward: Doubles) -> Doubles:
         """Return both planes (2, 4) around the scene's origin, as `cropping.planes` does.
 
-        Parameters
-        ----------
-        forward
-            (3,) direction of the view, used if there is no normal.
+        `forward`: (3,) direction of the view, used if there is no normal.
         """
         normal = np.asarray(forward if self.normal is None else self.normal, np.float64)
         normal = normal / np.abs(normal).max()

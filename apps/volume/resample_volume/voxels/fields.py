@@ -58,13 +58,9 @@ def field_voxels(
 ) -> FieldVoxels:
     """Return the voxels that a renderer needs to interpolate the visible field.
 
-    Parameters
-    ----------
-    resampler
-        Renderer, for its projection: an X-ray needs values other than 0, a mean all of them, and
-        others those near visible voxels.
-    gradient
-        One of `resample_volume.voxels.visible.GRADIENTS`; None without shading.
+    `resampler`: renderer, for its projection: an X-ray needs values other than 0, a mean all of
+    them, and others those near visible voxels. `gradient`: one of
+    `resample_volume.voxels.visible.GRADIENTS`; None without shading.
     """
     lattice = lattice_of(volume)
     data_range, unit = finite_range(volume.values), unit_of(transfer, volume)
@@ -112,14 +108,8 @@ def lit_field(
 ) -> Field:
     """Shade a field.
 
-    Parameters
-    ----------
-    voxels
-        With gradients, unless `light` is None.
-    light
-        None leaves the colors as they are.
-    viewer
-        (4,) position and 1, or direction to the viewer and 0; scene axes.
+    `voxels`: with gradients, unless `light` is None. `light`: None leaves the colors as they are.
+    `viewer`: (4,) position and 1, or direction to the viewer and 0; scene axes.
     """
     lamp = lamp_of(light or UNLIT, viewer, voxels.gradient)
     classifier = Classifier(*voxels.table, lamp, *cue)
@@ -256,18 +246,10 @@ def ends_of(lattice: Lattice, index: Indices) -> tuple[Doubles, Doubles]:
 def bounds_of(volume: Volume, lattice: Lattice, index: Indices, reach: float, view: View) -> Floats:
     """Return the bounds of blocks on the screen.
 
-    Parameters
-    ----------
-    lattice, index
-        The blocks, (N,) flat.
-    reach
-        Radius of the kernels, voxels.
-
-    Returns
-    -------
-    Left, top, right and bottom (N, 4), px, of the boxes around the ellipsoids of all their voxels;
-    a box is convex, so the projections of its corners bound it. Infinite where a box reaches the
-    near plane.
+    `lattice`, `index`: the blocks, (N,) flat. `reach`: radius of the kernels, voxels. Result: left,
+    top, right and bottom (N, 4), px, of the boxes around the ellipsoids of all their voxels; a box
+    is convex, so the projections of its corners bound it. Infinite where a box reaches the near
+    plane.
     """
     low, high = ends_of(lattice, index)
     low, high = low - reach, high + reach

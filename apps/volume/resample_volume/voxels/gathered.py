@@ -92,13 +92,8 @@ def gathered(
 ) -> Gathered:
     """Prepare a volume as a field on its lattice.
 
-    Parameters
-    ----------
-    gradient
-        One of `resample_volume.voxels.visible.GRADIENTS`, for the steepness of a full surface if
-        the transfer function depends on it.
-    labels
-        Rules for voxels of some labels.
+    `gradient`: one of `resample_volume.voxels.visible.GRADIENTS`, for the steepness of a full
+    surface if the transfer function depends on it. `labels`: rules for voxels of some labels.
     """
     lattice = lattice_of(volume)
     data_range, unit = finite_range(volume.values), unit_of(transfer, volume)
@@ -202,10 +197,7 @@ def with_shadows(
 ) -> Gathered:
     """Add shadows and ambient occlusion to a field.
 
-    Parameters
-    ----------
-    clip
-        (M, 4) planes; what they cut away occludes no light.
+    `clip`: (M, 4) planes; what they cut away occludes no light.
     """
     parts = _extinctions(field, volume, resampler.iso)
     reached = field_transmittance(volume, parts, clip, light)
@@ -292,14 +284,8 @@ def _filled(
 ) -> NDArray[np.generic]:
     """Fill gaps with the nearest known value, plane by plane.
 
-    Parameters
-    ----------
-    values
-        (Z, Y, X) with gaps.
-    known
-        (Z, Y, X) where there are none.
-    deep
-        (Z, Y, X) index along z of the last voxel in front that is known, or NOTHING.
+    `values`: (Z, Y, X) with gaps. `known`: (Z, Y, X) where there are none. `deep`: (Z, Y, X) index
+    along z of the last voxel in front that is known, or NOTHING.
     """
     from resample_volume.voxels.kernels.shading import nearest_in_columns, nearest_in_rows
 

@@ -110,10 +110,7 @@ def along(position: Floats, axis: Floats | Doubles) -> Floats | Doubles:
 def cued(samples: Samples, camera: "AnyCamera", cue: DepthCue, near: float, far: float) -> Samples:
     """Fade samples linearly with depth.
 
-    Parameters
-    ----------
-    samples
-        Shaded; colors are multiplied by 1 up to `near` and by 1 - share from `far` on.
+    `samples`: shaded; colors are multiplied by 1 up to `near` and by 1 - share from `far` on.
     """
     view = camera.view()
     forward, ahead = view.rotation[2].astype(np.float32), np.float32(view.translation[2] - near)
@@ -132,19 +129,11 @@ def shade(
 ) -> Samples:
     """Shade voxels: return samples with the light that they send to the viewer.
 
-    Parameters
-    ----------
-    voxels
-        With gradients, unless `light` is None. Shading is two-sided; a voxel without gradient is
-        shaded as if it faced the light.
-    light
-        None leaves the colors as they are.
-    eye
-        (3,) scene position of a perspective camera.
-    view
-        (3,) scene direction of view of a parallel camera, instead of `eye`.
-    steepest
-        (N, 3) extreme components of all gradients, if these voxels are a part; see `lamp_of`.
+    `voxels`: with gradients, unless `light` is None. Shading is two-sided; a voxel without gradient
+    is shaded as if it faced the light. `light`: None leaves the colors as they are. `eye`: (3,)
+    scene position of a perspective camera. `view`: (3,) scene direction of view of a parallel
+    camera, instead of `eye`. `steepest`: (N, 3) extreme components of all gradients, if these
+    voxels are a part; see `lamp_of`.
     """
     color = voxels.color
     if light is not None and len(voxels.reached):
@@ -197,12 +186,8 @@ def _lit_with_shadows(
 def lamp_of(light: Light, viewer: Doubles, gradient: Floats) -> Lamp:
     """Convert a light for kernels.
 
-    Parameters
-    ----------
-    viewer
-        (4,) from `viewer_of`.
-    gradient
-        (N, 3) of all shaded voxels: gradients far below the steepest give no normal.
+    `viewer`: (4,) from `viewer_of`. `gradient`: (N, 3) of all shaded voxels: gradients far below
+    the steepest give no normal.
     """
     flat = FLAT * _steepest(gradient)
     toward = np.zeros(3) if light.direction is None else _unit("light direction", light.direction)
@@ -235,12 +220,7 @@ def tint_of(volume: Volume, looks: TransferTable, labels: Labels | None) -> Tint
 
     Colors are interpolated, so invisible voxels take the mean color of visible ones around them.
 
-    Parameters
-    ----------
-    volume
-        With colors (Z, Y, X, 3 or 4).
-    labels
-        Labels of its voxels.
+    `volume`: with colors (Z, Y, X, 3 or 4). `labels`: labels of its voxels.
     """
     assert volume.colors is not None
     deep, down, across = volume.values.shape
@@ -302,14 +282,8 @@ def _filled(volume: Volume, looks: TransferTable, labels: Labels | None) -> Iter
 def numbered(known: Flags, numbers: Callable[[slice], Flags], shape: tuple[int, ...]) -> Flags:
     """Return the look index of voxels as in `LatticeField.known`: 0 where missing.
 
-    Parameters
-    ----------
-    known
-        Which are not missing, in the same form; or (0,): all.
-    numbers
-        Returns the indices of some slices' voxels, from 1.
-    shape
-        (Z, Y, X) of these.
+    `known`: which are not missing, in the same form; or (0,): all. `numbers`: returns the indices
+    of some slices' voxels, from 1. `shape`: (Z, Y, X) of these.
     """
     found = np.empty([count + 2 * PAD for count in shape], np.uint8)
     for z in range(shape[0]):

@@ -75,12 +75,8 @@ def brick_by_brick(
 ) -> Iterator[R]:
     """Run a job on the visible voxels of each brick, in the order of the bricks.
 
-    Parameters
-    ----------
-    bricks
-        Values; if only some blocks are requested, other voxels count as hidden.
-    finish
-        The job, called with voxels and their brick's box; runs on several bricks at a time.
+    `bricks`: values; if only some blocks are requested, other voxels count as hidden. `finish`: the
+    job, called with voxels and their brick's box; runs on several bricks at a time.
     """
 
     def only(found: list[Candidates], boxes: list[Box]) -> R:
@@ -111,11 +107,8 @@ def map_bricks(
 ) -> Iterator[R]:
     """Run a job on the visible voxels of each brick of any volume, in order.
 
-    Parameters
-    ----------
-    finish
-        The job, called with each volume's voxels and its brick's box; runs on several bricks at a
-        time.
+    `finish`: the job, called with each volume's voxels and its brick's box; runs on several bricks
+    at a time.
     """
     own = [set(part.chosen) for part in parts]
     chosen = sorted(set().union(*own))

@@ -29,9 +29,7 @@ def pose_warning(
     The points of the first are warped into the second with the poses as given, inverted, and
     exchanged; the best pose is the one whose points meet the second's depth.
 
-    Returns
-    -------
-    None if the poses seem right, or the two pictures share too little.
+    Result: None if the poses seem right, or the two pictures share too little.
     """
     poses = first_camera.world_to_camera, second_camera.world_to_camera
     turned = [camera_to_world(pose) for pose in poses]

@@ -79,12 +79,7 @@ def lens_places(camera: Camera, shape: tuple[int, int]) -> Doubles:
 def warp_places(equation: Equation, place: Doubles, nearness: Doubles) -> tuple[Doubles, Doubles]:
     """Warp points; return positions, px (..., 2), and nearness; nan behind the camera.
 
-    Parameters
-    ----------
-    place
-        (..., 2) px of the source.
-    nearness
-        (...) δ of the points; 0 means infinitely far.
+    `place`: (..., 2) px of the source. `nearness`: (...) δ of the points; 0 means infinitely far.
     """
     seen = place @ equation.matrix[:, :2].T + equation.matrix[:, 2]
     seen = seen + np.asarray(nearness)[..., None] * equation.epipole

@@ -74,10 +74,7 @@ def compare_scene(
 ) -> DepthComparison:
     """Compare methods in the generated scene.
 
-    Parameters
-    ----------
-    size
-        Height and width of all frames, px.
+    `size`: height and width of all frames, px.
     """
     methods = _built(names)
     check_views(views)
@@ -101,15 +98,10 @@ def compare_view(
 ) -> DepthComparison:
     """Compare methods with a true view.
 
-    Parameters
-    ----------
-    source
-        Prepared depth image, linear light.
-    truth
-        (H, W, C) gray or RGB, linear light; with opacity it is shown over black.
-    mask
-        (H, W) pixels that both views see. None: the pixels where a sample of the source arrives;
-        then surfaces hidden only in the true view are taken for visible.
+    `source`: prepared depth image, linear light. `truth`: (H, W, C) gray or RGB, linear light; with
+    opacity it is shown over black. `mask`: (H, W) pixels that both views see. None: the pixels
+    where a sample of the source arrives; then surfaces hidden only in the true view are taken for
+    visible.
     """
     shape = (truth.shape[0], truth.shape[1])
     if mask is None:
@@ -151,10 +143,7 @@ def check_views(views: Sequence[str]) -> None:
 def sheet(comparison: DepthComparison, path: Path, zoom: int | None = None) -> None:
     """Write one PNG of all pictures and enlarged details, two rows per view.
 
-    Parameters
-    ----------
-    zoom
-        Enlargement of pixels; None enlarges small pictures.
+    `zoom`: enlargement of pixels; None enlarges small pictures.
     """
     check_sheet(path)
     cells: dict[str, Screen] = {}
@@ -207,12 +196,8 @@ def busiest(
 ) -> tuple[slice, slice]:
     """Return the square where methods err most, at depth edges if there are any.
 
-    Parameters
-    ----------
-    errors
-        (H, W) absolute differences to the truth, of one or more methods.
-    side
-        Side of the square, px; smaller in small pictures.
+    `errors`: (H, W) absolute differences to the truth, of one or more methods. `side`: side of the
+    square, px; smaller in small pictures.
     """
     zone = target.mask & target.edge
     if not zone.any():

@@ -50,12 +50,7 @@ class Figure:
 def generated_figure(size: int = 512, view: str = VIEW, methods: Sequence[str] = METHODS) -> Figure:
     """Figure of the generated scene, with the true view.
 
-    Parameters
-    ----------
-    size
-        Height and width, px.
-    methods
-        By name; the paper has two.
+    `size`: height and width, px. `methods`: by name; the paper has two.
     """
     check_views([view])
     scene = generated(size)
@@ -72,12 +67,7 @@ def figure_of(
 ) -> Figure:
     """Figure of any depth image, without a truth: only holes and times are measured.
 
-    Parameters
-    ----------
-    source
-        Prepared depth image, linear light.
-    shape
-        Its height and width, px.
+    `source`: prepared depth image, linear light. `shape`: its height and width, px.
     """
     mask = expected_nearness(source, equation, shape) > 0
     if not mask.any():
@@ -95,15 +85,8 @@ def figure_of(
 def write_figures(folder: Path, figure: Figure) -> dict[str, object]:
     """Write the figure, each of its pictures, and its numbers.
 
-    Parameters
-    ----------
-    figure
-        What is written: `figure-6.png` with captions, `figure-6.json`, and every picture 1 : 1 as
-        `reference.png`, `METHOD.png` and `METHOD-zoom.png`.
-
-    Returns
-    -------
-    What the JSON file holds.
+    `figure`: what is written: `figure-6.png` with captions, `figure-6.json`, and every picture 1 :
+    1 as `reference.png`, `METHOD.png` and `METHOD-zoom.png`. Result: what the JSON file holds.
     """
     write_screen(folder / "reference.png", figure.reference)
     for name, screen in figure.pictures.items():

@@ -32,17 +32,10 @@ class HoleOutline(NamedTuple):
 def fill(warped: Warped) -> Warped:
     """Fill the holes of a picture and its depth.
 
-    Parameters
-    ----------
-    warped
-        The warped picture. Disoccluded pixels are filled from the far side of their surroundings,
-        pixels outside the source or without depth from all sides. Partly covered pixels get the
-        filling behind their cover.
-
-    Returns
-    -------
-    The same with coverage 1; the causes of holes, magnification and confidence are unchanged. If
-    nothing at all is known, the input.
+    `warped`: the warped picture. Disoccluded pixels are filled from the far side of their
+    surroundings, pixels outside the source or without depth from all sides. Partly covered pixels
+    get the filling behind their cover. Result: the same with coverage 1; the causes of holes,
+    magnification and confidence are unchanged. If nothing at all is known, the input.
     """
     nearness = np.zeros_like(warped.depth)
     np.divide(1.0, warped.depth, out=nearness, where=(warped.depth > 0) & (warped.coverage > 0))

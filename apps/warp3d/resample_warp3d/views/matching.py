@@ -37,14 +37,8 @@ ALL = RIGHT | DOWN | LEFT | UP
 def solved(rows: Doubles, right: Doubles, sums: Doubles, start: Doubles) -> Doubles:
     """Minimize the sum of absolute errors of `rows @ x = right`.
 
-    Parameters
-    ----------
-    rows, right
-        (N, M) and (N,).
-    sums
-        (K, M) sums of unknowns that keep their value at `start`.
-    start
-        (M,) values of unknowns without equations.
+    `rows`, `right`: (N, M) and (N,). `sums`: (K, M) sums of unknowns that keep their value at
+    `start`. `start`: (M,) values of unknowns without equations.
     """
     count, held = start.size, len(sums)
     found = start.copy()
@@ -81,11 +75,9 @@ def check_colors(colors: str) -> None:
 def match_colors(views: Sequence[Warped], colors: str = "gain") -> Match:
     """Return gains and biases that make views alike where they show the same surface.
 
-    Returns
-    -------
-    The gains' product over the views is 1 and the biases' sum 0, as no view is known to be right.
-    They are 1 and 0 for a view that shares nothing with the others, and for differences below 0.1
-    %.
+    Result: the gains' product over the views is 1 and the biases' sum 0, as no view is known to be
+    right. They are 1 and 0 for a view that shares nothing with the others, and for differences
+    below 0.1 %.
     """
     check_colors(colors)
     count, channels = len(views), views[0].image.shape[2]
@@ -195,10 +187,8 @@ def match_depths(
 ) -> Doubles:
     """Return factors (V,) of the sources' nearness that make their surfaces agree.
 
-    Returns
-    -------
-    Factors with product 1, as no source is known to be right. All are 1 if the sources agree within
-    0.02 %; a source that shares nothing with the others gets 1.
+    Result: factors with product 1, as no source is known to be right. All are 1 if the sources
+    agree within 0.02 %; a source that shares nothing with the others gets 1.
     """
     check_depths(depths)
     count = len(sources)

@@ -39,12 +39,8 @@ def weights(
 ) -> list[Floats]:
     """Return the weight (H, W) of each view; 0 where it does not show the surface.
 
-    Parameters
-    ----------
-    shown
-        (V, H, W) where each view shows the surface in question.
-    shares
-        (H, W) factors of each view, such as from `angle_share`; or empty.
+    `shown`: (V, H, W) where each view shows the surface in question. `shares`: (H, W) factors of
+    each view, such as from `angle_share`; or empty.
     """
     found = []
     for n, (view, where) in enumerate(zip(views, shown, strict=True)):

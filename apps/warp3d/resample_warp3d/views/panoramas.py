@@ -80,16 +80,10 @@ def panorama(
 def faces(color: Floats, length: ArrayLike, world_to_camera: ArrayLike | None = None) -> list[Face]:
     """Split a panorama into depth images: front, right, back, left, top, bottom.
 
-    Parameters
-    ----------
-    color
-        (H, 2 H, C) linear light. The center of the picture is forward (+z), its left and right
-        edges meet behind, and its top row is above (−y).
-    length
-        (H, 2 H) distance from the camera, along the ray; 0, negative numbers, inf and NaN are
-        unknown.
-    world_to_camera
-        (4, 4) pose of the panorama; default: the identity.
+    `color`: (H, 2 H, C) linear light. The center of the picture is forward (+z), its left and right
+    edges meet behind, and its top row is above (−y). `length`: (H, 2 H) distance from the camera,
+    along the ray; 0, negative numbers, inf and NaN are unknown. `world_to_camera`: (4, 4) pose of
+    the panorama; default: the identity.
     """
     far = np.asarray(length, np.float64)
     height, width = far.shape if far.ndim == 2 else (0, 0)

@@ -339,18 +339,9 @@ def limit(
     isolated, gets no more than the quartile. Otherwise points far from a surface would cover it,
     and spikes would stick out from its rims.
 
-    Parameters
-    ----------
-    nearest
-        (N, k) neighbours of each point, without itself.
-    spacing
-        (N,) mean distance to the nearest of them.
-    size
-        (N,) longest half axes before.
-    most
-        Factor of the limit.
-    axes
-        (N, 2, 3) changed in place.
+    `nearest`: (N, k) neighbours of each point, without itself. `spacing`: (N,) mean distance to the
+    nearest of them. `size`: (N,) longest half axes before. `most`: factor of the limit. `axes`: (N,
+    2, 3) changed in place.
     """
     for chunk in tasks(counter, (nearest.shape[0] + CHUNK - 1) // CHUNK):
         _limit(nearest, spacing, size, most, axes, chunk)

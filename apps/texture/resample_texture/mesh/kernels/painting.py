@@ -163,12 +163,8 @@ def _write(picture: MeshPicture, block: TileBuffer) -> None:
 def paint(counter: Counter, scene: MeshScene, tiles: Tiles, picture: MeshPicture) -> None:
     """Paint every tile.
 
-    Parameters
-    ----------
-    tiles
-        Which triangles touch which tile and its margin, in their order.
-    picture
-        Filled; transparent before, with infinite depths.
+    `tiles`: which triangles touch which tile and its margin, in their order. `picture`: filled;
+    transparent before, with infinite depths.
     """
     layers = MOST_LAYERS if len(scene.skin.alpha) > 0 else 1
     surfaces = Surfaces(layers, scene.grid.samples)

@@ -50,10 +50,7 @@ def lattice_of(leaves: list[Leaf], spacing: tuple[float, ...], room: int, name: 
 
     For point values the lattice ends at the bounds, for cell values voxels are centered in cells.
 
-    Parameters
-    ----------
-    room
-        Bytes per voxel.
+    `room`: bytes per voxel.
     """
     bounds = np.array([leaf.data.GetBounds() for leaf in leaves]).reshape(-1, 3, 2)
     low, high = bounds[..., 0].min(axis=0), bounds[..., 1].max(axis=0)
@@ -167,10 +164,7 @@ class Error(NamedTuple):
 def probed(leaf: Leaf, lattice: Raster, into: NDArray[Any], span: float) -> Error:
     """Write a leaf's values to its voxels; return the error against its own values.
 
-    Parameters
-    ----------
-    into
-        (Z, Y, X, C) of the whole lattice; unchanged outside the leaf.
+    `into`: (Z, Y, X, C) of the whole lattice; unchanged outside the leaf.
     """
     ends = np.reshape(leaf.data.GetBounds(), (3, 2))
     place = (ends - lattice.origin[:, np.newaxis]) / lattice.spacing[:, np.newaxis]

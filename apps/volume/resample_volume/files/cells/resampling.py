@@ -115,9 +115,7 @@ def resampled(
 
     Values outside of cells are NaN. Where pieces overlap, those with smaller cells win.
 
-    Returns
-    -------
-    Components of vectors are channels. `note` tells the resampling and its error.
+    Result: components of vectors are channels. `note` tells the resampling and its error.
     """
     solid = [piece for piece in pieces if not piece.IsA(SURFACES) and piece.GetNumberOfCells()]
     if not solid:

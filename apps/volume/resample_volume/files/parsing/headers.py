@@ -130,12 +130,8 @@ def recording(
 ) -> Recording:
     """Make a recording of all values; unsupported types are widened.
 
-    Parameters
-    ----------
-    values
-        (T, Z, Y, X, C) without the axes T and C of length 1.
-    channels_first
-        They are (T, C, Z, Y, X) instead.
+    `values`: (T, Z, Y, X, C) without the axes T and C of length 1. `channels_first`: they are (T,
+    C, Z, Y, X) instead.
     """
     check_not_empty(known)
     kind = known.dtype.newbyteorder("=")

@@ -202,10 +202,7 @@ class Sections:
     def block(self, words: list[str], place: int, kind: str, parts: int = 1) -> Numbers:
         """Read the numbers after a line, one of whose words is their count.
 
-        Parameters
-        ----------
-        parts
-            Numbers per counted item.
+        `parts`: numbers per counted item.
         """
         count = parts * self.whole(words, place)
         array = self._array(Named("", 1, False, False), count, kind)

@@ -152,14 +152,8 @@ class PageOrder(NamedTuple):
 def page_order(description: str, pages: int, parts: int, name: str) -> PageOrder | None:
     """Parse the page order from a file's description, as of OME and ImageJ.
 
-    Parameters
-    ----------
-    parts
-        Numbers per pixel: color components are not channels.
-
-    Returns
-    -------
-    None if it says nothing, or that all pages are slices of one volume.
+    `parts`: numbers per pixel: color components are not channels. Result: None if it says nothing,
+    or that all pages are slices of one volume.
     """
     if "<OME" in description:
         found = re.search(r'DimensionOrder="XY([ZCT]{3})"', description)

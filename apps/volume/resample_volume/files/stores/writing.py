@@ -112,10 +112,7 @@ def write_store(
     What OME-Zarr lacks (a rotated direction, units of values, whether channels are colors) is
     stored in our own attribute, which other programs ignore.
 
-    Parameters
-    ----------
-    progress
-        Called with the fraction of bricks written, 0 to 1.
+    `progress`: called with the fraction of bricks written, 0 to 1.
     """
     zarr = require_zarr(path.name)
     with _appearing(path) as temporary:

@@ -126,12 +126,7 @@ def image_header(
 ) -> VolumeHeader:
     """Return the header of image data, whose first voxel may have any index.
 
-    Parameters
-    ----------
-    spacing
-        Replaces the image's; None: the image's.
-    is_of_cells
-        Whether voxels are its cells.
+    `spacing`: replaces the image's; None: the image's. `is_of_cells`: whether voxels are its cells.
     """
     points = image.GetDimensions()
     known = header(

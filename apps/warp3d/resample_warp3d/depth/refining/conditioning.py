@@ -287,12 +287,8 @@ def _without_blocks(nearness: Floats, side: int) -> Floats:
 def enlarged(nearness: Floats, shape: tuple[int, int], scale: tuple[float, float]) -> Floats:
     """Enlarge a map, surface by surface.
 
-    Parameters
-    ----------
-    nearness
-        (h, w); 0 where unknown.
-    scale
-        Rows and columns of the map per row and column of the result.
+    `nearness`: (h, w); 0 where unknown. `scale`: rows and columns of the map per row and column of
+    the result.
     """
     from resample_warp3d.depth.refining.kernels.enlarging import enlarge_rows
 

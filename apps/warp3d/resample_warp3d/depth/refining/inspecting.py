@@ -70,14 +70,8 @@ NOTHING = Findings(0.0, 0.0, False, 1.0, 1, 0.0, False)
 def inspect(color: Floats, nearness: Floats, noise: float, step: float) -> Findings:
     """Find the defects of a depth map.
 
-    Parameters
-    ----------
-    color
-        (H, W, C) finite.
-    nearness
-        (H, W); 0 where unknown.
-    step
-        Quantization step of nearness.
+    `color`: (H, W, C) finite. `nearness`: (H, W); 0 where unknown. `step`: quantization step of
+    nearness.
     """
     from resample_warp3d.depth.refining.kernels.ramps import Edges
 

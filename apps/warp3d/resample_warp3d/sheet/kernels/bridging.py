@@ -110,12 +110,8 @@ def _reach_of_row(coverage: Floats, magnification: Floats, row: int, reach: Kind
 def reach_of_rows(counter: Counter, coverage: Floats, magnification: Floats, reach: Kinds) -> None:
     """Write how far pixels' surfaces may extend, px + 1; 0 where not full.
 
-    Parameters
-    ----------
-    coverage, magnification
-        (H, W) of a picture.
-    reach
-        (H + 2 GROWN, W + 2 GROWN) zeros; all but a margin of `GROWN` is filled.
+    `coverage`, `magnification`: (H, W) of a picture. `reach`: (H + 2 GROWN, W + 2 GROWN) zeros; all
+    but a margin of `GROWN` is filled.
     """
     for row in tasks(counter, coverage.shape[0]):
         _reach_of_row(coverage, magnification, row, reach)
@@ -179,16 +175,10 @@ def bridge_rows(
 ) -> None:  # fmt: skip
     """Close narrow gaps, and grow magnified surfaces up to their uncertainty.
 
-    Parameters
-    ----------
-    image, coverage, nearness, magnification
-        (H, W[, C]) of a picture. All but the coverage are changed, where it is below `FULL`.
-    reach
-        As `reach_of_rows` writes it.
-    new_coverage
-        Copy of the coverage, to be changed.
-    bridged
-        (H, W) all False; set where most of a pixel's color is filled in.
+    `image`, `coverage`, `nearness`, `magnification`: (H, W[, C]) of a picture. All but the coverage
+    are changed, where it is below `FULL`. `reach`: as `reach_of_rows` writes it. `new_coverage`:
+    copy of the coverage, to be changed. `bridged`: (H, W) all False; set where most of a pixel's
+    color is filled in.
     """
     for row in tasks(counter, coverage.shape[0]):
         _bridge_row(
@@ -288,20 +278,10 @@ def explain_holes(
 ) -> None:  # fmt: skip
     """Classify empty pixels by the reason why they are empty.
 
-    Parameters
-    ----------
-    coverage, nearness
-        (H, W) of the target.
-    back, origin
-        Matrix and epipole of the warp back to the source.
-    place
-        As in `DepthImage`.
-    known
-        (h, w) whether the source has a depth there.
-    farthest
-        (H,) nearness that an empty row is assumed to have.
-    holes
-        (H, W) filled with values of `Hole`; 0 where something is.
+    `coverage`, `nearness`: (H, W) of the target. `back`, `origin`: matrix and epipole of the warp
+    back to the source. `place`: as in `DepthImage`. `known`: (h, w) whether the source has a depth
+    there. `farthest`: (H,) nearness that an empty row is assumed to have. `holes`: (H, W) filled
+    with values of `Hole`; 0 where something is.
     """
     for row in tasks(counter, coverage.shape[0]):
         _explain_row(coverage, nearness, back, origin, place, known, farthest, row, holes)
@@ -338,18 +318,9 @@ def sample_map(
 ) -> None:  # fmt: skip
     """Read a map of the source where pixels of the target project back to.
 
-    Parameters
-    ----------
-    nearness
-        (H, W) of the target; 0 where nothing is.
-    back, origin
-        Matrix and epipole of the warp back to the source.
-    place
-        As in `DepthImage`.
-    trust
-        (h, w) of the source.
-    found
-        (H, W) filled; 0 where nothing is.
+    `nearness`: (H, W) of the target; 0 where nothing is. `back`, `origin`: matrix and epipole of
+    the warp back to the source. `place`: as in `DepthImage`. `trust`: (h, w) of the source.
+    `found`: (H, W) filled; 0 where nothing is.
     """
     for row in tasks(counter, nearness.shape[0]):
         _sample_row(nearness, back, origin, place, trust, row, found)

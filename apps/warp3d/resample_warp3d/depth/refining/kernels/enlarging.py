@@ -50,15 +50,9 @@ def enlarge_rows(
 ) -> None:
     """Interpolate between linked samples, and extrapolate those without a link.
 
-    Parameters
-    ----------
-    nearness, links
-        (h, w) of the small map.
-    scale
-        (4,) the small map's rows per row of the result, the center of its first row in its own
-        rows, and the same of columns.
-    result
-        (H, W) filled; 0 where nothing is known.
+    `nearness`, `links`: (h, w) of the small map. `scale`: (4,) the small map's rows per row of the
+    result, the center of its first row in its own rows, and the same of columns. `result`: (H, W)
+    filled; 0 where nothing is known.
     """
     for row in tasks(counter, result.shape[0]):
         _enlarge_row(nearness, links, scale, row, result)

@@ -119,14 +119,8 @@ def _mark_line(nearness: Floats, line: int, down: bool, edges: Edges, mark: Mark
 def mark_edges(counter: Counter, nearness: Floats, edges: Edges, mark: Marks) -> None:
     """Mark the steps of edges.
 
-    Parameters
-    ----------
-    nearness
-        (H, W); 0 where unknown.
-    edges
-        Thresholds of edges.
-    mark
-        (H, W, 2) zeros; filled with `UP` or `DOWN` where the step right, or down, is an edge's.
+    `nearness`: (H, W); 0 where unknown. `edges`: thresholds of edges. `mark`: (H, W, 2) zeros;
+    filled with `UP` or `DOWN` where the step right, or down, is an edge's.
     """
     height, width = nearness.shape
     for task in tasks(counter, height + width):
@@ -185,17 +179,9 @@ def _change(color: Floats, row: int, column: int, down: bool) -> float:
 def profile_edges(color: Floats, mark: NDArray[np.uint8], profile: Doubles, count: Doubles) -> None:
     """Add up the changes of color beside edges of a single step.
 
-    Parameters
-    ----------
-    color
-        (H, W, C).
-    mark
-        (H, W, 2) of `ramps.mark_edges`.
-    profile
-        (4, 2 REACH + 1) added to: changes from the far side to the near one; the edge itself is in
-        the middle. Edges with the near side at the right, left, below and above.
-    count
-        (4,) edges, added to.
+    `color`: (H, W, C). `mark`: (H, W, 2) of `ramps.mark_edges`. `profile`: (4, 2 REACH + 1) added
+    to: changes from the far side to the near one; the edge itself is in the middle. Edges with the
+    near side at the right, left, below and above. `count`: (4,) edges, added to.
     """
     for row in range(mark.shape[0]):
         for column in range(mark.shape[1]):

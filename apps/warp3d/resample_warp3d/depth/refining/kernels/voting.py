@@ -215,16 +215,9 @@ def vote_rows(
 ) -> None:
     """Refine the samples of a band by a vote of those around them.
 
-    Parameters
-    ----------
-    voters, window
-        Votes, and where they come from.
-    band
-        (H, W) not 0 where samples are refined.
-    refined
-        (H, W) nearness, filled in the band; 0 where nobody votes.
-    agreed
-        (H, W) share of the votes for the winning surface, filled in the band.
+    `voters`, `window`: votes, and where they come from. `band`: (H, W) not 0 where samples are
+    refined. `refined`: (H, W) nearness, filled in the band; 0 where nobody votes. `agreed`: (H, W)
+    share of the votes for the winning surface, filled in the band.
     """
     for row in tasks(counter, band.shape[0]):
         _vote_in_row(voters, window, band, row, refined, agreed)
