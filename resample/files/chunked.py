@@ -9,10 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.files.stores.addresses import Address, Place
 from resample.files.stores.metadata import Holes, holes_of, layout_of, values_of, warned
 from resample.files.stores.opening import (
     ZIPS,
+    Address,
+    Place,
     is_store,
     open_node,
     reading,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from resample.colors import from_srgb, mapped
 from resample.console import Color, linear_color
 from resample.files.saving import screen_levels, write_frame
-from resample.files.stores.addresses import Address, place_of
+from resample.files.stores.opening import Address, place_of
 from resample.showable import Behind
 from resample.types import Floats, Frame, Statistics
 

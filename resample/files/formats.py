@@ -10,7 +10,7 @@ from resample.colors import to_srgb
 from resample.console import Color, say
 from resample.files.facts.metadata import AS_FLOATS, JPEG, TIFF, FileMetadata
 from resample.files.pictures import Kind, Picture
-from resample.files.stores.addresses import STORE
+from resample.files.stores.opening import STORE
 from resample.types import Floats
 
 SUFFIXES = (".png", ".exr", ".jpg", ".jpeg", ".tif", ".tiff")

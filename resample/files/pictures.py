@@ -24,7 +24,7 @@ from resample.files.facts.metadata import (
     upright,
 )
 from resample.files.images import PictureFile, light_of, open_file, shown
-from resample.files.stores.addresses import Address, Place, place_of
+from resample.files.stores.opening import Address, Place, place_of
 from resample.lazy import renamed
 from resample.memory import require_memory
 from resample.memory.mapped import array_where_it_fits

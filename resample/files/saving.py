@@ -23,7 +23,7 @@ from resample.files.formats import (
 )
 from resample.files.images import open_file
 from resample.files.pictures import Kind, Picture
-from resample.files.stores.addresses import STORE
+from resample.files.stores.opening import STORE
 from resample.files.writing import INCOMPLETE, check_end, refused, replacing
 from resample.reading.native import plain
 from resample.reading.pictures import complaint_of

@@ -31,7 +31,7 @@ from resample.files.films import (
 from resample.files.formats import SUFFIXES, WriteOptions, check_output, flattened, levels
 from resample.files.pictures import Kind, Picture, read_picture
 from resample.files.saving import write_pages
-from resample.files.stores.addresses import STORE, Address, Place
+from resample.files.stores.opening import STORE, Address, Place
 from resample.files.writing import replacing
 from resample.reading.limits import check_animation, check_unpacked
 from resample.reading.pictures import decoding

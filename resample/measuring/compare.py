@@ -1,7 +1,9 @@
 """Comparison of several renderings: tables of numbers and labelled sheets of pictures."""
 
 import math
-from collections.abc import Mapping, Sequence
+import statistics
+import time
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -23,6 +25,8 @@ DPI = 100
 MARGIN = 12  # px around each picture
 LINE = 16  # px per line of text
 SMALLEST = 192  # px; narrower pictures are enlarged
+RUNS = 5  # of what is timed; their median is the time
+PATIENCE = 2.0  # seconds for all runs
 
 Row = Mapping[str, object]
 
@@ -38,6 +42,22 @@ def shown(image: Floats, background: Background = (0.0, 0.0, 0.0)) -> Floats:
         image = image[..., [0, 0, 0] if channels == 1 else [0, 0, 0, 1]]
     color = over(image, background) if image.shape[2] == 4 else image[..., :3]
     return to_srgb(np.clip(color, 0.0, 1.0))
+
+
+def milliseconds(run: Callable[[], object], runs: int = RUNS, patience: float = PATIENCE) -> float:
+    """Median time of runs; after `patience` seconds no other begins."""
+    duration: list[float] = []
+    begin = time.perf_counter()
+    while not duration or (len(duration) < runs and time.perf_counter() - begin < patience):
+        start = time.perf_counter()
+        run()
+        duration.append(1000.0 * (time.perf_counter() - start))
+    return statistics.median(duration)
+
+
+def plain_name(method: str) -> str:
+    """Name without characters that files may not have."""
+    return "".join(letter if letter.isalnum() else "-" for letter in method)
 
 
 def measure_files(

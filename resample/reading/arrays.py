@@ -10,8 +10,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.reading.limits import check_unpacked
-from resample.reading.unpacking import check_members
+from resample.reading.limits import check_members, check_unpacked
 from resample.words import one_line
 
 MAGIC = b"\x93NUMPY"  # first bytes of an array's file

@@ -9,9 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from resample.reading.gltf import PARTS, SIZES, check_gltf, header_of
-from resample.reading.limits import check_items, check_size, check_unpacked, neighbour
+from resample.reading.limits import (
+    check_items,
+    check_members,
+    check_size,
+    check_unpacked,
+    neighbour,
+)
 from resample.reading.texts import check_xml_file, check_xml_member
-from resample.reading.unpacking import check_members
 from resample.words import naming, one_line, visible
 
 ARCHIVES = (".zip", ".3mf", ".zae")  # formats that contain files

@@ -9,9 +9,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from resample.reading.limits import check_free, check_size, check_unpacked
+from resample.reading.limits import PIECE, check_free, check_size, check_unpacked
 from resample.reading.native import plain, suppressed_output
-from resample.reading.unpacking import PIECE
 from resample.words import one_line
 
 START, SIZED = b"\xff\xd8", b"\xff\x4f\xff\x51"  # of JPEG and its variants; of JPEG 2000

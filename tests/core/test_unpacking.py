@@ -22,9 +22,9 @@ from resample.files.painted import NAME, DepthSlab, kept_tile, write_deep
 from resample.files.pictures import read_picture
 from resample.files.sequences import frames_of
 from resample.reading.arrays import read_npz
+from resample.reading.limits import bunzipped, deflated, unlzma
 from resample.reading.meshes import check_mesh
 from resample.reading.pictures import size_at_once, size_of
-from resample.reading.unpacking import bunzipped, deflated, unlzma
 from resample.words import one_line
 from resample_points.files.readers import read_cloud
 from resample_points.geometry import spacing

@@ -12,8 +12,8 @@ import pytest
 from werkzeug import Response
 
 from resample.files import public
-from resample_volume.files.public import fetch as module
-from resample_volume.files.public.fetch import available, fetch
+from resample_volume.files import public as module
+from resample_volume.files.public import available, fetch
 from resample_volume.files.source import open_volume
 from tests.processes import PATIENCE
 

@@ -438,7 +438,7 @@ def fetch(name: str | None = None, /, *, folder: flags.Target = None) -> None:
     folder
         Folder to keep it in. Default: the user's cache.
     """
-    from resample_volume.files.public import fetch as store
+    from resample_volume.files import public as store
 
     if name is None:
         entries = store.available()

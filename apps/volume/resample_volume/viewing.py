@@ -13,7 +13,7 @@ from resample.command.settings import PictureFormat, Resampling
 from resample.files.animations import write_film
 from resample.files.exchange import levels_of
 from resample.files.saving import screen_levels, write_frame
-from resample.files.stores.addresses import is_address
+from resample.files.stores.opening import is_address
 from resample.registry import names
 from resample.resampler import Resampler
 from resample.types import Frame

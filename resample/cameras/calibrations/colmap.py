@@ -134,13 +134,8 @@ def pictures_of(path: Path) -> Iterator[Posed]:
             yield Posed(name, numbers, int(camera))
 
 
-class Sized(NamedTuple):
-    """Camera without a pose, and the height and width of its pictures, px."""
-
-    camera: Camera
-    shape: tuple[int, int]
-
-
+# Camera without a pose, and the height and width of its pictures, px.
+Sized = tuple[Camera, tuple[int, int]]
 OTHERS = -1  # key of the message for all cameras after an unreadable one
 Cameras = Mapping[int, Sized | str]  # by number; a text says why one is unavailable
 
@@ -189,7 +184,8 @@ def _entry(picture: Posed, path: Path, cameras: Cameras) -> Entry:
     found = cameras.get(picture.camera, cameras.get(OTHERS, unknown))
     if isinstance(found, str):
         return Refused(picture.name, found, pose)
-    return PosedPicture(picture.name, pose, found.camera.moved(pose), found.shape)
+    camera, shape = found
+    return PosedPicture(picture.name, pose, camera.moved(pose), shape)
 
 
 def _camera(model: str, width: float, height: float, given: Sequence[float]) -> Sized:
@@ -213,7 +209,7 @@ def _camera(model: str, width: float, height: float, given: Sequence[float]) -> 
         camera = camera.with_lens(
             coefficients, LensModel.FISHEYE if is_fisheye else LensModel.PINHOLE
         )
-    return Sized(camera, (int(height), int(width)))
+    return camera, (int(height), int(width))
 
 
 # Text.

@@ -7,7 +7,7 @@ from cyclopts import Parameter
 
 from resample.command import flags
 from resample.command.settings import Written
-from resample.files.stores.addresses import Address, Place
+from resample.files.stores.opening import Address, Place
 from resample_texture.command.aims import Factor, NewSize, Rotation, Undistortion
 from resample_texture.command.choices import Besides, Filling, Picture, PictureWarping
 

@@ -30,7 +30,7 @@ from resample.files.sequences import (
     is_batch,
     write_frames,
 )
-from resample.files.stores.addresses import Place
+from resample.files.stores.opening import Place
 from resample.files.writing import check_targets, write_json
 from resample.types import Floats
 from resample.words import one_line

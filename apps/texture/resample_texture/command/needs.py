@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from resample.command.session import OTHERS, bytes_written, libraries, require_picture
 from resample.files.pictures import form_of
-from resample.files.stores.addresses import Place
+from resample.files.stores.opening import Place
 from resample.memory import require
 from resample.memory.mapped import pages_of
 from resample_texture.arguments import method_named

@@ -2,8 +2,6 @@
 
 import base64
 import math
-import statistics
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +14,7 @@ from resample.colors import as_levels, from_srgb, to_srgb
 from resample.console import progress_bar
 from resample.engine.jit import threads
 from resample.files.writing import replacing
-from resample.measuring.compare import contact_sheet, enlarged, shown
+from resample.measuring.compare import contact_sheet, enlarged, milliseconds, shown
 from resample.measuring.quality import flip, psnr, ssim
 from resample.types import Floats
 from resample_texture.figures import scenes
@@ -26,8 +24,6 @@ from resample_texture.types import Edge, Method
 Row = dict[str, object]
 Screen = Floats  # (H, W, 3) sRGB-encoded, 0..1, as a screen shows it
 
-RUNS = 5  # per method; their median is the time
-PATIENCE = 2.0  # seconds for all runs of a method
 CROP = 64  # px, side of a detail
 TEMPLATE = Path(__file__).with_name("report.html.j2")
 BEST = {"psnr": max, "ssim": max, "flip": min, "ms": min}
@@ -129,15 +125,8 @@ def timed(method: Method, scene: ComparedView, edge: Edge) -> tuple[Floats, floa
     def run() -> Floats:
         return method(scene.source, scene.geometry, scene.shape, edge).image
 
-    duration: list[float] = []
     with threads(None):
-        image = run()
-        begin = time.perf_counter()
-        while not duration or (len(duration) < RUNS and time.perf_counter() - begin < PATIENCE):
-            start = time.perf_counter()
-            run()
-            duration.append(1000.0 * (time.perf_counter() - start))
-    return image, statistics.median(duration)
+        return run(), milliseconds(run)
 
 
 def measured(screen: Screen, truth: Screen, mask: Mask) -> dict[str, float]:

@@ -115,10 +115,16 @@ class _MeshFile(NamedTuple):
 def load_mesh(path: str | Path, texture: str | Path | Floats | None = None) -> Mesh:
     """Read a mesh with its textures.
 
-    `texture`: texture to use instead of all that the file names: a file, or (H, W, 3) linear light.
-    Result: the mesh in the file's own space. Parts without a texture or texture coordinates have
-    their material's color. A glTF material's color multiplies its texture; its alpha mode and wrap
-    modes are kept. In other formats textures repeat and are opaque.
+    Parameters
+    ----------
+    texture
+        Texture to use instead of all that the file names: a file, or (H, W, 3) linear light.
+
+    Returns
+    -------
+    The mesh in the file's own space. Parts without a texture or texture coordinates have their
+    material's color. A glTF material's color multiplies its texture; its alpha mode and wrap modes
+    are kept. In other formats textures repeat and are opaque.
     """
     source = Path(path)
     if not source.is_file():

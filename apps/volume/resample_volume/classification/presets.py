@@ -14,8 +14,7 @@ from resample_volume.classification.materials import Materials, spread
 from resample_volume.classification.names import TISSUES
 from resample_volume.classification.regions import Faded, Region, RegionTransfer
 from resample_volume.classification.scales import on_scale
-from resample_volume.classification.surveys import Survey, survey
-from resample_volume.classification.tomography import tissue
+from resample_volume.classification.surveys import Survey, survey, tissue
 from resample_volume.classification.transfer import (
     SUFFIXES,
     Transfer,

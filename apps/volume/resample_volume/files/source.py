@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from resample import registry
-from resample.files.stores.addresses import Address, is_address
-from resample.files.stores.opening import is_store
+from resample.files.stores.opening import Address, is_address, is_store
 from resample.files.writing import replacing, save_array
 from resample_volume.classification.labels import Labels, check_known, parse_rules
 from resample_volume.classification.scales import LINEAR, value_at

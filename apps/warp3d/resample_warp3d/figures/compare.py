@@ -1,7 +1,5 @@
 """Compare methods on views of a depth image, measured against true views."""
 
-import statistics
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +11,7 @@ from numpy.typing import NDArray
 from resample import registry
 from resample.colors import from_srgb
 from resample.console import progress_bar
-from resample.measuring.compare import check_sheet, contact_sheet, enlarged, shown
+from resample.measuring.compare import check_sheet, contact_sheet, enlarged, milliseconds, shown
 from resample.types import Doubles, Floats
 from resample_warp3d.depth.equation import between
 from resample_warp3d.depth.preparation import prepare
@@ -31,8 +29,6 @@ from resample_warp3d.types import Equation, Method, Rendered, Source
 
 Row = dict[str, object]
 
-RUNS = 5  # per method; their median is the time
-PATIENCE = 2.0  # seconds for all runs of a method
 CROP = 48  # px, side of a detail
 WHOLE = 0.999  # share of a pixel's rays that the source must see
 SEVERE = 0.2  # larger errors count as this in the choice of details
@@ -182,13 +178,7 @@ def timed(method: Method, case: WarpCase) -> tuple[Rendered, float]:
     """Return a method's picture, and the median time of several warm runs in ms."""
     shape = (case.target.truth.shape[0], case.target.truth.shape[1])
     rendered = method(case.source, case.equation, shape)
-    duration: list[float] = []
-    begin = time.perf_counter()
-    while not duration or (len(duration) < RUNS and time.perf_counter() - begin < PATIENCE):
-        start = time.perf_counter()
-        method(case.source, case.equation, shape)
-        duration.append(1000.0 * (time.perf_counter() - start))
-    return rendered, statistics.median(duration)
+    return rendered, milliseconds(lambda: method(case.source, case.equation, shape))
 
 
 def busiest(

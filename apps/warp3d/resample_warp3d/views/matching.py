@@ -169,13 +169,6 @@ def _of_channel(
     return gain / level, found[count:] / level
 
 
-class Correspondences(NamedTuple):
-    """Points of one source that meet another's surface."""
-
-    error: Doubles  # (N,) logarithm of the other's nearness over that of the point
-    change: Doubles  # (N,) derivative of the error by the logarithm of the first one's scale
-
-
 def check_depths(depths: str) -> None:
     """Refuse an unknown way to match depths."""
     if depths not in DEPTHS:
@@ -203,15 +196,15 @@ def match_depths(
                 continue
             place, nearness = points[first]
             seen = nearness * math.exp(scale[first])
-            met = _points_on_surface(
+            error, change = _points_on_surface(
                 place, seen, equations[first][second], sources[second], scale[second]
             )
-            if met.error.size < FEWEST_POINTS:
+            if error.size < FEWEST_POINTS:
                 continue
-            row = np.zeros((met.error.size, count))
-            row[:, first], row[:, second] = met.change, 1.0
+            row = np.zeros((error.size, count))
+            row[:, first], row[:, second] = change, 1.0
             rows.append(row)
-            right.append(row[:, first] * scale[first] + scale[second] - met.error)
+            right.append(row[:, first] * scale[first] + scale[second] - error)
         if not rows:
             break
         scale = solved(np.concatenate(rows), np.concatenate(right), np.ones((1, count)), scale)
@@ -242,13 +235,16 @@ def _points(source: Source) -> tuple[Doubles, Doubles]:
 
 def _points_on_surface(
     place: Doubles, nearness: Doubles, equation: Equation, other: Source, scale: float
-) -> Correspondences:
-    """Return the points that meet a surface of the other source, given its scale."""
+) -> tuple[Doubles, Doubles]:
+    """Return errors (N,) of the points that meet a surface of the other source, given its scale.
+
+    Errors are logarithms of ratios of nearness; also their derivatives by that of the point's.
+    """
     error = _errors(place, nearness, equation, other)
     moved = _errors(place, nearness * math.exp(STEP), equation, other)
     known = np.isfinite(error) & np.isfinite(moved)
     known[known] = np.abs(error[known] + scale) < CLOSE
-    return Correspondences(error[known] + scale, (moved[known] - error[known]) / STEP)
+    return error[known] + scale, (moved[known] - error[known]) / STEP
 
 
 def _errors(place: Doubles, nearness: Doubles, equation: Equation, other: Source) -> Doubles:

@@ -9,7 +9,6 @@ image of a camera that looks at its center, with positions for its pixels.
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,13 +28,6 @@ SEAMLESS = Joining("feathered", "none", "none", "none")  # feather faces at thei
 
 
 Indices = NDArray[np.int64]
-
-
-class Face(NamedTuple):
-    """Part of a panorama, and the camera that sees it."""
-
-    image: DepthImage
-    camera: Camera
 
 
 def panorama(
@@ -72,13 +64,15 @@ def panorama(
     """
     cut = faces(as_light(color), length, world_to_camera)
     prepared = [
-        PosedSource(prepare(face.image, noise=noise, refine=refine), face.camera) for face in cut
+        PosedSource(prepare(image, noise=noise, refine=refine), camera) for image, camera in cut
     ]
     return agreed(prepared, SEAMLESS)
 
 
-def faces(color: Floats, length: ArrayLike, world_to_camera: ArrayLike | None = None) -> list[Face]:
-    """Split a panorama into depth images: front, right, back, left, top, bottom.
+def faces(
+    color: Floats, length: ArrayLike, world_to_camera: ArrayLike | None = None
+) -> list[tuple[DepthImage, Camera]]:
+    """Split a panorama into depth images and cameras: front, right, back, left, top, bottom.
 
     `color`: (H, 2 H, C) linear light. The center of the picture is forward (+z), its left and right
     edges meet behind, and its top row is above (−y). `length`: (H, 2 H) distance from the camera,
@@ -104,7 +98,7 @@ def faces(color: Floats, length: ArrayLike, world_to_camera: ArrayLike | None = 
         block = np.ix_(rows, columns % width)
         nearness = (1.0 / (known[block] * ray[..., 2])).astype(np.float32)
         place = focal * ray[..., :2] / ray[..., 2:]
-        made.append(Face(DepthImage(np.ascontiguousarray(color[block]), nearness, place), camera))
+        made.append((DepthImage(np.ascontiguousarray(color[block]), nearness, place), camera))
     return made
 
 

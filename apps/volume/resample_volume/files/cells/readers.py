@@ -4,36 +4,31 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
-from resample_volume.data.recordings import alone
 from resample_volume.files.parsing.headers import (
     Check,
+    OneOfAll,
     accept_any,
-    check_alone,
     existing_file,
     stem,
 )
 from resample_volume.files.parsing.sections import ArrayQuery, check_part
 from resample_volume.files.parsing.texts import Numbers, steps_of
-from resample_volume.types import Recording, Volume
+from resample_volume.types import Recording
 
 
 @dataclass(frozen=True)
-class _Cells:
+class _Cells(OneOfAll):
     """Base of readers that resample cells; values are at points or cells."""
 
     array: str = ""  # name of the array; empty: the active one, or the only one of scalars
     part: str = ""  # magnitude: lengths of the array's vectors
     spacing: Numbers = ""  # of the lattice, as 0.5 or 1x1x2; empty: the mean size of finest cells
 
-    suffixes: ClassVar[tuple[str, ...]]
     kind: ClassVar[str]  # by which messages name the reader
 
     def __post_init__(self) -> None:
         check_part(self.part)
         steps_of(self.spacing)
-
-    def __call__(self, path: Path) -> Volume:
-        return alone(self.recorded(path, check_alone))
 
     def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         from resample_volume.files.cells.resampling import resampled

@@ -11,9 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.reading.limits import LimitError, check_items, check_unpacked
+from resample.reading.limits import RAW, LimitError, check_deflated, check_items, check_unpacked
 from resample.reading.native import suppressed_output
-from resample.reading.unpacking import RAW, check_deflated
 from resample.types import Doubles
 from resample_volume.data.memory import require_memory
 from resample_volume.data.rectilinear import rectilinear

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.files.stores.addresses import Place
 from resample.files.stores.metadata import Holes, values_of
-from resample.files.stores.opening import reading
+from resample.files.stores.opening import Place, reading
 from resample_volume.data.bricks import Box, Bricks, Step
 from resample_volume.data.values import Stored
 from resample_volume.files.parsing.headers import WIDENED

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from resample.files.stores.addresses import Place
 from resample.files.stores.metadata import SPACE, Layout, Level, layout_of, moved
+from resample.files.stores.opening import Place
 from resample.reading.limits import check_free
 from resample_volume.data.bricks import Step
 from resample_volume.data.memory import require_memory

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from resample.files.stores.addresses import Address, Place
+from resample.files.stores.opening import Address, Place
 from resample.files.writing import load_arrays, store_arrays
 from resample.memory.mapped import folder
 from resample.watching import report

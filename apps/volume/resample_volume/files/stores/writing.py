@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.files.stores.addresses import STORE
 from resample.files.stores.metadata import OWN
-from resample.files.stores.opening import require_zarr
+from resample.files.stores.opening import STORE, require_zarr
 from resample.files.writing import beside, unwritten
 from resample.types import Doubles
 from resample.watching import Progress

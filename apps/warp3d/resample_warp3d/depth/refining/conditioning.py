@@ -290,7 +290,7 @@ def enlarged(nearness: Floats, shape: tuple[int, int], scale: tuple[float, float
     `nearness`: (h, w); 0 where unknown. `scale`: rows and columns of the map per row and column of
     the result.
     """
-    from resample_warp3d.depth.refining.kernels.enlarging import enlarge_rows
+    from resample_warp3d.depth.refining.kernels.voting import enlarge_rows
 
     small = np.ascontiguousarray(nearness, np.float32)
     result = np.empty(shape, np.float32)
