@@ -154,20 +154,6 @@ def read_channels(path: str | Path, page: int = 0) -> dict[str, Floats]:
     return {name: data[..., n] for n, name in enumerate(file.encoding.names)}
 
 
-def read_rows(
-    path: str | Path, height: int | None = None
-) -> tuple[tuple[int, int, int], Iterator[Floats]]:
-    """Read a picture strip by strip, in linear light, premultiplied.
-
-    `height`: approximate rows per strip; tiles are not cut. None: a few million values per strip.
-    Result: height, width and number of channels, and an iterator over strips (rows, width,
-    channels) from the top; together they equal the result of `read_image`.
-    """
-    file = open_file(path)
-    check_honest(path, file.source.spec())
-    return (*file.shape[:2], len(shown(file.encoding.names))), file.light_strips(height)
-
-
 def light_of(
     levels: NDArray[Any], names: Sequence[str], *, is_encoded: bool, size: int | None = None
 ) -> Floats:

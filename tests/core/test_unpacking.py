@@ -17,7 +17,7 @@ import pytest
 from resample.files.facts.origin import settings_in
 from resample.files.facts.tags import read_tags
 from resample.files.films import film_picture, new_film, new_stream
-from resample.files.images import read_image, read_rows
+from resample.files.images import read_image
 from resample.files.painted import NAME, DepthSlab, kept_tile, write_deep
 from resample.files.pictures import read_picture
 from resample.files.sequences import frames_of
@@ -327,7 +327,7 @@ def test_pictures_that_become_far_too_much_are_refused(suffix, packing, tmp_path
     told = {"compression": packing} if packing else {}
     path = shaded(tmp_path / f"a.{suffix}", 64 if suffix in ("jxl", "jp2") else 300, **told)
     monkeypatch.setenv("RESAMPLE_LIMIT", "unpacked=1KB,ratio=2")
-    for read in (read_picture, read_image, read_rows):
+    for read in (read_picture, read_image):
         refused(read, path, match=r"a\.\w+: .* that unpack to")
 
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from resample.files.writing import load_arrays, source_fingerprint, store_arrays
 from resample.memory import amount, mapped
 from resample.memory.mapped import is_in_file
-from resample.types import Doubles, Floats
+from resample.types import Doubles, Floats, Indices
 from resample.watching import portion
 from resample_points.data.cloud import Cloud
 from resample_points.data.parts import memory_left, rows_of, zeros_beside
@@ -34,7 +34,6 @@ SORTING, MEASURING = 0.2, 0.95  # share of all work, share of the rest
 RANKED = 48  # bytes per point while ranks are sorted
 CROWDED = 0.1  # share of the blocks that begin at the same code as the previous block
 
-Indices = NDArray[np.int64]
 MOST_BYTES = 1 << 30
 LEAST_POINTS = 20_000  # fewer are measured about as fast as loaded
 WIDTH = 9  # numbers per point: a normal and two half axes

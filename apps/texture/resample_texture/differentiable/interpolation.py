@@ -38,7 +38,7 @@ def coefficients(image: Doubles, interpolation: Interpolation, edge: str) -> Dou
     for axis in (0, 1):
         index = _indices(image.shape[axis], margin + reach, edge)
         image = _filtered(image.take(index, axis), weights, axis)
-        image = _inner(image, reach, axis)
+        image = np.moveaxis(np.moveaxis(image, axis, 0)[reach : image.shape[axis] - reach], 0, axis)
     return np.ascontiguousarray(image)
 
 
@@ -80,11 +80,6 @@ def _filtered(lines: Doubles, weights: Doubles, axis: int) -> Doubles:
     from scipy.ndimage import correlate1d
 
     return np.asarray(correlate1d(lines, weights, axis, mode="constant"))
-
-
-def _inner(lines: Doubles, margin: int, axis: int) -> Doubles:
-    """Remove a margin from both ends of an axis."""
-    return np.moveaxis(np.moveaxis(lines, axis, 0)[margin : lines.shape[axis] - margin], 0, axis)
 
 
 @once

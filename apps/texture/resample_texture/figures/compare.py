@@ -57,21 +57,12 @@ class PictureComparison:
 
 @dataclass(frozen=True)
 class Judge:
-    """Settings of a comparison: filter of the truth, edge mode, values.
+    """Settings of a comparison: filter of the truth, edge mode, values."""
 
-    Parameters
-    ----------
-    kind
-        Pixel filter of the truth: box or gaussian.
-    edge
-        Edge mode for the methods; pixels that it affects are not measured.
-    linear
-        True: values are linear light; false: sRGB-encoded.
-    """
-
-    kind: str = "box"
+    kind: str = "box"  # pixel filter of the truth: box or gaussian
+    # Edge mode for the methods; pixels that it affects are not measured.
     edge: Edge = Edge.TRANSPARENT
-    linear: bool = True
+    linear: bool = True  # True: values are linear light; false: sRGB-encoded
 
     def compare(self, title: str, scene: ComparedView, names: Sequence[str]) -> PictureComparison:
         """Measure methods by name in a scene.

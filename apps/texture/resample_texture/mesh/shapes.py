@@ -31,25 +31,15 @@ class AlphaMode(StrEnum):
 class Cover:
     """How a texture covers triangles.
 
-    Parameters
-    ----------
-    along_u, along_v
-        Wrap modes beyond the texture's edges: wrap, mirror or clamp.
-    alpha
-        Alpha mode; a texture without a fourth channel is opaque.
-    cutoff
-        Least visible alpha of a mask.
-
-    Raises
-    ------
-    ValueError
-        A wrap mode or alpha mode is unknown, or the cutoff is negative or not a number.
+    Raises ValueError: a wrap mode or alpha mode is unknown, or the cutoff is negative or not a
+    number.
     """
 
+    # Wrap modes beyond the texture's edges: wrap, mirror or clamp.
     along_u: Edge = Edge.WRAP
     along_v: Edge = Edge.WRAP
-    alpha: AlphaMode = AlphaMode.OPAQUE
-    cutoff: float = 0.5
+    alpha: AlphaMode = AlphaMode.OPAQUE  # alpha mode; a texture without a fourth channel is opaque
+    cutoff: float = 0.5  # least visible alpha of a mask
 
     def __post_init__(self) -> None:
         for name in ("along_u", "along_v"):
@@ -100,38 +90,22 @@ def _visibility(texture: Floats, cover: Cover) -> Floats:
 class Mesh:
     """Triangles with textures or vertex colors.
 
-    Parameters
-    ----------
-    position
-        (V, 3) scene units.
-    triangle
-        (T, 3) indices of vertices, counterclockwise seen from outside.
-    uv
-        (V, 2) texture coordinates: u to the right, v upward, 0..1 across the texture, which repeats
-        beyond, up to ±1e6.
-    textures
-        Pictures (H, W, 3) or (H, W, 4), linear light, straight alpha.
-    texture
-        (T,) index of each triangle's texture, −1 for vertex colors. Default: the first texture, or
-        vertex colors if there are no textures.
-    color
-        (V, 3) linear light.
-    covers
-        Wrap and alpha modes of each texture. Default: textures repeat and are opaque.
-
-    Raises
-    ------
-    ValueError
-        Shapes do not fit, a number is not finite or too large, a triangle names a missing vertex or
-        texture, or no color is defined for the triangles.
+    Raises ValueError: shapes do not fit, a number is not finite or too large, a triangle names a
+    missing vertex or texture, or no color is defined for the triangles.
     """
 
-    position: Doubles
-    triangle: Ints
+    position: Doubles  # (V, 3) scene units
+    triangle: Ints  # (T, 3) indices of vertices, counterclockwise seen from outside
+    # (V, 2) texture coordinates: u to the right, v upward, 0..1 across the texture, which repeats
+    # beyond, up to ±1e6.
     uv: Doubles = _LEFT_OUT
+    # Pictures (H, W, 3) or (H, W, 4), linear light, straight alpha.
     textures: tuple[Floats, ...] = ()
+    # (T,) index of each triangle's texture, −1 for vertex colors. Default: the first texture, or
+    # vertex colors if there are no textures.
     texture: Ints = _LEFT_OUT
-    color: Floats = _LEFT_OUT
+    color: Floats = _LEFT_OUT  # (V, 3) linear light
+    # Wrap and alpha modes of each texture. Default: textures repeat and are opaque.
     covers: tuple[Cover, ...] = ()
 
     def __post_init__(self) -> None:

@@ -19,10 +19,7 @@ class Materials:
     Light passes through all materials of a value: their transparencies multiply. Color is their
     mean in linear light, weighted by their opacities. Their order does not matter.
 
-    Raises
-    ------
-    ValueError
-        There is none, or opacities refer to different lengths.
+    Raises ValueError: there is none, or opacities refer to different lengths.
     """
 
     parts: tuple[Transfer, ...]

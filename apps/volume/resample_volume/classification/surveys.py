@@ -294,13 +294,8 @@ def _without_padding(
         if not found:
             break
         padding.append(float(levels.value[found[0]]))
-        levels = _without(levels, found[0])
+        levels = levels.between(1, -1) if found[0] == 0 else levels.between(0, -2)
     return levels, tuple(padding)
-
-
-def _without(levels: Histogram, end: int) -> Histogram:
-    """Return the levels without the first or the last."""
-    return levels.between(1, -1) if end == 0 else levels.between(0, -2)
 
 
 def _is_padding(levels: Histogram, end: int, most: int) -> bool:

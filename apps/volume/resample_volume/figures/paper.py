@@ -48,10 +48,7 @@ class FigureVolume(NamedTuple):
 class VolumeFolder:
     """Where volumes are searched: a folder, and the downloads of `files.public.fetch`.
 
-    Raises
-    ------
-    NotADirectoryError
-        There is no such folder.
+    Raises NotADirectoryError: there is no such folder.
     """
 
     folder: Path | None = None  # holds NAME.nhdr, or another of `SUFFIXES`

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.cameras.viewpoints import Sphere
-from resample.types import Doubles, Floats
+from resample.types import Doubles, Floats, Indices
 from resample_volume.data.bricks import Bricks
 from resample_volume.data.values import bricks_of, with_bricks
 from resample_volume.outofcore.outline import FINE, OutlineQuery, VisibleOutline
 from resample_volume.outofcore.passes import PassContext, passed
 from resample_volume.types import Volume
-from resample_volume.voxels.fields import Indices, Lattice, ends_of, lattice_for
+from resample_volume.voxels.fields import Lattice, ends_of, lattice_for
 from resample_volume.voxels.framing import (
     BINS,
     SOME,

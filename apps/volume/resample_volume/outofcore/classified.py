@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 
+from resample.types import Indices
 from resample_volume.classification.transfer import DataRange, Transfer, extinction
 from resample_volume.data.bricks import Box
 from resample_volume.data.recordings import linear_colors
@@ -18,7 +19,6 @@ from resample_volume.voxels.streaming import (
     visible_bricks,
 )
 from resample_volume.voxels.visible import (
-    Indices,
     Voxels,
     classify_values,
     extinctions_of,

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from resample.files.writing import save_array
 from resample.memory import amount
-from resample.types import Doubles, Flags, Floats
+from resample.types import Doubles, Flags, Floats, Indices
 from resample_volume.data.bricks import Bricks, Step
 from resample_volume.data.values import bricks_of, with_bricks
 from resample_volume.outofcore.outline import OutlineQuery, VisibleOutline
 from resample_volume.outofcore.passes import PassContext, passed
-from resample_volume.voxels.fields import Indices, lattice_for
+from resample_volume.voxels.fields import lattice_for
 from resample_volume.voxels.shading import Light
 from resample_volume.voxels.transmittance import (
     BYTES_PER_CELL,

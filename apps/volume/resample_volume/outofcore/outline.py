@@ -7,13 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.types import Doubles
+from resample.types import Doubles, Indices
 from resample_volume.data.bricks import Bricks
 from resample_volume.data.values import bricks_of, with_bricks
 from resample_volume.outofcore.passes import PassContext, passed
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import Steeps, merged_steeps, steeps_of
-from resample_volume.voxels.fields import Indices, Lattice, lattice_for
+from resample_volume.voxels.fields import Lattice, lattice_for
 from resample_volume.voxels.framing import bounds
 
 FINE = 8  # voxels per side of the bricks that give the order of voxels in memory

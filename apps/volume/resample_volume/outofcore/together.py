@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.memory.mapped import array_in_file
-from resample.types import Doubles
+from resample.types import Doubles, Indices
 from resample_volume.data.bricks import Box, BrickRequest, Bricks, Step
 from resample_volume.data.statistics.caches import LruCache
 from resample_volume.data.values import bricks_of, with_bricks
@@ -23,7 +23,7 @@ from resample_volume.voxels.streaming import (
     map_bricks,
     visible_bricks,
 )
-from resample_volume.voxels.visible import Indices, Voxels, to_scene_of
+from resample_volume.voxels.visible import Voxels, to_scene_of
 
 R = TypeVar("R")
 

@@ -28,7 +28,7 @@ from resample.painting.scenes.plans import (
     Window,
 )
 from resample.resampler import Resampler
-from resample.types import Doubles, Film, Samples
+from resample.types import Doubles, Film, Indices, Samples
 from resample.watching import Executor, Progress, report, shared_out, told
 from resample_volume.data.bricks import Bricks, bricks_in_memory, with_neighbours
 from resample_volume.data.parts import threads_at_work
@@ -39,15 +39,7 @@ from resample_volume.outofcore.outline import Classified, VisibleBlocks
 from resample_volume.outofcore.passes import PassContext, between, passed
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import Steeps, merged_steeps, steeps_of
-from resample_volume.voxels.fields import (
-    Blocks,
-    Indices,
-    Lattice,
-    bounds_of,
-    ends_of,
-    lattice_for,
-    widened,
-)
+from resample_volume.voxels.fields import Blocks, Lattice, bounds_of, ends_of, lattice_for, widened
 from resample_volume.voxels.streaming import BYTES_PER_VOXEL, REMEDY
 from resample_volume.voxels.visible import BYTES_PER_CANDIDATE, lattice_of
 

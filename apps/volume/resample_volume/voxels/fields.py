@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from resample.painting.choices import SUMS, Projection
 from resample.painting.scenes.plans import Window
 from resample.resampler import Resampler
-from resample.types import Classifier, Doubles, Field, Floats, View
+from resample.types import Classifier, Doubles, Field, Floats, Indices, View
 from resample_volume.classification.surveys import survey
 from resample_volume.classification.transfer import Transfer, TransferTable, tabulated
 from resample_volume.data.bricks import BrickRequest, Step
@@ -38,7 +38,6 @@ CLASSIFYING = (Projection.COMPOSITE, Projection.MAXIMUM, Projection.FIRST_HIT)
 
 UNLIT = Light(ambient=1.0, diffuse=0.0, specular=0.0)
 
-Indices = NDArray[np.int64]
 SIDE = 8  # voxels, at least
 MOST = 1 << 18  # blocks at most; otherwise their side is doubled
 

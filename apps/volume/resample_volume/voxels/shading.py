@@ -77,10 +77,7 @@ class Light:
 class DepthCue:
     """Fading of light with depth, which makes near parts stand out.
 
-    Raises
-    ------
-    ValueError
-        The fraction is not between 0 and 1.
+    Raises ValueError: the fraction is not between 0 and 1.
     """
 
     share: float = 0.5  # fraction of light lost at the far end of what is visible, 0..1

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample import memory
-from resample.types import Doubles, Floats
+from resample.types import Doubles, Floats, Indices
 from resample.watching import report
 from resample_volume.classification.transfer import DataRange, Transfer, visible_places
 from resample_volume.data.bricks import Box, Bricks, Step, bricks_in_memory, with_neighbours
@@ -26,7 +26,6 @@ class TooManyVoxelsError(ValueError):
     """The visible voxels of a volume do not fit in memory together."""
 
 
-Indices = NDArray[np.int64]
 R = TypeVar("R")
 
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.types import Doubles, Floats
+from resample.types import Doubles, Floats, Indices
 from resample_volume.classification.regions import Faded
 from resample_volume.classification.transfer import (
     DataRange,
@@ -39,7 +39,6 @@ BYTES_PER_VOXEL = 200  # bytes of a kept voxel, from here to the picture
 
 ALL_REACHED = np.empty((0, 2), np.float32)  # no shadows
 
-Indices = NDArray[np.int64]
 NO_SLOPE = np.empty((0, 3), np.float32)
 
 

@@ -47,22 +47,13 @@ class WarpCase(NamedTuple):
 
 @dataclass(frozen=True)
 class DepthComparison:
-    """Pictures of views by several methods, and their errors.
+    """Pictures of views by several methods, and their errors."""
 
-    Parameters
-    ----------
-    rows
-        One row for each view and method: `view`, `method`, the measures of `scoring.score` and
-        `ms`.
-    pictures
-        Pictures as a screen shows them, by view and method; the truth comes first.
-    details
-        The part of each view to enlarge.
-    """
-
+    # One row for each view and method: `view`, `method`, the measures of `scoring.score` and `ms`.
     rows: list[Row]
+    # Pictures as a screen shows them, by view and method; the truth comes first.
     pictures: dict[str, dict[str, Screen]]
-    details: dict[str, tuple[slice, slice]]
+    details: dict[str, tuple[slice, slice]]  # the part of each view to enlarge
 
 
 def compare_scene(

@@ -95,15 +95,12 @@ def iv_psnr(a: Screen, b: Screen, mask: Mask | None = None) -> float:
         mask = np.ones(a.shape[:2], np.bool_)
     if np.array_equal(a[mask], b[mask]):
         return math.inf
-    first, second = (_components(picture) for picture in (a, b))
+    first, second = (
+        np.asarray(np.asarray(picture, np.float32) @ TO_YCBCR.T, np.float32) for picture in (a, b)
+    )
     difference = np.mean(second[mask] - first[mask], axis=0)
     offset: Floats = np.clip(difference, -UNNOTICEABLE, UNNOTICEABLE)
     return min(_one_way(first + offset, second, mask), _one_way(second - offset, first, mask))
-
-
-def _components(picture: Screen) -> Floats:
-    """Return luma and both chromas, (H, W, 3)."""
-    return np.asarray(np.asarray(picture, np.float32) @ TO_YCBCR.T, np.float32)
 
 
 def _one_way(image: Floats, other: Floats, mask: Mask) -> float:

@@ -133,7 +133,9 @@ def merge(
     order = order_of_bits([(v.image, v.coverage, v.depth, v.confidence) for v in views])
     ordered = [views[n] for n in order]
     factors = [shares[n] for n in order] if shares else []
-    nearness = np.stack([_nearness(view) for view in ordered])
+    nearness = np.stack(
+        [np.where(view.coverage > 0, 1.0 / view.depth, 0).astype(np.float32) for view in ordered]
+    )
     front, is_front = _surface(ordered, nearness, factors, blend)
     behind, _ = _surface(ordered, np.where(is_front, 0, nearness), factors, blend)
     rest = np.float32(1) - front.coverage
@@ -182,10 +184,6 @@ def _surface(
     return MergedSurface(
         image * share[..., None], coverage * share, near * share, magnification * share, confidence
     ), is_front
-
-
-def _nearness(view: Warped) -> Floats:
-    return np.where(view.coverage > 0, 1.0 / view.depth, 0).astype(np.float32)
 
 
 def order_of_bits(things: Sequence[Sequence[NDArray[Any]]]) -> list[int]:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample.cameras.models import Camera
 from resample.cameras.panoramic import rays_at, turn
-from resample.types import Doubles, Floats
+from resample.types import Doubles, Floats, Indices
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.types import DepthImage
 from resample_warp3d.views.together import Agreed, Joining, PosedSource, agreed
@@ -25,9 +25,6 @@ SIDES = 4
 SHARED = 4  # px that adjacent blocks overlap, on each side of their seam
 SMALLEST = 16  # px of height
 SEAMLESS = Joining("feathered", "none", "none", "none")  # feather faces at their borders
-
-
-Indices = NDArray[np.int64]
 
 
 def panorama(

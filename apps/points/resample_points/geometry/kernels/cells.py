@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from resample.engine.jit import Counter, inner_kernel, kernel, parallel_kernel, tasks
 from resample.engine.vectors import Matrix, Vector, cross, dot
-from resample.types import Doubles, Floats
+from resample.types import Doubles, Floats, Indices
 from resample_points.geometry.kernels.flattest import flattest
 from resample_points.geometry.kernels.lines import (
     AWAY,
@@ -27,7 +27,6 @@ from resample_points.geometry.kernels.lines import (
     put_around,
 )
 
-Indices = NDArray[np.int64]
 Nearest = NDArray[np.int32]
 
 CHUNK = 1024  # points that a thread takes at a time

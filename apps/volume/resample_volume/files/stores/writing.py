@@ -1,7 +1,7 @@
 """Write volumes as OME-Zarr 0.5, brick by brick."""
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import product
@@ -73,10 +73,8 @@ def halved(values: NDArray[Any], per: Step) -> NDArray[Any]:
 class Layered:
     """Chunk layout and compression.
 
-    Raises
-    ------
-    ValueError
-        A side is below 8 voxels, a shard is not of whole chunks, or the compression is unknown.
+    Raises ValueError: a side is below 8 voxels, a shard is not of whole chunks, or the compression
+    is unknown.
     """
 
     chunk: int = 64  # voxels along each side
@@ -204,7 +202,7 @@ def _fill(levels: "list[zarr.Array[Any]]", recording: Recording, form: Layered) 
     total, done = times * parts * sum(map(len, boxes)), 0
     for time, part in product(range(times), range(parts)):
         at = tuple(n for n, letter in ((time, "t"), (part, "c")) if letter in letters)
-        given = _box_reader(recording, time, part)
+        given = values_of(recording.values[time, part]).read
         for n, level in enumerate(levels):
             for box in boxes[n]:
                 if n == 0:
@@ -215,11 +213,6 @@ def _fill(levels: "list[zarr.Array[Any]]", recording: Recording, form: Layered) 
                 level[(*at, *box)] = values
                 done += 1
                 yield done / total
-
-
-def _box_reader(recording: Recording, time: int, part: int) -> Callable[[Box], NDArray[Any]]:
-    """Return a reader of boxes."""
-    return values_of(recording.values[time, part]).read
 
 
 def _boxes(shape: Step, step: int) -> list[Box]:

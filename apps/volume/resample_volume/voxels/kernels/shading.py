@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
-from resample.types import Floats, Lamp
+from resample.types import Floats, Indices, Lamp
 
 CHUNK = 4096  # voxels that a thread takes at a time
 
@@ -23,7 +23,6 @@ ONE, TWO, THREE = np.uint64(1), np.uint64(2), np.uint64(3)  # unsigned indices
 SERIES = tuple(math.log(2) ** n / math.factorial(n) for n in range(8))  # of 2 ** x
 NOTHING = -1  # in place of an index, where nothing is known
 
-Indices = NDArray[np.int64]
 Places = NDArray[np.int32]
 
 

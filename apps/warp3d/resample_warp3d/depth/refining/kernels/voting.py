@@ -55,7 +55,7 @@ class Votes(NamedTuple):
 
 
 @kernel
-def _weighted_median(value: Doubles, weight: Doubles, count: int) -> float:
+def weighted_median(value: Doubles, weight: Doubles, count: int) -> float:
     """Smallest value at which half of the weight is reached; reorders both arrays."""
     # Quickselect by weight: narrow [first, last] down to the median.
     half = 0.5 * weight[:count].sum()
@@ -86,12 +86,6 @@ def _weighted_median(value: Doubles, weight: Doubles, count: int) -> float:
         if last < first:
             return float(pivot)
     return float(value[first])
-
-
-@kernel
-def weighted_median(value: Doubles, weight: Doubles) -> float:
-    """Smallest value at which half of the weight is reached; leaves the arrays alone."""
-    return _weighted_median(value.copy(), weight.copy(), value.size)
 
 
 @kernel
@@ -155,7 +149,7 @@ def _median_of(votes: Votes, weight: Doubles, count: int, middle: float, reach: 
         if abs(votes.value[n] - middle) <= reach:
             votes.sorted_value[chosen], votes.sorted_weight[chosen] = votes.value[n], weight[n]
             chosen += 1
-    return _weighted_median(votes.sorted_value, votes.sorted_weight, chosen)
+    return weighted_median(votes.sorted_value, votes.sorted_weight, chosen)
 
 
 @kernel
