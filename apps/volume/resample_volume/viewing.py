@@ -21,7 +21,7 @@ from resample.view.exports import KEYFRAMES, ORBITING, keyframes_as_toml
 from resample.view.files import LITTLE, file_of, path_file
 from resample.view.views import PagePicture, Settings, Size, chosen, settings_of
 from resample.watching import Cancel, Progress
-from resample_volume.classification.names import PRESETS, TISSUES
+from resample_volume.classification import PRESETS, TISSUES
 from resample_volume.classification.scales import scale_named, value_at
 from resample_volume.classification.surveys import survey
 from resample_volume.command.animation import FrameOptions, cameras_of, drawing, flight_of, shots

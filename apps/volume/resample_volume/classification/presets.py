@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from resample_volume.classification import TISSUES
 from resample_volume.classification.automatic import automatic, ramp, tomographic
 from resample_volume.classification.materials import Materials, spread
-from resample_volume.classification.names import TISSUES
 from resample_volume.classification.regions import Faded, Region, RegionTransfer
 from resample_volume.classification.scales import on_scale
 from resample_volume.classification.surveys import Survey, survey, tissue

@@ -19,7 +19,7 @@ from resample.command.settings import (
     Shown,
 )
 from resample.console import Color
-from resample_volume.classification.names import PRESETS, TISSUES
+from resample_volume.classification import PRESETS, TISSUES
 
 if TYPE_CHECKING:
     from pathlib import Path

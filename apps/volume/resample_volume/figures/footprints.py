@@ -289,7 +289,7 @@ def _draw_side(axes: "Axes") -> None:
 
     sphere = KernelBall(TILT, CONE, 0.0)
     center, radius = sphere.center[[0, 2]], sphere.radius
-    center, half_axes = ellipse_of(record_of(sphere, Footprint.CORRECTED))
+    midpoint, half_axes = ellipse_of(record_of(sphere, Footprint.CORRECTED))
     plane = 3.5
     axes.add_patch(Circle((center[0], center[1]), radius, fill=False, color="black"))
     axes.annotate("", (0, 8.5), (0, 0), arrowprops={"arrowstyle": "->"})
@@ -306,9 +306,9 @@ def _draw_side(axes: "Axes") -> None:
         axes.text(foot + (-0.5 if sign < 0 else 0.1), plane + 0.15, f"{letter}'", color="tab:blue")
     axes.plot([-1, 9], [plane, plane], color="black", linewidth=1)
     axes.text(6.6, plane + 0.15, "image plane", fontsize=8)
-    ends = plane * (center[0] + np.array([-1, 1]) * np.abs(half_axes[0]).max())
+    ends = plane * (midpoint[0] + np.array([-1, 1]) * np.abs(half_axes[0]).max())
     axes.plot(ends, [plane, plane], color="tab:blue", linewidth=4, alpha=0.5)
-    axes.plot(plane * center[0], plane, "o", color="tab:blue", label="midpoint of A'B'")
+    axes.plot(plane * midpoint[0], plane, "o", color="tab:blue", label="midpoint of A'B'")
     axes.plot(plane * center[0] / center[1], plane, "x", color="tab:red", label="C', projected")
     axes.plot(0, 0, "o", color="black")
     axes.set_title("Figure 3. Side view: the cone that touches the sphere", fontsize=10)

@@ -154,15 +154,12 @@ def bridged(rendered: Rendered) -> Rendered:
     """
     from resample_warp3d.sheet.kernels.bridging import GROWN, bridge_rows, reach_of_rows
 
-    closed = np.zeros(rendered.coverage.shape, np.bool_)
+    gaps = rendered._replace(bridged=np.zeros(rendered.coverage.shape, np.bool_))
     coverage = rendered.coverage.copy()
     reach = np.zeros([length + 2 * GROWN for length in coverage.shape], np.uint8)
     reach_of_rows(rendered.coverage, rendered.magnification, reach)
-    bridge_rows(
-        rendered.image, rendered.coverage, rendered.nearness, rendered.magnification, reach,
-        coverage, closed,
-    )  # fmt: skip
-    return rendered._replace(coverage=coverage, bridged=closed)
+    bridge_rows(gaps, reach, coverage)
+    return gaps._replace(coverage=coverage)
 
 
 def explained(rendered: Rendered, source: Source, equation: Equation) -> NDArray[np.uint8]:
@@ -173,10 +170,9 @@ def explained(rendered: Rendered, source: Source, equation: Equation) -> NDArray
     """
     from resample_warp3d.sheet.kernels.bridging import explain_holes
 
-    back = inverse(equation)
     holes = np.empty(rendered.coverage.shape, np.uint8)
     explain_holes(
-        rendered.coverage, rendered.nearness, back.matrix, back.epipole, source.place,
+        rendered.coverage, rendered.nearness, inverse(equation), source.place,
         source.nearness > 0, farthest_of_rows(rendered), holes,
     )  # fmt: skip
     holes[rendered.bridged] = Hole.CRACK
@@ -192,10 +188,7 @@ def trusted(rendered: Rendered, source: Source, equation: Equation) -> Floats:
 
     found = np.ones(rendered.nearness.shape, np.float32)
     if source.trust.size:
-        back = inverse(equation)
-        sample_map(
-            rendered.nearness, back.matrix, back.epipole, source.place, source.trust, found
-        )  # fmt: skip
+        sample_map(rendered.nearness, inverse(equation), source.place, source.trust, found)
     return found
 
 

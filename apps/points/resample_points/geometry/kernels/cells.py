@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from resample.engine.jit import Counter, inner_kernel, kernel, parallel_kernel, tasks
 from resample.engine.vectors import Matrix, Vector, cross, dot
 from resample.types import Doubles, Floats, Indices
-from resample_points.geometry.kernels.flattest import flattest
 from resample_points.geometry.kernels.lines import (
     AWAY,
     BEGIN,
@@ -22,6 +21,7 @@ from resample_points.geometry.kernels.lines import (
     X,
     Y,
     cuts,
+    flattest,
     meet,
     put,
     put_around,

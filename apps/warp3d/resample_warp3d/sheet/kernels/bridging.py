@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Doubles, Floats
-from resample_warp3d.types import Hole
+from resample_warp3d.types import Equation, Hole, Rendered
 
 NARROW = 2  # px from a gap's pixel to its farther side, at most
 GROWN = 5  # px that a surface grows beyond its outline, at most
@@ -66,10 +66,10 @@ def _extent(reach: Kinds, row: int, column: int) -> tuple[int, int]:
 
 @kernel
 def _bridge_pixel(
-    image: Floats, coverage: Floats, nearness: Floats, magnification: Floats, reach: Kinds,
-    row: int, column: int, new_coverage: Floats, bridged: Flags,
-) -> None:  # fmt: skip
+    picture: Rendered, reach: Kinds, row: int, column: int, new_coverage: Floats
+) -> None:
     """Fill one pixel of a gap or beside an outline; see `bridge_rows`."""
+    image, coverage, nearness = picture.image, picture.coverage, picture.nearness
     # Find both sides of a gap, or else a surface that may extend here.
     r, k, s, m = _sides(coverage, row, column)
     if r < 0:
@@ -91,8 +91,8 @@ def _bridge_pixel(
     # Take depth and magnification too where most of the pixel is filled.
     if coverage[row, column] < 0.5:
         nearness[row, column] = np.float32(0.5) * (nearness[r, k] + nearness[s, m])
-        magnification[row, column] = magnification[r, k]
-        bridged[row, column] = True
+        picture.magnification[row, column] = picture.magnification[r, k]
+        picture.bridged[row, column] = True
 
 
 @kernel
@@ -146,11 +146,9 @@ def _find_reached(reach: Kinds, row: int, reached: Kinds) -> None:
 
 
 @kernel
-def _bridge_row(
-    image: Floats, coverage: Floats, nearness: Floats, magnification: Floats, reach: Kinds,
-    row: int, new_coverage: Floats, bridged: Flags,
-) -> None:  # fmt: skip
+def _bridge_row(picture: Rendered, reach: Kinds, row: int, new_coverage: Floats) -> None:
     """Fill the gaps of a row; see `bridge_rows`."""
+    coverage = picture.coverage
     width = coverage.shape[1]
     # Leave full rows alone: most are.
     missing = 0
@@ -163,28 +161,19 @@ def _bridge_row(
     _find_reached(reach, row, reached)
     for column in range(width):
         if reached[column] and coverage[row, column] < FULL:
-            _bridge_pixel(
-                image, coverage, nearness, magnification, reach, row, column, new_coverage, bridged,
-            )  # fmt: skip
+            _bridge_pixel(picture, reach, row, column, new_coverage)
 
 
 @parallel_kernel
-def bridge_rows(
-    counter: Counter, image: Floats, coverage: Floats, nearness: Floats, magnification: Floats,
-    reach: Kinds, new_coverage: Floats, bridged: Flags,
-) -> None:  # fmt: skip
+def bridge_rows(counter: Counter, picture: Rendered, reach: Kinds, new_coverage: Floats) -> None:
     """Close narrow gaps, and grow magnified surfaces up to their uncertainty.
 
-    `image`, `coverage`, `nearness`, `magnification`: (H, W[, C]) of a picture. All but the coverage
-    are changed, where it is below `FULL`. `reach`: as `reach_of_rows` writes it. `new_coverage`:
-    copy of the coverage, to be changed. `bridged`: (H, W) all False; set where most of a pixel's
-    color is filled in.
+    `picture`: all but its coverage is changed, where that is below `FULL`; `bridged`, all False, is
+    set where most of a pixel's color is filled in. `reach`: as `reach_of_rows` writes it.
+    `new_coverage`: copy of the coverage, to be changed.
     """
-    for row in tasks(counter, coverage.shape[0]):
-        _bridge_row(
-            image, coverage, nearness, magnification, reach, row, new_coverage,
-            bridged,
-        )  # fmt: skip
+    for row in tasks(counter, picture.coverage.shape[0]):
+        _bridge_row(picture, reach, row, new_coverage)
 
 
 @kernel
@@ -204,10 +193,9 @@ def on_lattice(place: Doubles, x: float, y: float) -> tuple[float, float]:
 
 
 @kernel
-def back_projected(
-    back: Doubles, origin: Doubles, x: float, y: float, near: float
-) -> tuple[float, float]:
+def back_projected(way: Equation, x: float, y: float, near: float) -> tuple[float, float]:
     """Project a target point into the source; NaN behind the source's camera."""
+    back, origin = way.matrix, way.epipole
     scale = back[2, 0] * x + back[2, 1] * y + back[2, 2] + near * origin[2]
     u = (back[0, 0] * x + back[0, 1] * y + back[0, 2] + near * origin[0]) / scale
     v = (back[1, 0] * x + back[1, 1] * y + back[1, 2] + near * origin[1]) / scale
@@ -225,19 +213,19 @@ def _reason(known: Flags, u: float, v: float) -> int:
 
 @kernel
 def _explain_hole(
-    back: Doubles, origin: Doubles, place: Doubles, known: Flags, near: float,
+    back: Equation, place: Doubles, known: Flags, near: float,
     row: int, begin: int, end: int, holes: Kinds,
 ) -> None:  # fmt: skip
     """Classify the pixels of a row's hole, assuming the nearness `near` in all of it."""
     # Without distortion, the loop stays free of branches.
     if place.size == 0:
         for column in range(begin, end):
-            u, v = back_projected(back, origin, column + 0.5, row + 0.5, near)
+            u, v = back_projected(back, column + 0.5, row + 0.5, near)
             holes[row, column] = _reason(known, u, v)
         return
     # With distortion, find the place on the lattice first.
     for column in range(begin, end):
-        u, v = back_projected(back, origin, column + 0.5, row + 0.5, near)
+        u, v = back_projected(back, column + 0.5, row + 0.5, near)
         if abs(u) < 1e6 and abs(v) < 1e6:
             u, v = on_lattice(place, u, v)
         holes[row, column] = _reason(known, u, v)
@@ -245,8 +233,8 @@ def _explain_hole(
 
 @kernel
 def _explain_row(
-    coverage: Floats, nearness: Floats, back: Doubles, origin: Doubles, place: Doubles,
-    known: Flags, farthest: Floats, row: int, holes: Kinds,
+    coverage: Floats, nearness: Floats, back: Equation, place: Doubles, known: Flags,
+    farthest: Floats, row: int, holes: Kinds,
 ) -> None:  # fmt: skip
     """Classify a row's holes, each as far as the farther of its two sides."""
     width = coverage.shape[1]
@@ -267,31 +255,30 @@ def _explain_row(
         near = float(min(before, after))
         if not math.isfinite(near):
             near = float(farthest[row])
-        _explain_hole(back, origin, place, known, near, row, column, end, holes)
+        _explain_hole(back, place, known, near, row, column, end, holes)
         column = end
 
 
 @parallel_kernel
 def explain_holes(
-    counter: Counter, coverage: Floats, nearness: Floats, back: Doubles, origin: Doubles,
-    place: Doubles, known: Flags, farthest: Floats, holes: Kinds,
+    counter: Counter, coverage: Floats, nearness: Floats, back: Equation, place: Doubles,
+    known: Flags, farthest: Floats, holes: Kinds,
 ) -> None:  # fmt: skip
     """Classify empty pixels by the reason why they are empty.
 
-    `coverage`, `nearness`: (H, W) of the target. `back`, `origin`: matrix and epipole of the warp
-    back to the source. `place`: as in `DepthImage`. `known`: (h, w) whether the source has a depth
+    `coverage`, `nearness`: (H, W) of the target. `back`: equation of the warp back to the source.
+    `place`: as in `DepthImage`. `known`: (h, w) whether the source has a depth
     there. `farthest`: (H,) nearness that an empty row is assumed to have. `holes`: (H, W) filled
     with values of `Hole`; 0 where something is.
     """
     for row in tasks(counter, coverage.shape[0]):
-        _explain_row(coverage, nearness, back, origin, place, known, farthest, row, holes)
+        _explain_row(coverage, nearness, back, place, known, farthest, row, holes)
 
 
 @kernel
 def _sample_row(
-    nearness: Floats, back: Doubles, origin: Doubles, place: Doubles, trust: Floats, row: int,
-    found: Floats,
-) -> None:  # fmt: skip
+    nearness: Floats, back: Equation, place: Doubles, trust: Floats, row: int, found: Floats
+) -> None:
     """Look up a row of confidences; see `sample_map`."""
     height, width = trust.shape
     for column in range(nearness.shape[1]):
@@ -301,7 +288,7 @@ def _sample_row(
         if not near > 0.0:
             continue
         # Project the pixel back into the source; undo lens distortion.
-        u, v = back_projected(back, origin, column + 0.5, row + 0.5, near)
+        u, v = back_projected(back, column + 0.5, row + 0.5, near)
         if not (abs(u) < 1e6 and abs(v) < 1e6):
             continue
         if place.size > 0:
@@ -313,14 +300,13 @@ def _sample_row(
 
 @parallel_kernel
 def sample_map(
-    counter: Counter, nearness: Floats, back: Doubles, origin: Doubles, place: Doubles,
-    trust: Floats, found: Floats,
-) -> None:  # fmt: skip
+    counter: Counter, nearness: Floats, back: Equation, place: Doubles, trust: Floats, found: Floats
+) -> None:
     """Read a map of the source where pixels of the target project back to.
 
-    `nearness`: (H, W) of the target; 0 where nothing is. `back`, `origin`: matrix and epipole of
-    the warp back to the source. `place`: as in `DepthImage`. `trust`: (h, w) of the source.
+    `nearness`: (H, W) of the target; 0 where nothing is. `back`: equation of the warp back to the
+    source. `place`: as in `DepthImage`. `trust`: (h, w) of the source.
     `found`: (H, W) filled; 0 where nothing is.
     """
     for row in tasks(counter, nearness.shape[0]):
-        _sample_row(nearness, back, origin, place, trust, row, found)
+        _sample_row(nearness, back, place, trust, row, found)
