@@ -6,8 +6,7 @@ import pytest
 from resample.reading.limits import SETTING
 from resample_volume import as_volume
 from resample_volume.data.recordings import volume_at
-from resample_volume.files.cells.readers import Vtm, Vts, Vtu
-from resample_volume.files.cells.reading import legacy_grid
+from resample_volume.files.cells.readers import Vtm, Vts, Vtu, legacy_grid
 from resample_volume.files.parsing.sections import Sections
 from resample_volume.files.readers import Vtk
 from resample_volume.files.source import describe, open_volume

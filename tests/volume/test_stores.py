@@ -18,9 +18,8 @@ from resample.command.session import libraries
 from resample.files.chunked import open_picture
 from resample.files.images import read_image
 from resample_volume.cli import app
-from resample_volume.data.recordings import volume_at
+from resample_volume.data.recordings import alone, volume_at
 from resample_volume.data.values import as_array
-from resample_volume.files.readers import alone
 from resample_volume.files.source import (
     describe,
     find_reader,

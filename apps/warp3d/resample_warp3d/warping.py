@@ -317,7 +317,7 @@ def confidence_of(rendered: Rendered) -> Floats:
 
     The coverage, divided by the number of pixels that share one sample, and halved where a gap was
     filled. A surface that the source saw at a grazing angle counts as magnified, too. The trust of
-    refined depth, from `holes.trusted`, is a further factor.
+    refined depth, from `filling.trusted`, is a further factor.
     """
     shared = np.maximum(rendered.magnification, np.float32(1))
     trust = np.where(rendered.bridged, np.float32(0.5), np.float32(1))

@@ -23,7 +23,7 @@ AXES = ("z", "y", "x")
 
 
 def of_simple_itk(image: Any, part: Any, name: str) -> Volume:
-    """Convert an image of SimpleITK's with its geometry; parameters as of `datasets.of_dataset`."""
+    """Convert an image of SimpleITK's with its geometry; parameters as of `of_dataset`."""
     import SimpleITK
 
     check_whole(part, "an image of SimpleITK's")

@@ -34,7 +34,7 @@ class Shot:
     """One picture."""
 
     letter: str
-    subject: str  # one of `data.TITLES`
+    subject: str  # one of `paper.TITLES`
     caption: str
     orbit: Orbit
     resampler: Resampler = HYBRID

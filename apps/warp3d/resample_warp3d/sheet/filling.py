@@ -154,12 +154,15 @@ def bridged(rendered: Rendered) -> Rendered:
     """
     from resample_warp3d.sheet.kernels.bridging import GROWN, bridge_rows, reach_of_rows
 
-    gaps = rendered._replace(bridged=np.zeros(rendered.coverage.shape, np.bool_))
+    closed = np.zeros(rendered.coverage.shape, np.bool_)
     coverage = rendered.coverage.copy()
     reach = np.zeros([length + 2 * GROWN for length in coverage.shape], np.uint8)
     reach_of_rows(rendered.coverage, rendered.magnification, reach)
-    bridge_rows(gaps, reach, coverage)
-    return gaps._replace(coverage=coverage)
+    bridge_rows(
+        rendered.image, rendered.coverage, rendered.nearness, rendered.magnification, reach,
+        coverage, closed,
+    )  # fmt: skip
+    return rendered._replace(coverage=coverage, bridged=closed)
 
 
 def explained(rendered: Rendered, source: Source, equation: Equation) -> NDArray[np.uint8]:

@@ -14,7 +14,7 @@ from resample.types import Doubles
 from resample_volume.data.memory import require_memory
 from resample_volume.data.recordings import alone
 from resample_volume.data.rectilinear import rectilinear
-from resample_volume.files.cells.reading import GRIDS, legacy_grid
+from resample_volume.files.cells.readers import GRIDS, legacy_grid
 from resample_volume.files.cells.resampling import resampled
 from resample_volume.files.parsing.headers import (
     Check,

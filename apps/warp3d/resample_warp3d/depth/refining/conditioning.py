@@ -54,7 +54,7 @@ class Recipe(NamedTuple):
     share: float
     least: float
     around: int  # samples beside an edge that may belong to another surface
-    length: int  # as in `slopes.Bends`
+    length: int  # as in `ramps.Bends`
     steepest: float
     bent: float
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Doubles, Floats
-from resample_warp3d.types import Equation, Hole, Rendered
+from resample_warp3d.types import Equation, Hole
 
 NARROW = 2  # px from a gap's pixel to its farther side, at most
 GROWN = 5  # px that a surface grows beyond its outline, at most
@@ -66,10 +66,10 @@ def _extent(reach: Kinds, row: int, column: int) -> tuple[int, int]:
 
 @kernel
 def _bridge_pixel(
-    picture: Rendered, reach: Kinds, row: int, column: int, new_coverage: Floats
-) -> None:
+    image: Floats, coverage: Floats, nearness: Floats, magnification: Floats, reach: Kinds,
+    row: int, column: int, new_coverage: Floats, bridged: Flags,
+) -> None:  # fmt: skip
     """Fill one pixel of a gap or beside an outline; see `bridge_rows`."""
-    image, coverage, nearness = picture.image, picture.coverage, picture.nearness
     # Find both sides of a gap, or else a surface that may extend here.
     r, k, s, m = _sides(coverage, row, column)
     if r < 0:
@@ -91,8 +91,8 @@ def _bridge_pixel(
     # Take depth and magnification too where most of the pixel is filled.
     if coverage[row, column] < 0.5:
         nearness[row, column] = np.float32(0.5) * (nearness[r, k] + nearness[s, m])
-        picture.magnification[row, column] = picture.magnification[r, k]
-        picture.bridged[row, column] = True
+        magnification[row, column] = magnification[r, k]
+        bridged[row, column] = True
 
 
 @kernel
@@ -146,9 +146,11 @@ def _find_reached(reach: Kinds, row: int, reached: Kinds) -> None:
 
 
 @kernel
-def _bridge_row(picture: Rendered, reach: Kinds, row: int, new_coverage: Floats) -> None:
+def _bridge_row(
+    image: Floats, coverage: Floats, nearness: Floats, magnification: Floats, reach: Kinds,
+    row: int, new_coverage: Floats, bridged: Flags,
+) -> None:  # fmt: skip
     """Fill the gaps of a row; see `bridge_rows`."""
-    coverage = picture.coverage
     width = coverage.shape[1]
     # Leave full rows alone: most are.
     missing = 0
@@ -161,19 +163,28 @@ def _bridge_row(picture: Rendered, reach: Kinds, row: int, new_coverage: Floats)
     _find_reached(reach, row, reached)
     for column in range(width):
         if reached[column] and coverage[row, column] < FULL:
-            _bridge_pixel(picture, reach, row, column, new_coverage)
+            _bridge_pixel(
+                image, coverage, nearness, magnification, reach, row, column, new_coverage, bridged,
+            )  # fmt: skip
 
 
 @parallel_kernel
-def bridge_rows(counter: Counter, picture: Rendered, reach: Kinds, new_coverage: Floats) -> None:
+def bridge_rows(
+    counter: Counter, image: Floats, coverage: Floats, nearness: Floats, magnification: Floats,
+    reach: Kinds, new_coverage: Floats, bridged: Flags,
+) -> None:  # fmt: skip
     """Close narrow gaps, and grow magnified surfaces up to their uncertainty.
 
-    `picture`: all but its coverage is changed, where that is below `FULL`; `bridged`, all False, is
-    set where most of a pixel's color is filled in. `reach`: as `reach_of_rows` writes it.
-    `new_coverage`: copy of the coverage, to be changed.
+    `image`, `coverage`, `nearness`, `magnification`: (H, W[, C]) of a picture. All but the coverage
+    are changed, where it is below `FULL`. `reach`: as `reach_of_rows` writes it. `new_coverage`:
+    copy of the coverage, to be changed. `bridged`: (H, W) all False; set where most of a pixel's
+    color is filled in.
     """
-    for row in tasks(counter, picture.coverage.shape[0]):
-        _bridge_row(picture, reach, row, new_coverage)
+    for row in tasks(counter, coverage.shape[0]):
+        _bridge_row(
+            image, coverage, nearness, magnification, reach, row, new_coverage,
+            bridged,
+        )  # fmt: skip
 
 
 @kernel
