@@ -22,7 +22,7 @@ import numpy as np
 from benchmarks.sparse import Bubbles
 from resample.cameras.viewpoints import Orbit
 from resample.memory import GIB, bytes_of
-from resample_volume.files.stores.states import RECENT
+from resample_volume.files.stores.statistics_cache import RECENT
 
 if TYPE_CHECKING:
     from resample.outofcore.windows import Budget

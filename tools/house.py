@@ -83,14 +83,15 @@ def described_arguments(known: list[Module]) -> Iterator[str]:
         for node in ast.walk(module.tree):
             if not isinstance(node, ast.FunctionDef):
                 continue
-            section = PARAMETERS.search(ast.get_docstring(node) or "")
-            if section is None:
-                continue
+            told = ast.get_docstring(node) or ""
+            section = PARAMETERS.search(told)
+            described = re.findall(r"^(?! )[^:\n]+", section[1], re.MULTILINE) if section else []
+            described += re.findall(r"(?:\A|\n\n)`(\w+)`: ", told)  # the short form
             given = node.args
             known_here = {a.arg for a in given.posonlyargs + given.args + given.kwonlyargs}
             for many in filter(None, (given.vararg, given.kwarg)):
                 known_here |= {many.arg, f"*{many.arg}", f"**{many.arg}"}
-            for name in re.findall(r"^(?! )[^:\n]+", section[1], re.MULTILINE):
+            for name in described:
                 for one in set(name.strip().split(", ")) - known_here:
                     yield f"{module.path}:{node.name}: describes {one}, which it does not take"
 

@@ -7,7 +7,7 @@ from cyclopts import App, Parameter
 
 from resample import registry
 from resample.command.flags import Target
-from resample.console.messages import say
+from resample.console import say
 
 Words = Annotated[str, Parameter(show=False, allow_leading_hyphen=True)]
 FETCH = """Download and verify a public data set and print its folder; without a name, list all.
@@ -42,7 +42,7 @@ def fetcher(package: str, example: str) -> Callable[..., None]:
     """Command that downloads the public data sets of a package."""
 
     def fetch(name: str | None = None, /, *, folder: Target = None) -> None:
-        from resample.files.public.sets import print_sets
+        from resample.files.public import print_sets
 
         print_sets(package, name, folder)
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from resample.console.messages import progress_bar, say
+from resample.console import progress_bar, say
 from resample.files.animations import (
     MOST_FRAMES,
     Frames,

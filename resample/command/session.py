@@ -10,14 +10,7 @@ from traceback import extract_tb
 from typing import TYPE_CHECKING, NoReturn
 
 from resample.command.stopping import INTERRUPTED, StoppedError
-from resample.console.messages import (
-    Progress,
-    give_up,
-    listening,
-    open_streams,
-    progress_bar,
-    say,
-)
+from resample.console import Progress, give_up, listening, open_streams, progress_bar, say
 from resample.memory import LOG, amount, peak_memory, require
 from resample.words import one_line
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from resample.command.flags import SIZE, OptionTopic
-from resample.console.backgrounds import SPLAT_COLOR, Color, linear_color
+from resample.console import SPLAT_COLOR, Color, linear_color
 
 if TYPE_CHECKING:
     from resample.files.formats import WriteOptions

@@ -59,13 +59,13 @@ def start(module: str) -> NoReturn:
             signal.signal(number, stop)
     status: Any = 0
     try:
-        from resample.console.messages import open_streams
+        from resample.console import open_streams
 
         open_streams()
         leave_algebra_alone()
         _imported(module).main()
     except StoppedError as end:
-        from resample.console.messages import say
+        from resample.console import say
 
         say(WORDS[end.number])
         status = end.code

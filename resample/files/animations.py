@@ -29,7 +29,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.console.messages import Progress, say
+from resample.console import Progress, say
 from resample.files.films import check_codecs, film_picture, new_film, new_stream
 from resample.files.writing import (
     check_targets,
@@ -134,10 +134,7 @@ def made_by(
 
     Workers of this machine may use as much memory as this process is allowed.
 
-    Parameters
-    ----------
-    crew
-        Workers; None: frames are made in this process.
+    `crew`: workers; None: frames are made in this process.
     """
     if crew is None or read is None:
         return shots, None

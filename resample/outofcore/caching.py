@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, ParamSpec, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.files.cached import load_arrays, source_fingerprint, store_arrays
+from resample.files.writing import load_arrays, source_fingerprint, store_arrays
 from resample.fingerprints import fingerprint
 from resample.memory import mapped
 from resample.outofcore.bricks import BrickArray

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from resample.command.settings import Serving
-from resample.console.messages import say
+from resample.console import say
 from resample.view.messages import LONGEST, message_of
 from resample.view.modules import PAGE, TYPES, parts
 from resample.view.sessions import PageSession

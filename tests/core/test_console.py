@@ -7,7 +7,7 @@ import cyclopts
 import pytest
 
 from resample.command.session import Session, libraries, require_picture, run
-from resample.console.messages import listening, progress_bar, say
+from resample.console import listening, progress_bar, say
 from resample.files.writing import check_targets, rows_as_json
 from resample.memory import require_memory
 

@@ -16,7 +16,7 @@ import pytest
 
 import resample_volume
 from resample.cli import app as resample_app
-from resample.console.backgrounds import linear_color
+from resample.console import linear_color
 from resample.files.saving import screen_levels
 from resample_volume import viewing
 from resample_volume.classification.materials import spread

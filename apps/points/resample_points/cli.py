@@ -103,7 +103,7 @@ def animate(
     from resample.command.films import write_shared
     from resample.command.session import Session
     from resample.command.workers import at_work, check_sharing, share_memory
-    from resample.console.backgrounds import linear_color
+    from resample.console import linear_color
     from resample.files.animations import check_film
     from resample_points.command import rendering
     from resample_points.command.choices import start_of

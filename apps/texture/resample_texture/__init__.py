@@ -72,4 +72,13 @@ __all__ = [
 
 __getattr__ = attributes(__name__, _HOMES)
 __dir__ = listing(_HOMES)
-moved(__name__, {"showing": "figures", "rivals": "baselines"})
+moved(
+    __name__,
+    {
+        "showing": "figures",
+        "rivals": "baselines",
+        "geometry.corners": "geometry.matrices",
+        "geometry.lenses": "geometry.cameras",
+        "geometry.planes": "geometry.cameras",
+    },
+)

@@ -152,7 +152,7 @@ def rectify(
     from resample.files.writing import check_targets
     from resample_texture.command.inputs import PictureTarget
     from resample_texture.command.jobs import Job
-    from resample_texture.geometry.corners import (
+    from resample_texture.geometry.matrices import (
         from_corners,
         order_corners,
         page_corners,
@@ -278,7 +278,7 @@ def compare(
     seen = scene_of(values, scene, shape)
     comparison = judge.compare(f"{image.name}, {scene}", seen, names)
     if output is not None and output.suffix.lower() == ".html":
-        from resample_texture.figures.report import write_report
+        from resample_texture.figures.compare import write_report
 
         write_report(comparison, output, about=judge.about(seen))
     elif output is not None:
@@ -320,7 +320,7 @@ def animate(
     """
     from resample import registry
     from resample.command.films import write_shared
-    from resample.console.backgrounds import linear_color
+    from resample.console import linear_color
     from resample.files.animations import check_film
     from resample.files.pictures import read_picture
     from resample_texture.command import animation

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from resample.files.exchange.inputs import as_picture
+from resample.files.exchange import as_picture
 from resample.painting.scenes.plans import shape_of
 from resample.scene.previews import PER, enlarged
 from resample.scene.scenes import AnyScene, Quality
@@ -41,7 +41,7 @@ class PictureScene(AnyScene):
     Parameters
     ----------
     given
-        What `resample.files.exchange.inputs.as_picture` takes.
+        What `resample.files.exchange.as_picture` takes.
     linear_light, alpha
         As `warp` takes them.
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from resample_volume.rendering import render
     from resample_volume.scenes import Scene
     from resample_volume.space.annotations import Annotations, annotate
-    from resample_volume.space.measuring import measure
+    from resample_volume.space.lines import measure
     from resample_volume.surfaces.image_planes import ImagePlane
     from resample_volume.surfaces.meshes import IsoSurface, SceneMesh, read_mesh, scene_mesh
     from resample_volume.types import Volume
@@ -47,7 +47,7 @@ _HOMES = {
     "annotate": "space.annotations",
     "as_volume": "inputs",
     "load_transfer": "classification.presets",
-    "measure": "space.measuring",
+    "measure": "space.lines",
     "open_volume": "files.source",
     "read_mesh": "surfaces.meshes",
     "picture": "viewing",

@@ -19,7 +19,7 @@ from resample.command.settings import (
     method_names,
 )
 from resample.command.settings_files import with_settings
-from resample.console.backgrounds import linear_color
+from resample.console import linear_color
 from resample.lazy import installed_version
 from resample_volume.command.choices import (
     Added,
@@ -363,8 +363,8 @@ def generate(name: str, /, *, output: flags.Output) -> None:
         Written to: .nrrd, .mha, .nii or .nii.gz; or .npy, which keeps the values alone.
     """
     from resample.files.writing import check_targets
+    from resample_volume.files.source import check_suffix, write_volume
     from resample_volume.files.source import generate as generated
-    from resample_volume.files.writing import check_suffix, write_volume
 
     check_suffix(output)
     check_targets(output)
@@ -402,7 +402,7 @@ def convert(
     levels
         Write coarser levels, too.
     """
-    from resample.console.messages import progress_bar, say
+    from resample.console import progress_bar, say
     from resample_volume.command.inputs import stored
     from resample_volume.files.stores.writing import (
         Layered,
@@ -433,7 +433,7 @@ def fetch(name: str | None = None, /, *, folder: flags.Target = None) -> None:
     folder
         Folder to keep it in. Default: the user's cache.
     """
-    from resample_volume.files.public import fetch as store
+    from resample_volume.files import public as store
 
     if name is None:
         entries = store.available()
@@ -475,7 +475,7 @@ def figures(
 def demo(*, output: flags.DemoOutput = DEMO_FOLDER) -> None:
     """Render the generated volumes by all three methods."""
     from resample.command.session import Session
-    from resample.console.messages import say
+    from resample.console import say
     from resample.files.saving import write_frame
     from resample.measuring.compare import contact_sheet
     from resample_volume.command.rendering import painted, scene_of

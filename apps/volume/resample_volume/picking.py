@@ -16,7 +16,7 @@ from resample_volume.rendering import Subject
 from resample_volume.surfaces.image_planes import settled
 from resample_volume.types import Volume
 from resample_volume.voxels.gathered import Gathered
-from resample_volume.voxels.slices.thin import SAME, of_samples, voxels_of
+from resample_volume.voxels.thin import SAME, of_samples, voxels_of
 from resample_volume.voxels.visible import Voxels, lattice_of
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import numpy as np
 
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Orbit, Spelled, Sphere, Viewpoint, camera_from, viewpoint_of
-from resample.console.messages import progress_bar
+from resample.console import progress_bar
 from resample.memory import amount
 from resample.painting.choices import MEASURING, Projection
 from resample.painting.scenes.plans import shape_of
@@ -232,8 +232,7 @@ def _pictures(
     if not isinstance(voxels, Gathered) or not (appearance.planes or appearance.surfaces):
         return []
     from resample_volume.surfaces.image_planes import settled as settled_plane
-    from resample_volume.surfaces.plane_meshes import plane_mesh
-    from resample_volume.surfaces.surface_meshes import surface_mesh
+    from resample_volume.surfaces.plane_meshes import plane_mesh, surface_mesh
 
     planes = [settled_plane(plane, volume) for plane in appearance.planes]
     made = [plane_mesh(plane, volume, voxels) for plane in planes]

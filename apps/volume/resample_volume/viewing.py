@@ -10,9 +10,9 @@ import numpy as np
 
 from resample.command.settings import PictureFormat, Resampling
 from resample.files.animations import write_film
-from resample.files.exchange.results import levels_of
+from resample.files.exchange import levels_of
 from resample.files.saving import screen_levels, write_frame
-from resample.files.stores.addresses import is_address
+from resample.files.stores.opening import is_address
 from resample.outofcore.caching import Memo, memoizing
 from resample.registry import names
 from resample.resampler import Resampler
@@ -22,7 +22,7 @@ from resample.view.exports import KEYFRAMES, ORBITING, keyframes_as_toml
 from resample.view.files import FileView, path_file
 from resample.view.views import PagePicture, Settings, Size, chosen, settings_of
 from resample.watching import Cancel, Progress
-from resample_volume.classification.names import PRESETS, TISSUES
+from resample_volume.classification import PRESETS, TISSUES
 from resample_volume.classification.scales import scale_named, value_at
 from resample_volume.classification.surveys import survey
 from resample_volume.command.animation import FrameOptions, cameras_of, drawing, flight_of, shots
@@ -37,7 +37,7 @@ from resample_volume.picking import Picked
 from resample_volume.rendering import Subject
 from resample_volume.scenes import Scene
 from resample_volume.space.annotations import annotated
-from resample_volume.space.measuring import measure
+from resample_volume.space.lines import measure
 from resample_volume.types import Volume
 from resample_volume.voxels.framing import centered
 from resample_volume.voxels.visible import lattice_of
@@ -366,7 +366,7 @@ def view(volume: Any, /, **settings: Any) -> "Viewer":
 
 def _write(path: Path, volume: Any) -> None:
     """Write what `as_volume` takes."""
-    from resample_volume.files.writing import write_volume
+    from resample_volume.files.source import write_volume
 
     write_volume(path, as_volume(volume, "volume"))
 

@@ -294,7 +294,7 @@ def animate(
     from resample.command.films import write_shared
     from resample.command.session import Session
     from resample.command.workers import at_work, check_sharing
-    from resample.console.backgrounds import linear_color
+    from resample.console import linear_color
     from resample.files.animations import check_film
     from resample_warp3d.command.animation import Range, check_path, poses_of
     from resample_warp3d.command.depths import (

@@ -17,8 +17,7 @@ from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.methods.hybrid import Hybrid, Preview
 from resample_warp3d.types import DepthImage, Equation, Method, Previewed, Source, Warped
 from resample_warp3d.warping import Filling, as_light, filled, nearness_of, render, shape_of
-from resample_warp3d.wide.passages import mapping_between
-from resample_warp3d.wide.projections import CameraModel, taken_by
+from resample_warp3d.wide import CameraModel, mapping_between, taken_by
 
 TO_SAMPLES = np.array([[PER, 0, 0.5 - PER / 2], [0, PER, 0.5 - PER / 2], [0, 0, 1]])
 MOST_NAMED = 1 << 24  # largest number of samples that float32 can index

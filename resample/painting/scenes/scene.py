@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from resample.memory.contiguous import contiguous
+from resample.memory.mapped import contiguous
 from resample.painting.scenes.plans import PicturePlan, Window
 from resample.profiles.orders import Summing
 from resample.types import (

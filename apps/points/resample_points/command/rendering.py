@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from resample.command.settings import FrameFormat
-from resample.console.messages import say
+from resample.console import say
 from resample.lazy import installed_version
 from resample_points.command.choices import CloudOptions
 

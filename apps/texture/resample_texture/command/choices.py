@@ -31,7 +31,7 @@ from resample.command.settings import (
     Threads,
     height_and_width,
 )
-from resample.files.stores import addresses
+from resample.files.stores import opening
 
 if TYPE_CHECKING:
     from resample.cameras.models import AnyCamera
@@ -45,13 +45,13 @@ INTERPOLATION = Field(
 Edges = Literal["transparent", "clamp", "wrap", "mirror"]
 
 
-def _picture(_kind: Any, words: Sequence[Token]) -> addresses.Place:
+def _picture(_kind: Any, words: Sequence[Token]) -> opening.Place:
     """Return the path or address that was given."""
-    return addresses.place_of(words[-1].value)
+    return opening.place_of(words[-1].value)
 
 
 Picture = Annotated[
-    Path | addresses.Address, Parameter(converter=_picture, n_tokens=1, accepts_keys=False)
+    Path | opening.Address, Parameter(converter=_picture, n_tokens=1, accepts_keys=False)
 ]
 
 

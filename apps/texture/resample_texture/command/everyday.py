@@ -11,7 +11,7 @@ from pydantic import Field
 from resample.command import flags
 from resample.command.flags import CALIBRATED, NUMBERS, SIZE, Hyphen, OptionTopic, Switch
 from resample.command.settings import Choices, Written, height_and_width
-from resample.files.stores.addresses import Address, Place
+from resample.files.stores.opening import Address, Place
 from resample.words import numbers_in
 from resample_texture.command.choices import Besides, Filling, Picture, PictureWarping
 

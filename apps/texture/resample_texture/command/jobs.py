@@ -11,8 +11,7 @@ import numpy as np
 
 from resample.command.session import Session
 from resample.command.settings import Written
-from resample.console.messages import Progress, progress_bar, say
-from resample.files.batches import batch_of, is_batch
+from resample.console import Progress, progress_bar, say
 from resample.files.facts.metadata import FileMetadata
 from resample.files.formats import (
     WriteOptions,
@@ -23,8 +22,15 @@ from resample.files.formats import (
 )
 from resample.files.pictures import Picture, form_of, read_picture
 from resample.files.saving import write_picture, writing_rows
-from resample.files.sequences import Frames, check_frames, frames_of, write_frames
-from resample.files.stores.addresses import Place
+from resample.files.sequences import (
+    Frames,
+    batch_of,
+    check_frames,
+    frames_of,
+    is_batch,
+    write_frames,
+)
+from resample.files.stores.opening import Place
 from resample.files.writing import check_targets, write_json
 from resample.types import Floats
 from resample.words import one_line

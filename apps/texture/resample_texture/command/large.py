@@ -13,7 +13,7 @@ from resample.colors import to_srgb
 from resample.files.facts.metadata import FileMetadata
 from resample.files.formats import WriteOptions, holds_missing
 from resample.files.pictures import Kind, LoadablePicture, LoadedPicture, Picture, loadable_picture
-from resample.files.stores.addresses import Place
+from resample.files.stores.opening import Place
 from resample.memory import ALLOWED, GIB
 from resample.types import Floats
 from resample_texture.arguments import method_named, within

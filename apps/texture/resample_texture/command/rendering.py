@@ -12,7 +12,7 @@ from resample.command.session import OTHERS, Session, bytes_written, libraries, 
 from resample.files import pictures
 from resample.files.facts.geotiff import Geo, moved, unplaced
 from resample.files.pictures import Kind, Picture, form_of
-from resample.files.stores.addresses import Place
+from resample.files.stores.opening import Place
 from resample.memory import require
 from resample.memory.mapped import pages_of
 from resample.types import Floats

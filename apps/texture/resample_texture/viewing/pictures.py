@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from resample.command.settings import Written
-from resample.files.exchange.results import levels_of
+from resample.files.exchange import levels_of
 from resample.view.files import FileView, file_of, levels_in
 from resample.view.views import PagePicture, Settings, Size, chosen, settings_of
 from resample.watching import Cancel, cancellable

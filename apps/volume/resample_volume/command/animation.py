@@ -20,7 +20,7 @@ import numpy as np
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Orbit, Sphere, Viewpoint
 from resample.command.films import Tour, is_file_of_path, tour_of
-from resample.console.messages import Progress
+from resample.console import Progress
 from resample.files.animations import Levels, Shots, check_count, fingerprint
 from resample.files.saving import screen_levels
 from resample.lazy import installed_version

@@ -22,8 +22,9 @@ from resample.command.flags import (
     viewpoint,
 )
 from resample.command.settings import Choices, Iso, Resampling, Shown
-from resample.console.backgrounds import Color
-from resample_volume.classification.names import PRESETS, TISSUES
+from resample.console import Color
+from resample_volume.classification import TISSUES
+from resample_volume.classification.presets import PRESETS
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -320,7 +321,7 @@ class AppearanceChoices(Choices):
             "invert": self.invert or None,
         }
         if self.slab is not None:
-            from resample_volume.surfaces.sections import Section
+            from resample_volume.surfaces.plane_meshes import Section
 
             Section.of(self.slab)
         extras = [name for name, choice in chosen.items() if choice is not None]
@@ -389,7 +390,7 @@ class AppearanceChoices(Choices):
         """Read the labels of a volume, if there are some."""
         if self.labels is None:
             return None
-        from resample_volume.files.labels import read_labels
+        from resample_volume.files.source import read_labels
 
         return read_labels(self.labels, self.label, volume)
 
@@ -548,7 +549,7 @@ class BesidePicture(Beside):
             check_bar(output, height)
         if self.deep is None:
             return
-        from resample.files.painted.deep import check_deep
+        from resample.files.painted import check_deep
         from resample_volume.space.slabs import check_slabs
 
         check_deep(output)

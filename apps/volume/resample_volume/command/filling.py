@@ -1,7 +1,7 @@
 """Cameras fitted so that everything visible fills the picture."""
 
 from resample.cameras.viewpoints import Orbit, Viewpoint
-from resample.console.messages import say
+from resample.console import say
 from resample.resampler import Resampler
 from resample_volume.media.appearance import VolumeLayer, named_or_own
 from resample_volume.rendering import Subject

@@ -14,7 +14,7 @@ from resample.command.films import Tour
 from resample.command.session import Session
 from resample.command.settings import Resampling
 from resample.command.workers import StartWorkers
-from resample.console.messages import progress_bar, say
+from resample.console import progress_bar, say
 from resample.files.animations import Frames, Levels, Shots, fingerprint
 from resample.memory import available_memory, bytes_of
 from resample.profiles.orders import Summing

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from resample import registry
-from resample.console.messages import progress_bar, say
+from resample.console import progress_bar, say
 from resample.memory import allow, amount, available_memory, bytes_of, return_freed_memory
 from resample.memory.mapped import is_in_file
 from resample.outofcore.bricks import SHARE
@@ -21,7 +21,7 @@ from resample_volume.command.choices import ReadOptions
 from resample_volume.data.bricks import Bricks
 from resample_volume.data.recordings import SeveralTimesError, how, volume_at
 from resample_volume.data.values import as_array, bricks_of, is_streamed
-from resample_volume.files.parsing.steps import three_numbers
+from resample_volume.files.parsing.texts import three_numbers
 from resample_volume.files.readers import Raw, Reader
 from resample_volume.files.source import (
     find_reader,

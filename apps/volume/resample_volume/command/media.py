@@ -4,7 +4,7 @@ import re
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
-from resample.console.messages import say
+from resample.console import say
 from resample.painting.choices import Projection
 from resample.resampler import Resampler
 from resample_volume.classification.presets import PRESETS

@@ -19,8 +19,7 @@ from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Viewpoint
 from resample.command.session import Session, libraries
 from resample.command.settings import Sharing
-from resample.console.backgrounds import Color
-from resample.console.messages import say
+from resample.console import Color, say
 from resample.files.writing import inheriting
 from resample.memory import require
 from resample.memory.mapped import is_in_file

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from resample.console.messages import say
+from resample.console import say
 from resample.files.writing import beside
 from resample.fingerprints import fingerprint
 from resample.lazy import installed_version

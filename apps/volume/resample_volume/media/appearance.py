@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from resample_volume.classification.labels import Labels
     from resample_volume.surfaces.image_planes import ImagePlane
     from resample_volume.surfaces.meshes import IsoSurface, SceneMesh
-    from resample_volume.surfaces.sections import Section
+    from resample_volume.surfaces.plane_meshes import Section
 
 # Each keeps its own tables.
 OF_VOXELS, ALONG_RAYS = Resampler(), Resampler(order=Rays())
@@ -86,7 +86,7 @@ class Appearance:
         """Slab outside of which nothing is shown."""
         if self.slab is None:
             return None
-        from resample_volume.surfaces.sections import Section
+        from resample_volume.surfaces.plane_meshes import Section
 
         return Section.of(self.slab)
 

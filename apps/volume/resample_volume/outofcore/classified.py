@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 import numpy as np
 
 from resample.outofcore.bricks import Box
+from resample.types import Indices
 from resample_volume.classification.transfer import DataRange, Transfer, extinction
 from resample_volume.data.bricks import Bricks
 from resample_volume.data.recordings import linear_colors
@@ -20,7 +21,6 @@ from resample_volume.voxels.streaming import (
     visible_bricks,
 )
 from resample_volume.voxels.visible import (
-    Indices,
     Voxels,
     classify_values,
     extinctions_of,

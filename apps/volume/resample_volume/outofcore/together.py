@@ -16,11 +16,12 @@ from resample_volume.media.lattices import CommonLattice, onto
 from resample_volume.media.mixing import mixed_at
 from resample_volume.outofcore.classified import Classifying, classified, on_grid
 from resample_volume.types import Volume
+from resample_volume.voxels.blocks import Indices
 from resample_volume.voxels.streaming import (
     Candidates,
     map_bricks,
 )
-from resample_volume.voxels.visible import Indices, Voxels
+from resample_volume.voxels.visible import Voxels
 
 R = TypeVar("R")
 

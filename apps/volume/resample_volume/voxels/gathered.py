@@ -38,8 +38,8 @@ from resample_volume.data.parts import slabs
 from resample_volume.data.scanning import are_few
 from resample_volume.types import Volume
 from resample_volume.voxels.fields import UNLIT, check_iso, columns_of, table_range
-from resample_volume.voxels.shading import Light, lamp_of
-from resample_volume.voxels.slices.thin import (
+from resample_volume.voxels.shading import PAD, Light, lamp_of, numbered, tint_of
+from resample_volume.voxels.thin import (
     EXTREMES,
     SAME,
     Thin,
@@ -49,7 +49,6 @@ from resample_volume.voxels.slices.thin import (
     thin_that_fits,
     thinned,
 )
-from resample_volume.voxels.tints import PAD, numbered, tint_of
 from resample_volume.voxels.visible import (
     finite_range,
     gradients_at,
@@ -93,13 +92,8 @@ def gathered(
 ) -> Gathered:
     """Prepare a volume as a field on its lattice.
 
-    Parameters
-    ----------
-    gradient
-        One of `resample_volume.voxels.visible.GRADIENTS`, for the steepness of a full surface if
-        the transfer function depends on it.
-    labels
-        Rules for voxels of some labels.
+    `gradient`: one of `resample_volume.voxels.visible.GRADIENTS`, for the steepness of a full
+    surface if the transfer function depends on it. `labels`: rules for voxels of some labels.
     """
     lattice = lattice_of(volume)
     data_range, unit = finite_range(volume.values), unit_of(transfer, volume)
@@ -207,10 +201,7 @@ def with_shadows(
 ) -> Gathered:
     """Add shadows and ambient occlusion to a field.
 
-    Parameters
-    ----------
-    clip
-        (M, 4) planes; what they cut away occludes no light.
+    `clip`: (M, 4) planes; what they cut away occludes no light.
     """
     from resample_volume.voxels.transmittance import field_transmittance
 
@@ -302,16 +293,10 @@ def _filled(
 ) -> NDArray[np.generic]:
     """Fill gaps with the nearest known value, plane by plane.
 
-    Parameters
-    ----------
-    values
-        (Z, Y, X) with gaps.
-    known
-        (Z, Y, X) where there are none.
-    deep
-        (Z, Y, X) index along z of the last voxel in front that is known, or NOTHING.
+    `values`: (Z, Y, X) with gaps. `known`: (Z, Y, X) where there are none. `deep`: (Z, Y, X) index
+    along z of the last voxel in front that is known, or NOTHING.
     """
-    from resample_volume.voxels.kernels.filling import nearest_in_columns, nearest_in_rows
+    from resample_volume.voxels.kernels.shading import nearest_in_columns, nearest_in_rows
 
     filled = array_like(values, values.shape, values.dtype, FIELD)
     behind, down, across = (np.full(values.shape[1:], NOTHING, np.int32) for _ in range(3))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from resample import memory
 from resample.outofcore.bricks import Box, Step, bricks_in_memory, copy_shared, with_neighbours
 from resample.outofcore.passes import in_order, thread_pool, threads_at_work
-from resample.types import Doubles, Floats
+from resample.types import Doubles, Floats, Indices
 from resample.watching import report
 from resample_volume.classification.transfer import DataRange, Transfer, visible_places
 from resample_volume.data.bricks import Bricks
@@ -28,7 +28,6 @@ class TooManyVoxelsError(ValueError):
     """The visible voxels of a volume do not fit in memory together."""
 
 
-Indices = NDArray[np.int64]
 R = TypeVar("R")
 
 

@@ -9,11 +9,11 @@ import numpy as np
 from resample.cameras.files import left_out, read_poses
 from resample.colors import Background, as_levels
 from resample.command.films import is_file_of_path
-from resample.console.messages import say
+from resample.console import say
 from resample.files.animations import Levels, Shots, check_count, fingerprint
 from resample.types import Doubles, Floats
 from resample_warp3d.types import Warped
-from resample_warp3d.wide.projections import CameraModel
+from resample_warp3d.wide import CameraModel
 
 PATHS = ("sway", "orbit", "dolly")
 AMOUNTS = {"sway": 0.1, "orbit": 0.1, "dolly": 0.3}

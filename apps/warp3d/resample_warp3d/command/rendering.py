@@ -12,7 +12,7 @@ from resample.cameras.models import Camera, Orthographic
 from resample.colors import Background
 from resample.command.intrinsics import Shape
 from resample.command.session import Session, bytes_per_value, require_picture
-from resample.console.messages import say
+from resample.console import say
 from resample.files.animations import fingerprint
 from resample.lazy import installed_version
 from resample.types import Floats
@@ -21,11 +21,10 @@ from resample_warp3d.command.choices import DepthWarping, Joint
 from resample_warp3d.command.inputs import DepthInput, Inputs, bytes_of_source
 from resample_warp3d.depth.preparation import sourced
 from resample_warp3d.depth.refining.conditioning import Refined, refine
-from resample_warp3d.sheet.behind import background, behind
 from resample_warp3d.sheet.filling import fill
+from resample_warp3d.sheet.sheets import background, behind
 from resample_warp3d.types import Equation, Hole, Source, Warped
-from resample_warp3d.wide.passages import Way, mapping_between
-from resample_warp3d.wide.projections import CameraModel
+from resample_warp3d.wide import CameraModel, Way, mapping_between
 
 if TYPE_CHECKING:
     from resample_warp3d.views.together import Joining

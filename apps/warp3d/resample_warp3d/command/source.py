@@ -17,7 +17,7 @@ from resample.words import numbers_in
 if TYPE_CHECKING:
     from resample.cameras.models import Camera
     from resample.cameras.trajectories import PosedPicture
-    from resample_warp3d.wide.projections import CameraModel
+    from resample_warp3d.wide import CameraModel
 
 FOV = 60.0  # degrees along the shorter side, assumed if unknown
 

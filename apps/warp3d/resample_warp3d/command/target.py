@@ -12,7 +12,7 @@ from resample.words import numbers_in
 if TYPE_CHECKING:
     from resample.cameras.models import Camera
     from resample.types import Doubles
-    from resample_warp3d.wide.projections import CameraModel
+    from resample_warp3d.wide import CameraModel
 
 
 class TargetCamera(Choices):

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import from_srgb, over
-from resample.console.messages import say
-from resample.files.exchange.results import light_of
+from resample.console import say
+from resample.files.exchange import light_of
 from resample.files.formats import WriteOptions, check_output, coverage_picture
 from resample.files.pictures import Kind, Picture
 from resample.files.saving import write_picture

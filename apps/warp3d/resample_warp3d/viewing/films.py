@@ -7,7 +7,7 @@ import numpy as np
 
 from resample.cameras.files import read_pose
 from resample.command.session import Session
-from resample.console.backgrounds import linear_color
+from resample.console import linear_color
 from resample.files.animations import write_film
 from resample.types import Doubles
 from resample.view.exports import STEP

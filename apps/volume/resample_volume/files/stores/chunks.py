@@ -7,15 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.files.stores.addresses import Place
-from resample.files.stores.holes import Holes, values_of
-from resample.files.stores.opening import reading
+from resample.files.stores.metadata import Holes, values_of
+from resample.files.stores.opening import Place, reading
 from resample.outofcore.bricks import Box, Step
 from resample_volume.data.bricks import Bricks
 from resample_volume.data.values import Stored
 from resample_volume.files.parsing.headers import WIDENED
-from resample_volume.files.stores.states import Portion
-from resample_volume.files.stores.statistics_cache import StoredStatistics
+from resample_volume.files.stores.statistics_cache import Portion, StoredStatistics
 
 if TYPE_CHECKING:
     import zarr

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from resample.files.stores.addresses import Place
 from resample.files.stores.metadata import SPACE, Layout, Level, layout_of, moved
+from resample.files.stores.opening import Place
 from resample.outofcore.bricks import Step
 from resample.reading.limits import check_free
 from resample_volume.data.memory import require_memory
@@ -22,7 +22,7 @@ from resample_volume.files.parsing.headers import (
     header,
     stem,
 )
-from resample_volume.files.parsing.steps import Numbers, three_numbers
+from resample_volume.files.parsing.texts import Numbers, three_numbers
 from resample_volume.types import Recording, Volume
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ class Zarr:
             It cannot be read, or holds no such level.
         """
         from resample.files.stores.guarding import guard
-        from resample.files.stores.holes import holes_of
+        from resample.files.stores.metadata import holes_of
         from resample_volume.files.stores.chunks import Chunked
 
         name = stem(PurePath(path.resolve().name), self.suffixes)

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from resample.files.public.downloads import download
-from resample.files.public.sets import place_of
+from resample.files.public import download, place_of
 from resample.files.writing import replacing
 
 # NRRD, because it has a spacing; the raw file beside it is unchanged.
@@ -29,10 +28,8 @@ data file: {file}
 def available() -> dict[str, dict[str, Any]]:
     """Return the volumes that `fetch` knows, by name.
 
-    Returns
-    -------
-    For each: `name`, `type`, `size` and `spacing` (x, y, z), `sha512`, `url`, `description`,
-    `acknowledgement`.
+    Result: for each: `name`, `type`, `size` and `spacing` (x, y, z), `sha512`, `url`,
+    `description`, `acknowledgement`.
     """
     text = files("resample_volume").joinpath("data/open_scivis.json").read_text("utf-8")
     known: dict[str, dict[str, Any]] = json.loads(text)
@@ -42,27 +39,11 @@ def available() -> dict[str, dict[str, Any]]:
 def fetch(name: str, *, folder: str | Path | None = None, base_url: str | None = None) -> Path:
     """Download a volume, unless it was downloaded before.
 
-    Parameters
-    ----------
-    name
-        One of `available()`.
-    folder
-        Folder to keep it in; None: HYBRID_RESAMPLE_DATA, or the user's cache.
-    base_url
-        Address of a mirror of the raw files; None: their public home.
-
-    Returns
-    -------
-    Path of a header for `open_volume`, with the raw file beside it.
-
-    Raises
-    ------
-    LookupError
-        The name is unknown.
-    ValueError
-        The download differs from what the collection lists. It is not kept.
-    OSError
-        The server cannot be reached, or refuses; or the folder cannot be written.
+    `name`: one of `available()`. `folder`: folder to keep it in; None: HYBRID_RESAMPLE_DATA, or the
+    user's cache. `base_url`: address of a mirror of the raw files; None: their public home. Result:
+    path of a header for `open_volume`, with the raw file beside it. Raises LookupError: the name is
+    unknown. Raises ValueError: the download differs from what the collection lists. It is not kept.
+    Raises OSError: the server cannot be reached, or refuses; or the folder cannot be written.
     """
     known = available()
     if name not in known:

@@ -1,15 +1,20 @@
 """Robust downloads: limits on size and time, checksums, no partial files."""
 
 import hashlib
+import json
+import os
 import shutil
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from importlib.resources import files
 from pathlib import Path
+from typing import NamedTuple
 
 from resample.files.writing import replacing
 from resample.memory import amount
+from resample.samples.finding import FOLDER_VARIABLE
 
 TRIES = 3
 CONNECTING, SILENCE = 10.0, 30.0  # seconds to wait for a connection, and for data
@@ -28,12 +33,8 @@ class WrongFileError(ValueError):
 def download(url: str, target: Path, size: int, digest: str) -> None:
     """Download a file with a known checksum, unless it exists.
 
-    Parameters
-    ----------
-    size
-        Its size in bytes. Longer responses are cut.
-    digest
-        SHA-256 or SHA-512 of its content, as hexadecimal digits.
+    `size`: its size in bytes. Longer responses are cut. `digest`: SHA-256 or SHA-512 of its
+    content, as hexadecimal digits.
     """
     if target.is_file() and _digest(target, digest) == digest:
         return
@@ -116,3 +117,71 @@ def _progress(name: str, size: int) -> Iterator[Advance]:
     with Progress(console=Console(stderr=True)) as progress:
         task = progress.add_task(name, total=size)
         yield lambda count: progress.advance(task, count)
+
+
+class PublicFile(NamedTuple):
+    """A file of a set."""
+
+    name: str  # file name in the folder
+    url: str
+    size: int  # bytes
+    digest: str  # SHA-256
+
+
+class PublicSet(NamedTuple):
+    """Files that belong together."""
+
+    description: str
+    terms: str  # conditions of use and credits
+    example: str  # command that shows them, run in their folder
+    files: tuple[PublicFile, ...]
+
+
+def available(package: str) -> dict[str, PublicSet]:
+    """Sets listed in a package's `data/public.json`, by name."""
+    text = files(package).joinpath("data/public.json").read_text("utf-8")
+    return {
+        name: PublicSet(**{**entry, "files": tuple(PublicFile(*each) for each in entry["files"])})
+        for name, entry in json.loads(text).items()
+    }
+
+
+def place_of(folder: str | Path | None) -> Path:
+    """Folder for public files; None: HYBRID_RESAMPLE_DATA if set, else a cache."""
+    from platformdirs import user_cache_dir
+
+    return Path(folder or os.environ.get(FOLDER_VARIABLE) or user_cache_dir("hybrid-resample"))
+
+
+def fetch(
+    package: str, name: str, *, folder: str | Path | None = None, base_url: str | None = None
+) -> Path:
+    """Download a set, unless it is there already.
+
+    `package`: package that lists the set. `name`: one of `available(package)`. `folder`: parent
+    folder; each set has a folder of its name. See `place_of`. `base_url`: mirror that has the files
+    under their names; None: their original addresses. Result: folder of the set.
+    """
+    known = available(package)
+    if name not in known:
+        raise LookupError(f"unknown set {name!r}; known are {', '.join(known)}")
+    place = place_of(folder) / name
+    for file in known[name].files:
+        url = file.url if base_url is None else f"{base_url.rstrip('/')}/{file.name}"
+        download(url, place / file.name, file.size, file.digest)
+    return place
+
+
+def print_sets(package: str, name: str | None, folder: Path | None) -> None:
+    """Print the results of a `fetch` command: the sets, or a set's folder and terms."""
+    from resample.console import say
+
+    if name is None:
+        lines = [f"{key}  {each.description}\n" for key, each in available(package).items()]
+        sys.stdout.write("".join(lines))
+        return
+    place = fetch(package, name, folder=folder)
+    chosen = available(package)[name]
+    say(f"{name}: {chosen.terms}")
+    say(f"try, in that folder: {chosen.example}")
+    sys.stdout.write(f"{place}\n")

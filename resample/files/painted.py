@@ -1,4 +1,4 @@
-"""Deep pictures in OpenEXR: several samples of different depths per pixel."""
+"""Write painted scenes: deep pictures."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -23,11 +23,8 @@ class DepthSlab(NamedTuple):
     rgba: Floats  # (H, W, 4) premultiplied, linear light
 
 
-class _PixelPart(NamedTuple):
-    """Samples of a slab on pixels."""
-
-    pixel: NDArray[np.int64]  # (N,) row × width + column
-    sample: Floats  # (N, 6) in the order of `CHANNELS`
+# Samples of a slab: pixels (N,), row × width + column, and values (N, 6) by `CHANNELS`.
+_PixelPart = tuple[NDArray[np.int64], Floats]
 
 
 def check_deep(path: Path) -> None:
@@ -69,7 +66,7 @@ def _part(slab: DepthSlab) -> _PixelPart:
     rgba = slab.rgba.reshape(-1, 4)
     pixel = np.flatnonzero((rgba != 0).any(axis=1))
     ends = np.broadcast_to(np.array([slab.near, slab.far], np.float32), (pixel.size, 2))
-    return _PixelPart(pixel, np.hstack([rgba[pixel], ends]).astype(np.float32))
+    return pixel, np.hstack([rgba[pixel], ends]).astype(np.float32)
 
 
 def _spec(shape: tuple[int, ...]) -> Any:
@@ -90,15 +87,15 @@ def _deep(parts: list[_PixelPart], shape: tuple[int, ...]) -> Any:
     count = np.zeros(shape[0] * shape[1], np.int64)
     data = OpenImageIO.DeepData()
     data.init(_spec(shape))
-    for part in parts:
-        count[part.pixel] += 1
+    for where, _ in parts:
+        count[where] += 1
     for pixel in np.flatnonzero(count).tolist():
         data.set_samples(pixel, int(count[pixel]))
     done = np.zeros(count.size, np.int64)
-    for part in parts:
-        place = done[part.pixel]
-        done[part.pixel] += 1
-        told = zip(part.pixel.tolist(), place.tolist(), part.sample.tolist(), strict=True)
+    for where, samples in parts:
+        place = done[where]
+        done[where] += 1
+        told = zip(where.tolist(), place.tolist(), samples.tolist(), strict=True)
         for pixel, sample, values in told:
             for channel, value in enumerate(values):
                 data.set_deep_value(pixel, channel, sample, value)

@@ -144,14 +144,8 @@ def voxels_of(sample: NDArray[np.int64], shape: tuple[int, ...], thin: Thin) -> 
 def thinned(values: NDArray[Any], thin: Thin, *, is_within: bool) -> tuple[Floats, float]:
     """Compute the samples of thin slices, minus the least value, and that value.
 
-    Parameters
-    ----------
-    values
-        (Z, Y, X) all finite.
-    thin
-        Axis and number of samples per voxel, more than one.
-    is_within
-        Clamp samples to the voxels that they come from.
+    `values`: (Z, Y, X) all finite. `thin`: axis and number of samples per voxel, more than one.
+    `is_within`: clamp samples to the voxels that they come from.
     """
     from scipy.ndimage import spline_filter1d
 

@@ -8,10 +8,15 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from resample.reading.limits import check_items, check_size, check_unpacked, neighbour
-from resample.reading.markup import check_xml_file, check_xml_member
-from resample.reading.models.gltf import PARTS, SIZES, check_gltf, header_of
-from resample.reading.unpacking import check_members
+from resample.reading.gltf import PARTS, SIZES, check_gltf, header_of
+from resample.reading.limits import (
+    check_items,
+    check_members,
+    check_size,
+    check_unpacked,
+    neighbour,
+)
+from resample.reading.texts import check_xml_file, check_xml_member
 from resample.words import naming, one_line, visible
 
 ARCHIVES = (".zip", ".3mf", ".zae")  # formats that contain files
@@ -23,12 +28,7 @@ PACKED = (".gz", ".bz2", ".xz", ".tar", ".tgz", ".7z")  # compressed formats tha
 def check_mesh(source: Path) -> None:
     """Reject a mesh that refers to files outside its folder, or unpacks to too much.
 
-    Raises
-    ------
-    ValueError
-        It is rejected.
-    OSError
-        It cannot be read.
+    Raises ValueError: it is rejected. Raises OSError: it cannot be read.
     """
     kind = source.suffix.lower()
     if kind in PACKED:

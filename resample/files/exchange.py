@@ -1,6 +1,7 @@
-"""Convert results to pictures: levels, Pillow images, PNG, false colors, one-line summaries."""
+"""Convert arguments to pictures, and results to levels, Pillow images, PNG and summaries."""
 
 from io import BytesIO
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -8,20 +9,89 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import from_srgb, mapped
-from resample.console.backgrounds import Color, linear_color
+from resample.console import Color, linear_color
 from resample.files.saving import screen_levels, write_frame
+from resample.files.stores.opening import Address, place_of
 from resample.showable import Behind
 from resample.types import Floats, Frame, Statistics
 
 if TYPE_CHECKING:
     from PIL.Image import Image
 
+TAKEN = (
+    "an array (H, W) or (H, W, C), nested lists, a path, an address of zarr, an image of Pillow's "
+    "or SimpleITK's, or an xarray.DataArray"
+)
+ROWS, COLUMNS = ("y", "row", "rows", "lat", "latitude"), ("x", "column", "columns", "lon")
+MODES = {"1": "L", "P": "RGBA", "PA": "RGBA", "CMYK": "RGB", "YCbCr": "RGB", "HSV": "RGB"}
 COLORMAP = "turbo"
 PERCENTILES = (0.5, 99.5)  # range of the finite values that false colors span
 ENCODED = (np.dtype(np.uint8), np.dtype(np.uint16))  # types with sRGB-encoded light
 NOTEBOOK = 2048  # px; larger pictures are reduced for notebooks
 HOLE_COLORS = "tab10"
 MEASURED = ("depth", "first_depth", "coverage", "value", "holes", "magnification", "confidence")
+
+
+def as_picture(given: Any, name: str = "picture") -> NDArray[Any]:
+    """Convert an argument to an array, with its values unchanged.
+
+    `given`: an array of real numbers of any layout and byte order, masked, memory-mapped or lazy;
+    nested lists; the path or address of a picture; a Pillow image, whose palette becomes colors; a
+    SimpleITK image; or an `xarray.DataArray` with rows along y and columns along x. Result: masked
+    arrays stay masked. Arrays that need no conversion are not copied.
+    """
+    if isinstance(given, str | PathLike | Address):
+        return _read(given)
+    library = type(given).__module__.partition(".")[0]
+    if library == "PIL":
+        array = np.asarray(given.convert(MODES[given.mode]) if given.mode in MODES else given)
+    elif library == "SimpleITK":
+        array = _of_itk(given, name)
+    elif hasattr(given, "dims") and hasattr(given, "coords"):
+        array = _of_labeled(given, name)
+    else:
+        array = _array(given, name)
+    if array.dtype.kind not in "biuf":
+        raise TypeError(f"a {name} of {array.dtype}; its values must be real numbers")
+    return array
+
+
+def _read(path: str | PathLike[str] | Address) -> NDArray[Any]:
+    """Read levels of 8- and 16-bit pictures as stored; linear light of all others."""
+    from resample.files.pictures import picture_at, read_picture
+
+    found = picture_at(place_of(path))
+    return found.load().data if found.is_plain else read_picture(found.path).data
+
+
+def _array(given: Any, name: str) -> NDArray[Any]:
+    if not (isinstance(given, list | tuple) or hasattr(given, "__array__")):
+        raise TypeError(f"a {name} of {type(given).__name__}; give {TAKEN}")
+    try:
+        return np.asanyarray(given)
+    except ValueError:
+        raise ValueError(f"lists of different lengths are not a {name}; give {TAKEN}") from None
+
+
+def _of_itk(image: Any, name: str) -> NDArray[Any]:
+    import SimpleITK
+
+    if image.GetDimension() != 2:
+        raise ValueError(f"an image of {image.GetDimension()} dimensions; a {name} has 2")
+    return np.asarray(SimpleITK.GetArrayFromImage(image))
+
+
+def _of_labeled(given: Any, name: str) -> NDArray[Any]:
+    """Array of an xarray object, rows first, channels last."""
+    dims = {str(dim).lower(): dim for dim in given.dims}
+    rows = next((dims.pop(dim) for dim in ROWS if dim in dims), None)
+    columns = next((dims.pop(dim) for dim in COLUMNS if dim in dims), None)
+    if rows is None or columns is None or len(dims) > 1:
+        raise ValueError(
+            f"a {name} has the dimensions y and x, and one of channels if need be, not "
+            f"{', '.join(map(str, given.dims))}"
+        )
+    return np.asarray(given.transpose(rows, columns, *dims.values()).values)
 
 
 def save(result: Any, path: str | Path, *, bits: int, background: Behind) -> None:

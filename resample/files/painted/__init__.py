@@ -1,1 +1,0 @@
-"""Write painted scenes: deep pictures."""
