@@ -22,9 +22,10 @@ from typing import (
 )
 
 from cyclopts import Group, Parameter
-from pydantic import BaseModel
 
 if TYPE_CHECKING:
+    from pydantic import BaseModel
+
     from resample.cameras.viewpoints import Viewpoint
 
 
@@ -102,8 +103,10 @@ def marks_of(command: Callable[..., Any]) -> Marks:
     return found
 
 
-def model_in(kind: Any) -> type[BaseModel] | None:
+def model_in(kind: Any) -> "type[BaseModel] | None":
     """Model whose fields are options; None if the argument is not such a model."""
+    from pydantic import BaseModel
+
     inner = get_origin(kind) is Annotated and get_args(kind)[0]
     return inner if isinstance(inner, type) and issubclass(inner, BaseModel) else None
 
@@ -116,7 +119,7 @@ def name_of(field: str, metadata: Any) -> str:
     return field.replace("_", "-")
 
 
-def _marks_of_fields(model: type[BaseModel]) -> Iterator[tuple[str, Mark | None]]:
+def _marks_of_fields(model: "type[BaseModel]") -> Iterator[tuple[str, Mark | None]]:
     usual = getattr(model, "about", None)
     for field, info in model.model_fields.items():
         own = _mark_in(info.metadata)

@@ -22,8 +22,6 @@ from resample_texture.scenes import PictureScene
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-    from resample.view.widgets import Viewer
-
 COMMAND = "resample-texture warp"
 SHOWN = (WarpGeometry, PictureWarping, Written, Besides)  # option models that a page can change
 PLACES = {"matrix", "corners", "map", "flow", "lens"}
@@ -119,42 +117,6 @@ def picture_view(path: Path, begin: Sequence[Any] = ()) -> FileView:
         }
 
     return FileView(first, described, _checked, KINDS, LEFT_OUT)
-
-
-def view(image: Any, /, **settings: Any) -> "Viewer":
-    """Show a picture in a notebook's cell: drag its corners, copy the Python code.
-
-    Parameters
-    ----------
-    image
-        A file, or an 8- or 16-bit picture as `as_picture` takes it, which is written to a temporary
-        file that lives as long as the widget.
-    settings
-        Options of `resample-texture warp` to begin with: `method="bilinear"`.
-
-    Returns
-    -------
-    A widget with `settings`, `frame` and `to_python()`. It needs the extra `notebook`.
-
-    Raises
-    ------
-    ValueError, LookupError, OSError, TypeError
-        An option is not allowed, or the picture cannot be read.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from resample_texture import view
-    >>> view(np.zeros((24, 32, 3), np.uint8), method="bilinear").settings["method"]
-    'bilinear'
-    """
-    from resample.view import widgets
-
-    file, folder = widgets.kept("picture.png", image, widgets.write_levels)
-    opened = picture_view(Path(file))
-    if not PLACES & settings.keys():
-        settings["corners"] = fitted(opened.about["extent"], widgets.SIZE)
-    return widgets.Viewer(opened, widgets.named(settings), folder)
 
 
 def fitted(extent: Size, size: Size) -> str:

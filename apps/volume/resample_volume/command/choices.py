@@ -23,8 +23,7 @@ from resample.command.flags import (
 )
 from resample.command.settings import Choices, Iso, Resampling, Shown
 from resample.console import Color
-from resample_volume.classification import TISSUES
-from resample_volume.classification.presets import PRESETS
+from resample_volume.classification import PRESETS, TISSUES
 
 if TYPE_CHECKING:
     from pathlib import Path
