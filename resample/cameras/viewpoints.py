@@ -200,11 +200,8 @@ def viewpoint_of(given: Spelled) -> Viewpoint:
 def orbit_of(text: str, fov: float = Orbit.fov, up: str = Orbit.up) -> Orbit | None:
     """Parse angles of the command line; None if the text holds none, but perhaps names a file.
 
-    Parameters
-    ----------
-    fov
-        Field of view along the picture's shorter side in degrees, unless a file has it; 0:
-        parallel projection, for angles only.
+    `fov`: field of view along the picture's shorter side in degrees, unless a file has it; 0:
+    parallel projection, for angles only.
     """
     try:
         azimuth, elevation, *others = NAMED.get(text) or [float(part) for part in text.split("/")]

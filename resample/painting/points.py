@@ -154,10 +154,7 @@ def paint_points(
 ) -> tuple[PaintTarget, Statistics] | None:
     """Paint samples as points; None if some are not points or their filter is unsuitable.
 
-    Parameters
-    ----------
-    progress
-        Called with the fraction of the work done.
+    `progress`: called with the fraction of the work done.
     """
     from resample.engine.subpixels import grid_of
 

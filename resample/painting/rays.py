@@ -160,9 +160,7 @@ def _tiles_of(
 ) -> tuple[int, int, int, int]:
     """Range of tiles of a picture (height, width) that may be non-empty.
 
-    Returns
-    -------
-    First column and row, and those after the last.
+    Result: first column and row, and those after the last.
     """
     from resample.engine.rays.coefficients import BRICK
 
@@ -222,12 +220,8 @@ def _least_spacing(field: LatticeField, view: View) -> float:
 def spacing_of(lattice: Doubles, middle: Doubles, view: View) -> float:
     """Pixels between neighbouring voxels at a field's center, averaged over the axes.
 
-    Parameters
-    ----------
-    lattice
-        (3, 3) columns are the steps to the neighbours, scene units.
-    middle
-        (3,) center of the field, scene units.
+    `lattice`: (3, 3) columns are the steps to the neighbours, scene units. `middle`: (3,) center of
+    the field, scene units.
     """
     voxel = float(np.cbrt(abs(np.linalg.det(lattice))))
     depth = float(view.rotation[2] @ middle + view.translation[2])

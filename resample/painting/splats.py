@@ -119,10 +119,7 @@ def paint_splats(
 ) -> tuple[PaintTarget, Statistics] | None:
     """Paint samples for which `are_splats_exact`; None if some are not splats.
 
-    Parameters
-    ----------
-    progress
-        Called with the fraction of the work done.
+    `progress`: called with the fraction of the work done.
     """
     clock = Clock()
     runs = runs_of(scene, samples, are_mixed=False)

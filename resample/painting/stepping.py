@@ -42,10 +42,7 @@ def paint_in_steps(
 ) -> PaintTarget:
     """Paint a window of a picture.
 
-    Parameters
-    ----------
-    progress
-        Called with the fraction of samples that are painted or hidden.
+    `progress`: called with the fraction of samples that are painted or hidden.
     """
     from resample.engine.ellipsoids.steps import OPAQUE
 

@@ -119,10 +119,7 @@ def levels_in(png: bytes) -> NDArray[np.uint8]:
 def shown(stored: NDArray[np.uint8] | NDArray[np.uint16]) -> NDArray[np.uint8]:
     """8-bit levels (H, W, 3 or 4) as a page shows them.
 
-    Parameters
-    ----------
-    stored
-        (H, W) or (H, W, C): gray, gray and opacity, RGB, or RGB and opacity.
+    `stored`: (H, W) or (H, W, C): gray, gray and opacity, RGB, or RGB and opacity.
     """
     levels = stored if stored.dtype == np.uint8 else (stored >> 8).astype(np.uint8)
     if levels.ndim == 2:

@@ -149,9 +149,7 @@ async def _talked(
 def served(view: Viewable, shown: Callable[[], object] | None = None) -> Iterator[tuple[str, str]]:
     """Serve a view from a background thread.
 
-    Yields
-    ------
-    Host with its port, and the token.
+    Yields: host with its port, and the token.
     """
     require_parts()
     listening = socket.create_server((LOOPBACK, 0))
@@ -186,23 +184,9 @@ def show(view_of: Callable[[], Viewable], page: Serving) -> None:
 def serve(view: Viewable, *, host: str = LOOPBACK, port: int = 0, browser: bool = True) -> None:
     """Serve a view until Ctrl-C.
 
-    Parameters
-    ----------
-    view
-        The view to serve.
-    host
-        Address to listen at. A warning is printed if other machines can reach it.
-    port
-        Port; 0: any free port.
-    browser
-        Open the page in the browser.
-
-    Raises
-    ------
-    ValueError
-        The extra is not installed.
-    OSError
-        The port is taken.
+    `view`: the view to serve. `host`: address to listen at. A warning is printed if other machines
+    can reach it. `port`: port; 0: any free port. `browser`: Open the page in the browser. Raises
+    ValueError: the extra is not installed. Raises OSError: the port is taken.
     """
     require_parts()
     if host not in (LOOPBACK, "localhost"):

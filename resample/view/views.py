@@ -110,9 +110,7 @@ class Viewable(Protocol):
 def controls_of(name: str, left_out: Sequence[str] = ()) -> list[dict[str, Any]]:
     """Options of a command, such as `resample-volume render`, that change the look.
 
-    Returns
-    -------
-    For each option its `key`, `heading`, `help`, `default` and the `schema` of its values.
+    Result: for each option its `key`, `heading`, `help`, `default` and the `schema` of its values.
     """
     command = _command(name)
     schema, found = schema_of(name, command)["properties"], []

@@ -81,10 +81,8 @@ class CloudPainter:
     def save(self, settings: Settings, size: Size, path: Path) -> None:
         """Write the picture as the command does.
 
-        Raises
-        ------
-        ValueError, LookupError, OSError
-            An option is not allowed, or a file cannot be read or written.
+        Raises ValueError, LookupError, OSError: an option is not allowed, or a file cannot be read
+        or written.
         """
         form, cloud, camera = self._placed(settings, size)
         cloud.write(path, cloud.picture(camera, size[::-1]), form)

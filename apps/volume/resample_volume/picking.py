@@ -51,19 +51,11 @@ def voxels_at(
 ) -> tuple[Indices, Doubles]:
     """Return the voxels behind points of a picture.
 
-    Parameters
-    ----------
-    pixels
-        (N, 2) right and down, px; centers of pixels are at halves.
-    level
-        Accumulated opacity, 0 to 1.
-
-    Returns
-    -------
-    Flat indices (N,) of the voxels with which the opacity accumulated from the eye exceeds the
-    level; for a field, of the voxel around the point where its ray reaches the level, the surface,
-    a plane of values more opaque than that, or its extreme; -1 where there is none. And the
-    transmittance (N,) of all.
+    `pixels`: (N, 2) right and down, px; centers of pixels are at halves. `level`: accumulated
+    opacity, 0 to 1. Result: flat indices (N,) of the voxels with which the opacity accumulated from
+    the eye exceeds the level; for a field, of the voxel around the point where its ray reaches the
+    level, the surface, a plane of values more opaque than that, or its extreme; -1 where there is
+    none. And the transmittance (N,) of all.
     """
     from resample_volume.voxels.kernels.picking import pick_in_field, pick_voxels
 

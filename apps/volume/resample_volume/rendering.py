@@ -282,12 +282,8 @@ class Subject:
     ) -> "Subject":
         """Classify a volume, as far as a renderer needs it.
 
-        Parameters
-        ----------
-        resampler
-            Renderer; None: `resampler_for` the look.
-        around
-            Volume that cameras orbit as a whole; None: they orbit what is visible.
+        `resampler`: renderer; None: `resampler_for` the look. `around`: volume that cameras orbit
+        as a whole; None: they orbit what is visible.
         """
         resampler = resampler or resampler_for(appearance)
         check_together(resampler, appearance.classification, appearance.extras)

@@ -145,10 +145,8 @@ class VolumePainter:
     def frame(self, settings: Settings, size: Size) -> Frame:
         """Render as the command does for a PNG, but without background.
 
-        Raises
-        ------
-        ValueError, LookupError, OSError
-            An option is not allowed, or a file of one cannot be read.
+        Raises ValueError, LookupError, OSError: an option is not allowed, or a file of one cannot
+        be read.
         """
         return self._frame(self._request(settings), size, ".png")
 
@@ -281,14 +279,8 @@ def volume_view(
 ) -> FileView:
     """Return what pages show of a volume, which they share.
 
-    Parameters
-    ----------
-    name
-        Of the volume, as the command takes it.
-    source
-        How it is read.
-    begin
-        Options to begin with.
+    `name`: of the volume, as the command takes it. `source`: how it is read. `begin`: options to
+    begin with.
     """
     source = source or ReadOptions()
     first = VolumePainter(prepared(source, name))

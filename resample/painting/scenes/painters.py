@@ -34,9 +34,7 @@ class SamplePainter(Protocol):
     def margin(self, scene: PreparedScene, plan: PicturePlan) -> tuple[bool, float]:
         """Extent of painted samples beyond their exact footprints.
 
-        Returns
-        -------
-        Whether they are symmetric about their center, and a bound on the extent, px.
+        Result: whether they are symmetric about their center, and a bound on the extent, px.
         """
 
     def spacings(self, scene: PreparedScene, samples: Samples) -> Floats:

@@ -50,10 +50,7 @@ def plan_of_all(
 ) -> PicturePlan | None:
     """Plan of all samples together; None: plans for other painters are needed.
 
-    Parameters
-    ----------
-    suits_points
-        Whether the samples of a plan may be painted as points; None: none are.
+    `suits_points`: whether the samples of a plan may be painted as points; None: none are.
     """
     splats, points, mixture = (_combined_plan(plans) for plans in zip(*parts, strict=True))
     found = None
@@ -80,9 +77,7 @@ def _combined_plan(plans: Sequence[PicturePlan | None]) -> PicturePlan | None:
 def margin_beyond_window(scene: PreparedScene, plan: PicturePlan) -> tuple[bool, float]:
     """Extent of painted samples beyond their exact footprints.
 
-    Returns
-    -------
-    Whether they are symmetric about their center, and a bound on the extent, px.
+    Result: whether they are symmetric about their center, and a bound on the extent, px.
     """
     from resample.engine.points.adding import MOST_TAPS
 

@@ -36,11 +36,8 @@ def alone(recording: Recording) -> Volume:
 def volume_at(recording: Recording, time: int | None, channel: int | None) -> Volume:
     """Return one volume of a recording.
 
-    Parameters
-    ----------
-    time, channel
-        Index from 0, negative from the end; None if there is only one, or if channels are the
-        components of a color.
+    `time`, `channel`: index from 0, negative from the end; None if there is only one, or if
+    channels are the components of a color.
     """
     chosen = recording
     times, parts = chosen.values.shape[:2]
@@ -73,11 +70,8 @@ def in_color(values: NDArray[Any], volume: Volume) -> Volume:
 
     Brightness is the greatest of red, green and blue, so that opacities do not depend on hue.
 
-    Parameters
-    ----------
-    values
-        (Z, Y, X, 3 or 4) red, green, blue and perhaps opacity, not premultiplied: integers in sRGB,
-        floats in linear light. A color with NaN is missing.
+    `values`: (Z, Y, X, 3 or 4) red, green, blue and perhaps opacity, not premultiplied: integers in
+    sRGB, floats in linear light. A color with NaN is missing.
     """
     if values.dtype.kind == "f" and any(bool((slab < 0).any()) for slab in slabs(values)):
         raise ValueError(

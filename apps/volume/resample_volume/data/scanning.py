@@ -52,10 +52,7 @@ class _Layers(NamedTuple):
 def scanned(bricks: BrickArray, helpers: PassContext | None = None) -> BrickStats:
     """Scan all values; each brick is read once, some of floating-point values twice.
 
-    Parameters
-    ----------
-    helpers
-        Workers; None: this process only. A part is repeated if its worker ended.
+    `helpers`: workers; None: this process only. A part is repeated if its worker ended.
     """
     layers, context = bricks.count[0], helpers or PassContext()
     parts = spans(layers, 1 if context.executor is None else PARTS)

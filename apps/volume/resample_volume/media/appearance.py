@@ -285,10 +285,7 @@ def decided(
     for volumes that do not fit in memory as a field, and where gradients of voxels are asked for
     (`sobel`); but meshes and planes always need rays.
 
-    Parameters
-    ----------
-    resampler
-        Renderer; one of samples paints voxels in any case.
+    `resampler`: renderer; one of samples paints voxels in any case.
     """
     looks = [look.classification for _, look in media]
     if Classification.AUTO not in looks:

@@ -85,12 +85,7 @@ def with_light(media: MixedMedia, light: Light) -> MixedMedia:
 def added(media: MixedMedia, colors: Sequence[Floats]) -> Samples:
     """Return samples with the light of all media.
 
-    Parameters
-    ----------
-    media
-        Mixed voxels.
-    colors
-        (N, 3) linear light of each medium's voxels.
+    `media`: mixed voxels. `colors`: (N, 3) linear light of each medium's voxels.
     """
     total = np.zeros(media.position.shape)
     for part, place, color in zip(media.parts, media.place, colors, strict=True):

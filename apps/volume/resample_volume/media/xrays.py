@@ -98,10 +98,7 @@ def negative(light: NDArray[np.float32]) -> NDArray[np.float32]:
 def settled(xray: XRay, volume: Volume, known: Survey | None = None) -> XRay:
     """Return the options with units and window resolved for a volume.
 
-    Parameters
-    ----------
-    known
-        Statistics of its values; None: computed here.
+    `known`: statistics of its values; None: computed here.
     """
     if volume.colors is not None:
         raise ValueError(

@@ -146,10 +146,8 @@ class DepthPainter:
     def save(self, settings: Settings, size: Size, path: Path) -> None:
         """Write the picture as the command does.
 
-        Raises
-        ------
-        ValueError, LookupError, OSError
-            An option is not allowed, or a file cannot be read or written.
+        Raises ValueError, LookupError, OSError: an option is not allowed, or a file cannot be read
+        or written.
         """
         seen = self._rendered(settings, size)
         write_picture(path, seen.picture(), seen.request.options)

@@ -56,12 +56,7 @@ def write_depth_film(
 ) -> None:
     """Write a film through poses as the command does.
 
-    Parameters
-    ----------
-    size
-        Width and height, px.
-    progress
-        Called with the share that is done.
+    `size`: width and height, px. `progress`: called with the share that is done.
     """
     given = {key: value for key, value in settings.items() if key not in STEERED}
     if unknown := [key for key in given if key not in OPTIONS]:
