@@ -22,9 +22,10 @@ from benchmarks.measure import Spread, take_turns
 from benchmarks.tables import Row, Section
 from benchmarks.volume import POINTS, View
 from resample.painting.choices import Primitive
+from resample.painting.preparing import OPAQUE
 from resample.painting.scenes.scene import ellipsoid_of
 from resample.profiles.reconstruction import footprint_table
-from resample.resampler import OPAQUE, Resampler
+from resample.resampler import Resampler
 from resample.types import Samples
 
 SPLATS = Resampler(primitive=Primitive.SPLATS)

@@ -25,8 +25,8 @@ from resample_warp3d.command.animation import NearbyPath, Range
 from resample_warp3d.depth.equation import between, warp_places
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.figures.scenes import generated
-from resample_warp3d.sheet.behind import background, behind
 from resample_warp3d.sheet.filling import fill
+from resample_warp3d.sheet.sheets import background, behind
 from resample_warp3d.types import DepthImage, Hole, Source, Warped
 from resample_warp3d.warping import render
 from tests.benchmarks.warp3d_table import BENCH, bench, camera_of, markdown

@@ -10,9 +10,10 @@ from benchmarks.measure import Run, Spread, ratio, take_turns
 from benchmarks.tables import Row, Section
 from benchmarks.volume import PAPER_OPACITY, View
 from resample.painting.choices import Footprint, Opacity, Primitive
-from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
+from resample.profiles.orders import EverySample, ImageSheets
 from resample.profiles.reconstruction import BSplineKernel
 from resample.resampler import Resampler
+from resample_volume.baselines.painting import AxisSheets
 
 PLACES = ("all splats", "mixed", "all points")
 DEFAULT = "default"

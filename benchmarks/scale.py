@@ -22,10 +22,12 @@ import numpy as np
 from benchmarks.sparse import Bubbles
 from resample.cameras.viewpoints import Orbit
 from resample.memory import GIB, bytes_of
-from resample_volume.files.stores.states import RECENT
+from resample_volume.files.stores.statistics_cache import RECENT
 
 if TYPE_CHECKING:
+    from resample.outofcore.windows import Budget
     from resample.types import Frame
+    from resample_volume.media.appearance import Appearance
     from resample_volume.types import Volume
 
 LOOK, CAMERA = "60/#804020/0,120/#e0a060/0.5,240/white/0.9", Orbit(30.0, 20.0)
@@ -151,16 +153,25 @@ def _alone(volume: "Volume", job: Job) -> "tuple[Frame, int]":
     from resample_volume.media.appearance import Appearance, Classification
     from resample_volume.rendering import Subject
     from resample_volume.voxels.streaming import TooManyVoxelsError
-    from resample_volume.windows import Budget, render_in_windows
+    from resample_volume.windows import Budget
 
     look = Appearance(job.look, classification=Classification.PRE)
     try:
         subject = Subject.of(volume, look, around=volume)
     except TooManyVoxelsError:
-        return render_in_windows(volume, look, CAMERA, (SIDE, SIDE), Budget(job.memory))
+        return _windowed(volume, look, Budget(job.memory))
     camera = subject.camera(CAMERA, SIDE, SIDE)
     seen = subject.samples_for(camera)
     return Resampler()(seen, camera, height=SIDE, width=SIDE), 1
+
+
+def _windowed(volume: "Volume", look: "Appearance", spent: "Budget") -> "tuple[Frame, int]":
+    """Picture by windows."""
+    from resample_volume.windows import paint_streamed, streamed_subject
+
+    media, size = [(volume, look)], (SIDE, SIDE)
+    subject = streamed_subject(media)
+    return paint_streamed(media, subject, subject.camera(CAMERA, *size), size, spent)
 
 
 def _shared(volume: "Volume", job: Job) -> "tuple[Frame, int]":
@@ -168,7 +179,7 @@ def _shared(volume: "Volume", job: Job) -> "tuple[Frame, int]":
     from resample.command.settings import Sharing
     from resample.command.workers import at_work
     from resample_volume.media.appearance import Appearance
-    from resample_volume.windows import Budget, render_in_windows
+    from resample_volume.windows import Budget
 
     with (
         tempfile.TemporaryDirectory(dir=job.path.parent) as folder,
@@ -177,7 +188,7 @@ def _shared(volume: "Volume", job: Job) -> "tuple[Frame, int]":
         if crew is None:
             raise RuntimeError("there are no workers")
         spent = Budget(job.memory // crew.tasks, crew.threads, Path(folder), crew.executor)
-        return render_in_windows(volume, Appearance(job.look), CAMERA, (SIDE, SIDE), spent)
+        return _windowed(volume, Appearance(job.look), spent)
 
 
 def _busy() -> float:

@@ -6,8 +6,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.outofcore.bricks import Box
 from resample.types import Doubles
-from resample_volume.data.bricks import Box, Bricks
+from resample_volume.data.bricks import Bricks
 
 BUBBLES = 48
 WALL, SOFT = 4.0, 1.2  # voxels, half thickness of a wall, and width of its transition

@@ -17,7 +17,7 @@ from benchmarks.dragging import measured as page
 from benchmarks.measure import MEBI
 from benchmarks.tables import Row, Section
 from resample.view.server import served
-from resample_volume.viewing import VolumeView
+from resample_volume.viewing import volume_view
 
 SIDE = 400  # px
 LOOK = "engine"
@@ -45,7 +45,7 @@ def measured(volume: str, side: int = SIDE, steps: int = STEPS) -> dict[str, Any
     further pages, MiB each.
     """
     start = time.perf_counter()
-    with served(VolumeView(volume)) as (host, token):
+    with served(volume_view(volume)) as (host, token):
         address = f"ws://{host}/socket?token={token}"
         origin: Any = f"http://{host}"
         with connect(address, origin=origin, max_size=None) as link:

@@ -15,7 +15,7 @@ from resample.types import Field, LatticeField, Samples
 from resample.types import View as Perspective
 from resample_volume.baselines.peers import Peer, VtkRenderer
 from resample_volume.figures import timing
-from resample_volume.figures.data import VolumeFolder
+from resample_volume.figures.paper import VolumeFolder
 from resample_volume.media.appearance import Appearance, Classification
 from resample_volume.rendering import Subject
 from resample_volume.voxels.shading import Light

@@ -15,18 +15,17 @@ from cyclopts import App
 from pydantic import Field
 
 from resample import Scatter
-from resample.cameras.files import viewpoint
 from resample.cameras.viewpoints import Sphere, camera_from
 from resample.colors import mapped
 from resample.command import flags
-from resample.command.about import OptionTopic
+from resample.command.films import write_shared
+from resample.command.flags import OptionTopic
 from resample.command.settings import Choices, FrameFormat, Serving
-from resample.console.messages import progress_bar
-from resample.files.animations import Shots, check_film, fingerprint, write_film
+from resample.files.animations import Shots, check_film, fingerprint
 from resample.files.saving import screen_levels, write_png
 from resample.files.writing import check_targets
 from resample.view.files import FileView
-from resample.view.views import PagePicture, chosen, controls_of, settings_of
+from resample.view.views import PagePicture, chosen, settings_of
 from resample.watching import cancellable
 
 COMMAND, BLACK = "resample-stations map", (0.0, 0.0, 0.0)
@@ -63,7 +62,7 @@ class Stations:
         ends = self.place.min(axis=0), self.place.max(axis=0)
         reach = 0.5 * np.linalg.norm(ends[1] - ends[0]) + look.radius
         ball = Sphere(np.append(np.mean(ends, axis=0), 0.0), float(reach))
-        view = camera_from(viewpoint(look.camera, look.fov, "z"), ball, *shape).view()
+        view = camera_from(flags.viewpoint(look.camera, look.fov, "z"), ball, *shape).view()
         # From the plane z = 0 to pixels: what x, y and the origin are to the camera.
         plane = np.column_stack([view.rotation[:, :2], view.translation])
         if not view.perspective:
@@ -127,8 +126,7 @@ def film(
 
     job = {**look.model_dump(), "size": shape, "data": fingerprint(known.place, known.value)}
     shots = Shots(len(known.times), frame, job)
-    with progress_bar("filming") as progress:
-        write_film(output, shots, fps, resume=resume, progress=progress)
+    write_shared(output, shots, fps=fps, resume=resume)
 
 
 @app.command
@@ -140,11 +138,9 @@ def view(
     page: Annotated[Serving, flags.Flat] = PAGE,
 ) -> None:
     """Show the map in the browser: tilt it, choose colors, copy the command of the view."""
-    from resample.view.server import require_parts, serve
+    from resample.view.server import show
 
-    require_parts()
     about = {"title": stations.name, "command": COMMAND, "inputs": [str(stations)]}
-    about["controls"] = controls_of(COMMAND, app["map"])
     about["settings"] = {"camera": look.camera, **settings_of([look])}
-    shown = FileView(Stations(stations), lambda: about, partial(chosen, models=(Look, FrameFormat)))
-    serve(shown, host=page.host, port=page.port, browser=page.browser)
+    refuse = partial(chosen, models=(Look, FrameFormat))
+    show(lambda: FileView(Stations(stations), lambda: about, refuse), page)

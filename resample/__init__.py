@@ -5,7 +5,7 @@ The names below are imported on first use, so that `import resample` is fast.
 
 from typing import TYPE_CHECKING, Any
 
-from resample.lazy import attributes, listing, warn_of_namesake
+from resample.lazy import attributes, listing, moved, warn_of_namesake
 from resample.showable import register_exporter
 
 if TYPE_CHECKING:
@@ -66,12 +66,13 @@ __all__ = [
 
 
 def _exporter() -> Any:
-    from resample.files.exchange import results
+    from resample.files import exchange
 
-    return results
+    return exchange
 
 
 warn_of_namesake(__path__[0])
 register_exporter(_exporter)
 __getattr__ = attributes(__name__, _HOMES)
 __dir__ = listing(_HOMES)
+moved(__name__, {"console.messages": "console"})

@@ -12,7 +12,7 @@ from cyclopts import App, Parameter
 
 from resample import registry
 from resample.command.applications import Words, command_now, launcher
-from resample.command.options import run
+from resample.command.session import run
 from resample.lazy import installed_version
 
 if TYPE_CHECKING:

@@ -27,6 +27,7 @@ GROUPS = (
     "interpolations",
     "methods",
     "orders",
+    "primitives",
     "projections",
     "readers",
     "reconstructions",

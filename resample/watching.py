@@ -43,6 +43,11 @@ class CancelledError(RuntimeError):
 class Cancel:
     """A signal that stops work in another thread permanently.
 
+    Parameters
+    ----------
+    other
+        One that stops the same work, if it is given.
+
     Examples
     --------
     >>> stop = Cancel()
@@ -51,13 +56,13 @@ class Cancel:
     True
     """
 
-    def __init__(self) -> None:
-        self._event = Event()
+    def __init__(self, other: "Cancel | None" = None) -> None:
+        self._event, self._other = Event(), other
 
     @property
     def is_cancelled(self) -> bool:
         """Whether work is to stop, or has stopped."""
-        return self._event.is_set()
+        return self._event.is_set() or (self._other is not None and self._other.is_cancelled)
 
     def cancel(self) -> None:
         """Stop the work soon: it raises `CancelledError` in its caller."""
@@ -102,6 +107,11 @@ def cancellable(cancel: Cancel | None) -> Iterator[None]:
         _watch.reset(token)
 
 
+def watched_cancel() -> Cancel | None:
+    """What may stop the current work; None if nothing may."""
+    return _watch.get().cancel
+
+
 @contextmanager
 def told(progress: Progress | None, shares: Doubles | None = None) -> Iterator[None]:
     """Report the progress of the one kernel called in this block.
@@ -134,7 +144,7 @@ def portion(first: float, last: float) -> Iterator[None]:
     0.625
     1.0
     """
-    progress = _watch.get().progress
+    progress = progress_here()
     if progress is None:
         yield
         return
@@ -145,6 +155,11 @@ def portion(first: float, last: float) -> Iterator[None]:
         yield
     finally:
         _watch.reset(token)
+
+
+def progress_here() -> Progress | None:
+    """What is told of the progress of the current work."""
+    return _watch.get().progress
 
 
 def is_watched() -> bool:
@@ -187,7 +202,6 @@ class Executor(Protocol):
 
     def map(self, job: Callable[..., Any], /, *parts: Iterable[Any]) -> Iterable[Any]:
         """Results of a job for each part, in order."""
-        ...
 
 
 class WorkerPool(NamedTuple):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from resample.command.options import run
+from resample.command.session import run
 from tests.processes import PATIENCE, python
 
 HEAVY = {"numba", "cv2", "OpenImageIO", "matplotlib", "scipy", "SimpleITK", "trimesh", "jinja2"}
@@ -62,11 +62,11 @@ def imported(module: str, *words: str) -> set[str]:
 def imported_by_all(module: str, lines: list[list[str]]) -> set[str]:
     """Modules that a process has imported when it has answered several command lines."""
     listed = python(
-        f"import functools, sys, docstring_parser, {module}, resample.command.options\n"
+        f"import functools, sys, docstring_parser, {module}, resample.command.session\n"
         # commands share classes of options, whose sources are parsed once here
         "docstring_parser.parse_from_object = functools.cache(docstring_parser.parse_from_object)\n"
         f"for words in {lines}:\n"
-        f"    try: resample.command.options.run({module}.app, words)\n"
+        f"    try: resample.command.session.run({module}.app, words)\n"
         "    except SystemExit: pass\n"
         "print('imported', *sys.modules)"
     )

@@ -28,7 +28,7 @@ MOST_ARGUMENTS = 8  # of a kernel; ruff counts arguments of other functions
 MOST_LINES = 60  # of a function, without its docstring
 MOST_HOMES = 1  # of a class name
 LEAST_COMMENTS = 40  # lines of comments per 1,000 lines of kernels
-MOST_BUNDLES = 272  # named tuples that are built in one place; may only fall
+MOST_BUNDLES = 270  # named tuples that are built in one place; may only fall
 PARAMETERS = re.compile(r"^Parameters\n-+\n(.*?)(?=^\w[\w ]*\n-+\n|\Z)", re.DOTALL | re.MULTILINE)
 PRIVATE_WORDS = re.compile(  # where the field has others: classify, gather, visible, scratch, cache
     r"look(s|ed|ing)?|sees?|seen|unseen|sights?|sighting|gazes?|glances?|shelf|shelves|rooms?|matters?"
@@ -83,14 +83,15 @@ def described_arguments(known: list[Module]) -> Iterator[str]:
         for node in ast.walk(module.tree):
             if not isinstance(node, ast.FunctionDef):
                 continue
-            section = PARAMETERS.search(ast.get_docstring(node) or "")
-            if section is None:
-                continue
+            told = ast.get_docstring(node) or ""
+            section = PARAMETERS.search(told)
+            described = re.findall(r"^(?! )[^:\n]+", section[1], re.MULTILINE) if section else []
+            described += re.findall(r"(?:\A|\n\n)`(\w+)`: ", told)  # the short form
             given = node.args
             known_here = {a.arg for a in given.posonlyargs + given.args + given.kwonlyargs}
             for many in filter(None, (given.vararg, given.kwarg)):
                 known_here |= {many.arg, f"*{many.arg}", f"**{many.arg}"}
-            for name in re.findall(r"^(?! )[^:\n]+", section[1], re.MULTILINE):
+            for name in described:
                 for one in set(name.strip().split(", ")) - known_here:
                     yield f"{module.path}:{node.name}: describes {one}, which it does not take"
 

@@ -50,7 +50,7 @@ print(f"an area of {warped.coverage.sum():.1f} pixels is covered")
 # A floor up to the horizon defeats the usual methods: hundreds of its far texels fall into one pixel, its near
 # ones are several pixels large. One setting handles both. ``edge="mirror"`` continues beyond the picture.
 
-from resample_texture.geometry.corners import from_corners, page_corners
+from resample_texture.geometry.matrices import from_corners, page_corners
 
 far = [[120, 40], [180, 40], [600, 250], [-300, 250]]
 floor = from_corners(page_corners((512, 512)), far)

@@ -15,13 +15,15 @@ from resample.cameras.trajectories import (
     Entry,
     PosedPicture,
     Refused,
+    is_open3d,
     lines_of,
     read_icl,
     read_log,
     read_matrices,
+    read_open3d,
     read_tum,
 )
-from resample.cameras.viewpoints import NAMED, Calibrated, Orbit, Spot, Viewpoint
+from resample.cameras.viewpoints import NAMED, Calibrated, Orbit, Spot, Viewpoint, orbit_of
 from resample.types import Doubles
 
 Read = Callable[[Path], list[Entry]]
@@ -43,7 +45,7 @@ KINDS: Mapping[str, Read] = {
     "icl": read_icl,
     "log": read_log,
     "nerf": _from("calibrations.nerf", "read_nerf"),
-    "open3d": _from("open3d", "read_open3d"),
+    "open3d": read_open3d,
     "colmap": _from("calibrations.colmap", "read_colmap"),
     "toml": _from("tables", "read_toml"),
 }
@@ -53,10 +55,7 @@ SUFFIXES = {".npy": "matrix", ".json": "nerf", ".log": "log", ".toml": "toml"}
 def read_entries(path: str | Path, kind: str | None = None) -> list[Entry]:
     """Read all pictures of a file, including those that are invalid.
 
-    Parameters
-    ----------
-    kind
-        One of `KINDS`; None: detected from name and content.
+    `kind`: one of `KINDS`; None: detected from name and content.
     """
     file = Path(path)
     if not file.exists():
@@ -125,11 +124,8 @@ def read_camera(text: str, kind: str | None = None) -> Camera:
 def read_shot(text: str, kind: str | None = None) -> PosedPicture:
     """Read one pose of a file.
 
-    Parameters
-    ----------
-    text
-        `file` if it holds one pose; `file:3` for the fourth; `file:name` for the picture or time of
-        that name; folders and suffix are optional.
+    `text`: `file` if it holds one pose; `file:3` for the fourth; `file:name` for the picture or
+    time of that name; folders and suffix are optional.
     """
     entry = _read_entry(text, kind)
     if isinstance(entry, Refused):
@@ -160,20 +156,9 @@ def file_and_frame(text: str) -> tuple[str, str]:
 
 
 def viewpoint(text: str, fov: float = Orbit.fov, up: str = Orbit.up) -> Viewpoint:
-    """Parse a viewpoint of the command line.
-
-    Parameters
-    ----------
-    fov
-        Field of view along the picture's shorter side in degrees, unless the file has it; 0:
-        parallel projection, for angles only.
-    """
-    try:  # first, so that no file of such a name is opened
-        azimuth, elevation, *others = NAMED.get(text) or [float(part) for part in text.split("/")]
-        zoom, right, above = {0: (1.0, 0.0, 0.0), 1: (*others, 0.0, 0.0)}.get(len(others), others)
-    except ValueError:
-        return _viewpoint_in(text, fov)
-    return Orbit(azimuth, elevation, zoom, fov, up, (right, above))
+    """Parse a viewpoint of the command line; parameters as of `orbit_of`."""
+    # Angles first, so that no file of such a name is opened.
+    return orbit_of(text, fov, up) or _viewpoint_in(text, fov)
 
 
 def _viewpoint_in(text: str, fov: float) -> Viewpoint:
@@ -200,8 +185,6 @@ def _recognised(path: Path) -> str:
         return "colmap"
     known = SUFFIXES.get(path.suffix.lower())
     if known == "nerf":
-        from resample.cameras.open3d import is_open3d
-
         return "open3d" if is_open3d(path) else known
     if known is not None:
         return known

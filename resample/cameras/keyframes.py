@@ -46,10 +46,7 @@ class Keyframes(NamedTuple):
         degrees is a short rotation, from 350 to 10 a long one. Eyes, targets and up vectors are
         interpolated independently, and calibrated cameras turn with a continuous angular velocity.
 
-        Raises
-        ------
-        ValueError
-            The eye meets its target on the way.
+        Raises ValueError: the eye meets its target on the way.
         """
         wanted = np.linspace(self.time[0], self.time[-1], count)
         return list(_BETWEEN[type(self.camera[0])](self, wanted))
@@ -107,10 +104,7 @@ def keyframes_of(path: Path, fov: float) -> Keyframes:
 
     Invalid pictures are skipped; `left_out_of` reports them.
 
-    Parameters
-    ----------
-    fov
-        Field of view along the picture's shorter side in degrees, if the file has poses only.
+    `fov`: field of view along the picture's shorter side in degrees, if the file has poses only.
     """
     if path.suffix.lower() == ".toml":
         return read_keyframes(path)

@@ -1,9 +1,12 @@
-"""OpenCV's lens model: distort points of the plane at distance 1, and undistort them.
+"""OpenCV's lens models: distort points of the plane at distance 1, and undistort them.
 
-Radial, tangential and thin-prism distortion, then the tilt of the sensor, as in the documentation
-of `cv2.calibrateCamera`. Points are x and y, (N,) float64.
+`Distortion`: radial, tangential and thin-prism distortion, then the tilt of the sensor, as in the
+documentation of `cv2.calibrateCamera`. `Fisheye`: a ray at angle θ from the axis meets the picture
+at θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸) focal lengths from its center, as in that of `cv2.fisheye`.
+Points are x and y, (N,) float64.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -13,9 +16,11 @@ from numpy.typing import NDArray
 from resample.types import Doubles
 
 COUNTS = (4, 5, 8, 12, 14)  # of coefficients
+COUNT = 4  # of those of a fisheye
 STEPS = 30  # of Newton's method; most points need 2
-TABLE = 1024  # radii in the table of initial guesses
+TABLE = 1024  # radii or angles in the table of initial guesses
 FARTHEST = 1e6  # radius at distance 1 beyond which nothing is visible
+NEAR_AXIS = 1e-8  # radius below which the ratio of angle and radius is 1
 
 Points = tuple[Doubles, Doubles]  # x and y
 
@@ -29,6 +34,38 @@ class Distortion(NamedTuple):
     prism: Doubles  # (4,)
     tilt: Doubles  # (3, 3) homography of the plane
     fold: float  # squared radius at which the distorted radius stops increasing
+
+    def bend(self, x: Doubles, y: Doubles) -> Points:
+        """Distort points; NaN beyond the fold."""
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            bent = _bend(self, x, y)
+            is_single = _is_single(self, x, y, bent)
+            x, y = project(self.tilt, bent.x, bent.y)
+        return np.where(is_single, x, np.nan), np.where(is_single, y, np.nan)
+
+    def unbend(self, x: Doubles, y: Doubles, tolerance: float) -> Points:
+        """Undistort points by Newton's method; NaN where no solution exists.
+
+        A solution is valid if distorting it reproduces the point to within `tolerance`, and if it
+        lies on the axis's side of the fold.
+        """
+        x, y = project(np.asarray(np.linalg.inv(self.tilt), np.float64), np.ravel(x), np.ravel(y))
+        u, v = _start(self, x, y)
+        is_found, left = np.zeros(x.shape, bool), np.arange(x.size)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            for _ in range(STEPS):
+                bent = _bend(self, u[left], v[left])
+                miss = x[left] - bent.x, y[left] - bent.y
+                is_near = np.hypot(*miss) <= tolerance
+                is_found[left] = is_near & _is_single(self, u[left], v[left], bent)
+                # The last step is skipped: it concerns points that are found or have no solution.
+                is_open = ~is_near & np.isfinite(miss[0] + miss[1])
+                if not is_open.any():
+                    break
+                step = _step(self, u[left], v[left], bent, miss)
+                left = left[is_open]
+                u[left], v[left] = step[0][is_open], step[1][is_open]
+        return np.where(is_found, u, np.nan), np.where(is_found, v, np.nan)
 
 
 class _Bent(NamedTuple):
@@ -52,40 +89,6 @@ def distortion(coefficients: Doubles) -> Distortion:
     tangential, prism = np.array([p1, p2]), np.array(others[:4])
     tilt, fold = _tilt(others[4], others[5]), _fold(numerator, denominator)
     return Distortion(numerator, denominator, tangential, prism, tilt, fold)
-
-
-def bend(lens: Distortion, x: Doubles, y: Doubles) -> Points:
-    """Distort points; NaN beyond the fold."""
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        bent = _bend(lens, x, y)
-        is_single = _is_single(lens, x, y, bent)
-        x, y = project(lens.tilt, bent.x, bent.y)
-    return np.where(is_single, x, np.nan), np.where(is_single, y, np.nan)
-
-
-def unbend(lens: Distortion, x: Doubles, y: Doubles, tolerance: float) -> Points:
-    """Undistort points by Newton's method; NaN where no solution exists.
-
-    A solution is valid if distorting it reproduces the point to within `tolerance`, and if it lies
-    on the axis's side of the fold.
-    """
-    x, y = project(np.asarray(np.linalg.inv(lens.tilt), np.float64), np.ravel(x), np.ravel(y))
-    u, v = _start(lens, x, y)
-    is_found, left = np.zeros(x.shape, bool), np.arange(x.size)
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        for _ in range(STEPS):
-            bent = _bend(lens, u[left], v[left])
-            miss = x[left] - bent.x, y[left] - bent.y
-            is_near = np.hypot(*miss) <= tolerance
-            is_found[left] = is_near & _is_single(lens, u[left], v[left], bent)
-            # The last step is skipped: it concerns points that are found or have no solution.
-            is_open = ~is_near & np.isfinite(miss[0] + miss[1])
-            if not is_open.any():
-                break
-            step = _step(lens, u[left], v[left], bent, miss)
-            left = left[is_open]
-            u[left], v[left] = step[0][is_open], step[1][is_open]
-    return np.where(is_found, u, np.nan), np.where(is_found, v, np.nan)
 
 
 def _start(lens: Distortion, x: Doubles, y: Doubles) -> Points:
@@ -179,3 +182,57 @@ def project(matrix: Doubles, x: Doubles, y: Doubles) -> Points:
         (matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2]) / d,
         (matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2]) / d,
     )
+
+
+class Fisheye(NamedTuple):
+    """Distance from the center of the picture, as a polynomial of the angle."""
+
+    distance: Polynomial
+    slope: Polynomial
+    fold: float  # rad: angle at which the distance stops increasing, or the plane ends
+
+    def bend(self, x: Doubles, y: Doubles) -> Points:
+        """Distort points; NaN beyond the fold."""
+        radius = np.hypot(x, y)
+        angle = np.arctan(radius)
+        scale = _ratio(self.distance(angle), radius)
+        scale[~(angle < self.fold)] = np.nan
+        with np.errstate(invalid="ignore"):  # infinite values are beyond the fold
+            return x * scale, y * scale
+
+    def unbend(self, x: Doubles, y: Doubles, tolerance: float) -> Points:
+        """Undistort points by Newton's method; NaN where no solution exists.
+
+        A solution is valid if distorting it reproduces the point to within `tolerance`.
+        """
+        x, y = np.ravel(x), np.ravel(y)
+        distance = np.hypot(x, y)
+        table = np.linspace(0.0, self.fold, TABLE)
+        angle = np.interp(distance, self.distance(table), table)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            for _ in range(STEPS):
+                miss = distance - self.distance(angle)
+                if not (np.abs(miss) > 0.5 * tolerance).any():
+                    break
+                step = np.nan_to_num(miss / self.slope(angle), posinf=0.0, neginf=0.0)
+                angle = np.clip(angle + step, 0.0, self.fold)
+            is_found = (np.abs(distance - self.distance(angle)) <= tolerance) & (angle < self.fold)
+            scale = _ratio(np.tan(angle), distance)
+        scale[~is_found] = np.nan
+        return x * scale, y * scale
+
+
+def fisheye(coefficients: Doubles) -> Fisheye:
+    """Fisheye lens with coefficients k1, k2, k3, k4."""
+    distance = Polynomial(np.ravel([[0.0, k] for k in (1.0, *coefficients)]))
+    slope = distance.deriv()
+    root = np.asarray(slope.roots(), np.complex128)
+    is_angle = (np.abs(root.imag) <= 1e-9 * np.abs(root)) & (root.real > 0.0)
+    fold = float(np.min(root.real[is_angle], initial=0.5 * math.pi))
+    return Fisheye(distance, slope, fold)
+
+
+def _ratio(after: Doubles, before: Doubles) -> Doubles:
+    """Ratio of radii; 1 at the axis."""
+    is_away = before > NEAR_AXIS
+    return np.divide(after, before, out=np.ones_like(before), where=is_away)

@@ -13,8 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from resample.cameras.fisheye import COUNT
-from resample.cameras.lens import COUNTS
+from resample.cameras.lens import COUNT, COUNTS
 from resample.cameras.poses import rigid
 from resample.types import Doubles, View
 

@@ -4,11 +4,12 @@ Positions are (..., 2) px, x and y, with the first pixel's center at (0.5, 0.5).
 """
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
-from resample.cameras import fisheye, lens
-from resample.cameras.lens import Points
+from resample.cameras.lens import Distortion, Fisheye, Points, fisheye, project
+from resample.cameras.lens import distortion as distorting
 from resample.cameras.models import Camera, LensModel
 from resample.types import Doubles
 
@@ -39,16 +40,13 @@ def undistorted_places(
 ) -> Doubles:
     """Undistort positions: from the camera's picture to that of a pinhole, (..., 2) px.
 
-    Parameters
-    ----------
-    rotation
-        (3, 3) from the camera's axes to the pinhole's, OpenCV's R. Default: the identity.
-
-    Returns
-    -------
-    (..., 2) px, NaN where no light passes the lens or the point is behind the pinhole.
+    `rotation`: (3, 3) from the camera's axes to the pinhole's, OpenCV's R. Default: the identity.
+    Result: (..., 2) px, NaN where no light passes the lens or the point is behind the pinhole.
     """
-    move = _unbending(camera)
+    move: Move = _stay
+    if camera.distortion is not None:
+        tolerance = TOLERANCE / max(abs(camera.fx), abs(camera.fy))
+        move = partial(_lens(camera, camera.distortion).unbend, tolerance=tolerance)
     if rotation is not None:
         move = _then(move, _turning(rotation))
     return _moved(move, place, camera, camera if ideal is None else ideal)
@@ -62,37 +60,19 @@ def distorted_places(
 ) -> Doubles:
     """Distort positions: from a pinhole's picture to that of the camera, (..., 2) px.
 
-    Returns
-    -------
-    (..., 2) px, NaN behind the camera and beyond the fold of the lens.
+    Result: (..., 2) px, NaN behind the camera and beyond the fold of the lens.
     """
-    move = _bending(camera)
+    move: Move = _stay
+    if camera.distortion is not None:
+        move = _lens(camera, camera.distortion).bend
     if rotation is not None:
         move = _then(_turning(rotation.T), move)
     return _moved(move, place, camera if ideal is None else ideal, camera)
 
 
-def _bending(camera: Camera) -> Move:
-    """Distortion of the camera's lens."""
-    if camera.distortion is None:
-        return _stay
-    if camera.model == LensModel.FISHEYE:
-        wide = fisheye.fisheye(camera.distortion)
-        return lambda x, y: fisheye.bend(wide, x, y)
-    bends = lens.distortion(camera.distortion)
-    return lambda x, y: lens.bend(bends, x, y)
-
-
-def _unbending(camera: Camera) -> Move:
-    """Inverse of the distortion."""
-    if camera.distortion is None:
-        return _stay
-    tolerance = TOLERANCE / max(abs(camera.fx), abs(camera.fy))
-    if camera.model == LensModel.FISHEYE:
-        wide = fisheye.fisheye(camera.distortion)
-        return lambda x, y: fisheye.unbend(wide, x, y, tolerance)
-    bends = lens.distortion(camera.distortion)
-    return lambda x, y: lens.unbend(bends, x, y, tolerance)
+def _lens(camera: Camera, distortion: Doubles) -> Distortion | Fisheye:
+    """Lens of a camera."""
+    return (fisheye if camera.model == LensModel.FISHEYE else distorting)(distortion)
 
 
 def _turning(rotation: Doubles) -> Move:
@@ -100,7 +80,7 @@ def _turning(rotation: Doubles) -> Move:
 
     def turn(x: Doubles, y: Doubles) -> Points:
         with np.errstate(over="ignore"):
-            return lens.project(rotation, x, y)
+            return project(rotation, x, y)
 
     return turn
 

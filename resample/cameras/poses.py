@@ -87,10 +87,7 @@ def orbit(
 def rigid(pose: ArrayLike) -> Doubles:
     """Check that a pose is a rotation and a shift; return it (4, 4), rounding errors corrected.
 
-    Parameters
-    ----------
-    pose
-        (3, 4) or (4, 4).
+    `pose`: (3, 4) or (4, 4).
     """
     given = np.array(pose, np.float64)
     if given.shape not in ((3, 4), (4, 4)):

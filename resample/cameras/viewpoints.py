@@ -197,6 +197,20 @@ def viewpoint_of(given: Spelled) -> Viewpoint:
     raise TypeError(f"a camera of {type(given).__name__}; give {FORM}")
 
 
+def orbit_of(text: str, fov: float = Orbit.fov, up: str = Orbit.up) -> Orbit | None:
+    """Parse angles of the command line; None if the text holds none, but perhaps names a file.
+
+    `fov`: field of view along the picture's shorter side in degrees, unless a file has it; 0:
+    parallel projection, for angles only.
+    """
+    try:
+        azimuth, elevation, *others = NAMED.get(text) or [float(part) for part in text.split("/")]
+        zoom, right, above = {0: (1.0, 0.0, 0.0), 1: (*others, 0.0, 0.0)}.get(len(others), others)
+    except ValueError:
+        return None
+    return Orbit(azimuth, elevation, zoom, fov, up, (right, above))
+
+
 def _orbit(parts: Sequence[object], given: object) -> Orbit:
     try:
         numbers = [float(part) for part in parts]  # type: ignore[arg-type]

@@ -6,9 +6,21 @@ from typing import Annotated, Any
 from cyclopts import App, Parameter
 
 from resample import registry
-from resample.console.messages import say
+from resample.command.flags import Target
+from resample.console import say
 
 Words = Annotated[str, Parameter(show=False, allow_leading_hyphen=True)]
+FETCH = """Download and verify a public data set and print its folder; without a name, list all.
+
+    Example: {} fetch {}
+
+    Parameters
+    ----------
+    name
+        Name of the data set; its licence is printed.
+    folder
+        Folder to keep it in. Default: the user's cache.
+    """
 
 
 def launcher(name: str, *command: str) -> Callable[..., Any]:
@@ -24,6 +36,18 @@ def launcher(name: str, *command: str) -> Callable[..., Any]:
         )
 
     return launch
+
+
+def fetcher(package: str, example: str) -> Callable[..., None]:
+    """Command that downloads the public data sets of a package."""
+
+    def fetch(name: str | None = None, /, *, folder: Target = None) -> None:
+        from resample.files.public import print_sets
+
+        print_sets(package, name, folder)
+
+    fetch.__doc__ = FETCH.format(package.replace("_", "-"), example)
+    return fetch
 
 
 def moved_command(old: str, application: str, command: str) -> App:

@@ -4,9 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from resample.command import workers
-from resample.command.settings import Sharing
-from resample.console.messages import progress_bar, say
+from resample.console import progress_bar, say
 from resample.files.animations import (
     MOST_FRAMES,
     Frames,
@@ -15,6 +13,7 @@ from resample.files.animations import (
     made_by,
     write_film,
 )
+from resample.watching import WorkerPool
 
 if TYPE_CHECKING:
     from resample.cameras.keyframes import Keyframes
@@ -70,14 +69,22 @@ def tour_of(path: Path, frames: int | None, fps: float, fov: float) -> Tour:
 def write_shared(
     output: Path,
     shots: Shots,
-    again: Callable[[int], Frames],
-    sharing: Sharing,
-    threads: int | None,
+    again: Callable[[int], Frames] | None = None,
+    crew: WorkerPool | None = None,
     *,
     fps: float,
     resume: bool = False,
+    bar: str = "rendering",
 ) -> None:
-    """Write a film whose frames workers share, if any were asked for; shows a progress bar."""
-    with workers.at_work(sharing, threads) as crew, progress_bar("rendering") as progress:
+    """Write a film with a progress bar; workers share its frames, if there are any.
+
+    Parameters
+    ----------
+    again
+        Function from a number of threads to the frames, for workers; None: there are none.
+    bar
+        Text of the progress bar.
+    """
+    with progress_bar(bar) as progress:
         made, executor = made_by(crew, shots, again)
         write_film(output, made, fps, resume=resume, progress=progress, executor=executor)

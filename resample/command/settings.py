@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
-from resample.command.about import OptionTopic
-from resample.console.backgrounds import SPLAT_COLOR, Color, linear_color
+from resample.command.flags import SIZE, OptionTopic
+from resample.console import SPLAT_COLOR, Color, linear_color
 
 if TYPE_CHECKING:
     from resample.files.formats import WriteOptions
@@ -18,50 +18,15 @@ if TYPE_CHECKING:
 
 OF_SAMPLES = ("method", "footprint", "threshold", "kernel", "opacity", "color_by")
 
-# Beginnings of help texts.
-SIZE = "Size in px: 400 for a square, 640x480 for width and height."
-CALIBRATED = (
-    "Lens: fx,fy,cx,cy,k1,k2,p1,p2[,k3...], or a .yml, .xml, .json or .toml file of OpenCV's "
-    "calibration"
-)
-MEMORY = "Memory limit, such as 2GiB. Default: all free memory"
-COUNTED = "Pixel coordinates are 0 at the first pixel's corner, or at its center (opencv): in"
-
-CAMERA, LIGHT, SETTINGS, LIMITS = (
-    "Camera",
-    "Light",
-    "Settings",
-    "Limits",
-)  # headings of options that many commands have
-HEADINGS = (  # in the order of the help
-    *(
-        "Input",
-        "Source camera",
-        "Several sources",
-        "Further volumes",
-        "Target",
-        "Look",
-        LIGHT,
-        CAMERA,
-        "Stereo",
-    ),
-    *(
-        "Projection",
-        "Method",
-        "Picture",
-        "Annotations and objects",
-        "Further outputs",
-        "Page",
-        "Workers",
-        SETTINGS,
-        LIMITS,
-    ),
-)
 Convention = Literal["corner", "opencv"]
 Threads = Annotated[
     int | None,
     OptionTopic.RESOURCE,
     Field(ge=1, description="Number of threads at most; pixels do not depend on it."),
+]
+Background = Annotated[
+    str | None,
+    Field(description="Background: black, white, #rrggbb or none for transparent. Default: none."),
 ]
 MethodsFilter = Annotated[
     str | None,
@@ -252,12 +217,7 @@ class FrameFormat(Choices):
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     size: Annotated[str, Field(description=SIZE)] = "640x480"
-    background: Annotated[
-        str | None,
-        Field(
-            description="Background: black, white, #rrggbb or none for transparent. Default: none."
-        ),
-    ] = None
+    background: Background = None
     bits: Annotated[
         Literal[8, 16],
         BeforeValidator(number),
@@ -338,12 +298,7 @@ class Written(Choices):
     heading: ClassVar[str] = "Picture"
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
-    background: Annotated[
-        str | None,
-        Field(
-            description="Background: black, white, #rrggbb or none for transparent. Default: none."
-        ),
-    ] = None
+    background: Background = None
     bits: Annotated[
         Literal[8, 16, 32] | None,
         BeforeValidator(number),

@@ -1,7 +1,7 @@
 """Settings files: options of a command, saved as TOML and read by later runs.
 
 Such a file may come from anywhere, so it may only set the look of a picture. The categories of
-options are in `resample.command.about`.
+options are in `resample.command.flags`.
 """
 
 import inspect
@@ -19,10 +19,21 @@ from cyclopts.config import Dict
 from pydantic import BaseModel, TypeAdapter
 
 from resample import memory as memories
-from resample.command.about import Marks, OptionTopic, about, marks_of, model_in, name_of
-from resample.command.flags import Switch, under
-from resample.command.settings import LIMITS, MEMORY, SETTINGS, Choices
-from resample.command.threads import at_most
+from resample.command.flags import (
+    LIMITS,
+    MEMORY,
+    SETTINGS,
+    Marks,
+    OptionTopic,
+    Switch,
+    about,
+    marks_of,
+    model_in,
+    name_of,
+    under,
+)
+from resample.command.settings import Choices
+from resample.command.stopping import at_most
 from resample.files.facts.origin import SUFFIXES as PICTURES
 from resample.files.facts.origin import settings_in, stating
 from resample.files.writing import check_targets, replacing

@@ -53,14 +53,9 @@ def unit_lookup(values: Floats, argument: Single) -> Single:
 def partial_integral(values: Floats, squared: Single, start: Single, end: Single) -> Single:
     """Integral of the unit kernel along a line, between two positions on it.
 
-    Parameters
-    ----------
-    values
-        (K + 1, J + 1) integrals up to a position, over `squared` 0..1 and the position -1..1.
-    squared
-        Squared distance of the line from the center, radii².
-    start, end
-        Positions on the line, radii from the point nearest to the center; may be infinite.
+    `values`: (K + 1, J + 1) integrals up to a position, over `squared` 0..1 and the position -1..1.
+    `squared`: squared distance of the line from the center, radii². `start`, `end`: positions on
+    the line, radii from the point nearest to the center; may be infinite.
     """
     # Lines beyond the rim, and empty intervals, have no integral.
     if not (squared < np.float32(1.0) and start < end):

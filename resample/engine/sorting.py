@@ -157,12 +157,8 @@ def member_of(pair: np.uint64) -> np.int64:
 def settle_ties(pair: Pairs, position: Floats, color: Floats, extinction: Floats) -> None:
     """Put samples of equal keys in the order of what they look like, whatever order they came in.
 
-    Parameters
-    ----------
-    pair
-        (N,) keys and indices, ascending.
-    position, color, extinction
-        (N, 3), (N, 3) and (N,) of the samples.
+    `pair`: (N,) keys and indices, ascending. `position`, `color`, `extinction`: (N, 3), (N, 3) and
+    (N,) of the samples.
     """
     first = 0
     for end in range(1, pair.size + 1):

@@ -29,7 +29,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.console.messages import Progress, say
+from resample.console import Progress, say
 from resample.files.films import check_codecs, film_picture, new_film, new_stream
 from resample.files.writing import (
     check_targets,
@@ -128,18 +128,15 @@ def _frames(film: _Elsewhere) -> Frames:
 
 
 def made_by(
-    crew: WorkerPool | None, shots: Shots, read: Callable[[int], Frames]
+    crew: WorkerPool | None, shots: Shots, read: Callable[[int], Frames] | None
 ) -> tuple[Shots, Executor | None]:
     """Frames as worker processes make them, each after loading its own data; and the executor.
 
     Workers of this machine may use as much memory as this process is allowed.
 
-    Parameters
-    ----------
-    crew
-        Workers; None: frames are made in this process.
+    `crew`: workers; None: frames are made in this process.
     """
-    if crew is None:
+    if crew is None or read is None:
         return shots, None
     memory = ALLOWED.get() if crew.is_local else None
     frames = _Elsewhere(token_hex(8), read, crew.threads, str(Path.cwd()), memory)

@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.files.stores.addresses import Address, Place
-from resample.files.stores.holes import Holes, holes_of, values_of, warned
-from resample.files.stores.metadata import layout_of
+from resample.files.stores.metadata import Holes, holes_of, layout_of, values_of, warned
 from resample.files.stores.opening import (
     ZIPS,
+    Address,
+    Place,
     is_store,
     open_node,
     reading,
@@ -160,9 +160,7 @@ def check_store(path: Path) -> None:
 def writing_store(path: Path, height: int) -> "Iterator[StoreRows]":
     """Write a picture of `height` rows; the store appears when the block succeeds.
 
-    Yields
-    ------
-    The object that takes the rows from the top.
+    Yields: the object that takes the rows from the top.
     """
     check_store(path)
     try:

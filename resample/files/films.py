@@ -73,10 +73,8 @@ def new_film(path: Path) -> Iterator["OutputContainer"]:
 def new_stream(film: "OutputContainer", fps: float, size: tuple[int, int]) -> Any:
     """Add a video stream to a film.
 
-    Parameters
-    ----------
-    size
-        Height and width, px. H.264 stores one color per 2 × 2 pixels, so sides are rounded to even.
+    `size`: height and width, px. H.264 stores one color per 2 × 2 pixels, so sides are rounded to
+    even.
     """
     from av.video.reformatter import ColorPrimaries, ColorRange, Colorspace, ColorTrc
 

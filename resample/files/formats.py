@@ -7,11 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import to_srgb
-from resample.console.backgrounds import Color
-from resample.console.messages import say
+from resample.console import Color, say
 from resample.files.facts.metadata import AS_FLOATS, JPEG, TIFF, FileMetadata
 from resample.files.pictures import Kind, Picture
-from resample.files.stores.addresses import STORE
+from resample.files.stores.opening import STORE
 from resample.types import Floats
 
 SUFFIXES = (".png", ".exr", ".jpg", ".jpeg", ".tif", ".tiff")
@@ -180,14 +179,9 @@ def whole_numbers(data: Floats, form: str) -> NDArray[Any]:
 def levels(data: Floats, form: str, *, has_alpha: bool, is_light: bool) -> NDArray[Any]:
     """Convert light to integer levels as pictures store them.
 
-    Parameters
-    ----------
-    data
-        (H, W, C) linear light, premultiplied; missing values become 0.
-    form
-        Unsigned type, whose largest number stands for 1.
-    is_light
-        Encode all but opacity by the sRGB curve; otherwise values are stored linearly.
+    `data`: (H, W, C) linear light, premultiplied; missing values become 0. `form`: unsigned type,
+    whose largest number stands for 1. `is_light`: encode all but opacity by the sRGB curve;
+    otherwise values are stored linearly.
     """
     data = np.nan_to_num(data, nan=0.0, posinf=np.inf, neginf=-np.inf)
     if not is_light:
@@ -219,10 +213,7 @@ def with_word(
 ) -> NDArray[Any]:
     """Replace missing values by their marker, and move other values off it.
 
-    Parameters
-    ----------
-    data
-        (H, W, C) as stored.
+    `data`: (H, W, C) as stored.
     """
     gap, word = np.isnan(values), data.dtype.type(missing)
     taken = ~gap & (data == word)

@@ -24,7 +24,7 @@ from resample.files.facts.metadata import (
     upright,
 )
 from resample.files.images import PictureFile, light_of, open_file, shown
-from resample.files.stores.addresses import Address, Place, place_of
+from resample.files.stores.opening import Address, Place, place_of
 from resample.lazy import renamed
 from resample.memory import require_memory
 from resample.memory.mapped import array_where_it_fits
@@ -115,22 +115,11 @@ class Header(NamedTuple):
 def read_picture(path: str | Place, page: int = 0, *, as_data: bool = False) -> Picture:
     """Read a picture in linear light, premultiplied and upright, with its metadata.
 
-    Parameters
-    ----------
-    path
-        Any format of OpenImageIO, or zarr: a folder, a zip file or an address.
-    page
-        Number of the picture in a file that holds several.
-    as_data
-        Keep integers that are neither shades nor colors (signed, 32-bit, or georeferenced and
-        not 8-bit colors) as numbers; the missing value of a GeoTIFF becomes NaN.
-
-    Raises
-    ------
-    OSError
-        The file is missing or damaged.
-    ValueError
-        It does not fit into memory.
+    `path`: any format of OpenImageIO, or zarr: a folder, a zip file or an address. `page`: number
+    of the picture in a file that holds several. `as_data`: keep integers that are neither shades
+    nor colors (signed, 32-bit, or georeferenced and not 8-bit colors) as numbers; the missing value
+    of a GeoTIFF becomes NaN. Raises OSError: the file is missing or damaged. Raises ValueError: it
+    does not fit into memory.
     """
     return picture_at(place_of(path), page, as_data=as_data).picture()
 
@@ -306,12 +295,7 @@ def with_gaps(data: Floats, kind: Kind, about: FileMetadata) -> Floats:
 def gaps_of(data: Floats, missing: float, *, as_whole: bool) -> NDArray[np.bool]:
     """Where values are missing, per value or per pixel.
 
-    Parameters
-    ----------
-    data
-        (H, W, C).
-    as_whole
-        A pixel, (H, W, 1), is missing if all its values are.
+    `data`: (H, W, C). `as_whole`: a pixel, (H, W, 1), is missing if all its values are.
     """
     gaps: NDArray[np.bool] = np.isclose(
         data, data.dtype.type(missing), rtol=EVEN[data.dtype.itemsize], atol=0.0

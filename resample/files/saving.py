@@ -9,15 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import Background, over
-from resample.console.backgrounds import Color
-from resample.files.facts.metadata import (
-    JPEG,
-    TIFF,
-    FileMetadata,
-    WrittenPage,
-    complete,
-    describe,
-)
+from resample.console import Color
+from resample.files.facts.metadata import JPEG, TIFF, FileMetadata, WrittenPage, complete, describe
 from resample.files.facts.origin import state
 from resample.files.formats import (
     LOSSLESS,
@@ -30,7 +23,7 @@ from resample.files.formats import (
 )
 from resample.files.images import open_file
 from resample.files.pictures import Kind, Picture
-from resample.files.stores.addresses import STORE
+from resample.files.stores.opening import STORE
 from resample.files.writing import INCOMPLETE, check_end, refused, replacing
 from resample.reading.native import plain
 from resample.reading.pictures import complaint_of
@@ -71,12 +64,8 @@ def write_frame(
 ) -> None:
     """Write a rendered scene in the format of its suffix.
 
-    Parameters
-    ----------
-    bits
-        Bits per channel; 32 are floats of linear light. EXR has 32.
-    background
-        Linear background color; None keeps transparency.
+    `bits`: bits per channel; 32 are floats of linear light. EXR has 32. `background`: linear
+    background color; None keeps transparency.
     """
     path = Path(path)
     check_frame(path, bits, _color(background))
@@ -145,16 +134,10 @@ def write_exr(
 ) -> None:
     """Write a picture with all its data, lossless except for `half`.
 
-    Parameters
-    ----------
-    frame
-        Becomes the channels R, G, B, A (premultiplied, linear light), Z (`depth`), coverage,
-        first.Z (`first_depth`) and, if there is one, `value`; all but colors are float32.
-        Depths are in scene units, inf where empty.
-    half
-        Store R, G, B and A in 16 bits instead of 32.
-    attributes
-        Header entries: text, numbers, and sequences of numbers (16 make a 4 × 4 matrix).
+    `frame`: becomes the channels R, G, B, A (premultiplied, linear light), Z (`depth`), coverage,
+    first.Z (`first_depth`) and, if there is one, `value`; all but colors are float32. Depths are in
+    scene units, inf where empty. `half`: store R, G, B and A in 16 bits instead of 32.
+    `attributes`: header entries: text, numbers, and sequences of numbers (16 make a 4 × 4 matrix).
     """
     if compression not in LOSSLESS:
         raise ValueError(f"unknown compression {compression!r}; known: {', '.join(LOSSLESS)}")
@@ -177,10 +160,7 @@ def _entry(name: str, value: Attribute) -> tuple[str, Any, Any]:
 def write_picture(path: Path, picture: Picture, look: WriteOptions) -> None:
     """Write a picture in the format of its suffix.
 
-    Parameters
-    ----------
-    picture
-        EXR and float TIFF store it unchanged; integers are straight and sRGB-encoded.
+    `picture`: EXR and float TIFF store it unchanged; integers are straight and sRGB-encoded.
     """
     write_pages(path, [picture], look)
 
@@ -207,10 +187,8 @@ def write_pages(path: Path, pictures: Iterable[Picture], look: WriteOptions) -> 
 def writing_rows(path: Path, height: int, look: WriteOptions) -> Iterator[Put]:
     """Write a picture of `height` rows; the file appears when the block succeeds.
 
-    Yields
-    ------
-    The function that takes the picture's rows from the top, any number at a time, always with
-    the same channels.
+    Yields: the function that takes the picture's rows from the top, any number at a time, always
+    with the same channels.
     """
     if path.suffix.lower() == STORE:
         from resample.files.chunked import writing_store
@@ -269,7 +247,7 @@ def new_output(path: Path, temporary: Path, spec: Any, mode: str = "Create") -> 
 
     name = plain(temporary)
     if path.suffix.lower() in JPEG:
-        from resample.files.buffered_jpeg import BufferedJpeg
+        from resample.files.images import BufferedJpeg
 
         return BufferedJpeg(temporary, spec)
     target = OpenImageIO.ImageOutput.create(name)

@@ -3,6 +3,7 @@
 Pillow handles animated pictures, PyAV films; display times are preserved.
 """
 
+import glob
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from fractions import Fraction
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import from_srgb
-from resample.console.messages import say
+from resample.console import say
 from resample.files.animations import Stored
 from resample.files.chunked import is_in_store
 from resample.files.facts.metadata import TIFF, is_animated_png, page_tags
@@ -27,10 +28,10 @@ from resample.files.films import (
     new_stream,
     opened_film,
 )
-from resample.files.formats import WriteOptions, check_output, flattened, levels
+from resample.files.formats import SUFFIXES, WriteOptions, check_output, flattened, levels
 from resample.files.pictures import Kind, Picture, read_picture
 from resample.files.saving import write_pages
-from resample.files.stores.addresses import Address, Place
+from resample.files.stores.opening import STORE, Address, Place
 from resample.files.writing import replacing
 from resample.reading.limits import check_animation, check_unpacked
 from resample.reading.pictures import decoding
@@ -43,6 +44,7 @@ USUAL = 1.0 / 24.0  # s per picture if not specified
 SHORTEST = 0.001  # s between two frames of a film, even if their times are equal
 WEBP_ALPHA = 0x10  # bit in the flags of a WebP file
 TICKS = 90_000  # per second, unit of time in films
+READ = (*SUFFIXES, *WRITTEN, *FILMS, ".bmp", ".hdr", ".jp2", ".jxl", ".pgm", ".ppm", ".pfm", ".tga")
 
 
 class Frames(NamedTuple):
@@ -315,3 +317,63 @@ _WRITERS = {
     ".png": _write_apng,
     ".mp4": _write_film,
 }
+
+
+def is_batch(images: Sequence[Place], output: Path) -> bool:
+    """Whether results go to a folder: for several files, a folder or a pattern, or if it is one."""
+    is_folder = output.is_dir() and output.suffix.lower() not in (*SUFFIXES, STORE)
+    return len(images) > 1 or is_folder or _is_of_files(images[0])
+
+
+def batch_of(images: Sequence[Place], output: Path) -> list[tuple[Place, Path]]:
+    """Expand arguments to pairs of source and target."""
+    sources = list(dict.fromkeys(file for image in images for file in _files(image)))
+    if not sources:
+        raise ValueError(f"{', '.join(map(str, images))}: no pictures found")
+    if output.exists() and not output.is_dir():
+        raise OSError(f"{output} is not a folder; several pictures are written to one")
+    if not output.exists() and output.suffix:
+        raise ValueError(f"{output}: several pictures are written to a folder; give its name")
+    pairs = [(source, output / _name(source)) for source in sources]
+    taken: dict[Path, Place] = {}
+    for source, target in pairs:
+        if target in taken:
+            raise ValueError(f"{taken[target]} and {source} would both become {target}")
+        if target.resolve() in {source.resolve() for source in sources}:
+            raise ValueError(f"{target} would be replaced; give another folder")
+        taken[target] = source
+    return pairs
+
+
+def _is_of_files(place: Place) -> bool:
+    if isinstance(place, Address) or is_in_store(place):
+        return False
+    return place.is_dir() or _is_pattern(place)
+
+
+def _is_pattern(path: Path) -> bool:
+    return not path.exists() and glob.has_magic(str(path))
+
+
+def _files(path: Place) -> Iterator[Place]:
+    if isinstance(path, Address) or is_in_store(path):
+        yield path
+    elif path.is_dir():
+        found = (file for file in sorted(path.iterdir()) if file.suffix.lower() in READ)
+        yield from (file for file in found if file.is_file() and not file.name.startswith("."))
+    elif _is_pattern(path):
+        matches = sorted(map(Path, glob.glob(str(path), recursive=True)))
+        yield from (file for file in matches if file.is_file())
+    else:
+        yield path
+
+
+def _name(source: Place) -> str:
+    """Name of a result: that of its source if its format can be written."""
+    suffix = source.suffix.lower()
+    if suffix in SUFFIXES:
+        return source.name
+    if suffix in FILMS:
+        return Path(source.name).with_suffix(".mp4").name if suffix != ".mp4" else source.name
+    is_animated = suffix in WRITTEN and frames_of(source) is not None
+    return source.name if is_animated else Path(source.name).with_suffix(".png").name

@@ -19,6 +19,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
 from hashlib import sha256
+from importlib.util import find_spec
 from pathlib import Path
 from platform import node
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -26,7 +27,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 from resample.words import one_line
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
 
 LEFT = re.compile(r"\..+\.tmp-([0-9a-f]{6})-([0-9]{1,10})-[0-9a-f]{8}(?:\..*)?")
 MOST = 40  # characters of a target's name, as file systems limit names
@@ -42,9 +43,7 @@ _tidied: set[Path] = set()  # folders, once per process
 def replacing(path: str | Path) -> Iterator[Path]:
     """Write to a temporary file and move it to its target on success.
 
-    Yields
-    ------
-    An empty file in the same folder, with the same suffix, to write to. Removed on error.
+    Yields: an empty file in the same folder, with the same suffix, to write to. Removed on error.
     """
     target = Path(os.path.realpath(path))
     if target.exists() and not target.is_file():
@@ -142,9 +141,7 @@ def save_array(path: Path, values: "ArrayLike") -> None:
 def beside(target: Path) -> Iterator[Path]:
     """Unused name beside a target, for a temporary file or folder.
 
-    Yields
-    ------
-    The name: hidden, with the same suffix. Whatever has it at the end is removed.
+    Yields: the name: hidden, with the same suffix. Whatever has it at the end is removed.
     """
     if target.parent not in _tidied:
         _tidied.add(target.parent)
@@ -164,9 +161,7 @@ def inheriting(target: Path) -> Iterator[list[Path]]:
 
     They belong to this process from now on, which can resume their work.
 
-    Yields
-    ------
-    The folders. Those that still exist at the end are removed.
+    Yields: the folders. Those that still exist at the end are removed.
     """
     start, found = f".{target.stem[:MOST]}.tmp-", []
     with suppress(OSError):
@@ -278,3 +273,70 @@ def check_targets(*paths: Path | None) -> None:
 
 class _Abandoned(Exception):  # noqa: N818 - no error: the file was only tried
     """Raised to leave the target of `replacing` unchanged."""
+
+
+def load_arrays(file: Path, *names: str) -> "dict[str, NDArray[Any]] | None":
+    """Load the arrays of a cache file and mark it as used; None if it is missing or damaged."""
+    from resample.reading.arrays import read_npz
+
+    if not file.is_file():
+        return None
+    try:
+        held = read_npz(file, *names)  # checks its checksums
+    except (ValueError, OSError, LookupError):
+        return None
+    with suppress(OSError):
+        os.utime(file)
+    return held
+
+
+def store_arrays(file: Path, arrays: Mapping[str, Any], most: int | None = None) -> bool:
+    """Write arrays to a cache file, and return whether that succeeded.
+
+    `most`: limit on the bytes of all files in its folder, of which the least recently used are
+    removed; None: the folder is not ours, so that none are.
+    """
+    import numpy as np
+
+    size = sum(np.asarray(array).nbytes for array in arrays.values())
+    if most is not None and size > most:
+        return False
+    with suppress(OSError):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        if most is not None:
+            _evict(file.parent, size, most)
+        with replacing(file) as temporary, temporary.open("wb") as stream:
+            np.savez(stream, **arrays)
+        return True
+    return False
+
+
+def _evict(folder: Path, wanted: int, most: int) -> None:
+    """Remove the least recently used files of a folder until `wanted` bytes fit."""
+    files = [(entry.stat(), entry) for entry in folder.glob("*.np[yz]")]
+    total = sum(stat.st_size for stat, _ in files)
+    for stat, entry in sorted(files, key=lambda pair: pair[0].st_mtime):
+        if total + wanted <= most:
+            return
+        entry.unlink(missing_ok=True)
+        total -= stat.st_size
+
+
+@cache
+def source_fingerprint(*names: str) -> str:
+    """Fingerprint of the source code of modules and packages, and of the engine.
+
+    Cached results that such code computed are keyed by it.
+    """
+    from resample.engine.compiled.sources import engine_digest
+
+    digest = sha256(engine_digest().encode())
+    for name in names:
+        spec = find_spec(name)
+        if spec is None or spec.origin is None:
+            raise ModuleNotFoundError(f"no source code of {name}", name=name)
+        folders = spec.submodule_search_locations or ()
+        files = [file for folder in folders for file in sorted(Path(folder).rglob("*.py"))]
+        for file in files or [Path(spec.origin)]:
+            digest.update(file.read_bytes())
+    return digest.hexdigest()

@@ -58,14 +58,8 @@ def flat_sample(
 ) -> None:
     """Fill the record of a texel or of a depth pixel; its mass is its area on the screen.
 
-    Parameters
-    ----------
-    place
-        Its center on the screen, px.
-    depth
-        For the order of samples and for surfaces.
-    shape
-        Height and width of the frame, px.
+    `place`: its center on the screen, px. `depth`: for the order of samples and for surfaces.
+    `shape`: height and width of the frame, px.
     """
     xu, xv, yu, yv = J
     area = abs(xu * yv - xv * yu)

@@ -21,20 +21,12 @@ NO_ELLIPSE = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 def cone_section(P: Vector, Q: Vector, is_projected: bool) -> tuple[bool, Ellipse, float]:
     """Ellipse of the unit sphere around Q on the plane through P, perpendicular to it.
 
-    Parameters
-    ----------
-    P
-        Where the perpendicular from the eye, which is at the origin, meets the viewing plane.
-    Q
-        Center of the sphere.
-    is_projected
-        Put the ellipse around C', the projection of Q, instead of the midpoint of A'B'.
-
-    Returns
-    -------
-    Whether there is an ellipse; its center and the half axes R1 and R2, vectors of that space; and
-    α, rad. There is none if the eye is inside the sphere, or if the cone of its tangents meets the
-    plane through the eye, so that its section is a parabola or a hyperbola.
+    `P`: where the perpendicular from the eye, which is at the origin, meets the viewing plane. `Q`:
+    center of the sphere. `is_projected`: put the ellipse around C', the projection of Q, instead of
+    the midpoint of A'B'. Result: whether there is an ellipse; its center and the half axes R1 and
+    R2, vectors of that space; and α, rad. There is none if the eye is inside the sphere, or if the
+    cone of its tangents meets the plane through the eye, so that its section is a parabola or a
+    hyperbola.
     """
     length, far = math.sqrt(dot(Q, Q)), math.sqrt(dot(P, P))
     q, p = scaled(1.0 / length, Q), scaled(1.0 / far, P)

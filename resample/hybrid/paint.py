@@ -53,12 +53,8 @@ def paint(
 ) -> Counts:
     """Blend records (N,), in this order, into the blend's pictures.
 
-    Parameters
-    ----------
-    size
-        Height and width of the pictures, px.
-    window
-        (x0, y0, x1, y1) px: only tiles that meet it are painted; None: all.
+    `size`: height and width of the pictures, px. `window`: (x0, y0, x1, y1) px: only tiles that
+    meet it are painted; None: all.
     """
     height, width = size
     down, across = -(-height // TILE), -(-width // TILE)
@@ -97,10 +93,7 @@ def paint_tiles(
 ) -> None:
     """Paint tiles; no two threads share one.
 
-    Parameters
-    ----------
-    met
-        (N,) set for samples that found a pixel open.
+    `met`: (N,) set for samples that found a pixel open.
     """
     height, width = size
     for task in tasks(counter, tiles.shown.size):
@@ -164,14 +157,8 @@ def deal_members(
 ) -> tuple[NDArray[np.int32], NDArray[np.uint16], Indices]:
     """Members, blocks and starts of `TileMembers` for a grid of tiles.
 
-    Parameters
-    ----------
-    grid
-        Rows and columns of tiles.
-    largest
-        Angle up to which the index correction has a table, rad.
-    counts
-        Samples of each kind, as in `Counts`; filled.
+    `grid`: rows and columns of tiles. `largest`: angle up to which the index correction has a
+    table, rad. `counts`: samples of each kind, as in `Counts`; filled.
     """
     down, across = grid
     load = np.zeros(down * across, np.int64)

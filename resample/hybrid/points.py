@@ -68,9 +68,7 @@ def filter_point(
 ) -> bool:
     """Add point n to the pixels of a box whose filters reach it.
 
-    Returns
-    -------
-    Whether it found one open.
+    Result: whether it found one open.
     """
     met = False
     x, y, a, weight = s["x"], s["y"], s["a"], s["weight"]

@@ -49,12 +49,8 @@ def touch(
 ) -> int:
     """Give the pixel what it sees of sample n; returns 1 if that closes it, else 0.
 
-    Parameters
-    ----------
-    index2
-        Squared index i² of the pixel in the footprint, 0 center, 1 rim.
-    amount
-        Weight times F(d).
+    `index2`: squared index i² of the pixel in the footprint, 0 center, 1 rim. `amount`: weight
+    times F(d).
     """
     raise NotImplementedError
 

@@ -46,9 +46,7 @@ def scan_splat(
 ) -> bool:
     """Add splat n to the pixels of a box that lie in its ellipse.
 
-    Returns
-    -------
-    Whether it found one open.
+    Result: whether it found one open.
     """
     met = False
     x, y, a, weight = s["x"], s["y"], s["a"], s["weight"]

@@ -79,12 +79,8 @@ def _size_of_voxel(
 ) -> Covariance:
     """V = J Jᵀ of a kernel of this covariance, where J is the projection's Jacobian.
 
-    Parameters
-    ----------
-    place
-        x / z and y / z of its center; 0 where rays are parallel.
-    focal
-        px per scene unit there.
+    `place`: x / z and y / z of its center; 0 where rays are parallel. `focal`: px per scene unit
+    there.
     """
     (x, y), (fx, fy), v = place, focal, covariance
     return (
@@ -107,17 +103,9 @@ def voxel(
 ) -> Single:
     """Fill the record of a voxel around Q, camera axes, before the camera.
 
-    Parameters
-    ----------
-    extinction
-        Per scene unit.
-    layer
-        Thickness of the layer in which points are summed, scene units.
-
-    Returns
-    -------
-    A splat's extinction, whose amounts are lengths; a point's opacity, whose amounts are parts of a
-    pixel.
+    `extinction`: per scene unit. `layer`: thickness of the layer in which points are summed, scene
+    units. Result: a splat's extinction, whose amounts are lengths; a point's opacity, whose amounts
+    are parts of a pixel.
     """
     record["depth"] = Q[2]
     near = 1.0 / Q[2] if projector.perspective else 1.0

@@ -33,16 +33,9 @@ def plain_bar(
 ) -> Floats:
     """Picture of opaque colors with a scale of their values.
 
-    Parameters
-    ----------
-    colors
-        (N, 3) linear, at equally spaced values from the minimum to the maximum.
-    height
-        Of the picture, px, at least 64.
-
-    Returns
-    -------
-    (H, B, 4) linear, opaque. The width B follows from the height and the text.
+    `colors`: (N, 3) linear, at equally spaced values from the minimum to the maximum. `height`: of
+    the picture, px, at least 64. Result: (H, B, 4) linear, opaque. The width B follows from the
+    height and the text.
     """
     check_height(height)
     page = BarLayout.of(span, height, title, "colors")
@@ -59,12 +52,8 @@ def plain_bar(
 def with_color_bar(rgba: Floats, bar: Floats, background: Background | None = None) -> Floats:
     """Picture (H, W + B, 4) with a bar (H, B, 4) on its right.
 
-    Parameters
-    ----------
-    rgba
-        (H, W, 4) linear, premultiplied.
-    background
-        Linear background color of the picture; None leaves it transparent.
+    `rgba`: (H, W, 4) linear, premultiplied. `background`: linear background color of the picture;
+    None leaves it transparent.
     """
     if len(rgba) != len(bar):
         raise ValueError(f"a bar of {len(bar)} px does not fit a picture of {len(rgba)} px")

@@ -1,7 +1,9 @@
 """Comparison of several renderings: tables of numbers and labelled sheets of pictures."""
 
 import math
-from collections.abc import Mapping, Sequence
+import statistics
+import time
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -23,6 +25,8 @@ DPI = 100
 MARGIN = 12  # px around each picture
 LINE = 16  # px per line of text
 SMALLEST = 192  # px; narrower pictures are enlarged
+RUNS = 5  # of what is timed; their median is the time
+PATIENCE = 2.0  # seconds for all runs
 
 Row = Mapping[str, object]
 
@@ -30,16 +34,8 @@ Row = Mapping[str, object]
 def shown(image: Floats, background: Background = (0.0, 0.0, 0.0)) -> Floats:
     """Convert a picture to display colors.
 
-    Parameters
-    ----------
-    image
-        (H, W, C) linear light: gray, RGB, or premultiplied with alpha as channel 2 or 4.
-    background
-        Background, 3 values of linear light.
-
-    Returns
-    -------
-    (H, W, 3) sRGB-encoded, 0..1.
+    `image`: (H, W, C) linear light: gray, RGB, or premultiplied with alpha as channel 2 or 4.
+    `background`: background, 3 values of linear light. Result: (H, W, 3) sRGB-encoded, 0..1.
     """
     channels = image.shape[2]
     if channels in (1, 2):
@@ -48,15 +44,29 @@ def shown(image: Floats, background: Background = (0.0, 0.0, 0.0)) -> Floats:
     return to_srgb(np.clip(color, 0.0, 1.0))
 
 
+def milliseconds(run: Callable[[], object], runs: int = RUNS, patience: float = PATIENCE) -> float:
+    """Median time of runs; after `patience` seconds no other begins."""
+    duration: list[float] = []
+    begin = time.perf_counter()
+    while not duration or (len(duration) < runs and time.perf_counter() - begin < patience):
+        start = time.perf_counter()
+        run()
+        duration.append(1000.0 * (time.perf_counter() - start))
+    return statistics.median(duration)
+
+
+def plain_name(method: str) -> str:
+    """Name without characters that files may not have."""
+    return "".join(letter if letter.isalnum() else "-" for letter in method)
+
+
 def measure_files(
     paths: Sequence[str | Path], reference: str | Path
 ) -> tuple[list[dict[str, object]], dict[str, Floats]]:
     """Compare files with a reference file.
 
-    Returns
-    -------
-    A row of `resample.measuring.quality.measure` for each file, computed on the displayed pictures,
-    and the pictures as read, reference first; both by file name.
+    Result: a row of `resample.measuring.quality.measure` for each file, computed on the displayed
+    pictures, and the pictures as read, reference first; both by file name.
     """
     target = read_image(reference)
     pictures, rows = {str(reference): target}, []
@@ -110,14 +120,9 @@ def contact_sheet(
 ) -> None:
     """Write pictures with their titles to one PNG, each pixel enlarged to a square.
 
-    Parameters
-    ----------
-    images
-        (H, W, 3) or premultiplied (H, W, 4), linear light, by title; shown over black.
-    columns
-        Pictures per row; None: chosen automatically.
-    zoom
-        Side of a pixel's square; None enlarges small pictures to `SMALLEST` px or more.
+    `images`: (H, W, 3) or premultiplied (H, W, 4), linear light, by title; shown over black.
+    `columns`: pictures per row; None: chosen automatically. `zoom`: side of a pixel's square; None
+    enlarges small pictures to `SMALLEST` px or more.
     """
     if not images:
         raise ValueError("a contact sheet needs at least one picture")

@@ -14,11 +14,11 @@ from contextlib import suppress
 from math import prod
 from pathlib import Path
 from threading import Lock, Thread
-from typing import Any, NamedTuple
+from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from resample.memory import ALLOWED, amount, available_memory, mapped_memory
 
@@ -26,16 +26,11 @@ LOG = logging.getLogger("resample")
 FOLDER_VARIABLE = "HYBRID_RESAMPLE_CACHE"
 OFTEN = 0.01  # seconds between two checks of the pages in memory
 SPARE = 1 << 26  # bytes to leave free on the disk
+Number = TypeVar("Number", bound=np.generic)
 
 
-class _MappedFile(NamedTuple):
-    """Properties of a mapped file."""
-
-    most: int  # bytes of pages in memory, of all files together, at most
-    others: int  # bytes of pages of other files, mostly libraries
-
-
-_held: "WeakKeyDictionary[mmap.mmap, _MappedFile]" = WeakKeyDictionary()
+# Of each file the bytes of pages in memory that all together may have, and those of other files.
+_held: "WeakKeyDictionary[mmap.mmap, tuple[int, int]]" = WeakKeyDictionary()
 _lock = Lock()
 _thread: Thread | None = None
 
@@ -66,7 +61,7 @@ def array_in_file(shape: tuple[int, ...], kind: DTypeLike, most: int, what: str)
     size = prod(shape) * dtype.itemsize
     mapping = _mapping_of(max(1, size), what)
     with _lock:
-        _held[mapping] = _MappedFile(most, mapped_memory())
+        _held[mapping] = most, mapped_memory()
         _watch()
     return np.ndarray(shape, dtype, buffer=mapping)
 
@@ -94,7 +89,7 @@ def array_like(
 ) -> NDArray[Any]:
     """Create an array for results of others: in a file if one of them is in a file."""
     held = _of(values)
-    return np.empty(shape, kind) if held is None else array_in_file(shape, kind, held.most, what)
+    return np.empty(shape, kind) if held is None else array_in_file(shape, kind, held[0], what)
 
 
 def is_in_file(values: NDArray[Any]) -> bool:
@@ -105,10 +100,10 @@ def is_in_file(values: NDArray[Any]) -> bool:
 def most_of(values: NDArray[Any]) -> int | None:
     """Budget in bytes for the pages of an array in a file; None for any other array."""
     held = _of(values)
-    return None if held is None else held.most
+    return None if held is None else held[0]
 
 
-def _of(values: Any) -> _MappedFile | None:
+def _of(values: Any) -> tuple[int, int] | None:
     while values is not None and not isinstance(values, mmap.mmap):
         values = getattr(values, "base", None)
     with _lock:
@@ -121,7 +116,7 @@ def _mapping_of(size: int, what: str) -> mmap.mmap:
     try:
         place.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=place) as file:
-            _claim(file.fileno(), size, place)
+            claim(file.fileno(), size, place)
             return mmap.mmap(file.fileno(), size)
     except OSError as error:
         raise ValueError(
@@ -131,7 +126,7 @@ def _mapping_of(size: int, what: str) -> mmap.mmap:
         ) from None
 
 
-def _claim(file: int, size: int, place: Path) -> None:
+def claim(file: int, size: int, place: Path) -> None:
     """Resize a file and reserve its disk space."""
     import shutil
 
@@ -164,7 +159,7 @@ def _let_go() -> None:
             if not known:
                 _thread = None
                 return
-            most = min(held.most for held in known) + min(held.others for held in known)
+            most = sum(map(min, zip(*known, strict=True)))
             if mapped_memory() > most:
                 _drop_pages()
 
@@ -184,3 +179,21 @@ def _after_fork() -> None:
 
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_after_fork)
+
+
+def contiguous(given: ArrayLike, kind: type[Number]) -> NDArray[Number]:
+    """Writable C-ordered array of a type; a copy unless it already is one.
+
+    The result is a plain ndarray. Masked elements become NaN.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample.memory.mapped import contiguous
+    >>> frozen = np.broadcast_to(np.float32(1), (2, 3))
+    >>> contiguous(frozen, np.float32).flags.writeable
+    True
+    """
+    if np.ma.is_masked(given):
+        given = np.ma.filled(np.ma.asarray(given, np.float64), np.nan)
+    return np.require(given, kind, ["C", "A", "W", "E"])

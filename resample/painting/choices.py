@@ -1,6 +1,26 @@
-"""Options of a renderer, as enumerations."""
+"""Choices of a renderer: all there are, what a primitive brings along, and what goes together."""
 
+import math
+from collections.abc import Callable
+from dataclasses import InitVar, dataclass, field, fields
 from enum import StrEnum
+from functools import cache, cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from resample import registry
+from resample.profiles.filters import Gaussian, PixelFilter
+from resample.profiles.orders import OF_FIELDS, CompositingOrder, EverySample, Summing
+from resample.profiles.reconstruction import GaussianKernel, Reconstruction
+from resample.types import Field, LatticeField, Samples
+
+if TYPE_CHECKING:
+    from resample.painting.scenes.painters import SamplePainter
+
+SPLAT_GRID, POINT_GRID = 16, 16  # most sub-pixels per side of a pixel, see `kernels.grid`
+PAPER_FILTER = Gaussian(0.4, 1.2, lowered=True)  # see `resample.hybrid.points`
+POINT_FILTER = Gaussian(1.0, 3.0, lowered=True)  # likewise, in widths of a point
 
 
 class Primitive(StrEnum):
@@ -44,25 +64,6 @@ class Footprint(StrEnum):
     PROJECTED = "projected"  # of the paper's form: corrected, around the projected center
 
 
-WIDENED = (Primitive.INFLATE, Primitive.EWA)  # with affine ellipses
-SCALED = (Primitive.HYBRID, Primitive.POINTS, Primitive.SPLATS)  # samples may differ in size
-_OF_PAPER: list[Footprint] = [
-    Footprint.AFFINE,
-    Footprint.CORRECTED,
-    Footprint.EQUATION,
-    Footprint.PROJECTED,
-]
-_AFFINE: list[Footprint] = [Footprint.AFFINE]
-_OF_ALL: list[Footprint] = [
-    model for model in Footprint if model not in (Footprint.EQUATION, Footprint.PROJECTED)
-]
-FOOTPRINTS: dict[Primitive, list[Footprint]] = {
-    **dict.fromkeys(Primitive, _OF_ALL),
-    **dict.fromkeys(WIDENED, _AFFINE),
-    Primitive.PAPER: _OF_PAPER,
-}
-
-
 class Opacity(StrEnum):
     """Conversion of a splat's line integral to opacity.
 
@@ -94,14 +95,239 @@ class Projection(StrEnum):
 SUMS = (Projection.ADDITIVE, Projection.XRAY)
 WHOLE = SUMS  # every pixel depends on all others
 MEASURING = (Projection.MAXIMUM, Projection.AVERAGE, Projection.MINIMUM, *SUMS)
-OWN_FOOTPRINT = {
-    Primitive.PAPER: Footprint.CORRECTED,
-    Primitive.INFLATE: Footprint.AFFINE,
-    Primitive.EWA: Footprint.AFFINE,
-}
 
 
 def number_of(projection: Projection) -> int:
     """Number of a projection in kernels."""
     one = Projection.ADDITIVE if projection is Projection.XRAY else projection
     return list(Projection).index(one)
+
+
+OF_PAPER = (Footprint.AFFINE, Footprint.CORRECTED, Footprint.EQUATION, Footprint.PROJECTED)
+OF_ALL = tuple(
+    model for model in Footprint if model not in (Footprint.EQUATION, Footprint.PROJECTED)
+)
+
+
+@dataclass(frozen=True)
+class Technique:
+    """What is particular to a primitive; plugins of the group `resample.primitives` build one."""
+
+    threshold: float  # sub-pixels between neighbours, up to which samples are points
+    footprints: tuple[Footprint, ...] = OF_ALL  # models of splats that go with it
+    own_footprint: Footprint = Footprint.EXACT
+    subpixels: int = 1  # per side of a pixel, unless chosen; 0: as fine as each tile needs
+    most_for_splats: int = SPLAT_GRID
+    has_scales: bool = False  # samples may have a scale each
+    inflated: float = 0.0  # px; splats whose neighbours are closer are as wide as for this spacing
+    blurred: float = 0.0  # px², added to the variance of splats
+    filter_at_pixels: PixelFilter | None = None  # if points are summed at pixels: under this filter
+    painter: "Callable[[PaintChoices], SamplePainter] | None" = None  # None: as the order asks
+
+
+def _paper(choice: "PaintChoices") -> "SamplePainter":
+    from resample.painting.paper import PaperPainter
+
+    technique = technique_of(choice.primitive)
+    threshold = technique.threshold if choice.threshold is None else float(choice.threshold)
+    footprint = choice.footprint or technique.own_footprint
+    return PaperPainter(
+        choice.reconstruction,
+        choice.point_filter,
+        threshold,
+        is_affine=footprint is Footprint.AFFINE,
+        is_projected=footprint is Footprint.PROJECTED,
+        has_table=footprint is not Footprint.EQUATION,
+    )
+
+
+_TECHNIQUES = {
+    Primitive.HYBRID: Technique(0.6, subpixels=0, has_scales=True),  # measured (docs/quality.md)
+    Primitive.POINTS: Technique(np.inf, subpixels=0, most_for_splats=1, has_scales=True),
+    Primitive.SPLATS: Technique(0.0, has_scales=True),
+    Primitive.PAPER: Technique(
+        1.0,  # "magnified" and "minified" taken literally
+        OF_PAPER,
+        Footprint.CORRECTED,
+        filter_at_pixels=PAPER_FILTER,
+        painter=_paper,
+    ),
+}
+
+
+@cache
+def technique_of(primitive: str) -> Technique:
+    """Technique of a primitive: the core's, or that of a plugin."""
+    found = _TECHNIQUES.get(Primitive(primitive)) if primitive in list(Primitive) else None
+    made: Technique = found or registry.build("primitives", primitive)
+    return made
+
+
+def footprints_of(primitive: str) -> tuple[Footprint, ...]:
+    """Models of splats that go with a primitive."""
+    return technique_of(primitive).footprints
+
+
+@dataclass(frozen=True)
+class PaintChoices:
+    """All choices of a `Resampler`, which explains them; they go together."""
+
+    primitive: Primitive | str = Primitive.HYBRID
+    footprint: Footprint | None = None
+    pixel_filter: PixelFilter | None = None
+    reconstruction: Reconstruction = field(default_factory=GaussianKernel)
+    order: CompositingOrder = field(default_factory=EverySample)
+    threshold: float | None = None
+    subpixels: int | None = None
+    opacity: Opacity = Opacity.EXACT
+    splat_color: tuple[float, float, float] | None = None
+    projection: Projection = Projection.COMPOSITE
+    iso: float | None = None
+    method: InitVar[str | None] = None
+
+    def __post_init__(self, method: str | None) -> None:
+        if method is not None:
+            object.__setattr__(self, "primitive", _primitive_named(method))
+        _check_together(self)
+        if self.threshold is not None and not self.threshold >= 0:
+            raise ValueError(f"the threshold is {self.threshold} sub-pixels; it must be 0 or more")
+        if self.subpixels is not None and not 1 <= self.subpixels <= 32:
+            raise ValueError(
+                f"{self.subpixels} sub-pixels per side of a pixel; 1 to 32 are allowed"
+            )
+
+    @cached_property
+    def _painter(self) -> "SamplePainter":
+        """Who paints samples: the primitive's own painter, or the one that the order asks for."""
+        own = technique_of(self.primitive).painter
+        if own is not None:
+            return own(self)
+        if self.order.summing is Summing.POINTS:
+            from resample.painting.splats import StreamedPainter
+
+            return StreamedPainter(self.reconstruction, self.point_filter)
+        from resample.painting.slabs import SummedPainter
+
+        return SummedPainter(self.reconstruction)
+
+    @property
+    def point_filter(self) -> PixelFilter:
+        """Filter that points are added under."""
+        # Sub-pixel points are seen under their own kernel's projection, close to a Gaussian of
+        # that variance; the paper's are seen under the pixel's filter.
+        at_pixels = technique_of(self.primitive).filter_at_pixels
+        return POINT_FILTER if at_pixels is None else self.pixel_filter or at_pixels
+
+
+def _primitive_named(name: str) -> Primitive | str:
+    own = list(Primitive)
+    if name in own:
+        return Primitive(name)
+    more = [other for other in registry.names("primitives") if other not in own]
+    if name not in more:
+        raise ValueError(f"method {name!r}; known: {', '.join([*own, *more])}")
+    return name
+
+
+def _check_together(choice: PaintChoices) -> None:
+    """Refuse choices that do not go together, and say which do."""
+    if technique_of(choice.primitive).filter_at_pixels is not None:
+        _check_at_pixels(choice)
+    known = footprints_of(choice.primitive)
+    if choice.footprint is not None and choice.footprint not in known:
+        raise ValueError(
+            f"the primitive {choice.primitive} goes with the footprint {', '.join(known)}, not "
+            f"{choice.footprint}"
+        )
+    if choice.projection is not Projection.COMPOSITE and choice.order.summing not in OF_FIELDS:
+        raise ValueError(
+            f"the projection {choice.projection} needs the order rays or image-sheets, not "
+            f"{choice.order}"
+        )
+    if choice.projection is Projection.MINIMUM and choice.order.summing is not Summing.RAYS:
+        raise ValueError(f"the projection minimum needs the order rays, not {choice.order}")
+    if choice.order.summing is Summing.RAYS:
+        _check_rays(choice)
+    if (choice.iso is None) == (choice.projection is Projection.FIRST_HIT):
+        raise ValueError(
+            "first-hit needs an iso value, and no other projection has one "
+            f"(got {choice.projection} and {choice.iso})"
+        )
+    if choice.iso is not None and not math.isfinite(choice.iso):
+        raise ValueError(f"the iso value is {choice.iso}; it must be finite")
+
+
+def _check_at_pixels(choice: PaintChoices) -> None:
+    """Refuse choices that primitives without sub-pixels do not have."""
+    name = choice.primitive
+    if choice.order.summing is not Summing.POINTS:
+        raise ValueError(
+            f"the primitive {name} composites every sample, so it has no order {choice.order}; "
+            "take the order every-sample, or the primitive hybrid"
+        )
+    if choice.subpixels not in (None, 1):
+        raise ValueError(
+            f"the primitive {name} has no sub-pixels, so not {choice.subpixels} of them; leave "
+            "them out, or take the primitive hybrid"
+        )
+
+
+def _check_rays(choice: PaintChoices) -> None:
+    """Refuse choices about how samples are painted, which rays do not paint."""
+    default = {field.name: field.default for field in fields(PaintChoices)}
+    default["reconstruction"] = GaussianKernel()
+    for name in ("primitive", "footprint", "reconstruction", "threshold", "opacity"):
+        chosen = getattr(choice, name)
+        if chosen != default[name]:
+            raise ValueError(
+                f"rays paint no samples, so they have no {name} {chosen}; take the order "
+                "image-sheets, or leave it out"
+            )
+
+
+def check_sort_of(choice: PaintChoices, samples: Samples | Field | LatticeField) -> None:
+    """Refuse a field that the order cannot classify, and samples that hold no field."""
+    if isinstance(samples, LatticeField) != (choice.order.summing is Summing.RAYS):
+        raise ValueError(
+            "a field on a lattice and the order rays belong together; got "
+            f"{type(samples).__name__} and {choice.order}"
+        )
+    is_field = isinstance(samples, Field | LatticeField)
+    if is_field and choice.order.summing not in OF_FIELDS:
+        raise ValueError(
+            f"{choice.order} composites colors, so a field cannot be classified after its "
+            "reconstruction; rays and image-sheets can"
+        )
+    if is_field and choice.splat_color is not None:
+        raise ValueError("splats of a field cannot be colored: their colors come after them")
+    if not is_field and choice.projection is not Projection.COMPOSITE:
+        raise ValueError(
+            f"the projection {choice.projection} needs a field; samples that have their colors "
+            "can be shown by composite"
+        )
+
+
+def check_scaled(choice: PaintChoices) -> None:
+    """Refuse choices that would paint samples of a scale each as if they had none."""
+    if choice.order.summing is not Summing.POINTS:
+        raise ValueError(f"samples of a scale each need the order every-sample, not {choice.order}")
+    technique = technique_of(choice.primitive)
+    if not technique.has_scales or choice.footprint not in (None, Footprint.EXACT):
+        scaled = [name for name, known in _TECHNIQUES.items() if known.has_scales]
+        raise ValueError(
+            f"samples of a scale each are {', '.join(scaled)} of exact footprint, not "
+            f"{choice.primitive} of {choice.footprint or technique.own_footprint}"
+        )
+
+
+def check_in_windows(choice: PaintChoices, *, is_field: bool) -> None:
+    """Refuse choices that take all of a picture together, and those that are for fields."""
+    is_by_rays = choice.order.summing is Summing.RAYS
+    if is_by_rays or choice.projection in WHOLE:
+        raise ValueError(
+            f"{'the order rays' if is_by_rays else choice.projection} cannot be painted window "
+            "by window; leave the window out, or take another projection of samples in "
+            "another order"
+        )
+    if not is_field and choice.projection is not Projection.COMPOSITE:
+        raise ValueError(f"the projection {choice.projection} needs a field's classifier")

@@ -14,18 +14,9 @@ def mesh_of(
 ) -> Triangles:
     """Build triangles for ray casting.
 
-    Parameters
-    ----------
-    corner
-        (V, 3) scene units.
-    normal
-        (V, 3) of any length; where zero, a surface is not lit and shows its own color.
-    color
-        (V, 3) straight linear RGB.
-    face
-        (T, 3) indices of corners.
-    opacity
-        (T,) 0..1.
+    `corner`: (V, 3) scene units. `normal`: (V, 3) of any length; where zero, a surface is not lit
+    and shows its own color. `color`: (V, 3) straight linear RGB. `face`: (T, 3) indices of corners.
+    `opacity`: (T,) 0..1.
     """
     if not np.isfinite(corner).all():
         raise ValueError("a mesh has corners that are not finite numbers; take them out")

@@ -11,28 +11,23 @@ import numpy as np
 from resample.painting.runs import (
     RUN_EXTENT,
     breaks,
-    counted,
-    dealt,
-    paint_tiles,
+    paint_at_once,
     plan_of,
     planned,
 )
-from resample.painting.scenes.cuts import Between, InSteps, Output
+from resample.painting.scenes.cuts import Between, Output, RunPainter
 from resample.painting.scenes.plans import POINTS, PicturePlan
 from resample.painting.scenes.scene import Clock, PaintTarget, PreparedScene, size_of_tiles
 from resample.profiles.orders import Summing
 from resample.types import (
     MOST_COLUMNS,
     RUN,
-    Film,
-    Floats,
     Indices,
     Profile,
     Runs,
     Samples,
     Spread,
     Statistics,
-    Tally,
     Tiles,
 )
 from resample.watching import Progress
@@ -125,18 +120,10 @@ def _power_of_two(number: float) -> float:
     return 2.0 ** math.ceil(math.log2(max(number, 1e-300)))
 
 
-def spacings_of_points(scene: PreparedScene, samples: Samples) -> Floats:
-    """Smallest spacing of points in each tile (T,) of a planned scene; inf where empty."""
-    from resample.engine.points.outlines import find_point_spacings
-
-    runs = _outlined(scene, samples)
-    tiles, _ = dealt(scene, runs, lambda tiles: find_point_spacings(tiles, runs, scene.stage))
-    return tiles.spacing
-
-
-def points_in_steps(scene: PreparedScene, profile: Profile) -> InSteps:
-    """Painter of points for a planned scene, step by step."""
+def points_by_runs(scene: PreparedScene, profile: Profile) -> RunPainter:
+    """Painter of points for a planned scene."""
     from resample.engine.ellipsoids.steps import KEPT
+    from resample.engine.points.outlines import find_point_spacings
     from resample.engine.points.runs import paint_point_runs
     from resample.engine.subpixels import grid_of
 
@@ -145,14 +132,18 @@ def points_in_steps(scene: PreparedScene, profile: Profile) -> InSteps:
     if form is None:
         raise RuntimeError("a plan of points has a filter that fits")
 
-    def runs(samples: Samples) -> Runs:
-        return _outlined(scene, samples)
-
     def paint(turn: Indices, tiles: Tiles, runs: Runs, output: Output) -> None:
         film, _, tally, carried = output
         paint_point_runs(turn, tiles, runs, stage, profile, form, (film, tally, carried))
 
-    return InSteps(runs, paint, Between.LAYERS, len(KEPT))
+    return RunPainter(
+        lambda samples: _outlined(scene, samples),
+        lambda tiles, runs: find_point_spacings(tiles, runs, stage),
+        paint,
+        lambda _, runs: int(runs.known["seen"].sum()),
+        Between.LAYERS,
+        len(KEPT),
+    )
 
 
 def paint_points(
@@ -163,14 +154,8 @@ def paint_points(
 ) -> tuple[PaintTarget, Statistics] | None:
     """Paint samples as points; None if some are not points or their filter is unsuitable.
 
-    Parameters
-    ----------
-    progress
-        Called with the fraction of the work done.
+    `progress`: called with the fraction of the work done.
     """
-    from resample.engine.ellipsoids.steps import AT_ONCE
-    from resample.engine.points.outlines import find_point_spacings
-    from resample.engine.points.runs import paint_point_runs
     from resample.engine.subpixels import grid_of
 
     clock = Clock()
@@ -180,18 +165,7 @@ def paint_points(
         return None
     scene = planned(scene, POINTS, runs, MOST_COLUMNS)
     plan = plan_of(scene)
-    form = _form_of(scene, plan, grid_of(plan.least, scene.style))
-    if form is None:
+    if _form_of(scene, plan, grid_of(plan.least, scene.style)) is None:
         return None
     clock.lap("project")
-    stage = scene.stage
-    deal = dealt(scene, runs, lambda tiles: find_point_spacings(tiles, runs, stage))
-    clock.lap("bin")
-
-    def paint(turn: Indices, output: tuple[Film, Tally]) -> None:
-        paint_point_runs(turn, deal[0], runs, stage, profile, form, (*output, AT_ONCE))
-
-    painted = paint_tiles(paint, scene, deal, progress)
-    clock.lap("paint")
-    statistics = painted.statistics(samples.extinction.size, clock.seconds)
-    return painted, counted(statistics, runs, int(runs.known["seen"].sum()))
+    return paint_at_once(scene, points_by_runs(scene, profile), runs, clock, progress)

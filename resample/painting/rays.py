@@ -1,6 +1,7 @@
 """Paint lattice fields by ray casting; see `resample.engine.rays`."""
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -76,8 +77,9 @@ EFFORTS = {
 }
 
 
-class Gathering(NamedTuple):
-    """Options of ray casting."""
+@dataclass(frozen=True)
+class RayPainter:
+    """Paints fields on a lattice: pixels gather them along rays."""
 
     style: Style
     tables: Tables
@@ -86,59 +88,58 @@ class Gathering(NamedTuple):
     interpolation: str  # one of `resample.profiles.orders.INTERPOLATIONS`
     clip: ArrayLike | None  # as in `Resampler`
 
+    def paint(
+        self,
+        field: LatticeField,
+        view: View,
+        size: tuple[int, int],
+        progress: Progress | None,
+    ) -> tuple[PaintTarget, Statistics]:
+        """Paint a field to a picture (height, width)."""
+        from resample.engine.rays.adaptive_sampling import Evenness
+        from resample.engine.rays.painting import Output, paint_rays
 
-def paint_field(
-    field: LatticeField,
-    view: View,
-    size: tuple[int, int],
-    how: Gathering,
-    progress: Progress | None,
-) -> tuple[PaintTarget, Statistics]:
-    """Paint a field to a picture (height, width)."""
-    from resample.engine.rays.adaptive_sampling import Evenness
-    from resample.engine.rays.painting import Output, paint_rays
-
-    clock, style = Clock(), how.style
-    medium, way = _medium(field, view, how), _way(field, how)
-    clock.lap("look")
-    fineness, apart = _rays_of(field, view, how)
-    effort = EFFORTS[how.quality]
-    tile = _tile_of(size, fineness)
-    left, top, right, bottom = _tiles_of(medium, view, size, how.tables.pixel_margin, tile)
-    count = (right - left) * (bottom - top)
-    painted = nothing_painted(*size, max(1, count), has_values=style.projection in MEASURED)
-    is_sum = style.projection == ADDITIVE
-    output = Output(
-        view,
-        how.tables,
-        painted.film,
-        painted.value,
-        is_sum,
-        Evenness(
-            effort.bend,
-            effort.share,
-            BENDS * (field.classifier.high - field.classifier.low),
-        ),
-        apart,
-        tile,
-        right - left,
-        np.arange(count),
-        left * tile,
-        top * tile,
-    )
-    painted.tally[:, 3] = fineness
-    with told(progress):
-        paint_rays(count, fineness, way, medium, output)
-    rays = count * (tile * fineness) ** 2
-    if fineness == 1 and how.quality != "best" and how.tables.pixel_margin == 0:
-        edges = _edges_of(painted.film) if how.quality == "usual" else np.zeros(0, np.int64)
-        _mean_from_middles(painted.film)
-        again = output._replace(apart=1, size=1, columns=size[1], which=edges, left=0, top=0)
-        paint_rays(edges.size, OF_EDGES, way, medium, again)
-        rays += edges.size * OF_EDGES**2
-    clock.lap("paint")
-    counts = painted.statistics(math.prod(field.spline.shape), clock.seconds)
-    return painted, counts._replace(rays=rays)
+        clock, style = Clock(), self.style
+        medium, way = _medium(field, view, self), _way(field, self)
+        clock.lap("look")
+        fineness, apart = _rays_of(field, view, self)
+        effort = EFFORTS[self.quality]
+        tile = _tile_of(size, fineness)
+        left, top, right, bottom = _tiles_of(medium, view, size, self.tables.pixel_margin, tile)
+        count = (right - left) * (bottom - top)
+        painted = nothing_painted(*size, max(1, count), has_values=style.projection in MEASURED)
+        is_sum = style.projection == ADDITIVE
+        output = Output(
+            view,
+            self.tables,
+            painted.film,
+            painted.value,
+            is_sum,
+            Evenness(
+                effort.bend,
+                effort.share,
+                BENDS * (field.classifier.high - field.classifier.low),
+            ),
+            apart,
+            tile,
+            right - left,
+            np.arange(count),
+            left * tile,
+            top * tile,
+        )
+        painted.tally[:, 3] = fineness
+        with told(progress):
+            paint_rays(count, fineness, way, medium, output)
+        rays = count * (tile * fineness) ** 2
+        if fineness == 1 and self.quality != "best" and self.tables.pixel_margin == 0:
+            edges = _edges_of(painted.film) if self.quality == "usual" else np.zeros(0, np.int64)
+            _mean_from_middles(painted.film)
+            again = output._replace(apart=1, size=1, columns=size[1], which=edges, left=0, top=0)
+            paint_rays(edges.size, OF_EDGES, way, medium, again)
+            rays += edges.size * OF_EDGES**2
+        clock.lap("paint")
+        counts = painted.statistics(math.prod(field.spline.shape), clock.seconds)
+        return painted, counts._replace(rays=rays)
 
 
 def _edges_of(film: Film) -> NDArray[np.int64]:
@@ -159,9 +160,7 @@ def _tiles_of(
 ) -> tuple[int, int, int, int]:
     """Range of tiles of a picture (height, width) that may be non-empty.
 
-    Returns
-    -------
-    First column and row, and those after the last.
+    Result: first column and row, and those after the last.
     """
     from resample.engine.rays.coefficients import BRICK
 
@@ -221,12 +220,8 @@ def _least_spacing(field: LatticeField, view: View) -> float:
 def spacing_of(lattice: Doubles, middle: Doubles, view: View) -> float:
     """Pixels between neighbouring voxels at a field's center, averaged over the axes.
 
-    Parameters
-    ----------
-    lattice
-        (3, 3) columns are the steps to the neighbours, scene units.
-    middle
-        (3,) center of the field, scene units.
+    `lattice`: (3, 3) columns are the steps to the neighbours, scene units. `middle`: (3,) center of
+    the field, scene units.
     """
     voxel = float(np.cbrt(abs(np.linalg.det(lattice))))
     depth = float(view.rotation[2] @ middle + view.translation[2])
@@ -239,7 +234,7 @@ def _mean_spacing(field: LatticeField, view: View) -> float:
     return spacing_of(field.lattice, _corners(field).mean(axis=0), view)
 
 
-def _rays_of(field: LatticeField, view: View, how: Gathering) -> tuple[int, int]:
+def _rays_of(field: LatticeField, view: View, how: RayPainter) -> tuple[int, int]:
     """Rays per side of a pixel, and sub-pixels between two that are sampled first."""
     if how.style.subpixels:
         return how.style.subpixels, 1
@@ -262,7 +257,7 @@ def _corners(field: LatticeField) -> Doubles:
     return np.asarray(field.origin + corner.reshape(-1, 3) @ field.lattice.T)
 
 
-def _way(field: LatticeField, how: Gathering) -> "Way":
+def _way(field: LatticeField, how: RayPainter) -> "Way":
     from resample.engine.rays.integrators import Composite, Extreme, IsoSurfaceHit, Mean
 
     classifier, style = field.classifier, how.style
@@ -281,7 +276,7 @@ def _way(field: LatticeField, how: Gathering) -> "Way":
     return Composite(OPAQUE, is_lit, has_regions)
 
 
-def _medium(field: LatticeField, view: View, how: Gathering) -> "Medium":
+def _medium(field: LatticeField, view: View, how: RayPainter) -> "Medium":
     """Field with its classifier, in the classifier's columns."""
     from resample.engine.rays.marching import SampleSpace
     from resample.engine.rays.media import Medium
@@ -328,7 +323,7 @@ def _medium(field: LatticeField, view: View, how: Gathering) -> "Medium":
     )
 
 
-def _bent(field: LatticeField, view: View, how: Gathering) -> float:
+def _bent(field: LatticeField, view: View, how: RayPainter) -> float:
     """Fraction of the range of values by which a field may bend: pixels average small voxels."""
     bent = EFFORTS[how.quality].bent
     if how.quality == "best":

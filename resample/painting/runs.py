@@ -6,15 +6,17 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.painting.scenes.cuts import RunPainter
 from resample.painting.scenes.plans import NOTHING, PicturePlan
 from resample.painting.scenes.scene import (
+    Clock,
     PaintTarget,
     PreparedScene,
     nothing_painted,
     size_of_tiles,
     tiles_along,
 )
-from resample.types import Film, Floats, Indices, Runs, Samples, Statistics, Tally, Tiles
+from resample.types import Film, Floats, Indices, Runs, Samples, Statistics, Tiles
 from resample.watching import Progress, told
 
 RUN_EXTENT = 8.0  # voxels
@@ -80,13 +82,11 @@ def plan_of(scene: PreparedScene) -> PicturePlan:
 
 
 def dealt(
-    scene: PreparedScene,
-    runs: Runs,
-    find_spacings: Callable[[Tiles], None],
+    scene: PreparedScene, runs: Runs, find_spacings: Callable[[Tiles, Runs], None] | None = None
 ) -> Deal:
     """Assign runs to tiles, with their numbers of samples.
 
-    `find_spacings` computes the spacings of tiles of a planned scene.
+    `find_spacings` computes the spacings of tiles of a planned scene; None: they are known.
     """
     from resample.engine.ellipsoids.runs import count_runs, deal_runs
     from resample.engine.subpixels import grid_of
@@ -103,26 +103,41 @@ def dealt(
     deal_runs(known, screen, tiles, load)
     if plan.spacing is not None:
         return tiles._replace(spacing=plan.spacing), load
-    if grid_of(most, style) < grid_of(least, style) and scene.window != NOTHING:
-        find_spacings(tiles)
+    is_uneven = grid_of(most, style) < grid_of(least, style)
+    if is_uneven and find_spacings is not None and scene.window != NOTHING:
+        find_spacings(tiles, runs)
     return tiles, load
 
 
-def paint_tiles(
-    paint: Callable[[Indices, tuple[Film, Tally]], None],
-    scene: PreparedScene,
-    deal: Deal,
-    progress: Progress | None,
-) -> PaintTarget:
-    """Paint non-empty tiles, fullest first; `paint` paints tiles of given numbers."""
-    tiles, load = deal
+def spacings_of(scene: PreparedScene, by: RunPainter, samples: Samples) -> Floats:
+    """Smallest spacing of the samples in each tile (T,) of a planned scene; inf where empty."""
+    tiles, _ = dealt(scene, by.runs(samples), by.find_spacings)
+    return tiles.spacing
+
+
+def paint_at_once(
+    scene: PreparedScene, by: RunPainter, runs: Runs, clock: Clock, progress: Progress | None
+) -> tuple[PaintTarget, Statistics]:
+    """Paint all samples on the tiles that have some, fullest first."""
+    from resample.engine.ellipsoids.steps import AT_ONCE
+
+    tiles, load = dealt(scene, runs, by.find_spacings)
+    clock.lap("bin")
+    screen, known = scene.screen, runs.known["seen"]
     painted = nothing_painted(0, 0, load.size)._replace(plan=scene.plan, film=film_of(scene, tiles))
+    if by.is_measuring:
+        value = np.full((screen.height, screen.width), np.nan, np.float32)
+        painted = painted._replace(value=value)
     turn = tile_order(load, shown(scene, tiles))
     if turn.size:
         done = np.cumsum(load[turn])
         with told(progress, done / done[-1]):
-            paint(turn, (painted.film, painted.tally))
-    return painted
+            by.paint(turn, tiles, runs, (painted.film, painted.value, painted.tally, AT_ONCE))
+    clock.lap("paint")
+    counts = painted.statistics(runs.samples.extinction.size, clock.seconds)
+    points, visible = by.points(tiles, runs), int(known.sum())
+    hidden = visible - counts.points - counts.splats
+    return painted, counts._replace(points=points, splats=visible - points, hidden=hidden)
 
 
 def tile_order(load: Indices, are_painted: NDArray[np.bool_]) -> Indices:
@@ -170,9 +185,3 @@ def shown(scene: PreparedScene, tiles: Tiles) -> NDArray[np.bool_]:
         is_shown &= (left < x1) & (left + tiles.size > x0)
         is_shown &= ((top < y1) & (top + tiles.size > y0))[:, np.newaxis]
     return is_shown.reshape(-1)
-
-
-def counted(statistics: Statistics, runs: Runs, points: int) -> Statistics:
-    """Statistics of a rendering with counts of all samples; painters count those not hidden."""
-    seen, shown = int(runs.known["seen"].sum()), statistics.points + statistics.splats
-    return statistics._replace(points=points, splats=seen - points, hidden=seen - shown)

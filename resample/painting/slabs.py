@@ -4,23 +4,30 @@ See `resample.engine.slabs.painting`. Splats with exact footprints take a faster
 """
 
 import math
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from resample.painting.runs import counted, dealt, paint_tiles, plan_of, planned
-from resample.painting.scenes.cuts import Between, InSteps, Output
-from resample.painting.scenes.plans import MIXTURE, SPLATS, PicturePlan
+from resample.painting.runs import paint_at_once, plan_of, planned, spacings_of
+from resample.painting.scenes.cuts import Between, Output, RunPainter
+from resample.painting.scenes.planning import (
+    are_splats_exact,
+    margin_beyond_window,
+    plan_of_all,
+    plan_of_parts,
+)
+from resample.painting.scenes.plans import MIXTURE, SPLATS, PicturePlan, PlansOfPart, SamplesInParts
 from resample.painting.scenes.scene import Clock, PaintTarget, PreparedScene
 from resample.painting.splats import (
-    are_splats_exact,
     count_of_points,
     may_have_points,
     mixture_of,
+    plans_of,
     runs_of,
-    spacings_of,
 )
 from resample.profiles.orders import Summing
 from resample.profiles.reconstruction import (
@@ -36,14 +43,12 @@ from resample.types import (
     MAXIMUM,
     MOST_COLUMNS,
     Doubles,
-    Film,
     Floats,
     Indices,
     Runs,
     Samples,
     Single,
     Statistics,
-    Tally,
     Tiles,
 )
 from resample.watching import Progress
@@ -59,86 +64,73 @@ FEWEST = {ADDITIVE: 1, FIRST_HIT: 3}
 MEASURING = (MAXIMUM, AVERAGE, ADDITIVE)
 
 
-def paint_summed(
-    scene: PreparedScene,
-    samples: Samples,
-    reconstruction: Reconstruction,
-    progress: Progress | None,
-) -> tuple[PaintTarget, Statistics]:
-    """Paint samples that are summed before compositing."""
-    from resample.engine.ellipsoids.steps import AT_ONCE
-    from resample.engine.mixtures.deferred import find_spacings
-    from resample.engine.slabs.painting import Ways, paint_summed_runs
+@dataclass(frozen=True)
+class SummedPainter:
+    """Sums samples by sheets, slabs or altogether before it composites the sums."""
 
-    clock = Clock()
-    scene, runs = _planned(scene, samples)
-    summed, mixture = _sums_of(scene), mixture_of(scene)
-    runs = _keyed(scene, summed, runs)
-    clock.lap("project")
-    stage, are_mixed = scene.stage, mixture is not None
-    deal = dealt(scene, runs, lambda tiles: find_spacings(tiles, runs, stage, are_mixed))
-    clock.lap("bin")
-    screen, is_measuring = scene.screen, scene.style.projection in MEASURING
-    value = np.full((screen.height, screen.width) if is_measuring else (0, 0), np.nan, np.float32)
-    blend = _blend_of(scene, is_mixed=are_mixed)
-    ways = Ways(_integral_of(scene, reconstruction), summed, blend)
+    reconstruction: Reconstruction
+    needs_together = None
 
-    def paint(turn: Indices, output: tuple[Film, Tally]) -> None:
-        film, tally = output
-        whole = film, value, tally, AT_ONCE
-        paint_summed_runs(turn, deal[0], runs, stage, ways, mixture, whole)
+    def paint(
+        self, scene: PreparedScene, samples: Samples, progress: Progress | None
+    ) -> tuple[PaintTarget, Statistics]:
+        clock = Clock()
+        scene, runs = _planned(scene, samples)
+        scene, by = self.by_runs(scene)
+        clock.lap("project")
+        return paint_at_once(scene, by, runs, clock, progress)
 
-    painted = paint_tiles(paint, scene, deal, progress)._replace(value=value)
-    clock.lap("paint")
-    statistics = painted.statistics(samples.extinction.size, clock.seconds)
-    points = 0 if mixture is None else count_of_points(scene, runs, deal[0])
-    return painted, counted(statistics, runs, points)
+    def plans(self, scene: PreparedScene, samples: Samples, asked: Sequence[str]) -> PlansOfPart:
+        return plans_of(scene, samples, asked, partial(_columns_of, scene))
 
+    def plan_of_all(self, scene: PreparedScene, parts: Sequence[PlansOfPart]) -> PicturePlan | None:
+        return plan_of_all(scene, parts, partial(_columns_of, scene))
 
-def summed_in_steps(
-    scene: PreparedScene, reconstruction: Reconstruction
-) -> tuple[PreparedScene, InSteps]:
-    """Painter of summed samples for a planned scene, step by step, and the scene to use."""
-    from resample.engine.ellipsoids.steps import KEPT
-    from resample.engine.slabs.painting import ALL, PARTS, Ways, paint_summed_runs
-    from resample.engine.slabs.steps import FIELD_STATE
-    from resample.engine.slabs.sums import PLANES
+    def plan_of_parts(self, scene: PreparedScene, source: SamplesInParts) -> PicturePlan | None:
+        return plan_of_parts(scene, source, partial(_columns_of, scene))
 
-    scene = _as_fine(scene, plan_of(scene).least)
-    mixture, summed, stage = mixture_of(scene), _sums_of(scene), scene.stage
-    blend = _blend_of(scene, is_mixed=mixture is not None)
-    ways = Ways(_integral_of(scene, reconstruction), summed, blend)
+    def margin(self, scene: PreparedScene, plan: PicturePlan) -> tuple[bool, float]:
+        return margin_beyond_window(scene, plan)
 
-    def runs(samples: Samples) -> Runs:
-        return _keyed(scene, summed, runs_of(scene, samples, are_mixed=mixture is not None))
+    def spacings(self, scene: PreparedScene, samples: Samples) -> Floats:
+        return spacings_of(*self.by_runs(scene), samples)
 
-    def paint(turn: Indices, tiles: Tiles, runs: Runs, output: Output) -> None:
-        paint_summed_runs(turn, tiles, runs, stage, ways, mixture, output)
+    def by_runs(self, scene: PreparedScene) -> tuple[PreparedScene, RunPainter]:
+        """Painter of sums, on tiles that are as fine as the projection needs."""
+        from resample.engine.ellipsoids.steps import KEPT
+        from resample.engine.mixtures.deferred import find_spacings
+        from resample.engine.slabs.painting import ALL, PARTS, Ways, paint_summed_runs
+        from resample.engine.slabs.steps import FIELD_STATE
+        from resample.engine.slabs.sums import PLANES
 
-    between = {PARTS: Between.SLABS, ALL: Between.NOTHING}.get(summed.what, Between.SHEETS)
-    kept = len(KEPT) + (0 if scene.classifier is None else FIELD_STATE)
-    kept += PLANES if summed.what == ALL else 0
-    return scene, InSteps(runs, paint, between, kept, scene.style.projection in MEASURING)
+        scene = _as_fine(scene, plan_of(scene).least)
+        mixture, summed, stage = mixture_of(scene), _sums_of(scene), scene.stage
+        are_mixed = mixture is not None
+        blend = _blend_of(scene, is_mixed=are_mixed)
+        ways = Ways(_integral_of(scene, self.reconstruction), summed, blend)
 
+        def paint(turn: Indices, tiles: Tiles, runs: Runs, output: Output) -> None:
+            paint_summed_runs(turn, tiles, runs, stage, ways, mixture, output)
 
-def planned_as_summed(scene: PreparedScene, samples: Samples, painter: str) -> PicturePlan:
-    """Plan of samples as if all were splats with exact footprints, or as a mixture."""
-    runs = runs_of(scene, samples, are_mixed=painter == MIXTURE)
-    least = runs.known["least_spacing"].min()
-    return plan_of(planned(scene, painter, runs, columns_of(scene, least)))
+        kept = len(KEPT) + (0 if scene.classifier is None else FIELD_STATE)
+        kept += PLANES if summed.what == ALL else 0
+        return scene, RunPainter(
+            lambda samples: _keyed(scene, runs_of(scene, samples, are_mixed=are_mixed)),
+            lambda tiles, runs: find_spacings(tiles, runs, stage, are_mixed),
+            paint,
+            lambda tiles, runs: count_of_points(scene, tiles, runs) if are_mixed else 0,
+            {PARTS: Between.SLABS, ALL: Between.NOTHING}.get(summed.what, Between.SHEETS),
+            kept,
+            scene.style.projection in MEASURING,
+        )
 
 
-def columns_of(scene: PreparedScene, least: Single) -> int:
+def _columns_of(scene: PreparedScene, least: Single) -> int:
     """Limit on sub-pixels in a row of a tile, for a smallest spacing of samples."""
     from resample.engine.slabs.sums import NARROW
     from resample.engine.subpixels import grid_of
 
     return NARROW if _is_narrow(scene, grid_of(least, scene.style)) else MOST_COLUMNS
-
-
-def spacings_of_summed(scene: PreparedScene, samples: Samples) -> Floats:
-    """Smallest spacings in tiles (T,) of a planned scene; inf where empty."""
-    return spacings_of(_as_fine(scene, plan_of(scene).least), samples)
 
 
 def _as_fine(scene: PreparedScene, least: Single) -> PreparedScene:
@@ -160,8 +152,8 @@ def _planned(scene: PreparedScene, samples: Samples) -> tuple[PreparedScene, Run
     if fine is not scene:
         scene = fine
         runs, painter = _runs_of(scene, samples)
-    scene = planned(scene, painter, runs, columns_of(scene, least))
-    return replace(scene, plan=plan_of(scene)._replace(least=least)), runs
+    scene = planned(scene, painter, runs, _columns_of(scene, least))
+    return replace(scene, plan=plan_of(scene)._replace(least=least)), _keyed(scene, runs)
 
 
 def _runs_of(scene: PreparedScene, samples: Samples) -> tuple[Runs, str]:
@@ -199,12 +191,12 @@ def _sums_of(scene: PreparedScene) -> "Summed":
     return Summed(PARTS, layers.thickness, layers, ring(slots))
 
 
-def _keyed(scene: PreparedScene, summed: "Summed", runs: Runs) -> Runs:
-    """Runs, with keys of sheets if sheets are summed."""
+def _keyed(scene: PreparedScene, runs: Runs) -> Runs:
+    """Runs, with keys of sheets if whole splats are summed by sheets."""
     from resample.engine.mixtures.keys import find_first_sheets
-    from resample.engine.slabs.painting import WHOLES
 
-    if summed.what == WHOLES:
+    is_one_sum = scene.style.projection in (AVERAGE, ADDITIVE)
+    if scene.summing is Summing.SHEETS and not is_one_sum:
         find_first_sheets(runs, scene.layers, scene.view)
     return runs
 

@@ -4,29 +4,45 @@ Splats with exact footprints take a faster path; with other footprints or points
 mixture. See `resample.engine.mixtures.deferred`.
 """
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from resample.painting import points
 from resample.painting.runs import (
     RUN_EXTENT,
     breaks,
-    counted,
-    dealt,
-    paint_tiles,
+    paint_at_once,
     plan_of,
     planned,
+    spacings_of,
 )
-from resample.painting.scenes.cuts import Between, InSteps, Output
-from resample.painting.scenes.plans import MIXTURE, SPLATS, PicturePlan
+from resample.painting.scenes.cuts import Between, Output, RunPainter
+from resample.painting.scenes.planning import (
+    Columns,
+    are_splats_exact,
+    margin_beyond_window,
+    plan_of_all,
+    plan_of_parts,
+)
+from resample.painting.scenes.plans import (
+    MIXTURE,
+    POINTS,
+    SPLATS,
+    PicturePlan,
+    PlansOfPart,
+    SamplesInParts,
+)
 from resample.painting.scenes.scene import Clock, PaintTarget, PreparedScene, size_of_tiles
+from resample.profiles.filters import PixelFilter, filter_profile
+from resample.profiles.reconstruction import Reconstruction, footprint_pieces, footprint_profile
 from resample.types import (
-    DISC,
-    EXACT,
     MOST_COLUMNS,
     RUN,
     Absorbing,
-    Film,
     Floats,
     Formula,
     Indices,
@@ -36,9 +52,9 @@ from resample.types import (
     Records,
     Runs,
     Samples,
+    Single,
     Statistics,
     Tabulated,
-    Tally,
     Tiles,
 )
 from resample.watching import Progress
@@ -47,13 +63,6 @@ if TYPE_CHECKING:
     from resample.engine.ellipsoids.mixed import Mixture
 
 LONGEST_RUN = 64  # samples
-
-
-def are_splats_exact(scene: PreparedScene) -> bool:
-    """Whether splats have exact footprints, and may occur."""
-    style = scene.style
-    is_exact = style.model == EXACT or (style.model == DISC and not scene.view.perspective)
-    return is_exact and style.threshold < np.inf and style.inflated == style.blurred == 0
 
 
 def runs_of(scene: PreparedScene, samples: Samples, *, are_mixed: bool) -> Runs:
@@ -110,10 +119,7 @@ def paint_splats(
 ) -> tuple[PaintTarget, Statistics] | None:
     """Paint samples for which `are_splats_exact`; None if some are not splats.
 
-    Parameters
-    ----------
-    progress
-        Called with the fraction of the work done.
+    `progress`: called with the fraction of the work done.
     """
     clock = Clock()
     runs = runs_of(scene, samples, are_mixed=False)
@@ -121,51 +127,44 @@ def paint_splats(
         return None
     scene = planned(scene, SPLATS, runs, MOST_COLUMNS)
     clock.lap("project")
-    return _painted(scene, runs, formula, None, clock, progress)
+    return paint_at_once(scene, splats_by_runs(scene, formula), runs, clock, progress)
 
 
-def planned_as(scene: PreparedScene, samples: Samples, painter: str) -> PicturePlan:
-    """Plan of samples as if all were splats with exact footprints, or as a mixture."""
-    runs = runs_of(scene, samples, are_mixed=painter == MIXTURE)
-    return plan_of(planned(scene, painter, runs, MOST_COLUMNS))
+def plans_of(
+    scene: PreparedScene, samples: Samples, asked: Sequence[str], columns: Columns
+) -> PlansOfPart:
+    """Plans of samples as if all were splats with exact footprints, and as a mixture."""
+    found: list[PicturePlan | None] = []
+    for painter, is_possible in ((SPLATS, are_splats_exact(scene)), (MIXTURE, True)):
+        plan = None
+        if painter in asked and is_possible:
+            runs = runs_of(scene, samples, are_mixed=painter == MIXTURE)
+            most = columns(runs.known["least_spacing"].min())
+            plan = plan_of(planned(scene, painter, runs, most))
+        found.append(plan)
+    return PlansOfPart(found[0], None, found[1])
 
 
-def has_points(scene: PreparedScene, plan: PicturePlan) -> bool:
-    """Whether a plan of splats may include points."""
-    from resample.engine.subpixels import grid_of
-
-    return bool(plan.least * grid_of(plan.least, scene.style) <= scene.style.threshold)
-
-
-def spacings_of(scene: PreparedScene, samples: Samples) -> Floats:
-    """Smallest spacing of the samples in each tile (T,) of a planned scene; inf where empty.
-
-    The samples are splats, or a mixture.
-    """
-    from resample.engine.mixtures.deferred import find_spacings
-
-    are_mixed = mixture_of(scene) is not None
-    runs = runs_of(scene, samples, are_mixed=are_mixed)
-    tiles, _ = dealt(scene, runs, lambda tiles: find_spacings(tiles, runs, scene.stage, are_mixed))
-    return tiles.spacing
-
-
-def splats_in_steps(scene: PreparedScene, formula: Formula) -> InSteps:
-    """Painter of splats, or a mixture, for a planned scene, step by step."""
+def splats_by_runs(scene: PreparedScene, formula: Formula) -> RunPainter:
+    """Painter of splats, or a mixture, for a planned scene."""
     from resample.engine.ellipsoids.steps import KEPT
-    from resample.engine.mixtures.deferred import paint_runs
+    from resample.engine.mixtures.deferred import find_spacings, paint_runs
 
     mixture, stage = mixture_of(scene), scene.stage
-
-    def runs(samples: Samples) -> Runs:
-        return runs_of(scene, samples, are_mixed=mixture is not None)
+    are_mixed = mixture is not None
 
     def paint(turn: Indices, tiles: Tiles, runs: Runs, output: Output) -> None:
         film, _, tally, carried = output
         paint_runs(turn, tiles, runs, stage, formula, mixture, (film, tally, carried))
 
-    between = Between.SPLATS if mixture is None else Between.LAYERS
-    return InSteps(runs, paint, between, len(KEPT))
+    return RunPainter(
+        lambda samples: runs_of(scene, samples, are_mixed=are_mixed),
+        lambda tiles, runs: find_spacings(tiles, runs, stage, are_mixed),
+        paint,
+        lambda tiles, runs: count_of_points(scene, tiles, runs) if are_mixed else 0,
+        Between.LAYERS if are_mixed else Between.SPLATS,
+        len(KEPT),
+    )
 
 
 def paint_mixture(
@@ -176,7 +175,7 @@ def paint_mixture(
     runs = runs_of(scene, samples, are_mixed=True)
     scene = planned(scene, MIXTURE, runs, MOST_COLUMNS)
     clock.lap("project")
-    return _painted(scene, runs, formula, mixture_of(scene), clock, progress)
+    return paint_at_once(scene, splats_by_runs(scene, formula), runs, clock, progress)
 
 
 def mixture_of(scene: PreparedScene) -> "Mixture | None":
@@ -188,33 +187,7 @@ def mixture_of(scene: PreparedScene) -> "Mixture | None":
     return Mixture(bool(scene.style.threshold < np.inf), float(plan_of(scene).least))
 
 
-def _painted(
-    scene: PreparedScene,
-    runs: Runs,
-    formula: Formula,
-    mixture: "Mixture | None",
-    clock: Clock,
-    progress: Progress | None,
-) -> tuple[PaintTarget, Statistics]:
-    """Paint samples in runs."""
-    from resample.engine.ellipsoids.steps import AT_ONCE
-    from resample.engine.mixtures.deferred import find_spacings, paint_runs
-
-    stage, are_mixed = scene.stage, mixture is not None
-    deal = dealt(scene, runs, lambda tiles: find_spacings(tiles, runs, stage, are_mixed))
-    clock.lap("bin")
-
-    def paint(turn: Indices, output: tuple[Film, Tally]) -> None:
-        paint_runs(turn, deal[0], runs, stage, formula, mixture, (*output, AT_ONCE))
-
-    painted = paint_tiles(paint, scene, deal, progress)
-    clock.lap("paint")
-    statistics = painted.statistics(runs.samples.extinction.size, clock.seconds)
-    points = 0 if mixture is None else count_of_points(scene, runs, deal[0])
-    return painted, counted(statistics, runs, points)
-
-
-def count_of_points(scene: PreparedScene, runs: Runs, tiles: Tiles) -> int:
+def count_of_points(scene: PreparedScene, tiles: Tiles, runs: Runs) -> int:
     """Number of visible samples that are points."""
     from resample.engine.ellipsoids.run_bounds import CHUNKS
     from resample.engine.mixtures.deferred import count_points
@@ -229,3 +202,73 @@ def _peak(scene: PreparedScene) -> float:
     """Largest line integral of the kernel, through its center along its longest axis."""
     longest = np.sqrt(np.linalg.eigvalsh(scene.ellipsoid.covariance)[-1])
     return float(scene.tables.footprint.max() * scene.ellipsoid.scale * longest)
+
+
+def _most_columns(_: Single) -> int:
+    return MOST_COLUMNS
+
+
+@dataclass(frozen=True)
+class StreamedPainter:
+    """Composites splats one by one, and points in layers."""
+
+    reconstruction: Reconstruction
+    point_filter: PixelFilter
+    needs_together = None
+
+    @cached_property
+    def _profiles(self) -> tuple[Profile | None, Pieces | None]:
+        """Line integrals as formulas of one piece and of more, where there are such."""
+        return footprint_profile(self.reconstruction), footprint_pieces(self.reconstruction)
+
+    @cached_property
+    def _point_profile(self) -> Profile | None:
+        """Filter of points as a formula, where there is one."""
+        return filter_profile(self.point_filter)
+
+    def _formula(self, scene: PreparedScene) -> Formula:
+        return formula_of(scene, *self._profiles)
+
+    def _may_be_points(self, scene: PreparedScene) -> bool:
+        return self._point_profile is not None and points.can_defer_points(scene)
+
+    def paint(
+        self, scene: PreparedScene, samples: Samples, progress: Progress | None
+    ) -> tuple[PaintTarget, Statistics]:
+        """As splats if all are, as points if all are, or else as a mixture."""
+        painted, formula = None, self._formula(scene)
+        by = None if scene.plan is None else scene.plan.painter
+        if are_splats_exact(scene) and by in (None, SPLATS):
+            painted = paint_splats(scene, samples, formula, progress)
+        can_defer = (
+            samples.scale is None and points.can_defer_points(scene) and by in (None, POINTS)
+        )
+        if painted is None and can_defer and self._point_profile is not None:
+            painted = points.paint_points(scene, samples, self._point_profile, progress)
+        return painted or paint_mixture(scene, samples, formula, progress)
+
+    def plans(self, scene: PreparedScene, samples: Samples, asked: Sequence[str]) -> PlansOfPart:
+        found = plans_of(scene, samples, asked, _most_columns)
+        if POINTS not in asked or not self._may_be_points(scene):
+            return found
+        return found._replace(points=points.plan_of_points(scene, samples))
+
+    def plan_of_all(self, scene: PreparedScene, parts: Sequence[PlansOfPart]) -> PicturePlan | None:
+        suits_points = points.suits_points if self._may_be_points(scene) else None
+        return plan_of_all(scene, parts, _most_columns, suits_points)
+
+    def plan_of_parts(self, scene: PreparedScene, source: SamplesInParts) -> PicturePlan | None:
+        return plan_of_parts(scene, source, _most_columns)
+
+    def margin(self, scene: PreparedScene, plan: PicturePlan) -> tuple[bool, float]:
+        return margin_beyond_window(scene, plan)
+
+    def spacings(self, scene: PreparedScene, samples: Samples) -> Floats:
+        return spacings_of(*self.by_runs(scene), samples)
+
+    def by_runs(self, scene: PreparedScene) -> tuple[PreparedScene, RunPainter]:
+        """Painter of points if the plan says so, otherwise of splats or a mixture."""
+        by_points = scene.plan is not None and scene.plan.painter == POINTS
+        if by_points and self._point_profile is not None:
+            return scene, points.points_by_runs(scene, self._point_profile)
+        return scene, splats_by_runs(scene, self._formula(scene))

@@ -24,19 +24,10 @@ def spline_of(
 ) -> tuple[SplineField, Bounds]:
     """Interpolating field of samples, and its bounds in bricks.
 
-    Parameters
-    ----------
-    values
-        (Z, Y, X) of any real type, all finite.
-    sharpness
-        1: interpolate the samples; 0: use them as coefficients, which smooths; in between it is a
-        blend.
-
-    Returns
-    -------
-    The field, in 16 bits for samples of 8, else in float32.
-
-    For values in a file (`resample.memory.mapped`) the field is in a file too.
+    `values`: (Z, Y, X) of any real type, all finite. `sharpness`: 1: interpolate the samples; 0:
+    use them as coefficients, which smooths; in between it is a blend. Result: the field, in 16 bits
+    for samples of 8, else in float32. For values in a file (`resample.memory.mapped`) the field is
+    in a file too.
     """
     from resample.engine.jit import threads
     from resample.engine.rays.coefficients import BRICK, bundled, find_bounds
@@ -70,10 +61,7 @@ def bytes_of_field(
 ) -> int:
     """Bytes of a field of samples (Z, Y, X), and temporary bytes to compute it.
 
-    Parameters
-    ----------
-    most
-        Budget of pages in memory for samples in a file; their other bytes do not count.
+    `most`: budget of pages in memory for samples in a file; their other bytes do not count.
     """
     held = 2 if kind in SHORT else 4 if kind in AS_THEY_ARE else 8
     bounds = int(prod(shape) * BYTES_OF_BOUNDS) + _threads(shape, most) * _bytes_of_slab(shape)

@@ -10,6 +10,7 @@ from typing import ClassVar, Protocol, cast
 
 import numpy as np
 
+from resample.profiles.memoization import once
 from resample.types import Doubles, Floats, Profile, RadialTable
 
 PROFILE_ERROR = 1e-5  # of the peak
@@ -184,6 +185,9 @@ def table(pixel_filter: PixelFilter, steps: int = 1024) -> RadialTable:
     return RadialTable((values / mass).astype(np.float32), extent)
 
 
+filter_table = once(table)
+
+
 def profile_table(pixel_filter: PixelFilter, count: int) -> Floats:
     """Weights (PHASES, count) of the pixels around a point, by its phase; rows sum to 1."""
     from resample.engine.cells.taps import PHASES
@@ -230,3 +234,9 @@ def _positive(name: str, value: float) -> None:
 def _finite(name: str, value: float) -> None:
     if not math.isfinite(value):
         raise ValueError(f"{name} is a finite number, not {value}")
+
+
+@once
+def filter_profile(pixel_filter: PixelFilter) -> Profile | None:
+    """A filter's table as a formula, where there is one."""
+    return profile(filter_table(pixel_filter))

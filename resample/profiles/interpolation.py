@@ -11,13 +11,16 @@ their centers. Averaging it over pixels of another picture then blurs only once.
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple, Protocol, TypeVar
+from typing import TYPE_CHECKING, ClassVar, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from resample.profiles.memoization import once
 from resample.types import Doubles, Floats
+
+if TYPE_CHECKING:
+    from resample.engine.windows.boxes import Integral
 
 R = TypeVar("R")
 
@@ -277,21 +280,6 @@ def _means(interpolation: Interpolation, place: Doubles, extent: Doubles | float
     return total
 
 
-class Integrals(NamedTuple):
-    """Integral of an interpolation's kernel, laid out for means over boxes.
-
-    Row p of the table is for positions whose distance from a sample's center, minus `shift`, has
-    the fraction p / phases. It holds `ones` ones, then the integrals from the kernel's start to
-    `before` + p / phases and to one sample less each, `taps` in all, then `ones` zeros.
-    """
-
-    table: Floats  # ((phases + 2) × stride + ones,), the last row and the last ones are padding
-    stride: int
-    taps: int
-    before: int
-    shift: float
-
-
 def _half_steps(interpolation: Interpolation) -> float:
     """Radius of an interpolation, rounded up to half samples."""
     return math.ceil(2.0 * interpolation.radius) / 2.0
@@ -368,8 +356,14 @@ def _at_points(interpolation: Interpolation, fraction: Doubles) -> Doubles:
 
 
 @once
-def integrals(interpolation: Interpolation, phases: int, ones: int) -> Integrals:
-    """Integral of an interpolation's kernel, with weights normalised to sum 1 everywhere."""
+def integrals(interpolation: Interpolation, phases: int, ones: int) -> "Integral":
+    """Integral of an interpolation's kernel, with weights normalised to sum 1 everywhere.
+
+    Row p of the table is for positions whose distance from a sample's center, minus `shift`, has
+    the fraction p / phases.
+    """
+    from resample.engine.windows.boxes import Integral
+
     radius = _half_steps(interpolation)
     is_whole = radius == int(radius)
     taps, before = int(2.0 * radius), math.ceil(radius - 0.5) - is_whole
@@ -382,7 +376,7 @@ def integrals(interpolation: Interpolation, phases: int, ones: int) -> Integrals
         table[:, ones + n] = np.interp(before - n + phase, fine, integral, 0.0, 1.0)
     stride = table.shape[1]
     flat = np.append(table, np.zeros(ones, np.float32))
-    return Integrals(flat, stride, taps, before, 0.5 if is_whole else 0.0)
+    return Integral(flat, stride, taps, before, 0.5 if is_whole else 0.0)
 
 
 @once

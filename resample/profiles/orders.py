@@ -9,7 +9,10 @@ from typing import Protocol
 
 import numpy as np
 
+from resample.lazy import renamed
 from resample.types import LAST_SHEET, Doubles, Floats, Layers, Sheets, View
+
+__getattr__ = renamed(__name__, {"AxisSheets": "resample_volume.baselines.painting.AxisSheets"})
 
 THINNEST = 1e-3  # voxels; thinner slabs change nothing and take proportionally longer
 QUALITIES = ("best", "usual", "fast")  # of rays
@@ -73,34 +76,6 @@ class EverySample:
         if self.key == "distance" and view.perspective:
             return layers._replace(axis=(0.0, 0.0, 0.0), offset=0.0, is_around=True)
         return layers
-
-
-@dataclass(frozen=True)
-class AxisSheets:
-    """Sheets of the lattice along the lattice axis nearest to the view axis.
-
-    Westover, Splatting: A Parallel, Feed-Forward Volume Rendering Algorithm, 1991. Colors within a
-    sheet do not bleed; pictures pop where the nearest axis changes, at 45 degrees.
-    """
-
-    thickness = 1.0
-    summing = Summing.SHEETS
-
-    def __call__(self, view: View, lattice: Doubles) -> Layers:
-        steps = lattice / np.linalg.norm(lattice, axis=0)
-        cosine = view.rotation[2] @ steps
-        nearest = int(np.argmax(np.abs(cosine)))
-        to_lattice = np.linalg.inv(lattice)[nearest]
-        if not view.perspective:
-            to_lattice = np.sign(cosine[nearest]) * to_lattice
-        eye = float(-view.rotation.T @ view.translation @ to_lattice)
-        return Layers(
-            _vector(to_lattice),
-            0.0,  # a lattice may begin at a fraction of a voxel
-            1.0,
-            eye if view.perspective else -np.inf,
-            begins_at_first=True,
-        )
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.reading.limits import check_unpacked
-from resample.reading.unpacking import check_members
+from resample.reading.limits import check_members, check_unpacked
 from resample.words import one_line
 
 MAGIC = b"\x93NUMPY"  # first bytes of an array's file
@@ -81,14 +80,8 @@ def npz_names(path: Path) -> list[str]:
 def read_npz(path: Path, *names: str) -> dict[str, NDArray[Any]]:
     """Read arrays of a `.npz` file by name: those requested, or all.
 
-    Raises
-    ------
-    OSError
-        The file is missing, damaged or truncated, or contains objects.
-    ValueError
-        It unpacks to more than the limits allow.
-    LookupError
-        It has no such array.
+    Raises OSError: the file is missing, damaged or truncated, or contains objects. Raises
+    ValueError: it unpacks to more than the limits allow. Raises LookupError: it has no such array.
     """
     found: dict[str, NDArray[Any]] = {}
     with _damage(path):

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.samples.noise import grain, rough
+from resample.samples.pictures import grain, rough
 from resample.samples.writing import DefaultOptions, SampleFiles, write_npy, write_png
 from resample.types import Doubles, Floats
 

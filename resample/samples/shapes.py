@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.samples.noise import mixed
+from resample.samples.pictures import mixed
 from resample.samples.writing import SampleFiles, write_obj, write_ply
 from resample.types import Doubles
 

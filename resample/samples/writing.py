@@ -39,10 +39,7 @@ class Storable(Protocol):
 def store(sample: Any, folder: Path, name: str) -> SampleFiles:
     """Write a sample.
 
-    Parameters
-    ----------
-    sample
-        A picture (H, W) or (H, W, 3 or 4) of bytes, a volume, or a `Storable`.
+    `sample`: a picture (H, W) or (H, W, 3 or 4) of bytes, a volume, or a `Storable`.
     """
     if isinstance(sample, Storable):
         return sample.stored(folder, name)

@@ -24,10 +24,7 @@ def exports_of(
 ) -> dict[str, str]:
     """Texts that reproduce the picture, and a film through keyframes.
 
-    Parameters
-    ----------
-    size
-        Width and height, px.
+    `size`: width and height, px.
     """
     command, inputs = about["command"], about["inputs"]
     whole = {**about.get("fixed", {}), **settings, "size": f"{size[0]}x{size[1]}"}

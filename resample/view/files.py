@@ -12,13 +12,12 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.view.views import Painter, Settings, Size
+from resample.scene.scenes import LITTLE
+from resample.view.views import Painter, Settings, Size, controls_of
 from resample.watching import Cancel
 
 if TYPE_CHECKING:
     from PIL.Image import Image
-
-LITTLE = 16  # px per side of pictures that compile kernels
 
 
 class SavingPainter(Painter, Protocol):
@@ -41,18 +40,25 @@ class FileView:
     refuse
         Function that rejects invalid options.
     kinds
-        Options of the kinds of pictures whose kernels are compiled in advance.
+        Settings of the kinds of pictures whose kernels are compiled in advance.
+    left_out
+        Options of the command that a page does not offer.
+    little
+        Function that returns the painter of these kinds; None: one of the files.
     """
 
     first: SavingPainter
     describe: Callable[[], dict[str, Any]]
     refuse: Callable[[Settings], object]
     kinds: Sequence[Settings] = ()
+    left_out: Sequence[str] = ()
+    little: Callable[[], Painter] | None = None
 
     @cached_property
     def about(self) -> dict[str, Any]:
-        """Facts for the page."""
-        return self.describe()
+        """Facts for the page, with controls for the options of its command."""
+        told = self.describe()
+        return {"controls": controls_of(told["command"], self.left_out), **told}
 
     def check(self, settings: Settings | None = None) -> None:
         """Read and prepare the files, and reject invalid options."""
@@ -66,10 +72,9 @@ class FileView:
 
     def warm(self) -> Iterator[None]:
         """Compile kernels by small pictures, see `resample.view.views.Warming`."""
-        painter = self.painter()
+        painter = self.painter() if self.little is None else self.little()
         for kind in self.kinds:
-            settings = {**self.about["settings"], **kind}
-            painter.paint(settings, (LITTLE, LITTLE), quick=False, cancel=Cancel())
+            painter.paint(kind, (LITTLE, LITTLE), quick=False, cancel=Cancel())
             yield
 
     def save(self, settings: Settings, size: Size, suffix: str) -> bytes:
@@ -114,10 +119,7 @@ def levels_in(png: bytes) -> NDArray[np.uint8]:
 def shown(stored: NDArray[np.uint8] | NDArray[np.uint16]) -> NDArray[np.uint8]:
     """8-bit levels (H, W, 3 or 4) as a page shows them.
 
-    Parameters
-    ----------
-    stored
-        (H, W) or (H, W, C): gray, gray and opacity, RGB, or RGB and opacity.
+    `stored`: (H, W) or (H, W, C): gray, gray and opacity, RGB, or RGB and opacity.
     """
     levels = stored if stored.dtype == np.uint8 else (stored >> 8).astype(np.uint8)
     if levels.ndim == 2:

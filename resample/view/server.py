@@ -13,7 +13,8 @@ import webbrowser
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from resample.console.messages import say
+from resample.command.settings import Serving
+from resample.console import say
 from resample.view.messages import LONGEST, message_of
 from resample.view.modules import PAGE, TYPES, parts
 from resample.view.sessions import PageSession
@@ -148,9 +149,7 @@ async def _talked(
 def served(view: Viewable, shown: Callable[[], object] | None = None) -> Iterator[tuple[str, str]]:
     """Serve a view from a background thread.
 
-    Yields
-    ------
-    Host with its port, and the token.
+    Yields: host with its port, and the token.
     """
     require_parts()
     listening = socket.create_server((LOOPBACK, 0))
@@ -174,26 +173,20 @@ def _server(served: "Starlette") -> "uvicorn.Server":
     return uvicorn.Server(config)
 
 
+def show(view_of: Callable[[], Viewable], page: Serving) -> None:
+    """Serve the view that a function opens, at the address of a command's options."""
+    require_parts()
+    view = view_of()
+    view.check()
+    serve(view, host=page.host, port=page.port, browser=page.browser)
+
+
 def serve(view: Viewable, *, host: str = LOOPBACK, port: int = 0, browser: bool = True) -> None:
     """Serve a view until Ctrl-C.
 
-    Parameters
-    ----------
-    view
-        The view to serve.
-    host
-        Address to listen at. A warning is printed if other machines can reach it.
-    port
-        Port; 0: any free port.
-    browser
-        Open the page in the browser.
-
-    Raises
-    ------
-    ValueError
-        The extra is not installed.
-    OSError
-        The port is taken.
+    `view`: the view to serve. `host`: address to listen at. A warning is printed if other machines
+    can reach it. `port`: port; 0: any free port. `browser`: Open the page in the browser. Raises
+    ValueError: the extra is not installed. Raises OSError: the port is taken.
     """
     require_parts()
     if host not in (LOOPBACK, "localhost"):

@@ -12,7 +12,7 @@ from cyclopts.argument import Argument
 from numpy.typing import NDArray
 
 from resample import registry
-from resample.command.about import Marks, OptionTopic, about, marks_of, name_of
+from resample.command.flags import Marks, OptionTopic, about, marks_of, name_of
 from resample.command.settings import Choices
 from resample.command.settings_files import options_of, schema_of
 from resample.watching import Cancel, Progress
@@ -92,7 +92,7 @@ class Viewable(Protocol):
         `function` (`picture`) of inputs and options; if there is a `film` through keyframes, its
         `command`, the name of their `file`, the options that they set (`steered`), those it has
         (`options`; default all) and, if needed, the frames from `each` keyframe to the next;
-        `controls` from `controls_of`; the initial `settings`; other renderers (`rivals`) by name,
+        `controls` from `controls_of`; initial `settings`; other renderers (`rivals`) by name,
         with the reason if one is unavailable; `names` that options may have, by option; and data
         of its page, such as a `histogram`.
         """
@@ -107,23 +107,12 @@ class Viewable(Protocol):
         """File that the command would write."""
 
 
-def preview_size(size: Size) -> Size:
-    """Size of a preview: half as many pixels along each axis."""
-    return -(-size[0] // 2), -(-size[1] // 2)
+def controls_of(name: str, left_out: Sequence[str] = ()) -> list[dict[str, Any]]:
+    """Options of a command, such as `resample-volume render`, that change the look.
 
-
-def pixel_at(size: Size, x: float, y: float) -> tuple[int, int]:
-    """Row and column of the pixel at a position, px; positions beyond the edge get the last."""
-    return min(int(y), size[1] - 1), min(int(x), size[0] - 1)
-
-
-def controls_of(name: str, command: App, left_out: Sequence[str] = ()) -> list[dict[str, Any]]:
-    """Options of a command that a page offers: those that change the look.
-
-    Returns
-    -------
-    For each option its `key`, `heading`, `help`, `default` and the `schema` of its values.
+    Result: for each option its `key`, `heading`, `help`, `default` and the `schema` of its values.
     """
+    command = _command(name)
     schema, found = schema_of(name, command)["properties"], []
     for key, option in options_of(command).items():
         if key not in schema or key in left_out:
@@ -153,10 +142,15 @@ def _heading(option: Argument) -> str:
 @cache
 def marks_in(command: str) -> Marks:
     """Categories of the options of a command, such as `resample-volume render`."""
-    application, _, name = command.partition(" ")
-    home: App = registry.load("apps", application.removeprefix("resample-"))
-    found = home[name].default_command
+    found = _command(command).default_command
     return {} if found is None else marks_of(found)
+
+
+def _command(name: str) -> App:
+    """Command of an installed application."""
+    application, _, command = name.partition(" ")
+    home: App = registry.load("apps", application.removeprefix("resample-"))
+    return home[command]
 
 
 def check_page_options(command: str, options: Settings, begun: Settings) -> None:

@@ -3,7 +3,7 @@
 import asyncio
 import json
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
@@ -148,30 +148,40 @@ class Viewer(anywidget.AnyWidget):
             self.send({"page": page}, buffers=[data])
 
 
-def shown(view: Viewable, settings: Mapping[str, Any], holds: Folder | None = None) -> Viewer:
-    """Widget of a view; options are spelled as in Python (`opacity_unit`) or as on the page."""
-    named = {key.replace("_", "-"): value for key, value in settings.items()}
-    return Viewer(view, named, holds)
+def named(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Options as on the page, spelled as in Python (`opacity_unit`) or as there."""
+    return {key.replace("_", "-"): value for key, value in settings.items()}
 
 
-def kept(name: str, given: Any) -> tuple[Path, Folder | None]:
-    """File of a picture; an array is written to a temporary folder, which is returned too."""
+def kept(
+    name: str, given: Any, write: Callable[[Path, Any], object], folder: Folder | None = None
+) -> tuple[str, Folder | None]:
+    """File of what a notebook shows; an array is written to a temporary folder, given or new."""
     if isinstance(given, str | Path):
-        return Path(given), None
-    from resample.files.exchange.inputs import as_picture
+        return str(given), folder
+    folder = folder or TemporaryDirectory(prefix="view-")
+    path = Path(folder.name) / name
+    try:
+        write(path, given)
+    except BaseException:
+        folder.cleanup()
+        raise
+    return str(path), folder
+
+
+def write_levels(path: Path, given: Any) -> None:
+    """Write an 8- or 16-bit picture, as `as_picture` takes it."""
+    from resample.files.exchange import as_picture
 
     picture = as_picture(given)
     if picture.dtype not in (np.uint8, np.uint16):
         raise ValueError(f"a picture of {picture.dtype}; give 8 or 16 bits, or a file such as .exr")
     import cv2
 
-    folder = TemporaryDirectory(prefix="view-")
     channels = picture.shape[2] if picture.ndim == 3 else 1
     stored = picture[..., [2, 1, 0, 3][:channels]] if channels > 2 else picture
-    path = Path(folder.name) / name
     _, encoded = cv2.imencode(path.suffix, np.ascontiguousarray(stored))
     path.write_bytes(encoded.tobytes())  # OpenCV does not report a full disk
-    return path, folder
 
 
 @cache

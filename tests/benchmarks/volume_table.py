@@ -18,11 +18,12 @@ import numpy as np
 from resample.cameras.models import Camera
 from resample.cameras.poses import orbit
 from resample.measuring.quality import largest
-from resample.painting.choices import FOOTPRINTS, Primitive, Projection
-from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
+from resample.painting.choices import Primitive, Projection, footprints_of
+from resample.profiles.orders import EverySample, ImageSheets
 from resample.profiles.reconstruction import GaussianKernel
 from resample.resampler import Resampler
 from resample.types import Field, Samples
+from resample_volume.baselines.painting import AxisSheets
 from resample_volume.baselines.raycasting import Casting, cast_rays
 from resample_volume.classification.presets import load_transfer
 from resample_volume.files.generated import vessel_tree
@@ -274,7 +275,7 @@ def perspective() -> None:
 
 def _footprints(shot: Shot, samples: Samples, truth: np.ndarray, rays: int = 1) -> Column:
     column = {}
-    for footprint in FOOTPRINTS[Primitive.SPLATS]:
+    for footprint in footprints_of(Primitive.SPLATS):
         form = replace(SPLATS, footprint=footprint, subpixels=rays)
         column[footprint.value] = f"{scenes.object_psnr(shot.by(form, samples), truth):.1f}"
     return column

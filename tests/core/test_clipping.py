@@ -5,9 +5,10 @@ import pytest
 
 from resample.cameras.models import Camera
 from resample.cameras.poses import look_at
-from resample.painting.choices import FOOTPRINTS, Primitive
-from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
+from resample.painting.choices import Primitive, footprints_of
+from resample.profiles.orders import EverySample, ImageSheets
 from resample.profiles.reconstruction import GaussianKernel
+from resample_volume.baselines.painting import AxisSheets
 from tests import naive
 from tests.bits import assert_same
 from tests.samples import CAMERAS as SEEN
@@ -114,7 +115,7 @@ def test_planes_that_remove_all_leave_nothing(primitive, order, rng):
     assert np.isinf(frame.depth).all()
 
 
-@pytest.mark.parametrize("model", FOOTPRINTS[Primitive.SPLATS])
+@pytest.mark.parametrize("model", footprints_of(Primitive.SPLATS))
 def test_every_footprint_is_cut_alike(model, rng):
     """A sphere that a plane cuts is integrated along its ray, in the model's bounds."""
     place = rng.uniform(-0.4, 0.4, (20, 3))

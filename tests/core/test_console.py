@@ -6,9 +6,8 @@ import math
 import cyclopts
 import pytest
 
-from resample.command.options import run
-from resample.command.session import Session, libraries, require_picture
-from resample.console.messages import listening, progress_bar, say
+from resample.command.session import Session, libraries, require_picture, run
+from resample.console import listening, progress_bar, say
 from resample.files.writing import check_targets, rows_as_json
 from resample.memory import require_memory
 

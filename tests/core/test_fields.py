@@ -8,10 +8,11 @@ import pytest
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
 from resample.painting.choices import Primitive, Projection
-from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
+from resample.profiles.orders import EverySample, ImageSheets
 from resample.profiles.reconstruction import GaussianKernel
 from resample.resampler import Resampler
 from resample.types import Classifier, Lamp, Samples
+from resample_volume.baselines.painting import AxisSheets
 from tests import naive
 from tests.bits import ARRAYS, assert_same
 from tests.samples import CAMERAS as SEEN

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from resample.files.cached import source_fingerprint
+from resample.files.writing import source_fingerprint
 from resample.fingerprints import fingerprint
 
 

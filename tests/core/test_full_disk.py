@@ -12,26 +12,25 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from resample.files import buffered_jpeg, saving
+from resample.files import images, saving
 from resample.files.animations import Shots, write_film
-from resample.files.buffered_jpeg import BufferedJpeg
-from resample.files.cached import load_arrays, store_arrays
 from resample.files.facts.metadata import FileMetadata
 from resample.files.facts.tags import ASCII, Tag
 from resample.files.formats import WriteOptions, page_of
-from resample.files.painted.deep import DepthSlab, write_deep
-from resample.files.painted.tiles import keep_tile
+from resample.files.images import BufferedJpeg
+from resample.files.painted import DepthSlab, write_deep
 from resample.files.pictures import Kind, Picture
 from resample.files.saving import spec_of, write_pages, write_picture, writing_rows
 from resample.files.sequences import write_frames
-from resample.files.writing import check_end, refused, write_json
+from resample.files.writing import check_end, load_arrays, refused, store_arrays, write_json
 from resample.measuring.compare import contact_sheet, write_screen
+from resample.outofcore.windows import keep_tile
 from resample.types import Film, Frame
 from resample_volume.classification.files import save_transfer
 from resample_volume.classification.transfer import TransferFunction
-from resample_volume.figures.writing import write_numbers
+from resample_volume.figures.paper import write_numbers
+from resample_volume.files.source import write_volume
 from resample_volume.files.stores.writing import Layered, write_store
-from resample_volume.files.writing import write_volume
 from resample_volume.types import Recording, Volume
 from resample_warp3d.command.export import write_geometry
 from resample_warp3d.command.writing import write_depth, write_holes
@@ -212,7 +211,7 @@ def test_a_jpeg_that_has_no_room_is_an_error_and_no_end_of_the_process():
 
 def test_a_jpeg_is_the_same_where_the_system_has_no_files_in_memory(monkeypatch):
     jpeg(Path("a.jpg"))
-    monkeypatch.setattr(buffered_jpeg, "_memory", lambda: None)
+    monkeypatch.setattr(images, "_memory", lambda: None)
     jpeg(Path("b.jpg"))
     assert Path("a.jpg").read_bytes() == Path("b.jpg").read_bytes()
     monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=80_000))
@@ -223,7 +222,7 @@ def test_a_jpeg_is_the_same_where_the_system_has_no_files_in_memory(monkeypatch)
 def test_no_jpeg_is_larger_than_the_room_that_it_asks_for():
     hard = (RANDOM.random((64, 64, 3)) > 0.5).astype(np.float32)
     write_picture(path := Path("a.jpg"), Picture(hard, RGB), WriteOptions())
-    assert path.stat().st_size < buffered_jpeg.MOST * hard.size // 2
+    assert path.stat().st_size < images.MOST_BYTES * hard.size // 2
 
 
 def test_what_a_library_could_not_write_has_its_own_reason_where_the_disk_has_room():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from resample.cameras.models import Camera, Orthographic
-from resample.painting.choices import FOOTPRINTS, Opacity, Primitive
+from resample.painting.choices import Opacity, Primitive, footprints_of
 from resample.profiles.reconstruction import GaussianKernel
 from resample.types import Samples
 from tests import naive
@@ -60,7 +60,7 @@ def test_a_sphere_around_the_eye_is_integrated_from_the_eye_on():
 
 
 @pytest.mark.parametrize(
-    ("primitive", "model"), [(form, model) for form in Primitive for model in FOOTPRINTS[form]]
+    ("primitive", "model"), [(form, model) for form in Primitive for model in footprints_of(form)]
 )
 @pytest.mark.parametrize("focal", [1.0, 6.0])
 def test_every_choice_paints_something_sensible(primitive, model, focal):

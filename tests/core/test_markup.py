@@ -5,8 +5,8 @@ import zipfile
 import pytest
 
 from resample.cameras.calibrations.lens_files import read_lens
-from resample.reading.markup import LONGEST, check_xml, check_xml_file
-from resample.reading.models.meshes import check_mesh
+from resample.reading.meshes import check_mesh
+from resample.reading.texts import LONGEST, check_xml, check_xml_file
 from resample_volume.files.grids import Vtr
 from resample_volume.files.readers import Vti
 

@@ -72,3 +72,24 @@ def test_a_moved_folder_is_imported_by_its_old_name_as_the_same_modules(
     for name in [name for name in sys.modules if name.startswith("resample.finding_profiles")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.delattr("resample.finding_profiles")
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("resample.console.messages", "resample.console"),
+        ("resample_texture.geometry.corners", "resample_texture.geometry.matrices"),
+        ("resample_texture.geometry.lenses", "resample_texture.geometry.cameras"),
+        ("resample_texture.geometry.planes", "resample_texture.geometry.cameras"),
+    ],
+)
+def test_a_module_that_was_joined_to_another_is_imported_by_its_old_name(
+    old: str, new: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delitem(sys.modules, old, raising=False)
+
+    with pytest.warns(DeprecationWarning, match=rf"{old} is now {new}"):
+        found = import_module(old)
+
+    assert found is import_module(new)
+    monkeypatch.delitem(sys.modules, old)

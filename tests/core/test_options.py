@@ -6,7 +6,7 @@ import pytest
 from cyclopts import App
 from pydantic import BaseModel, Field
 
-from resample.command.options import run
+from resample.command.session import run
 from tests.commands import ended
 
 
@@ -122,7 +122,7 @@ def test_a_reader_that_has_seen_enough_is_no_error():
     read_end, write_end = os.pipe()
     os.close(read_end)
     code = (
-        "from resample.cli import app; from resample.command.options import run;"
+        "from resample.cli import app; from resample.command.session import run;"
         "run(app, ['plugins'])"
     )
     command = [sys.executable, "-c", code]

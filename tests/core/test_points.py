@@ -5,7 +5,7 @@ import pytest
 
 from resample import registry
 from resample.cameras.models import Camera, Orthographic
-from resample.painting.choices import FOOTPRINTS, Primitive
+from resample.painting.choices import Primitive, footprints_of
 from resample.profiles.filters import CatmullRom, Lanczos, Mitchell
 from resample.profiles.reconstruction import GaussianKernel
 from resample.types import Samples
@@ -171,7 +171,7 @@ THRESHOLD = {Primitive.HYBRID: 0.6, Primitive.POINTS: np.inf}
 
 
 @pytest.mark.parametrize("primitive", THRESHOLD)
-@pytest.mark.parametrize("model", FOOTPRINTS[Primitive.SPLATS])
+@pytest.mark.parametrize("model", footprints_of(Primitive.SPLATS))
 def test_points_fall_where_their_samples_project(model, primitive, rng):
     """Not at the middle of the ellipse that they would be as splats."""
     samples, seen_by = points(rng), Camera.from_intrinsics(12.0, 11.0, 12.3, 11.6)

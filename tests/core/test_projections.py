@@ -8,11 +8,19 @@ import pytest
 
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
-from resample.painting.choices import FOOTPRINTS, MEASURING, SUMS, Footprint, Primitive, Projection
-from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
+from resample.painting.choices import (
+    MEASURING,
+    SUMS,
+    Footprint,
+    Primitive,
+    Projection,
+    footprints_of,
+)
+from resample.profiles.orders import EverySample, ImageSheets
 from resample.profiles.reconstruction import GaussianKernel, variance
 from resample.resampler import Resampler
 from resample.types import Classifier, Field, Lamp, Samples
+from resample_volume.baselines.painting import AxisSheets
 from tests import naive
 from tests.samples import CAMERAS, DARK, HIGH, LOW, POSE, SIDE, field_block, field_cloud, painter
 
@@ -347,7 +355,7 @@ def test_an_iso_value_is_for_first_hits():
             if footprint is not Footprint.EXACT  # for which the painter is compiled once more
             else (),
         )
-        for footprint in FOOTPRINTS[Primitive.SPLATS]
+        for footprint in footprints_of(Primitive.SPLATS)
     ],
 )
 @pytest.mark.parametrize("projection", OF_SLABS)

@@ -8,8 +8,8 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from resample.files.public import sets
-from resample.files.public.sets import available, fetch
+from resample.files import public
+from resample.files.public import available, fetch
 from tests.commands import ended, refused
 
 PACKAGES = ("resample_texture", "resample_warp3d")
@@ -20,13 +20,13 @@ CONTENT = {"a.png": b"first", "b.txt": b"second, longer"}
 def listed(monkeypatch):
     """A package with one small set."""
     files = tuple(
-        sets.PublicFile(
+        public.PublicFile(
             name, f"http://tiny.invalid/{name}", len(data), hashlib.sha256(data).hexdigest()
         )
         for name, data in CONTENT.items()
     )
-    known = {"tiny": sets.PublicSet("Two files.", "free", "resample-texture warp a.png", files)}
-    monkeypatch.setattr(sets, "available", lambda _: known)
+    known = {"tiny": public.PublicSet("Two files.", "free", "resample-texture warp a.png", files)}
+    monkeypatch.setattr(public, "available", lambda _: known)
 
 
 @pytest.fixture

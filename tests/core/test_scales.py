@@ -5,10 +5,11 @@ import pytest
 
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
-from resample.painting.choices import FOOTPRINTS, Primitive
-from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
+from resample.painting.choices import Primitive, footprints_of
+from resample.profiles.orders import EverySample, ImageSheets
 from resample.profiles.reconstruction import BSplineKernel, GaussianKernel
 from resample.types import Samples
+from resample_volume.baselines.painting import AxisSheets
 from tests import naive, sheared
 from tests.bits import assert_same
 from tests.samples import painter, reordered, shuffled
@@ -246,7 +247,7 @@ def test_scales_that_are_none_are_refused_in_one_line(rng, scale, message):
         ({"order": AxisSheets()}, "need the order every-sample"),
         *(
             ({"footprint": model}, f"not hybrid of {model}")
-            for model in FOOTPRINTS[Primitive.SPLATS]
+            for model in footprints_of(Primitive.SPLATS)
             if model != "exact"
         ),
         *(({"primitive": name}, f"not {name} of") for name in ("paper", "inflate", "ewa")),

@@ -7,7 +7,7 @@ from pydantic import ValidationError
 
 from resample.colors import from_srgb
 from resample.command.settings import PictureFormat, Resampling
-from resample.console.backgrounds import SPLAT_COLOR, linear_color
+from resample.console import SPLAT_COLOR, linear_color
 from resample.painting.choices import Footprint, Opacity, Primitive, Projection
 from resample.profiles.filters import Gaussian
 from resample.resampler import Resampler

@@ -11,8 +11,8 @@ import pytest
 
 from resample import registry
 from resample.cli import app
-from resample.command.about import OptionTopic, marks_of
 from resample.command.applications import command_now
+from resample.command.flags import OptionTopic, marks_of
 from resample.command.settings_files import as_toml, options_of, read_settings
 from resample.files.facts.origin import settings_in, state, stating
 from resample.files.images import read_channels

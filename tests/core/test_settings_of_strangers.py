@@ -18,13 +18,13 @@ from resample import registry
 from resample.cameras.files import viewpoint
 from resample.cameras.viewpoints import NAMED, Orbit
 from resample.cli import app
-from resample.command import about as abouts
-from resample.command.about import Inline, OptionTopic, about, marks_of
+from resample.command import flags as abouts
+from resample.command.flags import Inline, OptionTopic, about, marks_of
 from resample.command.intrinsics import with_intrinsics
 from resample.command.settings import Choices
 from resample.command.settings_files import OWN, options_of, read_settings
 from resample.files.facts.origin import KEY, settings_in
-from resample_points.command import animation as cloud_films
+from resample_points.command import rendering as cloud_films
 from resample_texture.figures import scenes
 from resample_texture.geometry.matrices import parse_matrix
 from resample_volume.classification.presets import is_file
@@ -177,7 +177,7 @@ def test_values_that_say_the_look_are_never_taken_for_files():
     ("mark", "looks", "files"),
     [
         (
-            abouts.CAMERA,
+            abouts.ANGLES,
             [*NAMED, "30/20", "-30/20/1.5", "1e1/.5/1./0.1/-0.2"],
             ["a.toml", "/etc/passwd", "images.txt:3", "30", "../30", "30//20", "poses", ""],
         ),
@@ -200,7 +200,7 @@ def test_forms_of_values_tell_looks_from_files(mark, looks, files):
 
 
 def test_a_long_value_is_told_from_a_file_at_once():
-    for mark in (abouts.CAMERA, abouts.NUMBERS, abouts.TRANSFER):
+    for mark in (abouts.ANGLES, abouts.NUMBERS, abouts.TRANSFER):
         assert about(mark, "1" * 10**6 + "/x.json") is OptionTopic.SOURCE
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from resample.files.facts.origin import settings_in
-from resample.files.images import read_image, read_rows
+from resample.files.images import open_file, read_image
 from resample.files.pictures import read_picture
 from resample.reading.native import suppressed_output
 from resample_warp3d.depth.files import read_depth
@@ -31,8 +31,7 @@ def damaged(request, tmp_path, rng):
 
 
 def strips_of(path: Path) -> None:
-    _, strips = read_rows(path)
-    for _ in strips:
+    for _ in open_file(path).light_strips():
         pass
 
 

@@ -9,8 +9,8 @@ from scipy.special import erf
 
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
-from resample.painting.choices import FOOTPRINTS, Footprint, Opacity, Primitive
-from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
+from resample.painting.choices import Footprint, Opacity, Primitive, footprints_of
+from resample.profiles.orders import EverySample, ImageSheets
 from resample.profiles.reconstruction import (
     BSplineKernel,
     GaussianKernel,
@@ -18,6 +18,7 @@ from resample.profiles.reconstruction import (
     partial_table,
 )
 from resample.types import Samples
+from resample_volume.baselines.painting import AxisSheets
 from tests import naive
 from tests.bits import assert_same
 from tests.samples import POSE, block, cloud, painter, shuffled
@@ -132,7 +133,7 @@ LOST = {Footprint.CORRECTED: 1e-3, Footprint.SMALL_ANGLE: 1e-2}
 
 
 @pytest.mark.each_value
-@pytest.mark.parametrize("footprint", FOOTPRINTS[Primitive.SPLATS])
+@pytest.mark.parametrize("footprint", footprints_of(Primitive.SPLATS))
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_the_whole_transmittance_is_that_of_every_sample(camera, footprint, rng):
     samples = cloud(rng)

@@ -8,8 +8,8 @@ import sys
 import cyclopts
 import pytest
 
-from resample.console import messages
-from resample.console.messages import progress_bar, say
+from resample import console
+from resample.console import progress_bar, say
 from tests.commands import ended
 from tests.processes import PATIENCE
 
@@ -101,6 +101,6 @@ def test_letters_that_a_stream_does_not_have_are_written_as_codes(monkeypatch):
     held = io.BytesIO()
     monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(held, "ascii", write_through=True))
     monkeypatch.setattr(sys, "stderr", io.StringIO())
-    messages.open_streams()
+    console.open_streams()
     sys.stdout.write("30° caf\udce9")
     assert held.getvalue() == b"30\\xb0 caf\\udce9"

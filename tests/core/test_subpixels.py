@@ -13,9 +13,10 @@ from resample.engine.surfaces.resolve import (
     resolve_rows,
     resolve_tile,
 )
+from resample.painting.choices import POINT_GRID, SPLAT_GRID
 from resample.profiles.filters import Area, Box, Gaussian, Tent
 from resample.profiles.subpixels import Subpixels, subpixels_of
-from resample.resampler import POINT_GRID, SPLAT_GRID, Resampler
+from resample.resampler import Resampler
 
 EVERY = registry.names("filters")
 

@@ -10,10 +10,10 @@ import pytest
 
 from resample.cameras.models import Camera
 from resample.cameras.poses import look_at
-from resample.command.threads import at_most
+from resample.command.stopping import at_most
 from resample.engine.jit import IS_PLAIN
 from resample.files.images import read_image
-from resample.painting.choices import FOOTPRINTS, Primitive
+from resample.painting.choices import Primitive, footprints_of
 from resample.types import Samples
 from tests.bits import assert_same
 from tests.samples import painter
@@ -41,7 +41,7 @@ def draw(**choices):
 
 
 @pytest.mark.parametrize(
-    ("primitive", "model"), [(form, model) for form in Primitive for model in FOOTPRINTS[form]]
+    ("primitive", "model"), [(form, model) for form in Primitive for model in footprints_of(form)]
 )
 def test_one_thread_and_two_give_the_same_bits(primitive, model):
     alone = draw(primitive=primitive, footprint=model, threads=1)
@@ -65,7 +65,8 @@ import sys
 import numpy as np
 from resample.cameras.models import Camera
 from resample.cameras.poses import look_at
-from resample.painting.choices import FOOTPRINTS, Primitive
+from resample.painting.choices import Primitive
+from resample.painting.choices import footprints_of
 from resample.resampler import Resampler
 from resample.types import Samples
 
@@ -79,7 +80,7 @@ samples = Samples(
 camera = Camera.from_intrinsics(9.0, 9.0, 5.0, 4.5, look_at((0, -2, 1), (0, 0, 0)))
 arrays = {}
 for primitive in Primitive:
-    for model in FOOTPRINTS[primitive]:
+    for model in footprints_of(primitive):
         subpixels = None if primitive is Primitive.PAPER else 2  # which has none
         resample = Resampler(primitive=primitive, footprint=model, subpixels=subpixels)
         frame = resample(samples, camera, height=9, width=10)

@@ -5,7 +5,7 @@ import pytest
 
 from resample.cameras.models import Camera
 from resample.cameras.poses import look_at
-from resample.painting.choices import FOOTPRINTS, Opacity, Primitive
+from resample.painting.choices import Opacity, Primitive, footprints_of
 from resample.profiles.filters import Gaussian
 from resample.profiles.reconstruction import GaussianKernel
 from resample.types import Samples
@@ -241,7 +241,7 @@ def test_the_order_of_samples_does_not_change_a_bit(make, primitive, camera, rng
         assert_same(first, draw(again, camera, primitive=primitive))
 
 
-@pytest.mark.parametrize("model", FOOTPRINTS[Primitive.SPLATS])
+@pytest.mark.parametrize("model", footprints_of(Primitive.SPLATS))
 def test_no_footprint_depends_on_the_order_of_samples(model, rng):
     samples = ties(rng)
     first = draw(samples, CLOSE, footprint=model)

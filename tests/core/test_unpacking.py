@@ -17,21 +17,21 @@ import pytest
 from resample.files.facts.origin import settings_in
 from resample.files.facts.tags import read_tags
 from resample.files.films import film_picture, new_film, new_stream
-from resample.files.images import read_image, read_rows
-from resample.files.painted.deep import DepthSlab, write_deep
-from resample.files.painted.tiles import NAME, kept_tile
+from resample.files.images import read_image
+from resample.files.painted import DepthSlab, write_deep
 from resample.files.pictures import read_picture
 from resample.files.sequences import frames_of
+from resample.outofcore.windows import NAME, kept_tile
 from resample.reading.arrays import read_npz
-from resample.reading.codestreams import size_at_once, size_of
-from resample.reading.models.meshes import check_mesh
-from resample.reading.unpacking import bunzipped, deflated, unlzma
+from resample.reading.limits import bunzipped, deflated, unlzma
+from resample.reading.meshes import check_mesh
+from resample.reading.pictures import size_at_once, size_of
 from resample.words import one_line
 from resample_points.files.readers import read_cloud
-from resample_points.geometry import storing
+from resample_points.geometry import spacing
 from resample_texture.mesh.files import load_mesh
 from resample_volume.files.readers import Dicom, Nrrd, TiffStack
-from resample_volume.files.xml.vtk_blocks import check_blocks
+from resample_volume.files.xml.validity import check_blocks
 from resample_volume.surfaces.meshes import read_mesh
 from resample_warp3d.depth.files import read_depth
 from tests.deep import read_deep
@@ -94,7 +94,7 @@ def test_files_of_caches_are_bounded_like_others(tmp_path):
         packed.writestr("depth.npy", claim + bytes(1_000_000))
     refused(kept_tile, tmp_path, window, match="unpack to")
     (tmp_path / "a.npy").write_bytes(claim)
-    assert storing._read(tmp_path / "a.npy", 5) is None
+    assert spacing._read(tmp_path / "a.npy", 5) is None
 
 
 # Volumes
@@ -328,7 +328,7 @@ def test_pictures_that_become_far_too_much_are_refused(suffix, packing, tmp_path
     told = {"compression": packing} if packing else {}
     path = shaded(tmp_path / f"a.{suffix}", 64 if suffix in ("jxl", "jp2") else 300, **told)
     monkeypatch.setenv("RESAMPLE_LIMIT", "unpacked=1KB,ratio=2")
-    for read in (read_picture, read_image, read_rows):
+    for read in (read_picture, read_image):
         refused(read, path, match=r"a\.\w+: .* that unpack to")
 
 

@@ -13,10 +13,11 @@ from resample import Cancel, CancelledError, cancellable
 from resample.cameras.viewpoints import Orbit, Sphere
 from resample.engine import jit
 from resample.painting.choices import Primitive, Projection
-from resample.profiles.orders import AxisSheets, ImageSheets, Rays
+from resample.profiles.orders import ImageSheets, Rays
 from resample.resampler import Resampler
 from resample_points import Cloud, render_cloud
 from resample_texture import BackwardMap, Homography, warp
+from resample_volume.baselines.painting import AxisSheets
 from resample_volume.classification.transfer import from_points
 from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Appearance, Classification

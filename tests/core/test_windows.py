@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 
 from resample import Camera, Primitive, Resampler
 from resample.painting.scenes.plans import MIXTURE, PAPER, POINTS, SPLATS
-from resample.profiles.orders import AxisSheets, ImageSheets
+from resample.profiles.orders import ImageSheets
 from resample.types import Samples
+from resample_volume.baselines.painting import AxisSheets
 
 HEIGHT, WIDTH = 50, 70
 PICTURE = {"height": HEIGHT, "width": WIDTH}

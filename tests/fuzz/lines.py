@@ -68,7 +68,7 @@ def words_of(rng: random.Random, name: str, options: dict[str, Any]) -> list[str
 
 def _told_to_odd_streams(rng: random.Random, app: Any, words: list[str]) -> None:
     """Run a command whose output is full, goes to nobody, or is not there; it ends by itself."""
-    from resample.command.options import run
+    from resample.command.session import run
 
     name = rng.choice(("stdout", "stderr"))
     kind = rng.choice(("full", "gone", "none"))

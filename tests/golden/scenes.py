@@ -17,10 +17,11 @@ from resample.cameras.poses import look_at
 from resample.painting.choices import Footprint, Opacity, Primitive, Projection
 from resample.painting.splines import spline_of
 from resample.profiles.filters import Gaussian
-from resample.profiles.orders import AxisSheets, EverySample, ImageSheets, Rays
+from resample.profiles.orders import EverySample, ImageSheets, Rays
 from resample.profiles.reconstruction import BSplineKernel
 from resample.resampler import Resampler
 from resample.types import Classifier, Field, Lamp, LatticeField, Samples
+from resample_volume.baselines.painting import AxisSheets
 
 RECORD = Path(__file__).with_name("pictures.npz")
 SIDE = 24  # px

@@ -8,7 +8,7 @@ from resample import registry
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
 from resample.hybrid.correction import LARGEST, correction_table, true_distance
-from resample.painting.choices import FOOTPRINTS, Footprint, Primitive
+from resample.painting.choices import Footprint, Primitive, footprints_of
 from resample.profiles.reconstruction import GaussianKernel
 from resample.types import Samples
 from tests import naive
@@ -103,7 +103,7 @@ def errors_of_peak(theta, cone):
     return {
         model.value: np.abs(optical_depth(samples, camera, footprint=model) - truth).max()
         / truth.max()
-        for model in FOOTPRINTS[Primitive.SPLATS]
+        for model in footprints_of(Primitive.SPLATS)
     }
 
 
@@ -326,7 +326,7 @@ def test_rays_on_the_ellipse_of_appendix_a_have_distance_one(theta, lattice):
     np.testing.assert_allclose(distance, 1.0, atol=1e-5)  # float32 records
 
 
-@pytest.mark.parametrize("model", FOOTPRINTS[Primitive.SPLATS])
+@pytest.mark.parametrize("model", footprints_of(Primitive.SPLATS))
 @pytest.mark.parametrize("lattice", BODIES.values(), ids=BODIES)
 def test_bounds_hold_the_whole_footprint(lattice, model):
     samples = one_sample(DISTANCE * toward(40), 0.8 * lattice)
@@ -372,7 +372,7 @@ CLOSE = {
 
 
 @pytest.mark.each_value
-@pytest.mark.parametrize("model", FOOTPRINTS[Primitive.SPLATS])
+@pytest.mark.parametrize("model", footprints_of(Primitive.SPLATS))
 @pytest.mark.parametrize(("center", "near"), CLOSE.values(), ids=CLOSE)
 def test_what_the_near_plane_cuts_is_integrated_from_the_plane_on(center, near, model):
     samples = one_sample(center, np.eye(3))
@@ -419,7 +419,7 @@ def test_a_sphere_fades_as_it_moves_through_the_near_plane(near, aside):
     assert not pictures[-1].any()
 
 
-@pytest.mark.parametrize("model", FOOTPRINTS[Primitive.SPLATS])
+@pytest.mark.parametrize("model", footprints_of(Primitive.SPLATS))
 def test_nothing_around_the_eye_is_not_a_number(model, rng):
     count = 300
     samples = Samples(

@@ -10,17 +10,19 @@ from scipy.integrate import quad
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
 from resample.measuring.quality import rms
-from resample.painting.choices import FOOTPRINTS, WIDENED, Footprint, Primitive
-from resample.profiles.orders import AxisSheets, EverySample, ImageSheets
+from resample.painting.choices import Footprint, Primitive, footprints_of
+from resample.profiles.orders import EverySample, ImageSheets
 from resample.profiles.reconstruction import GaussianKernel, variance
-from resample.resampler import EWA_VARIANCE, Resampler
+from resample.resampler import Resampler
 from resample.types import Samples
+from resample_volume.baselines.painting import EWA_VARIANCE, AxisSheets
 from tests import naive
 from tests.benchmarks.quality_table import CRUST, checker_box, checker_truth, distant, object_psnr
 from tests.samples import cloud, painter
 
 SIDE = 28  # px
 KERNEL = GaussianKernel()
+WIDENED = (Primitive.INFLATE, Primitive.EWA)
 LATTICE = look_at((1, 2, 3), (0, 0, 0))[:3, :3] @ np.diag([0.7, 1, -1.4])
 
 
@@ -183,7 +185,12 @@ def test_widened_splats_have_one_transmittance_in_every_order(primitive, scale, 
 
 @pytest.mark.parametrize(
     ("primitive", "footprint"),
-    [(form, model) for form in Primitive for model in Footprint if model not in FOOTPRINTS[form]],
+    [
+        (form, model)
+        for form in Primitive
+        for model in Footprint
+        if model not in footprints_of(form)
+    ],
 )
 def test_a_footprint_that_does_not_go_with_a_primitive_is_refused(primitive, footprint):
     with pytest.raises(ValueError, match=rf"{primitive} goes with the footprint affine.*, not"):
@@ -191,8 +198,8 @@ def test_a_footprint_that_does_not_go_with_a_primitive_is_refused(primitive, foo
 
 
 def test_widened_primitives_and_the_papers_have_footprints_of_their_own():
-    common = FOOTPRINTS[Primitive.SPLATS]
-    own = {form for form in Primitive if FOOTPRINTS[form] != common}
+    common = footprints_of(Primitive.SPLATS)
+    own = {form for form in Primitive if footprints_of(form) != common}
     assert own == {*WIDENED, Primitive.PAPER}
 
 

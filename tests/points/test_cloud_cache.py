@@ -7,7 +7,7 @@ import pytest
 
 from resample.memory import mapped
 from resample_points.data.cloud import Cloud
-from resample_points.geometry import spacing, storing
+from resample_points.geometry import spacing
 from resample_points.geometry.spacing import prepare_cloud
 
 NOTHING = np.zeros((0, 3), np.float32)
@@ -17,7 +17,7 @@ NOTHING = np.zeros((0, 3), np.float32)
 def kept(tmp_path, monkeypatch):
     """Folder of the cache, in which small clouds are kept, too."""
     monkeypatch.setenv(mapped.FOLDER_VARIABLE, str(tmp_path))
-    monkeypatch.setattr(storing, "LEAST_POINTS", 1)
+    monkeypatch.setattr(spacing, "LEAST_POINTS", 1)
     return tmp_path / "clouds"
 
 
@@ -85,7 +85,7 @@ def test_what_discs_depend_on_is_told_apart(measured, rng):
 
 def test_other_sources_measure_again(kept, measured, monkeypatch):
     prepare_cloud(_cloud(), cache=True)
-    monkeypatch.setattr(storing, "source_fingerprint", lambda *_: "others")
+    monkeypatch.setattr(spacing, "source_fingerprint", lambda *_: "others")
     prepare_cloud(_cloud(), cache=True)
     assert measured == [500, 500]
     assert len(list(kept.iterdir())) == 2
@@ -112,13 +112,13 @@ def test_a_damaged_file_is_made_anew(kept, measured, content):
 def test_a_cache_that_cannot_be_written_is_no_error(tmp_path, monkeypatch, measured):
     (tmp_path / "file").write_text("no folder")
     monkeypatch.setenv(mapped.FOLDER_VARIABLE, str(tmp_path / "file"))
-    monkeypatch.setattr(storing, "LEAST_POINTS", 1)
+    monkeypatch.setattr(spacing, "LEAST_POINTS", 1)
     prepare_cloud(_cloud(), cache=True)
     assert measured == [500]
 
 
 def test_the_least_used_go_first(kept, monkeypatch):
-    monkeypatch.setattr(storing, "MOST_BYTES", 2 * 500 * 36 + 600)
+    monkeypatch.setattr(spacing, "MOST_BYTES", 2 * 500 * 36 + 600)
     for seed in (0, 1):
         prepare_cloud(_cloud(seed), cache=True)
     first, second = sorted(kept.iterdir(), key=lambda path: path.stat().st_mtime_ns)
@@ -135,13 +135,13 @@ def test_the_least_used_go_first(kept, monkeypatch):
 
 
 def test_what_is_larger_than_the_cache_is_not_kept(kept, monkeypatch):
-    monkeypatch.setattr(storing, "MOST_BYTES", 1000)
+    monkeypatch.setattr(spacing, "MOST_BYTES", 1000)
     prepare_cloud(_cloud(), cache=True)
     assert not kept.exists() or not list(kept.iterdir())
 
 
 def test_small_clouds_and_those_of_known_radius_are_not_kept(kept, monkeypatch):
     prepare_cloud(_cloud(radius=np.ones(500, np.float32)), cache=True)
-    monkeypatch.setattr(storing, "LEAST_POINTS", 501)
+    monkeypatch.setattr(spacing, "LEAST_POINTS", 501)
     prepare_cloud(_cloud(), cache=True)
     assert not kept.exists()

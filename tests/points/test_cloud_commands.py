@@ -12,7 +12,7 @@ from PIL import Image
 from resample.files.images import read_image
 from resample.memory import mapped
 from resample_points import cli
-from resample_points.geometry import storing
+from resample_points.geometry import spacing
 from tests import commands
 
 ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli.app)
@@ -26,7 +26,7 @@ def folder(tmp_path, monkeypatch):
     (tmp_path / "work").mkdir()
     monkeypatch.chdir(tmp_path / "work")
     monkeypatch.setenv(mapped.FOLDER_VARIABLE, str(tmp_path / "cache"))
-    monkeypatch.setattr(storing, "LEAST_POINTS", 1)
+    monkeypatch.setattr(spacing, "LEAST_POINTS", 1)
     x, z = np.mgrid[:30, :30] / 10.0
     table = np.column_stack([x.ravel(), np.zeros(900), z.ravel(), x.ravel() > 1.45])
     np.savetxt("scan.csv", table, delimiter=",", header="x,y,z,class", comments="")

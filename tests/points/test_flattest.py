@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from resample.engine.jit import kernel
-from resample_points.geometry.kernels.flattest import flattest
+from resample_points.geometry.kernels.lines import flattest
 
 SPREAD = {
     "flat": (1.0, 0.7, 1e-4),

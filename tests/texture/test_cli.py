@@ -13,7 +13,7 @@ from PIL import Image
 from resample.command.session import libraries
 from resample.files.images import read_channels, read_image
 from resample_texture import cli
-from resample_texture.command import needs
+from resample_texture.command import rendering
 from resample_texture.command.choices import PictureWarping
 from tests import commands
 from tests.commands import store
@@ -369,12 +369,12 @@ def test_a_picture_larger_than_the_memory_is_refused_before_it_is_read(monkeypat
 
 
 @pytest.mark.parametrize(
-    ("method", "libraries_of"), [("lanczos4", lambda: needs.OTHERS), ("hybrid", libraries)]
+    ("method", "libraries_of"), [("lanczos4", lambda: rendering.OTHERS), ("hybrid", libraries)]
 )
 def test_a_baseline_needs_no_memory_for_kernels(method, libraries_of, monkeypatch):
     needed = {}
-    monkeypatch.setattr(needs, "require", lambda *given: needed.update(given[1]))
-    needs.check_memory((8, 8, 3), (8, 8), PictureWarping(method=method), Path("a.png"))
+    monkeypatch.setattr(rendering, "require", lambda *given: needed.update(given[1]))
+    rendering.check_memory((8, 8, 3), (8, 8), PictureWarping(method=method), Path("a.png"))
     assert needed["libraries"] == libraries_of()
 
 

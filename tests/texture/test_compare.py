@@ -6,6 +6,7 @@ import pytest
 from resample.colors import to_srgb
 from resample.command.settings import method_names
 from resample.files.images import read_image
+from resample.measuring import compare as measuring
 from resample.measuring.compare import enlarged
 from resample_texture.figures import compare
 from resample_texture.figures.compare import Judge, measured, sheet, source_values, timed
@@ -88,7 +89,7 @@ def test_a_time_is_the_median_of_warm_runs(scene, monkeypatch):
         return Warped(np.zeros((*shape, source.shape[2]), np.float32), np.ones(shape, np.float32))
 
     clock = iter([0, 0, 0.001, 0.1, 1, 1.003, 1.1, 2, 2.002, 9])
-    monkeypatch.setattr(compare.time, "perf_counter", lambda: next(clock))
+    monkeypatch.setattr(measuring.time, "perf_counter", lambda: next(clock))
     _, milliseconds = timed(method, scene, Edge.CLAMP)
     assert milliseconds == pytest.approx(2)
     assert len(runs) == 4

@@ -5,14 +5,14 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from resample_texture.geometry.corners import (
+from resample_texture.geometry.mappings import source_coordinates
+from resample_texture.geometry.matrices import (
     from_corners,
     order_corners,
     page_corners,
     parse_points,
     rectified_shape,
 )
-from resample_texture.geometry.mappings import source_coordinates
 
 PAGE = np.array([[10.0, 20.0], [500.0, 30.0], [490.0, 700.0], [5.0, 680.0]])
 SQUARE = page_corners((100, 100))

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from resample.files.batches import batch_of, is_batch
 from resample.files.pictures import read_picture
-from resample.files.stores.addresses import Address
+from resample.files.sequences import batch_of, is_batch
+from resample.files.stores.opening import Address
 from resample_texture import cli, warp
 from resample_texture.command import large
 from tests import commands

@@ -5,7 +5,7 @@ import pytest
 
 from resample.cameras.calibrations.lens_files import pinhole_of
 from resample.cameras.models import Camera
-from resample_texture.geometry.lenses import distorting, undistorting, undistorting_forward
+from resample_texture.geometry.cameras import distorting, undistorting, undistorting_forward
 from resample_texture.geometry.mappings import pixel_centers
 from tests.lenses import COEFFICIENTS, SHAPE
 

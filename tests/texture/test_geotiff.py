@@ -117,7 +117,7 @@ def test_control_points_move_even_so():
     points = (2.0, 3.0, 0.0, 10.0, 50.0, 0.0, 20.0, 13.0, 0.0, 11.0, 49.0, 0.0)
     write(ground(), {POINTS: points, KEYS: AREA})
     assert ended("warp", "in.tif", "-o", "out.tif", *TILT) == 0
-    from resample_texture.geometry.corners import from_corners, page_corners, parse_points
+    from resample_texture.geometry.matrices import from_corners, page_corners, parse_points
 
     matrix = from_corners(page_corners((16, 24)), parse_points(TILT[1])).matrix
     kept = np.reshape(tags()[POINTS], (-1, 6))

@@ -66,14 +66,14 @@ def folder(tmp_path, monkeypatch):
 
 def in_strips(monkeypatch):
     """Warp all pictures as if they were large; gives the list of strips that were warped."""
-    done, one = [], large.Large._strip
+    done, one = [], large.Large.paint
     monkeypatch.setattr(large, "MOST_AT_ONCE", 0)
 
     def counted(self, first, count):
         done.append((first, count))
         return one(self, first, count)
 
-    monkeypatch.setattr(large.Large, "_strip", counted)
+    monkeypatch.setattr(large.Large, "paint", counted)
     return done
 
 

@@ -100,7 +100,7 @@ def folder(tmp_path, monkeypatch):
 
 def in_strips(monkeypatch):
     """Warp all pictures as if they were large, kept in files; gives the strips that were warped."""
-    done, one = [], large.Large._strip
+    done, one = [], large.Large.paint
     monkeypatch.setattr(large, "MOST_AT_ONCE", 0)
     monkeypatch.setattr(drawings, "MOST_AT_ONCE", 0)
     monkeypatch.setattr(drawings, "MOST_IN_WINDOW", 20_000)
@@ -111,7 +111,7 @@ def in_strips(monkeypatch):
         done.append((first, count))
         return one(self, first, count)
 
-    monkeypatch.setattr(large.Large, "_strip", counted)
+    monkeypatch.setattr(large.Large, "paint", counted)
     return done
 
 

@@ -4,7 +4,7 @@ import pytest
 from resample.cameras.models import Camera
 from resample.cameras.pixels import pixel_centers as centers
 from resample.cameras.pixels import undistorted_places
-from resample_texture.geometry.lenses import distorting, undistorting, undistorting_forward
+from resample_texture.geometry.cameras import distorting, undistorting, undistorting_forward
 from resample_texture.geometry.mappings import pixel_centers
 from tests.lenses import COEFFICIENTS, FOLDING, SHAPE
 

@@ -5,8 +5,8 @@ import pytest
 
 from resample import registry
 from resample.engine.jit import threads
-from resample_texture.mesh.covers import Cover
 from resample_texture.mesh.rendering import Mesh
+from resample_texture.mesh.shapes import Cover
 from tests.texture.mesh_shapes import (
     CUBE,
     FACES,

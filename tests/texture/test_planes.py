@@ -3,8 +3,8 @@ import pytest
 
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
+from resample_texture.geometry.cameras import plane_homography
 from resample_texture.geometry.mappings import source_coordinates
-from resample_texture.geometry.planes import plane_homography
 
 TEXTURE = (40, 60)
 ABOVE = np.diag([1.0, -1.0, -1.0, 1.0])  # looks down along −z with +y upwards

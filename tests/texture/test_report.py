@@ -6,8 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from resample_texture.figures.compare import PictureComparison
-from resample_texture.figures.report import data_uri, page, write_report
+from resample_texture.figures.compare import PictureComparison, data_uri, page, write_report
 
 VOID = {"meta", "input", "br", "img", "link"}
 EVIL = "<script>alert('x')</script>"

@@ -9,7 +9,7 @@ import pytest
 import zarr
 from PIL import Image
 
-from resample.files.images import read_image, read_rows
+from resample.files.images import open_file, read_image
 from resample.files.pictures import picture_at, read_picture
 from resample.memory import mapped
 from resample_texture import cli
@@ -128,8 +128,7 @@ def test_files_in_tiles_are_read_as_those_in_rows(monkeypatch):
     assert target.open("tiles.tif", spec)
     assert target.write_image(values)
     assert target.close()
-    form, strips = read_rows("tiles.tif", 40)
-    assert form == (*SHAPE, 3)
+    strips = open_file("tiles.tif").light_strips(40)
     assert np.array_equal(np.concatenate(list(strips)), read_image("rows.tif"))
     monkeypatch.setattr(large, "MOST_AT_ONCE", 0)
     for name in ("rows.tif", "tiles.tif"):
@@ -180,14 +179,14 @@ def test_an_error_on_the_way_leaves_no_store(monkeypatch, capsys):
     store("a.zarr", texels(3, np.uint8))
     monkeypatch.setattr(large, "MOST_AT_ONCE", 0)
     monkeypatch.setattr(large, "MOST_IN_STRIP", 20_000)
-    one = large.Large._strip
+    one = large.Large.paint
 
     def failing(self, first, count):
         if first:
             raise OSError(28, "No space left on device")
         return one(self, first, count)
 
-    monkeypatch.setattr(large.Large, "_strip", failing)
+    monkeypatch.setattr(large.Large, "paint", failing)
     assert "b.zarr: cannot be written: No space left" in refused(
         capsys, *TURN, "a.zarr", "-o", "b.zarr"
     )

@@ -14,14 +14,11 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from resample.cameras.keyframes import keyframes_of
-from resample.view.views import controls_of
-from resample_texture.cli import app as pictures
-from resample_texture.viewing import COMMAND, PictureView
+from resample_texture.viewing import picture_view
 from resample_volume.cli import app
-from resample_volume.viewing import VolumeView
-from resample_warp3d.cli import app as depth_images
-from resample_warp3d.command.cameras.source import SourceCamera
+from resample_volume.viewing import volume_view
 from resample_warp3d.command.choices import Depth
+from resample_warp3d.command.source import SourceCamera
 from resample_warp3d.viewing import depth_view
 from tests.commands import ended
 from tests.view.conftest import Served, frames_of, served
@@ -36,8 +33,7 @@ TIME = 90_000  # ms; kernels may have to be compiled
 
 @pytest.fixture(scope="module")
 def place() -> Iterator[Served]:
-    controls = controls_of("resample-volume render", app["render"])
-    with served(VolumeView("vessel-tree:size=24", controls=controls)) as address:
+    with served(volume_view("vessel-tree:size=24")) as address:
         yield address
 
 
@@ -166,7 +162,7 @@ def curve(page: Any) -> list[list[str]]:
 
 
 def test_points_of_the_look_are_dragged_typed_added_and_taken_away(page: Any) -> None:
-    high = VolumeView("vessel-tree:size=24").about["histogram"]["high"]
+    high = volume_view("vessel-tree:size=24").about["histogram"]["high"]
     page.select_option("#looks", "gray")
     box = page.locator("#histogram").bounding_box()
     page.wait_for_timeout(300)  # the curve comes after the picture
@@ -259,8 +255,7 @@ def test_corners_of_a_picture_are_dragged(browser: Any, tmp_path: Path) -> None:
     levels = np.full((60, 90, 3), (40, 160, 220), np.uint8)
     levels[20:40, 30:60] = 255
     cv2.imwrite(str(tmp_path / "sign.png"), levels)
-    controls = controls_of(COMMAND, pictures["warp"])
-    with served(PictureView(tmp_path / "sign.png", controls=controls)) as place:
+    with served(picture_view(tmp_path / "sign.png")) as place:
         page = browser.new_page(viewport={"width": 700, "height": 420})
         page.set_default_timeout(TIME)
         page.goto(place.address)
@@ -298,8 +293,7 @@ def test_a_camera_walks_past_a_picture_with_depth(browser: Any, tmp_path: Path) 
     cv2.imwrite(str(tmp_path / "depth.png"), depth)
     begin = SourceCamera(fov=60), Depth(depth_scale=1000)
     names = str(tmp_path / "color.png"), str(tmp_path / "depth.png")
-    controls = controls_of("resample-warp3d render", depth_images["render"])
-    with served(depth_view(*names, begin, controls=controls)) as address:
+    with served(depth_view(*names, begin)) as address:
         tab = browser.new_page(viewport={"width": 700, "height": 420})
         tab.set_default_timeout(TIME)
         tab.goto(address.address)
@@ -389,8 +383,7 @@ def test_keyframes_of_a_depth_image_are_poses(browser: Any, tmp_path: Path) -> N
     cv2.imwrite(str(tmp_path / "depth.png"), np.full((30, 40), 2000, np.uint16))
     begin = SourceCamera(fov=60), Depth(depth_scale=1000)
     names = str(tmp_path / "color.png"), str(tmp_path / "depth.png")
-    controls = controls_of("resample-warp3d render", depth_images["render"])
-    with served(depth_view(*names, begin, controls=controls)) as address:
+    with served(depth_view(*names, begin)) as address:
         tab = browser.new_page()
         tab.set_default_timeout(TIME)
         tab.goto(address.address)
@@ -412,7 +405,7 @@ def test_a_lens_is_set_by_sliders(browser: Any, tmp_path: Path) -> None:
     rng = np.random.default_rng(5)
     path = tmp_path / "a.png"
     cv2.imwrite(str(path), cv2.GaussianBlur(rng.integers(0, 256, (60, 80, 3), np.uint8), (9, 9), 0))
-    with served(PictureView(path, controls=controls_of(COMMAND, pictures["warp"]))) as address:
+    with served(picture_view(path)) as address:
         tab = browser.new_page()
         tab.set_default_timeout(TIME)
         tab.goto(address.address)
@@ -435,8 +428,7 @@ def test_a_lens_beside_a_field_of_view_is_set_by_sliders(browser: Any, tmp_path:
     cv2.imwrite(str(tmp_path / "depth.png"), np.full((30, 40), 2000, np.uint16))
     begin = SourceCamera(fov=60), Depth(depth_scale=1000)
     names = str(tmp_path / "color.png"), str(tmp_path / "depth.png")
-    controls = controls_of("resample-warp3d render", depth_images["render"])
-    with served(depth_view(*names, begin, controls=controls)) as address:
+    with served(depth_view(*names, begin)) as address:
         tab = browser.new_page()
         tab.set_default_timeout(TIME)
         tab.goto(address.address)

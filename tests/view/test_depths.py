@@ -9,11 +9,10 @@ import cv2
 import numpy as np
 import pytest
 
-from resample.view.views import controls_of
 from resample_warp3d.cli import app
-from resample_warp3d.command.cameras.source import SourceCamera
 from resample_warp3d.command.choices import Depth
-from resample_warp3d.viewing import depth_view, depths, films, suits
+from resample_warp3d.command.source import SourceCamera
+from resample_warp3d.viewing import depth_view, films, suits
 from tests.commands import ended, refused
 from tests.view.conftest import Served, check_export, frames_of, served
 
@@ -45,8 +44,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str, str]:
 @pytest.fixture(scope="module")
 def place(files: tuple[str, str, str]) -> Iterator[Served]:
     begin = SourceCamera(fov=60), Depth(depth_scale=1000)
-    controls = controls_of(depths.COMMAND, app["render"])
-    with served(depth_view(*files[:2], begin, controls=controls)) as address:
+    with served(depth_view(*files[:2], begin)) as address:
         yield address
 
 

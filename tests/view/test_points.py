@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from resample.view import exports
-from resample.view.views import controls_of
 from resample_points import viewing
 from resample_points.cli import app
 from resample_points.viewing import cloud_view, suits
@@ -34,8 +33,7 @@ def cloud(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 @pytest.fixture(scope="module")
 def around(cloud: str) -> Iterator[Served]:
-    controls = controls_of(viewing.COMMAND, app["render"])
-    with served(cloud_view(Path(cloud), controls=controls)) as address:
+    with served(cloud_view(Path(cloud))) as address:
         yield address
 
 

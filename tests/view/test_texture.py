@@ -9,9 +9,8 @@ import cv2
 import numpy as np
 import pytest
 
-from resample.view.views import controls_of
 from resample_texture.cli import app
-from resample_texture.viewing import COMMAND, PictureView, meshes, model_view, suits
+from resample_texture.viewing import model_view, picture_view, suits
 from tests.commands import ended, refused
 from tests.view.conftest import Served, levels, served
 
@@ -30,7 +29,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     path = tmp_path_factory.mktemp("view") / "a photo.png"
     levels = np.random.default_rng(3).integers(0, 256, (18, 24, 3), np.uint8)
     cv2.imwrite(str(path), cv2.GaussianBlur(levels, (5, 5), 0))
-    with served(PictureView(path, controls=controls_of(COMMAND, app["warp"]))) as address:
+    with served(picture_view(path)) as address:
         yield address
 
 
@@ -131,8 +130,7 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def turning(model: Path) -> Iterator[Served]:
-    controls = controls_of(meshes.COMMAND, app["mesh"])
-    with served(model_view(model, controls=controls)) as address:
+    with served(model_view(model)) as address:
         yield address
 
 

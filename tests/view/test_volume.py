@@ -16,22 +16,21 @@ import pytest
 
 import resample_volume
 from resample.cli import app as resample_app
-from resample.console.backgrounds import linear_color
+from resample.console import linear_color
 from resample.files.saving import screen_levels
-from resample.view.views import controls_of
 from resample_volume import viewing
 from resample_volume.classification.materials import spread
 from resample_volume.classification.presets import load_transfer
 from resample_volume.cli import app
-from resample_volume.command.choices import AppearanceChoices
+from resample_volume.command.choices import AppearanceChoices, ReadOptions
+from resample_volume.command.inputs import prepared
 from resample_volume.editing import MOST, points_of, spelled
 from resample_volume.media.appearance import transfer_of
-from resample_volume.viewing import VolumePainter, VolumeView, picture, suits
+from resample_volume.viewing import VolumePainter, picture, suits, volume_view
 from tests.commands import ended
 from tests.view.conftest import Served, levels, served
 
 BOX = "checker-box:size=20,block=5"
-CONTROLS = controls_of("resample-volume render", app["render"])
 WISHES: dict[str, dict[str, Any]] = {
     "as it begins": {},
     "along rays": {"classify": "post", "camera": "50/-10/1.3", "transfer": "gray"},
@@ -47,9 +46,7 @@ WISHES: dict[str, dict[str, Any]] = {
 
 @pytest.fixture(scope="module")
 def place() -> Iterator[Served]:
-    with served(
-        VolumeView(BOX, begin=(AppearanceChoices(transfer="checker"),), controls=CONTROLS)
-    ) as address:
+    with served(volume_view(BOX, begin=(AppearanceChoices(transfer="checker"),))) as address:
         yield address
 
 
@@ -97,7 +94,7 @@ def test_vtk_is_a_rival_where_it_is_installed(
     pytest.importorskip("vtkmodules", reason="pip install 'hybrid-resample[peers]'")
     from resample_volume.baselines.peers import Peer, VtkRenderer
 
-    volume = VolumeView(BOX).volume
+    volume = VolumePainter(prepared(ReadOptions(), BOX)).volume
     with place.page() as page:
         settings = page.about["settings"] | {"shading": False, "background": "black"}
         for camera in ("30/20/1", "top"):
@@ -119,7 +116,7 @@ def test_vtk_is_a_rival_where_it_is_installed(
         assert "can compare with VTK" in page.told("other")["text"]
         assert page.answer()[0]["kind"] == "frame"
     monkeypatch.setattr(viewing, "find_spec", lambda _: None)
-    assert "pip install" in VolumeView(BOX).about["rivals"]["VTK"]
+    assert "pip install" in volume_view(BOX).about["rivals"]["VTK"]
 
 
 def test_exported_python_runs(place: Served, tmp_path: Path) -> None:
@@ -189,13 +186,13 @@ def test_points_come_close_to_looks_of_any_kind(name: str) -> None:
 def test_a_closed_page_frees_its_scene(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[weakref.ref[VolumePainter]] = []
 
-    def remembered(view: VolumeView) -> VolumePainter:
-        painter = VolumePainter(view.volume)
+    def remembered(first: VolumePainter) -> VolumePainter:
+        painter = VolumePainter(first.volume)
         made.append(weakref.ref(painter))
         return painter
 
-    monkeypatch.setattr(VolumeView, "painter", remembered)
-    with served(VolumeView(BOX, controls=CONTROLS)) as place:
+    monkeypatch.setattr(VolumePainter, "__copy__", remembered)
+    with served(volume_view(BOX)) as place:
         with place.page() as page:
             page.drawn(page.about["settings"])
             page.say("pick", page.about["settings"], x=24, y=20)

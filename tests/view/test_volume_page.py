@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from resample.command.settings import PictureFormat
-from resample.view.views import controls_of
 from resample.watching import Cancel
 from resample_volume.cli import app
 from resample_volume.command.choices import AppearanceChoices
-from resample_volume.viewing import VolumeView
+from resample_volume.viewing import volume_view
 from tests.commands import ended
 from tests.view.conftest import served
 
@@ -44,8 +43,7 @@ SHOWN = """() => {
 
 @pytest.fixture(scope="module")
 def tab() -> Iterator[Any]:
-    controls = controls_of("resample-volume render", app["render"])
-    view = VolumeView("vessel-tree:size=24", begin=BEGIN, controls=controls)
+    view = volume_view("vessel-tree:size=24", begin=BEGIN)
     with served(view) as place, sync_api.sync_playwright() as play:
         browser = play.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
         tab, faults = browser.new_page(viewport={"width": 700, "height": 420}), []
@@ -149,7 +147,7 @@ def test_each_control_changes_the_picture_as_the_library_does(
     monkeypatch.chdir(tmp_path)
     np.save("halves.npy", (np.indices((24, 24, 24))[2] > 11).astype(np.uint8))
     tab.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
-    view = VolumeView("vessel-tree:size=24", begin=BEGIN)
+    view = volume_view("vessel-tree:size=24", begin=BEGIN)
     painter, begin = view.painter(), view.about["settings"]
     for choice in CHOICES:
         plain = after(tab, lambda: tab.click("#reset"))

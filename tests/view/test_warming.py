@@ -9,9 +9,9 @@ import pytest
 
 from resample.view import server
 from resample.view.views import Warming
-from resample_texture.viewing import PictureView
-from resample_volume.viewing import VolumeView
-from resample_warp3d.command.cameras.source import SourceCamera
+from resample_texture.viewing import picture_view
+from resample_volume.viewing import volume_view
+from resample_warp3d.command.source import SourceCamera
 from resample_warp3d.viewing import depth_view
 from tests.view.conftest import served
 
@@ -23,8 +23,8 @@ def views(folder: Path) -> list[Warming]:
     np.save(folder / "volume.npy", np.indices((8, 8, 8), np.float32)[0])
     begin = (SourceCamera(fov=60),)
     return [
-        VolumeView(str(folder / "volume.npy")),
-        PictureView(Path(color)),
+        volume_view(str(folder / "volume.npy")),
+        picture_view(Path(color)),
         depth_view(color, depth, begin),
     ]
 

@@ -7,6 +7,7 @@ from resample.cameras.viewpoints import Orbit
 from resample_volume.data.bricks import Bricks
 from resample_volume.rendering import Subject
 from resample_volume.types import Volume
+from resample_volume.windows import paint_streamed, streamed_subject
 
 SIZE = (120, 150)
 EYE = Orbit(30, 20, 1.3)
@@ -25,6 +26,14 @@ def in_bricks(volume, side):
         return np.ascontiguousarray(values[box])
 
     return volume._replace(values=Bricks(read, values.shape, values.dtype, side))
+
+
+def in_windows(volume, look, viewpoint, size, spent, resampler=None):
+    """Picture of a volume in bricks, and the number of its windows."""
+    media = [(volume, look)]
+    subject = streamed_subject(media)
+    camera = subject.camera(viewpoint, *size)
+    return paint_streamed(media, subject, camera, size, spent, resampler)
 
 
 def whole_of(media, fit="volume", eye=EYE):

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from resample.files.stores.addresses import Address
+from resample.files.stores.opening import Address
 from resample_volume.cli import app
 from resample_volume.files.source import open_streamed, open_volume
 from resample_volume.files.stores import statistics_cache

@@ -6,12 +6,11 @@ import pytest
 from resample.reading.limits import SETTING
 from resample_volume import as_volume
 from resample_volume.data.recordings import volume_at
-from resample_volume.files.cells.legacy import legacy_grid
-from resample_volume.files.cells.readers import Vtm, Vts, Vtu
+from resample_volume.files.cells.readers import Vtm, Vts, Vtu, legacy_grid
 from resample_volume.files.parsing.sections import Sections
 from resample_volume.files.readers import Vtk
 from resample_volume.files.source import describe, open_volume
-from resample_volume.files.xml.vtk_blocks import check_blocks
+from resample_volume.files.xml.validity import check_blocks
 
 pytest.importorskip("vtkmodules", reason="VTK, the extra vtk, is not installed")
 

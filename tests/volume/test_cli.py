@@ -9,11 +9,11 @@ import pytest
 
 from resample.command.session import libraries
 from resample.files.images import read_channels, read_image
+from resample_volume import classification as names
 from resample_volume import cli
-from resample_volume.classification import names
-from resample_volume.classification.names import TISSUES
+from resample_volume.classification import TISSUES
 from resample_volume.classification.presets import PRESETS
-from resample_volume.classification.tomography import POINTS
+from resample_volume.classification.surveys import POINTS
 from resample_volume.files.source import open_volume
 from tests import commands
 

@@ -14,7 +14,7 @@ from resample_volume.command.choices import Added, AppearanceChoices, ReadOption
 from resample_volume.command.inputs import held
 from resample_volume.command.media import media, others
 from resample_volume.files.generated import vessel_tree
-from resample_volume.files.writing import write_volume
+from resample_volume.files.source import write_volume
 from resample_volume.rendering import Subject
 from tests import commands
 

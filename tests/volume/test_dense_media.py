@@ -9,13 +9,13 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from resample import Resampler
+from resample.outofcore.passes import PassContext
 from resample_volume.classification.labels import Labels, Rule
 from resample_volume.classification.regions import Region, RegionTransfer
 from resample_volume.media import resampling
 from resample_volume.media.appearance import Appearance
 from resample_volume.media.lattices import common_lattice, first_in
 from resample_volume.outofcore.dense import dense_of, share_lattice
-from resample_volume.outofcore.passes import PassContext
 from resample_volume.outofcore.together import in_grid
 from resample_volume.rendering import Subject
 from resample_volume.types import Volume

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from werkzeug import Response
 
-from resample.files.public import downloads
-from resample_volume.files.public import fetch as module
-from resample_volume.files.public.fetch import available, fetch
+from resample.files import public
+from resample_volume.files import public as module
+from resample_volume.files.public import available, fetch
 from resample_volume.files.source import open_volume
 from tests.processes import PATIENCE
 
@@ -175,7 +175,7 @@ def test_a_silent_server_is_left(httpserver, tmp_path, monkeypatch):
         yield VALUES.tobytes()[:20]
         going.wait(PATIENCE)
 
-    monkeypatch.setattr(downloads, "SILENCE", 0.2)
+    monkeypatch.setattr(public, "SILENCE", 0.2)
     httpserver.expect_request(f"/{FILE}").respond_with_handler(lambda _: Response(silent()))
     try:
         refused(httpserver, tmp_path, ConnectionError, "cannot be reached")
@@ -184,14 +184,14 @@ def test_a_silent_server_is_left(httpserver, tmp_path, monkeypatch):
 
 
 def test_a_server_that_is_too_slow_is_left(serving, tmp_path, monkeypatch):
-    monkeypatch.setattr(downloads, "PATIENCE", 0.0)
-    monkeypatch.setattr(downloads, "SLOWEST", 1e12)
+    monkeypatch.setattr(public, "PATIENCE", 0.0)
+    monkeypatch.setattr(public, "SLOWEST", 1e12)
     refused(serving, tmp_path, ConnectionError, "came in 0 s, which is too slow; try again later")
 
 
 def test_a_disk_without_room_is_named_before_anything_is_asked_for(tmp_path, monkeypatch):
-    usage = downloads.shutil.disk_usage(tmp_path)._replace(free=40)
-    monkeypatch.setattr(downloads.shutil, "disk_usage", lambda _: usage)
+    usage = public.shutil.disk_usage(tmp_path)._replace(free=40)
+    monkeypatch.setattr(public.shutil, "disk_usage", lambda _: usage)
     with pytest.raises(OSError, match=f"has 0.00 MiB left, and {FILE} 0.00 MiB"):
         fetch("tiny", folder=tmp_path, base_url="http://tiny.invalid")
 

@@ -12,14 +12,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from resample.command import workers
 from resample.command.settings import Sharing
 from resample.command.workers import WorkerPool, at_work
 from resample.files.images import read_image
+from resample.outofcore.passes import PassContext
 from resample_volume.cli import app
-from resample_volume.command import rendering
+from resample_volume.data import scanning
 from resample_volume.data.bricks import Bricks
-from resample_volume.data.statistics import scanning
-from resample_volume.data.statistics.scanning import Helpers
 from resample_volume.files.source import open_streamed
 from resample_volume.files.stores import statistics_cache
 from resample_volume.files.stores.chunks import Single
@@ -82,7 +82,7 @@ def test_parts_put_together_are_what_one_process_finds(shape, side, kind, sample
         patch.setattr(scanning, "SAMPLED", sampled)
         alone, shared = bricks_of(values, side), bricks_of(values, side)
         elsewhere = Elsewhere(executor)
-        shared.helpers = lambda: Helpers(elsewhere, 1)
+        shared.helpers = lambda: PassContext(elsewhere, 1)
         same(shared.statistics, alone.statistics)
         assert shared.reads == alone.reads
         assert elsewhere.maps[0] == min(alone.count[0], scanning.PARTS)
@@ -119,7 +119,7 @@ def test_a_killed_worker_costs_a_look_its_own_part_alone(tmp_path):
     (tmp_path / "marks").mkdir()
     with at_work(Sharing(workers=2)) as crew:
         killing = Killing(crew.executor, tmp_path / "marks", 1, is_late=True)
-        small[0].helpers = lambda: Helpers(killing, 1)
+        small[0].helpers = lambda: PassContext(killing, 1)
         same(small[0].statistics, small[1].statistics)
     assert killing.redone(0)
 
@@ -137,7 +137,7 @@ def hired(monkeypatch):
             )
             yield lambda: crew
 
-    monkeypatch.setattr(rendering, "worker_pools", hiring)
+    monkeypatch.setattr(workers, "worker_pools", hiring)
     return executors
 
 

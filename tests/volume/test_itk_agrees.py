@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from resample_volume.files.readers import Dicom, MetaImage, Nifti, Nrrd
-from resample_volume.files.source import find_reader, open_recording, open_volume
-from resample_volume.files.writing import write_volume
+from resample_volume.files.source import find_reader, open_recording, open_volume, write_volume
 from resample_volume.types import Volume
 
 sitk = pytest.importorskip("SimpleITK", reason="readers are compared with SimpleITK")

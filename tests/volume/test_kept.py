@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.sparse import Bubbles
-from resample.files import cached
+from resample.files import writing
 from resample.files.writing import replacing
 from resample_volume.data.recordings import volume_at
 from resample_volume.files.source import open_streamed
@@ -110,7 +110,7 @@ def test_beside_a_store_that_must_not_be_written_to_the_cache_keeps_it(tmp_path,
             raise PermissionError("read-only")
         return replacing(path)
 
-    monkeypatch.setattr(cached, "replacing", refusing)
+    monkeypatch.setattr(writing, "replacing", refusing)
     path = written(tmp_path, np.ones((16, 16, 16), np.uint8))
     assert [looked_at(path)[1] for _ in range(2)] == [1, 0]
     assert len(list((tmp_path / "cache" / "surveys").iterdir())) == 1

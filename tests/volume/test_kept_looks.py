@@ -7,13 +7,15 @@ import numpy as np
 import pytest
 
 from resample.cameras.viewpoints import Orbit
+from resample.outofcore import caching as facts
+from resample.outofcore import samples
 from resample_volume.classification.labels import Labels, Rule
 from resample_volume.data.recordings import volume_at
 from resample_volume.files.source import open_streamed
 from resample_volume.files.stores import statistics_cache
 from resample_volume.files.stores.chunks import Single
 from resample_volume.files.stores.writing import Layered, write_store
-from resample_volume.outofcore import caching, windowed
+from resample_volume.outofcore import caching
 from resample_volume.outofcore.caching import cached, cached_visible
 from resample_volume.types import Recording
 from resample_volume.windows import Budget, paint_streamed, streamed_subject
@@ -27,7 +29,7 @@ LABELS = Labels(np.ones((32, 32, 32), np.uint8), {1: Rule((1, 0, 0))})
 @pytest.fixture(autouse=True)
 def in_small_steps(monkeypatch, tmp_path):
     monkeypatch.setattr(statistics_cache, "LEAST", 0)
-    monkeypatch.setattr(windowed, "LEAST", 500)
+    monkeypatch.setattr(samples, "LEAST", 500)
     monkeypatch.setenv("HYBRID_RESAMPLE_CACHE", str(tmp_path / "cache"))
 
 
@@ -163,7 +165,7 @@ def test_what_is_damaged_is_found_again(damage, store, tmp_path):
     again, _ = painted(store, SOLID, Orbit(10, 20, 1.5))
     assert_same(again, first)
     volume, _ = opened(store)
-    assert all(caching._read(file) is not None for file in files)
+    assert all(caching.facts()._read(file) is not None for file in files)
     assert cached_visible(volume, "another look") is None
 
 
@@ -206,8 +208,8 @@ def test_what_is_kept_comes_back_as_it_was(store):
 
 def test_what_is_cached_depends_on_the_code_that_scans_and_classifies(store, monkeypatch):
     packages = []
-    monkeypatch.setattr(caching, "source_fingerprint", lambda *names: packages.extend(names) or "")
+    monkeypatch.setattr(facts, "source_fingerprint", lambda *names: packages.extend(names) or "")
     cached(opened(store)[0], "a name", lambda: 0.5, lasts=True)
     assert {"resample_volume.voxels", "resample_volume.classification"} <= set(packages)
-    monkeypatch.setattr(caching, "source_fingerprint", lambda *_: "other code")
+    monkeypatch.setattr(facts, "source_fingerprint", lambda *_: "other code")
     assert cached(opened(store)[0], "a name", lambda: 1.5, lasts=True) == 1.5

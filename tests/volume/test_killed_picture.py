@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from resample.command import workers
 from resample.command.workers import WorkerPool
 from resample.files import writing
 from resample.files.images import read_image
+from resample.outofcore import windows
 from resample_volume.cli import app
-from resample_volume.command import rendering
-from resample_volume.outofcore import windowed
 from tests import commands
 from tests.processes import PATIENCE
 
@@ -34,7 +34,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from resample.command.workers import WorkerPool
-from resample_volume.command import rendering
+from resample.command import workers
 from resample_volume.cli import app
 
 
@@ -51,7 +51,7 @@ def worker_pools(sharing, threads=None):
     yield lambda: WorkerPool(Ending(), 1, 1, None, True)
 
 
-rendering.worker_pools = worker_pools
+workers.worker_pools = worker_pools
 app(sys.argv[2:])
 """
 
@@ -72,7 +72,7 @@ def store(tmp_path, monkeypatch):
 @pytest.fixture
 def painted(monkeypatch):
     """Windows that are painted by this process."""
-    made, keep_tile = [], windowed.keep_tile
+    made, keep_tile = [], windows.keep_tile
 
     def noted(folder, window, *rest):
         made.append(window)
@@ -84,8 +84,8 @@ def painted(monkeypatch):
             crew = WorkerPool(executor, 1, threads or 1, None, is_local=True)
             yield lambda: crew if sharing.has_workers else None
 
-    monkeypatch.setattr(windowed, "keep_tile", noted)
-    monkeypatch.setattr(rendering, "worker_pools", hiring)
+    monkeypatch.setattr(windows, "keep_tile", noted)
+    monkeypatch.setattr(workers, "worker_pools", hiring)
     return made
 
 

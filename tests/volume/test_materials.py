@@ -8,8 +8,7 @@ import pytest
 from resample_volume.classification.materials import Materials, Windowed, spread
 from resample_volume.classification.presets import PRESETS, load_transfer, transfer_for
 from resample_volume.classification.regions import Faded
-from resample_volume.classification.surveys import survey
-from resample_volume.classification.tomography import POINTS, Units, tissue
+from resample_volume.classification.surveys import POINTS, Units, survey, tissue
 from resample_volume.classification.transfer import from_points
 from resample_volume.inputs import as_volume
 

@@ -16,9 +16,8 @@ from resample_volume.data.recordings import (
     volume_at,
     with_times_first,
 )
-from resample_volume.files.labels import read_labels
 from resample_volume.files.readers import MetaImage, Nifti, Npy, Nrrd, TiffStack
-from resample_volume.files.source import open_recording, open_volume
+from resample_volume.files.source import open_recording, open_volume, read_labels
 from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Appearance, Classification
 from resample_volume.media.lattices import common_lattice, onto

@@ -18,7 +18,7 @@ from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Appearance
 from resample_volume.picking import picked
 from resample_volume.rendering import render
-from resample_volume.viewing import VolumeView
+from resample_volume.viewing import volume_view
 from tests import commands
 
 ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli.app)
@@ -200,7 +200,7 @@ def test_what_is_converted_keeps_its_values(file, capsys):
 
 
 def test_a_page_speaks_of_values(file):
-    view = VolumeView(file, ReadOptions(scale="log"))
+    view = volume_view(file, ReadOptions(scale="log"))
     assert view.about["histogram"]["scale"] == "log"
     painter = view.painter()
     told = painter.tell({"transfer": "1e-26/red/0,1e-24/gold/0.5"}, "points")

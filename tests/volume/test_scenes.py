@@ -17,7 +17,7 @@ from resample_volume.classification.labels import Labels, Rule
 from resample_volume.classification.transfer import from_points
 from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Classification
-from resample_volume.previews import merged
+from resample_volume.scenes import merged
 from resample_volume.types import Volume
 from resample_volume.voxels import gathered, visible
 from tests.volume.of_voxels import of_voxels

@@ -6,10 +6,10 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from resample.outofcore import bricks as caches
+from resample.outofcore.bricks import PinnedCache
 from resample_volume.classification.surveys import survey, without_padding
 from resample_volume.data.bricks import Bricks
-from resample_volume.data.statistics import caches
-from resample_volume.data.statistics.caches import PinnedCache
 from resample_volume.rendering import Subject
 from resample_volume.types import Volume
 from tests.volume.of_voxels import of_voxels

@@ -205,3 +205,8 @@ def test_built_in_data_are_opened_by_name(tmp_path, monkeypatch):
     assert open_recording("sample:vessel-tree:size=8").values.shape == (1, 1, 8, 8, 8)
     with pytest.raises(LookupError, match="vessel-trees"):
         open_volume("sample:vessel-trees")
+
+
+@pytest.mark.parametrize("name", source.OWN)
+def test_a_reader_is_found_by_its_suffixes_before_it_is_imported(name):
+    assert source.OWN[name] == registry.load("readers", name).suffixes

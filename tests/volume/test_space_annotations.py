@@ -9,9 +9,10 @@ from resample.files.images import read_image
 from resample.types import Frame, Statistics
 from resample_volume import Annotations, annotate, open_volume
 from resample_volume.cli import app
-from resample_volume.files.writing import write_volume
+from resample_volume.files.source import write_volume
+from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Appearance
-from resample_volume.rendering import Subject, as_volume, render
+from resample_volume.rendering import Subject, render
 from resample_volume.space.annotations import AXES, PATIENT, cube_picture, round_length
 from resample_volume.space.lines import Stroke, with_lines
 from resample_volume.voxels.framing import corners

@@ -11,8 +11,9 @@ from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
 from resample.resampler import Resampler
 from resample_volume.classification.transfer import from_points
+from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Appearance, Classification
-from resample_volume.rendering import Subject, as_volume, render
+from resample_volume.rendering import Subject, render
 from resample_volume.surfaces.meshes import read_mesh, scene_mesh
 from resample_volume.voxels.shading import Light
 from tests import naive, ray_truth

@@ -12,7 +12,7 @@ from threading import Lock, Thread
 import numpy as np
 import pytest
 
-from resample.files.stores import addresses
+from resample.files.stores import opening
 from resample_volume.cli import app
 from resample_volume.files.source import open_recording, open_streamed, open_volume
 from resample_volume.files.stores import statistics_cache
@@ -184,7 +184,7 @@ class DyingHandler(SimpleHTTPRequestHandler):
 def test_a_network_that_is_cut_while_chunks_are_fetched_ends_a_command(
     name, values, tmp_path, capsys, monkeypatch
 ):
-    monkeypatch.setattr(addresses, "TRIES", 1)
+    monkeypatch.setattr(opening, "TRIES", 1)
     zarr.create_array(tmp_path / "a.zarr", data=values, chunks=(8, 8, 8))
     server = Dying(tmp_path, 5)
     serving = Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True)

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from resample.files.pictures import read_picture
-from resample.files.stores import holes
+from resample.files.stores import metadata as holes
 from resample_volume.cli import app
 from resample_volume.data.recordings import volume_at
 from resample_volume.files.source import describe, open_streamed, open_volume

@@ -18,19 +18,18 @@ from resample.command.session import libraries
 from resample.files.chunked import open_picture
 from resample.files.images import read_image
 from resample_volume.cli import app
-from resample_volume.data.recordings import volume_at
+from resample_volume.data.recordings import alone, volume_at
 from resample_volume.data.values import as_array
-from resample_volume.files.readers import alone
 from resample_volume.files.source import (
     describe,
     find_reader,
     open_recording,
     open_streamed,
     open_volume,
+    write_volume,
 )
-from resample_volume.files.stores.pyramid import halved, per_axis
 from resample_volume.files.stores.reader import Zarr
-from resample_volume.files.writing import write_volume
+from resample_volume.files.stores.writing import halved, per_axis
 from resample_volume.rendering import render
 from resample_volume.types import Volume
 from tests.commands import ended, imported, refused

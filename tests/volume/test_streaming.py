@@ -10,8 +10,7 @@ from resample_volume.classification.surveys import survey, without_padding
 from resample_volume.classification.transfer import from_points
 from resample_volume.data.bricks import Bricks
 from resample_volume.data.values import as_array
-from resample_volume.files.labels import read_labels
-from resample_volume.files.source import generate
+from resample_volume.files.source import generate, read_labels
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import Subject, render
 from resample_volume.scenes import Scene

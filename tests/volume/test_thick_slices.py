@@ -12,7 +12,7 @@ from resample.resampler import Resampler
 from resample_volume import Appearance, render
 from resample_volume.classification.labels import Labels
 from resample_volume.rendering import Subject
-from resample_volume.voxels.slices.thin import SAME, Thin, thin_of, thinned, voxels_of
+from resample_volume.voxels.thin import SAME, Thin, thin_of, thinned, voxels_of
 
 
 def slices(thickness, name="rings 2.0"):
@@ -105,7 +105,7 @@ def test_slices_stay_thick_where_memory_holds_no_more(monkeypatch):
         if count > 16 * volume.values.size:
             raise ValueError(f"{what} does not fit")
 
-    monkeypatch.setattr("resample_volume.voxels.slices.thin.require_memory", held)
+    monkeypatch.setattr("resample_volume.voxels.thin.require_memory", held)
     assert Subject.of(volume, Appearance(light=None)).voxels.thin == SAME
 
 

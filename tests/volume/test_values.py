@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from resample_volume.data.bricks import Bricks
-from resample_volume.data.statistics.scanning import are_few
+from resample_volume.data.scanning import are_few
 from resample_volume.data.values import ArrayValues, bricks_of, streamed, values_of, with_bricks
 from resample_volume.types import Volume
 

@@ -12,8 +12,12 @@ from resample import Footprint, Primitive, Resampler
 from resample.cameras.viewpoints import Orbit
 from resample.command.settings import Sharing
 from resample.command.workers import at_work
-from resample.profiles.orders import AxisSheets, ImageSheets
+from resample.outofcore import samples
+from resample.outofcore.boxes import PartBoxes
+from resample.outofcore.passes import PassContext
+from resample.profiles.orders import ImageSheets
 from resample_volume import windows
+from resample_volume.baselines.painting import AxisSheets
 from resample_volume.classification.labels import Labels, Rule
 from resample_volume.classification.materials import Windowed
 from resample_volume.classification.regions import Region, RegionTransfer
@@ -25,19 +29,18 @@ from resample_volume.files.stores.chunks import Single
 from resample_volume.files.stores.writing import Layered, write_store
 from resample_volume.media.appearance import Appearance, Classification
 from resample_volume.outofcore import windowed
-from resample_volume.outofcore.passes import PassContext, passed
 from resample_volume.outofcore.steepness import Slopes, steepness_by_bricks
 from resample_volume.rendering import Subject
 from resample_volume.surfaces.meshes import scene_mesh
 from resample_volume.types import Recording, Volume
 from resample_volume.voxels import blocks
-from resample_volume.voxels.blocks import Lattice, bounds_of, lattice_for
+from resample_volume.voxels.blocks import Lattice, ends_of, lattice_for, passed
 from resample_volume.voxels.framing import centered
 from resample_volume.voxels.shading import DepthCue
 from resample_volume.voxels.visible import gradients_at, lattice_of, steepness
-from resample_volume.windows import Budget, render_in_windows
+from resample_volume.windows import Budget
 from tests.killing import Killing
-from tests.volume.dense import EYE, LAYERS, SIZE, in_bricks, smoke
+from tests.volume.dense import EYE, LAYERS, SIZE, in_bricks, in_windows, smoke
 from tests.volume.of_voxels import of_voxels
 
 WALLS = RegionTransfer(
@@ -81,7 +84,7 @@ def test_windows_have_the_bits_of_a_volume_in_memory(number, memory, rng):
     camera = subject.camera(EYE, *SIZE)
     by = {"height": SIZE[0], "width": SIZE[1], "clip": subject.clip}
     whole = Resampler()(subject.samples_for(camera), camera, **by)
-    found, windows = render_in_windows(in_bricks(volume, side), look, EYE, SIZE, Budget(memory))
+    found, windows = in_windows(in_bricks(volume, side), look, EYE, SIZE, Budget(memory))
     assert (windows > 1) == (memory < 1 << 30)
     for name in ("rgba", "depth", "first_depth", "coverage"):
         assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name
@@ -106,7 +109,7 @@ def test_labels_may_be_in_bricks_of_their_own(side, kind, rng):
     whole = whole_of(volume, of_voxels("20..190", labels=Labels(label, RULES)))
     look = of_voxels("20..190", labels=Labels(bricks, RULES))
     for spent in (Budget(850_000), Budget(1 << 30)):
-        found, _ = render_in_windows(in_bricks(volume, (8, 8, 8)), look, EYE, SIZE, spent)
+        found, _ = in_windows(in_bricks(volume, (8, 8, 8)), look, EYE, SIZE, spent)
         for name in LAYERS:
             assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name
     whole = Subject.of(in_bricks(volume, (8, 8, 8)), look, around=volume)
@@ -118,7 +121,7 @@ def test_labels_that_do_not_fit_are_refused_before_bricks_are_read(rng):
     volume, read = counted(smoke(rng), (8, 8, 8))
     look = of_voxels("60..190", labels=Labels(TISSUE.values[1:], RULES))
     with pytest.raises(ValueError, match="labels of 31 x 26 x 36 voxels do not fit a volume of"):
-        render_in_windows(volume, look, EYE, SIZE, Budget(1 << 30))
+        in_windows(volume, look, EYE, SIZE, Budget(1 << 30))
     assert not read
 
 
@@ -142,12 +145,12 @@ def test_what_needs_all_voxels_or_too_much_memory_is_refused(rng):
     volume = in_bricks(smoke(rng), (16, 16, 16))
     look = of_voxels("60..190", meshes=(scene_mesh(np.eye(3), np.array([[0, 1, 2]])),))
     with pytest.raises(ValueError, match="a mesh needs rays through a field"):
-        render_in_windows(volume, look, EYE, SIZE, Budget(1 << 30))
+        in_windows(volume, look, EYE, SIZE, Budget(1 << 30))
     look = Appearance("60..190", classification=Classification.POST)
     with pytest.raises(ValueError, match="classification post needs rays through a field"):
-        render_in_windows(volume, look, EYE, SIZE, Budget(1 << 30))
+        in_windows(volume, look, EYE, SIZE, Budget(1 << 30))
     with pytest.raises(ValueError, match="fit in the allowed memory"):
-        render_in_windows(volume, of_voxels("60..190"), EYE, SIZE, Budget(1000))
+        in_windows(volume, of_voxels("60..190"), EYE, SIZE, Budget(1000))
 
 
 @pytest.mark.parametrize("eye", [EYE, Orbit(200, -40, 6.0), Orbit(10, 5, fov=0)])
@@ -163,7 +166,8 @@ def test_blocks_are_where_their_footprints_are(eye, side, rng):
     z, y, x = np.rint((seen.position - moved.origin) @ back).astype(int).T[::-1]
     lattice = Lattice(volume.values.shape, side)
     every = np.arange(np.prod(lattice.blocks))
-    bounds = bounds_of(moved, lattice, every, Resampler().reconstruction.radius, camera.view())
+    boxes = PartBoxes(*ends_of(lattice, every), lattice_of(moved), moved.origin)
+    bounds = boxes.on_screen(camera.view(), Resampler().reconstruction.radius)
     block = np.ravel_multi_index((z // side, y // side, x // side), lattice.blocks)
     is_seen = records["left"] <= records["right"]
     assert is_seen.sum() > 1000
@@ -203,7 +207,7 @@ def test_any_number_of_workers_paints_the_same_bits(workers, rng, tmp_path):
     whole = whole_of(volume, look)
     with ThreadPoolExecutor(workers) as executor:
         spent = Budget(700_000, 1, tmp_path, executor)
-        found, windows = render_in_windows(in_bricks(volume, (8, 8, 8)), look, EYE, SIZE, spent)
+        found, windows = in_windows(in_bricks(volume, (8, 8, 8)), look, EYE, SIZE, spent)
     assert len(list(tmp_path.iterdir())) == windows > 1
     for name in LAYERS:
         assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name
@@ -225,7 +229,7 @@ def test_any_partition_gives_the_same_bits(shape, side, memory, workers, gradien
     with ThreadPoolExecutor(workers) as executor:
         spent = Budget(memory, workers, executor=executor)
         try:
-            found, _ = render_in_windows(in_bricks(volume, side), look, EYE, SIZE, spent)
+            found, _ = in_windows(in_bricks(volume, side), look, EYE, SIZE, spent)
         except ValueError as error:
             assert "fit in the allowed memory" in str(error)  # noqa: PT017  also right
             return
@@ -255,7 +259,7 @@ def test_a_killed_worker_costs_a_picture_its_own_windows_alone(at, rng, tmp_path
     with at_work(Sharing(workers=2)) as crew:
         killing = Killing(crew.executor, tmp_path / "marks", 1, is_late=True, at=at)
         spent = Budget(700_000, 1, tmp_path / "windows", killing)
-        found, windows = render_in_windows(in_file, look, EYE, SIZE, spent)
+        found, windows = in_windows(in_file, look, EYE, SIZE, spent)
     assert windows > 2
     for number in at:
         assert killing.redone(number)
@@ -267,7 +271,7 @@ FEW = (60, 75)  # px
 
 
 def in_small_steps(monkeypatch):
-    monkeypatch.setattr(windowed, "LEAST", 1000)
+    monkeypatch.setattr(samples, "LEAST", 1000)
     monkeypatch.setattr(blocks, "SIDE", 4)
 
 
@@ -288,7 +292,7 @@ def test_bricks_that_are_on_a_shelf_are_read_once(workers, rng, monkeypatch):
     look, whole = of_voxels("5..190"), whole_of(volume, of_voxels("5..190"))
     with ThreadPoolExecutor(workers or 1) as executor:
         spent = Budget(4_000_000, executor=executor if workers else None)
-        found, _ = render_in_windows(in_file, look, EYE, SIZE, spent)
+        found, _ = in_windows(in_file, look, EYE, SIZE, spent)
     for name in LAYERS:
         assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name
     assert len(read) < 1.05 * 6**3  # two threads may ask for one at a time
@@ -296,14 +300,14 @@ def test_bricks_that_are_on_a_shelf_are_read_once(workers, rng, monkeypatch):
 
 def noted_steps(monkeypatch):
     """Samples of a step of each window that fits; 0 where all are loaded at once."""
-    steps, whole_task = [], windowed._task
+    steps, fitting = [], samples.SampledPicture._fitting
 
     def noted(*given):
-        task, fits = whole_task(*given)
-        steps.append(task.step * fits)
-        return task, fits
+        task = fitting(*given)
+        steps.append(0 if task is None else task.step)
+        return task
 
-    monkeypatch.setattr(windowed, "_task", noted)
+    monkeypatch.setattr(samples.SampledPicture, "_fitting", noted)
     return steps
 
 
@@ -350,7 +354,7 @@ def test_windows_are_painted_step_by_step_with_the_same_bits(eye, workers, rng, 
     whole = Resampler()(subject.samples_for(camera), camera, height=FEW[0], width=FEW[1])
     with ThreadPoolExecutor(workers or 1) as executor:
         spent = Budget(4_000_000, executor=executor if workers else None)
-        found, _ = render_in_windows(in_bricks(volume, (8, 8, 8)), look, eye, FEW, spent)
+        found, _ = in_windows(in_bricks(volume, (8, 8, 8)), look, eye, FEW, spent)
     assert max(steps) > 0
     for name in LAYERS:
         assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name
@@ -371,7 +375,7 @@ def test_bricks_that_others_hide_are_not_read(rng, monkeypatch):
         return known
 
     monkeypatch.setattr(windows, "surveyed", then)
-    found, _ = render_in_windows(in_file, look, EYE, SIZE, Budget(9_000_000))
+    found, _ = in_windows(in_file, look, EYE, SIZE, Budget(9_000_000))
     painting = read[before[0] :]
     whole = whole_of(volume, look)
     for name in LAYERS:
@@ -386,13 +390,11 @@ def test_further_pictures_ask_for_what_they_show_alone(rng, monkeypatch):
     volume = Volume(values, np.ones(3), np.zeros(3), np.eye(3), "a solid cube")
     look = of_voxels("100/white/0,180/white/0.95", light=None)
     in_file, read = counted(volume, (8, 8, 8))
-    render_in_windows(in_file, look, EYE, SIZE, Budget(9_000_000))
+    in_windows(in_file, look, EYE, SIZE, Budget(9_000_000))
     read.clear()
     other = Orbit(200, -30, 1.5)
-    found, _ = render_in_windows(in_file, look, other, SIZE, Budget(9_000_000))
-    again, _ = render_in_windows(
-        counted(volume, (8, 8, 8))[0], look, other, SIZE, Budget(9_000_000)
-    )
+    found, _ = in_windows(in_file, look, other, SIZE, Budget(9_000_000))
+    again, _ = in_windows(counted(volume, (8, 8, 8))[0], look, other, SIZE, Budget(9_000_000))
     for name in LAYERS:
         assert getattr(found, name).tobytes() == getattr(again, name).tobytes(), name
     assert len(set(read)) < 0.9 * 6**3
@@ -422,7 +424,7 @@ def test_whoever_paints_has_the_same_bits_step_by_step(number, rng, monkeypatch)
     camera = subject.camera(eye, *FEW)
     whole = paint(subject.samples_for(camera), camera, height=FEW[0], width=FEW[1])
     spent = Budget(4_000_000)
-    found, _ = render_in_windows(in_bricks(volume, (8, 8, 8)), look, eye, FEW, spent, paint)
+    found, _ = in_windows(in_bricks(volume, (8, 8, 8)), look, eye, FEW, spent, paint)
     assert max(steps) > 0
     for name in LAYERS:
         assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name

@@ -9,11 +9,7 @@ from resample.resampler import Resampler
 from resample_volume.figures.color_bar import with_bar
 from resample_volume.files.generated import vessel_tree
 from resample_volume.files.readers import Npy
-from resample_volume.files.source import open_volume
-from resample_volume.files.writing import (
-    SUFFIXES,
-    write_volume,
-)
+from resample_volume.files.source import SUFFIXES, open_volume, write_volume
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import render
 from resample_volume.types import Volume

@@ -9,9 +9,8 @@ from resample.cameras.files import read_poses
 from resample.cameras.models import Camera
 from resample.cameras.pixels import directions, pixel_centers
 from resample.cameras.poses import camera_to_world, from_quaternion
-from resample_warp3d.depth.agreement import pose_warning
 from resample_warp3d.depth.encodings import PlanarDepth
-from resample_warp3d.depth.equation import between, places, warp_places
+from resample_warp3d.depth.equation import between, places, pose_warning, warp_places
 from resample_warp3d.depth.files import read_depth
 from resample_warp3d.types import DepthImage
 from tests.conftest import real

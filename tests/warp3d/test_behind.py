@@ -5,8 +5,8 @@ import pytest
 
 from resample_warp3d.depth.equation import of_rectified
 from resample_warp3d.depth.preparation import prepare
-from resample_warp3d.sheet.behind import APART, background, behind, far_sides
 from resample_warp3d.sheet.filling import fill
+from resample_warp3d.sheet.sheets import APART, background, behind, far_sides
 from resample_warp3d.types import DepthImage, Hole
 from resample_warp3d.warping import render, warp_disparity
 

@@ -7,7 +7,7 @@ from resample.measuring.quality import psnr
 from resample_warp3d.depth.equation import between
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.methods.hybrid import Hybrid
-from resample_warp3d.sheet.holes import bridged
+from resample_warp3d.sheet.filling import bridged
 from resample_warp3d.types import DepthImage, Equation, Hole, Rendered
 from resample_warp3d.views.merging import merge
 from resample_warp3d.warping import nearness_of, render, warp

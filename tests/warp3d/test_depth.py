@@ -6,7 +6,6 @@ import pytest
 from resample.cameras.models import Camera
 from resample.cameras.pixels import directions, pixel_centers, undistorted_places
 from resample_warp3d.depth.encodings import (
-    ENCODINGS,
     BareDisparity,
     Disparity,
     InverseDepth,
@@ -131,10 +130,10 @@ def test_numbers_that_are_all_unknown_have_no_quantum():
     assert BareDisparity(4).quantum(np.zeros((2, 2), np.uint8)) is None
 
 
-@pytest.mark.parametrize("name", ["z", "inverse", "generalised"])
-def test_zero_nan_inf_and_negative_numbers_are_unknown(name):
+@pytest.mark.parametrize("encoding", [PlanarDepth, InverseDepth, BareDisparity])
+def test_zero_nan_inf_and_negative_numbers_are_unknown(encoding):
     raw = np.array([[0.0, np.nan, np.inf, -np.inf, -1.0, 1.0]])
-    np.testing.assert_array_equal(ENCODINGS[name]().nearness(raw), [[0, 0, 0, 0, 0, 1]])
+    np.testing.assert_array_equal(encoding().nearness(raw), [[0, 0, 0, 0, 0, 1]])
 
 
 def test_unknown_disparities_stay_unknown_whatever_doffs_is():

@@ -6,7 +6,7 @@ import pytest
 from resample.cameras.models import Camera
 from resample.cameras.pixels import distorted_places, pixel_centers
 from resample_warp3d.depth.equation import between, inverse, warp_places
-from resample_warp3d.sheet.holes import bridged
+from resample_warp3d.sheet.filling import bridged
 from resample_warp3d.types import Hole, Rendered
 from resample_warp3d.warping import warp
 from tests.warp3d.naive_sheet import camera_at

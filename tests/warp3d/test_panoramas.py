@@ -124,17 +124,17 @@ def test_an_eye_that_moves_sees_what_rays_see(name):
 
 def test_faces_see_every_pixel_where_its_ray_goes():
     color, length = traced()
-    for face in faces(color, length):
-        place, nearness = face.image.place, face.image.nearness
-        ray = np.concatenate([place / face.camera.fx, np.ones((*nearness.shape, 1))], axis=2)
-        point = (ray / nearness[..., None]) @ face.camera.world_to_camera[:3, :3]
+    for image, camera in faces(color, length):
+        place, nearness = image.place, image.nearness
+        ray = np.concatenate([place / camera.fx, np.ones((*nearness.shape, 1))], axis=2)
+        point = (ray / nearness[..., None]) @ camera.world_to_camera[:3, :3]
         at = np.linalg.norm(point, axis=2)
         column = np.arctan2(point[..., 0], point[..., 2]) * HEIGHT / np.pi + HEIGHT - 0.5
         row = np.arcsin(point[..., 1] / at) * HEIGHT / np.pi + HEIGHT / 2 - 0.5
         n, m = np.rint(row).astype(int), np.rint(column).astype(int) % (2 * HEIGHT)
         np.testing.assert_allclose(row, n, atol=1e-4)
         np.testing.assert_allclose(at, length[n, m], rtol=1e-5)
-        np.testing.assert_array_equal(face.image.color, color[n, m])
+        np.testing.assert_array_equal(image.color, color[n, m])
 
 
 @pytest.mark.parametrize("height", [16, 17, 18, 21])
@@ -142,9 +142,9 @@ def test_faces_see_all_there_is(height):
     count = 2 * height**2
     color = np.arange(count, dtype=np.float32).reshape(height, 2 * height, 1)
     cut = faces(color, np.ones((height, 2 * height)))
-    shown = [np.unique(face.image.color) for face in cut]
+    shown = [np.unique(image.color) for image, _ in cut]
     assert len(shown) == 6
-    assert all((face.image.nearness > 0).all() for face in cut)  # ahead of its camera
+    assert all((image.nearness > 0).all() for image, _ in cut)  # ahead of its camera
     np.testing.assert_array_equal(np.unique(np.concatenate(shown)), np.arange(count))
 
 
@@ -152,9 +152,9 @@ def test_what_has_no_depth_is_unknown():
     length = np.ones((16, 32))
     length[2:6, 3:30] = [0, -1, np.nan] * 9
     length[9] = np.inf
-    unknown = sum((face.image.nearness == 0).sum() for face in faces(np.ones((16, 32, 3)), length))
+    unknown = sum((image.nearness == 0).sum() for image, _ in faces(np.ones((16, 32, 3)), length))
     assert unknown > 4 * 27 + 32
-    assert all(np.isfinite(face.image.nearness).all() for face in faces(length[..., None], length))
+    assert all(np.isfinite(image.nearness).all() for image, _ in faces(length[..., None], length))
 
 
 @pytest.mark.parametrize(

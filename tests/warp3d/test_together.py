@@ -8,9 +8,8 @@ from resample.engine import jit
 from resample_warp3d.depth.equation import between
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.types import DepthImage
-from resample_warp3d.views import blending, voting
-from resample_warp3d.views.aligning import match_depths, scaled
-from resample_warp3d.views.matching import balanced, match_colors
+from resample_warp3d.views import merging, together
+from resample_warp3d.views.matching import balanced, match_colors, match_depths, scaled
 from resample_warp3d.views.merging import merge
 from resample_warp3d.views.together import PLAIN, Joining, PosedSource, agreed, render_together
 from resample_warp3d.warping import render
@@ -212,10 +211,10 @@ def test_a_view_fades_out_where_it_ends():
 def test_angles_are_those_between_rays_at_the_surface():
     (source, camera), *_ = standing()
     view = render(source, between(camera, target()), SHAPE, "hybrid")
-    found = blending.angle_share(view, camera, target())
+    found = merging.angle_share(view, camera, target())
     for place in ((5, 9), (30, 31), (50, 40)):
         angle = naive.angle(place, view.depth[place], camera, target())
-        expected = 1 / (1 + (angle / blending.OBLIQUE) ** 2)
+        expected = 1 / (1 + (angle / merging.OBLIQUE) ** 2)
         assert found[place] == pytest.approx(expected, rel=1e-3)
 
 
@@ -230,7 +229,7 @@ def test_outliers_are_those_that_half_of_the_sources_look_through(rng):
     equations = [between(each.camera, target()) for each in given]
     sources = [each.source for each in given]
     out = naive.outvoted(views, sources, equations)
-    found = voting.outvoted(views, sources, equations)
+    found = together.outvoted(views, sources, equations)
     assert out[0].sum() > 50
     for view, kept, expected in zip(views, found, out, strict=True):
         np.testing.assert_array_equal((view.coverage > 0) & (kept.coverage == 0), expected)
@@ -245,7 +244,7 @@ def test_what_another_source_looks_through_goes_unless_a_third_one_sees_it(count
     given[1] = given[1]._replace(source=prepare(wall, noise=0.0, step=0.0))
     views = views_of(given)
     equations = [between(each.camera, target()) for each in given]
-    kept = voting.outvoted(views, [each.source for each in given], equations)
+    kept = together.outvoted(views, [each.source for each in given], equations)
     card = (views[0].depth < 2.6) & (views[1].depth > 3)
     assert card.sum() > 300
     assert (kept[0].coverage[card] > 0).mean() == pytest.approx(count - 2, abs=0.1)

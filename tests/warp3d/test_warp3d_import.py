@@ -39,8 +39,8 @@ def test_importing_the_package_imports_no_heavy_library():
 )
 def test_help_imports_nothing_heavy(words):
     imported = modules_after(
-        "import resample_warp3d.cli, resample.command.options\n"
-        f"try: resample.command.options.run(resample_warp3d.cli.app, {words})\n"
+        "import resample_warp3d.cli, resample.command.session\n"
+        f"try: resample.command.session.run(resample_warp3d.cli.app, {words})\n"
         "except SystemExit: pass"
     )
     assert imported & HEAVY == set()

@@ -194,7 +194,7 @@ def _store(path: str, values: np.ndarray) -> None:
 
 def run(group: str) -> int:
     """Run all commands of a group; returns the number of failures."""
-    from resample.command.options import run as answer
+    from resample.command.session import run as answer
 
     lines = list(GROUPS[group]())
     failed, home = 0, Path.cwd()

@@ -19,23 +19,26 @@ if TYPE_CHECKING:
     from resample_points.files.readers import read_cloud
     from resample_points.geometry.framing import framed
     from resample_points.geometry.spacing import prepare_cloud
-    from resample_points.notebooks import view
     from resample_points.painting.rendering import CloudStyle, render_cloud
+    from resample_points.scenes import CloudScene
+    from resample_points.viewing import view
 
 _HOMES = {
     "Camera": "resample.cameras.models",
     "Cloud": "data.cloud",
+    "CloudScene": "scenes",
     "CloudStyle": "painting.rendering",
     "framed": "geometry.framing",
     "prepare_cloud": "geometry.spacing",
     "read_cloud": "files.readers",
     "render_cloud": "painting.rendering",
-    "view": "notebooks",
+    "view": "viewing",
 }
 
 __all__ = [
     "Camera",
     "Cloud",
+    "CloudScene",
     "CloudStyle",
     "framed",
     "prepare_cloud",

@@ -7,8 +7,8 @@ from typing import Annotated, NoReturn
 from cyclopts import App
 
 from resample.command import flags
-from resample.command.about import words
-from resample.command.options import run
+from resample.command.flags import words
+from resample.command.session import run
 from resample.command.settings import FrameFormat, Serving, Sharing, height_and_width
 from resample.command.settings_files import with_settings
 from resample.lazy import installed_version
@@ -63,12 +63,12 @@ def render(
     check_targets(output)
     check_memory(shape, output)
     session = Session()
-    scene = scene_of(session, file, look)
+    cloud = scene_of(session, file, look)
     with session.stage("paint", bar="painting") as progress:
-        camera = aim.camera_for(scene.surfels, shape)
+        camera = aim.camera_for(cloud.scene.surfels, shape)
         with told(progress):
-            frame = scene.picture(camera, shape)
-    scene.write(output, frame, form)
+            frame = cloud.picture(camera, shape)
+    cloud.write(output, frame, form)
 
 
 @app.command
@@ -102,26 +102,27 @@ def animate(
     """
     from resample.command.films import write_shared
     from resample.command.session import Session
-    from resample.command.workers import check_sharing, share_memory
-    from resample.console.backgrounds import linear_color
+    from resample.command.workers import at_work, check_sharing, share_memory
+    from resample.console import linear_color
     from resample.files.animations import check_film
-    from resample_points.command import animation
-    from resample_points.command.cameras import cameras_of, start_of
-    from resample_points.command.rendering import check_memory, scene_of
+    from resample_points.command import rendering
+    from resample_points.command.choices import start_of
+    from resample_points.scenes import cameras_of
 
     shape = height_and_width(size)
     check_film(output, fps)
     check_sharing(sharing)
-    viewpoints = animation.path_of(path, frames, fps, start_of(start.camera, start.up))
+    viewpoints = rendering.path_of(path, frames, fps, start_of(start.camera, start.up))
     behind = linear_color(background) or (0.0, 0.0, 0.0)
     look.check(output, shape[0])
-    check_memory(shape, output, sharing.workers or 0)
+    rendering.check_memory(shape, output, sharing.workers or 0)
     share_memory(sharing)
-    scene = scene_of(Session(), file, look)
-    cameras = cameras_of(scene.surfels, viewpoints, shape, steady=start.steady)
-    film = animation.film_of(scene, cameras, shape, behind)
-    again = partial(animation.frames_of, file, look, cameras, shape, behind)
-    write_shared(output, film, again, sharing, look.threads, fps=fps, resume=resume)
+    cloud = rendering.scene_of(Session(), file, look)
+    cameras = cameras_of(cloud.scene.surfels, viewpoints, shape, steady=start.steady)
+    film = rendering.film_of(cloud, cameras, shape, behind)
+    again = partial(rendering.frames_of, file, look, cameras, shape, behind)
+    with at_work(sharing, look.threads) as crew:
+        write_shared(output, film, again, crew, fps=fps, resume=resume)
 
 
 @app.command
@@ -141,14 +142,10 @@ def view(
     file
         As in render.
     """
-    from resample.view.server import require_parts, serve
-    from resample.view.views import controls_of
-    from resample_points.viewing import COMMAND, cloud_view
+    from resample.view.server import show
+    from resample_points.viewing import cloud_view
 
-    require_parts()
-    shown = cloud_view(file, (start,), controls_of(COMMAND, app["render"]))
-    shown.check()
-    serve(shown, host=page.host, port=page.port, browser=page.browser)
+    show(lambda: cloud_view(file, (start,)), page)
 
 
 with_settings(app, FORMER)

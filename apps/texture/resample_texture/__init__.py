@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from resample_texture.like.opencv import warp_like_opencv
     from resample_texture.methods.forward import Hybrid, Points, Splats, Supersample
     from resample_texture.methods.paper import Paper
-    from resample_texture.notebooks import view
     from resample_texture.planning import Plan
     from resample_texture.scenes import PictureScene
     from resample_texture.types import Edge, Warped
+    from resample_texture.viewing import view
     from resample_texture.warping import warp
 
 _HOMES = {
@@ -43,7 +43,7 @@ _HOMES = {
     "resize": "everyday",
     "rotate": "everyday",
     "scale": "everyday",
-    "view": "notebooks",
+    "view": "viewing",
     "warp": "warping",
     "warp_chunks": "chunks",
     "warp_like_opencv": "like.opencv",
@@ -74,4 +74,13 @@ __all__ = [
 
 __getattr__ = attributes(__name__, _HOMES)
 __dir__ = listing(_HOMES)
-moved(__name__, {"showing": "figures", "rivals": "baselines"})
+moved(
+    __name__,
+    {
+        "showing": "figures",
+        "rivals": "baselines",
+        "geometry.corners": "geometry.matrices",
+        "geometry.lenses": "geometry.cameras",
+        "geometry.planes": "geometry.cameras",
+    },
+)

@@ -6,13 +6,15 @@ assigned slices.
 """
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections import defaultdict
+from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from resample.outofcore.bricks import Box, boxes_of
 from resample.reading.limits import check_free
 from resample_texture.arguments import (
     REFLECT_101,
@@ -33,36 +35,26 @@ from resample_texture.types import Method, Warped
 SIDE = 1024  # px of chunks, unless the target has its own chunks
 
 
-class Chunk(NamedTuple):
-    """A warped rectangle of the target."""
-
-    left: int  # px
-    top: int
-    warped: Warped
-
-    @property
-    def part(self) -> tuple[slice, slice]:
-        """Rows and columns in the target."""
-        height, width = self.warped.coverage.shape
-        return slice(self.top, self.top + height), slice(self.left, self.left + width)
-
-
 class _LazyPicture:
-    """A stored picture, of which parts are read on demand."""
+    """A stored picture, or a part that is indexed like the whole; texels are read on demand."""
 
-    def __init__(self, stored: Any) -> None:
-        self.shape: tuple[int, ...] = tuple(int(size) for size in stored.shape)
+    def __init__(
+        self, stored: Any, first: tuple[int, int] = (0, 0), shape: tuple[int, ...] | None = None
+    ) -> None:
+        self.shape: tuple[int, ...] = tuple(int(size) for size in shape or stored.shape)
         self.dtype, self.ndim = np.dtype(stored.dtype), len(self.shape)
-        self._stored = stored
+        self._stored, self._first = stored, first  # row and column of the whole
 
     def __getitem__(self, where: tuple[Any, Any]) -> NDArray[Any]:
         """Read the texels of two slices, or of rows (N, 1) and columns (M,)."""
         if all(isinstance(part, slice) for part in where):
-            return np.ascontiguousarray(self._stored[where])
+            shifts = zip(where, self._first, strict=True)
+            own = tuple(slice(part.start - n, part.stop - n) for part, n in shifts)
+            return np.ascontiguousarray(self._stored[own])
         rows, columns = where
         top, left = int(rows.min()), int(columns.min())
-        around = np.s_[top : int(rows.max()) + 1, left : int(columns.max()) + 1]
-        found: NDArray[Any] = np.asarray(self._stored[around])[rows - top, columns - left]
+        around = self[top : int(rows.max()) + 1, left : int(columns.max()) + 1]
+        found: NDArray[Any] = around[rows - top, columns - left]
         return found
 
     def whole(self) -> NDArray[Any]:
@@ -151,54 +143,69 @@ def warp_chunks(  # noqa: PLR0913 - what a user may say about a warp
     filling = fill_for(fill, kept, alpha, chosen)
     way = _Way(chosen, geometry, shape, border, threads, filling)
     light: dict[str, Any] = {"linear_light": linear_light, "alpha": alpha}
+    is_partly, boxes = _is_read_in_parts(kept, way), boxes_of(shape, sides)
+    chunk = partial(_chunk, way=way, light=light, is_partly=is_partly)
     if out is None:
-        return _lazy(source, kept, way, sides, light)
-    for chunk in _chunks(kept, way, sides, **light):
-        out[chunk.part] = chunk.warped.image
+        return _lazy(source, kept, boxes, chunk)
+    shown: Any = kept if is_partly else kept.whole()
+    for box in boxes:
+        out[box] = chunk(box).paint(shown).image
     return out
 
 
-@dataclass(frozen=True)
-class _Placed:
-    """A part of a source that is indexed like the whole."""
+class _Chunk(NamedTuple):
+    """A chunk of the target: which part of a source it shows, and how it is warped."""
 
-    values: NDArray[Any]
-    left: int
-    top: int
-    shape: tuple[int, ...]  # of the whole
+    drawing: Drawing
+    part: tuple[slice, slice]  # of the drawing
+    light: dict[str, Any]
+    is_partly: bool  # whether it reads a part of the source
 
-    @property
-    def dtype(self) -> np.dtype[Any]:
-        """Of its values."""
-        return self.values.dtype
+    def bounds(self, source: _LazyPicture) -> Rect:
+        """Return the part of the source that it reads."""
+        height, width = source.shape[:2]
+        parts = parts_of(source, self.drawing) if self.is_partly else None
+        if parts is None or parts.mixed is not None:
+            return Rect(0, 0, width, height)
+        most = max(1, MOST_IN_WINDOW // math.prod(source.shape[2:]))
+        windows = windows_of(parts.windows, (height, width), most)
+        return Rect.around([window.source for window in windows], (height, width))
 
-    def __getitem__(self, where: Any) -> NDArray[Any]:
-        """Return rows and columns of the whole, which must lie within this part."""
-        rows, columns = where
-        down = slice(rows.start - self.top, rows.stop - self.top)
-        return self.values[down, columns.start - self.left : columns.stop - self.left]
+    def load(self, values: Any, seen: Rect, shape: tuple[int, ...]) -> NDArray[Any]:
+        """Return its pixels, from values of the part that it reads of a source of a shape."""
+        source: Any = np.asarray(values)
+        if self.is_partly:
+            source = _LazyPicture(source, (seen.top, seen.left), shape)
+        return self.paint(source).image
+
+    def paint(self, source: Any) -> Warped:
+        """Warp it from a source, of which it reads its part."""
+        warped = _drawn(source, self.drawing, **self.light)
+        return type(warped)(warped.image[self.part], warped.coverage[self.part])
 
 
-def _lazy(
-    source: Any, kept: _LazyPicture, way: _Way, sides: tuple[int, int], light: dict[str, Any]
-) -> Any:
+def _chunk(box: Box, way: _Way, light: dict[str, Any], is_partly: bool) -> _Chunk:
+    """Return the chunk of rows and columns of the target."""
+    rows, columns = box
+    roi = columns.start, rows.start, columns.stop - columns.start, rows.stop - rows.start
+    geometry, form, part = within(way.geometry, way.shape, roi, way.method)
+    drawing = Drawing(way.method, geometry, form, way.edge, way.threads, fill=way.fill)
+    return _Chunk(drawing, part, light, is_partly)
+
+
+def _lazy(stored: Any, kept: _LazyPicture, boxes: list[Box], chunk: Callable[[Box], _Chunk]) -> Any:
     """Return the target as a dask array, whose chunks depend on the parts they show."""
-    dask, is_partly = _dask(), _is_read_in_parts(kept, way)
-    is_dask = dask.is_dask_collection(source)
-    height, width = way.shape
-    made = []
-    for top in range(0, height, sides[0]):
-        row = []
-        for left in range(0, width, sides[1]):
-            roi = left, top, min(sides[1], width - left), min(sides[0], height - top)
-            drawing, part = _drawing(way, roi)
-            seen = _source_rect(kept, drawing) if is_partly else Rect(0, 0, *kept.shape[1::-1])
-            values = (source if is_dask else dask.delayed(source, traverse=False))[seen.part]
-            block = dask.delayed(_block)(values, seen, kept.shape, drawing, part, light, is_partly)
-            form = (roi[3], roi[2], *kept.shape[2:])
-            row.append(dask.array.from_delayed(block, form, kept.dtype))
-        made.append(dask.array.concatenate(row, axis=1))
-    return dask.array.concatenate(made, axis=0)
+    dask = _dask()
+    given = stored if dask.is_dask_collection(stored) else dask.delayed(stored, traverse=False)
+    made: dict[int, list[Any]] = defaultdict(list)  # by first row
+    for box in boxes:
+        one = chunk(box)
+        seen = one.bounds(kept)
+        block = dask.delayed(one.load)(given[seen.part], seen, kept.shape)
+        form = *(side.stop - side.start for side in box), *kept.shape[2:]
+        made[box[0].start].append(dask.array.from_delayed(block, form, kept.dtype))
+    rows = [dask.array.concatenate(row, axis=1) for row in made.values()]
+    return dask.array.concatenate(rows, axis=0)
 
 
 def _dask() -> Any:
@@ -213,44 +220,6 @@ def _dask() -> Any:
     return dask
 
 
-def _block(
-    values: Any,
-    seen: Rect,
-    shape: tuple[int, ...],
-    drawing: Drawing,
-    part: tuple[slice, slice],
-    light: dict[str, Any],
-    is_partly: bool,
-) -> NDArray[Any]:
-    """Warp one chunk of the target from the part of the source that it shows."""
-    values = np.asarray(values)
-    source: Any = _LazyPicture(_Placed(values, seen.left, seen.top, shape)) if is_partly else values
-    return _drawn(source, drawing, **light).image[part]
-
-
-def _drawing(way: _Way, roi: tuple[int, int, int, int]) -> tuple[Drawing, tuple[slice, slice]]:
-    """Return the drawing for a region (left, top, width, height), and its part of it."""
-    geometry, form, part = within(way.geometry, way.shape, roi, way.method)
-    drawing = Drawing(way.method, geometry, form, way.edge, way.threads, fill=way.fill)
-    return drawing, part
-
-
-def _source_rect(source: _LazyPicture, drawing: Drawing) -> Rect:
-    """Return the part of the source that a chunk reads."""
-    height, width = source.shape[:2]
-    parts = parts_of(source, drawing)
-    if parts is None or parts.mixed is not None:
-        return Rect(0, 0, width, height)
-    most = max(1, MOST_IN_WINDOW // math.prod(source.shape[2:]))
-    windows = windows_of(parts.windows, (height, width), most)
-    sources = np.array([window.source for window in windows])
-    left, top = sources[:, :2].min(axis=0)
-    right, bottom = sources[:, 2:].max(axis=0)
-    if min(left, top) < 0 or right > width or bottom > height:  # continued beyond its edges
-        return Rect(0, 0, width, height)
-    return Rect(int(left), int(top), int(right), int(bottom))
-
-
 def _sides(given: int | tuple[int, int] | None, out: Any) -> tuple[int, int]:
     """Return height and width of chunks."""
     if given is None:
@@ -263,26 +232,6 @@ def _sides(given: int | tuple[int, int] | None, out: Any) -> tuple[int, int]:
     return height, width
 
 
-def _chunks(
-    source: _LazyPicture,
-    way: _Way,
-    sides: tuple[int, int],
-    *,
-    linear_light: bool | None,
-    alpha: str | None,
-) -> Iterator[Chunk]:
-    """Yield all chunks of the target, row by row."""
-    if not _is_read_in_parts(source, way):
-        source = source.whole()  # type: ignore[assignment]
-    height, width = way.shape
-    for top in range(0, height, sides[0]):
-        for left in range(0, width, sides[1]):
-            roi = left, top, min(sides[1], width - left), min(sides[0], height - top)
-            drawing, part = _drawing(way, roi)
-            warped = _drawn(source, drawing, linear_light=linear_light, alpha=alpha)
-            yield Chunk(left, top, Warped(warped.image[part], warped.coverage[part]))
-
-
 def _is_read_in_parts(source: _LazyPicture, way: _Way) -> bool:
     """Whether the part of the source that each chunk shows is known beforehand."""
     geometry: Any = way.geometry
@@ -292,7 +241,7 @@ def _is_read_in_parts(source: _LazyPicture, way: _Way) -> bool:
         return False
     if isinstance(geometry, BackwardMap):
         return True
-    return parts_of(source, Drawing(*way)) is not None
+    return parts_of(source, Drawing(*way[:5])) is not None
 
 
 def _drawn(

@@ -7,8 +7,9 @@ from typing import Annotated, Literal, NoReturn
 from cyclopts import App
 
 from resample.command import flags
-from resample.command.about import OptionTopic, words
-from resample.command.options import run
+from resample.command.applications import fetcher
+from resample.command.flags import OptionTopic, words
+from resample.command.session import run
 from resample.command.settings import Serving, Written, height_and_width, method_names
 from resample.command.settings_files import with_settings
 from resample.lazy import installed_version
@@ -100,21 +101,17 @@ def view(
     image
         Any picture, or a mesh: .obj, .glb or .gltf.
     """
-    from resample.view.server import require_parts, serve
-    from resample.view.views import Viewable, controls_of, settings_of
-    from resample_texture.viewing import COMMAND, PictureView, meshes
+    from resample.view.server import show
+    from resample.view.views import settings_of
+    from resample_texture.viewing import MESHES, model_view, picture_view
 
-    require_parts()
-    shown: Viewable
-    if image.suffix.lower() in meshes.MESHES:
+    if image.suffix.lower() in MESHES:
         if given := settings_of([place, warping]):
             raise ValueError(f"{', '.join(given)}: of pictures; leave that out with a mesh")
-        shown = meshes.model_view(image, (), controls_of(meshes.COMMAND, app["mesh"]))
+        show(lambda: model_view(image), page)
     else:
         warping.check()
-        shown = PictureView(image, (place, warping), controls_of(COMMAND, app["warp"]))
-    shown.check()
-    serve(shown, host=page.host, port=page.port, browser=page.browser)
+        show(lambda: picture_view(image, (place, warping)), page)
 
 
 for change in (everyday.resize, everyday.scale, everyday.rotate, everyday.undistort):
@@ -155,7 +152,7 @@ def rectify(
     from resample.files.writing import check_targets
     from resample_texture.command.inputs import PictureTarget
     from resample_texture.command.jobs import Job
-    from resample_texture.geometry.corners import (
+    from resample_texture.geometry.matrices import (
         from_corners,
         order_corners,
         page_corners,
@@ -199,7 +196,7 @@ def mesh(
     from resample.command.session import Session, require_picture
     from resample.files.saving import check_suffix, write_frame
     from resample.files.writing import check_targets
-    from resample_texture.command.needs import BYTES_PER_MESH_PIXEL
+    from resample_texture.command.rendering import BYTES_PER_MESH_PIXEL
     from resample_texture.mesh.rendering import load_mesh, render_mesh
 
     check_suffix(output)
@@ -281,7 +278,7 @@ def compare(
     seen = scene_of(values, scene, shape)
     comparison = judge.compare(f"{image.name}, {scene}", seen, names)
     if output is not None and output.suffix.lower() == ".html":
-        from resample_texture.figures.report import write_report
+        from resample_texture.figures.compare import write_report
 
         write_report(comparison, output, about=judge.about(seen))
     elif output is not None:
@@ -322,12 +319,12 @@ def animate(
         What lies beyond the picture's edges.
     """
     from resample import registry
-    from resample.console.backgrounds import linear_color
-    from resample.console.messages import progress_bar
-    from resample.files.animations import check_film, write_film
+    from resample.command.films import write_shared
+    from resample.console import linear_color
+    from resample.files.animations import check_film
     from resample.files.pictures import read_picture
     from resample_texture.command import animation
-    from resample_texture.command.needs import require_film
+    from resample_texture.command.rendering import require_film
     from resample_texture.types import Edge
 
     flight = animation.Flyover(path, frames, height_and_width(size))
@@ -336,27 +333,10 @@ def animate(
     check_film(output, fps)
     require_film(image, flight.size)
     picture = animation.with_alpha(read_picture(image).data)
-    with progress_bar("rendering") as progress:
-        shots = animation.shots(picture, flight, paint)
-        write_film(output, shots, fps, resume=resume, progress=progress)
+    write_shared(output, animation.shots(picture, flight, paint), fps=fps, resume=resume)
 
 
-@app.command
-def fetch(name: str | None = None, /, *, folder: flags.Target = None) -> None:
-    """Download and verify a public data set and print its folder; without a name, list all.
-
-    Example: resample-texture fetch astronaut
-
-    Parameters
-    ----------
-    name
-        Name of the data set; its licence is printed.
-    folder
-        Folder to keep it in. Default: the user's cache.
-    """
-    from resample.files.public.sets import print_sets
-
-    print_sets("resample_texture", name, folder)
+app.command(fetcher("resample_texture", "astronaut"))
 
 
 @app.command
@@ -397,8 +377,7 @@ def figures(
 def demo(*, output: flags.DemoOutput = DEMO) -> None:
     """Show floors of generated pictures by several methods, and a flight over one."""
     from resample import registry
-    from resample.console.messages import progress_bar
-    from resample.files.animations import write_film
+    from resample.command.films import write_shared
     from resample_texture.command import animation
     from resample_texture.figures.paper import (
         FIGURE,
@@ -413,10 +392,9 @@ def demo(*, output: flags.DemoOutput = DEMO) -> None:
     comparisons = compare_floors(subjects, ["points", "hybrid", "bilinear"], (384, 384))
     write_figures(output, comparisons, FIGURE, "floors.png")
     paint = animation.FlightOptions(registry.build("methods", "hybrid"), background=(0.3, 0.5, 0.7))
-    with progress_bar("rendering") as progress:
-        flight = animation.Flyover(frames=24, size=(180, 320))
-        shots = animation.shots(animation.with_alpha(wall), flight, paint)
-        write_film(output / "flight.gif", shots, 12, progress=progress)
+    flight = animation.Flyover(frames=24, size=(180, 320))
+    shots = animation.shots(animation.with_alpha(wall), flight, paint)
+    write_shared(output / "flight.gif", shots, fps=12)
     sys.stdout.write(f"The pictures are in {output.resolve()}\n")
 
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from resample import registry
-from resample.files.exchange.inputs import picture_and_encoding
+from resample.files.exchange import picture_and_encoding
 from resample_texture.arguments import check_shape, whole_pair
 from resample_texture.geometry.mappings import BackwardMap
 from resample_texture.geometry.matrices import (

@@ -2,16 +2,17 @@
 
 import dataclasses
 import math
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from resample.files.exchange.inputs import picture_and_encoding
-from resample.painting.previews import enlarged
+from resample.files.exchange import picture_and_encoding
 from resample.painting.scenes.plans import shape_of
+from resample.scene.previews import PER, enlarged
+from resample.scene.scenes import AnyScene, Quality
 from resample.types import Doubles, Floats
-from resample.watching import Cancel, cancellable
+from resample.watching import Cancel
 from resample_texture.arguments import Places, check_shape, edge_named, geometry_of, method_named
 from resample_texture.drawing import Drawing, finished, run
 from resample_texture.geometry.mappings import (
@@ -26,7 +27,6 @@ from resample_texture.texels.pyramid import shrunk
 from resample_texture.types import Edge, Method, Previewed, Warped
 from resample_texture.warping import warp
 
-PER = 2  # px of the target per px of its preview, along each axis
 # Options of final pictures that previews accept but ignore, and their names in `warp`.
 UNUSED = {
     **{name: name for name in ("filter", "interpolation", "total", "threads")},
@@ -34,16 +34,14 @@ UNUSED = {
 }
 GRID = 16  # samples per axis at which the scale of a warp is estimated
 
-Quality = Literal["final", "preview"]
 
-
-class PictureScene:
+class PictureScene(AnyScene):
     """A picture for many warps, by other geometries and methods, with quick previews.
 
     Parameters
     ----------
     given
-        What `resample.files.exchange.inputs.as_picture` takes.
+        What `resample.files.exchange.as_picture` takes.
     linear_light, alpha
         As `warp` takes them.
 
@@ -106,12 +104,10 @@ class PictureScene:
         resample.CancelledError
             The warp was cancelled.
         """
-        if quality not in ("final", "preview"):
-            raise ValueError(f"quality {quality!r}; it can be final or preview")
         shape = self._shape(size)
         place: dict[str, Any] = {"edge": edge, "convention": convention, "inverse": inverse}
-        with cancellable(cancel):
-            if quality == "preview":
+        with self._rendering(quality, cancel) as is_preview:
+            if is_preview:
                 _check_unused(method, choices)
                 check_shape(shape)
                 geometry = geometry_of(matrix, shape, convention, inverse)
@@ -164,14 +160,11 @@ class PictureScene:
 
     def _preview(self, geometry: Geometry, shape: tuple[int, int], edge: str) -> Previewed:
         """Sample a reduced level at every other pixel, and enlarge that to the target."""
-        from resample_texture.baselines.opencv import InterLinear
-        from resample_texture.methods.forward import Hybrid
-
         border = Edge.MIRROR if edge_named(edge) not in list(Edge) else Edge(edge)
         small = -(-shape[0] // PER), -(-shape[1] // PER)
         level = self._level(geometry, shape)
         texels, encoding = self._texels(level)
-        method: Method = Hybrid() if isinstance(geometry, ForwardMap) else InterLinear()
+        method = method_named("hybrid" if isinstance(geometry, ForwardMap) else "bilinear")
         drawing = Drawing(method, _shrunk(geometry, self._merged(level), small), small, border)
         made = finished(run(drawing, texels), encoding)
         image, coverage = (enlarged(np.ma.getdata(part), PER, shape, smooth=True) for part in made)

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from resample.showable import Showable
 from resample.types import Floats
-from resample_texture.geometry.edges import Edge
 from resample_texture.geometry.mappings import Geometry
+from resample_texture.geometry.shifts import Edge
 
 __all__ = ["Edge", "Method", "Previewed", "Warped", "WarpedMeans"]
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from resample.files.exchange.inputs import picture_and_encoding
+from resample.files.exchange import picture_and_encoding
 from resample_texture.arguments import (
     Places,
     check_layout,
@@ -51,7 +51,7 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     ----------
     image
         An array (H, W) or (H, W, C), or a batch (N, H, W, C), in any layout, masked or not; or
-        anything else that `resample.files.exchange.inputs.as_picture` takes, such as a path. uint8
+        anything else that `resample.files.exchange.as_picture` takes, such as a path. uint8
         and uint16 are taken for light; bool, other integers of 8 to 64 bits and floats of 16 to 64
         bits for values, which are never encoded or limited to 0..1. Values that are masked, not
         finite or `nodata` are missing, channel by channel, and have no weight.

@@ -22,15 +22,14 @@ if TYPE_CHECKING:
     from resample_volume.inputs import as_volume
     from resample_volume.media.appearance import Appearance
     from resample_volume.media.xrays import XRay
-    from resample_volume.notebooks import view
     from resample_volume.rendering import render
     from resample_volume.scenes import Scene
     from resample_volume.space.annotations import Annotations, annotate
-    from resample_volume.space.measuring import measure
+    from resample_volume.space.lines import measure
     from resample_volume.surfaces.image_planes import ImagePlane
     from resample_volume.surfaces.meshes import IsoSurface, SceneMesh, read_mesh, scene_mesh
     from resample_volume.types import Volume
-    from resample_volume.viewing import picture
+    from resample_volume.viewing import picture, view
     from resample_volume.voxels.shading import Light
 
 _HOMES = {
@@ -48,14 +47,14 @@ _HOMES = {
     "annotate": "space.annotations",
     "as_volume": "inputs",
     "load_transfer": "classification.presets",
-    "measure": "space.measuring",
+    "measure": "space.lines",
     "open_volume": "files.source",
     "read_mesh": "surfaces.meshes",
     "picture": "viewing",
     "rectilinear": "data.rectilinear",
     "render": "rendering",
     "scene_mesh": "surfaces.meshes",
-    "view": "notebooks",
+    "view": "viewing",
 }
 
 __all__ = [

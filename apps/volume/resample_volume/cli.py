@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal, NoReturn
 from cyclopts import App, Parameter
 
 from resample.command import flags
-from resample.command.about import OptionTopic, words
-from resample.command.options import run
+from resample.command.flags import OptionTopic, words
+from resample.command.session import run
 from resample.command.settings import (
     PictureFormat,
     Resampling,
@@ -19,7 +19,7 @@ from resample.command.settings import (
     method_names,
 )
 from resample.command.settings_files import with_settings
-from resample.console.backgrounds import linear_color
+from resample.console import linear_color
 from resample.lazy import installed_version
 from resample_volume.command.choices import (
     Added,
@@ -263,10 +263,10 @@ def animate(
     threads
         Number of threads at most; pixels do not depend on it.
     """
+    from resample.command.films import write_shared
     from resample.command.session import require_picture
     from resample.command.workers import worker_pools
-    from resample.console.messages import progress_bar
-    from resample.files.animations import check_film, write_film
+    from resample.files.animations import check_film
     from resample_volume.command import animation, filming
     from resample_volume.command.inputs import over_time
     from resample_volume.command.rendering import BYTES_PER_PIXEL
@@ -286,9 +286,9 @@ def animate(
         if source.time is None and not added.channels:
             recording = over_time(source, volume)
         film = filming.film_of(script, recording, flight, paint, about, start_workers)
-        made, executor = filming.shared_by(start_workers(), script, film)
-        with progress_bar("filming") as progress:
-            write_film(output, made, fps, resume=resume, progress=progress, executor=executor)
+        crew = start_workers()
+        again = filming.again(script, film, crew)
+        write_shared(output, film.shots, again, crew, fps=fps, resume=resume, bar="filming")
 
 
 @app.command
@@ -311,15 +311,10 @@ def view(
     volume
         As in render.
     """
-    from resample.view.server import require_parts, serve
-    from resample.view.views import controls_of
-    from resample_volume.viewing import COMMAND, VolumeView
+    from resample.view.server import show
+    from resample_volume.viewing import volume_view
 
-    require_parts()
-    controls = controls_of(COMMAND, app["render"])
-    shown = VolumeView(volume, source, (look, resampling, beside), controls)
-    shown.check()
-    serve(shown, host=page.host, port=page.port, browser=page.browser)
+    show(lambda: volume_view(volume, source, (look, resampling, beside)), page)
 
 
 @app.command
@@ -368,8 +363,8 @@ def generate(name: str, /, *, output: flags.Output) -> None:
         Written to: .nrrd, .mha, .nii or .nii.gz; or .npy, which keeps the values alone.
     """
     from resample.files.writing import check_targets
+    from resample_volume.files.source import check_suffix, write_volume
     from resample_volume.files.source import generate as generated
-    from resample_volume.files.writing import check_suffix, write_volume
 
     check_suffix(output)
     check_targets(output)
@@ -407,7 +402,7 @@ def convert(
     levels
         Write coarser levels, too.
     """
-    from resample.console.messages import progress_bar, say
+    from resample.console import progress_bar, say
     from resample_volume.command.inputs import stored
     from resample_volume.files.stores.writing import (
         Layered,
@@ -438,7 +433,7 @@ def fetch(name: str | None = None, /, *, folder: flags.Target = None) -> None:
     folder
         Folder to keep it in. Default: the user's cache.
     """
-    from resample_volume.files.public import fetch as store
+    from resample_volume.files import public as store
 
     if name is None:
         entries = store.available()
@@ -480,7 +475,7 @@ def figures(
 def demo(*, output: flags.DemoOutput = DEMO_FOLDER) -> None:
     """Render the generated volumes by all three methods."""
     from resample.command.session import Session
-    from resample.console.messages import say
+    from resample.console import say
     from resample.files.saving import write_frame
     from resample.measuring.compare import contact_sheet
     from resample_volume.command.rendering import painted, scene_of

@@ -21,9 +21,7 @@ Doubles = NDArray[np.float64]
 def points_of(transfer: Transfer, data_range: DataRange) -> list[tuple[float, str, float]]:
     """Approximate a transfer function by control points; see `spelled`.
 
-    Returns
-    -------
-    Value, color as `#rrggbb`, and opacity; values ascend.
+    Result: value, color as `#rrggbb`, and opacity; values ascend.
     """
     placed = spread(transfer, data_range)
     if isinstance(placed, TransferFunction) and placed.value.size <= MOST:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.memory.contiguous import contiguous
+from resample.memory.mapped import contiguous
 from resample.painting.scenes.scene import check_lattice, check_places
 from resample.types import Doubles
 from resample_volume.classification.scales import LINEAR, scaled
@@ -195,7 +195,7 @@ def _taker_of(given: Any) -> Taker | None:
     every = type(given).__mro__
     homes = {kind.__module__.partition(".")[0] for kind in every}
     if "vtkObjectBase" in {kind.__name__ for kind in every}:  # PyVista's, too
-        from resample_volume.exchange.datasets import of_dataset
+        from resample_volume.exchange.grids import of_dataset
 
         return of_dataset
     is_labeled = hasattr(given, "dims") and hasattr(given, "coords")

@@ -1,6 +1,5 @@
 """Pick the voxel that a pixel shows."""
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -10,13 +9,14 @@ from resample.cameras.models import AnyCamera
 from resample.painting.choices import Projection
 from resample.profiles.reconstruction import footprint_table
 from resample.resampler import Resampler
+from resample.scene.picking import lines_of
 from resample.types import Doubles, View
 from resample_volume.classification.scales import value_at
 from resample_volume.rendering import Subject
 from resample_volume.surfaces.image_planes import settled
 from resample_volume.types import Volume
 from resample_volume.voxels.gathered import Gathered
-from resample_volume.voxels.slices.thin import SAME, of_samples, voxels_of
+from resample_volume.voxels.thin import SAME, of_samples, voxels_of
 from resample_volume.voxels.visible import Voxels, lattice_of
 
 if TYPE_CHECKING:
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 HALF = 0.5  # accumulated opacity at which a voxel counts as the visible one
 
 Indices = NDArray[np.int64]
-VoxelLookup = Callable[..., tuple[Indices, Doubles]]  # `voxels_at` of pixels and perhaps a level
 PICKED_BY_PROJECTION = {
     Projection.COMPOSITE: 0,
     Projection.MAXIMUM: 1,
@@ -52,19 +51,11 @@ def voxels_at(
 ) -> tuple[Indices, Doubles]:
     """Return the voxels behind points of a picture.
 
-    Parameters
-    ----------
-    pixels
-        (N, 2) right and down, px; centers of pixels are at halves.
-    level
-        Accumulated opacity, 0 to 1.
-
-    Returns
-    -------
-    Flat indices (N,) of the voxels with which the opacity accumulated from the eye exceeds the
-    level; for a field, of the voxel around the point where its ray reaches the level, the surface,
-    a plane of values more opaque than that, or its extreme; -1 where there is none. And the
-    transmittance (N,) of all.
+    `pixels`: (N, 2) right and down, px; centers of pixels are at halves. `level`: accumulated
+    opacity, 0 to 1. Result: flat indices (N,) of the voxels with which the opacity accumulated from
+    the eye exceeds the level; for a field, of the voxel around the point where its ray reaches the
+    level, the surface, a plane of values more opaque than that, or its extreme; -1 where there is
+    none. And the transmittance (N,) of all.
     """
     from resample_volume.voxels.kernels.picking import pick_in_field, pick_voxels
 
@@ -98,7 +89,7 @@ def _on_planes(
 ) -> tuple[Doubles, Indices]:
     """Return depths (N,) at which rays meet planes of values, or inf, and the voxels there."""
     depth, voxel = np.full(len(pixels), np.inf), np.full(len(pixels), -1, np.int64)
-    eye, way = _lines(view, pixels)
+    eye, way = lines_of(view, pixels)
     eye, to_lattice = eye + subject.middle, np.linalg.inv(lattice_of(volume)).T
     shape = volume.values.shape
     for plane in subject.appearance.planes:
@@ -134,7 +125,7 @@ def _rays(view: View, scene: Volume, pixels: Doubles, clip: Doubles, reach: floa
     """Return the rays of pixels, clipped to a volume's box and to planes."""
     from resample_volume.voxels.kernels.picking import PickingRays
 
-    eye, direction = _lines(view, pixels)
+    eye, direction = lines_of(view, pixels)
     to_lattice = np.linalg.inv(lattice_of(scene)).T
     origin, speed = (eye - scene.origin) @ to_lattice, direction @ to_lattice
     first = np.full(len(pixels), view.near if view.perspective else -np.inf)
@@ -148,15 +139,6 @@ def _rays(view: View, scene: Volume, pixels: Doubles, clip: Doubles, reach: floa
     length = np.linalg.norm(direction, axis=1)
     arrays = (origin, np.ascontiguousarray(speed), length, first, np.maximum(last, first))
     return PickingRays(*(np.ascontiguousarray(array, np.float64) for array in arrays))
-
-
-def _lines(view: View, pixels: Doubles) -> tuple[Doubles, Doubles]:
-    """Return points (N, 3) of rays at depth 0, and their steps per depth; scene axes."""
-    on_plane = np.column_stack([(pixels - view.principal) / view.focal, np.zeros(len(pixels))])
-    ahead = np.array([0.0, 0.0, 1.0])
-    start = np.zeros_like(on_plane) if view.perspective else on_plane
-    along = on_plane + ahead if view.perspective else np.broadcast_to(ahead, on_plane.shape)
-    return (start - view.translation) @ view.rotation, along @ view.rotation
 
 
 def _cut(first: Doubles, last: Doubles, at: Doubles, per: Doubles) -> None:

@@ -9,11 +9,11 @@ import numpy as np
 
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Orbit, Spelled, Sphere, Viewpoint, camera_from, viewpoint_of
-from resample.console.messages import progress_bar
+from resample.console import progress_bar
 from resample.memory import amount
 from resample.painting.choices import MEASURING, Projection
 from resample.painting.scenes.plans import shape_of
-from resample.profiles.orders import Rays, Summing
+from resample.profiles.orders import Summing
 from resample.resampler import Resampler
 from resample.types import (
     NO_TRIANGLES,
@@ -31,9 +31,9 @@ from resample_volume.classification.automatic import LEVELS
 from resample_volume.classification.materials import Windowed
 from resample_volume.classification.regions import Faded
 from resample_volume.classification.surveys import survey, without_padding
+from resample_volume.classification.transfer import Transfer
 from resample_volume.data.recordings import how
 from resample_volume.data.values import as_array, bricks_of, values_of, with_bricks
-from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import (
     BY_DEFAULT,
     Appearance,
@@ -64,7 +64,6 @@ from resample_volume.voxels.framing import (
 from resample_volume.voxels.gathered import Gathered, gathered, lit_lattice, with_shadows
 from resample_volume.voxels.shading import Light, cue_range, cued, shade, viewer_of
 from resample_volume.voxels.streaming import REMEDY, TooManyVoxelsError
-from resample_volume.voxels.transmittance import voxel_transmittance
 from resample_volume.voxels.visible import (
     BYTES_PER_VOXEL,
     Voxels,
@@ -83,6 +82,7 @@ NO_VOXELS = Voxels(NOTHING, NOTHING, NOTHING[:, 0], NOTHING, np.eye(3))
 
 Visible: TypeAlias = "Voxels | FieldVoxels | Gathered | MixedMedia"
 Fit = Literal["visible", "volume"]  # what cameras orbit
+Fitted = Fit | Literal["picture"]  # as `visible`, then zoomed and panned to fill the picture
 
 
 class Placement(NamedTuple):
@@ -162,10 +162,8 @@ def visible_voxels(volume: Volume, appearance: Appearance) -> Voxels:
     )
 
 
-def field_of(
-    volume: Volume, appearance: Appearance, resampler: Resampler
-) -> FieldVoxels | Gathered:
-    """Return the field for a projection: as voxels, or on its lattice for rays."""
+def _field_transfer(volume: Volume, appearance: Appearance, resampler: Resampler) -> Transfer:
+    """Return the transfer function of a field, which its projection can show."""
     projection, order = resampler.projection, resampler.order
     if volume.colors is not None and not (
         order.summing is Summing.RAYS and projection is Projection.COMPOSITE
@@ -182,15 +180,14 @@ def field_of(
         )
     if appearance.gradient_opacity is not None:
         transfer = Faded(transfer, appearance.gradient_opacity)
-    if order.summing is Summing.RAYS:
-        sharpness = order.sharpness if isinstance(order, Rays) else 1.0
-        return gathered(
-            volume, transfer, resampler, sharpness, appearance.gradient, appearance.labels
-        )
+    return transfer
+
+
+def _field_gradient(look: Appearance, transfer: Transfer, projection: Projection) -> str | None:
+    """Return the gradient of a field that is painted as voxels, if one is needed."""
     if projection in MEASURING:
-        return field_voxels(volume, transfer, resampler, None)
-    gradient = appearance.gradient if transfer.needs_gradient else appearance.needed_gradient
-    return field_voxels(volume, transfer, resampler, gradient)
+        return None
+    return look.gradient if transfer.needs_gradient else look.needed_gradient
 
 
 def _measured(
@@ -223,6 +220,8 @@ def _shadowed(
         )
     if isinstance(voxels, Gathered):
         return with_shadows(voxels, volume, resampler, clip, light)
+    from resample_volume.voxels.transmittance import voxel_transmittance
+
     return voxels._replace(reached=voxel_transmittance(voxels, light))
 
 
@@ -233,8 +232,7 @@ def _pictures(
     if not isinstance(voxels, Gathered) or not (appearance.planes or appearance.surfaces):
         return []
     from resample_volume.surfaces.image_planes import settled as settled_plane
-    from resample_volume.surfaces.plane_meshes import plane_mesh
-    from resample_volume.surfaces.surface_meshes import surface_mesh
+    from resample_volume.surfaces.plane_meshes import plane_mesh, surface_mesh
 
     planes = [settled_plane(plane, volume) for plane in appearance.planes]
     made = [plane_mesh(plane, volume, voxels) for plane in planes]
@@ -284,12 +282,8 @@ class Subject:
     ) -> "Subject":
         """Classify a volume, as far as a renderer needs it.
 
-        Parameters
-        ----------
-        resampler
-            Renderer; None: `resampler_for` the look.
-        around
-            Volume that cameras orbit as a whole; None: they orbit what is visible.
+        `resampler`: renderer; None: `resampler_for` the look. `around`: volume that cameras orbit
+        as a whole; None: they orbit what is visible.
         """
         resampler = resampler or resampler_for(appearance)
         check_together(resampler, appearance.classification, appearance.extras)
@@ -303,7 +297,12 @@ class Subject:
         ):
             scene = as_array(scene)
             measured, look, tone = _measured(scene, appearance, resampler.projection)
-            voxels = field_of(measured, look, resampler)
+            transfer = _field_transfer(measured, look, resampler)
+            if resampler.order.summing is Summing.RAYS:
+                voxels = gathered(measured, transfer, resampler, look.gradient, look.labels)
+            else:
+                gradient = _field_gradient(look, transfer, resampler.projection)
+                voxels = field_voxels(measured, transfer, resampler, gradient)
         else:
             voxels = visible_voxels(scene, appearance)
         radius = resampler.reconstruction.radius
@@ -504,7 +503,7 @@ def render(
     """
     media = [_medium(*pair) for pair in _pairs(volume, appearance)]
     paint = resampler or resampler_for(media[0][1])
-    subject = Subject.of_several(media, paint)
+    subject = Subject.of(*media[0], paint) if len(media) == 1 else Subject.of_several(media, paint)
     height, width = shape_of(size)
     eye = subject.camera(viewpoint_of(camera), height, width)
     seen, cuts = subject.samples_for(eye), subject.cuts(eye)
@@ -539,6 +538,8 @@ def _is_pair(one: Any) -> bool:
 
 def _medium(volume: Any, appearance: Appearance | str) -> VolumeLayer:
     """Return the volume without its padding, and its look."""
+    from resample_volume.inputs import as_volume
+
     scene = as_volume(volume)
     look = appearance if isinstance(appearance, Appearance) else Appearance(appearance)
     return without_padding(scene, survey(scene)), look

@@ -1,8 +1,8 @@
 """Open a volume once, render it many times: what does not depend on the view is cached."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,34 +10,36 @@ from numpy.typing import NDArray
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Spelled, viewpoint_of
 from resample.lazy import old_members
+from resample.outofcore.caching import Memo, memoizing
 from resample.painting.choices import Projection
 from resample.painting.scenes.plans import shape_of
 from resample.resampler import Resampler
+from resample.scene.previews import PER, Shrunk, enlarged_frame
+from resample.scene.scenes import AnyScene, Quality
 from resample.types import Frame
-from resample.watching import Cancel, Progress, cancellable
+from resample.watching import Cancel, Progress
+from resample_volume.classification.labels import Labels
 from resample_volume.classification.surveys import survey, without_padding
-from resample_volume.data.memoization import Memo, memoizing
-from resample_volume.data.values import as_array
+from resample_volume.data.values import as_array, values_of
 from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Appearance, Classification, of_voxels, resampler_for
 from resample_volume.media.xrays import XRay, settled
-from resample_volume.picking import Picked, VoxelLookup, picked, voxels_at
-from resample_volume.previews import PER, Shrunk, enlarged, kept_cuts, merged, merged_labels
+from resample_volume.picking import Picked, picked, voxels_at
 from resample_volume.rendering import Fit, Subject, resampled_appearance
 from resample_volume.surfaces.image_planes import settled as settled_plane
 from resample_volume.types import Volume
+from resample_volume.voxels.cropping import planes
+from resample_volume.voxels.framing import centered
 
 KEPT = 4  # looks whose samples are cached
 MERGED = 2  # voxels per side that a preview merges
 LARGE = 256**3  # voxels from which twice as many per side are merged
 FINEST = 1  # sub-pixels per side of a ray cast preview
 
-Quality = Literal["final", "preview"]
-
 
 @old_members(standing="placed_view")
 @dataclass(eq=False)
-class Scene:
+class Scene(AnyScene):
     """A volume for many pictures: changing looks, changing cameras, quick previews.
 
     Pictures of one look only need to be shaded for their camera; the view stays when a look or a
@@ -113,19 +115,13 @@ class Scene:
         resample.CancelledError
             It was cancelled.
         """
-        if quality not in ("final", "preview"):
-            raise ValueError(f"quality {quality!r}; it can be final or preview")
         height, width = shape_of(size)
-        appearance = look if isinstance(look, Appearance) else Appearance(look)
-        paint = resampler or resampler_for(appearance)
-        is_preview = quality == "preview"
-        if is_preview:
-            appearance, paint = self._quickly(appearance, paint)
-        with cancellable(cancel), memoizing(self._found):
-            subject = self._subject(appearance, paint, fit, is_preview=is_preview)
-            eye = subject.camera(viewpoint_of(camera), height, width)
+        with self._rendering(quality, cancel) as is_preview, memoizing(self._found):
+            subject, eye, paint = self._prepared(
+                look, camera, size, resampler, fit, is_preview=is_preview
+            )
             per = PER if is_preview else 1
-            frame = subject.painter(paint)(
+            frame = paint(
                 subject.samples_for(eye),
                 Shrunk(eye, per) if is_preview else eye,
                 height=-(-height // per),
@@ -135,7 +131,7 @@ class Scene:
             )
             frame = subject.developed(frame)
         if is_preview:
-            frame = enlarged(frame, per, height, width)
+            frame = enlarged_frame(frame, per, (height, width))
         return frame._replace(statistics=frame.statistics._replace(is_preview=is_preview))
 
     def placed_view(
@@ -190,7 +186,8 @@ class Scene:
         height, width = shape_of(size)
         row, column = np.indices((height, width)) + 0.5
         pixels = np.column_stack([column.ravel(), row.ravel()])
-        found, _ = self._voxel_lookup(look, camera, size, resampler, fit)(pixels)
+        subject, eye, paint = self._prepared(look, camera, size, resampler, fit)
+        found, _ = voxels_at(subject, self.volume, eye, paint, pixels)
         index = np.stack(np.unravel_index(np.maximum(found, 0), self.volume.values.shape), axis=-1)
         index[found < 0] = -1
         return index.reshape(height, width, 3).astype(np.int32)
@@ -221,23 +218,12 @@ class Scene:
         ValueError
             As of `sample_ids`.
         """
-        pixel, behind = np.array([[x, y]]), self._voxel_lookup(look, camera, size, resampler, fit)
-        (found,), (kept,) = behind(pixel)
-        if found < 0 and kept < 1:
-            (found,), _ = behind(pixel, (1 - kept) / 2)
-        return None if found < 0 else picked(self.volume, int(found))
-
-    def _voxel_lookup(
-        self,
-        look: Appearance | str,
-        camera: Spelled,
-        size: tuple[int, int],
-        resampler: Resampler | None,
-        fit: Fit,
-    ) -> VoxelLookup:
-        """Return the voxels behind points of a picture; see `voxels_at`."""
         subject, eye, paint = self._prepared(look, camera, size, resampler, fit)
-        return partial(voxels_at, subject, self.volume, eye, paint)
+        given = subject, self.volume, eye, paint, np.array([[x, y]])
+        (found,), (kept,) = voxels_at(*given)
+        if found < 0 and kept < 1:
+            (found,), _ = voxels_at(*given, level=(1 - kept) / 2)
+        return None if found < 0 else picked(self.volume, int(found))
 
     def _prepared(
         self,
@@ -301,3 +287,44 @@ class Scene:
         if paint.subpixels is not None:
             return look, paint
         return look, self._quick.setdefault(paint, replace(paint, subpixels=FINEST))
+
+
+def merged(volume: Volume, per: int) -> Volume:
+    """Downsample a volume by means over blocks of voxels, without missing values."""
+    shift = volume.direction * volume.spacing @ np.full(3, (per - 1) / 2)
+    colors = None if volume.colors is None else _means(volume.colors, per)
+    return volume._replace(
+        values=_means(volume.values, per),
+        colors=colors,
+        spacing=per * volume.spacing,
+        origin=volume.origin + shift,
+    )
+
+
+def merged_labels(labels: Labels, per: int) -> Labels:
+    """Return labels of merged voxels, each that of the block's first voxel."""
+    return replace(labels, values=values_of(labels.values).whole()[::per, ::per, ::per])
+
+
+def kept_cuts(
+    volume: Volume, coarse: Volume, crop: str | None, clip: Sequence[str]
+) -> tuple[str, ...]:
+    """Return clip planes that cut merged voxels where crop and clip cut the volume."""
+    middle = centered(coarse)[1]
+    return tuple(
+        "/".join(map(repr, [*normal, -far - float(np.dot(normal, middle))]))
+        for *normal, far in planes(volume, crop, clip).tolist()
+    )
+
+
+def _means(values: NDArray[Any], per: int) -> NDArray[Any]:
+    """Return the means of blocks along the first three axes, in the same type."""
+    total: NDArray[Any] = np.asarray(values, np.float32)
+    known: NDArray[Any] = np.isfinite(total).astype(np.float32)
+    total = np.where(known > 0, total, 0)
+    for axis in range(3):
+        starts = np.arange(0, values.shape[axis], per)
+        total, known = (np.add.reduceat(part, starts, axis) for part in (total, known))
+    with np.errstate(invalid="ignore"):
+        mean = total / known
+    return np.asarray(np.rint(mean).astype(values.dtype) if values.dtype.kind in "iu" else mean)

@@ -1,7 +1,8 @@
 """Data types of the volume application: arrays with shapes and units."""
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
+import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Doubles
@@ -35,10 +36,21 @@ class Volume(NamedTuple):
     scale: str = ""  # scale of the values, see `looks.scales`; empty: linear, as measured
 
 
+class Recorded(Protocol):
+    """Values (T, C, Z, Y, X) that stay in their file; as arrays, as far as recordings need it."""
+
+    @property
+    def shape(self) -> tuple[Any, ...]: ...
+    @property
+    def dtype(self) -> np.dtype[Any]: ...
+    def swapaxes(self, first: int, second: int, /) -> "Recorded": ...
+    def __getitem__(self, chosen: Any, /) -> Any: ...
+
+
 class Recording(NamedTuple):
     """All content of a file: volumes of one lattice, for several times or channels."""
 
-    values: NDArray[Any]  # (T, C, Z, Y, X), each volume as `Volume` has it
+    values: NDArray[Any] | Recorded  # (T, C, Z, Y, X), each volume as `Volume` has it
     spacing: Doubles  # (3,) x, y, z; as of `Volume`, and so on
     origin: Doubles  # (3,)
     direction: Doubles  # (3, 3)

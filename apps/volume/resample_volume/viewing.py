@@ -1,8 +1,7 @@
 """Interactive page of a volume: `resample-volume view`, and `picture` without a page."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -11,38 +10,41 @@ import numpy as np
 
 from resample.command.settings import PictureFormat, Resampling
 from resample.files.animations import write_film
-from resample.files.exchange.results import levels_of
+from resample.files.exchange import levels_of
 from resample.files.saving import screen_levels, write_frame
-from resample.files.stores.addresses import is_address
+from resample.files.stores.opening import is_address
+from resample.outofcore.caching import Memo, memoizing
 from resample.registry import names
 from resample.resampler import Resampler
+from resample.scene.scenes import LITTLE, Quality
 from resample.types import Frame
 from resample.view.exports import KEYFRAMES, ORBITING, keyframes_as_toml
-from resample.view.files import LITTLE, file_of, path_file
+from resample.view.files import FileView, path_file
 from resample.view.views import PagePicture, Settings, Size, chosen, settings_of
 from resample.watching import Cancel, Progress
-from resample_volume.classification.names import PRESETS, TISSUES
+from resample_volume.classification import PRESETS, TISSUES
 from resample_volume.classification.scales import scale_named, value_at
 from resample_volume.classification.surveys import survey
 from resample_volume.command.animation import FrameOptions, cameras_of, drawing, flight_of, shots
 from resample_volume.command.choices import AppearanceChoices, Beside, ReadOptions
 from resample_volume.command.inputs import prepared
-from resample_volume.data.memoization import Memo, memoizing
 from resample_volume.editing import points_of, spelled
 from resample_volume.files.generated import GENERATED
 from resample_volume.files.source import find_reader
+from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Appearance, transfer_of
 from resample_volume.picking import Picked
 from resample_volume.rendering import Subject
-from resample_volume.scenes import Quality, Scene
+from resample_volume.scenes import Scene
 from resample_volume.space.annotations import annotated
-from resample_volume.space.measuring import measure
+from resample_volume.space.lines import measure
 from resample_volume.types import Volume
 from resample_volume.voxels.framing import centered
 from resample_volume.voxels.visible import lattice_of
 
 if TYPE_CHECKING:
     from resample.cameras.models import AnyCamera
+    from resample.view.widgets import Viewer
     from resample_volume.figures.compare import VtkBeside
 
 VTK = "VTK"  # other renderers of the same
@@ -105,6 +107,10 @@ class VolumePainter:
     def __post_init__(self) -> None:
         self._scene = Scene(self.volume)
 
+    def __copy__(self) -> "VolumePainter":
+        """Painter of another page, with the same volume and a scene of its own."""
+        return VolumePainter(self.volume)
+
     def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> PagePicture:
         """Render with these options, see `resample.view.views.Painter`."""
         request = self._request(settings)
@@ -139,10 +145,8 @@ class VolumePainter:
     def frame(self, settings: Settings, size: Size) -> Frame:
         """Render as the command does for a PNG, but without background.
 
-        Raises
-        ------
-        ValueError, LookupError, OSError
-            An option is not allowed, or a file of one cannot be read.
+        Raises ValueError, LookupError, OSError: an option is not allowed, or a file of one cannot
+        be read.
         """
         return self._frame(self._request(settings), size, ".png")
 
@@ -270,47 +274,32 @@ class VolumePainter:
         return appearance
 
 
-@dataclass
-class VolumeView:
-    """A volume that pages show.
+def volume_view(
+    name: str, source: ReadOptions | None = None, begin: Sequence[Any] = ()
+) -> FileView:
+    """Return what pages show of a volume, which they share.
 
-    Parameters
-    ----------
-    name
-        Of the volume, as the command takes it.
-    source
-        How it is read.
-    begin
-        Options to begin with.
-    controls
-        Options of the command, of `resample.view.views.controls_of`; none: a page without any.
+    `name`: of the volume, as the command takes it. `source`: how it is read. `begin`: options to
+    begin with.
     """
+    source = source or ReadOptions()
+    first = VolumePainter(prepared(source, name))
+    volume = first.volume
 
-    name: str
-    source: ReadOptions = field(default_factory=ReadOptions)
-    begin: Sequence[Any] = ()
-    controls: Sequence[dict[str, Any]] = ()
-
-    @cached_property
-    def volume(self) -> Volume:
-        """The volume, which all pages share."""
-        return prepared(self.source, self.name)
-
-    @cached_property
-    def about(self) -> dict[str, Any]:
-        """Return the facts that a page needs, see `resample.view.views.View`."""
-        known = survey(self.volume)
-        size = self.volume.values.shape[::-1]
+    def described() -> dict[str, Any]:
+        settings = {"fit": "volume", "camera": "30/20/1", **settings_of(begin)}
+        first.check(settings)
+        known = survey(volume)
+        size = volume.values.shape[::-1]
         return {
-            "title": self.volume.name,
-            "subtitle": f"{' × '.join(map(str, size))}, {self.volume.values.dtype}",
+            "title": volume.name,
+            "subtitle": f"{' × '.join(map(str, size))}, {volume.values.dtype}",
             "command": COMMAND,
             "film": {"command": FILM, **ORBITING},
             "package": "resample_volume",
-            "inputs": [self.name],
-            "fixed": settings_of([self.source]),
-            "controls": [control for control in self.controls if control["key"] not in LEFT_OUT],
-            "settings": {"fit": "volume", "camera": "30/20/1", **settings_of(self.begin)},
+            "inputs": [name],
+            "fixed": settings_of([source]),
+            "settings": settings,
             "rivals": {VTK: _absence()},
             "names": {
                 "transfer": [*PRESETS, *(TISSUES if known.units.added is not None else ())],
@@ -318,31 +307,60 @@ class VolumeView:
             },
             "box": {
                 "voxels": size,
-                "lattice": lattice_of(self.volume).tolist(),
-                "middle": centered(self.volume)[1].tolist(),
+                "lattice": lattice_of(volume).tolist(),
+                "middle": centered(volume)[1].tolist(),
             },
-            "histogram": _histogram(self.volume, known.span),
+            "histogram": _histogram(volume, known.span),
         }
 
-    def check(self, settings: Settings | None = None) -> None:
-        """Read the volume and try options, see `resample.view.views.Viewable`."""
-        self.painter().check(self.about["settings"] if settings is None else settings)
+    def little() -> VolumePainter:
+        values = np.resize(np.arange(LITTLE), (LITTLE,) * 3).astype(volume.values.dtype)
+        return VolumePainter(volume._replace(values=values))
 
-    def painter(self) -> VolumePainter:
-        """Return the painter of a new page."""
-        return VolumePainter(self.volume)
+    return FileView(first, described, first.check, KINDS, LEFT_OUT, little)
 
-    def warm(self) -> Iterator[None]:
-        """Paint a small volume of this type in all ways, see `views.Warming`."""
-        values = np.resize(np.arange(LITTLE), (LITTLE,) * 3).astype(self.volume.values.dtype)
-        painter = VolumePainter(self.volume._replace(values=values))
-        for kind in KINDS:
-            painter.paint(kind, (LITTLE, LITTLE), quick=False, cancel=Cancel())
-            yield
 
-    def save(self, settings: Settings, size: Size, suffix: str) -> bytes:
-        """Return the file that the command would write."""
-        return file_of(partial(self.painter().save, settings, size), suffix)
+def view(volume: Any, /, **settings: Any) -> "Viewer":
+    """Show a volume in a notebook: rotate it, change its look, copy the view as Python.
+
+    Parameters
+    ----------
+    volume
+        What `as_volume` takes. Anything but a file or a name is written to a temporary file, which
+        lives as long as the widget.
+    settings
+        Options of `resample-volume render` to begin with: `transfer="bone"`, `opacity_unit=2`.
+
+    Returns
+    -------
+    Widget with `settings`, `frame` and `to_python()`; needs the extra `notebook`.
+
+    Raises
+    ------
+    ValueError, LookupError, OSError, TypeError
+        An option is not allowed, or the volume cannot be read.
+
+    Examples
+    --------
+    >>> from resample_volume import view
+    >>> shown = view("checker-box:size=16", camera="top")
+    >>> shown.settings["camera"]
+    'top'
+    """
+    from resample.view import widgets
+
+    file, folder = widgets.kept("volume.nrrd", volume, _write)
+    named = widgets.named(settings)
+    of_source = {key: named.pop(key) for key in list(named) if key in ReadOptions.model_fields}
+    (source,) = chosen(of_source, (ReadOptions,))
+    return widgets.Viewer(volume_view(file, source), named, folder)
+
+
+def _write(path: Path, volume: Any) -> None:
+    """Write what `as_volume` takes."""
+    from resample_volume.files.source import write_volume
+
+    write_volume(path, as_volume(volume, "volume"))
 
 
 def _measured(picks: Sequence[Picked], volume: Volume) -> dict[str, str]:

@@ -3,22 +3,23 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from resample.cameras.models import AnyCamera
-from resample.cameras.viewpoints import Sphere, Viewpoint
+from resample.cameras.viewpoints import Sphere
 from resample.lazy import renamed
 from resample.memory import available_memory
-from resample.painting.scenes.scene import nothing_painted
+from resample.outofcore.bricks import SHARE
+from resample.outofcore.passes import PassContext
+from resample.outofcore.samples import SHARE_OF_SCAN, PictureQuery, nothing_shown, paint_planned
+from resample.outofcore.windows import Budget
 from resample.resampler import Resampler
-from resample.types import Doubles, Frame, Indices, Samples, Statistics
-from resample.watching import Executor, Progress
+from resample.types import Doubles, Frame, Indices, Samples
+from resample.watching import Progress
 from resample_volume.data.bricks import Bricks
-from resample_volume.data.statistics.caches import SHARE
-from resample_volume.data.values import streamed
+from resample_volume.data.values import bricks_of, streamed
 from resample_volume.media.appearance import (
     OF_VOXELS,
     Appearance,
@@ -32,8 +33,7 @@ from resample_volume.outofcore.caching import cache_visible, cached
 from resample_volume.outofcore.dense import Dense, check_windows, dense_of
 from resample_volume.outofcore.light import LightGrid, transmittance_grid
 from resample_volume.outofcore.outline import OutlineQuery, VisibleOutline, outlined
-from resample_volume.outofcore.passes import PassContext
-from resample_volume.outofcore.windowed import RenderJob, painted_in_windows, surveyed
+from resample_volume.outofcore.windowed import VoxelBlocks, surveyed
 from resample_volume.rendering import NO_VOXELS, Fit, Subject, lit_samples, placement
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import Steeps, faced, planes
@@ -41,21 +41,7 @@ from resample_volume.voxels.framing import ball_around, centered, sphere_around
 from resample_volume.voxels.shading import cue_range, cued
 from resample_volume.voxels.visible import Voxels, lattice_of
 
-
-class Budget(NamedTuple):
-    """Memory budget and executor for painting in windows.
-
-    Examples
-    --------
-    >>> from resample_volume.windows import Budget
-    >>> Budget(memory=1 << 30).executor is None  # windows are painted here, one after the other
-    True
-    """
-
-    memory: int  # bytes that the voxels and bricks of a window may take, in each process
-    threads: int | None = None  # of each process; None: all
-    folder: Path | None = None  # folder that windows are written to
-    executor: Executor | None = None  # of threads or processes; None: this one
+__all__ = ["Budget", "paint_streamed", "streamed_subject"]
 
 
 class ViewSetup(NamedTuple):
@@ -68,25 +54,23 @@ class ViewSetup(NamedTuple):
     light_grid: LightGrid | None = None  # if voxels are shadowed
 
 
-def render_in_windows(
-    volume: Volume,
-    appearance: Appearance,
-    viewpoint: Viewpoint,
+def paint_streamed(
+    media: Sequence[VolumeLayer],
+    subject: Subject,
+    camera: AnyCamera,
     size: tuple[int, int],
     budget: Budget,
     resampler: Resampler | None = None,
     progress: Progress | None = None,
 ) -> tuple[Frame, int]:
-    """Render a volume in bricks, with one window's voxels in memory at a time.
+    """Render volumes in bricks, with one window's voxels in memory at a time.
 
     Parameters
     ----------
-    volume
-        Its values are `Bricks`, without padding.
-    appearance
-        Its look, without options that need all visible voxels together.
-    viewpoint
-        Orbits go around the whole volume, not around its visible part.
+    media
+        Their values are `Bricks`, without padding; looks do not need all visible voxels together.
+    subject, camera
+        From `streamed_subject`, and its camera.
     size
         Height and width of the picture, px.
     budget
@@ -99,7 +83,7 @@ def render_in_windows(
     Returns
     -------
     frame
-        Bit-identical to the frame of a volume in memory; its statistics hold only the number of
+        Bit-identical to the frame of volumes in memory; its statistics hold only the number of
         samples.
     windows
         Number of windows.
@@ -111,53 +95,33 @@ def render_in_windows(
     OSError
         Windows cannot be written or read.
     """
-    media = [(volume, appearance)]
-    subject = streamed_subject(media)
-    return paint_streamed(
-        media, subject, subject.camera(viewpoint, *size), size, budget, resampler, progress
-    )
-
-
-def paint_streamed(
-    media: Sequence[VolumeLayer],
-    subject: Subject,
-    camera: AnyCamera,
-    size: tuple[int, int],
-    budget: Budget,
-    resampler: Resampler | None = None,
-    progress: Progress | None = None,
-) -> tuple[Frame, int]:
-    """Do as `render_in_windows`, for one volume or several in one scene."""
-    painter, tell = of_voxels(resampler or OF_VOXELS), progress or _unheard
-    looking = PassContext(budget.executor, budget.threads, tell)
+    painter = of_voxels(resampler or OF_VOXELS)
+    context = budget.context(progress)
     _pin_bricks(media, budget)
-    scene, dense = dense_of(media, painter, budget.memory, looking)
-    light_grid = _light_grid(scene, dense, media[0][1], subject, budget, looking)
-    cue = cue_range(camera, subject.sphere)
-    work = RenderJob(
+    scene, dense = dense_of(media, painter, budget.memory, context)
+    light_grid = _light_grid(scene, dense, media[0][1], subject, budget, context)
+    setup = ViewSetup(
+        media[0][1], camera, subject.clip, cue_range(camera, subject.sphere), light_grid
+    )
+    noted = sum(bricks.noted for bricks in _bricks_of(media))  # bytes of statistics
+    source = VoxelBlocks(
         scene,
         dense,
-        partial(_lit, ViewSetup(media[0][1], camera, subject.clip, cue, light_grid)),
-        painter,
-        camera,
-        size,
-        subject.clip,
-        *budget[:3],
+        partial(_lit, setup),
+        dense.kind,
+        dense.beside + noted + (0 if light_grid is None else light_grid.size_bytes),
+        budget.threads,
+        len(media),
         sifts=dense.sifts,
-        beside=dense.beside + _noted(media) + (0 if light_grid is None else light_grid.size_bytes),
-        volumes=len(media),
-        depends=dense.kind,
     )
-    whole, count = nothing_painted(*size).film, 0
-    known = surveyed(work, tell, budget.executor)
+    picture = PictureQuery(painter, camera, size, subject.clip)
+    known = surveyed(source, picture, context.portion(0.0, SHARE_OF_SCAN))
     if known is None:
-        return Frame(*whole, Statistics(0, 0, 0, 0, 1, {})), 0
-    for (x0, y0, x1, y1), film in painted_in_windows(work, known, tell, budget.executor):
-        for layer, part in zip(whole, film, strict=True):
-            layer[y0:y1, x0:x1] = part
-        count += 1
-    samples = int(known.blocks.visible.sum())
-    return Frame(*whole, Statistics(samples, 0, 0, 0, 1, {})), count
+        return nothing_shown(size), 0
+    plan, (source.steep, *parts) = known
+    painted = paint_planned(source, (parts[0], parts[1]), picture, plan, budget, progress)
+    bricks_of(scene).reads += source.reads
+    return painted
 
 
 def _light_grid(
@@ -166,24 +130,24 @@ def _light_grid(
     look: Appearance,
     subject: Subject,
     budget: Budget,
-    looking: PassContext,
+    context: PassContext,
 ) -> LightGrid | None:
     """Return the light that reaches voxels, if any are shadowed; cached."""
     light = look.light
     if light is None or not light.is_blocked:
         return None
     seen = OutlineQuery(scene, dense, subject.clip)
-    outline = _outline(seen, dense, looking)
+    outline = _outline(seen, dense, context)
     if not outline.total:
         return None
-    by = (seen, outline, light, subject.voxels.lattice, budget.memory, looking)
+    by = (seen, outline, light, subject.voxels.lattice, budget.memory, context)
     depends = ("light", dense.kind, light.direction, light.shadows, light.occlusion)
     return cached(scene, depends, lambda: transmittance_grid(*by)).stored_in(budget.folder)
 
 
-def _outline(seen: OutlineQuery, dense: Dense, looking: PassContext) -> VisibleOutline:
+def _outline(seen: OutlineQuery, dense: Dense, context: PassContext) -> VisibleOutline:
     """Return where voxels are visible; cached, and reused for pictures."""
-    found = cached(seen.volume, ("outline", dense.kind), lambda: outlined(seen, looking))
+    found = cached(seen.volume, ("outline", dense.kind), lambda: outlined(seen, context))
     if found.total:
         cache_visible(seen.volume, dense.kind, found.blocks)
     return found
@@ -208,10 +172,6 @@ def _lit(shown: ViewSetup, place: Indices, voxels: Voxels | MixedMedia, steeps: 
     else:
         (samples,) = lit
     return samples if look.cue is None else cued(samples, camera, look.cue, near, far)
-
-
-def _unheard(share: float) -> None:
-    """Ignore progress."""
 
 
 def streamed_subject(
@@ -241,29 +201,26 @@ def streamed_subject(
     if fit == "volume":
         return Subject(nothing, look, ball_around(whole), middle, clip)
     allowed = Budget(available_memory() or 0) if budget is None else budget
-    looking = PassContext(allowed.executor, allowed.threads, progress or _unheard)
-    scene, dense = dense_of(media, painter, allowed.memory, looking)
+    context = allowed.context(progress)
+    scene, dense = dense_of(media, painter, allowed.memory, context)
     seen = OutlineQuery(scene, dense, clip)
 
     def find() -> Sphere:
-        outline = _outline(seen, dense, looking)
+        outline = _outline(seen, dense, context)
         if not outline.total:
             return sphere_around(nothing, whole)
-        return ball_of(seen, outline, float(np.linalg.norm(steps, axis=0).max()), looking)
+        return ball_of(seen, outline, float(np.linalg.norm(steps, axis=0).max()), context)
 
     ball = cached(scene, ("ball", dense.kind), find, lasts=True)
     return Subject(nothing, look, ball, middle, clip)
-
-
-def _noted(media: Sequence[VolumeLayer]) -> int:
-    """Return the bytes of the statistics of volumes."""
-    return sum(bricks.noted for bricks in _bricks_of(media))
 
 
 def _pin_bricks(media: Sequence[VolumeLayer], budget: Budget) -> None:
     """Let volumes pin the bricks read first, in a share of a process's memory budget."""
     for bricks in _bricks_of(media):
         bricks.pin_bricks(budget.memory // SHARE // len(media))
+        if budget.executor is not None:
+            bricks.share_bricks()
 
 
 def _bricks_of(media: Sequence[VolumeLayer]) -> list[Bricks]:

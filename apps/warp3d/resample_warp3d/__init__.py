@@ -20,16 +20,16 @@ if TYPE_CHECKING:
     from resample_warp3d.depth.preparation import prepare
     from resample_warp3d.depth.refining.conditioning import refine
     from resample_warp3d.methods.hybrid import Hybrid
-    from resample_warp3d.notebooks import view
     from resample_warp3d.registering import registered
     from resample_warp3d.scenes import DepthScene
-    from resample_warp3d.sheet.behind import background, behind
+    from resample_warp3d.sheet.sheets import background, behind
     from resample_warp3d.types import DepthImage, Equation, Hole, Source, Warped
+    from resample_warp3d.viewing import view
     from resample_warp3d.views.merging import merge
     from resample_warp3d.views.panoramas import SEAMLESS, panorama
     from resample_warp3d.views.together import Joining, PosedSource, agreed, render_together
     from resample_warp3d.warping import render, warp, warp_disparity
-    from resample_warp3d.wide.passages import mapping_between
+    from resample_warp3d.wide import mapping_between
 
 _HOMES = {
     "Camera": "resample.cameras.models",
@@ -46,8 +46,8 @@ _HOMES = {
     "PosedSource": "views.together",
     "Warped": "types",
     "agreed": "views.together",
-    "background": "sheet.behind",
-    "behind": "sheet.behind",
+    "background": "sheet.sheets",
+    "behind": "sheet.sheets",
     "between": "depth.equation",
     "merge": "views.merging",
     "of_rectified": "depth.equation",
@@ -57,9 +57,9 @@ _HOMES = {
     "registered": "registering",
     "render": "warping",
     "render_together": "views.together",
-    "view": "notebooks",
+    "view": "viewing",
     "warp": "warping",
-    "mapping_between": "wide.passages",
+    "mapping_between": "wide",
     "warp_disparity": "warping",
 }
 

@@ -3,19 +3,25 @@
 import sys
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal, NoReturn
+from typing import Annotated, ClassVar, Literal, NoReturn
 
 from cyclopts import App, Parameter
 
 from resample.command import flags
-from resample.command.about import OptionTopic
-from resample.command.applications import moved_command
-from resample.command.options import run
-from resample.command.settings import Serving, Sharing, Written, height_and_width, method_names
+from resample.command.applications import fetcher, launcher, mention_move, moved_command
+from resample.command.flags import CAMERA, OptionTopic, Steady, Up, Viewed
+from resample.command.session import run
+from resample.command.settings import (
+    Choices,
+    Serving,
+    Sharing,
+    Written,
+    height_and_width,
+    method_names,
+)
 from resample.command.settings_files import with_settings
 from resample.lazy import installed_version
-from resample_warp3d.command.cameras.source import SourceCamera
-from resample_warp3d.command.cameras.target import Aim, TargetCamera
+from resample.memory import ALLOWED
 from resample_warp3d.command.choices import (
     Depth,
     DepthWarping,
@@ -27,7 +33,31 @@ from resample_warp3d.command.choices import (
     Showing,
     Travel,
 )
-from resample_warp3d.command.former import FormerStart
+from resample_warp3d.command.source import SourceCamera
+from resample_warp3d.command.target import Aim, TargetCamera
+
+
+class FormerStart(Choices):
+    """Camera around a point cloud, for `resample-points view`."""
+
+    heading: ClassVar[str] = CAMERA
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
+
+    camera: Viewed = "30/20/1"
+    up: Up = "z"
+    steady: Steady = False
+
+
+def view_cloud(file: str, start: FormerStart, page: Serving) -> None:
+    """Show a cloud by `resample-points view`, within the memory of this command."""
+    from resample.view.exports import option_words
+    from resample.view.views import settings_of
+
+    mention_move("resample-warp3d view", "points", "view")
+    allowed = ALLOWED.get()
+    memory = {} if allowed is None else {"memory": f"{allowed / 1024}KiB"}
+    launcher("points", "view")(file, *option_words({**memory, **settings_of((start, page))}))
+
 
 app = App(
     name="resample-warp3d",
@@ -123,7 +153,7 @@ def render(
     check_memory(taken.views, shape, output)
     target = aim.camera_model(taken.camera, taken.shape, eye.convention)
     sources = prepared(session, taken.views, warping)
-    joining = joining_of(taken, joint.joining(unmixed=warping.unmixed))
+    joining = joining_of(taken, joint, unmixed=warping.unmixed)
     together = joined(session, sources, target, shape, warping, joining)
     seen = together.warped
     if not warping.fill:
@@ -263,8 +293,8 @@ def animate(
 
     from resample.command.films import write_shared
     from resample.command.session import Session
-    from resample.command.workers import check_sharing
-    from resample.console.backgrounds import linear_color
+    from resample.command.workers import at_work, check_sharing
+    from resample.console import linear_color
     from resample.files.animations import check_film
     from resample_warp3d.command.animation import Range, check_path, poses_of
     from resample_warp3d.command.depths import (
@@ -296,8 +326,8 @@ def animate(
     film = film_of(session, taken, shape, warping, behind)
     made = shots_with_depth(poses, camera, film, depths)
     again = partial(frames_of, ToFilm(reader, color, depth, warping, shape, behind), poses, camera)
-    with appearing(depths, resume=resume):
-        write_shared(output, made, again, sharing, warping.threads, fps=fps, resume=resume)
+    with appearing(depths, resume=resume), at_work(sharing, warping.threads) as crew:
+        write_shared(output, made, again, crew, fps=fps, resume=resume)
 
 
 @app.command
@@ -329,10 +359,9 @@ def view(
     further
         As in render.
     """
-    from resample.view.server import require_parts, serve
-    from resample.view.views import controls_of, settings_of
-    from resample_warp3d.command.former import view_cloud
-    from resample_warp3d.viewing import depths
+    from resample.view.server import show
+    from resample.view.views import settings_of
+    from resample_warp3d.viewing import depth_view
 
     begin = eye, meaning, aim, warping
     if depth is None:
@@ -344,11 +373,7 @@ def view(
         return
     if given := settings_of((start,)):
         raise ValueError(f"--{next(iter(given))} belongs to a cloud; give its file alone")
-    require_parts()
-    controls = controls_of(depths.COMMAND, app["render"])
-    shown = depths.depth_view(file, depth, begin, further or (), controls)
-    shown.check()
-    serve(shown, host=page.host, port=page.port, browser=page.browser)
+    show(lambda: depth_view(file, depth, begin, further or ()), page)
 
 
 @app.command
@@ -424,22 +449,7 @@ def compare(
     sys.stdout.write(rows_as_json(comparison.rows) if as_json else plain(comparison.rows))
 
 
-@app.command
-def fetch(name: str | None = None, /, *, folder: flags.Target = None) -> None:
-    """Download and verify a public data set and print its folder; without a name, list all.
-
-    Example: resample-warp3d fetch living-room
-
-    Parameters
-    ----------
-    name
-        Name of the data set; its licence is printed.
-    folder
-        Folder to keep it in. Default: the user's cache.
-    """
-    from resample.files.public.sets import print_sets
-
-    print_sets("resample_warp3d", name, folder)
+app.command(fetcher("resample_warp3d", "living-room"))
 
 
 @app.command

@@ -14,10 +14,9 @@ from resample.profiles.filters import PixelFilter
 from resample.types import Doubles, Floats
 from resample_warp3d.methods.filtering import filtered
 from resample_warp3d.methods.hybrid import Hybrid, empty
-from resample_warp3d.sheet.holes import farthest_of_rows
+from resample_warp3d.sheet.filling import farthest_of_rows
 from resample_warp3d.types import Hole, Method, Rendered, Source
-from resample_warp3d.wide.passages import Passage, on_lattice, poles_rows
-from resample_warp3d.wide.projections import Shape
+from resample_warp3d.wide import Passage, Shape, on_lattice, poles_rows
 
 MARGIN = 8  # px that the halves of a panorama overlap, on each side
 LEAST_ROWS = 3  # of a panorama, beside each pole, taken from a picture of the pole

@@ -2,31 +2,28 @@
 
 from dataclasses import replace
 from functools import partial
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.panoramic import Equirectangular
-from resample.painting.previews import enlarged
 from resample.profiles.filters import PixelFilter
-from resample.watching import Cancel, cancellable
+from resample.scene.previews import PER, enlarged
+from resample.scene.scenes import AnyScene, Quality
+from resample.watching import Cancel
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.methods.hybrid import Hybrid, Preview
 from resample_warp3d.types import DepthImage, Equation, Method, Previewed, Source, Warped
 from resample_warp3d.warping import Filling, as_light, filled, nearness_of, render, shape_of
-from resample_warp3d.wide.passages import mapping_between
-from resample_warp3d.wide.projections import CameraModel, taken_by
+from resample_warp3d.wide import CameraModel, mapping_between, taken_by
 
-PER = 2  # px of the target per px of its preview, along each axis
 TO_SAMPLES = np.array([[PER, 0, 0.5 - PER / 2], [0, PER, 0.5 - PER / 2], [0, 0, 1]])
 MOST_NAMED = 1 << 24  # largest number of samples that float32 can index
 
-Quality = Literal["final", "preview"]
 
-
-class DepthScene:
+class DepthScene(AnyScene):
     """A depth image for many targets, cameras and methods, with quick previews.
 
     Properties of its surfaces (noise, links, refined depth, torn edges) are found once.
@@ -102,13 +99,11 @@ class DepthScene:
         resample.CancelledError
             The rendering was cancelled.
         """
-        if quality not in ("final", "preview"):
-            raise ValueError(f"quality {quality!r}; it can be final or preview")
         shape = self.shape if size is None else shape_of(size)
         sight = self._camera_model(target)
-        with cancellable(cancel):
+        with self._rendering(quality, cancel) as is_preview:
             chosen = self._method(method)
-            if quality == "preview":
+            if is_preview:
                 return self._preview(sight, shape, threads)
             way = mapping_between(self.camera, sight, shape)
             seen = partial(render, equation=way, shape=shape, method=chosen, threads=threads)

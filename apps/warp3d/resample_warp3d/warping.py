@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from resample import registry
 from resample.cameras.models import Camera, Orthographic
-from resample.files.exchange.inputs import as_picture
+from resample.files.exchange import as_picture
 from resample.profiles.filters import PixelFilter
 from resample.types import Doubles, Floats
 from resample_warp3d.depth.equation import of_rectified
@@ -19,12 +19,11 @@ from resample_warp3d.methods.filtering import filtered
 from resample_warp3d.painting import explained as wide_explained
 from resample_warp3d.painting import painted
 from resample_warp3d.painting import trusted as wide_trusted
-from resample_warp3d.sheet.behind import background, behind
+from resample_warp3d.sheet.filling import explained, trusted
 from resample_warp3d.sheet.filling import fill as fill_holes
-from resample_warp3d.sheet.holes import explained, trusted
+from resample_warp3d.sheet.sheets import background, behind
 from resample_warp3d.types import DepthImage, Equation, Method, Rendered, Source, Warped
-from resample_warp3d.wide.passages import Passage, Way, mapping_between
-from resample_warp3d.wide.projections import CameraModel, taken_by
+from resample_warp3d.wide import CameraModel, Passage, Way, mapping_between, taken_by
 
 Filling = Literal["picture", "layer"]
 FILLINGS = get_args(Filling)
@@ -53,7 +52,7 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     ----------
     color
         (H, W) or (H, W, C), any number of channels, linear light, premultiplied if one is opacity;
-        or anything else that `resample.files.exchange.inputs.as_picture` takes. Integers are
+        or anything else that `resample.files.exchange.as_picture` takes. Integers are
         divided by their type's largest value.
     depth
         (H, W) z along the source's axis, scene units; 0, negative, NaN and inf are unknown. A map
@@ -318,7 +317,7 @@ def confidence_of(rendered: Rendered) -> Floats:
 
     The coverage, divided by the number of pixels that share one sample, and halved where a gap was
     filled. A surface that the source saw at a grazing angle counts as magnified, too. The trust of
-    refined depth, from `holes.trusted`, is a further factor.
+    refined depth, from `filling.trusted`, is a further factor.
     """
     shared = np.maximum(rendered.magnification, np.float32(1))
     trust = np.where(rendered.bridged, np.float32(0.5), np.float32(1))

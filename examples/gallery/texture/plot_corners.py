@@ -13,7 +13,7 @@ The same from the command line, with a picture of yours:
 """
 
 from resample_texture import warp
-from resample_texture.geometry.corners import from_corners, page_corners
+from resample_texture.geometry.matrices import from_corners, page_corners
 from resample_texture.figures.scenes import bricks
 
 wall = bricks(512)

@@ -1,19 +1,39 @@
 """COLMAP models, text and binary; pixel centers are at + 0.5."""
 
+import struct
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import BinaryIO, NamedTuple
 
 import numpy as np
 
-from resample.cameras.calibrations import colmap_binary
-from resample.cameras.calibrations.colmap_binary import Posed
 from resample.cameras.models import Camera, LensModel
 from resample.cameras.poses import from_quaternion, rigid
 from resample.cameras.trajectories import Entry, PosedPicture, Refused, entry_of, lines_of
 from resample.reading.texts import text_of
 from resample.words import naming
 
+# Models by number, each with its number of parameters.
+NUMBERED = (
+    ("SIMPLE_PINHOLE", 3),
+    ("PINHOLE", 4),
+    ("SIMPLE_RADIAL", 4),
+    ("RADIAL", 5),
+    ("OPENCV", 8),
+    ("OPENCV_FISHEYE", 8),
+    ("FULL_OPENCV", 12),
+    ("FOV", 5),
+    ("SIMPLE_RADIAL_FISHEYE", 4),
+    ("RADIAL_FISHEYE", 5),
+    ("THIN_PRISM_FISHEYE", 12),
+    ("RAD_TAN_THIN_PRISM_FISHEYE", 16),
+)
+
+COUNT = struct.Struct("<Q")
+CAMERA = struct.Struct("<IiQQ")  # number, model, width, height; then parameters in float64
+PICTURE = struct.Struct("<I7dI")  # number, qw, qx, qy, qz, tx, ty, tz, camera; then a name
+POINT_BYTES = 24  # of a picture's point: x, y, and the number of a scene point
+LONGEST = 4096  # bytes of a name
 # Positions of fx, fy, cx, cy and OpenCV's coefficients in the parameters; −1: 0.
 MODELS = {
     "SIMPLE_PINHOLE": (0, 0, 1, 2),
@@ -28,13 +48,94 @@ MODELS = {
 }
 
 
-class Sized(NamedTuple):
-    """Camera without a pose, and the height and width of its pictures, px."""
+class Posed(NamedTuple):
+    """Pose and camera number of a picture."""
 
-    camera: Camera
-    shape: tuple[int, int]
+    name: str
+    numbers: Sequence[float]  # qw, qx, qy, qz, tx, ty, tz of world to camera
+    camera: int
 
 
+class CameraRecord(NamedTuple):
+    """A camera as stored in the file."""
+
+    number: int
+    model: str  # "number N" if the model is unknown
+    width: int
+    height: int
+    parameters: Sequence[float]
+
+
+class _Bytes:
+    """Byte stream that raises an error where the file is truncated."""
+
+    def __init__(self, file: BinaryIO, path: Path) -> None:
+        self.file, self.path = file, path
+        self.size = path.stat().st_size
+
+    def take(self, layout: struct.Struct, place: str) -> tuple[float, ...]:
+        """Read the numbers of a struct layout."""
+        content = self.file.read(layout.size)
+        if len(content) < layout.size:
+            raise ValueError(f"{self.path} is cut off in {place}, after {self.size} bytes")
+        return layout.unpack(content)
+
+    def count(self, what: str, least: int) -> int:
+        """Read a count of items; each takes at least `least` bytes."""
+        count = int(self.take(COUNT, "its first number")[0])
+        if count * least > self.size:
+            raise ValueError(
+                f"{self.path} is cut off or not a COLMAP file: it claims {count}"
+                f" {what}, and has {self.size} bytes"
+            )
+        return count
+
+    def name(self, place: str) -> str:
+        """Read a zero-terminated text."""
+        start = self.file.tell()
+        content, end, _ = self.file.read(LONGEST).partition(b"\0")
+        if not end:
+            raise ValueError(
+                f"{self.path} is cut off or damaged: the name of {place} is not terminated"
+            )
+        self.file.seek(start + len(content) + 1)
+        return content.decode("utf-8", "replace")
+
+    def skip(self, count: int, place: str) -> None:
+        """Skip bytes."""
+        if self.file.tell() + count > self.size:
+            raise ValueError(f"{self.path} is cut off in {place}, after {self.size} bytes")
+        self.file.seek(count, 1)
+
+
+def cameras_of(path: Path) -> Iterator[CameraRecord]:
+    """Cameras of cameras.bin; those after an unknown model cannot be read and are omitted."""
+    with path.open("rb") as file:
+        content = _Bytes(file, path)
+        for n in range(content.count("cameras", CAMERA.size)):
+            number, model, width, height = map(int, content.take(CAMERA, f"camera {n}"))
+            if not 0 <= model < len(NUMBERED):
+                yield CameraRecord(number, f"number {model}", width, height, [])
+                return
+            name, count = NUMBERED[model]
+            parameters = content.take(struct.Struct(f"<{count}d"), f"camera {n}")
+            yield CameraRecord(number, name, width, height, parameters)
+
+
+def pictures_of(path: Path) -> Iterator[Posed]:
+    """Pictures of images.bin, without their points; errors as in `cameras_of`."""
+    with path.open("rb") as file:
+        content = _Bytes(file, path)
+        for n in range(content.count("pictures", PICTURE.size + 1 + COUNT.size)):
+            _, *numbers, camera = content.take(PICTURE, f"picture {n}")
+            name = content.name(f"picture {n}")
+            points = int(content.take(COUNT, f"picture {n}")[0])
+            content.skip(POINT_BYTES * points, f"picture {n}")
+            yield Posed(name, numbers, int(camera))
+
+
+# Camera without a pose, and the height and width of its pictures, px.
+Sized = tuple[Camera, tuple[int, int]]
 OTHERS = -1  # key of the message for all cameras after an unreadable one
 Cameras = Mapping[int, Sized | str]  # by number; a text says why one is unavailable
 
@@ -49,7 +150,7 @@ def read_colmap(path: Path) -> list[Entry]:
     cameras = images.with_name("cameras.bin" if is_binary else "cameras.txt")
     known = (_binary_cameras if is_binary else _text_cameras)(cameras) if cameras.is_file() else {}
     if is_binary:
-        pictures = colmap_binary.pictures_of(images)
+        pictures = pictures_of(images)
         return [
             entry_of(f"{images}: picture {n}", picture.name, _entry, picture, cameras, known)
             for n, picture in enumerate(pictures)
@@ -83,7 +184,8 @@ def _entry(picture: Posed, path: Path, cameras: Cameras) -> Entry:
     found = cameras.get(picture.camera, cameras.get(OTHERS, unknown))
     if isinstance(found, str):
         return Refused(picture.name, found, pose)
-    return PosedPicture(picture.name, pose, found.camera.moved(pose), found.shape)
+    camera, shape = found
+    return PosedPicture(picture.name, pose, camera.moved(pose), shape)
 
 
 def _camera(model: str, width: float, height: float, given: Sequence[float]) -> Sized:
@@ -107,7 +209,7 @@ def _camera(model: str, width: float, height: float, given: Sequence[float]) -> 
         camera = camera.with_lens(
             coefficients, LensModel.FISHEYE if is_fisheye else LensModel.PINHOLE
         )
-    return Sized(camera, (int(height), int(width)))
+    return camera, (int(height), int(width))
 
 
 # Text.
@@ -161,13 +263,13 @@ def _text_cameras(path: Path) -> Cameras:
 
 def _binary_cameras(path: Path) -> Cameras:
     cameras: dict[int, Sized | str] = {}
-    for number, model, width, height, given in colmap_binary.cameras_of(path):
+    for number, model, width, height, given in cameras_of(path):
         try:
             with naming(f"{path}: camera {number}"):
                 cameras[number] = _camera(model, width, height, given)
         except ValueError as error:
             cameras[number] = str(error)
-        if model not in dict(colmap_binary.MODELS):
+        if model not in dict(NUMBERED):
             cameras[OTHERS] = (
                 f"{path}: cameras after camera {number} cannot be read, as its model, {model},"
                 " is not known"

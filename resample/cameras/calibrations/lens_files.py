@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 from resample.cameras.models import Camera, LensModel
 from resample.cameras.poses import turned_by
 from resample.reading.limits import check_size
-from resample.reading.markup import check_xml_text
-from resample.reading.texts import json_of, text_of, toml_of, yaml_of
+from resample.reading.texts import check_xml_text, json_of, text_of, toml_of, yaml_of
 from resample.types import Doubles
 from resample.words import naming, numbers_in
 
@@ -84,15 +83,12 @@ def read_intrinsics(path: str) -> Calibration:
 def read_calibration(text: str, model: LensModel | None = None) -> Calibration:
     """Read a camera with a lens, from a file or numbers, and its rectification.
 
-    Parameters
-    ----------
-    text
-        fx, fy, cx, cy, k1, k2, p1, p2[, k3...], for a fisheye fx, fy, cx, cy, k1, k2, k3, k4; or
-        the path of a .yml, .yaml, .xml or .json file of `cv2.FileStorage`, or of a .json, .toml or
-        plain .yaml file with a camera_matrix and distortion_coefficients, and optionally a
-        lens_model (pinhole or fisheye), a rectification_matrix (3, 3), and a new_camera_matrix
-        (3, 3) or (3, 4); of a camera_info .yaml of ROS, from its calibrator or a printed message;
-        or of Open3D's .json of a pinhole.
+    `text`: fx, fy, cx, cy, k1, k2, p1, p2[, k3...], for a fisheye fx, fy, cx, cy, k1, k2, k3, k4;
+    or the path of a .yml, .yaml, .xml or .json file of `cv2.FileStorage`, or of a .json, .toml or
+    plain .yaml file with a camera_matrix and distortion_coefficients, and optionally a lens_model
+    (pinhole or fisheye), a rectification_matrix (3, 3), and a new_camera_matrix (3, 3) or (3, 4);
+    of a camera_info .yaml of ROS, from its calibrator or a printed message; or of Open3D's .json of
+    a pinhole.
     """
     if is_file(text):
         return _of_file(Path(text), model, needs_lens=True)

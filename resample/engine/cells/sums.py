@@ -120,12 +120,8 @@ def _finish_band(
 def finish(counter: Counter, picture: Floats, border: Border, is_sum: bool, means: Means) -> None:
     """Resolve sums to means: pixels filled by the source are divided by their weights.
 
-    Parameters
-    ----------
-    picture
-        (height, width, lanes) sums of some channels and, last, of weights.
-    is_sum
-        Keep sums as they are.
+    `picture`: (height, width, lanes) sums of some channels and, last, of weights. `is_sum`: keep
+    sums as they are.
     """
     for rows in bands(counter, picture.shape[0], BAND):
         _finish_band(picture, border, is_sum, rows, means)

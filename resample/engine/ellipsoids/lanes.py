@@ -281,20 +281,10 @@ def paint_splats_on_rows(
 
     Return how many were taken, and how many of those painted are at home in the tile.
 
-    Parameters
-    ----------
-    rows, open_groups
-        The canvas, and which of its groups are not opaque.
-    room, offset
-        Columns as `form_batch` fills them, and where in the first column splats are.
-    step
-        Px between sub-pixels.
-    formula
-        Line integrals of the kernel, and opacities.
-    limits
-        What all splats of a tile share.
-    mixture
-        None: all footprints are exact.
+    `rows`, `open_groups`: the canvas, and which of its groups are not opaque. `room`, `offset`:
+    columns as `form_batch` fills them, and where in the first column splats are. `step`: px between
+    sub-pixels. `formula`: line integrals of the kernel, and opacities. `limits`: what all splats of
+    a tile share. `mixture`: None: all footprints are exact.
     """
     zero, two, at_home = np.float32(0.0), np.float32(2.0), 0
     for n in range(offset.size):

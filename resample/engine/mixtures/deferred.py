@@ -355,24 +355,12 @@ def paint_runs(
 ) -> None:
     """Paint the tiles listed in `tile_order` from the runs that each may show.
 
-    Parameters
-    ----------
-    tile_order
-        Numbers of tiles that have members.
-    tiles
-        Their members are runs.
-    runs
-        At most BATCH samples in each.
-    stage
-        What all painters share.
-    formula
-        Line integrals and opacities of the kernel.
-    mixture
-        None: all samples are splats of exact footprint, and no other code is compiled.
-    output
-        Film (H, W), filled; a tally (T, 4), filled: points and splats painted by the tiles that
-        hold their centers, 0, and grids; and checkpoints of tiles that are painted step by step.
-        Steps of mixtures end between sheets of points.
+    `tile_order`: numbers of tiles that have members. `tiles`: their members are runs. `runs`: at
+    most BATCH samples in each. `stage`: what all painters share. `formula`: line integrals and
+    opacities of the kernel. `mixture`: None: all samples are splats of exact footprint, and no
+    other code is compiled. `output`: film (H, W), filled; a tally (T, 4), filled: points and splats
+    painted by the tiles that hold their centers, 0, and grids; and checkpoints of tiles that are
+    painted step by step. Steps of mixtures end between sheets of points.
     """
     eye, shape, _ = optics_of(stage)
     margin, (film, tally, carried) = margin_of(mixture, stage), output

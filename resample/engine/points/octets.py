@@ -15,17 +15,10 @@ def spread(
 ) -> None:
     """Add eight amounts to each cell of a square, times the weights of its row and column.
 
-    Parameters
-    ----------
-    cells, layout
-        Flat; where the first cell begins, and how far rows of cells are apart.
-    amount
-        Eight numbers from `line` on.
-    rounding
-        Constant that is added to amounts times a row's weight and subtracted again, to round them.
-    weight, taps
-        Where those of columns begin, where those of rows do, how far they are apart, and the number
-        of rows, and of columns.
+    `cells`, `layout`: flat; where the first cell begins, and how far rows of cells are apart.
+    `amount`: eight numbers from `line` on. `rounding`: constant that is added to amounts times a
+    row's weight and subtracted again, to round them. `weight`, `taps`: where those of columns
+    begin, where those of rows do, how far they are apart, and the number of rows, and of columns.
     """
     (first, pitch), (across, down, step, count) = layout, taps
     for row in range(count):

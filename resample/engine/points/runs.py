@@ -306,21 +306,12 @@ def paint_point_runs(
     A run at a time: close the sheets in front of it, check occlusion, cull it, project its points,
     weigh the sub-pixels around them, and add them to their sheets.
 
-    Parameters
-    ----------
-    tile_order
-        Numbers of tiles, all of which have members.
-    tiles
-        Their members are runs.
-    runs
-        At most BATCH samples in each, which span at most SLOTS - 1 sheets.
-    stage
-        As for all painters; its layers are of depth, or around the eye.
-    profile, form
-        Filter of points as a polynomial in the squared distance, and how they are spread.
-    output
-        Film (H, W), filled; a tally (T, 4), filled: points painted by the tiles that hold their
-        centers, and grids; and checkpoints of tiles that are painted step by step.
+    `tile_order`: numbers of tiles, all of which have members. `tiles`: their members are runs.
+    `runs`: at most BATCH samples in each, which span at most SLOTS - 1 sheets. `stage`: as for all
+    painters; its layers are of depth, or around the eye. `profile`, `form`: filter of points as a
+    polynomial in the squared distance, and how they are spread. `output`: film (H, W), filled; a
+    tally (T, 4), filled: points painted by the tiles that hold their centers, and grids; and
+    checkpoints of tiles that are painted step by step.
     """
     sight, planes, size = outline_setup(stage, NO_REACH), stage.screen.planes, form.cells
     samples, start, known = runs.samples, runs.start, runs.known

@@ -213,18 +213,9 @@ def find_coefficients(
 ) -> None:
     """Find the coefficients of the cubic spline that interpolates all samples.
 
-    Parameters
-    ----------
-    values
-        All finite.
-    shape
-        Z, Y and X.
-    to
-        How coefficients are stored.
-    flat
-        ((Z + 2 PAD) (Y + 2 PAD) (X + 2 PAD),) filled.
-    cut
-        (slabs,) filled: how many coefficients were clipped to what can be stored.
+    `values`: all finite. `shape`: Z, Y and X. `to`: how coefficients are stored. `flat`: ((Z + 2
+    PAD) (Y + 2 PAD) (X + 2 PAD),) filled. `cut`: (slabs,) filled: how many coefficients were
+    clipped to what can be stored.
     """
     for slab in tasks(counter, cut.size):
         cut[slab] = _filter_slab(slab, values, shape, to, flat)
@@ -330,14 +321,8 @@ def find_bounds(
 ) -> None:
     """Find the least and greatest value of a spline in each brick, in units of its coefficients.
 
-    Parameters
-    ----------
-    flat
-        As of `find_coefficients`, by `bundled`.
-    shape
-        Samples along z, y and x.
-    bounds
-        (⌈(Z + 1) / BRICK⌉, ...) filled.
+    `flat`: as of `find_coefficients`, by `bundled`. `shape`: samples along z, y and x. `bounds`:
+    (⌈(Z + 1) / BRICK⌉, ...) filled.
     """
     planes, rows, _ = bounds.least.shape
     room = np.empty((BRICK + 6, shape[2] + 2 * PAD), np.float32)

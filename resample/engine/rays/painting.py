@@ -174,18 +174,8 @@ def paint_rays(
 ) -> None:
     """Paint tiles of a picture by casting rays.
 
-    Parameters
-    ----------
-    count
-        Tiles to paint.
-    fineness
-        Sub-pixels per side of a pixel.
-    way
-        What is integrated along rays.
-    medium
-        The field.
-    output
-        The picture, filled.
+    `count`: tiles to paint. `fineness`: Sub-pixels per side of a pixel. `way`: what is integrated
+    along rays. `medium`: the field. `output`: the picture, filled.
     """
     for task in tasks(counter, count):
         _paint(output.which[task], fineness, way, medium, output)

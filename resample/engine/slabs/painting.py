@@ -392,18 +392,11 @@ def paint_summed_runs(
 ) -> None:
     """Paint the tiles listed in `tile_order` from the runs that each may show.
 
-    Parameters
-    ----------
-    tile_order, tiles, runs, stage
-        As of `resample.engine.mixtures.deferred.paint_runs`.
-    ways
-        How samples are grouped, integrated and composited.
-    mixture
-        Models of samples that are not all splats of exact footprint; or None.
-    output
-        Film (H, W), filled; values (H, W) of projections, filled, or (0, 0); a tally (T, 4),
-        filled: points and splats painted by the tiles that hold their centers, 0, and grids; and
-        checkpoints of tiles that are painted step by step.
+    `tile_order`, `tiles`, `runs`, `stage`: as of `resample.engine.mixtures.deferred.paint_runs`.
+    `ways`: how samples are grouped, integrated and composited. `mixture`: models of samples that
+    are not all splats of exact footprint; or None. `output`: film (H, W), filled; values (H, W) of
+    projections, filled, or (0, 0); a tally (T, 4), filled: points and splats painted by the tiles
+    that hold their centers, 0, and grids; and checkpoints of tiles that are painted step by step.
     """
     # Allocate what all tiles of this thread use.
     (eye, shape, _), (film, value, tally, carried) = optics_of(stage), output

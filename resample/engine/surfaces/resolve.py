@@ -40,17 +40,9 @@ def resolve_tile(fine: Floats, weight: Weights, n: int, pixels: Floats) -> None:
 def resolve_rows(counter: Counter, fine: Floats, weight: Floats, n: int, picture: Floats) -> None:
     """Filter sub-pixels to pixels.
 
-    Parameters
-    ----------
-    fine
-        ((H + 2 m) n, (W + 2 m) n C) sub-pixels of C channels side by side; m px of them lie around
-        the picture.
-    weight
-        ((2 m + 1) n,) of the sub-pixels along one axis that a pixel reads.
-    n
-        Sub-pixels per side of a pixel.
-    picture
-        (H, W, C), filled.
+    `fine`: ((H + 2 m) n, (W + 2 m) n C) sub-pixels of C channels side by side; m px of them lie
+    around the picture. `weight`: ((2 m + 1) n,) of the sub-pixels along one axis that a pixel
+    reads. `n`: Sub-pixels per side of a pixel. `picture`: (H, W, C), filled.
     """
     for row in tasks(counter, picture.shape[0]):
         _resolve_row(fine, weight, n, row, picture)
@@ -96,12 +88,9 @@ def middle_of_rows(
 ) -> None:  # fmt: skip
     """Find the surface that shows most in each pixel's own square: the middle one by nearness.
 
-    Parameters
-    ----------
-    nearness, beside
-        (H n, W n) of sub-pixels, 0 where nothing is; and what else is known of them.
-    middle, middle_beside
-        (H, W) filled: both of the middle sub-pixel among those where something is.
+    `nearness`, `beside`: (H n, W n) of sub-pixels, 0 where nothing is; and what else is known of
+    them. `middle`, `middle_beside`: (H, W) filled: both of the middle sub-pixel among those where
+    something is.
     """
     for row in tasks(counter, middle.shape[0]):
         _middle_of_row(nearness, beside, n, row, middle, middle_beside)

@@ -184,14 +184,8 @@ def _columns(line: Floats, n: int, dy: Single, rows: int, left: int, right: int)
 def add_splats(ground: Ground, values: Floats, line: Floats, count: int, weight: Floats) -> None:
     """Add a line of splats to pixels.
 
-    Parameters
-    ----------
-    values
-        (1 or 3, N).
-    line
-        (ROWS, N) of which `count` are added.
-    weight
-        (SIDE²,) of numbers to work with.
+    `values`: (1 or 3, N). `line`: (ROWS, N) of which `count` are added. `weight`: (SIDE²,) of
+    numbers to work with.
     """
     sums, start, width, height = ground
     lanes = values.shape[0] + 1

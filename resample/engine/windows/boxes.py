@@ -35,7 +35,7 @@ class Integral(NamedTuple):
     taps: int
     before: int
     shift: float
-    shortest: float  # samples; shorter sides are widened to it, or are points
+    shortest: float = SHORTEST  # samples; shorter sides are widened to it, or are points
 
 
 class PointTaps(NamedTuple):

@@ -66,15 +66,9 @@ def geo_of(tags: Directory) -> Geo | None:
 def moved(geo: Geo, matrix: Doubles) -> Geo:
     """Georeference of a warped picture.
 
-    Parameters
-    ----------
-    matrix
-        (3, 3) homography from source to target, px from the corners.
-
-    Returns
-    -------
-    Georeference of the target. It is lost if `matrix` is not affine, except for tie points, which
-    are mapped exactly.
+    `matrix`: (3, 3) homography from source to target, px from the corners. Result: georeference of
+    the target. It is lost if `matrix` is not affine, except for tie points, which are mapped
+    exactly.
     """
     bare = matrix / matrix[2, 2] if matrix[2, 2] else matrix
     if geo.points is not None:

@@ -149,7 +149,7 @@ def complete(path: Path, pages: list[WrittenPage]) -> None:
             add_tags(path, additions)
         return
     about, shape, _ = pages[0]
-    tags = {**_sized(about.camera, shape), ORIENTATION: _short(1)}
+    tags = {**_sized(about.camera, shape), ORIENTATION: Tag(SHORT, np.array([1], np.uint16))}
     if suffix in PNG and (about.camera or about.profile):
         _put_into_png(path, block_of(tags) if about.camera else b"")
     elif suffix in JPEG and about.camera:
@@ -194,10 +194,6 @@ def _shorter(tags: Directory) -> Directory:
     if not isinstance(inner, Mapping):
         return {}
     return {**tags, EXIF: {tag: inner[tag] for tag in inner if tag != MAKERS_NOTES}}
-
-
-def _short(number: int) -> Tag:
-    return Tag(SHORT, np.array([number], np.uint16))
 
 
 def _exif_block(path: Path) -> bytes:

@@ -16,7 +16,7 @@ from zarr.codecs._v2 import V2Codec
 from zarr.core.buffer.cpu import as_numpy_array_wrapper
 
 from resample.memory import amount
-from resample.reading.unpacking import bunzipped, check_becomes, deflated, unlzma
+from resample.reading.limits import bunzipped, check_becomes, deflated, unlzma
 
 ZSTD = 0xFD2FB528  # magic number of a frame
 ZSTD_BLOCK = 1 << 17  # largest unpacked size of a block, bytes

@@ -12,8 +12,14 @@ from zarr.storage import WrapperStore
 
 from resample.files.stores.codecs import bound
 from resample.memory import amount
-from resample.reading.limits import LimitError, allows_outside, check_free, check_size, neighbour
-from resample.reading.unpacking import check_member
+from resample.reading.limits import (
+    LimitError,
+    allows_outside,
+    check_free,
+    check_member,
+    check_size,
+    neighbour,
+)
 
 PER_VALUE, BESIDE = 2, 4096  # largest packed size, relative to the values, plus a constant in bytes
 LEAST = 1 << 20  # bytes that a codec may produce, however small the chunk

@@ -37,11 +37,13 @@ class EndOfStep(NamedTuple):
     due: int  # number of the first layer that is not composited
 
 
-class InSteps(NamedTuple):
-    """Painter of a planned scene, step by step."""
+class RunPainter(NamedTuple):
+    """Painter of a planned scene by runs of samples: of all at once, or step by step."""
 
     runs: Callable[[Samples], Runs]
+    find_spacings: Callable[[Tiles, Runs], None]
     paint: Callable[[Indices, Tiles, Runs, Output], None]  # paints tiles of given numbers
+    points: Callable[[Tiles, Runs], int]  # number of visible samples that are points
     between: Between
     kept: int  # numbers per sub-pixel that are kept between steps
     is_measuring: bool = False  # values of a projection are measured

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from resample.memory.contiguous import contiguous
+from resample.memory.mapped import contiguous
 from resample.painting.scenes.plans import PicturePlan, Window
 from resample.profiles.orders import Summing
 from resample.types import (
@@ -259,6 +259,14 @@ class PaintTarget(NamedTuple):
         """Statistics of a rendering of `samples` samples."""
         points, splats, hidden = (int(count) for count in self.tally[:, :3].sum(axis=0))
         return Statistics(samples, points, splats, hidden, int(self.tally[:, 3].max()), seconds)
+
+    def cut(self, window: Window) -> "PaintTarget":
+        """The part of a picture in a window."""
+        x0, y0, x1, y1 = window
+        part = slice(y0, y1), slice(x0, x1)
+        film = Film(*(np.ascontiguousarray(layer[part]) for layer in self.film))
+        value = self.value[part].copy() if self.value.size else self.value
+        return self._replace(film=film, value=value)
 
 
 def nothing_painted(

@@ -6,14 +6,24 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 from cyclopts import Parameter
 from pydantic import Field
 
-from resample.command.about import NUMBERS, OptionTopic
-from resample.command.flags import Hyphen, Steady, Switch, Up, Viewed
-from resample.command.settings import CAMERA, Choices, Threads
-from resample_points.command.cameras import Shape, calibrated_of, camera_of, sized, start_of
+from resample.command.flags import (
+    CAMERA,
+    NUMBERS,
+    Hyphen,
+    OptionTopic,
+    Steady,
+    Switch,
+    Up,
+    Viewed,
+    viewpoint,
+)
+from resample.command.settings import Choices, Threads
 
 if TYPE_CHECKING:
-    from resample.types import Floats
+    from resample.cameras.calibrations.lens_files import Calibration
+    from resample.cameras.viewpoints import Viewpoint
     from resample_points.geometry.spacing import Surfels
+    from resample_points.scenes import Shape
 
 
 class CloudOptions(Choices):
@@ -141,10 +151,11 @@ class CloudAim(CloudStart):
         start_of(self.camera, self.up)
         calibrated_of(self.pose, self.intrinsics)
 
-    def camera_for(self, surfels: "Surfels", shape: Shape) -> Any:
+    def camera_for(self, surfels: "Surfels", shape: "Shape") -> Any:
         """Return the camera for a picture (height, width) of a cloud; raises as `check` does."""
         from resample.cameras.viewpoints import Orbit
         from resample_points.geometry.framing import ball_around
+        from resample_points.scenes import camera_of, sized
 
         calibrated = calibrated_of(self.pose, self.intrinsics)
         if calibrated is not None:
@@ -155,8 +166,24 @@ class CloudAim(CloudStart):
         return camera_of(surfels, shape, start)
 
 
-def beside(rgba: "Floats", bar: "Floats | None", background: Any) -> "Floats":
-    """Put a color bar beside a picture, if there is one."""
-    from resample.measuring.color_bars import with_color_bar
+def start_of(camera: str, up: str) -> "Viewpoint":
+    """Read a cloud's viewpoint; angles get the default field of view of clouds."""
+    from resample_points.geometry.framing import FIELD
 
-    return rgba if bar is None else with_color_bar(rgba, bar, background)
+    start = viewpoint(camera, FIELD, up)
+    if getattr(start, "fov", FIELD) == 0:
+        raise ValueError("a field of view of 0 degrees; clouds are seen in perspective")
+    return start
+
+
+def calibrated_of(pose: str | None, intrinsics: str | None) -> "Calibration | None":
+    """Read the camera of --pose and --intrinsics, if given."""
+    from resample.cameras.files import read_pose
+    from resample.command.intrinsics import with_intrinsics
+
+    if pose is None and intrinsics is None:
+        return None
+    if pose is None or intrinsics is None:
+        raise ValueError("--pose and --intrinsics belong together; give both, or --camera")
+    calibration = with_intrinsics("intrinsics", intrinsics, "corner")
+    return calibration._replace(camera=calibration.camera.moved(read_pose(pose)))

@@ -1,45 +1,48 @@
-"""Render clouds for the command line."""
+"""Render clouds and films of clouds for the command line."""
 
+import math
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from resample.command.settings import FrameFormat
-from resample.console.messages import say
-from resample_points.command.cameras import Shape, sized
-from resample_points.command.choices import CloudOptions, beside
+from resample.console import say
+from resample.lazy import installed_version
+from resample_points.command.choices import CloudOptions
 
 if TYPE_CHECKING:
-    from resample.cameras.calibrations.lens_files import Calibration
     from resample.cameras.models import Camera
+    from resample.cameras.viewpoints import Viewpoint
     from resample.command.session import Session
+    from resample.files.animations import Frames, Shots
     from resample.types import Floats
     from resample_points.data.coloring import Scale
     from resample_points.geometry.spacing import Surfels
+    from resample_points.scenes import CloudScene, Shape
 
 CHANNELS = 4  # of a picture, with its opacity
+PATHS = ("orbit", "sway")
+FRAMES = 96
+SWAY = 20.0  # degrees to each side
 FAR = 100.0  # times its extent from which a cloud's distance to the origin is reported
 
 
-class CloudScene(NamedTuple):
-    """A cloud, ready to be rendered."""
+class ColoredScene(NamedTuple):
+    """A cloud, ready to be rendered with the options of a command."""
 
-    surfels: "Surfels"
+    scene: "CloudScene"
     options: CloudOptions
     scale: "Scale | None"  # scale of its colors
 
-    def picture(self, camera: "Camera | Calibration", shape: Shape) -> Any:
+    def picture(self, camera: "Camera", shape: "Shape") -> Any:
         """Render a frame."""
-        from resample_points.painting.rendering import render_cloud
+        return self.scene.render(camera, size=shape[::-1], **self.choices())
 
+    def choices(self) -> dict[str, Any]:
+        """Return the choices of a picture."""
         look = self.options
-        return render_cloud(
-            self.surfels,
-            sized(camera, shape),
-            size=shape[::-1],
-            style=look.style(),
-            filter=look.filter,
-            threads=look.threads,
-        )
+        return {"style": look.style(), "filter": look.filter, "threads": look.threads}
 
     def bar(self, height: int, background: Any) -> "Floats | None":
         """Return the color bar, if requested."""
@@ -53,9 +56,13 @@ class CloudScene(NamedTuple):
 
     def shown(self, frame: Any, form: FrameFormat) -> Any:
         """Return a frame, with the color bar if requested."""
+        from resample.measuring.color_bars import with_color_bar
+
         behind = form.behind()
         bar = self.bar(frame.rgba.shape[0], behind)
-        return frame._replace(rgba=beside(frame.rgba, bar, behind))
+        if bar is None:
+            return frame
+        return frame._replace(rgba=with_color_bar(frame.rgba, bar, behind))
 
     def write(self, path: Path, frame: Any, form: FrameFormat) -> None:
         """Write a frame with its color bar."""
@@ -64,12 +71,13 @@ class CloudScene(NamedTuple):
         write_frame(path, self.shown(frame, form), bits=form.bits, background=form.behind())
 
 
-def scene_of(session: "Session", file: Path, look: CloudOptions) -> CloudScene:
+def scene_of(session: "Session", file: Path, look: CloudOptions) -> ColoredScene:
     """Read, color and prepare the cloud of a file."""
     from resample.watching import told
     from resample_points.data.coloring import colored
     from resample_points.files.readers import read_cloud
     from resample_points.geometry.spacing import LARGEST, prepare_cloud
+    from resample_points.scenes import CloudScene
 
     columns = () if look.color_by is None else (look.color_by,)
     with session.stage("read", bar="reading") as progress, told(progress):
@@ -84,7 +92,7 @@ def scene_of(session: "Session", file: Path, look: CloudOptions) -> CloudScene:
             cache=not look.no_cache,
         )
     mention_origin(file.name, surfels)
-    return CloudScene(surfels, look, scale)
+    return ColoredScene(CloudScene(surfels), look, scale)
 
 
 def mention_origin(name: str, surfels: "Surfels") -> None:
@@ -102,8 +110,88 @@ def mention_origin(name: str, surfels: "Surfels") -> None:
         )
 
 
-def check_memory(shape: Shape, output: Path, workers: int = 0) -> None:
+def check_memory(shape: "Shape", output: Path, workers: int = 0) -> None:
     """Refuse a picture (height, width) that does not fit into memory, here and in workers."""
     from resample.command.session import bytes_per_value, require_picture
 
     require_picture(shape, CHANNELS * bytes_per_value(output), workers=workers)
+
+
+def path_of(path: str, frames: int | None, fps: float, start: "Viewpoint") -> "list[Viewpoint]":
+    """Return the viewpoints of all frames of a film.
+
+    Parameters
+    ----------
+    frames
+        Number of frames; None: `FRAMES`, or as many as the keyframes' times (s) need.
+    fps
+        Frames per second.
+    """
+    from resample.cameras.viewpoints import Orbit
+    from resample.command.films import is_file_of_path, tour_of
+    from resample.files.animations import check_count
+    from resample_points.geometry.framing import FIELD
+
+    if is_file_of_path(path, PATHS):
+        return tour_of(Path(path), frames, fps, FIELD).viewpoints()
+    if not isinstance(start, Orbit):
+        raise ValueError(
+            f"the path {path} goes around the cloud; give --camera as azimuth/elevation/zoom, or a "
+            "file of keyframes or poses as --path"
+        )
+    count = FRAMES if frames is None else frames
+    check_count(count)
+    turns = [n / count for n in range(count)]
+    if path == "sway":
+        angles = [start.azimuth + SWAY * math.sin(2.0 * math.pi * turn) for turn in turns]
+    else:
+        angles = [start.azimuth + 360.0 * turn for turn in turns]
+    return [replace(start, azimuth=angle) for angle in angles]
+
+
+def film_of(
+    scene: ColoredScene, cameras: Sequence[Any], shape: "Shape", background: Any
+) -> "Shots":
+    """Return the frames of a film of a cloud."""
+    import numpy as np
+
+    from resample.files.animations import Shots, fingerprint
+    from resample.files.saving import screen_levels
+    from resample.measuring.color_bars import with_color_bar
+
+    bar = scene.bar(shape[0], background)
+
+    def frame(n: int) -> Any:
+        rgba = scene.picture(cameras[n], shape).rgba
+        if bar is not None:
+            rgba = with_color_bar(rgba, bar, background)
+        return screen_levels(rgba, background=background)
+
+    surfels = scene.scene.surfels
+    job = {
+        "cloud": fingerprint(surfels.origin, surfels.position, surfels.axes, surfels.color),
+        "cameras": fingerprint(
+            np.stack([camera.matrix for camera in cameras]),
+            np.stack([camera.world_to_camera for camera in cameras]),
+        ),
+        "size": list(shape),
+        "look": scene.options.model_dump(exclude={"threads", "no_cache"}),
+        "background": list(background),
+        "version": installed_version(),
+    }
+    return Shots(len(cameras), frame, job)
+
+
+def frames_of(
+    file: Path,
+    look: CloudOptions,
+    cameras: Sequence[Any],
+    shape: "Shape",
+    background: Any,
+    threads: int,
+) -> "Frames":
+    """Return the function that makes frames of a file's cloud."""
+    from resample.command.session import Session
+
+    scene = scene_of(Session(), file, look.model_copy(update={"threads": threads}))
+    return film_of(scene, cameras, shape, background).frame

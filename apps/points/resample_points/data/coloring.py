@@ -45,12 +45,9 @@ def colored(
 ) -> Colored:
     """Color a cloud by a column of its file.
 
-    Parameters
-    ----------
-    span
-        Values at the ends of the colormap; values beyond get the color of the end. Two numbers, or
-        text `low,high`, each of which may be a quantile: `2%,98%`. Default: the least and the
-        greatest value.
+    `span`: values at the ends of the colormap; values beyond get the color of the end. Two numbers,
+    or text `low,high`, each of which may be a quantile: `2%,98%`. Default: the least and the
+    greatest value.
     """
     value = _column(cloud, column)
     whole = span_in(value)

@@ -6,7 +6,6 @@ parts of `STEP` points, so that copies are small.
 
 import logging
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -14,6 +13,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from resample.memory import ALLOWED, amount, available_memory, memory_in_use
 from resample.memory.mapped import array_in_file, array_like, folder, most_of
+from resample.outofcore.passes import DIGIT, counts_by_digit, ranked, thread_pool
 from resample_points.data.cloud import Cloud, some_of
 
 Part = TypeVar("Part")
@@ -21,8 +21,7 @@ Part = TypeVar("Part")
 LOG = logging.getLogger("resample")
 STEP = 1 << 18  # points per part
 PER_POINT = 180  # most bytes per point in memory: read, prepared and painted
-MOST_SORTED = 1 << 20  # values sorted at once
-RANGES = 1024  # ranges of the histogram of values
+SIGN = np.uint64(1 << 63)  # bit of a float64
 LEAST_SHARE = 8  # a cloud may take 1 / 8 of `--memory`, whatever else is in memory
 
 
@@ -112,7 +111,7 @@ def on_threads(work: Callable[[Part], None], parts: Iterable[Part]) -> None:
     """Run NumPy work for each part, on as many threads as kernels use."""
     from resample.engine.jit import workers
 
-    with ThreadPoolExecutor(workers()) as pool:
+    with thread_pool(workers()) as pool:
         list(pool.map(work, parts))  # raises what work does
 
 
@@ -141,38 +140,20 @@ def quantile_of(values: NDArray[Any], share: float) -> float:
     count = sum(part.size for part in _finite(values))
     place = share * (count - 1)
     n, rest = int(place), place - int(place)
-    low, high = _ranked(values, n), _ranked(values, min(n + 1, count - 1))
+
+    def counted(prefix: int, digit: int) -> NDArray[np.int64]:
+        parts = (counts_by_digit(_sorted_bits(part), prefix, digit) for part in _finite(values))
+        return sum(parts, np.zeros(1 << DIGIT, np.int64))
+
+    bits = np.array(ranked([n, min(n + 1, count - 1)], counted, 4), np.uint64)
+    low, high = map(float, np.where(bits & SIGN, bits ^ SIGN, ~bits).view(np.float64))
     return low + (high - low) * rest if rest < 0.5 else high - (high - low) * (1.0 - rest)
 
 
-def _ranked(values: NDArray[Any], rank: int) -> float:
-    """Return the finite value of a rank in sorted order.
-
-    The range that contains it is narrowed until few values are left.
-    """
-    low, high = span_in(values) or (0.0, 0.0)
-    while True:
-        count = sum(int(((part >= low) & (part <= high)).sum()) for part in _finite(values))
-        if low == high or count <= MOST_SORTED:
-            break
-        share = np.arange(1, RANGES) / RANGES
-        edges = np.maximum.accumulate(low * (1.0 - share) + high * share)
-        edges[-1] = high  # so that they do not all fall into one range
-        held = np.zeros(RANGES, np.int64)
-        for part in _finite(values):
-            inside = part[(part >= low) & (part <= high)]
-            held += np.bincount(np.searchsorted(edges, inside, "right"), minlength=RANGES)
-        which = int(np.searchsorted(np.cumsum(held), rank, "right"))
-        rank -= int(held[:which].sum())
-        ends = np.concatenate([[low], edges, [np.nextafter(high, np.inf)]])
-        least, most = np.inf, -np.inf
-        for part in _finite(values):
-            inside = part[(part >= ends[which]) & (part < ends[which + 1])]
-            least = min(least, float(inside.min(initial=np.inf)))
-            most = max(most, float(inside.max(initial=-np.inf)))
-        low, high = least, most
-    few = [part[(part >= low) & (part <= high)] for part in _finite(values)] if low < high else []
-    return float(np.sort(np.concatenate(few))[rank]) if few else low
+def _sorted_bits(values: NDArray[np.float64]) -> NDArray[np.uint64]:
+    """Return numbers (N,) that are ordered as values are."""
+    bits = (values + 0.0).view(np.uint64)  # -0 is 0
+    return np.where(bits & SIGN, ~bits, bits | SIGN)
 
 
 def _finite(values: NDArray[Any]) -> Iterator[NDArray[np.float64]]:

@@ -68,16 +68,9 @@ class _Laser(NamedTuple):
 def read_las(path: Path, level: int = 0, columns: Sequence[str] | None = None) -> Cloud:
     """Read the cloud of a LAS, LAZ or COPC file.
 
-    Parameters
-    ----------
-    columns
-        Names of columns to keep; None: all.
-
-    Returns
-    -------
-    Colors are sRGB in 16 bits, or in 8 if none is above 255. If there are none, or all are black,
-    points are gray by their intensity, of which the 98 % quantile is white, or else get a color per
-    class.
+    `columns`: names of columns to keep; None: all. Result: colors are sRGB in 16 bits, or in 8 if
+    none is above 255. If there are none, or all are black, points are gray by their intensity, of
+    which the 98 % quantile is white, or else get a color per class.
     """
     laspy = _required(path.name)
     with _quiet(), path.open("rb") as file:

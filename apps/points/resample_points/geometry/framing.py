@@ -153,10 +153,7 @@ def framed_together(
 ) -> list[Camera]:
     """Return cameras at one distance from a cloud's center that all show the whole cloud.
 
-    Parameters
-    ----------
-    angles
-        Azimuth and elevation of each, degrees.
+    `angles`: azimuth and elevation of each, degrees.
     """
     seen = _visible(cloud)
     middle, camera = seen.box_middle(), _camera(size, fov)

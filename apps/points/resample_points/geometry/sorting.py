@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.memory.mapped import most_of
-from resample.types import Doubles, Floats
+from resample.types import Doubles, Floats, Indices
 from resample.watching import report, told
 from resample_points.data.cloud import Cloud, checked, some_of
 from resample_points.data.parts import on_threads, rows_of, zeros_beside
@@ -23,7 +23,6 @@ LOWER = np.uint64(63 - 16)  # bits of a code below those counted by the first so
 SAMPLED = 1 << 16  # points sampled to choose the ends of buckets
 SORTED = 160  # bytes per point while its bucket is sorted
 
-Indices = NDArray[np.int64]
 Codes = NDArray[np.uint64]
 
 

@@ -1,17 +1,26 @@
 """Prepare a cloud for rendering: sort points, find normals and discs.
 
-Done once per cloud; the result serves every camera.
+Done once per cloud; the result serves every camera, and is cached on disk.
+
+Neighbours are searched once per cloud, not once per picture. Files are in the user's cache, or in
+the folder that HYBRID_RESAMPLE_CACHE names; the least recently used are deleted when all together
+exceed `MOST_BYTES`. A file that is damaged or cannot be written only costs the time to measure
+again.
 """
 
+import hashlib
+from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.memory import amount
+from resample.files.writing import load_arrays, source_fingerprint, store_arrays
+from resample.memory import amount, mapped
 from resample.memory.mapped import is_in_file
-from resample.types import Doubles, Floats
+from resample.types import Doubles, Floats, Indices
 from resample.watching import portion
 from resample_points.data.cloud import Cloud
 from resample_points.data.parts import memory_left, rows_of, zeros_beside
@@ -25,7 +34,11 @@ SORTING, MEASURING = 0.2, 0.95  # share of all work, share of the rest
 RANKED = 48  # bytes per point while ranks are sorted
 CROWDED = 0.1  # share of the blocks that begin at the same code as the previous block
 
-Indices = NDArray[np.int64]
+MOST_BYTES = 1 << 30
+LEAST_POINTS = 20_000  # fewer are measured about as fast as loaded
+WIDTH = 9  # numbers per point: a normal and two half axes
+# Modules that measure discs.
+CODE = ("resample_points.geometry.spacing", "resample_points.geometry.kernels")
 
 
 class Surfels(NamedTuple):
@@ -65,7 +78,7 @@ def prepare_cloud(
         Most threads to use; the discs do not depend on it.
     cache
         Cache normals and discs in the user's cache folder; see
-        `resample_points.geometry.storing`.
+        `resample_points.geometry.spacing`.
 
     Returns
     -------
@@ -116,8 +129,6 @@ def _discs(ordered: Ordered, largest: float, cache: bool) -> Surfels:
         if len(cloud.radius) or not cache or is_in_file(position):
             _measured(position, normal, axes, None if len(cloud.radius) else largest)
         else:
-            from resample_points.geometry.storing import measured_once
-
             measure = partial(_measured, position, normal, axes, largest)
             measured_once(position, normal, axes, largest, measure)
     if count and len(cloud.radius):
@@ -246,3 +257,46 @@ def _along_ranks(position: Floats) -> Indices:
     for axis in range(3):
         ranks[np.argsort(position[:, axis], kind="stable"), axis] = np.arange(len(position))
     return np.argsort(curve_through(ranks).codes(ranks), kind="stable")
+
+
+def folder() -> Path:
+    """Return the cache's folder."""
+    return mapped.folder() / "clouds"
+
+
+def measured_once(
+    position: Floats, normal: Floats, axes: Floats, largest: float, measure: Callable[[], None]
+) -> None:
+    """Fill in normals and discs from the cache, or measure and cache them.
+
+    `position`: (N, 3), sorted. `normal`: (N, 3) 0 where unknown; filled in. `axes`: (N, 2, 3)
+    filled in.
+    """
+    if len(position) < LEAST_POINTS:
+        measure()
+        return
+    path = folder() / f"{_name(position, normal, largest)}.npz"
+    found = _read(path, len(position))
+    if found is not None:
+        normal[:], axes[:] = found[:, :3], found[:, 3:].reshape(-1, 2, 3)
+        return
+    measure()
+    numbers = np.concatenate([normal, axes.reshape(-1, 6)], axis=1, dtype=np.float32)
+    store_arrays(path, {"measured": numbers}, MOST_BYTES)
+
+
+def _name(position: Floats, normal: Floats, largest: float) -> str:
+    """Return the cache key of a cloud: a hash of its points and of the code."""
+    digest = hashlib.sha256(f"{source_fingerprint(*CODE)} {largest!r} {position.shape}".encode())
+    for array in (position, normal):
+        digest.update(np.ascontiguousarray(array, np.float32).data)
+    return digest.hexdigest()[:40]
+
+
+def _read(path: Path, count: int) -> Floats | None:
+    """Read a cache file; None if it is missing or damaged."""
+    held = load_arrays(path, "measured")
+    found = None if held is None else held["measured"]
+    if found is None or found.shape != (count, WIDTH) or found.dtype != np.float32:
+        return None
+    return found

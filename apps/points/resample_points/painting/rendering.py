@@ -15,7 +15,6 @@ from resample import registry
 from resample.cameras.models import AnyCamera, Camera
 from resample.memory.mapped import most_of
 from resample.painting.scenes.plans import shape_of
-from resample.painting.scenes.scene import dealt_to_tiles
 from resample.profiles.filters import PixelFilter
 from resample.profiles.subpixels import Subpixels, subpixels_of
 from resample.types import Floats, Frame, Records, Screen, Statistics
@@ -33,6 +32,7 @@ from resample_points.painting.windows import (
     Visibility,
     WindowCanvas,
     kinds_of,
+    paint_discs,
     paint_in_windows,
 )
 
@@ -241,21 +241,15 @@ def _painted_at_once(
 ) -> tuple[Visibility, dict[str, float]]:
     """Paint all discs; return what is visible of each, and seconds per stage."""
     from resample_points.painting.kernels.discs import SURFEL
-    from resample_points.painting.kernels.painting import Discs, paint
 
-    times = [perf_counter()]
+    begin, seconds = perf_counter(), dict.fromkeys(STAGES, 0.0)
     records = np.zeros(count, SURFEL)
     with told(None):
         see(slice(0, count), records)
-        times.append(perf_counter())
-        tiles = dealt_to_tiles(records, canvas.screen, canvas.size)
-    times.append(perf_counter())
-    discs = Discs(records, np.zeros(count, np.uint8))
-    paint(discs, tiles, canvas.subpixels, canvas.picture)
-    times.append(perf_counter())
-    seen = kinds_of(records)
-    seen |= np.where((discs.shows > 0) & (seen > 0), np.uint8(SHOWN), np.uint8(0))
-    return seen, dict(zip(STAGES, np.diff(times).tolist(), strict=True))
+    seconds["project"] = perf_counter() - begin
+    is_shown, seen = paint_discs(records, canvas, seconds), kinds_of(records)
+    seen |= np.where(is_shown & (seen > 0), np.uint8(SHOWN), np.uint8(0))
+    return seen, seconds
 
 
 def _filtered(

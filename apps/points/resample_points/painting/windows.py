@@ -5,7 +5,7 @@ fit into memory; only parts that these tiles show are projected again. Each tile
 in the same order as with a cloud in memory: the result is bit-identical.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -13,9 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.memory.mapped import array_in_file
+from resample.outofcore.passes import PassContext, passed
+from resample.outofcore.windows import spans_within
 from resample.painting.scenes.scene import dealt_to_tiles, tiles_along
-from resample.types import Records, Screen
-from resample.watching import portion, report, told
+from resample.types import Indices, Records, Screen
+from resample.watching import progress_here, told
 from resample_points.data.parts import rows_of, zeros_beside
 from resample_points.geometry.spacing import Surfels
 
@@ -50,7 +52,7 @@ def kinds_of(records: Records) -> Visibility:
 def paint_in_windows(
     surfels: Surfels, see: Projector, canvas: WindowCanvas, most: int
 ) -> tuple[Visibility, dict[str, float]]:
-    """Paint discs in files.
+    """Paint discs in files; at most `most` bytes of them are in memory.
 
     Parameters
     ----------
@@ -61,120 +63,111 @@ def paint_in_windows(
     -------
     What is visible of each disc, and seconds per stage.
     """
-    job = _RenderJob(surfels, see, canvas, most, dict.fromkeys(STAGES, 0.0))
-    with portion(0.0, SURVEYING):
-        survey = _surveyed(job)
-    spans = list(_spans(survey.start, most))
-    for n, span in enumerate(spans):
-        with told(None):  # of each part
-            _paint_span(job, survey, span)
-        with portion(SURVEYING, 1.0):
-            report(n + 1, len(spans))
-    return survey.visible, job.seconds
+    from resample_points.painting.kernels.discs import SURFEL
+
+    position, context = surfels.position, PassContext(tell=progress_here())
+    rows, seen = list(rows_of(position)), zeros_beside(position, (len(position),), np.uint8)
+    cloud = CloudInFiles(rows, see, canvas, most, seen, dict.fromkeys(STAGES, 0.0))
+    counts, touched = zip(*passed(cloud.survey, rows, context.portion(0, SURVEYING)), strict=True)
+    cloud = cloud._replace(touched=np.array(touched), start=np.cumsum([0, *sum(counts)]))
+    spans = list(spans_within(cloud.start, max(1, most // (SURFEL.itemsize + MEMBER))))
+    for _ in passed(cloud.paint, spans, context.portion(SURVEYING, 1.0)):
+        pass
+    return seen, cloud.seconds
 
 
-class _RenderJob(NamedTuple):
-    """Arguments and times of `paint_in_windows`."""
+class CloudInFiles(NamedTuple):
+    """A cloud in parts, whose windows are spans of tiles; see `resample.outofcore.windows`."""
 
-    surfels: Surfels
+    rows: list[slice]  # of the parts
     project: Projector
     canvas: WindowCanvas
     most: int  # bytes
+    visible: Visibility  # found by the passes
     seconds: dict[str, float]  # so far, per stage
+    start: Indices = np.zeros(0, np.int64)  # (T + 1,) number of discs in all previous tiles
+    touched: Indices = np.zeros((0, 2), np.int64)  # (parts, 2) first and last tile of each
 
+    def survey(self, part: slice) -> tuple[Indices, tuple[int, int]]:
+        """Return how many discs of a part each tile has; and the first and last that has any."""
+        from resample.engine.tiles import CHUNKS, count_members
 
-class _Survey(NamedTuple):
-    """Result of the first pass over all discs."""
-
-    visible: Visibility
-    start: NDArray[np.int64]  # (T + 1,) number of discs in all previous tiles
-    touched: NDArray[np.int64]  # (parts, 2) first and last tile that each part of the discs touches
-
-
-def _surveyed(job: _RenderJob) -> _Survey:
-    """Count the discs of each tile."""
-    from resample.engine.tiles import CHUNKS, count_members
-    from resample_points.painting.kernels.discs import SURFEL
-
-    begin, canvas, position = perf_counter(), job.canvas, job.surfels.position
-    rows, columns = tiles_along(canvas.screen, canvas.size)
-    seen = zeros_beside(position, (len(position),), np.uint8)
-    held, touched = np.zeros(rows * columns, np.int64), []
-    for part in rows_of(position):
-        records = np.zeros(part.stop - part.start, SURFEL)
-        count = np.zeros((CHUNKS, held.size), np.int64)
-        with told(None):
-            job.project(part, records)
+        begin, canvas = perf_counter(), self.canvas
+        rows, columns = tiles_along(canvas.screen, canvas.size)
+        count = np.zeros((CHUNKS, rows * columns), np.int64)
+        with told(None):  # of each kernel
+            records = self._projected(part)
             count_members(records, canvas.screen, canvas.size, columns, count)
-        seen[part] = kinds_of(records)
-        held += count.sum(axis=0)
-        tiles = np.flatnonzero(count.any(axis=0))
-        touched.append((tiles[0], tiles[-1]) if tiles.size else (0, -1))
-        report(part.stop, len(position))
-    start = np.concatenate([[0], np.cumsum(held)])
-    job.seconds["project"] += perf_counter() - begin
-    return _Survey(seen, start, np.array(touched, np.int64).reshape(-1, 2))
+        self.visible[part] = kinds_of(records)
+        held = count.sum(axis=0)
+        tiles = np.flatnonzero(held)
+        self.seconds["project"] += perf_counter() - begin
+        return held, (int(tiles[0]), int(tiles[-1])) if tiles.size else (0, -1)
+
+    def _projected(self, part: slice) -> Records:
+        """Return the projected discs of a part."""
+        from resample_points.painting.kernels.discs import SURFEL
+
+        records = np.zeros(part.stop - part.start, SURFEL)
+        self.project(part, records)
+        return records
+
+    def bounds(self, span: tuple[int, int]) -> list[slice]:
+        """Return the parts that have discs in a span of tiles."""
+        are_near = (self.touched[:, 0] < span[1]) & (self.touched[:, 1] >= span[0])
+        return [self.rows[n] for n in np.flatnonzero(are_near)]
+
+    def load(self, span: tuple[int, int]) -> tuple[Records, Indices]:
+        """Return the projected discs in a span of tiles, and their indices."""
+        from resample_points.painting.kernels.discs import SURFEL
+        from resample_points.painting.kernels.windows import find_overlapping
+
+        canvas, count = self.canvas, 0
+        held = int(self.start[span[1]] - self.start[span[0]])
+        found, which = self._allocate(held, SURFEL), self._allocate(held, np.dtype(np.int64))
+        shape = tiles_along(canvas.screen, canvas.size)
+        for part in self.bounds(span):
+            records = self._projected(part)
+            meets = np.zeros(len(records), np.bool_)
+            find_overlapping(records, (*shape, canvas.size), span, meets)
+            some = np.flatnonzero(meets)
+            found[count : count + some.size] = records[some]
+            which[count : count + some.size] = part.start + some
+            count += some.size
+        return found[:count], which[:count]
+
+    def _allocate(self, count: int, kind: np.dtype[Any]) -> NDArray[Any]:
+        """Allocate an array, in a file if it exceeds the memory limit."""
+        if count * kind.itemsize <= self.most:
+            return np.empty(count, kind)
+        return array_in_file((count,), kind, self.most, "a cloud on the screen")
+
+    def paint(self, span: tuple[int, int]) -> None:
+        """Paint the tiles of a span."""
+        begin = perf_counter()
+        with told(None):  # of each kernel
+            records, which = self.load(span)
+            self.seconds["project"] += perf_counter() - begin
+            is_shown = paint_discs(records, self.canvas, self.seconds, span)
+        self.visible[which[is_shown]] |= np.uint8(SHOWN)
 
 
-def _spans(start: NDArray[np.int64], most: int) -> Iterator[tuple[int, int]]:
-    """Yield spans of tiles whose discs fit into `most` bytes, or single tiles."""
-    from resample_points.painting.kernels.discs import SURFEL
-
-    discs = max(1, most // (SURFEL.itemsize + MEMBER))
-    tile, count = 0, len(start) - 1
-    while tile < count and start[tile] < start[-1]:
-        last = int(np.searchsorted(start, start[tile] + discs, side="right")) - 1
-        last = min(max(last, tile + 1), count)
-        if start[last] > start[tile]:
-            yield tile, last
-        tile = last
-
-
-def _paint_span(job: _RenderJob, survey: _Survey, span: tuple[int, int]) -> None:
-    """Paint the tiles of a span."""
+def paint_discs(
+    records: Records,
+    canvas: WindowCanvas,
+    seconds: dict[str, float],
+    span: tuple[int, int] = (0, -1),
+) -> NDArray[np.bool_]:
+    """Paint projected discs on a span of tiles, or on all; return which of them are shown."""
     from resample_points.painting.kernels.painting import Discs, paint
 
-    times, canvas = [perf_counter()], job.canvas
-    records, which = _discs_of(job, survey, span)
-    times.append(perf_counter())
-    tiles = dealt_to_tiles(records, canvas.screen, canvas.size)
-    start = np.clip(tiles.start, tiles.start[span[0]], tiles.start[span[1]])  # exclude other tiles
-    times.append(perf_counter())
+    begin = perf_counter()
+    with told(None):
+        tiles = dealt_to_tiles(records, canvas.screen, canvas.size)
+    own = np.clip(tiles.start, tiles.start[span[0]], tiles.start[span[1]])  # no other tiles
+    sorted_at = perf_counter()
     discs = Discs(records, np.zeros(len(records), np.uint8))
-    paint(discs, tiles._replace(start=start), canvas.subpixels, canvas.picture)
-    survey.visible[which[discs.shows > 0]] |= np.uint8(SHOWN)
-    times.append(perf_counter())
-    for stage, spent in zip(STAGES, np.diff(times).tolist(), strict=True):
-        job.seconds[stage] += spent
-
-
-def _discs_of(
-    job: _RenderJob, survey: _Survey, span: tuple[int, int]
-) -> tuple[Records, NDArray[np.int64]]:
-    """Return the projected discs in a span's tiles, and their indices."""
-    from resample_points.painting.kernels.discs import SURFEL
-    from resample_points.painting.kernels.windows import find_overlapping
-
-    canvas, count = job.canvas, 0
-    held = int(survey.start[span[1]] - survey.start[span[0]])
-    found, which = _allocate(job, held, SURFEL), _allocate(job, held, np.dtype(np.int64))
-    shape = tiles_along(canvas.screen, canvas.size)
-    for n, part in enumerate(rows_of(job.surfels.position)):
-        if survey.touched[n, 0] >= span[1] or survey.touched[n, 1] < span[0]:
-            continue
-        records = np.zeros(part.stop - part.start, SURFEL)
-        job.project(part, records)
-        meets = np.zeros(len(records), np.bool_)
-        find_overlapping(records, (*shape, canvas.size), span, meets)
-        some = np.flatnonzero(meets)
-        found[count : count + some.size] = records[some]
-        which[count : count + some.size] = part.start + some
-        count += some.size
-    return found[:count], which[:count]
-
-
-def _allocate(job: _RenderJob, count: int, kind: np.dtype[Any]) -> NDArray[Any]:
-    """Allocate an array, in a file if it exceeds the memory limit."""
-    if count * kind.itemsize <= job.most:
-        return np.empty(count, kind)
-    return array_in_file((count,), kind, job.most, "a cloud on the screen")
+    paint(discs, tiles._replace(start=own), canvas.subpixels, canvas.picture)
+    seconds["sort"] += sorted_at - begin
+    seconds["paint"] += perf_counter() - sorted_at
+    return np.asarray(discs.shows > 0)

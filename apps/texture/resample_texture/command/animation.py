@@ -11,7 +11,7 @@ from resample.engine.jit import threads
 from resample.files.animations import Levels, Shots, check_count, fingerprint
 from resample.files.saving import screen_levels
 from resample.types import Doubles, Floats
-from resample_texture.geometry.planes import plane_homography
+from resample_texture.geometry.cameras import plane_homography
 from resample_texture.types import Edge, Method
 
 FOV = 50.0  # degrees along the frame's shorter side

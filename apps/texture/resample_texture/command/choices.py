@@ -8,12 +8,22 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 from cyclopts import Parameter, Token
 from pydantic import Field
 
-from resample.command.about import NUMBERS, OptionTopic
-from resample.command.flags import FieldOfView, Hyphen, Switch, Up, Viewed
-from resample.command.settings import (
+from resample.command.flags import (
     CALIBRATED,
     COUNTED,
+    NUMBERS,
     SIZE,
+    Coverage,
+    FieldOfView,
+    Hyphen,
+    OptionTopic,
+    Stats,
+    Switch,
+    Up,
+    Viewed,
+    viewpoint,
+)
+from resample.command.settings import (
     Choices,
     Convention,
     FrameFormat,
@@ -21,23 +31,27 @@ from resample.command.settings import (
     Threads,
     height_and_width,
 )
-from resample.files.stores import addresses
+from resample.files.stores import opening
 
 if TYPE_CHECKING:
     from resample.cameras.models import AnyCamera
     from resample.cameras.viewpoints import Viewpoint
     from resample_texture.mesh.rendering import Mesh, MeshStyle
 
+INTERPOLATION = Field(
+    description="Interpolation between texels: area-spline, lanczos, spline, catmull-rom, "
+    "bilinear, nearest, gaussian."
+)
 Edges = Literal["transparent", "clamp", "wrap", "mirror"]
 
 
-def _picture(_kind: Any, words: Sequence[Token]) -> addresses.Place:
+def _picture(_kind: Any, words: Sequence[Token]) -> opening.Place:
     """Return the path or address that was given."""
-    return addresses.place_of(words[-1].value)
+    return opening.place_of(words[-1].value)
 
 
 Picture = Annotated[
-    Path | addresses.Address, Parameter(converter=_picture, n_tokens=1, accepts_keys=False)
+    Path | opening.Address, Parameter(converter=_picture, n_tokens=1, accepts_keys=False)
 ]
 
 
@@ -132,13 +146,7 @@ class PictureWarping(Choices):
         Field(description="Method: hybrid, paper, bilinear, opencv-supersample:n=8 ..."),
     ] = "hybrid"
     filter: MethodsFilter = None
-    interpolation: Annotated[
-        str | None,
-        Field(
-            description="Interpolation between texels: area-spline, lanczos, spline, catmull-rom, "
-            "bilinear, nearest, gaussian."
-        ),
-    ] = None
+    interpolation: Annotated[str | None, INTERPOLATION] = None
     quality: Annotated[
         float | None,
         Field(description="Parts per target px that texels are split into, 1 to 16."),
@@ -188,13 +196,8 @@ class Besides(Choices):
         OptionTopic.APPEARANCE,
         Field(description="Write only this part of the target: left,top,width,height in px."),
     ] = None
-    coverage: Annotated[
-        Path | None,
-        Field(description="Also write the share of each pixel that is covered (.png, .tif, .exr)."),
-    ] = None
-    stats: Annotated[
-        Path | None, Field(description="Also write sizes, counts and times (.json).")
-    ] = None
+    coverage: Coverage = None
+    stats: Stats = None
 
 
 class MeshView(Choices):
@@ -222,9 +225,7 @@ class MeshView(Choices):
         return camera_from(self.viewpoint(), ball_around(mesh), *size)
 
     def viewpoint(self) -> "Viewpoint":
-        """Return the viewpoint, as `resample.cameras.files.viewpoint` reads it."""
-        from resample.cameras.files import viewpoint
-
+        """Return the viewpoint."""
         return viewpoint(self.camera, self.fov, self.up)
 
 
@@ -234,13 +235,7 @@ class MeshDrawing(Choices):
     heading: ClassVar[str] = "Method"
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
-    interpolation: Annotated[
-        str,
-        Field(
-            description="Interpolation between texels: area-spline, lanczos, spline, catmull-rom, "
-            "bilinear, nearest, gaussian."
-        ),
-    ] = "area-spline"
+    interpolation: Annotated[str, INTERPOLATION] = "area-spline"
     filter: Annotated[str, Field(description="Pixel filter, such as gaussian:sigma=0.6.")] = "box"
 
     def style(self, shading: bool) -> "MeshStyle":

@@ -50,7 +50,7 @@ def _by_matrix(place: WarpGeometry, text: str, source_shape: tuple[int, int]) ->
 
 
 def _by_corners(place: WarpGeometry, text: str, source_shape: tuple[int, int]) -> PictureTarget:
-    from resample_texture.geometry.corners import from_corners, page_corners, parse_points
+    from resample_texture.geometry.matrices import from_corners, page_corners, parse_points
 
     before, arrow, after = text.partition("->")
     shift = 0.5 if place.convention == "opencv" else 0.0
@@ -118,7 +118,7 @@ def calibrated(
 
 def rectified(calibration: Calibration, shape: tuple[int, int], *, inverse: bool) -> PictureTarget:
     """Return the target (height, width) that removes a lens's distortion, or adds it."""
-    from resample_texture.geometry.lenses import places_by_lens
+    from resample_texture.geometry.cameras import places_by_lens
 
     camera, pinhole, rotation, _ = calibration
     places = places_by_lens(camera, ideal=pinhole, rotation=rotation, inverse=inverse)

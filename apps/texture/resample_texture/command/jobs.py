@@ -11,8 +11,7 @@ import numpy as np
 
 from resample.command.session import Session
 from resample.command.settings import Written
-from resample.console.messages import Progress, progress_bar, say
-from resample.files.batches import batch_of, is_batch
+from resample.console import Progress, progress_bar, say
 from resample.files.facts.metadata import FileMetadata
 from resample.files.formats import (
     WriteOptions,
@@ -23,16 +22,22 @@ from resample.files.formats import (
 )
 from resample.files.pictures import Picture, form_of, read_picture
 from resample.files.saving import write_picture, writing_rows
-from resample.files.sequences import Frames, check_frames, frames_of, write_frames
-from resample.files.stores.addresses import Place
+from resample.files.sequences import (
+    Frames,
+    batch_of,
+    check_frames,
+    frames_of,
+    is_batch,
+    write_frames,
+)
+from resample.files.stores.opening import Place
 from resample.files.writing import check_targets, write_json
 from resample.types import Floats
 from resample.words import one_line
 from resample_texture.command.choices import Besides, PictureWarping, region
 from resample_texture.command.inputs import Aim, PictureTarget
 from resample_texture.command.large import Destination, Large, large_picture
-from resample_texture.command.needs import check_memory
-from resample_texture.command.rendering import covers_all, report, warped
+from resample_texture.command.rendering import check_memory, covers_all, report, warped
 
 NOTHING = np.zeros((0, 0, 0), np.float32)
 
@@ -125,7 +130,7 @@ def warp_batch(images: Sequence[Place], output: Path, job: Job) -> dict[str, Any
         for n, (source, target) in enumerate(pairs):
             try:
                 told.append({"file": str(target), **_warp(session, source, target, job)})
-            except (KeyError, IndexError):  # bugs, see `resample.command.options.run`
+            except (KeyError, IndexError):  # bugs, see `resample.command.session.run`
                 raise
             except (ValueError, LookupError, OSError, MemoryError) as error:
                 say(f"{source.name} failed: {one_line(error)}")

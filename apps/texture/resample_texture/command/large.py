@@ -13,15 +13,16 @@ from resample.colors import to_srgb
 from resample.files.facts.metadata import FileMetadata
 from resample.files.formats import WriteOptions, holds_missing
 from resample.files.pictures import Kind, LoadablePicture, LoadedPicture, Picture, loadable_picture
-from resample.files.stores.addresses import Place
+from resample.files.stores.opening import Place
 from resample.memory import ALLOWED, GIB
 from resample.types import Floats
 from resample_texture.arguments import method_named, within
 from resample_texture.command.choices import PictureWarping
 from resample_texture.command.inputs import Aim, PictureTarget
-from resample_texture.command.needs import BYTES_IN_STRIP, InStrips
 from resample_texture.command.rendering import (
+    BYTES_IN_STRIP,
     WHOLE,
+    InStrips,
     as_light,
     bytes_at_once,
     covers_all,
@@ -158,12 +159,9 @@ class Large:
         size = self.form.shape[:2]
         if self._parts is not None and self._parts.mixed is not None:
             return Rect(0, 0, size[1], size[0])
-        parts = np.array([self._source_rows(first, count) for first, count in self._rows()])
-        (left, top), (right, bottom) = parts[:, :2].min(axis=0), parts[:, 2:].max(axis=0)
-        seen = Rect(int(left), int(top), int(right), int(bottom))
-        return seen if seen.is_within(size) else Rect(0, 0, size[1], size[0])
+        return Rect.around([self.bounds(first, count) for first, count in self._rows()], size)
 
-    def _source_rows(self, first: int, count: int) -> Rect:
+    def bounds(self, first: int, count: int) -> Rect:
         """Return the part of the source, continued beyond its edges, that a strip shows."""
         size = self.form.shape[:2]
         geometry, shape, _ = self._part(first, count)
@@ -235,9 +233,10 @@ class Large:
     def strips(self) -> Iterator[tuple[int, tuple[Picture, Floats]]]:
         """Yield first row, picture and coverage of each strip, from the top."""
         for first, count in self._rows():
-            yield first, self._strip(first, count)
+            yield first, self.paint(first, count)
 
-    def _strip(self, first: int, count: int) -> tuple[Picture, Floats]:
+    def paint(self, first: int, count: int) -> tuple[Picture, Floats]:
+        """Return picture and coverage of a strip of rows."""
         kind, choice = self.loaded.kind, self.choice
         image, coverage = self._drawn(first, count)
         made = finished(

@@ -38,7 +38,7 @@ def coefficients(image: Doubles, interpolation: Interpolation, edge: str) -> Dou
     for axis in (0, 1):
         index = _indices(image.shape[axis], margin + reach, edge)
         image = _filtered(image.take(index, axis), weights, axis)
-        image = _inner(image, reach, axis)
+        image = np.moveaxis(np.moveaxis(image, axis, 0)[reach : image.shape[axis] - reach], 0, axis)
     return np.ascontiguousarray(image)
 
 
@@ -82,20 +82,13 @@ def _filtered(lines: Doubles, weights: Doubles, axis: int) -> Doubles:
     return np.asarray(correlate1d(lines, weights, axis, mode="constant"))
 
 
-def _inner(lines: Doubles, margin: int, axis: int) -> Doubles:
-    """Remove a margin from both ends of an axis."""
-    return np.moveaxis(np.moveaxis(lines, axis, 0)[margin : lines.shape[axis] - margin], 0, axis)
-
-
 @once
 def pieces(interpolation: Interpolation) -> tuple[Doubles, Doubles, float]:
     """Return the weights of the samples around a place as polynomials of the place.
 
-    Returns
-    -------
-    (D, K) coefficients, the constants first, for K samples from the first to the last; (D − 1, K)
-    those of the derivatives; and a shift. With s the place − shift, a polynomial's argument is
-    s − ⌊s⌋ − 0.5 and sample k is ⌊s⌋ − ⌊(K − 1) / 2⌋ + k. Weights sum to 1 everywhere.
+    Result: (D, K) coefficients, the constants first, for K samples from the first to the last; (D −
+    1, K) those of the derivatives; and a shift. With s the place − shift, a polynomial's argument
+    is s − ⌊s⌋ − 0.5 and sample k is ⌊s⌋ − ⌊(K − 1) / 2⌋ + k. Weights sum to 1 everywhere.
     """
     if getattr(interpolation, "limit", "none") != "none":
         raise ValueError(

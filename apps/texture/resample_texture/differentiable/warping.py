@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample import registry
-from resample.memory.contiguous import contiguous
+from resample.memory.mapped import contiguous
 from resample.types import Doubles
 from resample_texture.arguments import REFLECT_101, edge_named
 from resample_texture.differentiable.interpolation import (

@@ -1,18 +1,20 @@
-"""Compare methods on one view of a picture, measured against the truth."""
+"""Compare methods on one view of a picture, measured against the truth; write an HTML page."""
 
-import statistics
-import time
-from collections.abc import Sequence
+import base64
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from resample import registry
-from resample.colors import from_srgb, to_srgb
-from resample.console.messages import progress_bar
+from resample.colors import as_levels, from_srgb, to_srgb
+from resample.console import progress_bar
 from resample.engine.jit import threads
-from resample.measuring.compare import contact_sheet, enlarged, shown
+from resample.files.writing import replacing
+from resample.measuring.compare import contact_sheet, enlarged, milliseconds, shown
 from resample.measuring.quality import flip, psnr, ssim
 from resample.types import Floats
 from resample_texture.figures import scenes
@@ -22,9 +24,11 @@ from resample_texture.types import Edge, Method
 Row = dict[str, object]
 Screen = Floats  # (H, W, 3) sRGB-encoded, 0..1, as a screen shows it
 
-RUNS = 5  # per method; their median is the time
-PATIENCE = 2.0  # seconds for all runs of a method
 CROP = 64  # px, side of a detail
+TEMPLATE = Path(__file__).with_name("report.html.j2")
+BEST = {"psnr": max, "ssim": max, "flip": min, "ms": min}
+FORMATS = {"psnr": "{:.2f}", "ssim": "{:.4f}", "flip": "{:.4f}", "ms": "{:.1f}"}
+MEASURES = ("psnr", "ssim", "flip")
 
 
 @dataclass(frozen=True)
@@ -53,29 +57,17 @@ class PictureComparison:
 
 @dataclass(frozen=True)
 class Judge:
-    """Settings of a comparison: filter of the truth, edge mode, values.
+    """Settings of a comparison: filter of the truth, edge mode, values."""
 
-    Parameters
-    ----------
-    kind
-        Pixel filter of the truth: box or gaussian.
-    edge
-        Edge mode for the methods; pixels that it affects are not measured.
-    linear
-        True: values are linear light; false: sRGB-encoded.
-    """
-
-    kind: str = "box"
+    kind: str = "box"  # pixel filter of the truth: box or gaussian
+    # Edge mode for the methods; pixels that it affects are not measured.
     edge: Edge = Edge.TRANSPARENT
-    linear: bool = True
+    linear: bool = True  # True: values are linear light; false: sRGB-encoded
 
     def compare(self, title: str, scene: ComparedView, names: Sequence[str]) -> PictureComparison:
         """Measure methods by name in a scene.
 
-        Raises
-        ------
-        ValueError, LookupError
-            A method is unknown or refuses its parameters or the scene.
+        Raises ValueError, LookupError: a method is unknown or refuses its parameters or the scene.
         """
         methods = {name: registry.build("methods", name) for name in names}
         masks = scenes.zones(scene)
@@ -124,15 +116,8 @@ def timed(method: Method, scene: ComparedView, edge: Edge) -> tuple[Floats, floa
     def run() -> Floats:
         return method(scene.source, scene.geometry, scene.shape, edge).image
 
-    duration: list[float] = []
     with threads(None):
-        image = run()
-        begin = time.perf_counter()
-        while not duration or (len(duration) < RUNS and time.perf_counter() - begin < PATIENCE):
-            start = time.perf_counter()
-            run()
-            duration.append(1000.0 * (time.perf_counter() - start))
-    return image, statistics.median(duration)
+        return run(), milliseconds(run)
 
 
 def measured(screen: Screen, truth: Screen, mask: Mask) -> dict[str, float]:
@@ -189,3 +174,70 @@ def _busiest(screen: Screen, mask: Mask) -> tuple[slice, slice]:
         for left in range(0, mask.shape[1] - side + 1, step)
     ]
     return max(places, key=lambda place: (mask[place].mean(), screen[place].std()))
+
+
+def write_report(comparison: PictureComparison, path: Path, *, about: Mapping[str, str]) -> None:
+    """Write a page with the table, a slider between two pictures, and enlarged details."""
+    with replacing(path) as temporary:
+        html = page(comparison, about=about)
+        temporary.write_text(html, encoding="utf-8", errors="backslashreplace")
+
+
+def page(comparison: PictureComparison, *, about: Mapping[str, str]) -> str:
+    """Return the page's HTML, with all texts escaped."""
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True)
+    template = environment.from_string(TEMPLATE.read_text(encoding="utf-8"))
+    height, width = next(iter(comparison.screens.values())).shape[:2]
+    return template.render(
+        title=comparison.title,
+        about=about,
+        pictures={name: data_uri(screen) for name, screen in comparison.screens.items()},
+        size={"width": width, "height": height},
+        details=_details(comparison),
+        zones=list(comparison.zones),
+        measures=MEASURES,
+        lines=_lines(comparison),
+        truth=comparison.truth,
+    )
+
+
+def data_uri(screen: Screen) -> str:
+    """Return a picture as a data URI with a PNG."""
+    import cv2
+
+    _, png = cv2.imencode(".png", as_levels(screen[..., ::-1]))
+    return "data:image/png;base64," + base64.b64encode(png.tobytes()).decode("ascii")
+
+
+def _details(comparison: PictureComparison) -> list[dict[str, Any]]:
+    """Return the position of each zone's detail for the page's script and style."""
+    return [
+        {"zone": zone, "top": rows.start, "left": columns.start, "side": rows.stop - rows.start}
+        for zone, (rows, columns) in comparison.details().items()
+    ]
+
+
+def _lines(comparison: PictureComparison) -> list[dict[str, Any]]:
+    """Return one table row per method: cells with their text and whether they are best."""
+    cell = {(row["zone"], row["method"]): row for row in comparison.rows}
+    lines = []
+    for method in comparison.methods:
+        cells = [
+            _cell(comparison, cell[zone, method], measure)
+            for zone in comparison.zones
+            for measure in MEASURES
+        ]
+        duration = _cell(comparison, cell["whole", method], "ms")
+        lines.append({"method": method, "ms": duration, "cells": cells})
+    return lines
+
+
+def _cell(comparison: PictureComparison, row: dict[str, Any], measure: str) -> dict[str, Any]:
+    rivals: list[Any] = [
+        other[measure] for other in comparison.rows if other["zone"] == row["zone"]
+    ]
+    value = row[measure]
+    text = "equal" if value == math.inf else FORMATS[measure].format(value)
+    return {"text": text, "is_best": value == BEST[measure](rivals)}

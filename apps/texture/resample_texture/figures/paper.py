@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from resample.colors import from_srgb
 from resample.files.writing import replacing
-from resample.measuring.compare import contact_sheet, enlarged, plain, write_screen
+from resample.measuring.compare import contact_sheet, enlarged, plain, plain_name, write_screen
 from resample.types import Floats
 from resample_texture.figures import scenes
 from resample_texture.figures.compare import Judge, PictureComparison, note
@@ -62,7 +62,7 @@ def write_figures(
     for subject, comparison in comparisons.items():
         for name, screen in comparison.screens.items():
             method = "truth" if name == comparison.truth else name
-            write_screen(folder / f"{subject}-{_plain_name(method)}.png", screen)
+            write_screen(folder / f"{subject}-{plain_name(method)}.png", screen)
     _write_sheet(folder / sheet, comparisons, titles)
     rows = [
         {"picture": subject, **row}
@@ -95,8 +95,3 @@ def _write_sheet(
                 cells[title] = from_srgb(enlarged(screen[part], min(screen.shape[:2])))
                 captions[title] = note(comparison, method, zone)
     contact_sheet(cells, path, columns=count, captions=captions)
-
-
-def _plain_name(method: str) -> str:
-    """Name without characters that files may not have."""
-    return "".join(letter if letter.isalnum() else "-" for letter in method)

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Doubles, Floats
-from resample_texture.geometry.corners import from_corners, page_corners
 from resample_texture.geometry.mappings import Homography, source_coordinates
+from resample_texture.geometry.matrices import from_corners, page_corners
 
 Mask = NDArray[np.bool_]
 
@@ -92,16 +92,8 @@ def truth(
     rays would skip fine texels. Without a fine picture the source is interpolated by a spline whose
     means over texels are the texels.
 
-    Parameters
-    ----------
-    kind
-        Pixel filter: `box`, the pixel's area; or `gaussian` of σ 0.5 px, cut at 2 px.
-    progress
-        Called with the share that is done.
-
-    Returns
-    -------
-    (H, W, C) float32.
+    `kind`: pixel filter: `box`, the pixel's area; or `gaussian` of σ 0.5 px, cut at 2 px.
+    `progress`: called with the share that is done. Result: (H, W, C) float32.
     """
     tap = _taps(kind)
     if scene.fine is None:
@@ -156,9 +148,7 @@ def _cast(
 def zones(scene: ComparedView) -> dict[str, Mask]:
     """Classify pixels (H, W) by the scale of texels there; all lie well inside the source.
 
-    Returns
-    -------
-    `whole`, and the zones that are not empty: `minified` (texels shrink along both axes),
+    Result: `whole`, and the zones that are not empty: `minified` (texels shrink along both axes),
     `magnified` (texels grow along both axes) and `mixed`.
     """
     is_inside = _inside(scene)

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from resample.memory.contiguous import contiguous
+from resample.memory.mapped import contiguous
 from resample.types import Doubles
 from resample_texture.geometry.maps import as_pairs, from_fixed_point, is_number
 
@@ -247,12 +247,8 @@ def oriented(matrix: Doubles, source_shape: tuple[int, int] = (1, 1)) -> Doubles
     its center is taken to be in front of the camera. If the horizon passes through the center, the
     corner farthest from the horizon decides.
 
-    Parameters
-    ----------
-    matrix
-        (3, 3) from source to target.
-    source_shape
-        Height and width of the source, px; by default the first texel is in front.
+    `matrix`: (3, 3) from source to target. `source_shape`: height and width of the source, px; by
+    default the first texel is in front.
     """
     height, width = source_shape
     center = np.array([width / 2, height / 2, 1.0])
@@ -269,17 +265,9 @@ def source_coordinates(
 ) -> tuple[Doubles, Doubles]:
     """Return the source coordinates of a target's pixel centers.
 
-    Parameters
-    ----------
-    shape
-        Height and width of the target, px.
-    source_shape
-        Height and width of the source, px; decides what is in front of the camera, see `oriented`.
-
-    Returns
-    -------
-    x and y, (height, width) each; not a number where a pixel lies beyond the horizon or shows
-    nothing.
+    `shape`: height and width of the target, px. `source_shape`: height and width of the source, px;
+    decides what is in front of the camera, see `oriented`. Result: x and y, (height, width) each;
+    not a number where a pixel lies beyond the horizon or shows nothing.
     """
     if isinstance(geometry, ForwardMap):
         raise ValueError("a forward map cannot be inverted; give a homography or a backward map")

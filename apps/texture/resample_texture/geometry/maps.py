@@ -24,12 +24,9 @@ NAMES = (("X", "Y"), ("x", "y"), ("U", "V"), ("u", "v"), ("map_x", "map_y"), ("R
 def read_map(path: str | Path) -> NDArray[Any]:
     """Read two numbers per pixel, (H, W, 2), x first, in the file's own type.
 
-    Parameters
-    ----------
-    path
-        `.npy` of the shape (H, W, 2); `.npz` with the arrays x and y; `.flo` (Middlebury's optical
-        flow, not a number where it is unknown); or any picture with two channels, or with
-        channels named X and Y, U and V, or R and G, as they are stored.
+    `path`: `.npy` of the shape (H, W, 2); `.npz` with the arrays x and y; `.flo` (Middlebury's
+    optical flow, not a number where it is unknown); or any picture with two channels, or with
+    channels named X and Y, U and V, or R and G, as they are stored.
     """
     suffix = Path(path).suffix.lower()
     if suffix == ".flo":
@@ -47,12 +44,7 @@ def places_by_map(
 ) -> Callable[[Doubles, Doubles], tuple[Doubles, Doubles]]:
     """Return a function from x and y of a rectangle of pixel centers to a map's values.
 
-    Parameters
-    ----------
-    pairs
-        (H, W, 2) of real numbers.
-    shift
-        Added to the numbers, px.
+    `pairs`: (H, W, 2) of real numbers. `shift`: added to the numbers, px.
     """
 
     def places(x: Doubles, y: Doubles) -> tuple[Doubles, Doubles]:
@@ -93,12 +85,7 @@ def is_number(array: NDArray[Any]) -> bool:
 def from_fixed_point(whole: NDArray[Any], fraction: NDArray[Any]) -> Doubles:
     """Return coordinates (h, w, 2) of OpenCV's two integer maps, centers at integers.
 
-    Parameters
-    ----------
-    whole
-        (h, w, 2) int16, whole pixels.
-    fraction
-        (h, w) uint16, 32 y + x in 32nds of a pixel.
+    `whole`: (h, w, 2) int16, whole pixels. `fraction`: (h, w) uint16, 32 y + x in 32nds of a pixel.
     """
     places = as_pairs(whole, "a fixed-point map")
     if fraction.shape != whole.shape[:2]:

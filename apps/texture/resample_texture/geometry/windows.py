@@ -1,7 +1,7 @@
 """Windows of a large target, and the part of the source that each shows."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +32,14 @@ class Rect(NamedTuple):
     def is_within(self, size: tuple[int, int]) -> bool:
         """Whether it lies within a picture (height, width)."""
         return min(self.left, self.top) >= 0 and self.right <= size[1] and self.bottom <= size[0]
+
+    @classmethod
+    def around(cls, parts: Sequence["Rect"], size: tuple[int, int]) -> "Rect":
+        """Rectangle around others; the whole picture (height, width) if they reach beyond it."""
+        sides = np.array(parts)
+        (left, top), (right, bottom) = sides[:, :2].min(axis=0), sides[:, 2:].max(axis=0)
+        found = cls(int(left), int(top), int(right), int(bottom))
+        return found if found.is_within(size) else cls(0, 0, size[1], size[0])
 
     @property
     def pixels(self) -> int:

@@ -1,4 +1,4 @@
-"""`warpPerspective`, `warpAffine`, `remap` and `resize` as in `cv2`, without aliasing.
+"""`warpPerspective`, `warpAffine`, `remap`, `resize` and `warpPolar` as in `cv2`, without aliasing.
 
 `from resample_texture.like import opencv as cv2` works: names, order of parameters, flags, kernels,
 borders and pixel centers are OpenCV's; OpenCV need not be installed. Where nothing shrinks, results
@@ -7,11 +7,13 @@ layouts are accepted, also masked ones. Values that are not numbers have no weig
 less than half has a value are not a number, or masked, in the result.
 """
 
+import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from resample.types import Doubles
 from resample_texture.arguments import REFLECT_101, check_shape, whole_pair
 from resample_texture.drawing import Drawing
 from resample_texture.geometry.mappings import BackwardMap, Geometry, Homography
@@ -31,6 +33,9 @@ INTERPOLATIONS = {
 }
 OF_RESIZE = {**INTERPOLATIONS, INTER_LINEAR_EXACT: "bilinear", INTER_NEAREST_EXACT: NEAREST}
 BORDER_CONSTANT, BORDER_TRANSPARENT = 0, 5
+WARP_POLAR_LOG = 256
+KERNELS = 7  # bits of flags that are `cv2.INTER_*`
+BEYOND = 64  # rows around a polar picture that go on at its other end
 BORDERS = {
     BORDER_CONSTANT: Edge.TRANSPARENT,
     1: Edge.CLAMP,
@@ -268,10 +273,106 @@ def _picture_behind(dst: NDArray[Any], full: tuple[int, ...], dtype: np.dtype[An
     return behind.reshape(*full[:2], -1)
 
 
-def __getattr__(name: str) -> Any:
-    """`warpPolar`, `linearPolar` and `logPolar`, which stand on `remap`."""
-    if name in ("warpPolar", "linearPolar", "logPolar"):
-        from resample_texture.like import polar
+def warpPolar(  # noqa: N802, PLR0913 - as cv2 has it
+    src: NDArray[Any],
+    dsize: tuple[int, int],
+    center: tuple[float, float],
+    maxRadius: float,  # noqa: N803
+    flags: int,
+    dst: NDArray[Any] | None = None,
+    *,
+    linear_light: bool = False,
+    method: str | Method | None = None,
+) -> NDArray[Any]:
+    """`cv2.warpPolar` without aliasing: angles by rows, radii by columns, or back.
 
-        return getattr(polar, name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    Parameters
+    ----------
+    dsize
+        Width and height of the result; if not above 0, as OpenCV chooses them.
+    center
+        x and y of the pole, pixel centers at integers.
+    maxRadius
+        Radius at the end of a row, px; the result's width is that many px, or its logarithm.
+    flags
+        `cv2.INTER_*`, with `cv2.WARP_POLAR_LOG`, `cv2.WARP_INVERSE_MAP` (a polar picture becomes
+        one of x and y) and `cv2.WARP_FILL_OUTLIERS` (pixels without texels are black).
+
+    Raises
+    ------
+    ValueError
+        The radius is not above 0, of logarithms 1, or as `remap` does.
+    """
+    least = 1.0 if flags & WARP_POLAR_LOG else 0.0
+    if not least < maxRadius < math.inf:
+        raise ValueError(f"maxRadius is above {least:g} px, not {maxRadius}")
+    image = src if isinstance(src, np.ma.MaskedArray) else np.asarray(src)
+    is_log = bool(flags & WARP_POLAR_LOG)
+    chosen: dict[str, Any] = {"linear_light": linear_light, "method": method}
+    border = BORDER_CONSTANT if flags & WARP_FILL_OUTLIERS else BORDER_TRANSPARENT
+    if flags & WARP_INVERSE_MAP:
+        width, height = _size(dsize, image.shape[1], image.shape[0])
+        y, x = np.mgrid[:height, :width] - np.array([center[1], center[0]])[:, None, None]
+        angle = np.arctan2(y, x) % (2.0 * math.pi)
+        row = angle * (image.shape[0] / (2.0 * math.pi))
+        column = _column(np.hypot(x, y), image.shape[1], maxRadius, is_log)
+        around = min(BEYOND, image.shape[0])
+        image = image[np.arange(-around, image.shape[0] + around) % image.shape[0]]
+        return remap(image, column, row + around, flags & KERNELS, dst, border, **chosen)
+    across = round(maxRadius)
+    width, height = _size(dsize, across, round(across * math.pi))
+    radius = _radius(np.arange(width), width, maxRadius, is_log)
+    angle = np.arange(height)[:, None] * (2.0 * math.pi / height)
+    x, y = radius * np.cos(angle) + center[0], radius * np.sin(angle) + center[1]
+    return remap(image, x, y, flags & KERNELS, dst, border, **chosen)
+
+
+def linearPolar(  # noqa: N802 - as cv2 has it
+    src: NDArray[Any],
+    center: tuple[float, float],
+    maxRadius: float,  # noqa: N803
+    flags: int,
+    dst: NDArray[Any] | None = None,
+    **chosen: Any,
+) -> NDArray[Any]:
+    """`cv2.linearPolar`: `warpPolar` to the picture's own size."""
+    height, width = np.shape(src)[:2]
+    return warpPolar(
+        src, (width, height), center, maxRadius, flags & ~WARP_POLAR_LOG, dst, **chosen
+    )
+
+
+def logPolar(  # noqa: N802 - as cv2 has it
+    src: NDArray[Any],
+    center: tuple[float, float],
+    M: float,  # noqa: N803
+    flags: int,
+    dst: NDArray[Any] | None = None,
+    **chosen: Any,
+) -> NDArray[Any]:
+    """`cv2.logPolar`: `warpPolar` by logarithms to the picture's own size; `M` px per unit."""
+    height, width = np.shape(src)[:2]
+    most = math.exp(width / M) if M > 0 else 0.0
+    return warpPolar(src, (width, height), center, most, flags | WARP_POLAR_LOG, dst, **chosen)
+
+
+def _size(dsize: tuple[int, int], width: int, height: int) -> tuple[int, int]:
+    """Width and height of a result, of which those not above 0 are by default."""
+    across, down = whole_pair(dsize, "width", "height")
+    if across > 0 and down <= 0:
+        return across, round(across * math.pi)
+    return (width, height) if across <= 0 or down <= 0 else (across, down)
+
+
+def _radius(column: Any, width: int, most: float, is_log: bool) -> Doubles:
+    """Radius of columns."""
+    if not is_log:
+        return np.asarray(column * (most / width))
+    return np.asarray(np.exp(column * (math.log(most) / width)) - 1.0)
+
+
+def _column(radius: Doubles, width: int, most: float, is_log: bool) -> Doubles:
+    """Column of radii."""
+    if not is_log:
+        return np.asarray(radius * (width / most))
+    return np.asarray(np.log(radius + 1.0) * (width / math.log(most)))

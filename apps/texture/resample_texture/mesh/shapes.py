@@ -1,6 +1,7 @@
-"""The type of textured meshes, checked."""
+"""The type of textured meshes, checked, and how textures cover their triangles."""
 
 from dataclasses import dataclass
+from enum import StrEnum
 from functools import cached_property
 from typing import Any
 
@@ -8,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Doubles, Floats
-from resample_texture.mesh.covers import AlphaMode, Cover, alpha_halvings, halvings
-from resample_texture.texels.pyramid import Pyramid
+from resample_texture.texels.pyramid import Pyramid, pyramid
+from resample_texture.types import Edge
 
 Ints = NDArray[np.int64]
 
@@ -18,42 +19,93 @@ FARTHEST = 1e6  # repeats of a texture; beyond, float32 coordinates are too coar
 _LEFT_OUT: Any = None
 
 
+class AlphaMode(StrEnum):
+    """Alpha mode of a texture."""
+
+    OPAQUE = "opaque"  # alpha is ignored
+    MASK = "mask"  # opaque where alpha is at least the cutoff, else invisible
+    BLEND = "blend"  # blended over what is behind
+
+
+@dataclass(frozen=True)
+class Cover:
+    """How a texture covers triangles.
+
+    Raises ValueError: a wrap mode or alpha mode is unknown, or the cutoff is negative or not a
+    number.
+    """
+
+    # Wrap modes beyond the texture's edges: wrap, mirror or clamp.
+    along_u: Edge = Edge.WRAP
+    along_v: Edge = Edge.WRAP
+    alpha: AlphaMode = AlphaMode.OPAQUE  # alpha mode; a texture without a fourth channel is opaque
+    cutoff: float = 0.5  # least visible alpha of a mask
+
+    def __post_init__(self) -> None:
+        for name in ("along_u", "along_v"):
+            edge = Edge(getattr(self, name))
+            if edge is Edge.TRANSPARENT:
+                raise ValueError(
+                    "a texture's edge is transparent; wrap, mirror or clamp are allowed"
+                )
+            object.__setattr__(self, name, edge)
+        object.__setattr__(self, "alpha", AlphaMode(self.alpha))
+        if not self.cutoff >= 0.0:
+            raise ValueError(f"a cutoff of {self.cutoff}; 0 or more is allowed")
+
+
+def halvings(texture: Floats, cover: Cover) -> Pyramid:
+    """Return the pyramid of a texture (H, W, 3 or 4), multiplied by its visibility.
+
+    A mask is cut by its alpha between texels, so its largest level is not multiplied.
+    """
+    color = texture[..., :3]
+    if texture.shape[2] == 3:
+        return pyramid(color)
+    levels = pyramid(np.ascontiguousarray(color * _visibility(texture, cover)))
+    if cover.alpha is AlphaMode.MASK:
+        levels.texel[: color.size] = color.ravel()
+    return levels
+
+
+def alpha_halvings(texture: Floats, cover: Cover) -> Pyramid:
+    """Return the pyramid of a texture's alpha; of a mask its visibility from level 1 on."""
+    if texture.shape[2] == 3:
+        return pyramid(np.ones((*texture.shape[:2], 1), np.float32))
+    levels = pyramid(_visibility(texture, cover))
+    if cover.alpha is AlphaMode.MASK:
+        levels.texel[: texture[..., 3].size] = texture[..., 3].ravel()
+    return levels
+
+
+def _visibility(texture: Floats, cover: Cover) -> Floats:
+    """Return the visibility 0..1 of the texels of a texture (H, W, 4), as (H, W, 1)."""
+    alpha = texture[..., 3:]
+    if cover.alpha is AlphaMode.MASK:
+        return (alpha >= cover.cutoff).astype(np.float32)
+    return np.clip(alpha, np.float32(0), np.float32(1))
+
+
 @dataclass(frozen=True, eq=False)
 class Mesh:
     """Triangles with textures or vertex colors.
 
-    Parameters
-    ----------
-    position
-        (V, 3) scene units.
-    triangle
-        (T, 3) indices of vertices, counterclockwise seen from outside.
-    uv
-        (V, 2) texture coordinates: u to the right, v upward, 0..1 across the texture, which repeats
-        beyond, up to ±1e6.
-    textures
-        Pictures (H, W, 3) or (H, W, 4), linear light, straight alpha.
-    texture
-        (T,) index of each triangle's texture, −1 for vertex colors. Default: the first texture, or
-        vertex colors if there are no textures.
-    color
-        (V, 3) linear light.
-    covers
-        Wrap and alpha modes of each texture. Default: textures repeat and are opaque.
-
-    Raises
-    ------
-    ValueError
-        Shapes do not fit, a number is not finite or too large, a triangle names a missing vertex or
-        texture, or no color is defined for the triangles.
+    Raises ValueError: shapes do not fit, a number is not finite or too large, a triangle names a
+    missing vertex or texture, or no color is defined for the triangles.
     """
 
-    position: Doubles
-    triangle: Ints
+    position: Doubles  # (V, 3) scene units
+    triangle: Ints  # (T, 3) indices of vertices, counterclockwise seen from outside
+    # (V, 2) texture coordinates: u to the right, v upward, 0..1 across the texture, which repeats
+    # beyond, up to ±1e6.
     uv: Doubles = _LEFT_OUT
+    # Pictures (H, W, 3) or (H, W, 4), linear light, straight alpha.
     textures: tuple[Floats, ...] = ()
+    # (T,) index of each triangle's texture, −1 for vertex colors. Default: the first texture, or
+    # vertex colors if there are no textures.
     texture: Ints = _LEFT_OUT
-    color: Floats = _LEFT_OUT
+    color: Floats = _LEFT_OUT  # (V, 3) linear light
+    # Wrap and alpha modes of each texture. Default: textures repeat and are opaque.
     covers: tuple[Cover, ...] = ()
 
     def __post_init__(self) -> None:

@@ -1,7 +1,7 @@
 """Methods for labels: texels are copied, never mixed (plugins: group `methods`)."""
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,15 +19,6 @@ from resample_texture.texels.gaps import missing_in, unmasked
 from resample_texture.types import Edge, Warped
 
 MOST_CODES = 1 << 16  # range of labels that are numbered from the smallest, without sorting
-
-
-class Picking(Protocol):
-    """Role of a method that picks one texel per pixel; works for any type."""
-
-    def picks(
-        self, image: NDArray[Any], geometry: Geometry, shape: tuple[int, int], edge: Edge
-    ) -> Picks:
-        """Pick the texel of an image (H, W) or (H, W, C) for each pixel of (height, width)."""
 
 
 @dataclass(frozen=True)
@@ -88,10 +79,7 @@ class Majority:
 def codes_of(image: NDArray[Any]) -> tuple[NDArray[np.int32], int]:
     """Number the labels (H, W) from 0 in their order, −1 if missing; also return the count.
 
-    Parameters
-    ----------
-    image
-        (H, W), or (H, W, C) with labels that are compared channel by channel; masked or not.
+    `image`: (H, W), or (H, W, C) with labels that are compared channel by channel; masked or not.
     """
     values, mask = unmasked(image)
     planes = values.reshape(*values.shape[:2], -1)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import from_srgb, to_srgb
-from resample.memory.contiguous import contiguous
+from resample.memory.mapped import contiguous
 from resample.types import Floats
 from resample_texture.texels.gaps import Booleans, masked, missing_in, unmasked, weighed
 from resample_texture.texels.spans import ValueSpan, rounded, span_of

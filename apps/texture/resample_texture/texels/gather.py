@@ -19,7 +19,6 @@ from resample.engine.windows.boxes import (
     PHASES,
     POINTLIKE,
     SHORTEST,
-    Integral,
     Plate,
     PointTaps,
 )
@@ -317,6 +316,6 @@ def _view(form: tuple[int, ...], edge: Edge, cells: CellGrid) -> GridView:
     if cells.shrinking:
         points = PointTaps(*point_taps(cells.interpolation, FINE_PHASES))
     shortest = POINTLIKE if cells.shrinking else SHORTEST
-    integral = Integral(*integrals(cells.interpolation, PHASES, ONES), shortest)
+    integral = integrals(cells.interpolation, PHASES, ONES)._replace(shortest=shortest)
     limits = Limits(plate, excess(cells.interpolation))
     return GridView(plate, integral, points, (height, width), EDGES[edge], math.inf, finest, limits)

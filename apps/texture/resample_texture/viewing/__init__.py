@@ -2,16 +2,68 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from resample_texture.viewing import pictures
-from resample_texture.viewing.meshes import MESHES, mesh_picture, model_view
-from resample_texture.viewing.pictures import COMMAND, PLACES, PictureView, picture
+from resample.lazy import attributes
 
-__all__ = ["COMMAND", "PLACES", "PictureView", "mesh_picture", "model_view", "picture", "suits"]
+if TYPE_CHECKING:
+    from resample.view.widgets import Viewer
+    from resample_texture.viewing.meshes import MESHES, mesh_picture, model_view
+    from resample_texture.viewing.pictures import picture, picture_view
+
+__all__ = ["MESHES", "mesh_picture", "model_view", "picture", "picture_view", "suits", "view"]
+_HOMES = {
+    "MESHES": "meshes",
+    "mesh_picture": "meshes",
+    "model_view": "meshes",
+    "picture": "pictures",
+    "picture_view": "pictures",
+}
+__getattr__ = attributes(__name__, _HOMES)
 
 
 def suits(names: Sequence[str]) -> bool:
     """Whether the names are one file with one picture or one mesh."""
+    from resample_texture.viewing import pictures
+    from resample_texture.viewing.meshes import MESHES
+
     if len(names) == 1 and Path(names[0]).suffix.lower() in MESHES:
         return Path(names[0]).is_file()
     return pictures.suits(names)
+
+
+def view(image: Any, /, **settings: Any) -> "Viewer":
+    """Show a picture in a notebook's cell: drag its corners, copy the Python code.
+
+    Parameters
+    ----------
+    image
+        A file, or an 8- or 16-bit picture as `as_picture` takes it, which is written to a temporary
+        file that lives as long as the widget.
+    settings
+        Options of `resample-texture warp` to begin with: `method="bilinear"`.
+
+    Returns
+    -------
+    A widget with `settings`, `frame` and `to_python()`. It needs the extra `notebook`.
+
+    Raises
+    ------
+    ValueError, LookupError, OSError, TypeError
+        An option is not allowed, or the picture cannot be read.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_texture import view
+    >>> view(np.zeros((24, 32, 3), np.uint8), method="bilinear").settings["method"]
+    'bilinear'
+    """
+    from resample.view import widgets
+    from resample_texture.viewing.pictures import PLACES, fitted, picture_view
+
+    file, folder = widgets.kept("picture.png", image, widgets.write_levels)
+    opened = picture_view(Path(file))
+    if not PLACES & settings.keys():
+        settings["corners"] = fitted(opened.about["extent"], widgets.SIZE)
+    return widgets.Viewer(opened, widgets.named(settings), folder)

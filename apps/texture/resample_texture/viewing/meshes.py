@@ -6,23 +6,17 @@ The page's state is a set of `mesh` options.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from resample.command.settings import Choices
 from resample.files.saving import screen_levels, write_frame
+from resample.scene.picking import pixel_at
+from resample.scene.previews import preview_size
 from resample.types import Frame
 from resample.view.files import FileView, image_of
-from resample.view.views import (
-    PagePicture,
-    Settings,
-    Size,
-    chosen,
-    pixel_at,
-    preview_size,
-    settings_of,
-)
+from resample.view.views import PagePicture, Settings, Size, chosen, settings_of
 from resample.watching import Cancel, cancellable
 from resample_texture.command.choices import MeshDrawing, MeshFormat, MeshView
 from resample_texture.mesh.rendering import load_mesh, render_mesh
@@ -35,14 +29,6 @@ COMMAND = "resample-texture mesh"
 MESHES = (".obj", ".glb", ".gltf")
 SHOWN = (MeshView, MeshDrawing, MeshFormat)  # option models that a page can change
 LEFT_OUT = ("size", "bits")
-
-
-class _MeshRequest(NamedTuple):
-    """Checked options of a page."""
-
-    view: MeshView
-    drawing: MeshDrawing
-    form: MeshFormat
 
 
 @dataclass
@@ -60,14 +46,14 @@ class ModelPainter:
 
     def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> PagePicture:
         """Picture of these options, see `resample.view.views.Painter`."""
-        request = _checked(settings)
+        view, drawing, form = _checked(settings)
         with cancellable(cancel):
-            seen = self._rendered(request, preview_size(size) if quick else size)
-        return PagePicture(screen_levels(seen.rgba, background=request.form.behind()), quick)
+            seen = self._rendered(view, drawing, form, preview_size(size) if quick else size)
+        return PagePicture(screen_levels(seen.rgba, background=form.behind()), quick)
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
         """Return the depth at a pixel, see `resample.view.views.Painter`."""
-        depth = self._rendered(_checked(settings), size).depth
+        depth = self._rendered(*_checked(settings), size).depth
         found = float(depth[pixel_at(size, x, y)])
         return {"depth": f"{found:.5g}"} if np.isfinite(found) else {}
 
@@ -79,9 +65,9 @@ class ModelPainter:
         ValueError, LookupError, OSError
             An option is not allowed, or a file cannot be read or written.
         """
-        request = _checked(settings)
-        seen = self._rendered(request, size)
-        write_frame(path, seen, bits=request.form.bits, background=request.form.behind())
+        view, drawing, form = _checked(settings)
+        seen = self._rendered(view, drawing, form, size)
+        write_frame(path, seen, bits=form.bits, background=form.behind())
 
     def mesh(self, texture: Path | None = None) -> Mesh:
         """Return the mesh, read again only for another texture; raises as `save` does."""
@@ -89,17 +75,15 @@ class ModelPainter:
             self._kept = texture, load_mesh(self.path, texture)
         return self._kept[1]
 
-    def _rendered(self, request: _MeshRequest, size: Size) -> Frame[Any]:
-        mesh = self.mesh(request.form.texture)
-        camera = request.view.placed(mesh, size[::-1])
-        return render_mesh(
-            mesh, camera, size=size, style=request.drawing.style(request.view.shading)
-        )
+    def _rendered(
+        self, view: MeshView, drawing: MeshDrawing, form: MeshFormat, size: Size
+    ) -> Frame[Any]:
+        mesh = self.mesh(form.texture)
+        camera = view.placed(mesh, size[::-1])
+        return render_mesh(mesh, camera, size=size, style=drawing.style(view.shading))
 
 
-def model_view(
-    path: Path, begin: Sequence[Choices] = (), controls: Sequence[dict[str, Any]] = ()
-) -> FileView:
+def model_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
     """Return what pages show of a mesh.
 
     Parameters
@@ -108,8 +92,6 @@ def model_view(
         File of the mesh.
     begin
         Initial options.
-    controls
-        Controls from `resample.view.views.controls_of`; empty: a page without controls.
     """
     first = ModelPainter(path)
 
@@ -121,11 +103,10 @@ def model_view(
             "package": "resample_texture",
             "function": "mesh_picture",
             "inputs": [str(path)],
-            "controls": [control for control in controls if control["key"] not in LEFT_OUT],
             "settings": {"camera": "30/20/1", **settings_of(begin)},
         }
 
-    return FileView(first, described, _checked)
+    return FileView(first, described, _checked, left_out=LEFT_OUT)
 
 
 def mesh_picture(path: str | Path, settings: Mapping[str, Any]) -> "Image":
@@ -147,12 +128,12 @@ def mesh_picture(path: str | Path, settings: Mapping[str, Any]) -> "Image":
     ValueError, LookupError, OSError
         As the command does.
     """
-    size = _checked(settings).form.height_and_width()[::-1]
+    size = _checked(settings)[2].height_and_width()[::-1]
     return image_of(ModelPainter(Path(path)), settings, size)
 
 
-def _checked(settings: Settings) -> _MeshRequest:
+def _checked(settings: Settings) -> tuple[MeshView, MeshDrawing, MeshFormat]:
     """Return the options, checked."""
-    request = _MeshRequest(*chosen(settings, SHOWN))
-    request.view.viewpoint()
-    return request
+    view, drawing, form = chosen(settings, SHOWN)
+    view.viewpoint()
+    return view, drawing, form

@@ -1,17 +1,17 @@
 """Pictures in the viewer's page, and `picture` without a page."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from resample.command.settings import Written
-from resample.files.exchange.results import levels_of
-from resample.view.files import LITTLE, file_of, levels_in
-from resample.view.views import PagePicture, Settings, Size, chosen, pixel_at, settings_of
+from resample.files.exchange import levels_of
+from resample.view.files import FileView, file_of, levels_in
+from resample.view.views import PagePicture, Settings, Size, chosen, settings_of
 from resample.watching import Cancel, cancellable
 from resample_texture.arguments import geometry_of
 from resample_texture.command.choices import Besides, PictureWarping, WarpGeometry, region
@@ -26,7 +26,11 @@ COMMAND = "resample-texture warp"
 SHOWN = (WarpGeometry, PictureWarping, Written, Besides)  # option models that a page can change
 PLACES = {"matrix", "corners", "map", "flow", "lens"}
 SUFFIXES, TIFF = (".png", ".jpg", ".jpeg", ".exr", ".webp", ".bmp"), (".tif", ".tiff")
-KINDS = ("2,0,0,0,2,0", "0.3,0,0,0,0.3,0", "0.3,0.1,0,0,0.5,0,0.01,0.01,1")  # matrices
+KINDS = [
+    {"matrix": matrix}
+    for matrix in ("2,0,0,0,2,0", "0.3,0,0,0,0.3,0", "0.3,0.1,0,0,0.5,0,0.01,0.01,1")
+]
+MARGIN = 0.8  # share of a notebook's target that a picture takes at first
 LEFT_OUT = ("size", "roi", "bits", "total")
 
 
@@ -41,50 +45,54 @@ class PicturePainter:
     """
 
     path: Path
-    _scene: PictureScene = field(init=False)
+    scene: PictureScene = field(init=False)
 
     def __post_init__(self) -> None:
-        self._scene = PictureScene(self.path)
+        self.scene = PictureScene(self.path)
 
     def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> PagePicture:
         """Picture of these options, see `resample.view.views.Painter`."""
         if not quick:
             with cancellable(cancel):
-                return PagePicture(levels_in(self.file(settings, size, ".png")), is_preview=False)
+                made = file_of(partial(self.save, settings, size), ".png")
+            return PagePicture(levels_in(made), is_preview=False)
         target, warping = self._target(settings, size)
         geometry = geometry_of(target.places, target.shape, "corner", inverse=False)
-        made = self._scene.render(
+        shown = self.scene.render(
             geometry, size=target.shape[::-1], edge=warping.edge, quality="preview", cancel=cancel
         )
-        return PagePicture(levels_of(made, "color"), is_preview=True)
+        return PagePicture(levels_of(shown, "color"), is_preview=True)
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
         """Return the texel at a pixel, see `resample.view.views.Painter`."""
         target, warping = self._target(settings, size)
-        ids = self._scene.sample_ids(target.places, size=target.shape[::-1], edge=warping.edge)
-        row, column = ids[pixel_at(target.shape[::-1], x, y)].tolist()
-        if row < 0:
+        found = self.scene.pick(x, y, target.places, size=target.shape[::-1], edge=warping.edge)
+        if found is None:
             return {}
-        texel = np.atleast_1d(self._scene.image[row, column])
+        row, column = found
+        texel = np.atleast_1d(self.scene.image[row, column])
         return {
             "column": column,
             "row": row,
             "value": ", ".join(f"{value:.6g}" for value in texel.tolist()),
         }
 
-    def file(self, settings: Settings, size: Size, suffix: str) -> bytes:
-        """Return the file that the command writes."""
-        return _written(self.path, {**settings, "size": f"{size[0]}x{size[1]}"}, suffix)
+    def save(self, settings: Settings, size: Size, path: Path) -> None:
+        """Write the picture as the command does."""
+        _write(self.path, {**settings, "size": f"{size[0]}x{size[1]}"}, path)
+
+    def __copy__(self) -> "PicturePainter":
+        """Painter of another page, which reads the picture anew."""
+        return PicturePainter(self.path)
 
     def _target(self, settings: Settings, size: Size) -> tuple[PictureTarget, PictureWarping]:
         place, warping, *_ = _checked({**settings, "size": f"{size[0]}x{size[1]}"})
-        shape = self._scene.image.shape[:2]
+        shape = self.scene.image.shape[:2]
         return target_of(place, (shape[0], shape[1])), warping
 
 
-@dataclass
-class PictureView:
-    """A picture for the viewer's pages.
+def picture_view(path: Path, begin: Sequence[Any] = ()) -> FileView:
+    """Return what pages show of a picture.
 
     Parameters
     ----------
@@ -92,53 +100,32 @@ class PictureView:
         File of the picture.
     begin
         Initial options.
-    controls
-        Controls from `resample.view.views.controls_of`; empty: a page without controls.
     """
+    first, given = PicturePainter(path), settings_of(begin)
 
-    path: Path
-    begin: Sequence[Any] = ()
-    controls: Sequence[dict[str, Any]] = ()
-
-    @cached_property
-    def about(self) -> dict[str, Any]:
-        """Facts for the page, see `resample.view.views.Viewable`."""
-        image = PictureScene(self.path).image
-        height, width = image.shape[:2]
-        begin = settings_of(self.begin)
-        places = PLACES & begin.keys()
+    def described() -> dict[str, Any]:
+        height, width = first.scene.image.shape[:2]
         return {
-            "title": self.path.name,
-            "subtitle": f"{width} × {height}, {image.dtype}",
+            "title": path.name,
+            "subtitle": f"{width} × {height}, {first.scene.image.dtype}",
             "command": COMMAND,
             "package": "resample_texture",
-            "inputs": [str(self.path)],
-            "controls": [control for control in self.controls if control["key"] not in LEFT_OUT],
+            "inputs": [str(path)],
             "gestures": "corners",
             "extent": [width, height],
-            "settings": begin if places else {**begin, "corners": ""},  # the page fits them
+            "settings": given if PLACES & given.keys() else {**given, "corners": ""},  # page fits
         }
 
-    def check(self, settings: Settings | None = None) -> None:
-        """Read the picture and try options, see `resample.view.views.Viewable`."""
-        self.painter()
-        if settings is not None:
-            _checked(settings)
+    return FileView(first, described, _checked, KINDS, LEFT_OUT)
 
-    def painter(self) -> PicturePainter:
-        """What paints for a page that has been opened."""
-        return PicturePainter(self.path)
 
-    def warm(self) -> Iterator[None]:
-        """Compile the kernels by small pictures, see `views.Warming`."""
-        painter = self.painter()
-        for matrix in KINDS:
-            painter.paint({"matrix": matrix}, (LITTLE, LITTLE), quick=False, cancel=Cancel())
-            yield
-
-    def save(self, settings: Settings, size: Size, suffix: str) -> bytes:
-        """Return the file that the command would write."""
-        return self.painter().file(settings, size, suffix)
+def fitted(extent: Size, size: Size) -> str:
+    """Return corners, px, that fit a picture into a target with a margin."""
+    (across, down), (width, height) = extent, size
+    scale = MARGIN * min(width / across, height / down)
+    left, top = (width - scale * across) / 2, (height - scale * down) / 2
+    right, bottom = left + scale * across, top + scale * down
+    return f"{left:g},{top:g} {right:g},{top:g} {right:g},{bottom:g} {left:g},{bottom:g}"
 
 
 def suits(names: Sequence[str]) -> bool:
@@ -174,7 +161,8 @@ def picture(path: str | Path, settings: Mapping[str, Any]) -> "Image":
     """
     from PIL import Image
 
-    return Image.fromarray(levels_in(_written(Path(path), settings, ".png")))
+    written = file_of(partial(_write, Path(path), settings), ".png")
+    return Image.fromarray(levels_in(written))
 
 
 def _checked(settings: Settings) -> list[Any]:
@@ -186,8 +174,8 @@ def _checked(settings: Settings) -> list[Any]:
     return models
 
 
-def _written(path: Path, settings: Settings, suffix: str) -> bytes:
-    """Return the file that the command writes of a picture."""
+def _write(source: Path, settings: Settings, path: Path) -> None:
+    """Write the file that the command writes of a picture."""
     place, warping, written, besides = _checked(settings)
     job = Job(partial(target_of, place), warping, written.options(), region(besides.roi))
-    return file_of(lambda target: warp_file(path, target, job), suffix)
+    warp_file(source, path, job)

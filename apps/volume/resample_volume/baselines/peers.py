@@ -53,29 +53,15 @@ BLENDS = {
 class Peer:
     """Options of VTK's renderer.
 
-    Parameters
-    ----------
-    step
-        Sample distance on a ray, voxels (cube roots of a voxel's volume).
-    rays
-        Per side of a pixel.
-    light
-        None: colors as they are.
-    threads
-        Number of threads at most; None: all. With a light, VTK's pictures depend slightly on it.
-    projection
-        Composite, maximum or minimum, which its CPU ray caster supports.
-
-    Raises
-    ------
-    ValueError
-        A number is outside its range.
+    Raises ValueError: a number is outside its range.
     """
 
-    step: float = 1.0
-    rays: int = 1
-    light: Light | None = None
+    step: float = 1.0  # sample distance on a ray, voxels (cube roots of a voxel's volume)
+    rays: int = 1  # per side of a pixel
+    light: Light | None = None  # None: colors as they are
+    # Number of threads at most; None: all. With a light, VTK's pictures depend slightly on it.
     threads: int | None = None
+    # Composite, maximum or minimum, which its CPU ray caster supports.
     projection: Projection = Projection.COMPOSITE
 
     def __post_init__(self) -> None:

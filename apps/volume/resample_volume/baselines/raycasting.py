@@ -39,32 +39,17 @@ ROWS_PER_CHECK = 8  # between two updates of progress, which also handle Ctrl-C
 class Casting:
     """Options of ray casting.
 
-    Parameters
-    ----------
-    rays
-        Per side of a pixel: this number squared, evenly spread over the pixel's box.
-    step
-        Longest step along a ray, voxels (cube roots of the lattice's volume).
-    reconstruction
-        Kernel around every sample.
-    projection
-        Projection; all but composite need a `Field`.
-    iso
-        Value of the isosurface for first-hit, data units; None for all other projections.
-    clip
-        (M, 4) planes n, d in scene units: what has n · p + d >= 0 for all of them is kept.
-
-    Raises
-    ------
-    ValueError
-        A number is outside its range, or `iso` and the projection do not fit.
+    Raises ValueError: a number is outside its range, or `iso` and the projection do not fit.
     """
 
-    rays: int = 4
-    step: float = 0.25
+    rays: int = 4  # per side of a pixel: this number squared, evenly spread over the pixel's box
+    step: float = 0.25  # longest step along a ray, voxels (cube roots of the lattice's volume)
+    # Kernel around every sample.
     reconstruction: Reconstruction = field(default_factory=GaussianKernel)
-    projection: Projection = Projection.COMPOSITE
+    projection: Projection = Projection.COMPOSITE  # projection; all but composite need a `Field`
+    # Value of the isosurface for first-hit, data units; None for all other projections.
     iso: float | None = None
+    # (M, 4) planes n, d in scene units: what has n · p + d >= 0 for all of them is kept.
     clip: ArrayLike | None = None
 
     def __post_init__(self) -> None:
@@ -124,22 +109,13 @@ def cast_rays(
 ) -> Cast:
     """Render samples, or a field that is classified after interpolation.
 
-    Parameters
-    ----------
-    samples
-        They must lie on their lattice: at an origin plus integer steps, at most one per node.
-    height, width
-        Of the picture, px.
-    progress
-        Called with the share of the work that is done, 0 to 1, and may raise to stop.
-
-    Returns
-    -------
-    Of a field, `value` is the largest value (maximum) or ∫ Σ kᵢ vᵢ / ∫ Σ kᵢ (average) in data
-    units, weighted by opacity over a pixel's rays and NaN where no sample is; or ∫ Σ kᵢ vᵢ
-    (additive) in data units × scene units, 0 there. Maximum and average have the color of that
-    value, additive is black; the opacity of all three is the ray's length within samples in
-    voxels, at most 1.
+    `samples`: they must lie on their lattice: at an origin plus integer steps, at most one per
+    node. `height`, `width`: of the picture, px. `progress`: called with the share of the work that
+    is done, 0 to 1, and may raise to stop. Result: of a field, `value` is the largest value
+    (maximum) or ∫ Σ kᵢ vᵢ / ∫ Σ kᵢ (average) in data units, weighted by opacity over a pixel's rays
+    and NaN where no sample is; or ∫ Σ kᵢ vᵢ (additive) in data units × scene units, 0 there.
+    Maximum and average have the color of that value, additive is black; the opacity of all three is
+    the ray's length within samples in voxels, at most 1.
     """
     if height < 1 or width < 1:
         raise ValueError(f"a picture of {width} x {height} pixels; both must be at least 1")

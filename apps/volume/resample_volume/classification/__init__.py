@@ -1,1 +1,18 @@
 """Transfer functions: presets, files, labels, and statistics behind them."""
+
+# Names, which help texts tell without loading what has them.
+# For data of any kind, or for the volume that they are named after.
+PRESETS = (
+    "bone",
+    "vessels",
+    "engine",
+    "lobster",
+    "checker",
+    "gray",
+    "surfaces",
+    "paper-engine",
+    "paper-aneurism",
+    "paper-lobster",
+)
+# For computed tomography, in Hounsfield units.
+TISSUES = ("ct", "bone", "soft-tissue", "muscle", "skin", "lung", "vessels", "metal")

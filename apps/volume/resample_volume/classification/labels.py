@@ -23,10 +23,7 @@ FORM = "give label:color=tomato,opacity=0.5, either of them, or label:hidden"
 class Rule:
     """Look of the voxels of a label.
 
-    Raises
-    ------
-    ValueError
-        A number is outside its range.
+    Raises ValueError: a number is outside its range.
     """
 
     color: Color | None = None  # sRGB as displayed, 0..1; None: as the transfer function says
@@ -47,10 +44,7 @@ class Rule:
 class Labels:
     """A label for each voxel, and rules for some labels; others are unchanged.
 
-    Raises
-    ------
-    ValueError
-        The labels are not integers.
+    Raises ValueError: the labels are not integers.
     """
 
     values: Stored  # (Z, Y, X) integers; or bricks of them
@@ -61,6 +55,11 @@ class Labels:
             raise ValueError(
                 f"labels must be whole numbers, not {self.values.dtype}; convert the file"
             )
+
+    @property
+    def are_few(self) -> bool:
+        """Whether each rule has an 8-bit number of its own, see `numbers`."""
+        return len(self.rules) <= MOST_RULES
 
     def check(self, volume: Volume) -> None:
         """Raise a ValueError if the volume is of another shape."""
@@ -83,14 +82,8 @@ class Labels:
     ) -> tuple[Floats, Floats]:
         """Apply the rules to colors and opacities of voxels.
 
-        Parameters
-        ----------
-        voxel
-            (N,) indices into the flat volume, z slowest.
-        color
-            (N, 3) linear light.
-        opacity
-            (N,) 0..1.
+        `voxel`: (N,) indices into the flat volume, z slowest. `color`: (N, 3) linear light.
+        `opacity`: (N,) 0..1.
         """
         if not self.rules:
             return color, opacity

@@ -19,10 +19,7 @@ class Materials:
     Light passes through all materials of a value: their transparencies multiply. Color is their
     mean in linear light, weighted by their opacities. Their order does not matter.
 
-    Raises
-    ------
-    ValueError
-        There is none, or opacities refer to different lengths.
+    Raises ValueError: there is none, or opacities refer to different lengths.
     """
 
     parts: tuple[Transfer, ...]
@@ -122,10 +119,7 @@ class Windowed:
 def spread(transfer: Transfer, span: DataRange) -> Transfer:
     """Rescale a transfer function of fractions to a range in data units.
 
-    Parameters
-    ----------
-    span
-        Values of the fractions 0 and 1, ascending.
+    `span`: values of the fractions 0 and 1, ascending.
     """
     if not transfer.normalized:
         return transfer

@@ -9,13 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from resample_volume.classification import TISSUES
 from resample_volume.classification.automatic import automatic, ramp, tomographic
 from resample_volume.classification.materials import Materials, spread
-from resample_volume.classification.names import TISSUES
 from resample_volume.classification.regions import Faded, Region, RegionTransfer
 from resample_volume.classification.scales import on_scale
-from resample_volume.classification.surveys import Survey, survey
-from resample_volume.classification.tomography import tissue
+from resample_volume.classification.surveys import Survey, survey, tissue
 from resample_volume.classification.transfer import (
     SUFFIXES,
     Transfer,
@@ -207,7 +206,7 @@ def load_transfer(name: str | Path) -> Transfer:
     Parameters
     ----------
     name
-        One of `PRESETS`; one of `names.TISSUES`, which are in Hounsfield units; a range of data
+        One of `PRESETS`; one of `TISSUES`, which are in Hounsfield units; a range of data
         values such as `300..900`, soft at its borders; points of value, color and opacity such as
         `40/tomato/0,120/#ffcc00/0.4`, linear between them; a matplotlib colormap, over the range of
         the data and with an opacity that rises from 0 to 1; or a file ending in .json or .toml.

@@ -52,10 +52,7 @@ class RegionTransfer:
     greatest, gradients fractions of the 99th percentile of their lengths over all voxels that
     regions could show by their value, as in `gradient_opacity`.
 
-    Raises
-    ------
-    ValueError
-        There is no region, or a number is outside its range.
+    Raises ValueError: there is no region, or a number is outside its range.
     """
 
     regions: tuple[Region, ...]
@@ -153,10 +150,7 @@ class Faded:
     Opacity is multiplied by a ramp that rises from 0 to 1 between two lengths of the gradient, as
     fractions of their 99th percentile.
 
-    Raises
-    ------
-    ValueError
-        The ramp descends, or a number is below 0.
+    Raises ValueError: the ramp descends, or a number is below 0.
     """
 
     transfer: Transfer

@@ -60,10 +60,7 @@ class LogScale:
     def place(self, value: float, what: str) -> float:
         """Convert one value, which must have a logarithm.
 
-        Raises
-        ------
-        ValueError
-            It has no logarithm.
+        Raises ValueError: it has no logarithm.
         """
         place = float(self.scaled(np.array(value)))
         if not math.isfinite(place):
@@ -126,10 +123,7 @@ def scaled(volume: Volume, scale: str) -> Volume:
     Padding and values without logarithm become NaN; `note` says so. Looks given as text refer to
     the original values; fractions are of the scaled range.
 
-    Parameters
-    ----------
-    scale
-        `log`, `symlog:linear=0.01`, or `linear`, which changes nothing.
+    `scale`: `log`, `symlog:linear=0.01`, or `linear`, which changes nothing.
     """
     by = scale_named(scale)
     if by is None:

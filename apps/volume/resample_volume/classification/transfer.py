@@ -44,16 +44,9 @@ class Transfer(Protocol):
     ) -> tuple[Floats, Floats]:
         """Return color (N, 3) in linear light and opacity (N,) by value and gradient length.
 
-        Parameters
-        ----------
-        values
-            (N,) data units. NaN is transparent.
-        slopes
-            (N,) data units per scene unit; None if the function does not need them.
-        data_range
-            Least and greatest finite value of the data.
-        steep
-            Slope of a full surface, data units per scene unit; unit of fractions.
+        `values`: (N,) data units. NaN is transparent. `slopes`: (N,) data units per scene unit;
+        None if the function does not need them. `data_range`: least and greatest finite value of
+        the data. `steep`: slope of a full surface, data units per scene unit; unit of fractions.
         """
 
     def steepest(self, steep: float) -> float:
@@ -222,15 +215,9 @@ def tabulated(
 ) -> TransferTable:
     """Tabulate looks by value and slope.
 
-    Parameters
-    ----------
-    steep
-        Slope of a full surface, data units per scene unit. Rows are evenly spaced from 0 to the
-        slope above which looks do not change.
-    unit
-        Thickness that opacities refer to, scene units.
-    shape
-        Rows and columns (G, K).
+    `steep`: slope of a full surface, data units per scene unit. Rows are evenly spaced from 0 to
+    the slope above which looks do not change. `unit`: thickness that opacities refer to, scene
+    units. `shape`: rows and columns (G, K).
     """
     low, high = data_range
     end = transfer.steepest(steep)
@@ -300,10 +287,7 @@ def _bits(values: NDArray[Any]) -> NDArray[Any]:
 def extinction(opacity: NDArray[Any], unit: float) -> Floats:
     """Return the optical depth per scene unit.
 
-    Parameters
-    ----------
-    opacity
-        (N,) 0..1 of a layer of the thickness `unit`; clipped to `MOST_OPAQUE`.
+    `opacity`: (N,) 0..1 of a layer of the thickness `unit`; clipped to `MOST_OPAQUE`.
     """
     share = np.minimum(np.asarray(opacity, np.float64), MOST_OPAQUE)
     with np.errstate(over="ignore"):

@@ -20,8 +20,8 @@ import numpy as np
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Orbit, Sphere, Viewpoint
 from resample.command.films import Tour, is_file_of_path, tour_of
-from resample.console.messages import Progress
-from resample.files.animations import Frames, Levels, Shots, check_count, fingerprint
+from resample.console import Progress
+from resample.files.animations import Levels, Shots, check_count, fingerprint
 from resample.files.saving import screen_levels
 from resample.lazy import installed_version
 from resample.resampler import Resampler
@@ -198,49 +198,27 @@ def shots(
     cameras: Sequence[AnyCamera],
     paint: FrameOptions,
     about: Mapping[str, Any] | None = None,
+    facts: Mapping[str, Any] | None = None,
 ) -> Shots:
-    """Return the frames of a volume.
+    """Return the frames of a volume, and everything that they depend on.
 
     Parameters
     ----------
     cameras
         One per frame; see `cameras_of`.
     """
-    job = _job(subject, {}, cameras, paint, about)
-    return Shots(len(cameras), lambda n: frame(subject, cameras[n], paint), job)
-
-
-def shots_over_time(
-    course: Course,
-    cameras: Sequence[AnyCamera],
-    paint: FrameOptions,
-    made: Frames,
-    about: Mapping[str, Any] | None = None,
-) -> Shots:
-    """Return the frames of a volume that changes over time; see `shots`."""
-    job = _job(course[0], {"times": course.marks}, cameras, paint, about)
-    return Shots(len(cameras), made, job)
-
-
-def _job(
-    subject: Subject,
-    facts: Mapping[str, Any],
-    cameras: Sequence[AnyCamera],
-    paint: FrameOptions,
-    about: Mapping[str, Any] | None,
-) -> dict[str, Any]:
-    """Return everything that frames depend on."""
-    return {
+    job = {
         **(about or {}),
         "size": list(paint.size),
         "background": list(paint.background),
         "resampler": repr(subject.painter(paint.resampler)),
         **({} if paint.drawing is None else {"drawn": repr(paint.drawing.given)}),
         **subject.facts(),
-        **facts,
+        **(facts or {}),
         "cameras": fingerprint(np.stack([_numbers(camera) for camera in cameras])),
         "version": installed_version(),
     }
+    return Shots(len(cameras), lambda n: frame(subject, cameras[n], paint), job)
 
 
 def frame(subject: Subject, camera: AnyCamera, paint: FrameOptions) -> Levels:

@@ -7,27 +7,32 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 from cyclopts import Parameter
 from pydantic import Field
 
-from resample.command.about import TRANSFER, OptionTopic
-from resample.command.flags import FieldOfView, Hyphen, Switch, Up, Viewed, under
-from resample.command.settings import (
+from resample.command.flags import (
     CAMERA,
     LIGHT,
     MEMORY,
-    Choices,
-    Iso,
-    Resampling,
-    Shown,
+    TRANSFER,
+    FieldOfView,
+    Hyphen,
+    OptionTopic,
+    Switch,
+    Up,
+    Viewed,
+    under,
+    viewpoint,
 )
-from resample.console.backgrounds import Color
-from resample_volume.classification.names import PRESETS, TISSUES
+from resample.command.settings import Choices, Iso, Resampling, Shown
+from resample.console import Color
+from resample_volume.classification import PRESETS, TISSUES
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from resample.cameras.viewpoints import Viewpoint
     from resample.resampler import Resampler
-    from resample_volume.command.filling import Fitted
+    from resample_volume.classification.labels import Labels
     from resample_volume.media.appearance import Appearance, SceneObjects
+    from resample_volume.rendering import Fitted
     from resample_volume.space.annotations import Annotations
     from resample_volume.types import Volume
 
@@ -297,7 +302,6 @@ class AppearanceChoices(Choices):
         """
         from resample_volume.classification.scales import scale_named
         from resample_volume.media.appearance import Classification, check_together
-        from resample_volume.surfaces.sections import Section
 
         if self.label and self.labels is None:
             raise ValueError("label sets the look of a label; give the volume of labels, too")
@@ -316,6 +320,8 @@ class AppearanceChoices(Choices):
             "invert": self.invert or None,
         }
         if self.slab is not None:
+            from resample_volume.surfaces.plane_meshes import Section
+
             Section.of(self.slab)
         extras = [name for name, choice in chosen.items() if choice is not None]
         check_together(resampler, Classification(self.classify), extras)
@@ -330,7 +336,6 @@ class AppearanceChoices(Choices):
             A choice is unknown or not allowed.
         """
         from resample.painting.choices import MEASURING, Projection
-        from resample_volume.files.labels import read_labels
         from resample_volume.media.appearance import Appearance, Classification, named_transfer
         from resample_volume.media.xrays import MU_WATER, XRay
         from resample_volume.voxels.shading import DepthCue, Light
@@ -370,7 +375,7 @@ class AppearanceChoices(Choices):
             self.gradient,
             ramp,
             classification=Classification(self.classify),
-            labels=None if self.labels is None else read_labels(self.labels, self.label, volume),
+            labels=self.labels_of(volume),
             cue=None if self.depth_cue is None else DepthCue(self.depth_cue),
             crop=self.crop,
             clip=self.clip,
@@ -379,6 +384,14 @@ class AppearanceChoices(Choices):
             xray=xray,
             invert=self.invert,
         )
+
+    def labels_of(self, volume: "Volume") -> "Labels | None":
+        """Read the labels of a volume, if there are some."""
+        if self.labels is None:
+            return None
+        from resample_volume.files.source import read_labels
+
+        return read_labels(self.labels, self.label, volume)
 
     def _window(self, scale: str) -> tuple[float, float] | None:
         """Return the least and greatest value of the window, on a scale."""
@@ -398,9 +411,7 @@ class AppearanceChoices(Choices):
         return by.place(low, "the window's end"), by.place(high, "the window's end")
 
     def viewpoint(self) -> "Viewpoint":
-        """Return the viewpoint, read by `resample.cameras.files.viewpoint`."""
-        from resample.cameras.files import viewpoint
-
+        """Return the viewpoint."""
         return viewpoint(self.camera, self.fov, self.up)
 
 
@@ -537,7 +548,7 @@ class BesidePicture(Beside):
             check_bar(output, height)
         if self.deep is None:
             return
-        from resample.files.painted.deep import check_deep
+        from resample.files.painted import check_deep
         from resample_volume.space.slabs import check_slabs
 
         check_deep(output)

@@ -1,46 +1,23 @@
 """Cameras fitted so that everything visible fills the picture."""
 
-from typing import Literal
-
 from resample.cameras.viewpoints import Orbit, Viewpoint
-from resample.console.messages import say
+from resample.console import say
 from resample.resampler import Resampler
 from resample_volume.media.appearance import VolumeLayer, named_or_own
-from resample_volume.rendering import Fit, Subject
+from resample_volume.rendering import Subject
 from resample_volume.voxels.fields import FieldVoxels
 from resample_volume.voxels.framing import Placed, filling, shown_by
 from resample_volume.voxels.gathered import Gathered
 
-Fitted = (
-    Fit | Literal["picture"]
-)  # `picture`: as `visible`, then zoomed and panned to fill the picture
-
-
-def ball_fit(fit: Fitted) -> Fit:
-    """Return what cameras orbit."""
-    return "visible" if fit == "picture" else fit
-
-
-def whole_fit(fit: Fitted) -> Fit:
-    """The same, where not everything visible is in memory at once."""
-    if fit == "picture":
-        raise ValueError(
-            "zoom-in needs all visible voxels in memory, which are too many here; leave it out"
-        )
-    return fit
-
 
 def filled(
     viewpoint: Viewpoint,
-    fit: Fitted,
     subject: Subject,
     medium: VolumeLayer,
     resampler: Resampler,
     size: tuple[int, int],
 ) -> Viewpoint:
-    """Fit the camera to everything visible, if asked for, and print it."""
-    if fit != "picture":
-        return viewpoint
+    """Fit the camera to everything visible, and print it."""
     if not isinstance(viewpoint, Orbit):
         raise ValueError(
             "zoom-in needs a camera that orbits the volume, such as 30/20/1; leave it out for a "

@@ -1,6 +1,6 @@
 """Films described by their options, so that any process can render their frames."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from math import prod
@@ -14,12 +14,12 @@ from resample.command.films import Tour
 from resample.command.session import Session
 from resample.command.settings import Resampling
 from resample.command.workers import StartWorkers
-from resample.console.messages import progress_bar, say
-from resample.files.animations import Frames, Levels, Shots, fingerprint, made_by
+from resample.console import progress_bar, say
+from resample.files.animations import Frames, Levels, Shots, fingerprint
 from resample.memory import available_memory, bytes_of
 from resample.profiles.orders import Summing
 from resample.resampler import Resampler
-from resample.watching import Executor, WorkerPool, told
+from resample.watching import WorkerPool, told
 from resample_volume.classification.surveys import NO_LEVELS, Survey
 from resample_volume.command.animation import (
     Course,
@@ -30,7 +30,6 @@ from resample_volume.command.animation import (
     finished,
     over_time,
     shots,
-    shots_over_time,
 )
 from resample_volume.command.choices import Added, AppearanceChoices, Beside, ReadOptions
 from resample_volume.command.inputs import allowed_memory, read_as_whole, with_memory
@@ -39,14 +38,14 @@ from resample_volume.command.media import (
     appearance_over_time,
     beside,
     can_stream,
-    filmed,
     labelled,
     media,
     others,
     times_of,
     with_objects,
 )
-from resample_volume.command.rendering import local_budget, say_lost_field, say_missed, scene_of
+from resample_volume.command.rendering import say_lost_field, say_missed, scene_of
+from resample_volume.command.windows import local_budget
 from resample_volume.data.values import bricks_of, is_streamed, values_of
 from resample_volume.media.appearance import Appearance, VolumeLayer, transfer_of
 from resample_volume.media.series import Ready, Series, is_chunked, whole
@@ -139,14 +138,14 @@ def _film_of_times(
 ) -> ReadyFilm:
     """A film of a volume that changes over time; see `film_of`."""
     times, ready = _read(script, times, start_workers)
-    every: Any = whole(times).values if is_chunked(times) else None
-    count = 0 if every is None else prod(every.count)
+    count = prod(bricks_of(whole(times)).count) if is_chunked(times) else 0
     with progress_bar("scanning bricks", count) as progress, told(progress):
         series = Series.of(times, ready)
     look = appearance_over_time(series, script.appearance, paint.resampler)
     scenes = _scenes(script, series, look, paint.resampler)
     say_lost_field(scenes.at(0), paint.resampler)
-    course = filmed(scenes.subject, len(series))
+    with progress_bar("scanning all times") as progress:
+        course = Course(len(series), scenes.subject, progress)
     known = TimesStatistics(series.known._replace(levels=NO_LEVELS), look, course.sphere)
     given = script.beside.annotations(paint.background)
     paint = replace(paint, drawing=drawing(series[0], course[0], given))
@@ -157,7 +156,7 @@ def _film_of_times(
         say("the visible voxels do not fit in memory: frames are painted window by window")
         about = {**about, "values": _mark(series.all(), scenes.appearance)}
     frames = _frames_over(course, scenes, cameras, paint)
-    made = shots_over_time(course, cameras, paint, frames, about)
+    made = shots(course[0], cameras, paint, about, {"times": course.marks})._replace(frame=frames)
     return ReadyFilm(made, cameras, paint, is_chunked(times), course[0].is_of_field, known)
 
 
@@ -328,19 +327,19 @@ def _mark(volume: Volume, look: Appearance) -> str:
     return " ".join(marks)
 
 
-def shared_by(
-    crew: WorkerPool | None, script: Script, film: ReadyFilm
-) -> tuple[Shots, Executor | None]:
-    """Return a film's frames, rendered by worker processes if any, and the pool.
+def again(
+    script: Script, film: ReadyFilm, crew: WorkerPool | None
+) -> Callable[[int], Frames] | None:
+    """Return the function that makes a film's frames in other processes, if there are any.
 
     Each worker reads the scene itself. Workers on one machine share its memory limit.
     """
     if crew is None:
-        return film.shots, None
+        return None
     own = (_with_share(_decided(script, film), film, crew), film.cameras, film.paint)
     if film.known is None:
-        return made_by(crew, film.shots, partial(_frames, *own))
-    return made_by(crew, film.shots, partial(_frames_of_times, *own, film.known))
+        return partial(_frames, *own)
+    return partial(_frames_of_times, *own, film.known)
 
 
 def _decided(script: Script, film: ReadyFilm) -> Script:

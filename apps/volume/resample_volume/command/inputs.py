@@ -4,25 +4,24 @@ from dataclasses import replace
 from functools import partial
 from math import prod
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from resample import registry
-from resample.command.workers import StartWorkers
-from resample.console.messages import progress_bar, say
+from resample.console import progress_bar, say
 from resample.memory import allow, amount, available_memory, bytes_of, return_freed_memory
 from resample.memory.mapped import is_in_file
+from resample.outofcore.bricks import SHARE
+from resample.outofcore.passes import PassContext
 from resample.watching import told
 from resample_volume.classification.scales import LINEAR, scaled
 from resample_volume.classification.surveys import Survey, findings, survey, without_padding
 from resample_volume.command.choices import ReadOptions
 from resample_volume.data.bricks import Bricks
 from resample_volume.data.recordings import SeveralTimesError, how, volume_at
-from resample_volume.data.statistics.caches import SHARE
-from resample_volume.data.statistics.scanning import Helpers
 from resample_volume.data.values import as_array, bricks_of, is_streamed
-from resample_volume.files.parsing.steps import three_numbers
+from resample_volume.files.parsing.texts import three_numbers
 from resample_volume.files.readers import Raw, Reader
 from resample_volume.files.source import (
     find_reader,
@@ -33,13 +32,16 @@ from resample_volume.files.source import (
 )
 from resample_volume.types import Recording, Volume
 
+if TYPE_CHECKING:
+    from resample.command.workers import StartWorkers
+
 
 def opened(
     source: ReadOptions,
     name: str,
     *,
     streamed: bool = False,
-    start_workers: StartWorkers | None = None,
+    start_workers: "StartWorkers | None" = None,
 ) -> Volume:
     """Open a volume: a file, a folder or a generated one."""
     return opened_of_several(source, name, streamed=streamed, start_workers=start_workers)[0]
@@ -50,7 +52,7 @@ def opened_of_several(
     name: str,
     *,
     streamed: bool = False,
-    start_workers: StartWorkers | None = None,
+    start_workers: "StartWorkers | None" = None,
 ) -> tuple[Volume, tuple[int, int]]:
     """Open a volume, and return the number of times and channels with it.
 
@@ -112,7 +114,7 @@ def allowed_memory(source: ReadOptions) -> int | None:
 
 
 def with_memory(
-    volume: Volume, allowed: int | None, start_workers: StartWorkers | None = None
+    volume: Volume, allowed: int | None, start_workers: "StartWorkers | None" = None
 ) -> Volume:
     """Return a chunked volume with a memory limit in bytes, or half of the free memory.
 
@@ -132,13 +134,14 @@ def with_memory(
     return volume
 
 
-def _helpers(start_workers: StartWorkers, bricks: Bricks) -> Helpers | None:
+def _helpers(start_workers: "StartWorkers", bricks: Bricks) -> PassContext | None:
     """Start workers to scan a chunked volume; None if no workers were asked for."""
     crew = start_workers()
     if crew is None:
         return None
     bricks.pin_bricks((bricks.memory or 0) // SHARE // crew.tasks)
-    return Helpers(crew.executor, crew.threads)
+    bricks.share_bricks()
+    return PassContext(crew.executor, crew.threads)
 
 
 def announced(volume: Volume) -> Volume:
@@ -200,7 +203,7 @@ def stored(source: ReadOptions, name: str) -> Recording:
     if source.time is not None or source.channel is not None:
         volume = opened(source, name, streamed=True)
         if volume.colors is None:
-            values: Any = Single(volume.values)
+            values = Single(volume.values)
             return Recording(values, *volume[1:6], note=volume.note, space=volume.space)
     streamed = open_streamed(*_named(source, name))
     return held(source, name) if streamed is None else streamed._replace(**_changes(source))
@@ -208,8 +211,6 @@ def stored(source: ReadOptions, name: str) -> Recording:
 
 def _named(source: ReadOptions, name: str) -> tuple[Path | str, Reader | None]:
     """Return the file or generated volume of a name, and its reader."""
-    from resample_volume.files.stores.reader import with_level
-
     if not name:
         raise ValueError("the volume has no name; give a file, a folder or checker-box")
     reader = None if source.reader is None else registry.build("readers", source.reader)
@@ -222,6 +223,8 @@ def _named(source: ReadOptions, name: str) -> tuple[Path | str, Reader | None]:
     if told:
         reader = _with_raw_options(Raw() if reader is None else reader, told)
     if source.level is not None:
+        from resample_volume.files.stores.reader import with_level
+
         reader = with_level(reader or find_reader(name), source.level)
     return (Path(name) if Path(name).exists() else name), reader
 
@@ -242,7 +245,7 @@ def prepared(
     name: str,
     *,
     streamed: bool = False,
-    start_workers: StartWorkers | None = None,
+    start_workers: "StartWorkers | None" = None,
 ) -> Volume:
     """Open a volume, remove its padding and print its statistics."""
     return padding_removed(

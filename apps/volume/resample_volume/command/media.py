@@ -1,12 +1,10 @@
 """Scenes of several volumes, as named on the command line."""
 
 import re
-from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from resample.command.workers import StartWorkers
-from resample.console.messages import progress_bar, say
+from resample.console import say
 from resample.painting.choices import Projection
 from resample.resampler import Resampler
 from resample_volume.classification.presets import PRESETS
@@ -25,11 +23,10 @@ from resample_volume.command.inputs import (
 )
 from resample_volume.data.recordings import volume_at, with_times_first
 from resample_volume.media.appearance import Appearance, SceneObjects, VolumeLayer
-from resample_volume.rendering import Subject
 from resample_volume.types import Recording
 
 if TYPE_CHECKING:
-    from resample_volume.command.animation import Course
+    from resample.command.workers import StartWorkers
     from resample_volume.media.series import Series
 
 KEYS = ("time", "channel", "level", "units", "spacing", "scale", "window", "transfer")
@@ -69,7 +66,7 @@ def media(
     resampler: Resampler,
     *,
     recording: Recording | None = None,
-    start_workers: StartWorkers | None = None,
+    start_workers: "StartWorkers | None" = None,
 ) -> list[VolumeLayer]:
     """Read the volumes of a scene with their looks, each file once.
 
@@ -110,15 +107,16 @@ def with_objects(shown: list[VolumeLayer], objects: SceneObjects) -> list[Volume
 
 def times_of(source: ReadOptions, recording: Recording) -> Recording | None:
     """Return the times of a recording's chosen channel; None if there is only one."""
-    from resample_volume.files.stores.chunks import Chunked
+    from resample_volume.media.series import chunked
 
-    values: Any = recording.values
+    values = recording.values
     if source.channel is not None:
         if 1 in values.shape[:2]:
             return None  # channels alone, of which one is chosen, or times that are meant by them
         volume_at(recording, 0, source.channel)  # refuses what there is not
         at = source.channel % values.shape[1]
-        one: Any = values.only(at) if isinstance(values, Chunked) else values[:, at : at + 1]
+        in_file = chunked(recording)
+        one = values[:, at : at + 1] if in_file is None else in_file.only(at)
         recording = recording._replace(values=one, is_color=False)
     ordered = with_times_first(recording)
     if ordered.values.shape[0] > 1:
@@ -128,14 +126,6 @@ def times_of(source: ReadOptions, recording: Recording) -> Recording | None:
     if ordered.values.shape[1] > 1 and not ordered.is_color:
         volume_at(ordered, 0, None)  # says that one has to be chosen
     return ordered if ordered.values.shape[0] > 1 else None
-
-
-def filmed(subject: Callable[[int], Subject], times: int) -> "Course":
-    """Return the subject at each time, after a scan of all times."""
-    from resample_volume.command.animation import Course
-
-    with progress_bar("scanning all times") as progress:
-        return Course(times, subject, progress)
 
 
 def appearance_over_time(
@@ -151,11 +141,7 @@ def appearance_over_time(
 
 def labelled(own: Appearance, series: "Series", look: AppearanceChoices) -> Appearance:
     """Return the look of all times with the labels of another look, if it has some."""
-    from resample_volume.files.labels import read_labels
-
-    if look.labels is None:
-        return own
-    return replace(own, labels=read_labels(look.labels, look.label, series[0]))
+    return own if look.labels is None else replace(own, labels=look.labels_of(series[0]))
 
 
 def _channels(

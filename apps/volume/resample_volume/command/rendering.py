@@ -1,9 +1,15 @@
-"""Prepare volumes once, render many views."""
+"""Prepare volumes once, render many views.
+
+Peak memory of a picture of volumes is measured in fresh processes (`python -m benchmarks.memory`).
+The number of visible voxels is known only once they are counted, so memory is checked twice: for
+values and picture before the scan, and for everything before shading and painting. Chunked volumes
+(`Bricks`) and mapped files keep their own account.
+"""
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import replace
+from contextlib import contextmanager, suppress
+from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -11,26 +17,20 @@ import numpy as np
 
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Viewpoint
-from resample.command.session import Session
+from resample.command.session import Session, libraries
 from resample.command.settings import Sharing
-from resample.command.workers import StartWorkers, worker_pools
-from resample.console.backgrounds import Color
-from resample.console.messages import say
-from resample.files.writing import beside, inheriting
-from resample.fingerprints import fingerprint
-from resample.lazy import installed_version
-from resample.memory import available_memory
+from resample.console import Color, say
+from resample.files.writing import inheriting
+from resample.memory import require
+from resample.memory.mapped import is_in_file
 from resample.painting.choices import SUMS, Projection
 from resample.profiles.orders import Summing
 from resample.resampler import Resampler
 from resample.types import Doubles, Field, Frame, LatticeField, Samples
 from resample.watching import told
 from resample_volume.classification.surveys import survey
-from resample_volume.command import needs
-from resample_volume.command.filling import Fitted, ball_fit, filled, whole_fit
-from resample_volume.data.values import is_streamed, values_of
+from resample_volume.data.values import is_streamed
 from resample_volume.media.appearance import (
-    Appearance,
     Classification,
     VolumeLayer,
     check_several,
@@ -38,16 +38,20 @@ from resample_volume.media.appearance import (
     decided,
     fits_as_field,
 )
-from resample_volume.rendering import Fit, Subject, painted_with_bar
+from resample_volume.rendering import Fit, Fitted, Subject, painted_with_bar
 from resample_volume.types import Volume
+from resample_volume.voxels.gathered import Gathered
 from resample_volume.voxels.streaming import TooManyVoxelsError
 
 if TYPE_CHECKING:
+    from resample.command.workers import StartWorkers
     from resample_volume.command.choices import BesidePicture
-    from resample_volume.windows import Budget
 
-MARK = "picture"  # file in a folder of windows that identifies their picture
-BYTES_PER_PIXEL = needs.BYTES_PER_PIXEL
+BYTES_PER_PIXEL = 80  # of a picture and its copies for writing
+SCANNED = 4  # bytes of temporaries per voxel during the scan
+SCANNED_FLOATS = 18  # the same for values of floating point
+VISIBLE, VISIBLE_OF_FIELD = 58, 22  # bytes per visible voxel; per voxel of a ray cast field
+REMEDY = "take a smaller or downsampled volume, or show less of it"
 
 
 def scene_of(
@@ -58,7 +62,7 @@ def scene_of(
     size: tuple[int, int] = (0, 0),
 ) -> Subject:
     """Prepare the volumes of a scene for pictures (height, width)."""
-    needs.check_memory(media, size)
+    check_memory(media, size)
     if len(media) > 1:
         check_several(media, resampler)
     check_together(resampler, media[0][1].classification, media[0][1].extras)
@@ -67,7 +71,7 @@ def scene_of(
     bar = "reading visible bricks" if in_bricks else "classifying"
     with session.stage("classify", bar=bar) as progress, told(progress if in_bricks else None):
         subject = Subject.of_several(media, resampler, fit)
-    needs.check_memory(media, size, subject, fit)
+    check_memory(media, size, subject, fit)
     if missed := slab_missed(media, subject):
         say(missed)
     elif subject.is_empty:
@@ -184,7 +188,7 @@ class ExecutionContext(NamedTuple):
 
     threads: int | None
     sharing: Sharing
-    start_workers: StartWorkers
+    start_workers: "StartWorkers | None"  # None: none were asked for
     output: Path  # several processes may keep windows beside it
     left: list[Path]  # folders with windows of commands that were killed
 
@@ -194,12 +198,14 @@ def execution_context(
     threads: int | None, sharing: Sharing, output: Path
 ) -> Iterator[ExecutionContext]:
     """Provide threads, processes and memory for a picture, until the end of the block."""
-    with worker_pools(sharing, threads) as start_workers:
-        if not sharing.has_workers:
-            yield ExecutionContext(threads, sharing, start_workers, output, [])
-            return
-        with inheriting(Path(os.path.realpath(output))) as left:
-            yield ExecutionContext(threads, sharing, start_workers, output, left)
+    if not sharing.has_workers:
+        yield ExecutionContext(threads, sharing, None, output, [])
+        return
+    from resample.command.workers import worker_pools
+
+    target = Path(os.path.realpath(output))
+    with worker_pools(sharing, threads) as start_workers, inheriting(target) as left:
+        yield ExecutionContext(threads, sharing, start_workers, output, left)
 
 
 def to_paint(
@@ -216,23 +222,17 @@ def to_paint(
     With workers it is always by windows. The fit `picture` is `visible` with the camera zoomed and
     panned to fill the picture; that camera is printed.
     """
-    if context.sharing.has_workers:
-        from resample_volume.outofcore.dense import share_lattice
+    subject = None
+    if not context.sharing.has_workers:
+        with suppress(TooManyVoxelsError):
+            around: Fit = "visible" if fit == "picture" else fit
+            subject = scene_of(session, media, resampler, around, size)
+    if subject is None:
+        return _in_windows(session, media, resampler, fit, viewpoint, size, context)
+    if fit == "picture":
+        from resample_volume.command.filling import filled
 
-        for medium in media:
-            _check_bricks(*medium)
-        if not share_lattice(media):
-            raise ValueError(
-                "workers paint volumes that share a lattice, and others are resampled by one "
-                "process; leave workers out"
-            )
-        say_lost_field(media, resampler, in_windows=True)
-        return _in_windows(session, media, resampler, whole_fit(fit), viewpoint, size, context)
-    try:
-        subject = scene_of(session, media, resampler, ball_fit(fit), size)
-    except TooManyVoxelsError:
-        return _in_windows(session, media, resampler, whole_fit(fit), viewpoint, size, context)
-    viewpoint = filled(viewpoint, fit, subject, media[0], resampler, size)
+        viewpoint = filled(viewpoint, subject, media[0], resampler, size)
     camera = subject.camera(viewpoint, *size)
     seen, painter = lit(session, subject, camera), subject.painter(resampler)
 
@@ -244,34 +244,26 @@ def to_paint(
     return PreparedPicture(subject, camera, paint)
 
 
-def _check_bricks(volume: Volume, look: Appearance) -> None:
-    """Reject workers for a picture that is not painted by windows."""
-    from resample_volume.outofcore.dense import is_in_store
-
-    if not is_streamed(volume):
-        raise ValueError(
-            f"workers paint windows of a volume in chunks, and {volume.name} is in memory as a "
-            "whole; convert it to OME-Zarr, composite it by classify pre, or leave workers out"
-        )
-    if look.labels is not None and not is_in_store(look.labels):
-        raise ValueError(
-            "workers read labels from a store, and these are in memory as a whole; convert them to "
-            "OME-Zarr, or leave workers out"
-        )
-
-
 def _in_windows(
     session: Session,
     media: Sequence[VolumeLayer],
     resampler: Resampler,
-    fit: Fit,
+    fit: Fitted,
     viewpoint: Viewpoint,
     size: tuple[int, int],
     context: ExecutionContext,
 ) -> PreparedPicture:
     """Prepare volumes in bricks, to hold one window's voxels in memory at a time."""
+    from resample_volume.command.windows import check_workers, local_budget, shared
     from resample_volume.windows import paint_streamed, streamed_subject
 
+    if context.sharing.has_workers:
+        check_workers(media)
+        say_lost_field(media, resampler, in_windows=True)
+    if fit == "picture":
+        raise ValueError(
+            "zoom-in needs all visible voxels in memory, which are too many here; leave it out"
+        )
     spent = local_budget(media, context.threads)
     with session.stage("classify", bar="scanning voxels") as progress:
         subject = streamed_subject(media, fit, resampler, spent, progress)
@@ -281,76 +273,20 @@ def _in_windows(
     def paint(eye: AnyCamera) -> Frame:
         if eye is not camera:
             raise ValueError("slabs of depth cannot be painted window by window; leave --deep out")
+        crew = None if context.start_workers is None else context.start_workers()
+        shown = (eye.view(), size, resampler)
         with (
             session.stage("paint", bar="painting windows") as progress,
-            shared(context, media, (eye.view(), size, resampler)) as spent,
+            shared(media, shown, spent, crew, context.output, context.left) as budget,
         ):
-            frame, count = paint_streamed(media, subject, eye, size, spent, resampler, progress)
-        if spent.executor is None:
+            frame, count = paint_streamed(media, subject, eye, size, budget, resampler, progress)
+        if budget.executor is None:
             say(f"the visible voxels do not fit in memory: painted in {count} windows")
         else:
             say(f"painted in {count} windows by {context.sharing.description}")
         return frame
 
     return PreparedPicture(subject, camera, paint)
-
-
-def local_budget(media: Sequence[VolumeLayer], threads: int | None) -> "Budget":
-    """Return the budget of windows that this process paints."""
-    from resample_volume.windows import Budget
-
-    allowed = values_of(media[0][0].values).memory
-    return Budget(allowed or available_memory() or 0, threads)
-
-
-def _mark(media: Sequence[VolumeLayer], shown: tuple[Any, ...]) -> str | None:
-    """Return a key shared by pictures of equal pixels; None if values may change unnoticed."""
-    known: list[Any] = [installed_version(), shown]
-    for volume, look in media:
-        labels = [] if look.labels is None else [look.labels.values]
-        states = [values_of(stored).state() for stored in (volume.values, *labels)]
-        if None in states:
-            return None
-        known += [states, volume[1:], replace(look, labels=None)]
-        known += [] if look.labels is None else [look.labels.rules]
-    return fingerprint(known)
-
-
-@contextmanager
-def shared(
-    context: ExecutionContext, media: Sequence[VolumeLayer], shown: tuple[Any, ...]
-) -> "Iterator[Budget]":
-    """Provide the budget and the executor of windows, until the end of the block.
-
-    Windows that a killed command left of the same picture are reused.
-    """
-    from resample.files.painted.tiles import NAME
-    from resample_volume.windows import Budget
-
-    here = local_budget(media, context.threads)
-    allowed, crew = here.memory, context.start_workers()
-    if crew is None:
-        yield here
-        return
-    each = allowed // crew.tasks if crew.is_local else min(allowed, crew.memory or allowed)
-    mark = _mark(media, shown)
-    with beside(Path(os.path.realpath(context.output))) as folder:
-        same = [left for left in context.left if mark is not None and _mark_in(left) == mark]
-        if same:
-            same[0].rename(folder)
-            count = len(list(folder.glob(NAME.format(*"****"))))
-            say(f"{count} windows are reused from a command that was killed")
-        else:
-            folder.mkdir()
-            (folder / MARK).write_text(mark or "", encoding="utf-8")
-        yield Budget(each, crew.threads, folder, crew.executor)
-
-
-def _mark_in(folder: Path) -> str | None:
-    try:
-        return (folder / MARK).read_text(encoding="utf-8")
-    except (OSError, ValueError):
-        return None
 
 
 def lit(session: Session, subject: Subject, camera: AnyCamera) -> Samples | Field | LatticeField:
@@ -389,3 +325,46 @@ def report(session: Session, frame: Frame, subject: Subject) -> dict[str, Any]:
         "subpixels": counts.subpixels,
         "seconds": session.times(),
     }
+
+
+def check_memory(
+    media: Sequence[VolumeLayer],
+    size: tuple[int, int],
+    subject: Subject | None = None,
+    fit: Fit = "visible",
+) -> None:
+    """Reject a picture that does not fit in memory, and log (DEBUG) what it needs.
+
+    Parameters
+    ----------
+    size
+        Height and width of the picture, px.
+    subject
+        Their visible voxels, once known.
+    """
+    volumes = [volume for volume, _ in media]
+    if any(is_streamed(volume) or is_in_file(volume.values) for volume in volumes):
+        return
+    parts = {"libraries": libraries(), "values": sum(_bytes_of(volume) for volume in volumes)}
+    parts["the picture"] = BYTES_PER_PIXEL * size[0] * size[1]
+    what = volumes[0].name or "the volume"
+    if subject is not None:
+        parts[f"{subject.visible} visible voxels"] = (
+            _bytes_per_visible(subject.voxels, fit) * subject.visible
+        )
+        if isinstance(subject.voxels, Gathered) and subject.voxels.thin.parts > 1:
+            parts["slices between thick ones"] = subject.voxels.spline.coefficient.nbytes
+    require(what, parts, REMEDY)
+
+
+def _bytes_per_visible(voxels: object, fit: Fit) -> int:
+    """Bytes per visible voxel; a field needs these only to place a camera and for slopes."""
+    if not isinstance(voxels, Gathered):
+        return VISIBLE
+    return VISIBLE_OF_FIELD if fit == "visible" or len(voxels.table.table) > 1 else 0
+
+
+def _bytes_of(volume: Volume) -> int:
+    kind = volume.values.dtype
+    looked_at = SCANNED if kind.kind in "bui" else SCANNED_FLOATS
+    return (kind.itemsize + looked_at) * prod(volume.values.shape)

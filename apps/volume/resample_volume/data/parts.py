@@ -2,17 +2,17 @@
 
 from bisect import bisect_left
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.outofcore.passes import in_order, threads_at_work
+
 AS_THEY_ARE = (np.dtype(np.float32), np.dtype(np.float64))
 SHORT = tuple(np.dtype(name) for name in ("uint8", "int8", "uint16", "int16"))  # exact in float32
 CHUNK = 1 << 22  # voxels processed together
 SHARE = 1 << 18  # voxels per task of a thread: temporaries stay in the CPU's cache
-MOST_THREADS = 8
 
 
 def slabs(values: NDArray[Any]) -> Iterator[NDArray[Any]]:
@@ -74,16 +74,5 @@ def side_by_side(job: Callable[[slice], None], count: int) -> None:
         for share in shares:
             job(share)
         return
-    pool = ThreadPoolExecutor(threads)
-    try:
-        for _ in pool.map(job, shares):
-            pass
-    finally:
-        pool.shutdown(cancel_futures=True)
-
-
-def threads_at_work() -> int:
-    """Return the number of concurrent parts, within `resample.engine.jit.threads`."""
-    from resample.engine.jit import workers
-
-    return min(MOST_THREADS, workers())
+    for _ in in_order(job, shares):
+        pass

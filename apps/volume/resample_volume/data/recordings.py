@@ -22,10 +22,10 @@ def how(what: str, count: int) -> str:
     """Return the hint how to choose one of several.
 
     >>> how("time", 3)
-    'choose one by time, 0 to 2 (--time 0; in Python open_volume(..., time=0))'
+    'choose one by time, 0 to 2 (--time 0; in Python openvolume_of(..., time=0))'
     """
     last = count - 1
-    return f"choose one by {what}, 0 to {last} (--{what} 0; in Python open_volume(..., {what}=0))"
+    return f"choose one by {what}, 0 to {last} (--{what} 0; in Python openvolume_of(..., {what}=0))"
 
 
 def alone(recording: Recording) -> Volume:
@@ -36,11 +36,8 @@ def alone(recording: Recording) -> Volume:
 def volume_at(recording: Recording, time: int | None, channel: int | None) -> Volume:
     """Return one volume of a recording.
 
-    Parameters
-    ----------
-    time, channel
-        Index from 0, negative from the end; None if there is only one, or if channels are the
-        components of a color.
+    `time`, `channel`: index from 0, negative from the end; None if there is only one, or if
+    channels are the components of a color.
     """
     chosen = recording
     times, parts = chosen.values.shape[:2]
@@ -52,7 +49,7 @@ def volume_at(recording: Recording, time: int | None, channel: int | None) -> Vo
     if chosen.is_color and channel is None:
         return _colored(chosen, at)
     values = chosen.values[at, _number(chosen, 1, channel)]
-    return _volume(chosen, values, chosen.name + _named(recording, time, channel))
+    return volume_of(chosen, values, chosen.name + _named(recording, time, channel))
 
 
 def with_times_first(recording: Recording) -> Recording:
@@ -73,11 +70,8 @@ def in_color(values: NDArray[Any], volume: Volume) -> Volume:
 
     Brightness is the greatest of red, green and blue, so that opacities do not depend on hue.
 
-    Parameters
-    ----------
-    values
-        (Z, Y, X, 3 or 4) red, green, blue and perhaps opacity, not premultiplied: integers in sRGB,
-        floats in linear light. A color with NaN is missing.
+    `values`: (Z, Y, X, 3 or 4) red, green, blue and perhaps opacity, not premultiplied: integers in
+    sRGB, floats in linear light. A color with NaN is missing.
     """
     if values.dtype.kind == "f" and any(bool((slab < 0).any()) for slab in slabs(values)):
         raise ValueError(
@@ -114,10 +108,11 @@ def _brightness(values: NDArray[Any]) -> NDArray[Any]:
 
 def _colored(recording: Recording, time: int) -> Volume:
     values = np.moveaxis(recording.values[time], 0, -1)
-    return in_color(values, _volume(recording, values[..., 0], recording.name))
+    return in_color(values, volume_of(recording, values[..., 0], recording.name))
 
 
-def _volume(recording: Recording, values: NDArray[Any], name: str) -> Volume:
+def volume_of(recording: Recording, values: Any, name: str) -> Volume:
+    """Return a volume of values, placed as a recording."""
     place = (recording.spacing, recording.origin, recording.direction)
     units, note = recording.units, recording.note
     found = Volume(values, *place, name, units, note=note, space=recording.space)

@@ -78,12 +78,7 @@ def rectilinear(
 def evened(place: Doubles, coarser: float = 1.0) -> Even:
     """Return an even axis between the ends of an ascending one.
 
-    Parameters
-    ----------
-    place
-        (N,) coordinates.
-    coarser
-        Ratio of the steps to the least distance, if it is uneven.
+    `place`: (N,) coordinates. `coarser`: ratio of the steps to the least distance, if it is uneven.
     """
     gaps = np.diff(place)
     extent = place[-1] - place[0]

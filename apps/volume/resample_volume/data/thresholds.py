@@ -38,14 +38,7 @@ class Histogram(NamedTuple):
 def otsu(levels: Histogram, classes: int = 2) -> list[float]:
     """Return ascending thresholds between classes; values above one are of the next class.
 
-    Parameters
-    ----------
-    classes
-        2 or 3.
-
-    Returns
-    -------
-    One less than classes; none if there are fewer values than classes.
+    `classes`: 2 or 3. Result: one less than classes; none if there are fewer values than classes.
     """
     value, count = levels
     if value.size < classes:
@@ -93,12 +86,7 @@ def peak_between(
 
     Blurred edges of denser objects spread over all lower values, and make no peak.
 
-    Parameters
-    ----------
-    high
-        Upper limit of the valley behind the peak.
-    each
-        Voxels per voxel of the sample.
+    `high`: upper limit of the valley behind the peak. `each`: voxels per voxel of the sample.
     """
     edges = np.linspace(levels.value[0], levels.value[-1], BINS + 1)
     count, _ = np.histogram(levels.value, edges, weights=levels.number)

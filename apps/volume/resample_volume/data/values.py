@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 
 from resample.memory import amount
 from resample.memory.mapped import array_in_file, array_like, folder
+from resample.outofcore.bricks import Box
 from resample.painting.splines import bytes_of_field
-from resample_volume.data.bricks import Box, Bricks, Step
+from resample_volume.data.bricks import Bricks
 from resample_volume.data.memory import require_memory
 from resample_volume.data.parts import slabs
-from resample_volume.data.statistics.scanning import count_codes, finite_outside, step_of
+from resample_volume.data.scanning import count_codes, finite_outside, step_of
 from resample_volume.types import Volume
 
 LOG = logging.getLogger("resample")
@@ -31,75 +32,59 @@ class VolumeValues(Protocol):
     """Values (Z, Y, X) of a volume."""
 
     @property
-    def shape(self) -> Step: ...
+    def shape(self) -> tuple[int, int, int]: ...
     @property
     def dtype(self) -> np.dtype[Any]: ...
     @property
     def is_streamed(self) -> bool:
         """Whether they stay in their file."""
-        ...
 
     @property
     def memory(self) -> int | None:
         """Memory limit in bytes for all that is made of them; None: the machine's."""
-        ...
 
     @property
     def bytes_to_load(self) -> int:
         """Bytes of an array of them that is not in memory yet."""
-        ...
 
     def read(self, box: Box, /) -> NDArray[Any]:
         """Values of a box, as stored."""
-        ...
 
     def whole(self) -> NDArray[Any]:
         """All of them, in memory."""
-        ...
 
     def parts(self) -> Iterator[NDArray[Any]]:
         """All of them in parts, in no particular order."""
-        ...
 
     def range(self) -> tuple[float, float]:
         """Least and greatest finite value; infinite where there is none."""
-        ...
 
     def sample(self) -> NDArray[Any]:
         """A regular sample, see `step_of`."""
-        ...
 
     def border(self) -> NDArray[Any]:
         """All values (N,) on the six sides."""
-        ...
 
     def outside(self, low: float, high: float) -> tuple[NDArray[Any], int]:
         """Finite values (N,) outside the range of a sample, and the number of infinite ones."""
-        ...
 
     def codes(self) -> NDArray[np.int64]:
         """Counts of each value, by its bits, for types of few values."""
-        ...
 
     def unique(self) -> set[int]:
         """All whole numbers that occur."""
-        ...
 
     def at(self, index: Sequence[NDArray[np.int64]]) -> NDArray[Any]:
         """Values (N,) at indices along z, y and x."""
-        ...
 
     def without(self, padding: Sequence[float], by: Any, name: str, /) -> Any:
         """Values in which padding and infinite ones are replaced; the name is for messages."""
-        ...
 
     def state(self) -> tuple[Any, ...] | None:
         """What identifies them in their file; None if nothing does."""
-        ...
 
     def evidence(self) -> tuple[NDArray[Any], ...]:
         """Arrays that change with them, in this process or another."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +97,7 @@ class ArrayValues:
     bytes_to_load = 0
 
     @property
-    def shape(self) -> Step:
+    def shape(self) -> tuple[int, int, int]:
         z, y, x = self.array.shape
         return z, y, x
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from resample.colors import Background, to_srgb
-from resample.console.backgrounds import Color
+from resample.console import Color
 from resample.measuring.color_bars import (
     BLACK,
     BarLayout,
@@ -63,17 +63,9 @@ def color_bar(
     since faint ones could not be told apart; on the right opacity is drawn as a curve. Functions of
     value and gradient are drawn over both axes instead.
 
-    Parameters
-    ----------
-    height
-        Of the picture, px, at least 64.
-    steep
-        Slope of a full surface, see `resample_volume.voxels.visible.steepness`. 1 shows the
-        gradients of a normalized function as fractions.
-
-    Returns
-    -------
-    (H, B, 4) linear, opaque. The width B follows from the height and the text.
+    `height`: of the picture, px, at least 64. `steep`: slope of a full surface, see
+    `resample_volume.voxels.visible.steepness`. 1 shows the gradients of a normalized function as
+    fractions. Result: (H, B, 4) linear, opaque. The width B follows from the height and the text.
     """
     check_height(height)
     by, form = scale_named(scale), FORMS[transfer.needs_gradient]

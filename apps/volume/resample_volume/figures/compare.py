@@ -204,21 +204,9 @@ class VtkBeside:
     ) -> Floats:
         """Render a picture (H, W, 4), premultiplied linear RGBA, one ray per pixel.
 
-        Parameters
-        ----------
-        volume
-            As placed before the camera; the same in all calls.
-        appearance, resampler
-            As for our own picture.
-        camera
-            The camera.
-        size
-            Width and height, px.
-
-        Raises
-        ------
-        ValueError
-            VTK is not installed, or cannot show this.
+        `volume`: as placed before the camera; the same in all calls. `appearance`, `resampler`: as
+        for our own picture. `camera`: the camera. `size`: width and height, px. Raises ValueError:
+        VTK is not installed, or cannot show this.
         """
         check_vtk(appearance, resampler)
         transfer = transfer_of(volume, appearance)

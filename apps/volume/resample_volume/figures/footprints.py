@@ -10,12 +10,11 @@ import numpy as np
 
 from resample.cameras.models import Camera
 from resample.hybrid.correction import true_distance
-from resample.painting.choices import FOOTPRINTS, Footprint, Primitive
+from resample.painting.choices import Footprint, Primitive, footprints_of
 from resample.profiles.reconstruction import GaussianKernel, footprint_table
 from resample.resampler import Resampler
 from resample.types import Doubles, Record, Samples
-from resample_volume.figures.data import VolumeFolder
-from resample_volume.figures.writing import Row, drawing, save, write_numbers
+from resample_volume.figures.paper import Row, VolumeFolder, drawing, save, write_numbers
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -79,19 +78,12 @@ class KernelBall(NamedTuple):
         return Samples(position, np.ones((1, 3), np.float32), extinction, spacing * np.eye(3))
 
 
-class ScreenEllipse(NamedTuple):
-    """Where a quadratic form is 1, in units of the image plane at depth 1."""
-
-    center: Doubles  # (2,)
-    axes: Doubles  # (2, 2) columns are the half axes, the longer one first
-
-
 def make(folder: Path, shelf: VolumeFolder, *, quick: bool = False) -> str:
     """Write the figure and return its summary."""
     del shelf  # only one sphere is shown
     rows = error_rows(QUICK if quick else ErrorGrid())
     sphere = KernelBall(TILT, CONE, 0.0)
-    ellipse = ellipse_of(record_of(sphere, Footprint.CORRECTED))
+    center, half_axes = ellipse_of(record_of(sphere, Footprint.CORRECTED))
     touched = tangent_rays(sphere)
     off = float(np.abs(index_of(record_of(sphere, Footprint.CORRECTED), touched) - 1).max())
     facts = {
@@ -101,9 +93,9 @@ def make(folder: Path, shelf: VolumeFolder, *, quick: bool = False) -> str:
         "picture_error": f"the same of the pixels that the resampler draws ({SIDE} x {SIDE})",
         "sphere": {"angle_deg": TILT, "cone_deg": CONE, "distance": DISTANCE},
         "ellipse": {
-            "midpoint": ellipse.center.tolist(),
+            "midpoint": center.tolist(),
             "projected_center": (sphere.center[:2] / sphere.center[2]).tolist(),
-            "half_axes": np.linalg.norm(ellipse.axes, axis=0).tolist(),
+            "half_axes": np.linalg.norm(half_axes, axis=0).tolist(),
             "largest_error_at_tangent_rays": off,
         },
     }
@@ -131,12 +123,15 @@ def index_of(record: Record, ray: Doubles) -> Doubles:
     return np.asarray(np.sqrt(np.maximum(0.0, a * dx * dx + 2 * b * dx * dy + c * dy * dy)))
 
 
-def ellipse_of(record: Record) -> ScreenEllipse:
-    """Return the outline of a record's quadratic form."""
+def ellipse_of(record: Record) -> tuple[Doubles, Doubles]:
+    """Return where a record's form is 1, in units of the image plane at depth 1.
+
+    The center (2,), and half axes as columns (2, 2), the longer one first.
+    """
     a, b, c = (float(record[name]) for name in "abc")
     squared, axes = np.linalg.eigh(np.array([[a, b], [b, c]]))
     center = np.array([record["form_x"], record["form_y"]], np.float64)
-    return ScreenEllipse(center / FOCAL, axes / np.sqrt(squared) / FOCAL)
+    return center / FOCAL, axes / np.sqrt(squared) / FOCAL
 
 
 # Rays at known distances.
@@ -254,7 +249,7 @@ def picture_errors(sphere: KernelBall) -> dict[str, float]:
     truth = line_integral(distance_of(sphere, ray)) / KERNEL.radius**2  # of one voxel's length
     return {
         str(model): float(np.abs(_drawn(sphere, camera, model) - truth).max() / truth.max())
-        for model in FOOTPRINTS[Primitive.SPLATS]
+        for model in footprints_of(Primitive.SPLATS)
     }
 
 
@@ -294,7 +289,7 @@ def _draw_side(axes: "Axes") -> None:
 
     sphere = KernelBall(TILT, CONE, 0.0)
     center, radius = sphere.center[[0, 2]], sphere.radius
-    ellipse = ellipse_of(record_of(sphere, Footprint.CORRECTED))
+    midpoint, half_axes = ellipse_of(record_of(sphere, Footprint.CORRECTED))
     plane = 3.5
     axes.add_patch(Circle((center[0], center[1]), radius, fill=False, color="black"))
     axes.annotate("", (0, 8.5), (0, 0), arrowprops={"arrowstyle": "->"})
@@ -311,9 +306,9 @@ def _draw_side(axes: "Axes") -> None:
         axes.text(foot + (-0.5 if sign < 0 else 0.1), plane + 0.15, f"{letter}'", color="tab:blue")
     axes.plot([-1, 9], [plane, plane], color="black", linewidth=1)
     axes.text(6.6, plane + 0.15, "image plane", fontsize=8)
-    ends = plane * (ellipse.center[0] + np.array([-1, 1]) * np.abs(ellipse.axes[0]).max())
+    ends = plane * (midpoint[0] + np.array([-1, 1]) * np.abs(half_axes[0]).max())
     axes.plot(ends, [plane, plane], color="tab:blue", linewidth=4, alpha=0.5)
-    axes.plot(plane * ellipse.center[0], plane, "o", color="tab:blue", label="midpoint of A'B'")
+    axes.plot(plane * midpoint[0], plane, "o", color="tab:blue", label="midpoint of A'B'")
     axes.plot(plane * center[0] / center[1], plane, "x", color="tab:red", label="C', projected")
     axes.plot(0, 0, "o", color="black")
     axes.set_title("Figure 3. Side view: the cone that touches the sphere", fontsize=10)
@@ -328,17 +323,17 @@ def _draw_plane(axes: "Axes") -> None:
     around = np.linspace(0, 2 * np.pi, 200)
     circle = np.array([np.cos(around), np.sin(around)])
     for model, style in ((Footprint.CORRECTED, "-"), (Footprint.AFFINE, "--")):
-        ellipse = ellipse_of(record_of(sphere, model))
-        rim = ellipse.center[:, None] + ellipse.axes @ circle
+        center, half_axes = ellipse_of(record_of(sphere, model))
+        rim = center[:, None] + half_axes @ circle
         axes.plot(*rim, style, color=COLORS[str(model)], label=f"rim, {model}")
     axes.plot(*tangent_rays(sphere)[::6].T, ".", color="black", label="rays that touch")
-    ellipse = ellipse_of(record_of(sphere, Footprint.CORRECTED))
-    for name, axis in zip(("R1", "R2"), ellipse.axes.T, strict=True):
-        end = ellipse.center + axis * (1 if axis.sum() > 0 else -1)
-        start, middle = ellipse.center, (ellipse.center + end) / 2
+    center, half_axes = ellipse_of(record_of(sphere, Footprint.CORRECTED))
+    for name, axis in zip(("R1", "R2"), half_axes.T, strict=True):
+        end = center + axis * (1 if axis.sum() > 0 else -1)
+        start, middle = center, (center + end) / 2
         axes.annotate("", end, (start[0], start[1]), arrowprops={"arrowstyle": "->"})
         axes.text(middle[0] + 0.01, middle[1] + 0.015, name)
-    axes.plot(*ellipse.center, "o", color="tab:blue", label="midpoint")
+    axes.plot(*center, "o", color="tab:blue", label="midpoint")
     axes.plot(sphere.center[0] / sphere.center[2], 0, "x", color="tab:red", label="C'")
     axes.set_title(
         f"Figure 3. Image plane: {TILT:g} degrees off the axis, α = {CONE:g} degrees", fontsize=10

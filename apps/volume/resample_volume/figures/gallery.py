@@ -6,15 +6,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 from resample.cameras.viewpoints import Orbit
-from resample.console.backgrounds import SPLAT_COLOR
+from resample.console import SPLAT_COLOR
 from resample.files.saving import write_png
 from resample.measuring.compare import contact_sheet
 from resample.painting.choices import Primitive
 from resample.resampler import Resampler
 from resample.types import Frame
 from resample_volume.classification.transfer import from_points
-from resample_volume.figures.data import FigureVolume, VolumeFolder, missing
-from resample_volume.figures.writing import Row, write_numbers
+from resample_volume.figures.paper import FigureVolume, Row, VolumeFolder, missing, write_numbers
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import render
 from resample_volume.voxels.shading import Light
@@ -35,7 +34,7 @@ class Shot:
     """One picture."""
 
     letter: str
-    subject: str  # one of `data.TITLES`
+    subject: str  # one of `paper.TITLES`
     caption: str
     orbit: Orbit
     resampler: Resampler = HYBRID

@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 
 from resample.cameras.models import Camera
 from resample.cameras.poses import orbit
-from resample.painting.choices import Primitive
+from resample.painting.choices import PAPER_FILTER, Primitive
 from resample.profiles.orders import EverySample, layers_of, sheets_of
-from resample.resampler import PAPER_FILTER, Resampler
+from resample.resampler import Resampler
 from resample.types import Doubles, Records, Samples, Sheets
-from resample_volume.figures.data import VolumeFolder
-from resample_volume.figures.writing import Row, drawing, save, write_numbers
+from resample_volume.figures.paper import Row, VolumeFolder, drawing, save, write_numbers
 from resample_volume.files.source import generate
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import visible_voxels

@@ -1,28 +1,36 @@
 """Figure 9: how long volumes take as splats, as points and mixed, beside the paper and others."""
 
+import math
 import os
 import platform
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from statistics import median
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from resample.cameras.models import AnyCamera, Camera
 from resample.cameras.viewpoints import Orbit, Sphere
-from resample.measuring.compare import plain
+from resample.measuring.compare import milliseconds, plain
 from resample.painting.choices import Primitive
-from resample.profiles.orders import AxisSheets, ImageSheets
+from resample.profiles.orders import ImageSheets
 from resample.resampler import Resampler
 from resample.types import Floats, Samples
+from resample_volume.baselines.painting import AxisSheets
 from resample_volume.baselines.peers import Peer, VtkRenderer
 from resample_volume.classification.presets import load_transfer
 from resample_volume.classification.transfer import TransferFunction, from_points
-from resample_volume.figures.data import FigureVolume, VolumeFolder, missing
-from resample_volume.figures.writing import Row, drawing, save, write_numbers
+from resample_volume.figures.paper import (
+    FigureVolume,
+    Row,
+    VolumeFolder,
+    drawing,
+    missing,
+    save,
+    write_numbers,
+)
 from resample_volume.files.source import generate
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import visible_voxels
@@ -246,12 +254,10 @@ def _timed(
     label: str, resample: Resampler, case: Case, camera: AnyCamera, choices: Effort
 ) -> dict[str, object]:
     """Milliseconds of a frame, and the share of what it painted that were splats."""
-    side = choices.side
-    frame = resample(case.samples, camera, height=side, width=side)
+    run = partial(resample, case.samples, camera, height=choices.side, width=choices.side)
+    frame = run()
     return {
-        f"{label}_ms": _milliseconds(
-            lambda: resample(case.samples, camera, height=side, width=side), choices.frames
-        ),
+        f"{label}_ms": milliseconds(run, choices.frames, math.inf),
         f"{label}_splats_percent": 100 * frame.statistics.splat_fraction,
     }
 
@@ -285,17 +291,7 @@ def _peer(case: Case, side: int, remarks: list[str]) -> VtkRenderer | None:
 
 def _vtk_milliseconds(peer: VtkRenderer, camera: AnyCamera, frames: int) -> float:
     peer.draw(camera)
-    return _milliseconds(lambda: peer.draw(camera), frames)
-
-
-def _milliseconds(paint: Callable[[], object], frames: int) -> float:
-    """Median time of a frame."""
-    times = []
-    for _ in range(frames):
-        start = time.perf_counter()
-        paint()
-        times.append(1000 * (time.perf_counter() - start))
-    return median(times)
+    return milliseconds(lambda: peer.draw(camera), frames, math.inf)
 
 
 def _line(row: Row) -> dict[str, str]:

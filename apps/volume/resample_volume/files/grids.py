@@ -6,8 +6,8 @@ from typing import ClassVar
 
 from resample.reading.arrays import DamageError, read_npz
 from resample_volume.data.rectilinear import rectilinear
-from resample_volume.files.parsing.choosing import ArrayQuery, check_part
 from resample_volume.files.parsing.headers import existing_file, header, stem
+from resample_volume.files.parsing.sections import ArrayQuery, check_part
 from resample_volume.types import Volume
 
 AXES = ("x", "y", "z")

@@ -15,13 +15,12 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
 import numpy as np
 
 from resample.reading.arrays import DamageError, read_npy
-from resample_volume.data.recordings import alone, is_color
-from resample_volume.files.parsing.choosing import ArrayQuery, check_part
+from resample_volume.data.recordings import is_color
 from resample_volume.files.parsing.headers import (
     Check,
+    OneOfAll,
     VolumeHeader,
     accept_any,
-    check_alone,
     check_shape,
     check_type,
     existing_file,
@@ -29,7 +28,8 @@ from resample_volume.files.parsing.headers import (
     recording,
     stem,
 )
-from resample_volume.files.parsing.steps import Numbers, sizes_of, steps_of, three_numbers
+from resample_volume.files.parsing.sections import ArrayQuery, check_part
+from resample_volume.files.parsing.texts import Numbers, sizes_of, steps_of, three_numbers
 from resample_volume.files.parsing.voxels import VoxelData, voxels, wrong_size
 from resample_volume.types import Recording, Volume
 
@@ -72,13 +72,10 @@ class Streamer(Protocol):
 
 
 @dataclass(frozen=True)
-class Nrrd:
+class Nrrd(OneOfAll):
     """NRRD, with the data in the same file or beside it; raw voxels are memory mapped."""
 
     suffixes: ClassVar[tuple[str, ...]] = (".nrrd", ".nhdr")
-
-    def __call__(self, path: Path) -> Volume:
-        return alone(self.recorded(path, check_alone))
 
     def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         from resample_volume.files.formats.nrrd import read_nrrd
@@ -87,13 +84,10 @@ class Nrrd:
 
 
 @dataclass(frozen=True)
-class MetaImage:
+class MetaImage(OneOfAll):
     """MetaImage, with the data in the same file or beside it; raw voxels are memory mapped."""
 
     suffixes: ClassVar[tuple[str, ...]] = (".mha", ".mhd")
-
-    def __call__(self, path: Path) -> Volume:
-        return alone(self.recorded(path, check_alone))
 
     def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         from resample_volume.files.formats.metaimage import read_metaimage
@@ -102,7 +96,7 @@ class MetaImage:
 
 
 @dataclass(frozen=True)
-class Nifti:
+class Nifti(OneOfAll):
     """NIfTI-1 or -2 in a single file; slope and intercept are applied, which gives floats.
 
     Its coordinates are RAS; they are converted to LPS, like those of other formats.
@@ -111,9 +105,6 @@ class Nifti:
     space: ClassVar[str] = "lps"
     suffixes: ClassVar[tuple[str, ...]] = (".nii", ".nii.gz")
 
-    def __call__(self, path: Path) -> Volume:
-        return alone(self.recorded(path, check_alone))
-
     def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         from resample_volume.files.formats.nifti import read_nifti
 
@@ -121,7 +112,7 @@ class Nifti:
 
 
 @dataclass(frozen=True)
-class Vti:
+class Vti(OneOfAll):
     """VTK image data, at points or cells. Components are channels, or a color."""
 
     array: str = ""  # name of the array; empty: the active one, or the only one of scalars
@@ -132,9 +123,6 @@ class Vti:
     def __post_init__(self) -> None:
         check_part(self.part)
 
-    def __call__(self, path: Path) -> Volume:
-        return alone(self.recorded(path, check_alone))
-
     def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         from resample_volume.files.xml.vti import read_vti
 
@@ -143,7 +131,7 @@ class Vti:
 
 
 @dataclass(frozen=True)
-class Vtk:
+class Vtk(OneOfAll):
     """VTK's legacy files, as text or binary: image data, rectilinear grids, grids of cells.
 
     Values are at points or cells; components are channels, or a color. Unstructured grids are
@@ -161,9 +149,6 @@ class Vtk:
         check_part(self.part)
         steps_of(self.spacing)
 
-    def __call__(self, path: Path) -> Volume:
-        return alone(self.recorded(path, check_alone))
-
     def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         from resample_volume.files.formats.vtk import read_vtk
 
@@ -173,15 +158,12 @@ class Vtk:
 
 
 @dataclass(frozen=True)
-class Mrc:
+class Mrc(OneOfAll):
     """MRC and CCP4 maps, in Å; volumes of a stack are times. Raw voxels are memory mapped."""
 
     suffixes: ClassVar[tuple[str, ...]] = (
         *(".mrc", ".map", ".ccp4", ".mrcs", ".mrc.gz", ".map.gz", ".ccp4.gz", ".mrcs.gz"),
     )
-
-    def __call__(self, path: Path) -> Volume:
-        return alone(self.recorded(path, check_alone))
 
     def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         from resample_volume.files.formats.mrc import read_mrc
@@ -190,13 +172,10 @@ class Mrc:
 
 
 @dataclass(frozen=True)
-class Cube:
+class Cube(OneOfAll):
     """Gaussian's cubes, in Å; several orbitals are channels."""
 
     suffixes: ClassVar[tuple[str, ...]] = (".cube", ".cub")
-
-    def __call__(self, path: Path) -> Volume:
-        return alone(self.recorded(path, check_alone))
 
     def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         from resample_volume.files.formats.cube import read_cube
@@ -205,7 +184,7 @@ class Cube:
 
 
 @dataclass(frozen=True)
-class TiffStack:
+class TiffStack(OneOfAll):
     """A folder of gray pictures, sorted by number, or one multi-page file."""
 
     spacing: Numbers = "1x1x1"  # pictures have none
@@ -215,12 +194,9 @@ class TiffStack:
     def __post_init__(self) -> None:
         three_numbers("spacing", self.spacing)
 
-    def __call__(self, path: Path) -> Volume:
-        return alone(self.recorded(path, check_alone))
-
     def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         from resample_volume.files.stacks import slices
-        from resample_volume.files.stacks.pages import page_order
+        from resample_volume.files.stacks.slices import page_order
 
         if path.is_dir():
             paths, name = slices.files_with(path, self.suffixes), path.resolve().name
@@ -269,7 +245,7 @@ class Dicom:
 
 
 @dataclass(frozen=True)
-class Raw:
+class Raw(OneOfAll):
     """Raw voxels, x fastest; uncompressed files are memory mapped.
 
     Without `shape` and `dtype`, these are taken from a name like `engine_256x256x128_uint8.raw`.
@@ -293,9 +269,6 @@ class Raw:
             check_type(_type(self.dtype, self.endian), "raw")
         if self.offset < 0:
             raise ValueError(f"offset is a number of bytes from 0 on, not {self.offset}")
-
-    def __call__(self, path: Path) -> Volume:
-        return alone(self.recorded(path, check_alone))
 
     def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         known = self._header(existing_file(path))
@@ -329,7 +302,7 @@ class Raw:
 
 
 @dataclass(frozen=True)
-class Npy:
+class Npy(OneOfAll):
     """NumPy's own format; memory mapped.
 
     Values are (Z, Y, X), or (T, Z, Y, X) of several times or channels, or (T, C, Z, Y, X) of both;
@@ -342,9 +315,6 @@ class Npy:
 
     def __post_init__(self) -> None:
         three_numbers("spacing", self.spacing)
-
-    def __call__(self, path: Path) -> Volume:
-        return alone(self.recorded(path, check_alone))
 
     def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         try:

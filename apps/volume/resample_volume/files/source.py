@@ -1,6 +1,6 @@
-"""Open volumes by name: files of any known format, folders, generated volumes."""
+"""Open volumes and labels of voxels from files, samples and addresses, and write volumes."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -8,19 +8,35 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from resample import registry
-from resample.files.stores.addresses import Address, is_address
-from resample.files.stores.opening import is_store
+from resample.files.stores.opening import Address, is_address
+from resample.files.writing import replacing, save_array
+from resample_volume.classification.labels import Labels, check_known, parse_rules
 from resample_volume.classification.scales import LINEAR, value_at
 from resample_volume.classification.surveys import findings, survey
 from resample_volume.data.recordings import volume_at
 from resample_volume.data.thresholds import otsu
-from resample_volume.data.values import Stored, values_of
+from resample_volume.data.values import Stored, is_streamed, values_of
+from resample_volume.files.formats.metaimage import write_metaimage
+from resample_volume.files.formats.nifti import write_nifti
+from resample_volume.files.formats.nrrd import write_nrrd
 from resample_volume.files.generated import GENERATED
+from resample_volume.files.parsing.headers import KEPT
 from resample_volume.files.readers import Reader, Recorder, Streamer
 from resample_volume.types import Recording, Volume
 
 if TYPE_CHECKING:
     from resample_volume.files.stores.reader import Zarr
+
+SUFFIXES = (".nrrd", ".mha", ".nii", ".nii.gz", ".npy")
+OWN = {  # suffixes of readers that are imported only for such files
+    "npz": (".npz",),
+    "vdb": (".vdb",),
+    "vtm": (".vtm", ".vthb"),
+    "vtr": (".vtr",),
+    "vts": (".vts",),
+    "vtu": (".vtu",),
+    "zarr": (".ome.zarr", ".zarr", ".ome.zarr.zip", ".zarr.zip", ".ozx", ".zip"),
+}
 
 
 def open_volume(
@@ -146,10 +162,12 @@ def find_reader(path: str | Path) -> Reader:
         return _distant(None)
     path = Path(path)
     readers, broken = _readers()
-    if is_store(path):
-        suffix = ".zarr"
+    if path.is_dir():
+        from resample.files.stores.opening import is_store
+
+        suffix = ".zarr" if is_store(path) else _folder_suffix(path, readers)
     else:
-        suffix = _folder_suffix(path, readers) if path.is_dir() else _suffix(path.name, readers)
+        suffix = _suffix(path.name, readers)
     if not suffix:
         known = " ".join(sorted(readers))
         what = "holds no slices" if path.is_dir() else "has no known suffix"
@@ -184,14 +202,11 @@ def generate(spec: str) -> Volume:
 def describe(volume: Volume, bins: int = 32) -> dict[str, Any]:
     """Describe a volume, in plain Python values.
 
-    Returns
-    -------
-    `name`, `shape` (x, y, z), `dtype`, `spacing`, `origin`, `direction` (3 rows), `range` (lowest
-    and highest finite value, or None), `scale` (on which bins are even), `nan` and `infinite`
-    (counts), `units` (words), `robust_range` (without padding and strays, or None), `padding` (its
-    values), `padded` and `stray` (counts), `thresholds` (between `2` and between `3` classes),
-    `findings` (lines), and
-    `histogram` (counts over the robust range).
+    Result: `name`, `shape` (x, y, z), `dtype`, `spacing`, `origin`, `direction` (3 rows), `range`
+    (lowest and highest finite value, or None), `scale` (on which bins are even), `nan` and
+    `infinite` (counts), `units` (words), `robust_range` (without padding and strays, or None),
+    `padding` (its values), `padded` and `stray` (counts), `thresholds` (between `2` and between `3`
+    classes), `findings` (lines), and `histogram` (counts over the robust range).
     """
     if bins < 1:
         raise ValueError(f"a histogram has at least 1 bin, not {bins}")
@@ -227,11 +242,11 @@ def describe(volume: Volume, bins: int = 32) -> dict[str, Any]:
 
 def _unprefixed(name: str | Path) -> str | Path:
     """Resolve names of built-in data to a generated volume or file; others are unchanged."""
+    text = str(name)
+    if not text.startswith("sample:"):
+        return name
     from resample.samples.finding import PREFIX, sample_path
 
-    text = str(name)
-    if not text.startswith(PREFIX):
-        return name
     spec = text.removeprefix(PREFIX)
     return spec if spec.partition(":")[0] in GENERATED else sample_path(text)
 
@@ -249,7 +264,7 @@ def _readers() -> tuple[dict[str, list[str]], list[str]]:
     broken = []
     for name in registry.names("readers"):
         try:
-            suffixes = registry.load("readers", name).suffixes
+            suffixes = OWN.get(name) or registry.load("readers", name).suffixes
         except LookupError as error:  # only matters if that one is needed
             broken.append(str(error))
             continue
@@ -273,3 +288,52 @@ def _folder_suffix(folder: Path, readers: dict[str, list[str]]) -> str:
     if len({tuple(readers[suffix]) for suffix in found}) > 1:
         raise ValueError(f"{folder} holds files of {' and '.join(sorted(found))}; name one of them")
     return min(found, default="")
+
+
+def read_labels(path: str, rules: Sequence[str], volume: Volume) -> Labels:
+    """Read the labels of a volume's voxels from a file.
+
+    `rules`: each such as `1:color=tomato,opacity=0.5` or `2:hidden`, one for a label.
+    """
+    chosen = parse_rules(rules)
+    try:
+        found = _volume_of(path, is_streamed(volume))
+        if found.colors is not None:
+            raise ValueError("labels are whole numbers, one for each voxel, not colors")
+        labels = Labels(found.values, chosen)
+        labels.check(volume)
+        check_known(labels)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    return labels
+
+
+def _volume_of(path: str, streamed: bool) -> Volume:
+    """Open the volume of labels, streamed if possible and wanted."""
+    held = open_streamed(path) if streamed else None
+    return open_volume(path) if held is None else volume_at(held, None, None)
+
+
+def write_volume(path: Path, volume: Volume) -> None:
+    """Write a volume with its spacing, origin and direction (.npy: values only)."""
+    suffix = check_suffix(path)
+    with replacing(path) as temporary:
+        if suffix == ".npy":
+            save_array(temporary, volume.values)
+            return
+        if volume.values.ndim != 3 or volume.values.dtype.name not in KEPT:
+            raise OSError(f"{path}: {volume.values.dtype} {volume.values.shape} is no volume")
+        if suffix == ".nrrd":
+            write_nrrd(temporary, volume)
+        elif suffix == ".mha":
+            write_metaimage(temporary, volume)
+        else:
+            write_nifti(temporary, volume, is_packed=suffix == ".nii.gz")
+
+
+def check_suffix(path: Path) -> str:
+    """Return a file's suffix; reject one that `write_volume` cannot write, before any work."""
+    suffix = next((known for known in SUFFIXES if path.name.lower().endswith(known)), "")
+    if not suffix:
+        raise ValueError(f"{path}: volumes are written as {', '.join(SUFFIXES)}")
+    return suffix

@@ -12,7 +12,6 @@ from resample.painting.splines import LARGEST, bytes_of_field
 from resample.profiles.orders import OF_FIELDS, EverySample, Rays, Summing
 from resample.resampler import Resampler
 from resample_volume.classification.automatic import levels
-from resample_volume.classification.labels import MOST_RULES
 from resample_volume.classification.presets import Window, transfer_for
 from resample_volume.classification.surveys import survey
 from resample_volume.classification.transfer import Transfer, as_transfer
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
     from resample_volume.classification.labels import Labels
     from resample_volume.surfaces.image_planes import ImagePlane
     from resample_volume.surfaces.meshes import IsoSurface, SceneMesh
-    from resample_volume.surfaces.sections import Section
+    from resample_volume.surfaces.plane_meshes import Section
 
 # Each keeps its own tables.
 OF_VOXELS, ALONG_RAYS = Resampler(), Resampler(order=Rays())
@@ -87,7 +86,7 @@ class Appearance:
         """Slab outside of which nothing is shown."""
         if self.slab is None:
             return None
-        from resample_volume.surfaces.sections import Section
+        from resample_volume.surfaces.plane_meshes import Section
 
         return Section.of(self.slab)
 
@@ -286,10 +285,7 @@ def decided(
     for volumes that do not fit in memory as a field, and where gradients of voxels are asked for
     (`sobel`); but meshes and planes always need rays.
 
-    Parameters
-    ----------
-    resampler
-        Renderer; one of samples paints voxels in any case.
+    `resampler`: renderer; one of samples paints voxels in any case.
     """
     looks = [look.classification for _, look in media]
     if Classification.AUTO not in looks:
@@ -313,7 +309,7 @@ def _suits_rays(volume: Volume, look: Appearance) -> bool:
     """Return whether a volume fits in memory as a field, and is shaded by its own gradients."""
     if look.gradient != GRADIENT:
         return False
-    if look.labels is not None and len(look.labels.rules) > MOST_RULES:
+    if look.labels is not None and not look.labels.are_few:
         return False
     return fits_as_field(volume) and max(map(abs, finite_range(volume.values))) < LARGEST
 

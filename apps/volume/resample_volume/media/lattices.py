@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.memory.mapped import is_in_file
+from resample.outofcore.bricks import Step
 from resample.types import Doubles
-from resample_volume.data.bricks import Step
 from resample_volume.data.memory import require_memory
 from resample_volume.data.values import as_array
 from resample_volume.media.resampling import in_between, resampled

@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.types import Doubles, Floats, Samples
+from resample.types import Doubles, Floats, Indices, Samples
 from resample_volume.data.memory import require_memory
 from resample_volume.media.lattices import CommonLattice
 from resample_volume.voxels.shading import Light
 from resample_volume.voxels.transmittance import voxel_transmittance
-from resample_volume.voxels.visible import BYTES_PER_VOXEL, Indices, Voxels, positions_at
+from resample_volume.voxels.visible import BYTES_PER_VOXEL, Voxels, positions_at
 
 BYTES_PER_BRICK = 8  # of 8 voxels per side, whether any is seen or not
 BRICK = 8**3
@@ -85,12 +85,7 @@ def with_light(media: MixedMedia, light: Light) -> MixedMedia:
 def added(media: MixedMedia, colors: Sequence[Floats]) -> Samples:
     """Return samples with the light of all media.
 
-    Parameters
-    ----------
-    media
-        Mixed voxels.
-    colors
-        (N, 3) linear light of each medium's voxels.
+    `media`: mixed voxels. `colors`: (N, 3) linear light of each medium's voxels.
     """
     total = np.zeros(media.position.shape)
     for part, place, color in zip(media.parts, media.place, colors, strict=True):

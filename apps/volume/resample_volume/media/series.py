@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,12 +11,15 @@ from resample_volume.classification.materials import Windowed
 from resample_volume.classification.regions import Faded
 from resample_volume.classification.surveys import Survey, survey, without_padding
 from resample_volume.classification.transfer import DataRange, Transfer
-from resample_volume.data.recordings import alone, volume_at, with_times_first
-from resample_volume.data.values import is_streamed
+from resample_volume.data.recordings import alone, volume_at, volume_of, with_times_first
+from resample_volume.data.values import bricks_of, is_streamed, with_bricks
 from resample_volume.media.appearance import Appearance, named_or_own, transfer_of
 from resample_volume.media.xrays import XRay, settled
 from resample_volume.types import Recording, Volume
 from resample_volume.voxels.visible import finite_range, steepness, visible_with_slopes
+
+if TYPE_CHECKING:
+    from resample_volume.files.stores.chunks import Chunked
 
 Ready = Callable[[Volume], Volume]  # sets the memory limit of a volume in bricks
 
@@ -47,10 +50,11 @@ class Series:
     def again(cls, recording: Recording, known: Survey, ready: Ready = _as_it_is) -> "Series":
         """Rebuild the series in another process, from given statistics."""
         ordered = with_times_first(recording)
-        every: Any = without_padding(whole(ordered), known) if is_chunked(ordered) else None
-        if every is not None and every.values.is_kept():
-            return cls(ordered, known, every, ready)
-        return cls(ordered, known, None, ready)
+        every = whole(ordered) if is_chunked(ordered) else None
+        if every is not None:
+            every = without_padding(every, known)
+            every = every if bricks_of(every).is_kept() else None
+        return cls(ordered, known, every, ready)
 
     def __len__(self) -> int:
         return int(self.recording.values.shape[0])
@@ -61,8 +65,7 @@ class Series:
         volume = without_padding(own._replace(name=self.recording.name), self.known)
         if self.together is None:
             return volume
-        every, values = self.together.values, volume.values
-        return volume._replace(values=every.one_of(values, time))  # type: ignore[attr-defined]
+        return with_bricks(volume, bricks_of(self.together).one_of(bricks_of(volume), time))
 
     def all(self) -> Volume:
         """All times stacked in one volume, for looks that depend on values."""
@@ -102,24 +105,25 @@ class Series:
 
 def whole(recording: Recording) -> Volume:
     """Stack all times of a recording in one volume."""
-    values: Any = recording.values
-    times, parts, *size = values.shape
+    times, parts, *size = recording.values.shape
     if not recording.is_color and parts != 1:
         return volume_at(recording, 0, None)  # the message says that there are channels
-    if is_chunked(recording):
-        from resample_volume.files.stores.chunks import Single
-
-        return alone(recording._replace(values=Single(values.stacked_along_z())))  # type: ignore[arg-type]
-    across = np.moveaxis(values, 0, 1).reshape(1, parts, times * size[0], *size[1:])
+    if (values := chunked(recording)) is not None:
+        return volume_of(recording, values.stacked_along_z(), recording.name)
+    across = np.moveaxis(recording.values[:], 0, 1).reshape(1, parts, times * size[0], *size[1:])
     return alone(recording._replace(values=across))
 
 
 def is_chunked(recording: Recording) -> bool:
     """Return whether a recording's values stay in their file."""
+    return chunked(recording) is not None
+
+
+def chunked(recording: Recording) -> "Chunked | None":
+    """Return values that stay in their file; None if these do not."""
     from resample_volume.files.stores.chunks import Chunked
 
-    values: Any = recording.values
-    return isinstance(values, Chunked)
+    return recording.values if isinstance(recording.values, Chunked) else None
 
 
 def steepest(

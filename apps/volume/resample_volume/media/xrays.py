@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from resample.colors import from_srgb, to_srgb
 from resample.memory.mapped import array_like, most_of
+from resample.outofcore.caching import memoized
 from resample.painting.choices import Projection
 from resample.types import Frame
 from resample_volume.classification.automatic import BRIGHT
 from resample_volume.classification.surveys import Survey, survey
-from resample_volume.data.memoization import memoized
 from resample_volume.data.memory import require_memory
 from resample_volume.data.parts import slabs
 from resample_volume.data.recordings import how
@@ -98,10 +98,7 @@ def negative(light: NDArray[np.float32]) -> NDArray[np.float32]:
 def settled(xray: XRay, volume: Volume, known: Survey | None = None) -> XRay:
     """Return the options with units and window resolved for a volume.
 
-    Parameters
-    ----------
-    known
-        Statistics of its values; None: computed here.
+    `known`: statistics of its values; None: computed here.
     """
     if volume.colors is not None:
         raise ValueError(

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.cameras.viewpoints import Sphere
+from resample.outofcore.passes import PassContext
 from resample.types import Doubles, Floats
 from resample_volume.data.bricks import Bricks
 from resample_volume.data.values import bricks_of, with_bricks
 from resample_volume.outofcore.outline import FINE, OutlineQuery, VisibleOutline
-from resample_volume.outofcore.passes import PassContext, passed
 from resample_volume.types import Volume
-from resample_volume.voxels.blocks import Indices, Lattice, ends_of, lattice_for
+from resample_volume.voxels.blocks import Indices, Lattice, ends_of, lattice_for, passed
 from resample_volume.voxels.framing import (
     BINS,
     SOME,
@@ -52,25 +52,17 @@ class Bulk(NamedTuple):
 
 
 def ball_of(
-    seen: OutlineQuery, outline: VisibleOutline, voxel: float, looking: PassContext
+    seen: OutlineQuery, outline: VisibleOutline, voxel: float, context: PassContext
 ) -> Sphere:
-    """Return the bounding sphere of the visible voxels without outliers.
-
-    Parameters
-    ----------
-    outline
-        Where their voxels are visible.
-    voxel
-        Longest step of the lattice, scene units.
-    """
+    """Return the bounding sphere without outliers; `voxel` is the longest step of the lattice."""
     low, high = outline.low, outline.high
     most, bulk, extent = most_strays(outline.total), None, high - low
     if most and np.isfinite(extent).all() and not _is_filled(seen, outline, most):
-        bulk = _bulk(seen, low, extent, most, voxel, looking)
+        bulk = _bulk(seen, low, extent, most, voxel, context)
         if bulk is not None:
             bricks = bricks_of(seen.volume)
             job = partial(_ends_of, seen, bulk)
-            ends = np.array(passed(bricks, lattice_for(bricks.shape), job, looking))
+            ends = np.array(passed(bricks, lattice_for(bricks.shape), job, context))
             low, high = (ends[:, 0].min(axis=0), ends[:, 1].max(axis=0))
             low, high = low.astype(np.float64), high.astype(np.float64)
     return sphere_of(low, high, voxel, lambda center: _farthest(seen, outline, center, bulk))
@@ -87,12 +79,12 @@ def _ends_of(seen: OutlineQuery, bulk: Bulk, bricks: Bricks) -> Floats:
 
 
 def _bulk(
-    seen: OutlineQuery, low: Doubles, extent: Doubles, most: int, voxel: float, looking: PassContext
+    seen: OutlineQuery, low: Doubles, extent: Doubles, most: int, voxel: float, context: PassContext
 ) -> Bulk | None:
     """Return the bounds without outliers; None if there are no outliers."""
     bricks = bricks_of(seen.volume)
     job = partial(_code_counts, seen, low, extent)
-    count = np.sum(passed(bricks, lattice_for(bricks.shape), job, looking), axis=0)
+    count = np.sum(passed(bricks, lattice_for(bricks.shape), job, context), axis=0)
     codes = np.array([[0, BINS - 1]] * 3)
     for axis in wide_axes(extent):
         codes[axis] = full_codes(count[axis], float(extent[axis]), most, voxel)

@@ -5,20 +5,22 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 
+from resample.outofcore.bricks import Box
+from resample.types import Indices
 from resample_volume.classification.transfer import DataRange, Transfer, extinction
-from resample_volume.data.bricks import Box
+from resample_volume.data.bricks import Bricks
 from resample_volume.data.recordings import linear_colors
 from resample_volume.data.values import bricks_of
 from resample_volume.types import Volume
 from resample_volume.voxels.streaming import (
     BrickClassifier,
     Candidates,
+    OnGrid,
     brick_by_brick,
     near_to_each_other,
     visible_bricks,
 )
 from resample_volume.voxels.visible import (
-    Indices,
     Voxels,
     classify_values,
     extinctions_of,
@@ -55,39 +57,15 @@ def candidates_by_bricks(
     gradient: str | None,
     finish: Callable[[Candidates, Box], R],
 ) -> Iterator[R]:
-    """Run a job on the voxels of each brick whose value may be visible.
+    """Run a job on the voxels of each brick whose value may be visible, as `brick_by_brick`."""
+    return brick_by_brick(*on_grid(bricks_of(volume), volume, transfer, gradient), finish)
 
-    Parameters
-    ----------
-    finish
-        The job, called with voxels and their brick's box; runs on several bricks at a time.
-    """
-    values = bricks_of(volume)
+
+def on_grid(bricks: Bricks, volume: Volume, transfer: Transfer, gradient: str | None) -> OnGrid:
+    """Return bricks of a volume, of which those that may be visible are chosen."""
     data_range = range_for(transfer, volume)
     wanted = BrickClassifier(transfer, data_range, gradient, to_scene_of(volume))
-    chosen = visible_bricks(values, transfer, data_range)
-    return brick_by_brick(values, wanted, chosen, finish)
-
-
-def classified_by_bricks(
-    volume: Volume, by: Classifying, finish: Callable[[Indices, Voxels], R]
-) -> Iterator[R]:
-    """Run a job on the visible voxels of each brick.
-
-    Parameters
-    ----------
-    by
-        Classifies voxels.
-    finish
-        The job, called with flat indices (N,) into the volume and their voxels, as from `classify`;
-        runs on several bricks at a time.
-    """
-    data_range = range_for(by.transfer, volume)
-
-    def job(found: Candidates, box: Box) -> R:
-        return finish(*classified(volume, by, data_range, found, box))
-
-    return candidates_by_bricks(volume, by.transfer, by.gradient, job)
+    return OnGrid(bricks, wanted, visible_bricks(bricks, transfer, data_range))
 
 
 def range_for(transfer: Transfer, volume: Volume) -> DataRange:

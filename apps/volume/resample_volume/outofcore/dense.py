@@ -4,25 +4,24 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from resample.outofcore.bricks import LruCache, Step
+from resample.outofcore.passes import PassContext
 from resample.resampler import Resampler
 from resample.types import Doubles, Indices
 from resample_volume.classification.labels import Labels
 from resample_volume.classification.regions import Faded
-from resample_volume.data.bricks import Step
-from resample_volume.data.statistics.caches import LruCache
 from resample_volume.data.values import bricks_of, is_streamed, streamed, with_bricks
 from resample_volume.media.appearance import Appearance, Classification, VolumeLayer, transfer_of
 from resample_volume.media.lattices import CommonLattice, common_lattice, first_in
 from resample_volume.outofcore.caching import cached
-from resample_volume.outofcore.classified import Classifying, classified_by_bricks
+from resample_volume.outofcore.classified import Classifying
 from resample_volume.outofcore.outline import Finish
-from resample_volume.outofcore.passes import PassContext
 from resample_volume.outofcore.steepness import Slopes, steepness_by_bricks
 from resample_volume.outofcore.together import (
     CombinedBricks,
     Member,
+    classified_by_bricks,
     in_grid,
-    mixed_by_bricks,
     resampled_bricks,
 )
 from resample_volume.rendering import placement, resampled_appearance
@@ -73,11 +72,9 @@ class Dense:
     def __call__(self, volume: Volume, finish: Finish) -> Iterator[Any]:
         """Run a job on the visible voxels of a volume, brick by brick."""
         members = [self._with_labels(member) for member in self.members]
-        if self.lattice is None:
-            (member,) = members
-            return classified_by_bricks(volume, member.by, lambda *one: finish(*self.cut(*one)))
-        together: Any = bricks_of(volume)
-        return mixed_by_bricks(together, self.lattice, members, self.cut, finish)
+        scene: Any = bricks_of(volume)
+        bricks = [scene] if self.lattice is None else scene.parts
+        return classified_by_bricks(bricks, self.lattice, members, self.cut, finish)
 
     def _with_labels(self, member: Member) -> Member:
         """Return the volume with a cache of label bricks."""
@@ -115,7 +112,7 @@ def check_windows(media: Sequence[VolumeLayer]) -> None:
 
 
 def dense_of(
-    media: Sequence[VolumeLayer], painter: Resampler, memory: int, looking: PassContext
+    media: Sequence[VolumeLayer], painter: Resampler, memory: int, context: PassContext
 ) -> tuple[Volume, Dense]:
     """Prepare volumes to be classified brick by brick, and the scene that they form."""
     check_windows(media)
@@ -133,7 +130,7 @@ def dense_of(
         scene = _combined(placed, lattice)
     members = []
     for volume, look in placed:
-        by = _classifying(volume, replace(look, light=light), looking)
+        by = _classifying(volume, replace(look, light=light), context)
         first = (0, 0, 0) if lattice is None else _first(volume, lattice)
         members.append(Member(volume, by, first))
     cut = Cropping(clip, painter.reconstruction.radius)
@@ -182,7 +179,7 @@ def _first(volume: Volume, lattice: CommonLattice) -> Step:
     return first
 
 
-def _classifying(volume: Volume, look: Appearance, looking: PassContext) -> Classifying:
+def _classifying(volume: Volume, look: Appearance, context: PassContext) -> Classifying:
     """Return the parameters of classification; scans all slopes once, if needed."""
     transfer = transfer_of(volume, look)
     if look.gradient_opacity is not None:
@@ -192,7 +189,7 @@ def _classifying(volume: Volume, look: Appearance, looking: PassContext) -> Clas
     steep = 0.0
     if transfer.needs_gradient:
         slopes = Slopes(volume, transfer, look.gradient)
-        steep = cached(volume, (transfer, gradient), lambda: steepness_by_bricks(slopes, looking))
+        steep = cached(volume, (transfer, gradient), lambda: steepness_by_bricks(slopes, context))
     return Classifying(transfer, gradient, steep, look.labels)
 
 

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from resample.files.writing import save_array
 from resample.memory import amount
+from resample.outofcore.bricks import Step
+from resample.outofcore.passes import PassContext
 from resample.types import Doubles, Flags, Floats
-from resample_volume.data.bricks import Bricks, Step
+from resample_volume.data.bricks import Bricks
 from resample_volume.data.values import bricks_of, with_bricks
 from resample_volume.outofcore.outline import OutlineQuery, VisibleOutline
-from resample_volume.outofcore.passes import PassContext, passed
-from resample_volume.voxels.blocks import Indices, lattice_for
+from resample_volume.voxels.blocks import Indices, lattice_for, passed
 from resample_volume.voxels.shading import Light
 from resample_volume.voxels.transmittance import (
     BYTES_PER_CELL,
@@ -63,15 +64,9 @@ def transmittance_grid(
     light: Light,
     steps: Doubles,
     memory: int,
-    looking: PassContext,
+    context: PassContext,
 ) -> LightGrid:
-    """Compute the light that reaches visible voxels.
-
-    Parameters
-    ----------
-    steps
-        (3, 3) columns are the steps of the lattice, scene units.
-    """
+    """Compute the light that reaches visible voxels; `steps` (3, 3) of the lattice as columns."""
     cells = cells_around(outline.last - outline.first + 1)
     size = BYTES_PER_CELL * prod(cells.grid)
     if size > memory:
@@ -81,7 +76,7 @@ def transmittance_grid(
         )
     bricks = bricks_of(seen.volume)
     job = partial(_summed, seen, outline, cells)
-    parts = passed(bricks, lattice_for(bricks.shape), job, looking)
+    parts = passed(bricks, lattice_for(bricks.shape), job, context)
     share = light_transmittance(cells.means(_joined(parts, cells)), cells.per * steps, light)
     return LightGrid(share, cells, outline.first, bricks.shape)
 

@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.outofcore.passes import PassContext
 from resample.types import Doubles
 from resample_volume.data.bricks import Bricks
 from resample_volume.data.values import bricks_of, with_bricks
-from resample_volume.outofcore.passes import PassContext, passed
 from resample_volume.types import Volume
-from resample_volume.voxels.blocks import Indices, Lattice, lattice_for
+from resample_volume.voxels.blocks import Indices, Lattice, lattice_for, passed
 from resample_volume.voxels.cropping import Steeps, merged_steeps, steeps_of
 from resample_volume.voxels.framing import bounds
 
@@ -56,11 +56,11 @@ class OutlineQuery(NamedTuple):
     clip: Doubles  # (M, 4) planes
 
 
-def outlined(seen: OutlineQuery, looking: PassContext) -> VisibleOutline:
+def outlined(seen: OutlineQuery, context: PassContext) -> VisibleOutline:
     """Scan all voxels once and return where they are visible; a process holds few at a time."""
     bricks = bricks_of(seen.volume)
     lattice = lattice_for(bricks.shape)
-    parts = passed(bricks, lattice, partial(_outlined, seen, lattice), looking)
+    parts = passed(bricks, lattice, partial(_outlined, seen, lattice), context)
     return reduce(_both, parts)
 
 

@@ -8,22 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.memory.mapped import array_in_file
+from resample.outofcore.bricks import Box, BrickRequest, LruCache, Step
 from resample.types import Doubles
-from resample_volume.data.bricks import Box, BrickRequest, Bricks, Step
-from resample_volume.data.statistics.caches import LruCache
+from resample_volume.data.bricks import Bricks
 from resample_volume.data.values import bricks_of, with_bricks
 from resample_volume.media.lattices import CommonLattice, onto
-from resample_volume.media.mixing import MixedMedia, mixed_at
-from resample_volume.outofcore.classified import Classifying, classified, range_for
+from resample_volume.media.mixing import mixed_at
+from resample_volume.outofcore.classified import Classifying, classified, on_grid
 from resample_volume.types import Volume
+from resample_volume.voxels.blocks import Indices
 from resample_volume.voxels.streaming import (
-    BrickClassifier,
     Candidates,
-    OnGrid,
     map_bricks,
-    visible_bricks,
 )
-from resample_volume.voxels.visible import Indices, Voxels, to_scene_of
+from resample_volume.voxels.visible import Voxels
 
 R = TypeVar("R")
 
@@ -134,38 +132,12 @@ class Assembled:
 
     def __call__(self, box: Box) -> NDArray[Any]:
         """Values (Z, Y, X) of a box."""
-        own = [slice(p.start - n, p.stop - n) for p, n in zip(box, self.first, strict=True)]
-        values = np.empty([part.stop - part.start for part in own], self.bricks.dtype)
-        if not values.size:
-            return values
-        homes = [
-            range(part.start // side, (part.stop - 1) // side + 1)
-            for part, side in zip(own, self.bricks.side, strict=True)
-        ]
-        for z in homes[0]:
-            for y in homes[1]:
-                for x in homes[2]:
-                    self._put((z, y, x), own, values)
-        return values
-
-    def _put(self, index: Step, own: Sequence[slice], values: NDArray[Any]) -> None:
-        """Copy the overlap of a brick and a box into the box's values."""
-        to, of = [], []
-        for part, mine in zip(self.bricks.box(index), own, strict=True):
-            start, stop = max(part.start, mine.start), min(part.stop, mine.stop)
-            to.append(slice(start - mine.start, stop - mine.start))
-            of.append(slice(start - part.start, stop - part.start))
-        values[tuple(to)] = self.bricks.brick(index)[tuple(of)]
+        shifts = zip(box, self.first, strict=True)
+        return self.bricks.part(tuple(slice(p.start - n, p.stop - n) for p, n in shifts))
 
 
-def in_grid(bricks: Bricks, first: Step, size: Step, side: Step) -> Bricks:
-    """Return bricks of a volume on the grid of a lattice.
-
-    Parameters
-    ----------
-    first
-        Index of its first voxel in the lattice.
-    """
+def in_grid(bricks: Bricks, first: Step, size: tuple[int, int, int], side: Step) -> Bricks:
+    """Return bricks of a volume, whose first voxel is at an index, on the grid of a lattice."""
     if first == (0, 0, 0) and (size, side) == (bricks.shape, bricks.side):
         return bricks
     z, y, x = (slice(n, n + own) for n, own in zip(first, bricks.shape, strict=True))
@@ -225,19 +197,13 @@ class ArrayBoxes:
 
 
 def resampled_bricks(volume: Volume, lattice: CommonLattice, most: int) -> Volume:
-    """Resample a volume in bricks to a lattice, into a temporary file of the user's cache.
-
-    Parameters
-    ----------
-    most
-        Limit in bytes for mapped pages in memory.
-    """
+    """Resample a volume in bricks to a lattice, in a file with at most so many bytes in memory."""
     bricks = bricks_of(volume)
     values = array_in_file(bricks.shape, bricks.dtype, most, volume.name)
     bricks.put_into(values)
     there = onto(volume._replace(values=values), lattice)
     shape, kind = there.values.shape, there.values.dtype
-    size: Step = (shape[0], shape[1], shape[2])
+    size = shape[0], shape[1], shape[2]
     in_file = Bricks(ArrayBoxes(there.values), size, kind, bricks.side, memory=bricks.memory)
     return with_bricks(there, in_file)
 
@@ -250,38 +216,33 @@ class Member(NamedTuple):
     first: Step  # index of its first voxel in the common lattice
 
 
-def mixed_by_bricks(
-    together: CombinedBricks,
-    lattice: CommonLattice,
+def classified_by_bricks(
+    bricks: Sequence[Bricks],
+    lattice: CommonLattice | None,
     members: Sequence[Member],
     cut: Callable[[Indices, Voxels], tuple[Indices, Voxels]],
-    finish: Callable[[Indices, MixedMedia], R],
+    finish: Callable[[Indices, Any], R],
 ) -> Iterator[R]:
-    """Run a job on the visible voxels of several volumes, brick by brick.
+    """Run a job on the visible voxels of one volume, or of several on a lattice, brick by brick.
 
-    Parameters
-    ----------
-    cut
-        Removes voxels of a volume.
-    finish
-        The job, called with flat indices (N,) into the lattice and their voxels.
+    `cut` removes voxels of one. The job gets flat indices (N,) and `Voxels`, or `MixedMedia`; it
+    runs on several bricks at a time.
     """
-    ranges, parts = [], []
-    for member, bricks in zip(members, together.parts, strict=True):
-        (volume, by, _), data_range = member, range_for(member.by.transfer, member.volume)
-        wanted = BrickClassifier(by.transfer, data_range, by.gradient, to_scene_of(volume))
-        parts.append(OnGrid(bricks, wanted, visible_bricks(bricks, by.transfer, data_range)))
-        ranges.append(data_range)
+    shape = bricks[0].shape
+    parts = [
+        on_grid(own, volume, by.transfer, by.gradient)
+        for own, (volume, by, _) in zip(bricks, members, strict=True)
+    ]
 
     def job(found: list[Candidates], boxes: list[Box]) -> R:
         each = []
-        for member, data_range, seen, box in zip(members, ranges, found, boxes, strict=True):
-            size, first = member.volume.values.shape, member.first
-            z, y, x = (slice(p.start - n, p.stop - n) for p, n in zip(box, first, strict=True))
-            own = seen._replace(place=_moved(seen.place, together.shape, size, first, -1))
-            place, voxels = cut(*classified(member.volume, member.by, data_range, own, (z, y, x)))
-            each.append((_moved(place, size, together.shape, first, 1), voxels))
-        return finish(*mixed_at(each, lattice))
+        for (volume, by, first), part, seen, box in zip(members, parts, found, boxes, strict=True):
+            own = tuple(slice(p.start - n, p.stop - n) for p, n in zip(box, first, strict=True))
+            size, data_range = volume.values.shape, part.wanted.data_range
+            moved = seen._replace(place=_moved(seen.place, shape, size, first, -1))
+            place, voxels = cut(*classified(volume, by, data_range, moved, own))
+            each.append((_moved(place, size, shape, first, 1), voxels))
+        return finish(*(each[0] if lattice is None else mixed_at(each, lattice)))
 
     return map_bricks(parts, job)
 

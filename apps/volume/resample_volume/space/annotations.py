@@ -11,8 +11,7 @@ from resample.types import Doubles, Floats, Frame, View
 from resample_volume.classification.surveys import survey, without_padding
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import Subject
-from resample_volume.space.lines import Stroke, with_lines
-from resample_volume.space.measuring import unit_of_space
+from resample_volume.space.lines import Stroke, unit_of_space, with_lines
 from resample_volume.types import Volume
 from resample_volume.voxels.framing import Shifted, centered, corners
 
@@ -260,12 +259,7 @@ def cover(
 def cube_picture(rotation: Doubles, side: int, names: tuple[str, ...] = AXES) -> Floats:
     """Draw a cube with a letter on each face (S, S, 4), premultiplied, linear.
 
-    Parameters
-    ----------
-    rotation
-        (3, 3) from scene to camera.
-    side
-        S, px.
+    `rotation`: (3, 3) from scene to camera. `side`: s, px.
     """
     place = ((np.arange(side * FINE) + 0.5) / (side * FINE) * 2 - 1) * REACH
     screen = np.stack(np.meshgrid(place, place), axis=-1)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from resample.painting.meshes import mesh_of
 from resample.painting.scenes.scene import check_places
-from resample.reading.models.meshes import check_mesh, trimesh_resolver, unreadable
+from resample.reading.meshes import check_mesh, trimesh_resolver, unreadable
 from resample.reading.native import plain
 from resample.types import NO_TRIANGLES, Doubles, Triangles
 
@@ -200,7 +200,7 @@ def chosen_opacity(kind: str, choices: Mapping[str, str]) -> float:
 
 def chosen_color(kind: str, name: str) -> tuple[float, float, float]:
     """Return the linear light of a color's name or #rrggbb."""
-    from resample.console.backgrounds import linear_color
+    from resample.console import linear_color
 
     color = linear_color(name)
     if color is None:

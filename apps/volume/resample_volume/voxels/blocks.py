@@ -1,20 +1,25 @@
-"""Small blocks of a volume: their number of visible voxels and their bounds on screen."""
+"""Small blocks of a volume, and passes over layers of them in one or several processes."""
 
-from itertools import product
-from typing import NamedTuple
+from collections.abc import Callable
+from functools import partial
+from itertools import pairwise
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.painting.scenes.plans import Window
-from resample.types import Doubles, Floats, View
-from resample_volume.data.bricks import BrickRequest, Step
-from resample_volume.types import Volume
-from resample_volume.voxels.visible import lattice_of
+from resample.outofcore import passes
+from resample.outofcore.bricks import BrickRequest, Step
+from resample.outofcore.passes import PassContext
+from resample.types import Doubles
+from resample_volume.data.bricks import Bricks
 
 SIDE = 8  # voxels, at least
 MOST = 1 << 18  # blocks at most; otherwise their side is doubled
+PARTS = 8  # parts of a pass over a volume by several processes, at most
+THICK = 2  # layers of bricks per part, at least: slopes also read the adjacent layers
 
+R = TypeVar("R")
 Indices = NDArray[np.int64]
 
 
@@ -55,26 +60,6 @@ def _in_steps(index: Indices, side: int) -> Indices:
     return index >> bits if side == 1 << bits else index // side
 
 
-class Blocks(NamedTuple):
-    """The blocks of a volume with visible voxels."""
-
-    lattice: Lattice
-    number: Indices  # (N,) flat indices, z slowest
-    visible: Indices  # (N,) visible voxels
-    bounds: Floats  # (N, 4) left, top, right and bottom of their footprints, px
-
-    def within(self, window: Window, margin: float) -> NDArray[np.bool_]:
-        """Return which blocks (N,) may be visible in a window with a margin, px."""
-        left, top, right, bottom = self.bounds.T
-        x0, y0, x1, y1 = window
-        is_across = (right >= x0 - margin) & (left <= x1 + margin)
-        return np.asarray(is_across & (bottom >= y0 - margin) & (top <= y1 + margin))
-
-    def bare(self) -> "Blocks":
-        """Return a copy without per-block data that windows do not need."""
-        return Blocks(self.lattice, self.number[:0], self.visible[:0], self.bounds[:0])
-
-
 def lattice_for(size: Step) -> Lattice:
     """Partition a volume (Z, Y, X) into a limited number of blocks."""
     lattice = Lattice(size, SIDE)
@@ -90,51 +75,32 @@ def ends_of(lattice: Lattice, index: Indices) -> tuple[Doubles, Doubles]:
     return low, np.minimum(low + lattice.side, lattice.size[::-1]) - 1
 
 
-def bounds_of(volume: Volume, lattice: Lattice, index: Indices, reach: float, view: View) -> Floats:
-    """Return the bounds of blocks on the screen.
-
-    Parameters
-    ----------
-    lattice, index
-        The blocks, (N,) flat.
-    reach
-        Radius of the kernels, voxels.
-
-    Returns
-    -------
-    Left, top, right and bottom (N, 4), px, of the boxes around the ellipsoids of all their voxels;
-    a box is convex, so the projections of its corners bound it. Infinite where a box reaches the
-    near plane.
-    """
-    low, high = ends_of(lattice, index)
-    low, high = low - reach, high + reach
-    steps = view.rotation @ lattice_of(volume)
-    start = view.rotation @ volume.origin + view.translation
-    least, most = np.full((2, index.size, 2), np.inf) * [[[1.0]], [[-1.0]]]
-    is_near = np.zeros(index.size, bool)
-    for is_high in product((False, True), repeat=3):
-        place = np.where(is_high, high, low) @ steps.T + start
-        is_near |= place[:, 2] <= view.near
-        on_screen = _projected(place, view)
-        least, most = np.minimum(least, on_screen), np.maximum(most, on_screen)
-    if view.perspective:
-        least[is_near], most[is_near] = -np.inf, np.inf
-    return np.column_stack([least, most]).astype(np.float32)
+def passed(
+    bricks: Bricks, lattice: Lattice, job: Callable[[Bricks], R], context: PassContext
+) -> list[R]:
+    """Run a job on bricks restricted to layers of blocks; return its results in their order."""
+    several = max(1, min(PARTS, bricks.count[0] // THICK))
+    layers = _layers(bricks, lattice, 1 if context.executor is None else several)
+    found = []
+    for made, reads in passes.passed(partial(_found, job, bricks, lattice), layers, context):
+        bricks.reads += reads
+        found.append(made)
+    return found
 
 
-def widened(bounds: Floats, is_mirrored: bool, reach: float) -> Floats:
-    """Widen bounds (N, 4), px, to what footprints paint beyond them.
-
-    By a margin in px, and by their own width if footprints are symmetric about their center.
-    """
-    low, high = bounds[:, :2], bounds[:, 2:]
-    aside = reach + (high - low if is_mirrored else 0)
-    return np.column_stack([low - aside, high + aside]).astype(np.float32)
+def _layers(bricks: Bricks, lattice: Lattice, parts: int) -> list[tuple[int, int]]:
+    """Return ranges of layers of blocks that are scanned together."""
+    count = bricks.count[0]
+    cuts = {count * n // parts * bricks.side[0] // lattice.side for n in range(parts)}
+    ends = [*sorted(cuts), lattice.blocks[0]]
+    return [(first, last) for first, last in pairwise(ends) if first < last]
 
 
-def _projected(place: Doubles, view: View) -> Doubles:
-    """Project points (N, 3) in camera axes to (N, 2) px; undefined behind the camera."""
-    if not view.perspective:
-        return np.asarray(place[:, :2] * view.focal + view.principal)
-    depth = np.where(place[:, 2] > 0, place[:, 2], 1.0)[:, np.newaxis]
-    return np.asarray(place[:, :2] / depth * view.focal + view.principal)
+def _found(
+    job: Callable[[Bricks], R], bricks: Bricks, lattice: Lattice, layers: tuple[int, int]
+) -> tuple[R, int]:
+    """Run a job on some layers of blocks; also return the number of bricks read."""
+    is_requested = np.zeros(lattice.blocks, bool)
+    is_requested[layers[0] : layers[1]] = True
+    part = bricks.within(BrickRequest(lattice.side, is_requested))
+    return job(part), part.reads

@@ -29,20 +29,12 @@ def planes(
 ) -> Doubles:
     """Return the planes that bound the shown part of a volume.
 
-    Parameters
-    ----------
-    crop
-        Ranges of voxels along x, y and z as in NumPy, `64:192,:,10:`: the end is excluded, and
-        negative numbers count from the end. Voxel i extends from i - 1/2 to i + 1/2. A range that
-        ends with the volume cuts nothing there.
-    clip
-        Each `nx/ny/nz` or `nx/ny/nz/offset`: a plane through the volume's center with that normal
-        in scene axes, shifted along it by the offset in scene units. The side that the normal
-        points to is kept.
-
-    Returns
-    -------
-    (M, 4) normals n of length 1 and distances d; a point p is kept where n·p + d >= 0 for all.
+    `crop`: ranges of voxels along x, y and z as in NumPy, `64:192,:,10:`: the end is excluded, and
+    negative numbers count from the end. Voxel i extends from i - 1/2 to i + 1/2. A range that ends
+    with the volume cuts nothing there. `clip`: each `nx/ny/nz` or `nx/ny/nz/offset`: a plane
+    through the volume's center with that normal in scene axes, shifted along it by the offset in
+    scene units. The side that the normal points to is kept. Result: (M, 4) normals n of length 1
+    and distances d; a point p is kept where n·p + d >= 0 for all.
     """
     rows = [] if crop is None else _box(volume, crop)
     rows += [_plane(volume, text, name) for text in clip]
@@ -52,16 +44,8 @@ def planes(
 def inside(position: Floats, lattice: Doubles, planes: Doubles, radius: float) -> NDArray[np.bool_]:
     """Return whether voxels may extend into what planes keep, (N,).
 
-    Parameters
-    ----------
-    position
-        (N, 3) scene units.
-    lattice
-        (3, 3) columns are the steps to the neighbours, scene units.
-    planes
-        (M, 4) as from `planes`.
-    radius
-        Radius of the kernels, voxels.
+    `position`: (N, 3) scene units. `lattice`: (3, 3) columns are the steps to the neighbours, scene
+    units. `planes`: (M, 4) as from `planes`. `radius`: radius of the kernels, voxels.
     """
     is_near = np.ones(len(position), bool)
     for plane in planes:
@@ -157,12 +141,8 @@ def faced(voxels: Kept, planes: Doubles, longest: np.float32 | None = None) -> K
     it is shaded as a plane: Weiskopf, Engel and Ertl, Interactive Clipping Techniques for
     Texture-Based Volume Visualization and Volume Shading, 2003.
 
-    Parameters
-    ----------
-    planes
-        (M, 4) as from `planes`.
-    longest
-        Length of the longest gradient, if these voxels are a part.
+    `planes`: (M, 4) as from `planes`. `longest`: length of the longest gradient, if these voxels
+    are a part.
     """
     if not len(planes) or not len(voxels.gradient):
         return voxels

@@ -53,13 +53,9 @@ def field_voxels(
 ) -> FieldVoxels:
     """Return the voxels that a renderer needs to interpolate the visible field.
 
-    Parameters
-    ----------
-    resampler
-        Renderer, for its projection: an X-ray needs values other than 0, a mean all of them, and
-        others those near visible voxels.
-    gradient
-        One of `resample_volume.voxels.visible.GRADIENTS`; None without shading.
+    `resampler`: renderer, for its projection: an X-ray needs values other than 0, a mean all of
+    them, and others those near visible voxels. `gradient`: one of
+    `resample_volume.voxels.visible.GRADIENTS`; None without shading.
     """
     lattice = lattice_of(volume)
     data_range, unit = finite_range(volume.values), unit_of(transfer, volume)
@@ -107,14 +103,8 @@ def lit_field(
 ) -> Field:
     """Shade a field.
 
-    Parameters
-    ----------
-    voxels
-        With gradients, unless `light` is None.
-    light
-        None leaves the colors as they are.
-    viewer
-        (4,) position and 1, or direction to the viewer and 0; scene axes.
+    `voxels`: with gradients, unless `light` is None. `light`: None leaves the colors as they are.
+    `viewer`: (4,) position and 1, or direction to the viewer and 0; scene axes.
     """
     lamp = lamp_of(light or UNLIT, viewer, voxels.gradient)
     classifier = Classifier(*voxels.table, lamp, *cue)

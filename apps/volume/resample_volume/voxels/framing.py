@@ -58,12 +58,8 @@ def shown_by(
 ) -> FramedVoxels:
     """Return the voxels that are visible when composited, under any projection.
 
-    Parameters
-    ----------
-    planes
-        (M, 4) clip planes, as from `cropping.planes`.
-    radius
-        Radius of the kernels, voxels.
+    `planes`: (M, 4) clip planes, as from `cropping.planes`. `radius`: radius of the kernels,
+    voxels.
     """
     data_range = finite_range(volume.values) if transfer.normalized else (0.0, 1.0)
     places, start, count = [], 0, 0
@@ -122,14 +118,8 @@ def sphere_of(
 ) -> Sphere:
     """Return a bounding sphere of voxels.
 
-    Parameters
-    ----------
-    low, high
-        (3,) their least and greatest coordinates, scene units.
-    voxel
-        Longest step of the lattice, scene units.
-    farthest
-        Returns the distance of the farthest voxel from a point.
+    `low`, `high`: (3,) their least and greatest coordinates, scene units. `voxel`: longest step of
+    the lattice, scene units. `farthest`: returns the distance of the farthest voxel from a point.
     """
     if not np.abs([low, high]).max() < FARTHEST:
         raise ValueError(
@@ -169,14 +159,8 @@ def filling(
 ) -> Orbit:
     """Zoom and pan an orbit so that everything visible fills the picture.
 
-    Parameters
-    ----------
-    shown
-        Visible voxels; outliers as of `sphere_around` do not count.
-    size
-        Height and width of the picture, px.
-    corner
-        (N, 3) vertices of meshes, which are framed, too.
+    `shown`: visible voxels; outliers as of `sphere_around` do not count. `size`: height and width
+    of the picture, px. `corner`: (N, 3) vertices of meshes, which are framed, too.
     """
     voxel = float(np.linalg.norm(shown.lattice, axis=0).max())
     position = _without_strays(shown.position, voxel) if len(shown.position) else shown.position

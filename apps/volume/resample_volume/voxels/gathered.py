@@ -2,12 +2,13 @@
 
 from collections.abc import Iterator
 from functools import partial
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from resample.memory.mapped import array_like
+from resample.outofcore.caching import memo_of
 from resample.painting.choices import MEASURING, Projection
 from resample.painting.splines import FIELD, spline_of
 from resample.profiles.orders import MONOTONE
@@ -25,7 +26,6 @@ from resample.types import (
     SplineField,
     Tint,
 )
-from resample_volume.classification.labels import Labels, Ruled
 from resample_volume.classification.surveys import counted
 from resample_volume.classification.transfer import (
     Transfer,
@@ -33,14 +33,13 @@ from resample_volume.classification.transfer import (
     tabulated,
     visible_places,
 )
-from resample_volume.data.memoization import memoized
 from resample_volume.data.memory import require_memory
 from resample_volume.data.parts import slabs
-from resample_volume.data.statistics.scanning import are_few
+from resample_volume.data.scanning import are_few
 from resample_volume.types import Volume
 from resample_volume.voxels.fields import UNLIT, check_iso, columns_of, table_range
-from resample_volume.voxels.shading import Light, lamp_of
-from resample_volume.voxels.slices.thin import (
+from resample_volume.voxels.shading import PAD, Light, lamp_of, numbered, tint_of
+from resample_volume.voxels.thin import (
     EXTREMES,
     SAME,
     Thin,
@@ -50,8 +49,6 @@ from resample_volume.voxels.slices.thin import (
     thin_that_fits,
     thinned,
 )
-from resample_volume.voxels.tints import PAD, numbered, tint_of
-from resample_volume.voxels.transmittance import field_transmittance
 from resample_volume.voxels.visible import (
     finite_range,
     gradients_at,
@@ -59,6 +56,9 @@ from resample_volume.voxels.visible import (
     steepness,
     unit_of,
 )
+
+if TYPE_CHECKING:
+    from resample_volume.classification.labels import Labels
 
 BYTES_PER_SLOPE = 40  # bytes per voxel, until the steepness of a full surface is known
 NOTHING = -1  # in place of an index, see `kernels.filling`
@@ -87,19 +87,13 @@ def gathered(
     volume: Volume,
     transfer: Transfer,
     resampler: Resampler,
-    sharpness: float,
     gradient: str,
-    labels: Labels | None = None,
+    labels: "Labels | None" = None,
 ) -> Gathered:
     """Prepare a volume as a field on its lattice.
 
-    Parameters
-    ----------
-    gradient
-        One of `resample_volume.voxels.visible.GRADIENTS`, for the steepness of a full surface if
-        the transfer function depends on it.
-    labels
-        Rules for voxels of some labels.
+    `gradient`: one of `resample_volume.voxels.visible.GRADIENTS`, for the steepness of a full
+    surface if the transfer function depends on it. `labels`: rules for voxels of some labels.
     """
     lattice = lattice_of(volume)
     data_range, unit = finite_range(volume.values), unit_of(transfer, volume)
@@ -110,6 +104,7 @@ def gathered(
     thin = thin_that_fits(volume, resampler.projection, stays=is_plain or labels is not None)
     samples = of_samples(volume, thin)
     is_within = thin.parts > 1 and resampler.projection in EXTREMES
+    sharpness = getattr(resampler.order, "sharpness", 1.0)
     spline, bounds, known = _on_lattice(volume.values, sharpness, thin, is_within)
     shape, steep = (1, columns_of(volume, data_range)), 1.0
     if transfer.needs_gradient:
@@ -120,8 +115,11 @@ def gathered(
         steep = steepness(np.linalg.norm(gradients_at(volume, seen, gradient), axis=1))
     else:
         count = _visible_count(volume, transfer, data_range, resampler)
-    rules = () if labels is None else labels.rules.values()
-    each = [transfer, *(Ruled(transfer, rule) for rule in rules)]
+    each = [transfer]
+    if labels is not None:
+        from resample_volume.classification.labels import Ruled
+
+        each += [Ruled(transfer, rule) for rule in labels.rules.values()]
     tables = [tabulated(one, data_range, steep, unit, shape) for one in each]
     table = np.concatenate([one.table for one in tables], axis=1)
     looks, beside = tables[0]._replace(table=table), len(each)
@@ -203,11 +201,10 @@ def with_shadows(
 ) -> Gathered:
     """Add shadows and ambient occlusion to a field.
 
-    Parameters
-    ----------
-    clip
-        (M, 4) planes; what they cut away occludes no light.
+    `clip`: (M, 4) planes; what they cut away occludes no light.
     """
+    from resample_volume.voxels.transmittance import field_transmittance
+
     parts = _extinctions(field, volume, resampler.iso)
     reached = field_transmittance(volume, parts, clip, light)
     samples = field.spline.shape[field.thin.axis]
@@ -244,14 +241,17 @@ def _extinctions(field: Gathered, volume: Volume, iso: float | None) -> Iterator
         first += chunk.size
 
 
-@memoized(lambda values: values)
 def _on_lattice(
     values: NDArray[np.generic], sharpness: float, thin: Thin, is_within: bool
 ) -> tuple[SplineField, Bounds, Flags]:
     """Return the field of values, its bounds, and which are known, if not all."""
+    memo: dict[Any, tuple[SplineField, Bounds, Flags]] = memo_of(values)
+    key = (_on_lattice, id(values), sharpness, thin, is_within)
+    if key in memo:
+        return memo[key]
     filled, known = _without_gaps(values)
     if thin.parts == 1:
-        return *spline_of(filled, sharpness), known
+        return memo.setdefault(key, (*spline_of(filled, sharpness), known))
     samples, low = thinned(filled, thin, is_within=is_within)
     spline, (least, greatest) = spline_of(samples, sharpness, values.dtype)
     spline = spline._replace(
@@ -260,7 +260,7 @@ def _on_lattice(
     if known.size:
         padded = known.reshape([count + 2 * PAD for count in values.shape])
         known = np.pad(repeated(padded[PAD:-PAD, PAD:-PAD, PAD:-PAD], thin), PAD, "edge").ravel()
-    return spline, Bounds(least + low, greatest + low), known
+    return memo.setdefault(key, (spline, Bounds(least + low, greatest + low), known))
 
 
 def _without_gaps(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], Flags]:
@@ -293,16 +293,10 @@ def _filled(
 ) -> NDArray[np.generic]:
     """Fill gaps with the nearest known value, plane by plane.
 
-    Parameters
-    ----------
-    values
-        (Z, Y, X) with gaps.
-    known
-        (Z, Y, X) where there are none.
-    deep
-        (Z, Y, X) index along z of the last voxel in front that is known, or NOTHING.
+    `values`: (Z, Y, X) with gaps. `known`: (Z, Y, X) where there are none. `deep`: (Z, Y, X) index
+    along z of the last voxel in front that is known, or NOTHING.
     """
-    from resample_volume.voxels.kernels.filling import nearest_in_columns, nearest_in_rows
+    from resample_volume.voxels.kernels.shading import nearest_in_columns, nearest_in_rows
 
     filled = array_like(values, values.shape, values.dtype, FIELD)
     behind, down, across = (np.full(values.shape[1:], NOTHING, np.int32) for _ in range(3))

@@ -10,12 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample import memory
-from resample.types import Doubles, Floats
+from resample.outofcore.bricks import Box, Step, bricks_in_memory, copy_shared, with_neighbours
+from resample.outofcore.passes import in_order, thread_pool, threads_at_work
+from resample.types import Doubles, Floats, Indices
 from resample.watching import report
 from resample_volume.classification.transfer import DataRange, Transfer, visible_places
-from resample_volume.data.bricks import Box, Bricks, Step, bricks_in_memory, with_neighbours
-from resample_volume.data.parts import kernel_layers, side_by_side, threads_at_work
-from resample_volume.data.statistics.scanning import are_few
+from resample_volume.data.bricks import Bricks
+from resample_volume.data.parts import kernel_layers, side_by_side
+from resample_volume.data.scanning import are_few
 
 BYTES_PER_VOXEL = 100  # bytes of a possibly visible voxel, from here to the picture, at most
 BYTES_OF_SLOPE = 16  # additional bytes where its look depends on its slope
@@ -26,7 +28,6 @@ class TooManyVoxelsError(ValueError):
     """The visible voxels of a volume do not fit in memory together."""
 
 
-Indices = NDArray[np.int64]
 R = TypeVar("R")
 
 
@@ -73,14 +74,9 @@ def brick_by_brick(
     chosen: Sequence[Step],
     finish: Callable[[Candidates, Box], R],
 ) -> Iterator[R]:
-    """Run a job on the visible voxels of each brick, in the order of the bricks.
+    """Run a job on the visible voxels of each brick and its box, in the order of the bricks.
 
-    Parameters
-    ----------
-    bricks
-        Values; if only some blocks are requested, other voxels count as hidden.
-    finish
-        The job, called with voxels and their brick's box; runs on several bricks at a time.
+    It runs on several bricks at a time. Voxels that are not requested count as hidden.
     """
 
     def only(found: list[Candidates], boxes: list[Box]) -> R:
@@ -100,7 +96,7 @@ class OnGrid(NamedTuple):
         """Return the visible voxels of a brick, given with adjacent ones if slopes need them."""
         box = self.bricks.box(index)
         if self.wanted.gradient is None:
-            corner = (box[0].start, box[1].start, box[2].start)
+            corner = [side.start for side in box]
             return _visible(self.bricks.brick(index), box, corner, self.bricks, self.wanted)
         values, corner = _padded(box, around, self.bricks)
         return _visible(values, box, corner, self.bricks, self.wanted)
@@ -109,37 +105,22 @@ class OnGrid(NamedTuple):
 def map_bricks(
     parts: Sequence[OnGrid], finish: Callable[[list[Candidates], list[Box]], R]
 ) -> Iterator[R]:
-    """Run a job on the visible voxels of each brick of any volume, in order.
-
-    Parameters
-    ----------
-    finish
-        The job, called with each volume's voxels and its brick's box; runs on several bricks at a
-        time.
-    """
+    """Do as `brick_by_brick` with several volumes: the job gets each one's voxels and box."""
     own = [set(part.chosen) for part in parts]
     chosen = sorted(set().union(*own))
 
-    def classify(index: Step, around: list[dict[Step, NDArray[Any]]]) -> R:
+    def classify(task: tuple[Step, list[dict[Step, NDArray[Any]]]]) -> R:
+        index, around = task
         found = [
             part.visible(index, near) if index in some else _no_candidates(part.bricks)
             for part, near, some in zip(parts, around, own, strict=True)
         ]
         return finish(found, [part.bricks.box(index) for part in parts])
 
-    threads = threads_at_work()
-    pool, waiting = ThreadPoolExecutor(threads), deque[Future[R]]()
-    windows = [_Window(part, chosen, pool, threads) for part in parts]
-    try:
-        for n in range(len(chosen)):
-            around = [window.around(n) for window in windows]
-            waiting.append(pool.submit(classify, chosen[n], around))
-            if len(waiting) > threads:
-                yield waiting.popleft().result()
-        while waiting:
-            yield waiting.popleft().result()
-    finally:
-        pool.shutdown(cancel_futures=True)
+    with thread_pool() as pool:
+        windows = [_Window(part, chosen, pool, threads_at_work()) for part in parts]
+        tasks = ((chosen[n], [one.around(n) for one in windows]) for n in range(len(chosen)))
+        yield from in_order(classify, tasks, pool)
 
 
 def _as_it_is(part: Candidates, _: Box) -> Candidates:
@@ -249,27 +230,16 @@ class _Window:
 
 def _padded(
     box: Box, around: dict[Step, NDArray[Any]], bricks: Bricks
-) -> tuple[NDArray[Any], Step]:
+) -> tuple[NDArray[Any], list[int]]:
     """Return values of a box with a margin of one voxel, within the volume; and their origin."""
-    limits = [
-        (max(most.start, part.start - 1), min(most.stop, part.stop + 1))
+    padded = tuple(
+        slice(max(most.start, part.start - 1), min(most.stop, part.stop + 1))
         for part, most in zip(box, bricks.limits, strict=True)
-    ]
-    values = np.empty([stop - start for start, stop in limits], bricks.dtype)
+    )
+    values = np.empty([side.stop - side.start for side in padded], bricks.dtype)
     for index, brick in around.items():
-        own = bricks.box(index)
-        shared = [
-            (max(part.start, start), min(part.stop, stop))
-            for part, (start, stop) in zip(own, limits, strict=True)
-        ]
-        if any(start >= stop for start, stop in shared):
-            continue
-        both = list(zip(shared, limits, own, strict=True))
-        to = tuple(slice(start - first, stop - first) for (start, stop), (first, _), _ in both)
-        of = tuple(slice(start - p.start, stop - p.start) for (start, stop), _, p in both)
-        values[to] = brick[of]
-    z, y, x = (start for start, _ in limits)
-    return values, (z, y, x)
+        copy_shared(values, padded, brick, bricks.box(index))
+    return values, [side.start for side in padded]
 
 
 def _visible(

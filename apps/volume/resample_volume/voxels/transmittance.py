@@ -38,12 +38,8 @@ Extinctions = Iterable[Floats]
 def light_transmittance(extinction: Floats, lattice: Doubles, light: Light) -> Flags:
     """Return fractions (Z, Y, X, 2) of the lamp's and of ambient light that reach cells.
 
-    Parameters
-    ----------
-    extinction
-        (Z, Y, X) optical depth per scene unit.
-    lattice
-        (3, 3) columns are the steps to the next cell along x, y and z, scene units.
+    `extinction`: (Z, Y, X) optical depth per scene unit. `lattice`: (3, 3) columns are the steps to
+    the next cell along x, y and z, scene units.
     """
     share = np.full((*extinction.shape, 2), ALL, np.uint8)
     if light.shadows and light.direction is not None:
@@ -92,19 +88,10 @@ def optical_depths(
 ) -> Iterator[tuple[tuple[slice | int, ...], Floats]]:
     """Yield optical depths between the cells of each slice and a distant light.
 
-    Parameters
-    ----------
-    extinction
-        (Z, Y, X) optical depth per scene unit; 0 outside.
-    lattice
-        (3, 3) columns are the steps to the next cell along x, y and z, scene units.
-    toward
-        (3,) scene direction of the light.
-
-    Yields
-    ------
-    A slice's index in `extinction`, and the depths of its cells. The `SKIPPED` nearest slices do
-    not count.
+    `extinction`: (Z, Y, X) optical depth per scene unit; 0 outside. `lattice`: (3, 3) columns are
+    the steps to the next cell along x, y and z, scene units. `toward`: (3,) scene direction of the
+    light. Yields: a slice's index in `extinction`, and the depths of its cells. The `SKIPPED`
+    nearest slices do not count.
     """
     along = np.linalg.solve(lattice, toward)[::-1]  # cells along z, y and x
     axis = int(np.argmax(np.abs(along)))
@@ -195,12 +182,8 @@ def field_transmittance(
 ) -> Reached:
     """Return the light that reaches the points of a field.
 
-    Parameters
-    ----------
-    extinctions
-        Yields optical depths per scene unit of some slices at a time, in order.
-    clip
-        (M, 4) planes; what they cut away takes no light.
+    `extinctions`: yields optical depths per scene unit of some slices at a time, in order. `clip`:
+    (M, 4) planes; what they cut away takes no light.
     """
     size, lattice = np.array(volume.values.shape), lattice_of(volume)
     per = cells_of(size)

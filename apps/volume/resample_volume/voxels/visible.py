@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.types import Doubles, Floats
+from resample.outofcore.caching import memoized
+from resample.types import Doubles, Floats, Indices
 from resample_volume.classification.regions import Faded
 from resample_volume.classification.transfer import (
     DataRange,
@@ -15,7 +16,6 @@ from resample_volume.classification.transfer import (
     extinction,
     visible_places,
 )
-from resample_volume.data.memoization import memoized
 from resample_volume.data.memory import require_memory
 from resample_volume.data.parts import side_by_side, slabs
 from resample_volume.data.recordings import linear_colors
@@ -39,7 +39,6 @@ BYTES_PER_VOXEL = 200  # bytes of a kept voxel, from here to the picture
 
 ALL_REACHED = np.empty((0, 2), np.float32)  # no shadows
 
-Indices = NDArray[np.int64]
 NO_SLOPE = np.empty((0, 3), np.float32)
 
 
@@ -69,27 +68,15 @@ def classify(
 ) -> Voxels:
     """Apply a transfer function, and return the visible voxels.
 
-    Parameters
-    ----------
-    volume
-        Of any type, also mapped from a file: it is read in chunks and not copied.
-    transfer
-        Gives colors and opacities. If all voxels are transparent, none is returned.
-    gradient
-        One of `GRADIENTS`: central differences, or these smoothed across (1-2-1) for noisy data;
-        None if voxels will not be shaded. Missing and infinite values take no part.
-    gradient_opacity
-        Opacity is multiplied by a ramp that rises from 0 to 1 between these two lengths of the
-        gradient, as fractions of their 99th percentile; so surfaces stay and homogeneous regions
-        vanish.
-    labels
-        Rules for voxels of some labels, applied after all of the above.
-
-    Raises
-    ------
-    ValueError
-        The gradient is unknown or missing, the ramp descends, the labels are of another shape, or
-        the voxels do not fit in memory.
+    `volume`: of any type, also mapped from a file: it is read in chunks and not copied. `transfer`:
+    gives colors and opacities. If all voxels are transparent, none is returned. `gradient`: one of
+    `GRADIENTS`: central differences, or these smoothed across (1-2-1) for noisy data; None if
+    voxels will not be shaded. Missing and infinite values take no part. `gradient_opacity`: opacity
+    is multiplied by a ramp that rises from 0 to 1 between these two lengths of the gradient, as
+    fractions of their 99th percentile; so surfaces stay and homogeneous regions vanish. `labels`:
+    rules for voxels of some labels, applied after all of the above. Raises ValueError: the gradient
+    is unknown or missing, the ramp descends, the labels are of another shape, or the voxels do not
+    fit in memory.
     """
     whole = transfer if gradient_opacity is None else Faded(transfer, gradient_opacity)
     check_gradient(whole, gradient)
@@ -159,11 +146,8 @@ def classify_values(
 def steepness(length: Floats | None) -> float:
     """Return the gradient length of a full surface.
 
-    Parameters
-    ----------
-    length
-        (N,) data units per scene unit, of the voxels whose value the transfer function may show. If
-        empty, the result is 0.
+    `length`: (N,) data units per scene unit, of the voxels whose value the transfer function may
+    show. If empty, the result is 0.
     """
     if length is None or not length.size:
         return 0.0
@@ -205,10 +189,8 @@ def lattice_of(volume: Volume) -> Doubles:
 def gradients_at(volume: Volume, voxel: Indices, gradient: str) -> Floats:
     """Return gradients (N, 3) of voxels, data units per scene unit, along the scene's axes.
 
-    Parameters
-    ----------
-    voxel
-        (N,) indices into the flat volume, z slowest, in the order of it or of the painter's bricks.
+    `voxel`: (N,) indices into the flat volume, z slowest, in the order of it or of the painter's
+    bricks.
     """
     return slopes_at(np.asarray(volume.values), voxel, gradient, to_scene_of(volume))
 
@@ -242,13 +224,9 @@ def reachable(volume: Volume, looks: TransferTable, radius: float = 2.0) -> Indi
     from it. All others can be left out: points that they contribute to are transparent with and
     without them.
 
-    Parameters
-    ----------
-    volume
-        Of any type. Missing and infinite voxels are left out.
-    radius
-        Distance beyond which kernels are zero, voxels; plus half the length over which values are
-        averaged, such as a ray's path through a slab.
+    `volume`: of any type. Missing and infinite voxels are left out. `radius`: distance beyond which
+    kernels are zero, voxels; plus half the length over which values are averaged, such as a ray's
+    path through a slab.
     """
     is_known = np.empty(volume.values.shape, bool)
     is_beyond = np.empty(volume.values.shape, np.uint8)

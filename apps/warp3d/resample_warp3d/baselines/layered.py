@@ -66,10 +66,7 @@ def build(
     Samples move to the centers of their nearest pixels, along the planes of their surfaces. The
     result does not depend on the order of the sources, except for rounding.
 
-    Parameters
-    ----------
-    shape
-        (height, width) of that view, px.
+    `shape`: (height, width) of that view, px.
     """
     from resample_warp3d.baselines.kernels.layered import LayeredImage, merge
 
@@ -101,16 +98,8 @@ def splat(
 
     The size of a splat follows from the nearness and slope of its sample.
 
-    Parameters
-    ----------
-    layers
-        Result of `build`.
-    equation
-        Equation from the layered image's view to the target.
-    shape
-        Height and width of the target, px.
-    sizes
-        As `LayeredDepthImage` takes it.
+    `layers`: result of `build`. `equation`: equation from the layered image's view to the target.
+    `shape`: height and width of the target, px. `sizes`: as `LayeredDepthImage` takes it.
     """
     from resample_warp3d.baselines.kernels.layered import splat_in_order
 
@@ -130,9 +119,7 @@ def splat(
 def patches(sizes: int) -> Floats:
     """Return opacities of splats 1, 3, 5, … px wide: Gaussians rounded to 1, 1/2 or 1/4.
 
-    Returns
-    -------
-    (sizes, 2 sizes − 1, 2 sizes − 1), each in the upper left corner of its table.
+    Result: (sizes, 2 sizes − 1, 2 sizes − 1), each in the upper left corner of its table.
     """
     tables = np.zeros((sizes, 2 * sizes - 1, 2 * sizes - 1), np.float32)
     for size in range(sizes):

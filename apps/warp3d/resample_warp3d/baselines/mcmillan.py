@@ -58,10 +58,8 @@ def blank(source: Source, shape: tuple[int, int]) -> Rendered:
 def walks_of(equation: Equation, shape: tuple[int, ...], place: Doubles) -> "Walks":
     """Return a source's rows and columns in the occlusion-compatible order.
 
-    Returns
-    -------
-    (2, 2, 3) two walks of rows, then two of columns, one of which may be empty: from, up to, step.
-    Every walk of rows is combined with every walk of columns, which makes four sheets.
+    Result: (2, 2, 3) two walks of rows, then two of columns, one of which may be empty: from, up
+    to, step. Every walk of rows is combined with every walk of columns, which makes four sheets.
     """
     eye = eye_in_source(equation)
     height, width = shape

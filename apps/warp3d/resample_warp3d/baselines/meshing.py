@@ -69,14 +69,8 @@ def orientation_of(equation: Equation) -> float:
 def bands_of(box: Floats, shape: tuple[int, int], width: int, samples: int) -> "Bands":
     """Sort items into the bands of the target that they touch.
 
-    Parameters
-    ----------
-    box
-        (H, W, 4) left, top, right, bottom of each item in the target, px; left above right: none.
-    shape
-        Height and width of the target, px.
-    samples
-        Sub-pixels per side of a pixel.
+    `box`: (H, W, 4) left, top, right, bottom of each item in the target, px; left above right:
+    none. `shape`: height and width of the target, px. `samples`: Sub-pixels per side of a pixel.
     """
     from resample_warp3d.baselines.kernels.meshing import Bands, deal
 

@@ -9,13 +9,11 @@ import numpy as np
 from resample.cameras.files import left_out, read_poses
 from resample.colors import Background, as_levels
 from resample.command.films import is_file_of_path
-from resample.console.messages import say
+from resample.console import say
 from resample.files.animations import Levels, Shots, check_count, fingerprint
-from resample.measuring.compare import shown
 from resample.types import Doubles, Floats
-from resample_warp3d.command.cameras.steps import stepped
 from resample_warp3d.types import Warped
-from resample_warp3d.wide.projections import CameraModel
+from resample_warp3d.wide import CameraModel
 
 PATHS = ("sway", "orbit", "dolly")
 AMOUNTS = {"sway": 0.1, "orbit": 0.1, "dolly": 0.3}
@@ -160,8 +158,38 @@ def on_screen(warped: Warped, *, has_alpha: bool, background: Background) -> Flo
     channels = warped.image.shape[2] - has_alpha
     if channels not in (1, 3):
         raise ValueError(f"a picture of {channels} channels; gray and RGB ones can be shown")
+    from resample.measuring.compare import shown
+
     image = warped.image
     if not has_alpha:
         coverage = np.clip(warped.coverage, 0.0, 1.0)[..., None]
         image = np.concatenate([image, coverage], axis=2, dtype=np.float32)
     return shown(image, background)
+
+
+def stepped(move: Sequence[float], turn: Sequence[float] = (0.0, 0.0, 0.0)) -> Doubles:
+    """Return the pose (4, 4) of a camera after a move and a turn, in its previous axes.
+
+    Parameters
+    ----------
+    move
+        To the right, down and forward, scene units.
+    turn
+        To the right, up and clockwise, degrees; in this order, each about the camera's new axes.
+    """
+    yaw, pitch, roll = np.radians(np.asarray(turn, np.float64))
+    axes = _about(1, yaw) @ _about(0, pitch) @ _about(2, roll)  # columns: the new axes in the old
+    pose = np.eye(4)
+    pose[:3, :3] = axes.T
+    pose[:3, 3] = -axes.T @ np.asarray(move, np.float64)
+    return pose
+
+
+def _about(axis: int, angle: float) -> Doubles:
+    """Return the rotation (3, 3) about a camera's axis; 0 is x."""
+    cosine, sine = math.cos(angle), math.sin(angle)
+    first, second = (axis + 1) % 3, (axis + 2) % 3
+    turned = np.eye(3)
+    turned[[first, second], [first, second]] = cosine
+    turned[first, second], turned[second, first] = -sine, sine
+    return turned

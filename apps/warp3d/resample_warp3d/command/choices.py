@@ -6,15 +6,14 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from resample.command.about import NUMBERS, OptionTopic, words
-from resample.command.flags import Hyphen, Stats, Switch
+from resample.command.flags import NUMBERS, Coverage, Hyphen, OptionTopic, Stats, Switch, words
 from resample.command.intrinsics import Shape, check_intrinsics, with_intrinsics
 from resample.command.settings import (
     Choices,
     MethodsFilter,
     Threads,
 )
-from resample_warp3d.command.cameras.source import SourceCamera
+from resample_warp3d.command.source import SourceCamera
 
 if TYPE_CHECKING:
     from resample.cameras.models import Camera
@@ -404,10 +403,7 @@ class Extras(Choices):
             "filled."
         ),
     ] = None
-    coverage: Annotated[
-        Path | None,
-        Field(description="Also write the share of each pixel that is covered (.png, .tif, .exr)."),
-    ] = None
+    coverage: Coverage = None
     depth_output: Annotated[
         Path | None,
         Field(

@@ -9,7 +9,6 @@ from resample.command.session import Session
 from resample.files.animations import write_film
 from resample.files.pictures import Kind, Picture
 from resample_warp3d.command.animation import Range, poses_of, shots
-from resample_warp3d.command.cameras.target import Aim
 from resample_warp3d.command.choices import DepthWarping
 from resample_warp3d.command.inputs import (
     DepthInput,
@@ -20,6 +19,7 @@ from resample_warp3d.command.inputs import (
     read_view,
 )
 from resample_warp3d.command.rendering import film_of
+from resample_warp3d.command.target import Aim
 from resample_warp3d.depth.equation import between
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.types import Equation, Source

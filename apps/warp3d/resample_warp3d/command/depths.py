@@ -11,7 +11,7 @@ from typing import NamedTuple
 from resample.colors import Background, as_levels
 from resample.command.session import Session
 from resample.command.settings import Sharing
-from resample.console.messages import say
+from resample.console import say
 from resample.files.animations import Levels, Shots
 from resample.files.writing import check_targets
 from resample.types import Doubles, Floats
@@ -20,7 +20,7 @@ from resample_warp3d.command.choices import Depth, DepthWarping
 from resample_warp3d.command.inputs import DepthReader, read_views
 from resample_warp3d.command.rendering import CameraFilm, film_of
 from resample_warp3d.command.writing import MILLIMETERS, check_depth, write_depth
-from resample_warp3d.wide.projections import CameraModel
+from resample_warp3d.wide import CameraModel
 
 ALONE = Sharing.usual()
 FRAME = "frame-*.png"  # in a folder without a pattern

@@ -15,11 +15,11 @@ from resample.files.pictures import Picture
 from resample.files.sequences import Frames, check_frames, frames_of, write_frames
 from resample.files.writing import check_targets
 from resample.types import Floats
-from resample_warp3d.command.cameras.target import Aim
 from resample_warp3d.command.choices import DepthWarping, Extras, Showing
 from resample_warp3d.command.depths import appearing, depths_of
 from resample_warp3d.command.inputs import DepthReader, mention_doubt, view_of
 from resample_warp3d.command.rendering import check_memory, prepared, warped
+from resample_warp3d.command.target import Aim
 from resample_warp3d.command.writing import warped_picture
 from resample_warp3d.depth.encodings import Raw, RelativeDepth
 from resample_warp3d.depth.files import read_depth

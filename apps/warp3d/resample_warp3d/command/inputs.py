@@ -13,15 +13,14 @@ from resample.cameras.models import Camera, Orthographic
 from resample.cameras.panoramic import Equirectangular, check_panorama
 from resample.command.intrinsics import Shape
 from resample.command.session import libraries
-from resample.console.messages import say
+from resample.console import say
 from resample.files.formats import flattened
 from resample.files.images import read_channels
 from resample.files.pictures import Picture, form_of, read_picture
 from resample.memory import require, require_memory
 from resample.types import Floats
-from resample_warp3d.command.cameras.source import SourceCamera
 from resample_warp3d.command.choices import Depth
-from resample_warp3d.depth.agreement import pose_warning
+from resample_warp3d.command.source import SourceCamera
 from resample_warp3d.depth.encodings import (
     BareDisparity,
     DepthEncoding,
@@ -29,12 +28,12 @@ from resample_warp3d.depth.encodings import (
     RelativeDepth,
     check_scale,
 )
-from resample_warp3d.depth.equation import lens_places
+from resample_warp3d.depth.equation import lens_places, pose_warning
 from resample_warp3d.depth.files import read_depth
 from resample_warp3d.depth.refining.conditioning import fitted
 from resample_warp3d.registering import registered
 from resample_warp3d.types import DepthImage
-from resample_warp3d.wide.projections import CameraModel, taken_by
+from resample_warp3d.wide import CameraModel, taken_by
 
 BYTES_PER_PIXEL = 144  # for refining and preparing a source, without its colors
 BYTES_PER_VALUE = 23  # per channel of a source, for refining, preparing and warping
@@ -246,12 +245,9 @@ def _taken_around(reader: DepthReader, color: str, depth: str) -> Inputs:
     length = np.divide(1.0, near, out=np.zeros_like(near), where=near > 0)
     camera, is_fitted = reader.eye.camera_model(shape), raw.shape[:2] != shape
     views = [
-        DepthInput(
-            Picture(each.image.color, picture.kind), each.image, each.camera, None,
-            is_fitted=is_fitted,
-        )
-        for each in faces(image.color, length, camera.world_to_camera)
-    ]  # fmt: skip
+        DepthInput(Picture(face.color, picture.kind), face, its_camera, None, is_fitted=is_fitted)
+        for face, its_camera in faces(image.color, length, camera.world_to_camera)
+    ]
     return Inputs(views, picture, camera, shape)
 
 

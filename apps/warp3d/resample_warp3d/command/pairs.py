@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.console.messages import say
+from resample.console import say
 from resample.files.pictures import Picture
 from resample.types import Floats
 from resample_warp3d.command.choices import Parallax

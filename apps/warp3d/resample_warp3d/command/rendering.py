@@ -12,20 +12,19 @@ from resample.cameras.models import Camera, Orthographic
 from resample.colors import Background
 from resample.command.intrinsics import Shape
 from resample.command.session import Session, bytes_per_value, require_picture
-from resample.console.messages import say
+from resample.console import say
 from resample.files.animations import fingerprint
 from resample.lazy import installed_version
 from resample.types import Floats
 from resample_warp3d.command.animation import on_screen
-from resample_warp3d.command.choices import DepthWarping
+from resample_warp3d.command.choices import DepthWarping, Joint
 from resample_warp3d.command.inputs import DepthInput, Inputs, bytes_of_source
 from resample_warp3d.depth.preparation import sourced
 from resample_warp3d.depth.refining.conditioning import Refined, refine
-from resample_warp3d.sheet.behind import background, behind
 from resample_warp3d.sheet.filling import fill
+from resample_warp3d.sheet.sheets import background, behind
 from resample_warp3d.types import Equation, Hole, Source, Warped
-from resample_warp3d.wide.passages import Way, mapping_between
-from resample_warp3d.wide.projections import CameraModel
+from resample_warp3d.wide import CameraModel, Way, mapping_between
 
 if TYPE_CHECKING:
     from resample_warp3d.views.together import Joining
@@ -103,13 +102,13 @@ def joined(
     target: CameraModel,
     shape: Shape,
     choice: DepthWarping,
-    joining: "Joining",
+    joining: "Joining | None",
 ) -> JoinedPicture:
-    """Render several sources together for a camera in a frame (height, width)."""
+    """Render sources together for a camera in a frame (height, width); None: there is but one."""
+    if joining is None:
+        return JoinedPicture(warped(session, sources[0], target, shape, choice), None)
     from resample_warp3d.views.together import PosedSource, agreed, layers_of, render_together
 
-    if len(sources) == 1:
-        return JoinedPicture(warped(session, sources[0], target, shape, choice), None)
     look = partial(
         render_together, target=target, shape=shape, method=choice.built(), joining=joining,
         filter=choice.filter, threads=choice.threads,
@@ -211,7 +210,7 @@ def film_of(
 ) -> CameraFilm:
     """Return the renderer of a film's frames (H, W, 3), and what they depend on."""
     sources = prepared(session, taken.views, choice)
-    joining = joining_of(taken, None)
+    joining = joining_of(taken, Joint.usual())
 
     def viewed(camera: CameraModel) -> Warped:
         return joined(session, sources, camera, shape, choice, joining).warped
@@ -232,15 +231,16 @@ def film_of(
     return CameraFilm(viewed, screen, job)
 
 
-def joining_of(taken: Inputs, chosen: "Joining | None") -> "Joining":
-    """Return how views are combined; a panorama's faces are feathered."""
+def joining_of(taken: Inputs, joint: Joint, *, unmixed: bool = False) -> "Joining | None":
+    """Return how views are combined, if there are several; a panorama's faces are feathered."""
+    if len(taken.views) == 1:
+        return None
     from resample_warp3d.views.panoramas import SEAMLESS
-    from resample_warp3d.views.together import Joining
 
+    chosen = joint.joining(unmixed=unmixed)
     if not taken.is_panorama:
-        return Joining() if chosen is None else chosen
-    is_named = chosen is not None and chosen.blend == "best"
-    return replace(SEAMLESS, blend="best") if is_named else SEAMLESS
+        return chosen
+    return replace(SEAMLESS, blend="best") if chosen.blend == "best" else SEAMLESS
 
 
 def words_of(camera: CameraModel) -> list[object]:

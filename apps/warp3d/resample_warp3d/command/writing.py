@@ -6,16 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import from_srgb, over
-from resample.console.messages import say
-from resample.files.exchange.results import light_of
+from resample.console import say
+from resample.files.exchange import light_of
 from resample.files.formats import WriteOptions, check_output, coverage_picture
 from resample.files.pictures import Kind, Picture
 from resample.files.saving import write_picture
 from resample.files.writing import replacing, save_array
 from resample.types import Floats
-from resample_warp3d.command.cameras.source import SourceCamera
 from resample_warp3d.command.choices import DepthWarping, Extras
 from resample_warp3d.command.export import check_export
+from resample_warp3d.command.source import SourceCamera
 from resample_warp3d.types import Hole, Warped
 
 DEPTHS = (".exr", ".npy", ".png")

@@ -9,7 +9,6 @@ become the nearness 0.
 """
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -42,18 +41,11 @@ class DepthEncoding(Protocol):
 class PlanarDepth:
     """Distance along the optical axis, z; 0, negative numbers, inf and NaN are unknown.
 
-    Parameters
-    ----------
-    scale
-        Values per scene unit: 1000 for millimeters if scenes are in meters, 5000 for TUM and
-        ICL-NUIM. None means 1, for floats only.
-
-    Raises
-    ------
-    ValueError
-        A number is not finite and above 0.
+    Raises ValueError: a number is not finite and above 0.
     """
 
+    # Values per scene unit: 1000 for millimeters if scenes are in meters, 5000 for TUM and
+    # ICL-NUIM. None means 1, for floats only.
     scale: float | None = None
 
     def __post_init__(self) -> None:
@@ -68,18 +60,10 @@ class PlanarDepth:
 
 @dataclass(frozen=True, eq=False)
 class RayLength:
-    """Distance from the camera, along the ray; 0, negative numbers, inf and NaN are unknown.
+    """Distance from the camera, along the ray; 0, negative numbers, inf and NaN are unknown."""
 
-    Parameters
-    ----------
-    camera
-        Camera of the picture, with its lens.
-    scale
-        As for `PlanarDepth`.
-    """
-
-    camera: Camera
-    scale: float | None = None
+    camera: Camera  # camera of the picture, with its lens
+    scale: float | None = None  # as for `PlanarDepth`
 
     def __post_init__(self) -> None:
         _check_positive(scale=self.scale)
@@ -103,20 +87,12 @@ class InverseDepth:
     With `near` and `far`, v = value / scale is 0 at far and 1 at near, as in MPEG's depth maps:
     1 / z = v (1 / near − 1 / far) + 1 / far. Then 0 is known, unless far is inf.
 
-    Parameters
-    ----------
-    scale
-        Values per unit of 1 / z, or of v (255 for 8 bits). None means 1, for floats only.
-    near, far
-        z at v = 1 and v = 0, scene units; far may be inf. Both or neither.
-
-    Raises
-    ------
-    ValueError
-        A number is not above 0, near is not below far, or one of them is missing.
+    Raises ValueError: a number is not above 0, near is not below far, or one of them is missing.
     """
 
+    # Values per unit of 1 / z, or of v (255 for 8 bits). None means 1, for floats only.
     scale: float | None = None
+    # Z at v = 1 and v = 0, scene units; far may be inf. Both or neither.
     near: float | None = None
     far: float | None = None
 
@@ -153,27 +129,14 @@ class Disparity:
 
     1 / z = (value / scale + doffs) / (focal × baseline).
 
-    Parameters
-    ----------
-    focal
-        Focal length of the rectified pair, px.
-    baseline
-        Distance between its cameras, scene units.
-    scale
-        Values per px: 16 for OpenCV's matchers, 256 for KITTI. None means 1, for floats only.
-    doffs
-        Difference of the principal points, px, right minus left (Middlebury).
-
-    Raises
-    ------
-    ValueError
-        A number is not finite, or focal, baseline or scale not above 0.
+    Raises ValueError: a number is not finite, or focal, baseline or scale not above 0.
     """
 
-    focal: float
-    baseline: float
+    focal: float  # focal length of the rectified pair, px
+    baseline: float  # distance between its cameras, scene units
+    # Values per px: 16 for OpenCV's matchers, 256 for KITTI. None means 1, for floats only.
     scale: float | None = None
-    doffs: float = 0.0
+    doffs: float = 0.0  # difference of the principal points, px, right minus left (Middlebury)
 
     def __post_init__(self) -> None:
         _check_positive(scale=self.scale, focal=self.focal, baseline=self.baseline)
@@ -193,13 +156,9 @@ class BareDisparity:
     """Disparity of a rectified pair without calibration, px, used as nearness.
 
     0, negative numbers, inf and NaN are unknown.
-
-    Parameters
-    ----------
-    scale
-        As for `Disparity`: 4 for Middlebury 2003, 2 for its half-size pairs of 2006.
     """
 
+    # As for `Disparity`: 4 for Middlebury 2003, 2 for its half-size pairs of 2006.
     scale: float | None = None
 
     def __post_init__(self) -> None:
@@ -219,25 +178,17 @@ class RelativeDepth:
     Their range, without a thousandth of them at each end, is mapped to far .. near. NaN and inf are
     unknown, 0 is not.
 
-    Parameters
-    ----------
-    near, far
-        z of the nearest and of the farthest point, scene units.
-    is_distance
-        True: larger numbers are farther, and linear in z (Marigold). False: larger numbers are
-        nearer, and linear in 1 / z (MiDaS, Depth Anything).
-    ends
-        Ends of the numbers' range, for films; None: the map's own.
-
-    Raises
-    ------
-    ValueError
-        A number is not above 0, near is not below far, or far is inf with `is_distance`.
+    Raises ValueError: a number is not above 0, near is not below far, or far is inf with
+    `is_distance`.
     """
 
+    # Z of the nearest and of the farthest point, scene units.
     near: float = NEAR
     far: float = FAR
+    # True: larger numbers are farther, and linear in z (Marigold). False: larger numbers are
+    # nearer, and linear in 1 / z (MiDaS, Depth Anything).
     is_distance: bool = False
+    # Ends of the numbers' range, for films; None: the map's own.
     ends: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
@@ -273,16 +224,6 @@ class RelativeDepth:
         low = float(np.quantile(known, STRAY, method="lower"))
         high = float(np.quantile(known, 1.0 - STRAY, method="higher"))
         return (low, high) if low < high else (float(known.min()), float(known.max()))
-
-
-ENCODINGS: Mapping[str, type[DepthEncoding]] = {
-    "z": PlanarDepth,
-    "ray": RayLength,
-    "inverse": InverseDepth,
-    "disparity": Disparity,
-    "generalised": BareDisparity,
-    "relative": RelativeDepth,
-}
 
 
 def check_scale(nearness: Floats) -> str | None:

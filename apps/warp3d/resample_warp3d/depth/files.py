@@ -20,10 +20,8 @@ BYTES_PER_VALUE = 24  # of depth and the copies made while converting it to near
 def read_depth(path: str | Path) -> Raw:
     """Read the raw numbers of a depth file.
 
-    Returns
-    -------
-    (H, W), row 0 on top. Integers stay integers, so that an encoding can require their scale. The
-    scale in a PFM's header only gives its byte order, as Middlebury's are not 1 either.
+    Result: (H, W), row 0 on top. Integers stay integers, so that an encoding can require their
+    scale. The scale in a PFM's header only gives its byte order, as Middlebury's are not 1 either.
     """
     file, name = _split(path)
     suffix = file.suffix.lower()

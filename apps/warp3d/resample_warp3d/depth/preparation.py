@@ -10,7 +10,7 @@ import numpy as np
 from resample.types import Floats
 from resample_warp3d.depth.refining.conditioning import Refined
 from resample_warp3d.depth.refining.conditioning import refine as conditioned
-from resample_warp3d.depth.refining.measuring import known, linked, noise_of
+from resample_warp3d.depth.refining.inspecting import known, linked, noise_of
 from resample_warp3d.types import AS_GIVEN, DepthImage, Links, Source
 
 CLEAN = 1e-4  # relative nearness: smaller noise is ignored

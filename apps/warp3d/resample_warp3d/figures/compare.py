@@ -1,7 +1,5 @@
 """Compare methods on views of a depth image, measured against true views."""
 
-import statistics
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,8 +10,8 @@ from numpy.typing import NDArray
 
 from resample import registry
 from resample.colors import from_srgb
-from resample.console.messages import progress_bar
-from resample.measuring.compare import check_sheet, contact_sheet, enlarged, shown
+from resample.console import progress_bar
+from resample.measuring.compare import check_sheet, contact_sheet, enlarged, milliseconds, shown
 from resample.types import Doubles, Floats
 from resample_warp3d.depth.equation import between
 from resample_warp3d.depth.preparation import prepare
@@ -31,8 +29,6 @@ from resample_warp3d.types import Equation, Method, Rendered, Source
 
 Row = dict[str, object]
 
-RUNS = 5  # per method; their median is the time
-PATIENCE = 2.0  # seconds for all runs of a method
 CROP = 48  # px, side of a detail
 WHOLE = 0.999  # share of a pixel's rays that the source must see
 SEVERE = 0.2  # larger errors count as this in the choice of details
@@ -51,22 +47,13 @@ class WarpCase(NamedTuple):
 
 @dataclass(frozen=True)
 class DepthComparison:
-    """Pictures of views by several methods, and their errors.
+    """Pictures of views by several methods, and their errors."""
 
-    Parameters
-    ----------
-    rows
-        One row for each view and method: `view`, `method`, the measures of `scoring.score` and
-        `ms`.
-    pictures
-        Pictures as a screen shows them, by view and method; the truth comes first.
-    details
-        The part of each view to enlarge.
-    """
-
+    # One row for each view and method: `view`, `method`, the measures of `scoring.score` and `ms`.
     rows: list[Row]
+    # Pictures as a screen shows them, by view and method; the truth comes first.
     pictures: dict[str, dict[str, Screen]]
-    details: dict[str, tuple[slice, slice]]
+    details: dict[str, tuple[slice, slice]]  # the part of each view to enlarge
 
 
 def compare_scene(
@@ -74,10 +61,7 @@ def compare_scene(
 ) -> DepthComparison:
     """Compare methods in the generated scene.
 
-    Parameters
-    ----------
-    size
-        Height and width of all frames, px.
+    `size`: height and width of all frames, px.
     """
     methods = _built(names)
     check_views(views)
@@ -101,15 +85,10 @@ def compare_view(
 ) -> DepthComparison:
     """Compare methods with a true view.
 
-    Parameters
-    ----------
-    source
-        Prepared depth image, linear light.
-    truth
-        (H, W, C) gray or RGB, linear light; with opacity it is shown over black.
-    mask
-        (H, W) pixels that both views see. None: the pixels where a sample of the source arrives;
-        then surfaces hidden only in the true view are taken for visible.
+    `source`: prepared depth image, linear light. `truth`: (H, W, C) gray or RGB, linear light; with
+    opacity it is shown over black. `mask`: (H, W) pixels that both views see. None: the pixels
+    where a sample of the source arrives; then surfaces hidden only in the true view are taken for
+    visible.
     """
     shape = (truth.shape[0], truth.shape[1])
     if mask is None:
@@ -151,10 +130,7 @@ def check_views(views: Sequence[str]) -> None:
 def sheet(comparison: DepthComparison, path: Path, zoom: int | None = None) -> None:
     """Write one PNG of all pictures and enlarged details, two rows per view.
 
-    Parameters
-    ----------
-    zoom
-        Enlargement of pixels; None enlarges small pictures.
+    `zoom`: enlargement of pixels; None enlarges small pictures.
     """
     check_sheet(path)
     cells: dict[str, Screen] = {}
@@ -193,13 +169,7 @@ def timed(method: Method, case: WarpCase) -> tuple[Rendered, float]:
     """Return a method's picture, and the median time of several warm runs in ms."""
     shape = (case.target.truth.shape[0], case.target.truth.shape[1])
     rendered = method(case.source, case.equation, shape)
-    duration: list[float] = []
-    begin = time.perf_counter()
-    while not duration or (len(duration) < RUNS and time.perf_counter() - begin < PATIENCE):
-        start = time.perf_counter()
-        method(case.source, case.equation, shape)
-        duration.append(1000.0 * (time.perf_counter() - start))
-    return rendered, statistics.median(duration)
+    return rendered, milliseconds(lambda: method(case.source, case.equation, shape))
 
 
 def busiest(
@@ -207,12 +177,8 @@ def busiest(
 ) -> tuple[slice, slice]:
     """Return the square where methods err most, at depth edges if there are any.
 
-    Parameters
-    ----------
-    errors
-        (H, W) absolute differences to the truth, of one or more methods.
-    side
-        Side of the square, px; smaller in small pictures.
+    `errors`: (H, W) absolute differences to the truth, of one or more methods. `side`: side of the
+    square, px; smaller in small pictures.
     """
     zone = target.mask & target.edge
     if not zone.any():

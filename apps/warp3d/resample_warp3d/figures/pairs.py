@@ -73,18 +73,10 @@ def expected_nearness(
 ) -> Doubles:
     """Return the nearness in another view that a depth image predicts.
 
-    Parameters
-    ----------
-    image
-        Depth image; each sample is spread over the 2 × 2 pixels around its position, or fewer if it
-        hits pixel centers.
-    shape
-        Height and width of the view, px.
-
-    Returns
-    -------
-    (H, W) of the nearest sample; 0 where none arrives: hidden, outside, or where neighbours are
-    more than about 2 pixels apart.
+    `image`: depth image; each sample is spread over the 2 × 2 pixels around its position, or fewer
+    if it hits pixel centers. `shape`: height and width of the view, px. Result: (H, W) of the
+    nearest sample; 0 where none arrives: hidden, outside, or where neighbours are more than about 2
+    pixels apart.
     """
     place, nearness = _warped(image, equation)
     found = np.zeros(shape)

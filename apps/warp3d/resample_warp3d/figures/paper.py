@@ -1,6 +1,5 @@
 """The paper's Figure 6 remade: a depth image, and a view of it by the hybrid and by McMillan."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from resample.colors import from_srgb
-from resample.files.writing import replacing
-from resample.measuring.compare import contact_sheet, enlarged, shown, write_screen
+from resample.files.writing import write_json
+from resample.measuring.compare import contact_sheet, enlarged, plain_name, shown, write_screen
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.figures.compare import (
     TRUTH,
@@ -50,12 +49,7 @@ class Figure:
 def generated_figure(size: int = 512, view: str = VIEW, methods: Sequence[str] = METHODS) -> Figure:
     """Figure of the generated scene, with the true view.
 
-    Parameters
-    ----------
-    size
-        Height and width, px.
-    methods
-        By name; the paper has two.
+    `size`: height and width, px. `methods`: by name; the paper has two.
     """
     check_views([view])
     scene = generated(size)
@@ -72,12 +66,7 @@ def figure_of(
 ) -> Figure:
     """Figure of any depth image, without a truth: only holes and times are measured.
 
-    Parameters
-    ----------
-    source
-        Prepared depth image, linear light.
-    shape
-        Its height and width, px.
+    `source`: prepared depth image, linear light. `shape`: its height and width, px.
     """
     mask = expected_nearness(source, equation, shape) > 0
     if not mask.any():
@@ -95,20 +84,13 @@ def figure_of(
 def write_figures(folder: Path, figure: Figure) -> dict[str, object]:
     """Write the figure, each of its pictures, and its numbers.
 
-    Parameters
-    ----------
-    figure
-        What is written: `figure-6.png` with captions, `figure-6.json`, and every picture 1 : 1 as
-        `reference.png`, `METHOD.png` and `METHOD-zoom.png`.
-
-    Returns
-    -------
-    What the JSON file holds.
+    `figure`: what is written: `figure-6.png` with captions, `figure-6.json`, and every picture 1 :
+    1 as `reference.png`, `METHOD.png` and `METHOD-zoom.png`. Result: what the JSON file holds.
     """
     write_screen(folder / "reference.png", figure.reference)
     for name, screen in figure.pictures.items():
-        write_screen(folder / f"{_plain_name(name)}.png", screen)
-        write_screen(folder / f"{_plain_name(name)}-zoom.png", _zoomed(figure, screen))
+        write_screen(folder / f"{plain_name(name)}.png", screen)
+        write_screen(folder / f"{plain_name(name)}-zoom.png", _zoomed(figure, screen))
     _write_sheet(folder / SHEET, figure)
     rows, columns = figure.region
     numbers: dict[str, object] = {
@@ -120,8 +102,7 @@ def write_figures(folder: Path, figure: Figure) -> dict[str, object]:
         },
         "methods": figure.rows,
     }
-    with replacing(folder / NUMBERS) as temporary:
-        temporary.write_text(json.dumps(numbers, indent=2) + "\n", encoding="utf-8")
+    write_json(folder / NUMBERS, numbers)
     return numbers
 
 
@@ -178,8 +159,3 @@ def _grown(part: slice, length: int) -> slice:
 
 def _zoomed(figure: Figure, screen: Screen) -> Screen:
     return enlarged(screen[figure.region], min(figure.reference.shape[:2]))
-
-
-def _plain_name(method: str) -> str:
-    """Name without characters that files may not have."""
-    return "".join(letter if letter.isalnum() else "-" for letter in method)

@@ -89,18 +89,9 @@ class ObjectScene:
     ) -> tuple[Floats, Doubles]:
         """Render the picture of a camera with square pixels, and exact depth.
 
-        Parameters
-        ----------
-        camera
-            Camera without distortion.
-        shape
-            Height and width, px.
-        rays
-            Rays per side of a pixel; their mean is the pixel's color.
-
-        Returns
-        -------
-        Color (H, W, 3) in linear light, and z (H, W) at the pixels' centers, inf where nothing is.
+        `camera`: camera without distortion. `shape`: height and width, px. `rays`: rays per side of
+        a pixel; their mean is the pixel's color. Result: color (H, W, 3) in linear light, and z (H,
+        W) at the pixels' centers, inf where nothing is.
         """
         from resample_warp3d.figures.kernels.tracing import render_rows
 
@@ -118,18 +109,10 @@ class ObjectScene:
     ) -> tuple[Floats, Doubles, Doubles]:
         """Return the share of each pixel visible from another camera, and the pixel's depths.
 
-        Parameters
-        ----------
-        camera, shape
-            Camera whose pixels are tested, and its height and width, px.
-        other, other_shape
-            The other camera, and its height and width, px.
-        rays
-            Rays per side of a pixel.
-
-        Returns
-        -------
-        Fraction (H, W) 0..1; nearest and farthest z (H, W), inf where a ray hits nothing.
+        `camera`, `shape`: camera whose pixels are tested, and its height and width, px. `other`,
+        `other_shape`: the other camera, and its height and width, px. `rays`: rays per side of a
+        pixel. Result: fraction (H, W) 0..1; nearest and farthest z (H, W), inf where a ray hits
+        nothing.
         """
         from resample_warp3d.figures.kernels.tracing import VisibleShare, trace_visibility
 

@@ -43,17 +43,9 @@ class ScoringTarget(NamedTuple):
 def score(screen: Screen, covered: Mask, target: ScoringTarget) -> dict[str, float | None]:
     """Return all measures of one picture.
 
-    Parameters
-    ----------
-    screen
-        (H, W, 3) the warped picture; values in holes are ignored.
-    covered
-        (H, W) pixels that are not holes.
-
-    Returns
-    -------
-    `psnr` and `edge psnr` in dB, `ssim`, `iv-psnr` in dB and `hole %`; `edge psnr` is None if no
-    pixel that counts is near an edge.
+    `screen`: (H, W, 3) the warped picture; values in holes are ignored. `covered`: (H, W) pixels
+    that are not holes. Result: `psnr` and `edge psnr` in dB, `ssim`, `iv-psnr` in dB and `hole %`;
+    `edge psnr` is None if no pixel that counts is near an edge.
     """
     image = np.where(covered[..., None], screen, np.float32(0))
     at_edge = target.mask & target.edge
@@ -69,16 +61,8 @@ def score(screen: Screen, covered: Mask, target: ScoringTarget) -> dict[str, flo
 def delivered(image: Floats, coverage: Floats) -> tuple[Floats, Mask]:
     """Divide colors by their coverage; also return the pixels that are not holes.
 
-    Parameters
-    ----------
-    image
-        (H, W, C) multiplied by the coverage.
-    coverage
-        (H, W) 0..1.
-
-    Returns
-    -------
-    Colors (H, W, C), 0 in holes, and (H, W) true where there is coverage.
+    `image`: (H, W, C) multiplied by the coverage. `coverage`: (H, W) 0..1. Result: colors (H, W,
+    C), 0 in holes, and (H, W) true where there is coverage.
     """
     covered = coverage > 0
     share = np.where(covered, coverage, np.float32(1))[..., None]
@@ -105,26 +89,18 @@ def iv_psnr(a: Screen, b: Screen, mask: Mask | None = None) -> float:
     component. Y, Cb and Cr weigh 4 : 1 : 1 in the search and in the result, which is the lower of
     both directions. Here YCbCr has full resolution instead of 4 : 2 : 0.
 
-    Parameters
-    ----------
-    a, b
-        (H, W, 3).
-    mask
-        (H, W) pixels that count; matches may be anywhere. None: all.
+    `a`, `b`: (H, W, 3). `mask`: (H, W) pixels that count; matches may be anywhere. None: all.
     """
     if mask is None:
         mask = np.ones(a.shape[:2], np.bool_)
     if np.array_equal(a[mask], b[mask]):
         return math.inf
-    first, second = (_components(picture) for picture in (a, b))
+    first, second = (
+        np.asarray(np.asarray(picture, np.float32) @ TO_YCBCR.T, np.float32) for picture in (a, b)
+    )
     difference = np.mean(second[mask] - first[mask], axis=0)
     offset: Floats = np.clip(difference, -UNNOTICEABLE, UNNOTICEABLE)
     return min(_one_way(first + offset, second, mask), _one_way(second - offset, first, mask))
-
-
-def _components(picture: Screen) -> Floats:
-    """Return luma and both chromas, (H, W, 3)."""
-    return np.asarray(np.asarray(picture, np.float32) @ TO_YCBCR.T, np.float32)
 
 
 def _one_way(image: Floats, other: Floats, mask: Mask) -> float:
@@ -154,12 +130,8 @@ def _shifted(picture: Floats, reach: int) -> Iterator[Floats]:
 def flicker(errors: Sequence[Floats], masks: Sequence[Mask]) -> float:
     """Return the RMS change of errors from frame to frame, in levels of 255.
 
-    Parameters
-    ----------
-    errors
-        (H, W, 3) differences to the truth, of consecutive frames.
-    masks
-        (H, W) pixels that count; they must count in both frames.
+    `errors`: (H, W, 3) differences to the truth, of consecutive frames. `masks`: (H, W) pixels that
+    count; they must count in both frames.
     """
     squares, count = 0.0, 0
     for n in range(len(errors) - 1):

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from resample.types import Doubles
-from resample_warp3d.depth.identity import is_identity, unmoved
-from resample_warp3d.sheet.holes import bridged
+from resample_warp3d.depth.equation import is_identity, unmoved
+from resample_warp3d.sheet.filling import bridged
 from resample_warp3d.sheet.sheets import SheetCache
 from resample_warp3d.types import Equation, Rendered, Sheet, Source
-from resample_warp3d.wide.passages import Passage, Way
+from resample_warp3d.wide import Passage, Way
 
 if TYPE_CHECKING:
     from resample_warp3d.sheet.kernels.screen import SheetScreen

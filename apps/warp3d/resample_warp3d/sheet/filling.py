@@ -1,4 +1,4 @@
-"""Fill holes by inpainting from the background.
+"""Holes of a warped picture: narrow gaps closed, the rest classified, and filled by inpainting.
 
 The filling is made up, not measured, so it is only done on request. `cv2.inpaint` (Telea 2004)
 spreads colors inward from a hole's border. Here the border's near side is masked during that, so
@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Floats
-from resample_warp3d.types import Hole, Warped
+from resample_warp3d.depth.equation import inverse
+from resample_warp3d.types import Equation, Hole, Rendered, Source, Warped
 
 SOLID = 0.95  # coverage from which a pixel keeps its own color
 RADIUS = 3  # px, radius of `cv2.inpaint`
@@ -31,17 +32,10 @@ class HoleOutline(NamedTuple):
 def fill(warped: Warped) -> Warped:
     """Fill the holes of a picture and its depth.
 
-    Parameters
-    ----------
-    warped
-        The warped picture. Disoccluded pixels are filled from the far side of their surroundings,
-        pixels outside the source or without depth from all sides. Partly covered pixels get the
-        filling behind their cover.
-
-    Returns
-    -------
-    The same with coverage 1; the causes of holes, magnification and confidence are unchanged. If
-    nothing at all is known, the input.
+    `warped`: the warped picture. Disoccluded pixels are filled from the far side of their
+    surroundings, pixels outside the source or without depth from all sides. Partly covered pixels
+    get the filling behind their cover. Result: the same with coverage 1; the causes of holes,
+    magnification and confidence are unchanged. If nothing at all is known, the input.
     """
     nearness = np.zeros_like(warped.depth)
     np.divide(1.0, warped.depth, out=nearness, where=(warped.depth > 0) & (warped.coverage > 0))
@@ -149,3 +143,66 @@ def inpainted(values: Floats, where: Mask) -> Floats:
         plane = cv2.inpaint(values[..., n] * np.float32(scale), mask, RADIUS, cv2.INPAINT_TELEA)
         filled[..., n] = np.clip(plane / np.float32(scale), low, high)
     return filled
+
+
+def bridged(rendered: Rendered) -> Rendered:
+    """Close gaps of up to two pixels from their sides, the farther one first.
+
+    Gaps at which no surface ends open between samples that a view pulls apart; and where a sample
+    covers many pixels, the end of its surface is only known to a part of a sample. The input is
+    overwritten.
+    """
+    from resample_warp3d.sheet.kernels.bridging import GROWN, bridge_rows, reach_of_rows
+
+    closed = np.zeros(rendered.coverage.shape, np.bool_)
+    coverage = rendered.coverage.copy()
+    reach = np.zeros([length + 2 * GROWN for length in coverage.shape], np.uint8)
+    reach_of_rows(rendered.coverage, rendered.magnification, reach)
+    bridge_rows(
+        rendered.image, rendered.coverage, rendered.nearness, rendered.magnification, reach,
+        coverage, closed,
+    )  # fmt: skip
+    return rendered._replace(coverage=coverage, bridged=closed)
+
+
+def explained(rendered: Rendered, source: Source, equation: Equation) -> NDArray[np.uint8]:
+    """Classify each pixel, (H, W) values of `Hole`.
+
+    A hole is assumed to be as far as the farther of its neighbours in its row; an empty row as far
+    as the farthest point of the nearest row that is not empty.
+    """
+    from resample_warp3d.sheet.kernels.bridging import explain_holes
+
+    holes = np.empty(rendered.coverage.shape, np.uint8)
+    explain_holes(
+        rendered.coverage, rendered.nearness, inverse(equation), source.place,
+        source.nearness > 0, farthest_of_rows(rendered), holes,
+    )  # fmt: skip
+    holes[rendered.bridged] = Hole.CRACK
+    return holes
+
+
+def trusted(rendered: Rendered, source: Source, equation: Equation) -> Floats:
+    """Return the trust of the pixels' depth (H, W): 1 where it was not refined.
+
+    Refined depth has the share of votes for it; filled depth half of that.
+    """
+    from resample_warp3d.sheet.kernels.bridging import sample_map
+
+    found = np.ones(rendered.nearness.shape, np.float32)
+    if source.trust.size:
+        sample_map(rendered.nearness, inverse(equation), source.place, source.trust, found)
+    return found
+
+
+def farthest_of_rows(rendered: Rendered) -> Floats:
+    """Return the nearness (H,) of each row's farthest point, or the nearest row's; 0: none."""
+    nearness = np.where(rendered.coverage > 0, rendered.nearness, np.inf).min(axis=1)
+    full = np.flatnonzero(np.isfinite(nearness))
+    if not full.size:
+        return np.zeros(nearness.shape, np.float32)
+    rows = np.arange(nearness.size)
+    after = np.clip(np.searchsorted(full, rows), 0, full.size - 1)
+    before = np.maximum(after - 1, 0)
+    is_before = np.abs(full[before] - rows) < np.abs(full[after] - rows)
+    return np.asarray(nearness[np.where(is_before, full[before], full[after])], np.float32)

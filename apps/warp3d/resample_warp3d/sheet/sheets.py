@@ -1,12 +1,43 @@
-"""Make the sheet of cells that the hybrid method warps, once per source."""
+"""Sheets of cells that the hybrid method warps, and the layer behind silhouettes, once a source.
+
+Every frame of a film shows the same layer, so the made-up content moves with the scene instead of
+changing from frame to frame. Its depth extrapolates the far side of a silhouette along its slope;
+its color spreads from the far side only, after the near side's light has been removed from its
+samples.
+"""
+
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from resample.types import Doubles, Floats
-from resample_warp3d.types import MARGIN, Sheet, Source
+from resample_warp3d.depth.preparation import prepare
+from resample_warp3d.sheet.filling import inpainted
+from resample_warp3d.types import (
+    DOWN,
+    LEFT,
+    MARGIN,
+    RIGHT,
+    UP,
+    DepthImage,
+    Hole,
+    Sheet,
+    Source,
+    Warped,
+)
 
 KEPT = 4  # sheets
 PRECISION = 1e-6  # relative error of a float's nearness
+REACH = 0.12  # of the longer side: how far the layer extends behind a silhouette
+APART = 1.03  # ratio of nearness from which one surface hides another
+RING = 3  # samples of the far side included in the layer
+STEEP = 0.5  # of the nearness: largest change from a silhouette to the layer's end
+AROUND = 10  # samples around the made-up ones used for their colors
+CLASSES = 6  # of far sides by nearness, so that near ones do not hide farther ones
+
+Mask = NDArray[np.bool_]
+NEIGHBOURS = ((RIGHT, 0, 1), (DOWN, 1, 0), (LEFT, 0, -1), (UP, -1, 0))
 
 
 class SheetCache:
@@ -104,3 +135,157 @@ def bend(corner: Floats, place: Doubles) -> None:
     above = (1 - u) * place[row, column] + u * place[row, column + 1]
     below = (1 - u) * place[row + 1, column] + u * place[row + 1, column + 1]
     corner[..., :2] = (1 - v) * above + v * below
+
+
+class FarSides(NamedTuple):
+    """Far sides of a class, extrapolated behind their silhouettes."""
+
+    distance: Floats  # (H, W) to the nearest sample at a silhouette
+    nearness: Floats  # (H, W) of its surface
+    hidden: Mask  # (H, W) the surface lies behind the sample, close enough to its silhouette
+    same: Mask  # (H, W) the sample belongs to that surface
+    start: NDArray[np.int64]  # (H, W) number of the nearest sample at a silhouette
+
+
+def background(source: Source, reach: float = REACH) -> Source | None:
+    """Return the background layer behind the silhouettes of a source.
+
+    Parameters
+    ----------
+    source
+        A prepared depth image.
+    reach
+        Extent of the layer behind a silhouette, as a share of the picture's longer side.
+
+    Returns
+    -------
+    A source of the same size, with depth where something is hidden and for a few samples around;
+    None if nothing is hidden.
+
+    Raises
+    ------
+    ValueError
+        The reach is not above 0.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_warp3d import DepthImage, background, prepare
+    >>> color, nearness = np.ones((32, 32, 3), np.float32), np.full((32, 32), 0.25, np.float32)
+    >>> nearness[8:24, 8:24] = 1.0  # a square before a wall
+    >>> layer = background(prepare(DepthImage(color, nearness, np.empty((0, 0, 2)))))
+    >>> layer.nearness[16, 6:14].tolist()  # goes on for 3 px
+    [0.25, 0.25, 0.25, 0.25, 0.25, 0.0, 0.0, 0.0]
+    """
+    if not 0.0 < reach <= 1.0:
+        raise ValueError(f"reach {reach:g}; give a share of the picture's side, above 0 up to 1")
+    far = far_sides(source)
+    if not far.any():
+        return None
+    classes = _classes(source, far, reach * max(far.shape))
+    away = np.stack([np.where(each.hidden, each.distance, np.inf) for each in classes])
+    first, hidden = away.argmin(axis=0), np.isfinite(away).any(axis=0)
+    if not hidden.any():
+        return None
+    color, _ = alone(source)
+    made, depth = color.copy(), np.zeros_like(source.nearness)
+    for n, each in enumerate(classes):
+        beside = each.same & (each.distance <= RING) & ~hidden
+        depth = np.where(beside, source.nearness, depth)
+        chosen = hidden & (first == n)
+        if chosen.any():
+            depth = np.where(chosen, each.nearness, depth)
+            made[chosen] = _spread(color, each, chosen)[chosen]
+    return prepare(DepthImage(made, depth, source.place), noise=0.0, step=0.0)
+
+
+def behind(warped: Warped, layer: Warped) -> Warped:
+    """Composite a picture over the layer where the source is occluded.
+
+    Pixels outside the source or without depth stay empty, as the layer has nothing there. The
+    causes of holes are kept.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_warp3d import DepthImage, background, behind, of_rectified, prepare, render
+    >>> color, disparity = np.ones((32, 32, 3), np.float32), np.full((32, 32), 1, np.float32)
+    >>> disparity[8:24, 8:24] = 6  # a square before a wall
+    >>> source = prepare(DepthImage(color, disparity, np.empty((0, 0, 2))))
+    >>> way, size = of_rectified(1), (32, 32)
+    >>> seen = render(source, way, size, "hybrid")
+    >>> whole = behind(seen, render(background(source, 0.25), way, size, "hybrid"))
+    >>> [round(float(view.coverage[16, :-1].mean()), 2) for view in (seen, whole)]
+    [0.84, 1.0]
+    """
+    is_open = (warped.holes != Hole.OUTSIDE) & (warped.holes != Hole.NO_DEPTH)
+    rest = is_open * (np.float32(1) - np.clip(warped.coverage, 0, 1))
+    return warped._replace(
+        image=warped.image + rest[..., None] * layer.image,
+        coverage=warped.coverage + rest * layer.coverage,
+        depth=np.where(is_open & (warped.coverage <= 0), layer.depth, warped.depth),
+    )
+
+
+def far_sides(source: Source) -> Mask:
+    """Return the samples (H, W) beside a nearer surface."""
+    nearness, links = source.nearness, source.links
+    padded = np.pad(nearness, 1)
+    height, width = nearness.shape
+    found = np.zeros(nearness.shape, np.bool_)
+    for bit, down, right in NEIGHBOURS:
+        other = padded[1 + down : 1 + down + height, 1 + right : 1 + right + width]
+        found |= ((links & bit) == 0) & (nearness > 0) & (other > APART * nearness)
+    return found
+
+
+def _classes(source: Source, far: Mask, most: float) -> list[FarSides]:
+    """Split far sides into classes by nearness."""
+    limits = np.quantile(source.nearness[far], np.linspace(0, 1, CLASSES + 1)[1:-1])
+    member = np.searchsorted(limits, source.nearness, side="right")
+    chosen = [far & (member == n) for n in range(CLASSES)]
+    return [_one_class(source, each, most) for each in chosen if each.any()]
+
+
+def _one_class(source: Source, far: Mask, most: float) -> FarSides:
+    """Extrapolate the far sides of one class."""
+    import cv2
+
+    width = far.shape[1]
+    distance, label = cv2.distanceTransformWithLabels(
+        (~far).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    place = np.zeros(int(label.max()) + 1, np.int64)  # of the far side with a label
+    place[label[far]] = np.flatnonzero(far)
+    start = place[label]
+    row, column = np.indices(far.shape)
+    slope = source.slope.reshape(-1, 2)[start]
+    change = slope[..., 0] * (column - start % width) + slope[..., 1] * (row - start // width)
+    first = source.nearness.reshape(-1)[start]
+    nearness = first + np.clip(change, -STEEP * first, STEEP * first)
+    same = np.abs(source.nearness - nearness) <= (APART - 1.0) * nearness
+    hidden = (distance <= most) & (nearness > 0) & (source.nearness > APART * nearness)
+    return FarSides(
+        np.asarray(distance, np.float32), np.asarray(nearness, np.float32), hidden,
+        same & (source.nearness > 0), start,
+    )  # fmt: skip
+
+
+def _spread(color: Floats, beyond: FarSides, chosen: Mask) -> Floats:
+    """Spread the colors (H, W, C) of far sides to the chosen samples.
+
+    Samples of other surfaces give no color: they count as unknown, or, where they are farther away
+    than all chosen samples, get the color of the nearest sample at a silhouette.
+    """
+    reach = float(beyond.distance[chosen].max()) + 1.0
+    row, column = (np.flatnonzero(chosen.any(axis=axis)) for axis in (1, 0))
+    part = (
+        slice(max(int(row[0]) - AROUND, 0), int(row[-1]) + AROUND + 1),
+        slice(max(int(column[0]) - AROUND, 0), int(column[-1]) + AROUND + 1),
+    )
+    unknown = chosen | (~beyond.same & (beyond.distance <= reach))
+    nearest = color.reshape(-1, color.shape[2])[beyond.start]
+    made = np.where(beyond.same[..., None], color, nearest)
+    if not unknown[part].all():
+        made[part] = inpainted(made[part], unknown[part])
+    return made

@@ -5,6 +5,7 @@ The page's state is a set of `render` options.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,29 +16,27 @@ from resample.command.settings import Choices, Written
 from resample.files.formats import WriteOptions, page_of
 from resample.files.pictures import Kind, Picture
 from resample.files.saving import write_picture
+from resample.files.writing import save_array
+from resample.lazy import warn_of_old_name
+from resample.scene.picking import pixel_at
+from resample.scene.previews import preview_size
 from resample.view.files import FileView, image_of, shown
-from resample.view.views import (
-    PagePicture,
-    Settings,
-    Size,
-    chosen,
-    pixel_at,
-    preview_size,
-    settings_of,
-)
+from resample.view.views import PagePicture, Settings, Size, chosen, settings_of
 from resample.watching import Cancel, Progress, cancellable
 from resample_warp3d.command.animation import Range
-from resample_warp3d.command.cameras.source import SourceCamera
-from resample_warp3d.command.cameras.target import Aim
 from resample_warp3d.command.choices import Depth, DepthWarping, Joint, Showing
 from resample_warp3d.command.inputs import DepthReader, Inputs, read_views, view_names
 from resample_warp3d.command.rendering import Prepared, joined, joining_of, prepared
+from resample_warp3d.command.source import SourceCamera
+from resample_warp3d.command.target import Aim
 from resample_warp3d.command.writing import made_of
 from resample_warp3d.types import Hole, Warped
 from resample_warp3d.viewing.films import FILM, poses_as_text, write_depth_film
 
 if TYPE_CHECKING:
     from PIL.Image import Image
+
+    from resample.view.widgets import Viewer
 
 COMMAND = "resample-warp3d render"
 SHOWN = (
@@ -147,10 +146,8 @@ class DepthPainter:
     def save(self, settings: Settings, size: Size, path: Path) -> None:
         """Write the picture as the command does.
 
-        Raises
-        ------
-        ValueError, LookupError, OSError
-            An option is not allowed, or a file cannot be read or written.
+        Raises ValueError, LookupError, OSError: an option is not allowed, or a file cannot be read
+        or written.
         """
         seen = self._rendered(settings, size)
         write_picture(path, seen.picture(), seen.request.options)
@@ -175,7 +172,7 @@ class DepthPainter:
         request = _checked({**settings, "size": f"{size[0]}x{size[1]}"})
         taken, sources = self._sources(request)
         target = request.aim.camera_model(taken.camera, taken.shape, request.eye.convention)
-        joining = joining_of(taken, request.joint.joining(unmixed=request.warping.unmixed))
+        joining = joining_of(taken, request.joint, unmixed=request.warping.unmixed)
         together = joined(Session(), sources, target, size[::-1], request.warping, joining)
         return _Rendering(request, taken.picture.kind, together.warped)
 
@@ -196,7 +193,6 @@ def depth_view(
     depth: str,
     begin: Sequence[Choices] = (),
     further: Sequence[str] = (),
-    controls: Sequence[dict[str, Any]] = (),
 ) -> FileView:
     """Return what pages show of a depth image.
 
@@ -208,8 +204,6 @@ def depth_view(
         Initial options.
     further
         Further views, COLOR,DEPTH,POSE.
-    controls
-        Controls from `resample.view.views.controls_of`; empty: a page without controls.
     """
     first = DepthPainter(color, depth, further)
     settings = {"move": "0,0,0", **settings_of(begin)}
@@ -225,7 +219,6 @@ def depth_view(
             "package": "resample_warp3d",
             "inputs": [color, depth],
             "fixed": {"view": list(further)} if further else {},
-            "controls": [control for control in controls if control["key"] not in LEFT_OUT],
             **({} if further else {"film": FILM}),
             "gestures": "walk",
             "extent": [width, height],
@@ -233,7 +226,51 @@ def depth_view(
             "settings": settings,
         }
 
-    return FileView(first, described, _checked, KINDS)
+    kinds = [{**settings, **kind} for kind in KINDS]
+    return FileView(first, described, _checked, kinds, LEFT_OUT)
+
+
+def view(color: Any, depth: Any = None, /, **settings: Any) -> "Viewer":
+    """Show a depth image in a notebook's cell: navigate, copy the Python code.
+
+    Parameters
+    ----------
+    color
+        Picture of a depth image: a file, or 8 or 16 bits as `as_picture` takes them. Arrays are
+        written to temporary files that live as long as the widget. For one release also, alone,
+        the file of a cloud, as `resample_points.view` takes it.
+    depth
+        Depth of the picture: a file, or an array (H, W).
+    settings
+        Initial options of `resample-warp3d render`: `fov=60`.
+
+    Returns
+    -------
+    A widget with `settings`, `frame` and `to_python()`. It needs the extra `notebook`.
+
+    Raises
+    ------
+    ValueError, LookupError, OSError, TypeError
+        An option is invalid, or a file cannot be read.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_warp3d import view
+    >>> shown = view(np.zeros((24, 32, 3), np.uint8), np.full((24, 32), 2.0), fov=60)
+    >>> shown.frame.size
+    (480, 360)
+    """
+    from resample.view import widgets
+
+    if depth is None:
+        warn_of_old_name("resample_warp3d.view of a cloud", "resample_points.view")
+        seen: Viewer = import_module("resample_points").view(color, **settings)
+        return seen
+    picture, folder = widgets.kept("color.png", color, widgets.write_levels)
+    file, folder = widgets.kept("depth.npy", depth, save_array, folder)
+    begin = widgets.named(settings)
+    return widgets.Viewer(depth_view(picture, file, chosen(begin, SHOWN)), begin, folder)
 
 
 def picture(color: str | Path, depth: str | Path, settings: Mapping[str, Any]) -> "Image":

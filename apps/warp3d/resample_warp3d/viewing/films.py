@@ -7,7 +7,7 @@ import numpy as np
 
 from resample.cameras.files import read_pose
 from resample.command.session import Session
-from resample.console.backgrounds import linear_color
+from resample.console import linear_color
 from resample.files.animations import write_film
 from resample.types import Doubles
 from resample.view.exports import STEP
@@ -15,11 +15,11 @@ from resample.view.files import path_file
 from resample.view.views import Settings, chosen, option_of
 from resample.watching import Progress
 from resample_warp3d.command.animation import Range, poses_of, shots
-from resample_warp3d.command.cameras.source import SourceCamera
-from resample_warp3d.command.cameras.target import Aim, TargetCamera
 from resample_warp3d.command.choices import Depth, DepthWarping
 from resample_warp3d.command.inputs import DepthReader, Inputs, read_views
 from resample_warp3d.command.rendering import film_of
+from resample_warp3d.command.source import SourceCamera
+from resample_warp3d.command.target import Aim, TargetCamera
 
 RATE = 24.0  # frames per second, of the command
 EACH = round(STEP * RATE)  # frames from one keyframe to the next
@@ -56,12 +56,7 @@ def write_depth_film(
 ) -> None:
     """Write a film through poses as the command does.
 
-    Parameters
-    ----------
-    size
-        Width and height, px.
-    progress
-        Called with the share that is done.
+    `size`: width and height, px. `progress`: called with the share that is done.
     """
     given = {key: value for key, value in settings.items() if key not in STEERED}
     if unknown := [key for key in given if key not in OPTIONS]:

@@ -1,25 +1,62 @@
-"""Match colors of several views by gain and bias, from surfaces that two show."""
+"""Match several sources: their colors by gain and bias, their depths by a scale each."""
 
+import math
 from collections.abc import Iterator, Sequence
-from itertools import combinations
+from itertools import combinations, permutations
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Doubles
-from resample_warp3d.types import Warped
-from resample_warp3d.views.blending import WHOLE
-from resample_warp3d.views.robust import solved
+from resample_warp3d.depth.equation import places, warp_places
+from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, DepthImage, Equation, Source, Warped
+from resample_warp3d.views.merging import WHOLE
 
+ROUNDS = 20
+TIGHT = 1e-3  # in the unknowns' unit: smaller errors count squared, larger ones linearly
+HOLD = 1e-6  # weight that holds unknowns without equations at `start`
 COLORS = ("gain", "gain-bias", "none")
 SAME = 0.02  # relative nearness within which views show the same surface
 BLOCK = 8  # px per side; means over such blocks hardly depend on misalignment
 FULL = 0.75  # share of a block's pixels that both views must show
-FEWEST = 12  # blocks that two views must share to be compared
+FEWEST_BLOCKS = 12  # blocks that two views must share to be compared
 DARK, BRIGHT = 0.02, 0.98  # of the largest value: below is noise, above is clipped
-UNNOTICED = 1e-3  # smaller gains or biases are ignored
+UNNOTICED_GAIN = 1e-3  # smaller gains or biases are ignored
 MOST = 2.0  # largest gain
+DEPTHS = ("scale", "none")
+COMPARED = 40_000  # approximate number of points per source
+ALIGNMENTS = 3
+CLOSE = 0.08  # relative nearness within which a point belongs to a surface
+FEWEST_POINTS = 200  # points that two sources must share to be compared
+STEP = 1e-3  # relative step of the nearness for finite differences
+UNNOTICED_SCALE = 2e-4  # smaller corrections are ignored
+ALL = RIGHT | DOWN | LEFT | UP
+
+
+def solved(rows: Doubles, right: Doubles, sums: Doubles, start: Doubles) -> Doubles:
+    """Minimize the sum of absolute errors of `rows @ x = right`.
+
+    `rows`, `right`: (N, M) and (N,). `sums`: (K, M) sums of unknowns that keep their value at
+    `start`. `start`: (M,) values of unknowns without equations.
+    """
+    count, held = start.size, len(sums)
+    found = start.copy()
+    for _ in range(ROUNDS):
+        error = np.abs(np.einsum("nm,m->n", rows, found) - right)
+        weight = 1.0 / np.maximum(error, TIGHT)
+        weight /= weight.sum()
+        normal = np.zeros((count + held, count + held))
+        weighed = rows * weight[:, None]
+        normal[:count, :count] = np.einsum("nm,nk->mk", weighed, rows) + HOLD * np.eye(count)
+        normal[:count, count:], normal[count:, :count] = sums.T, sums
+        told = np.einsum("nm,n->m", weighed, right) + HOLD * start
+        after = np.linalg.solve(normal, np.concatenate([told, sums @ start]))[:count]
+        moved = float(np.abs(after - found).max())
+        found = after
+        if moved < 1e-7:
+            break
+    return found
 
 
 class Match(NamedTuple):
@@ -38,11 +75,9 @@ def check_colors(colors: str) -> None:
 def match_colors(views: Sequence[Warped], colors: str = "gain") -> Match:
     """Return gains and biases that make views alike where they show the same surface.
 
-    Returns
-    -------
-    The gains' product over the views is 1 and the biases' sum 0, as no view is known to be right.
-    They are 1 and 0 for a view that shares nothing with the others, and for differences below 0.1
-    %.
+    Result: the gains' product over the views is 1 and the biases' sum 0, as no view is known to be
+    right. They are 1 and 0 for a view that shares nothing with the others, and for differences
+    below 0.1 %.
     """
     check_colors(colors)
     count, channels = len(views), views[0].image.shape[2]
@@ -52,7 +87,7 @@ def match_colors(views: Sequence[Warped], colors: str = "gain") -> Match:
     pairs = list(_pairs(views))
     for channel in range(channels):
         gain, bias = _of_channel(pairs, count, channel, has_bias=colors == "gain-bias")
-        if max(np.abs(np.log(gain)).max(), np.abs(bias).max()) > UNNOTICED:
+        if max(np.abs(np.log(gain)).max(), np.abs(bias).max()) > UNNOTICED_GAIN:
             match.gain[:, channel], match.bias[:, channel] = gain, bias
     return match
 
@@ -114,7 +149,7 @@ def _of_channel(
     rows = []
     for pair in pairs:
         use = pair.usable[:, channel]
-        if use.sum() < FEWEST:
+        if use.sum() < FEWEST_BLOCKS:
             continue
         row = np.zeros((int(use.sum()), 2 * count))
         first, second = (color[use, channel] for color in pair.color)
@@ -132,3 +167,106 @@ def _of_channel(
     gain = np.clip(found[:count], 1.0 / MOST, MOST)
     level = np.exp(np.log(gain).mean())
     return gain / level, found[count:] / level
+
+
+def check_depths(depths: str) -> None:
+    """Refuse an unknown way to match depths."""
+    if depths not in DEPTHS:
+        raise ValueError(f"unknown way to match depths {depths!r}; known: {', '.join(DEPTHS)}")
+
+
+def match_depths(
+    sources: Sequence[Source], equations: Sequence[Sequence[Equation]], depths: str = "scale"
+) -> Doubles:
+    """Return factors (V,) of the sources' nearness that make their surfaces agree.
+
+    Result: factors with product 1, as no source is known to be right. All are 1 if the sources
+    agree within 0.02 %; a source that shares nothing with the others gets 1.
+    """
+    check_depths(depths)
+    count = len(sources)
+    scale = np.zeros(count)
+    if depths == "none" or count < 2:
+        return np.exp(scale)
+    points = [_points(source) for source in sources]
+    for _ in range(ALIGNMENTS):
+        rows, right = [], []
+        for first, second in permutations(range(count), 2):
+            if sources[second].place.size:
+                continue
+            place, nearness = points[first]
+            seen = nearness * math.exp(scale[first])
+            error, change = _points_on_surface(
+                place, seen, equations[first][second], sources[second], scale[second]
+            )
+            if error.size < FEWEST_POINTS:
+                continue
+            row = np.zeros((error.size, count))
+            row[:, first], row[:, second] = change, 1.0
+            rows.append(row)
+            right.append(row[:, first] * scale[first] + scale[second] - error)
+        if not rows:
+            break
+        scale = solved(np.concatenate(rows), np.concatenate(right), np.ones((1, count)), scale)
+    if np.abs(scale).max() <= UNNOTICED_SCALE:
+        scale = np.zeros(count)
+    return np.exp(scale)
+
+
+def scaled(source: Source, scale: float) -> Source:
+    """Return a source with its nearness multiplied."""
+    if scale == 1.0:
+        return source
+    factor = np.float32(scale)
+    return source._replace(
+        nearness=source.nearness * factor, slope=source.slope * factor, step=source.step * scale
+    )
+
+
+def _points(source: Source) -> tuple[Doubles, Doubles]:
+    """Return positions (N, 2) and nearness (N,) of some samples inside surfaces."""
+    sparse = max(1, math.isqrt(source.nearness.size // COMPARED))
+    chosen = slice(sparse // 2, None, sparse)
+    image = DepthImage(source.color, source.nearness, source.place)
+    nearness = source.nearness[chosen, chosen].astype(np.float64)
+    inside = (source.links[chosen, chosen] & ALL) == ALL
+    return places(image)[chosen, chosen][inside], nearness[inside]
+
+
+def _points_on_surface(
+    place: Doubles, nearness: Doubles, equation: Equation, other: Source, scale: float
+) -> tuple[Doubles, Doubles]:
+    """Return errors (N,) of the points that meet a surface of the other source, given its scale.
+
+    Errors are logarithms of ratios of nearness; also their derivatives by that of the point's.
+    """
+    error = _errors(place, nearness, equation, other)
+    moved = _errors(place, nearness * math.exp(STEP), equation, other)
+    known = np.isfinite(error) & np.isfinite(moved)
+    known[known] = np.abs(error[known] + scale) < CLOSE
+    return error[known] + scale, (moved[known] - error[known]) / STEP
+
+
+def _errors(place: Doubles, nearness: Doubles, equation: Equation, other: Source) -> Doubles:
+    """Return log ratios (N,) of the other's nearness to the points'; nan off its surfaces."""
+    seen, expected = warp_places(equation, place, nearness)
+    found = inside_surface(other, seen)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.log(found) - np.log(expected), np.float64)
+
+
+def inside_surface(source: Source, place: Doubles) -> Doubles:
+    """Interpolate a source's nearness (N,) at places (N, 2); nan off its surfaces."""
+    height, width = source.nearness.shape
+    at = np.where(np.isfinite(place), place, -1.0) - 0.5
+    column, row = (np.floor(at[:, axis]).astype(np.int64) for axis in (0, 1))
+    good = (column >= 0) & (row >= 0) & (column < width - 1) & (row < height - 1)
+    column, row = np.where(good, column, 0), np.where(good, row, 0)
+    links = source.links
+    good &= (links[row, column] & (RIGHT | DOWN)) == (RIGHT | DOWN)
+    good &= (links[row + 1, column + 1] & (LEFT | UP)) == (LEFT | UP)
+    x, y = at[:, 0] - column, at[:, 1] - row
+    nearness = source.nearness.astype(np.float64)
+    above = (1 - x) * nearness[row, column] + x * nearness[row, column + 1]
+    below = (1 - x) * nearness[row + 1, column] + x * nearness[row + 1, column + 1]
+    return np.where(good, (1 - y) * above + y * below, np.nan)

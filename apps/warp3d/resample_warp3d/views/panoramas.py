@@ -9,14 +9,13 @@ image of a camera that looks at its center, with positions for its pixels.
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.cameras.models import Camera
 from resample.cameras.panoramic import rays_at, turn
-from resample.types import Doubles, Floats
+from resample.types import Doubles, Floats, Indices
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.types import DepthImage
 from resample_warp3d.views.together import Agreed, Joining, PosedSource, agreed
@@ -26,16 +25,6 @@ SIDES = 4
 SHARED = 4  # px that adjacent blocks overlap, on each side of their seam
 SMALLEST = 16  # px of height
 SEAMLESS = Joining("feathered", "none", "none", "none")  # feather faces at their borders
-
-
-Indices = NDArray[np.int64]
-
-
-class Face(NamedTuple):
-    """Part of a panorama, and the camera that sees it."""
-
-    image: DepthImage
-    camera: Camera
 
 
 def panorama(
@@ -72,24 +61,20 @@ def panorama(
     """
     cut = faces(as_light(color), length, world_to_camera)
     prepared = [
-        PosedSource(prepare(face.image, noise=noise, refine=refine), face.camera) for face in cut
+        PosedSource(prepare(image, noise=noise, refine=refine), camera) for image, camera in cut
     ]
     return agreed(prepared, SEAMLESS)
 
 
-def faces(color: Floats, length: ArrayLike, world_to_camera: ArrayLike | None = None) -> list[Face]:
-    """Split a panorama into depth images: front, right, back, left, top, bottom.
+def faces(
+    color: Floats, length: ArrayLike, world_to_camera: ArrayLike | None = None
+) -> list[tuple[DepthImage, Camera]]:
+    """Split a panorama into depth images and cameras: front, right, back, left, top, bottom.
 
-    Parameters
-    ----------
-    color
-        (H, 2 H, C) linear light. The center of the picture is forward (+z), its left and right
-        edges meet behind, and its top row is above (−y).
-    length
-        (H, 2 H) distance from the camera, along the ray; 0, negative numbers, inf and NaN are
-        unknown.
-    world_to_camera
-        (4, 4) pose of the panorama; default: the identity.
+    `color`: (H, 2 H, C) linear light. The center of the picture is forward (+z), its left and right
+    edges meet behind, and its top row is above (−y). `length`: (H, 2 H) distance from the camera,
+    along the ray; 0, negative numbers, inf and NaN are unknown. `world_to_camera`: (4, 4) pose of
+    the panorama; default: the identity.
     """
     far = np.asarray(length, np.float64)
     height, width = far.shape if far.ndim == 2 else (0, 0)
@@ -110,7 +95,7 @@ def faces(color: Floats, length: ArrayLike, world_to_camera: ArrayLike | None = 
         block = np.ix_(rows, columns % width)
         nearness = (1.0 / (known[block] * ray[..., 2])).astype(np.float32)
         place = focal * ray[..., :2] / ray[..., 2:]
-        made.append(Face(DepthImage(np.ascontiguousarray(color[block]), nearness, place), camera))
+        made.append((DepthImage(np.ascontiguousarray(color[block]), nearness, place), camera))
     return made
 
 

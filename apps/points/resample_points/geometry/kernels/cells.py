@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from resample.engine.jit import Counter, inner_kernel, kernel, parallel_kernel, tasks
 from resample.engine.vectors import Matrix, Vector, cross, dot
-from resample.types import Doubles, Floats
-from resample_points.geometry.kernels.flattest import flattest
+from resample.types import Doubles, Floats, Indices
 from resample_points.geometry.kernels.lines import (
     AWAY,
     BEGIN,
@@ -22,12 +21,12 @@ from resample_points.geometry.kernels.lines import (
     X,
     Y,
     cuts,
+    flattest,
     meet,
     put,
     put_around,
 )
 
-Indices = NDArray[np.int64]
 Nearest = NDArray[np.int32]
 
 CHUNK = 1024  # points that a thread takes at a time
@@ -339,18 +338,9 @@ def limit(
     isolated, gets no more than the quartile. Otherwise points far from a surface would cover it,
     and spikes would stick out from its rims.
 
-    Parameters
-    ----------
-    nearest
-        (N, k) neighbours of each point, without itself.
-    spacing
-        (N,) mean distance to the nearest of them.
-    size
-        (N,) longest half axes before.
-    most
-        Factor of the limit.
-    axes
-        (N, 2, 3) changed in place.
+    `nearest`: (N, k) neighbours of each point, without itself. `spacing`: (N,) mean distance to the
+    nearest of them. `size`: (N,) longest half axes before. `most`: factor of the limit. `axes`: (N,
+    2, 3) changed in place.
     """
     for chunk in tasks(counter, (nearest.shape[0] + CHUNK - 1) // CHUNK):
         _limit(nearest, spacing, size, most, axes, chunk)

@@ -71,18 +71,9 @@ def measure_all(
 ) -> None:
     """Measure the normals and discs of all points.
 
-    Parameters
-    ----------
-    blocks
-        N points along a Morton curve.
-    wanted
-        At most N neighbours.
-    normal
-        (N, 3) scaled to unit length; filled where it is 0, with an arbitrary sign.
-    discs
-        Filled.
-    nearest
-        (N, few − 1) filled: the neighbours of each point, without itself.
+    `blocks`: N points along a Morton curve. `wanted`: at most N neighbours. `normal`: (N, 3) scaled
+    to unit length; filled where it is 0, with an arbitrary sign. `discs`: filled. `nearest`: (N,
+    few − 1) filled: the neighbours of each point, without itself.
     """
     for chunk in tasks(counter, (blocks.place.shape[0] + BATCH_SIZE - 1) // BATCH_SIZE):
         _measure_blocks(blocks, wanted, chunk, normal, discs, nearest)

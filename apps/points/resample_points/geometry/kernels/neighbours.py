@@ -447,22 +447,11 @@ def _of_one_block(which: Numbers, first: int, count: int) -> int:
 def nearest_neighbours(blocks: PointBlocks, count: int, guess: float, looking: Search) -> float:
     """Find the nearest neighbours of some points, themselves included.
 
-    Parameters
-    ----------
-    blocks
-        All points.
-    count
-        Number of points in `looking.which`; they are consecutive along the curve, and should lie in
-        `FAN` blocks.
-    guess
-        Square of a distance that neighbours are probably within; 0 if unknown. Results do not
-        depend on it.
-    looking
-        `found` is filled, (count, k). There are at least k points.
-
-    Returns
-    -------
-    Square of a distance that all neighbours are within.
+    `blocks`: all points. `count`: number of points in `looking.which`; they are consecutive along
+    the curve, and should lie in `FAN` blocks. `guess`: square of a distance that neighbours are
+    probably within; 0 if unknown. Results do not depend on it. `looking`: `found` is filled,
+    (count, k). There are at least k points. Result: square of a distance that all neighbours are
+    within.
     """
     # List the points around the group within the guess.
     around, most, first = 0, 0.0, 0

@@ -280,14 +280,8 @@ def project_discs(
 ) -> None:
     """Project all discs.
 
-    Parameters
-    ----------
-    position, axes, color
-        (N, 3), (N, 2, 3) and (N, 3) of the discs.
-    eye
-        Camera and options.
-    records
-        (N,) of `SURFEL`, filled.
+    `position`, `axes`, `color`: (N, 3), (N, 2, 3) and (N, 3) of the discs. `eye`: camera and
+    options. `records`: (N,) of `SURFEL`, filled.
     """
     for chunk in tasks(counter, (position.shape[0] + CHUNK - 1) // CHUNK):
         _project_chunk(position, axes, color, eye, records, chunk)

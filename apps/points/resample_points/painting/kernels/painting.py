@@ -292,14 +292,8 @@ def paint(
 ) -> None:
     """Paint every tile.
 
-    Parameters
-    ----------
-    tiles
-        Which discs touch which tile, in their order.
-    subpixels
-        Per side of a pixel.
-    picture
-        Filled; transparent before, with infinite depths.
+    `tiles`: which discs touch which tile, in their order. `subpixels`: per side of a pixel.
+    `picture`: filled; transparent before, with infinite depths.
     """
     height, width = picture.depth.shape
     surfaces = Surfaces(LAYERS, subpixels)

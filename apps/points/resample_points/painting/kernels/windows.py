@@ -44,16 +44,8 @@ def find_overlapping(
 ) -> None:
     """Find the discs that touch a tile of a span: its first, and one past its last.
 
-    Parameters
-    ----------
-    records
-        (N,) of `SURFEL`.
-    lattice
-        Rows and columns of all tiles, and their size, px.
-    span
-        Two numbers of tiles.
-    flags
-        (N,) filled.
+    `records`: (N,) of `SURFEL`. `lattice`: rows and columns of all tiles, and their size, px.
+    `span`: two numbers of tiles. `flags`: (N,) filled.
     """
     for chunk in tasks(counter, (flags.size + CHUNK - 1) // CHUNK):
         _find_chunk(records, lattice, span, flags, chunk)

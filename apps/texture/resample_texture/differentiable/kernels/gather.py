@@ -224,14 +224,8 @@ def scatter_gradients(
 ) -> None:
     """Transposed `gather`: scatter gradients (h, w, C), each tile into its own patch.
 
-    Parameters
-    ----------
-    tiles
-        (T, 4) left, top, right and bottom of pixels.
-    boxes
-        (T, 4) of the coefficients that they may read.
-    start
-        (T + 1,) where the patch (rows, columns, C) of each tile begins.
+    `tiles`: (T, 4) left, top, right and bottom of pixels. `boxes`: (T, 4) of the coefficients that
+    they may read. `start`: (T + 1,) where the patch (rows, columns, C) of each tile begins.
     """
     channels = gradient.shape[2]
     scratch = scratch_for(lens.weight.shape[1], channels)

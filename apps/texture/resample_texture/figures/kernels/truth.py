@@ -101,23 +101,11 @@ def cast_rows(
 ) -> None:
     """Cast rays along the lines `y` of the target.
 
-    Parameters
-    ----------
-    source
-        (H, W, C) texels, or coefficients of a spline; beyond it there is nothing.
-    texels
-        Texels along each axis that a ray's value depends on: 1, the nearest, or 5, of a quartic
-        spline.
-    inverse
-        (3, 3) from target to source, its last coordinate above 0 in front of the camera.
-    y
-        (L,) px.
-    tap
-        Weights of the rays under a pixel's filter, along x.
-    rays
-        Rays per pixel along x.
-    rows
-        (L, w, C) results, zero before.
+    `source`: (H, W, C) texels, or coefficients of a spline; beyond it there is nothing. `texels`:
+    texels along each axis that a ray's value depends on: 1, the nearest, or 5, of a quartic spline.
+    `inverse`: (3, 3) from target to source, its last coordinate above 0 in front of the camera.
+    `y`: (L,) px. `tap`: weights of the rays under a pixel's filter, along x. `rays`: rays per pixel
+    along x. `rows`: (L, w, C) results, zero before.
     """
     for n in tasks(counter, y.size):
         _cast_row(source, texels, inverse, y[n], tap, rays, rows[n])

@@ -2,33 +2,217 @@
 
 Cells are parts of a texel where the texture is magnified, texels of a smaller level where it is
 minified. (Cook, Carpenter and Catmull, The Reyes Image Rendering Architecture, 1987.)
+
+Each cell's center is projected by the triangle's homography. The cell adds its color, weighted by
+its area on screen, to those sub-pixels beneath that show its triangle or the same surface.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
+from resample.engine.cells.boxes import within
 from resample.engine.jit import kernel, making_kernel
-from resample.engine.windows.polygons import area, reach
-from resample.types import Doubles
-from resample_texture.mesh.kernels.cells import TextureDicing, paint_cells
-from resample_texture.mesh.kernels.color import Skin, level_for
+from resample.engine.vectors import Matrix
+from resample.engine.windows.polygons import area, box, crossing, reach
+from resample.types import Doubles, Floats, Single
+from resample_texture.mesh.kernels.sampling import Skin, fill_line, level_for
 from resample_texture.mesh.kernels.surfaces import (
     Place,
     ProjectedTriangles,
     VisibilityCamera,
     cut_out,
     matrix_at,
+    stretch,
     stretched,
     texture_place,
 )
-from resample_texture.mesh.kernels.tiles import SubpixelGrid, TileBuffer
+from resample_texture.mesh.kernels.visibility import SubpixelGrid, TileBuffer, is_beside
+from resample_texture.texels.kernels.texels import phase
 
+Color = tuple[Single, Single, Single]
+
+SLACK = 1e-3  # cells; tolerance for the rounded edges of a part
+SMALLEST = 1e-6  # sub-pixels; keeps divisions finite
 MOST_CELLS = 64.0  # per sub-pixel; a texture more anisotropic than that is looked up instead
 MOST_LINES = 256.0  # of cells, per sub-pixel along the clipped part
 MOST_CUTS = 1e6  # cells along a texel
 MOST_WAITING = 64  # parts of a tile; 8 quarterings leave 3 each
 UNEVEN = 2.0  # sizes of a texture within a part of a tile may differ by this factor
+
+
+class TextureDicing(NamedTuple):
+    """How a texture is cut into cells."""
+
+    level: int
+    along_u: int  # cells per texel
+    along_t: int
+
+
+@kernel
+def _add(
+    block: TileBuffer,
+    center: Place,
+    extent: Place,
+    weight: float,
+    color: Color,
+    n: int,
+    triangles: ProjectedTriangles,
+    lens: VisibilityCamera,
+) -> bool:
+    """Add a cell to the sub-pixels that show its surface.
+
+    `center` and `extent` are in the block's sub-pixels. Returns whether any shows it.
+    """
+    total = block.sums
+    rows, columns = block.owner.shape
+
+    # Take the box around the cell; its weight spreads evenly over it.
+    left, right = center[0] - 0.5 * extent[0], center[0] + 0.5 * extent[0]
+    top, bottom = center[1] - 0.5 * extent[1], center[1] + 0.5 * extent[1]
+    share = weight / (extent[0] * extent[1])
+    seen = False
+    for row in range(max(0, math.floor(top)), min(rows, math.floor(bottom) + 1)):
+        # Visit the sub-pixels that the box overlaps.
+        north, south = within(top, bottom, float(row))
+        high = share * (south - north)
+        for column in range(max(0, math.floor(left)), min(columns, math.floor(right) + 1)):
+            owner = block.owner[row, column]
+            # Skip sub-pixels of other surfaces; neighbouring triangles of one surface share them.
+            if owner != n:
+                if owner < 0:
+                    continue
+                place = (
+                    block.left + center[0] / block.samples,
+                    block.top + center[1] / block.samples,
+                )
+                if not is_beside(triangles, n, owner, place, lens):
+                    continue
+            # Add the color by the overlap's area; read all before writing, to make it one addition.
+            west, east = within(left, right, float(column))
+            part = np.float32(high * (east - west))
+            r, c = np.uint64(row), np.uint64(column)
+            red, green = total[r, c, 0] + part * color[0], total[r, c, 1] + part * color[1]
+            blue, mass = total[r, c, 2] + part * color[2], total[r, c, 3] + part
+            total[r, c, 0], total[r, c, 1], total[r, c, 2], total[r, c, 3] = red, green, blue, mass
+            seen = True
+    return seen
+
+
+@kernel
+def _between(texels: Floats, at: int, taps: Floats, part: int, count: int) -> Color:
+    """Interpolate a line of texels by `count` taps, starting at its number `at`."""
+    red = green = blue = np.float32(0)
+    for k in range(count):
+        weight, m = taps[k, part], np.uint64(at) + np.uint64(3 * k)
+        red += weight * texels[m]
+        green += weight * texels[m + np.uint64(1)]
+        blue += weight * texels[m + np.uint64(2)]
+    return red, green, blue
+
+
+@kernel
+def _crossed(block: TileBuffer, count: int, height: float) -> Place:
+    """Where a line of cells begins and ends, in cells.
+
+    The triangle's own corners decide at its edges: both triangles at an edge compute with the same
+    numbers, and a cell belongs to exactly one of them. The `count` corners of the visible part are
+    rounded, as they come from the screen; they only keep lines short.
+    """
+    low, high = crossing(block.corner, 3, height)
+    left, right = crossing(block.rim, count, height)
+    if left > right:
+        left, _, right, _ = box(block.rim, count)
+    return max(low, left - SLACK), min(high, right + SLACK)
+
+
+@kernel
+def _extent(forward: Matrix, place: Place, step: Place, samples: int) -> Place:
+    """Box around a cell, sub-pixels: √(a² + b²) of its two sides along x and y."""
+    along_u, along_t = stretch(forward, place)
+    return (
+        max(SMALLEST, samples * math.hypot(along_u[0] * step[0], along_t[0] * step[1])),
+        max(SMALLEST, samples * math.hypot(along_u[1] * step[0], along_t[1] * step[1])),
+    )
+
+
+@kernel
+def paint_cells(
+    block: TileBuffer,
+    n: int,
+    count: int,
+    cut: TextureDicing,
+    triangles: ProjectedTriangles,
+    skin: Skin,
+    lens: VisibilityCamera,
+) -> tuple[int, int]:
+    """Add the cells whose centers lie in a triangle; count all, and the visible ones.
+
+    `block.corner` and `block.rim` hold the corners of the triangle n and the `count` corners of its
+    visible part, in cells.
+    """
+    # Set up the homography, the size of a cell in the texture, and its area on screen times w³.
+    samples, texture, taps = block.samples, skin.texture[n], skin.taps
+    forward = matrix_at(triangles.forward, n)
+    (xu, xt, x1), (yu, yt, y1), (wu, wt, w1) = forward
+    step_u = 1.0 / (skin.level[texture, cut.level, 2] * cut.along_u)
+    step_t = 1.0 / (skin.level[texture, cut.level, 1] * cut.along_t)
+    mass = abs(triangles.determinant[n]) * step_u * step_t * samples * samples
+    # Allocate a line of texels, padded for the interpolation unless cells are whole texels.
+    left, top, right, bottom = box(block.rim, count)
+    beside = taps.shape[0] // 2
+    if cut.along_u == 1 and taps[beside, 0] == np.float32(1):
+        beside = 0
+    longest = math.ceil((right - left + 2 * SLACK) / cut.along_u) + 2 + 2 * beside
+    texels = np.empty(3 * longest, np.float32)
+    points, seen = 0, 0
+    for line in range(math.ceil(top - SLACK - 0.5), math.ceil(bottom + SLACK - 0.5)):
+        low, high = _crossed(block, count, line + 0.5)
+        if not low < high:
+            continue
+        # Find the cells whose centers lie between the triangle's edges.
+        first, last = math.ceil(low - 0.5), math.ceil(high - 0.5)
+        if first >= last:
+            continue
+        # Take the extent of a cell in the middle of the line for all of it.
+        t = (line + 0.5) * step_t
+        middle = (0.5 * (first + last) * step_u, t)
+        extent = _extent(forward, middle, (step_u, step_t), samples)
+        # Skip lines near the horizon whose cells are larger than the tile.
+        if not (extent[0] <= len(block.owner) and extent[1] <= len(block.owner)):
+            continue
+        # Interpolate the texture along t, once per line.
+        row, column = line // cut.along_t, first // cut.along_u
+        vertical, part = phase(line - row * cut.along_t, cut.along_t), first - column * cut.along_u
+        needed = 3 * ((last - 1) // cut.along_u - column + 1 + 2 * beside)
+        start = (row, column - beside)
+        fill_line(skin, texture, cut.level, start, vertical, texels, needed)
+        # Walk along u: project each cell's center with one division.
+        xw, yw, ww = xt * t + x1, yt * t + y1, wt * t + w1
+        at = 0
+        for cell in range(first, last):
+            u = (cell + 0.5) * step_u
+            inverse = 1.0 / (ww + wu * u)
+            x = ((xw + xu * u) * inverse - block.left) * samples
+            y = ((yw + yu * u) * inverse - block.top) * samples
+            # Interpolate the color along u, or take the texel as it is.
+            if beside == 0:
+                color = texels[at], texels[at + 1], texels[at + 2]
+            elif beside == 2:  # a count that is known is unrolled
+                color = _between(texels, at, taps, phase(part, cut.along_u), 5)
+            else:
+                color = _between(texels, at, taps, phase(part, cut.along_u), taps.shape[0])
+            points += 1
+            # Drop cells behind the camera; the others add their area on screen.
+            if 0.0 < inverse < np.inf:
+                weight = mass * inverse * inverse * inverse
+                seen += _add(block, (x, y), extent, weight, color, n, triangles, lens)
+            part += 1
+            if part == cut.along_u:
+                part = 0
+                at += 3
+    return points, seen
 
 
 @kernel

@@ -25,17 +25,26 @@ from resample.engine.surfaces.painting import (
 )
 from resample.engine.surfaces.resolve import resolve_tile
 from resample.types import Doubles, Floats, Tiles
-from resample_texture.mesh.kernels.color import Skin
 from resample_texture.mesh.kernels.dicing import dice
-from resample_texture.mesh.kernels.outlines import (
+from resample_texture.mesh.kernels.sampling import Skin
+from resample_texture.mesh.kernels.shading import (
     close_outline,
+    count,
+    finish,
+    is_sampled,
     open_outline,
+    put_behind,
+    shade,
     take_points,
 )
-from resample_texture.mesh.kernels.shading import count, finish, is_sampled, put_behind, shade
 from resample_texture.mesh.kernels.surfaces import Ints, ProjectedTriangles, VisibilityCamera
-from resample_texture.mesh.kernels.tiles import SubpixelGrid, TileBuffer, new_block
-from resample_texture.mesh.kernels.visibility import may_show, show
+from resample_texture.mesh.kernels.visibility import (
+    SubpixelGrid,
+    TileBuffer,
+    may_show,
+    new_block,
+    show,
+)
 
 MOST_LAYERS = 64  # of translucent triangles one behind the other
 
@@ -154,12 +163,8 @@ def _write(picture: MeshPicture, block: TileBuffer) -> None:
 def paint(counter: Counter, scene: MeshScene, tiles: Tiles, picture: MeshPicture) -> None:
     """Paint every tile.
 
-    Parameters
-    ----------
-    tiles
-        Which triangles touch which tile and its margin, in their order.
-    picture
-        Filled; transparent before, with infinite depths.
+    `tiles`: which triangles touch which tile and its margin, in their order. `picture`: filled;
+    transparent before, with infinite depths.
     """
     layers = MOST_LAYERS if len(scene.skin.alpha) > 0 else 1
     surfaces = Surfaces(layers, scene.grid.samples)

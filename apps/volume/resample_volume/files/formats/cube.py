@@ -6,11 +6,10 @@ are skipped. Values are float32, which holds all digits that Gaussian writes.
 
 from itertools import islice
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO
 
 import numpy as np
 
-from resample.reading.headers import whole
 from resample.reading.limits import check_items, check_size
 from resample.types import Doubles
 from resample_volume.data.memory import require_memory
@@ -21,18 +20,11 @@ from resample_volume.files.parsing.headers import (
     header,
     recording,
 )
-from resample_volume.files.parsing.numbers import check_length, numbers
+from resample_volume.files.parsing.texts import check_length, numbers, whole
 from resample_volume.types import Recording
 
 BOHR = 0.529177210903  # Å (CODATA 2018)
 LONGEST = 4096  # bytes of a line
-
-
-class _Axis(NamedTuple):
-    """One of three: voxels along it, less than 0 where lengths are Å, and the step."""
-
-    size: int
-    step: Doubles  # (3,)
 
 
 def read_cube(path: Path, name: str, check: Check) -> Recording:
@@ -59,11 +51,12 @@ def _header(file: BinaryIO, path: Path, name: str) -> VolumeHeader:
     words = _words(file)
     atoms, origin = _counted(words, path, "atoms and the origin")
     parts = whole(path, words[4].decode("latin-1")) if len(words) > 4 else 1
-    axes = [_Axis(*_counted(_words(file), path, f"voxels along {axis}")) for axis in "xyz"]
+    axes = [_counted(_words(file), path, f"voxels along {axis}") for axis in "xyz"]
+    sizes = [size for size, _ in axes]
     check_items(path.name, abs(atoms), "atoms")
-    if len({axis.size < 0 for axis in axes}) > 1:
+    if len({size < 0 for size in sizes}) > 1:
         raise ValueError(
-            f"{path.name}: numbers of voxels are {', '.join(str(axis.size) for axis in axes)}; "
+            f"{path.name}: numbers of voxels are {', '.join(map(str, sizes))}; "
             "give all the same sign: positive for Bohr, negative for Å"
         )
     for line in islice(iter(lambda: file.readline(LONGEST), b""), abs(atoms)):
@@ -73,10 +66,10 @@ def _header(file: BinaryIO, path: Path, name: str) -> VolumeHeader:
         parts = _orbitals(file, path)
     if parts < 1:
         raise ValueError(f"{path.name}: its voxels have {parts} numbers; correct its header")
-    shape = tuple(abs(axis.size) for axis in axes)
+    shape = tuple(map(abs, sizes))
     check_shape(shape, name)
-    scale = 1.0 if axes[0].size < 0 else BOHR
-    steps = scale * np.array([axis.step for axis in axes])
+    scale = 1.0 if sizes[0] < 0 else BOHR  # negative numbers: lengths are Å
+    steps = scale * np.array([step for _, step in axes])
     length = np.linalg.norm(steps, axis=1)
     unit = steps / np.where(length > 0, length, 1)[:, np.newaxis]
     known = header(shape, np.float32, name, spacing=length, origin=scale * origin, direction=unit.T)

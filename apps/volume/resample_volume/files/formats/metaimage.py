@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from resample.reading.headers import check_meta_numbers, whole
 from resample_volume.data.recordings import is_color
 from resample_volume.files.parsing.headers import (
     Check,
@@ -16,7 +15,14 @@ from resample_volume.files.parsing.headers import (
     header,
     recording,
 )
-from resample_volume.files.parsing.texts import Fields, files_named, is_hounsfield, text_fields
+from resample_volume.files.parsing.texts import (
+    Fields,
+    check_meta_numbers,
+    files_named,
+    is_hounsfield,
+    text_fields,
+    whole,
+)
 from resample_volume.files.parsing.voxels import VoxelData, voxels
 from resample_volume.types import Recording, Volume
 

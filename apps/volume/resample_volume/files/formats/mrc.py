@@ -6,7 +6,7 @@ and NZSTART. Cells may be oblique; their first axis is x, their second lies in t
 
 import math
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 
@@ -57,29 +57,23 @@ STAMP, IS_SIGNED = 1146047817, 1  # IMOD's; without the flag its bytes have no s
 LARGEST = 1 << 30  # bytes of a second header
 
 
-class _MrcHeader(NamedTuple):
-    """A header, and the layout of voxels in the file."""
-
-    known: VolumeHeader
-    axes: tuple[int, ...]  # of x, y, z (0, 1, 2) those of columns, rows and sections
-    start: int  # bytes before the voxels
-    note: str
-
-
 def read_mrc(path: Path, name: str, check: Check) -> Recording:
     """Read a map, or a stack of volumes as times."""
-    parsed = _parsed_header(_fields(first_bytes(path, LENGTH), path.name), path.name, name)
-    known = parsed.known
+    fields = _fields(first_bytes(path, LENGTH), path.name)
+    known, axes = _parsed_header(fields, path.name, name)
     check(known)
+    start = LENGTH + int(fields["extended"])
     packing = "gzip" if path.name.lower().endswith(".gz") else "raw"
     if packing == "gzip":
-        stored = VoxelData([path], 0, packing, parsed.start, is_exact=False)
+        stored = VoxelData([path], 0, packing, start, is_exact=False)
     else:
-        stored = VoxelData([path], parsed.start, is_exact=False)
-    sizes = [known.shape[axis] for axis in parsed.axes[::-1]]
+        stored = VoxelData([path], start, is_exact=False)
+    sizes = [known.shape[axis] for axis in axes[::-1]]
     values = voxels(stored, known).reshape(known.times, *sizes)
-    turned = [1 + parsed.axes[::-1].index(axis) for axis in (2, 1, 0)]
-    return recording(values.transpose(0, *turned), known)._replace(note=parsed.note)
+    turned = [1 + axes[::-1].index(axis) for axis in (2, 1, 0)]
+    is_pictures = int(fields["group"]) == PICTURES and int(fields["grid"][2]) == 1
+    note = "a stack of pictures: its slices are those pictures" if is_pictures else ""
+    return recording(values.transpose(0, *turned), known)._replace(note=note)
 
 
 def _fields(start: bytes, name: str) -> Any:
@@ -94,7 +88,8 @@ def _fields(start: bytes, name: str) -> Any:
     raise ValueError(f"{name} is damaged: neither order of bytes gives its mode a meaning")
 
 
-def _parsed_header(fields: Any, file: str, name: str) -> _MrcHeader:
+def _parsed_header(fields: Any, file: str, name: str) -> tuple[VolumeHeader, tuple[int, ...]]:
+    """Return what is known of voxels, and which of x, y, z columns, rows and sections are of."""
     kind = _type(fields, file)
     order = tuple(map(int, fields["order"]))
     axes = tuple(axis - 1 for axis in order) if any(order) else (0, 1, 2)
@@ -115,9 +110,7 @@ def _parsed_header(fields: Any, file: str, name: str) -> _MrcHeader:
     check_shape(shape, name)
     spacing, origin, direction = _place(fields, axes, file)
     known = header(shape, kind, name, spacing=spacing, origin=origin, direction=direction)
-    is_pictures = int(fields["group"]) == PICTURES and int(fields["grid"][2]) == 1
-    note = "a stack of pictures: its slices are those pictures" if is_pictures else ""
-    return _MrcHeader(known._replace(times=times), axes, LENGTH + extended, note)
+    return known._replace(times=times), axes
 
 
 def _type(fields: Any, file: str) -> np.dtype[Any]:

@@ -8,7 +8,7 @@ those of pixdim.
 import gzip
 import math
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,26 +70,19 @@ MILLIMETERS = 2
 TO_LPS = np.diag([-1.0, -1.0, 1.0])
 
 
-class _NiftiHeader(NamedTuple):
-    """A header, and derived facts."""
-
-    fields: Any
-    known: VolumeHeader
-    size: tuple[int, ...]  # along all axes, the fastest first
-
-
 def read_nifti(path: Path, name: str, check: Check) -> Recording:
     """Read all times and channels of an existing file; slope and intercept are applied."""
-    parsed = _parsed_header(first_bytes(path, LENGTHS[1]), path, name)
-    check(parsed.known)
-    offset = int(parsed.fields["offset"])
+    fields = _fields(first_bytes(path, LENGTHS[1]), path.name)
+    known = _header(fields, path, name)
+    check(known)
+    offset = int(fields["offset"])
     if path.name.lower().endswith(".gz"):
         stored = VoxelData([path], 0, "gzip", offset, is_exact=False)
     else:
         stored = VoxelData([path], offset, is_exact=False)
-    values = _scaled(voxels(stored, parsed.known), parsed)
-    known = parsed.known._replace(dtype=values.dtype)
-    if int(parsed.fields["datatype"]) in COLORS:
+    values = _scaled(voxels(stored, known), fields, name)
+    known = known._replace(dtype=values.dtype)
+    if int(fields["datatype"]) in COLORS:
         return recording(values, known)
     every = values.reshape(known.parts, known.times, *known.shape[::-1])
     return recording(every.swapaxes(0, 1), known, channels_first=True)
@@ -120,8 +113,7 @@ def write_nifti(path: Path, volume: Volume, *, is_packed: bool) -> None:
             target.close()
 
 
-def _parsed_header(start: bytes, path: Path, name: str) -> _NiftiHeader:
-    fields = _fields(start, path.name)
+def _header(fields: Any, path: Path, name: str) -> VolumeHeader:
     count = int(fields["dim"][0])
     if not 1 <= count <= 7:
         raise ValueError(f"{path.name} has {count} dimensions; there are 1 to 7")
@@ -143,7 +135,7 @@ def _parsed_header(start: bytes, path: Path, name: str) -> _NiftiHeader:
     known = header(size[:3], kind, name, spacing=spacing, origin=origin, direction=direction)
     order: Literal["<", ">"] = ">" if fields.dtype["dim"].base.byteorder == ">" else "<"
     parts = parts if code in COLORS else shape[4]
-    known = known._replace(
+    return known._replace(
         dtype=known.dtype.newbyteorder(order),
         times=shape[3],
         parts=parts,
@@ -151,7 +143,6 @@ def _parsed_header(start: bytes, path: Path, name: str) -> _NiftiHeader:
         pixel=f"vector of {kind.name}",
         units="hu" if is_hounsfield(_word(fields["intent"])) else "",
     )
-    return _NiftiHeader(fields, known, size)
 
 
 def _fields(start: bytes, name: str) -> Any:
@@ -224,16 +215,16 @@ def _quaternion(matrix: Doubles) -> Doubles:
     return np.array([b, c, d]) * (-1.0 if a < 0 else 1.0)
 
 
-def _scaled(values: NDArray[Any], parsed: _NiftiHeader) -> NDArray[Any]:
+def _scaled(values: NDArray[Any], fields: Any, name: str) -> NDArray[Any]:
     """Apply slope and intercept, to floats; unchanged if there is nothing to do."""
-    slope, inter = float(parsed.fields["slope"]), float(parsed.fields["inter"])
+    slope, inter = float(fields["slope"]), float(fields["inter"])
     if not math.isfinite(slope) or not math.isfinite(inter):
         return values
     slope = slope or 1.0
-    if (slope, inter) == (1, 0) or int(parsed.fields["datatype"]) in COLORS:
+    if (slope, inter) == (1, 0) or int(fields["datatype"]) in COLORS:
         return values
     kind = np.dtype(np.float64 if values.dtype.itemsize > 4 else np.float32)
-    require_memory(values.size * kind.itemsize, parsed.known.name)
+    require_memory(values.size * kind.itemsize, name)
     found = np.empty(values.size, kind)
     for start in range(0, values.size, 1 << 20):
         part = slice(start, start + (1 << 20))

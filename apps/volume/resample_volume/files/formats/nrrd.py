@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from resample.reading.headers import check_nrrd_numbers, whole
 from resample.types import Doubles
 from resample_volume.data.recordings import is_color
 from resample_volume.files.parsing.headers import (
@@ -23,7 +22,14 @@ from resample_volume.files.parsing.headers import (
     header,
     recording,
 )
-from resample_volume.files.parsing.texts import Fields, files_named, is_hounsfield, text_fields
+from resample_volume.files.parsing.texts import (
+    Fields,
+    check_nrrd_numbers,
+    files_named,
+    is_hounsfield,
+    text_fields,
+    whole,
+)
 from resample_volume.files.parsing.voxels import VoxelData, voxels
 from resample_volume.types import Recording, Volume
 

@@ -14,17 +14,8 @@ from resample.types import Doubles
 from resample_volume.data.memory import require_memory
 from resample_volume.data.recordings import alone
 from resample_volume.data.rectilinear import rectilinear
-from resample_volume.files.cells.legacy import GRIDS, legacy_grid
+from resample_volume.files.cells.readers import GRIDS, legacy_grid
 from resample_volume.files.cells.resampling import resampled
-from resample_volume.files.parsing.choosing import (
-    ArrayQuery,
-    cells_between,
-    check_single,
-    choose,
-    middles,
-    of_parts,
-    part_of,
-)
 from resample_volume.files.parsing.headers import (
     Check,
     VolumeHeader,
@@ -32,8 +23,18 @@ from resample_volume.files.parsing.headers import (
     header,
     recording,
 )
-from resample_volume.files.parsing.numbers import numbers
-from resample_volume.files.parsing.sections import Array, Sections
+from resample_volume.files.parsing.sections import (
+    Array,
+    ArrayQuery,
+    Sections,
+    cells_between,
+    check_single,
+    choose,
+    middles,
+    of_parts,
+    part_of,
+)
+from resample_volume.files.parsing.texts import numbers
 from resample_volume.files.parsing.voxels import VoxelData, voxels
 from resample_volume.types import Recording
 

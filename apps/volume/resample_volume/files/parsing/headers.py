@@ -2,8 +2,9 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path, PurePath
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -130,12 +131,8 @@ def recording(
 ) -> Recording:
     """Make a recording of all values; unsupported types are widened.
 
-    Parameters
-    ----------
-    values
-        (T, Z, Y, X, C) without the axes T and C of length 1.
-    channels_first
-        They are (T, C, Z, Y, X) instead.
+    `values`: (T, Z, Y, X, C) without the axes T and C of length 1. `channels_first`: they are (T,
+    C, Z, Y, X) instead.
     """
     check_not_empty(known)
     kind = known.dtype.newbyteorder("=")
@@ -206,3 +203,17 @@ def _listed(numbers: Doubles) -> str:
 
 def _sized(shape: tuple[int, ...]) -> str:
     return " x ".join(map(str, shape))
+
+
+@dataclass(frozen=True)
+class OneOfAll:
+    """Base of recorders: one volume is read as all are, if the file holds no more."""
+
+    suffixes: ClassVar[tuple[str, ...]]
+
+    def __call__(self, path: Path) -> Volume:
+        return alone(self.recorded(path, check_alone))
+
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
+        """Read all times and channels, as `Recorder` says."""
+        raise NotImplementedError

@@ -33,11 +33,8 @@ class VoxelData(NamedTuple):
 def voxels(stored: VoxelData, known: VolumeHeader) -> NDArray[Any]:
     """Read all numbers (N,) of a volume, in the file's type; raw ones are memory mapped.
 
-    Raises
-    ------
-    ValueError
-        Their number differs from the header, compressed data are damaged, or they do not fit in
-        memory.
+    Raises ValueError: their number differs from the header, compressed data are damaged, or they do
+    not fit in memory.
     """
     check_not_empty(known)
     require_memory(known.size, known.name)

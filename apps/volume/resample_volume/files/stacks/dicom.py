@@ -11,16 +11,21 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.reading.limits import LimitError, check_items, check_unpacked
+from resample.reading.limits import RAW, LimitError, check_deflated, check_items, check_unpacked
 from resample.reading.native import suppressed_output
-from resample.reading.unpacking import RAW, check_deflated
 from resample.types import Doubles
 from resample_volume.data.memory import require_memory
 from resample_volume.data.rectilinear import rectilinear
 from resample_volume.files.parsing.headers import check_alone, header, volume
-from resample_volume.files.stacks.frames import check_frames
 from resample_volume.files.stacks.slices import natural
-from resample_volume.files.stacks.tags import check_lengths, check_text, numbers, text, whole
+from resample_volume.files.stacks.tags import (
+    check_frames,
+    check_lengths,
+    check_text,
+    numbers,
+    text,
+    whole,
+)
 from resample_volume.types import Volume
 
 EVEN_GAPS = 0.01  # tolerance of slice distances, of their mean

@@ -1,9 +1,11 @@
-"""Read DICOM tags: one number, a fixed number of them, or one text."""
+"""Read DICOM tags, and check compressed frames before they are decoded."""
 
 from typing import Any
 
 import numpy as np
 
+from resample.reading.limits import LimitError
+from resample.reading.pictures import size_of
 from resample.types import Doubles
 
 UNDEFINED = 0xFFFFFFFF  # length of elements with an end mark
@@ -62,3 +64,18 @@ def check_lengths(dataset: Any) -> None:
 def _shown(given: Any) -> str:
     """Return what was given, in short."""
     return "missing" if given in (None, "") else f"{str(given)!r:.40}"
+
+
+def check_frames(dataset: Any, name: str) -> None:
+    """Reject compressed frames whose own size differs from the header's."""
+    from pydicom.encaps import generate_frames
+
+    wanted = (int(dataset.Rows), int(dataset.Columns))
+    count = int(dataset.get("NumberOfFrames", 1) or 1)
+    for frame in generate_frames(dataset.PixelData, number_of_frames=count):
+        size = size_of(frame)
+        if size is not None and size != wanted:
+            raise LimitError(
+                f"{name} holds a picture of {size[1]} x {size[0]} pixels and says that it has "
+                f"{wanted[1]} x {wanted[0]}; get it again"
+            )

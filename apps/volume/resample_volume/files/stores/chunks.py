@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.files.stores.addresses import Place
-from resample.files.stores.holes import Holes, values_of
-from resample.files.stores.opening import reading
-from resample_volume.data.bricks import Box, Bricks, Step
+from resample.files.stores.metadata import Holes, values_of
+from resample.files.stores.opening import Place, reading
+from resample.outofcore.bricks import Box, Step
+from resample_volume.data.bricks import Bricks
 from resample_volume.data.values import Stored
 from resample_volume.files.parsing.headers import WIDENED
-from resample_volume.files.stores.states import Portion
-from resample_volume.files.stores.statistics_cache import StoredStatistics
+from resample_volume.files.stores.statistics_cache import Portion, StoredStatistics
 
 if TYPE_CHECKING:
     import zarr
@@ -39,7 +38,11 @@ class Single:
         """Of the voxels."""
         return self.values.dtype
 
-    def __getitem__(self, chosen: tuple[int, int]) -> Stored:
+    def swapaxes(self, _first: int, _second: int, /) -> "Single":
+        """Return it as it is."""
+        return self
+
+    def __getitem__(self, _: tuple[int, int]) -> Stored:
         return self.values
 
 
@@ -110,7 +113,7 @@ class Chunked:
         own: np.dtype[Any] = np.dtype(self.array.dtype).newbyteorder("=")
         return np.dtype(WIDENED.get(own.name, own.name))
 
-    def swapaxes(self, first: int, second: int) -> "Chunked":
+    def swapaxes(self, first: int, second: int, /) -> "Chunked":
         """Return a view with times and channels swapped."""
         letters = list(self.order)
         letters[first], letters[second] = letters[second], letters[first]
@@ -128,10 +131,6 @@ class Chunked:
             self._bricks({first: chosen, second: n}).whole() for n in range(self._along(second))
         ]
         return np.stack(parts)
-
-    def whole(self) -> NDArray[Any]:
-        """Read all values into memory."""
-        return np.stack([np.asarray(self[n]) for n in range(self.shape[0])])
 
     def stacked_along_z(self) -> Bricks:
         """Stack all volumes of the first axis along z, if the second has length 1.

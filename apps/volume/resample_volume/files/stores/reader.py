@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from resample.files.stores.addresses import Place
 from resample.files.stores.metadata import SPACE, Layout, Level, layout_of, moved
+from resample.files.stores.opening import Place
+from resample.outofcore.bricks import Step
 from resample.reading.limits import check_free
-from resample_volume.data.bricks import Step
 from resample_volume.data.memory import require_memory
 from resample_volume.data.recordings import alone
 from resample_volume.files.parsing.headers import (
@@ -22,7 +22,7 @@ from resample_volume.files.parsing.headers import (
     header,
     stem,
 )
-from resample_volume.files.parsing.steps import Numbers, three_numbers
+from resample_volume.files.parsing.texts import Numbers, three_numbers
 from resample_volume.types import Recording, Volume
 
 if TYPE_CHECKING:
@@ -56,11 +56,10 @@ class Zarr:
 
     def recorded(self, path: Place, check: Check = accept_any) -> Recording:
         found = self.streamed(path, check)
-        chunked: Any = found.values
-        size = math.prod(map(int, chunked.shape)) * chunked.dtype.itemsize
+        times, size = found.values, math.prod(found.values.shape) * found.values.dtype.itemsize
         require_memory(size, found.name)
         check_free(found.name, size)
-        return found._replace(values=chunked.whole())
+        return found._replace(values=np.stack([times[n] for n in range(times.shape[0])]))
 
     def streamed(
         self, path: Place, check: Check = accept_any, brick: Step | None = None
@@ -82,7 +81,7 @@ class Zarr:
             It cannot be read, or holds no such level.
         """
         from resample.files.stores.guarding import guard
-        from resample.files.stores.holes import holes_of
+        from resample.files.stores.metadata import holes_of
         from resample_volume.files.stores.chunks import Chunked
 
         name = stem(PurePath(path.resolve().name), self.suffixes)
@@ -101,7 +100,7 @@ class Zarr:
         check(known)
         guard(array, name)
         holes = holes_of(array, name)
-        values: Any = Chunked(array, layout.axes, brick=brick, store=path.resolve(), holes=holes)
+        values = Chunked(array, layout.axes, brick=brick, store=path.resolve(), holes=holes)
         place = (known.spacing, known.origin, known.direction)
         told = Recording(values, *place, name, layout.units, layout.is_color, space=layout.space)
         missing = holes.message(array.fill_value)

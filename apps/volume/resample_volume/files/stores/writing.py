@@ -12,33 +12,69 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.files.stores.addresses import STORE
 from resample.files.stores.metadata import OWN
-from resample.files.stores.opening import require_zarr
+from resample.files.stores.opening import STORE, require_zarr
 from resample.files.writing import beside, unwritten
+from resample.outofcore.bricks import Box, Step, boxes_of
 from resample.types import Doubles
 from resample.watching import Progress
-from resample_volume.data.bricks import Box, Step
 from resample_volume.data.values import values_of
-from resample_volume.files.stores.pyramid import halved, per_axis, sizes
 from resample_volume.types import Recording
 
 if TYPE_CHECKING:
     import zarr
 
+SMALLEST = 64  # voxels along the longest axis of the last level
 VERSION = "0.5"
 COMPRESSIONS = ("zstd", "blosc", "none")
 NAMES = {"t": "time", "c": "channel", "z": "space", "y": "space", "x": "space"}
+
+
+def sizes(shape: Step) -> list[Step]:
+    """Return the shapes of all levels, the finest first; each halves the last, rounded up."""
+    found = [shape]
+    while max(found[-1]) > SMALLEST:
+        z, y, x = (
+            -(-size // per) for size, per in zip(found[-1], per_axis(found[-1]), strict=True)
+        )
+        found.append((z, y, x))
+    return found
+
+
+def per_axis(shape: Step) -> Step:
+    """Return the voxels along each axis that become one; a volume keeps at least two."""
+    z, y, x = (2 if size > 2 else 1 for size in shape)
+    return z, y, x
+
+
+def halved(values: NDArray[Any], per: Step) -> NDArray[Any]:
+    """Average blocks of voxels along z, y and x, smaller at the ends; of the same type.
+
+    Integers are rounded to nearest, halves to even; missing and infinite values take no part, and a
+    block without others is missing.
+    """
+    shape = tuple(-(-size // step) for size, step in zip(values.shape, per, strict=True))
+    is_whole = values.dtype.kind in "iu"
+    total = np.zeros(shape, np.int64 if is_whole else np.float64)
+    count = np.zeros(shape, np.uint8)
+    for start in product(*map(range, per)):
+        part = values[tuple(slice(n, None, step) for n, step in zip(start, per, strict=True))]
+        inside = tuple(map(slice, part.shape))
+        known = True if is_whole else np.isfinite(part)
+        total[inside] += part if is_whole else np.where(known, part, 0.0)
+        count[inside] += known
+    if is_whole:
+        return np.rint(total / count).astype(values.dtype)
+    with np.errstate(invalid="ignore"):
+        return (total / count).astype(values.dtype)
 
 
 @dataclass(frozen=True)
 class Layered:
     """Chunk layout and compression.
 
-    Raises
-    ------
-    ValueError
-        A side is below 8 voxels, a shard is not of whole chunks, or the compression is unknown.
+    Raises ValueError: a side is below 8 voxels, a shard is not of whole chunks, or the compression
+    is unknown.
     """
 
     chunk: int = 64  # voxels along each side
@@ -73,10 +109,7 @@ def write_store(
     What OME-Zarr lacks (a rotated direction, units of values, whether channels are colors) is
     stored in our own attribute, which other programs ignore.
 
-    Parameters
-    ----------
-    progress
-        Called with the fraction of bricks written, 0 to 1.
+    `progress`: called with the fraction of bricks written, 0 to 1.
     """
     zarr = require_zarr(path.name)
     with _appearing(path) as temporary:
@@ -165,11 +198,11 @@ def _fill(levels: "list[zarr.Array[Any]]", recording: Recording, form: Layered) 
     """Write all levels, the finest first; yield the fraction written."""
     letters, times, parts = _letters(recording), *recording.values.shape[:2]
     shapes = [level.shape[-3:] for level in levels]
-    boxes = [_boxes(shape, form.step) for shape in shapes]
+    boxes = [boxes_of(shape, (form.step,) * 3) for shape in shapes]
     total, done = times * parts * sum(map(len, boxes)), 0
     for time, part in product(range(times), range(parts)):
         at = tuple(n for n, letter in ((time, "t"), (part, "c")) if letter in letters)
-        given = _box_reader(recording, time, part)
+        given = values_of(recording.values[time, part]).read
         for n, level in enumerate(levels):
             for box in boxes[n]:
                 if n == 0:
@@ -185,15 +218,6 @@ def _fill(levels: "list[zarr.Array[Any]]", recording: Recording, form: Layered) 
 def _box_reader(recording: Recording, time: int, part: int) -> Callable[[Box], NDArray[Any]]:
     """Return a reader of boxes."""
     return values_of(recording.values[time, part]).read
-
-
-def _boxes(shape: Step, step: int) -> list[Box]:
-    """Yield boxes of whole chunks or shards that fill a level, z slowest."""
-    found = []
-    for start in product(*(range(0, size, step) for size in shape)):
-        z, y, x = (slice(n, min(n + step, size)) for n, size in zip(start, shape, strict=True))
-        found.append((z, y, x))
-    return found
 
 
 def _finer(box: Box, per: Step) -> Box:

@@ -9,11 +9,18 @@ from typing import Any
 import numpy as np
 
 from resample.reading.limits import check_unpacked
-from resample.reading.markup import check_xml_file
 from resample.reading.native import plain, suppressed_output
+from resample.reading.texts import check_xml_file
 from resample_volume.data.memory import require_memory
 from resample_volume.data.rectilinear import rectilinear
-from resample_volume.files.parsing.choosing import (
+from resample_volume.files.parsing.headers import (
+    Check,
+    VolumeHeader,
+    accept_any,
+    header,
+    recording,
+)
+from resample_volume.files.parsing.sections import (
     ArrayQuery,
     Named,
     cells_between,
@@ -23,15 +30,7 @@ from resample_volume.files.parsing.choosing import (
     of_parts,
     part_of,
 )
-from resample_volume.files.parsing.headers import (
-    Check,
-    VolumeHeader,
-    accept_any,
-    header,
-    recording,
-)
-from resample_volume.files.xml.offsets import check_offsets
-from resample_volume.files.xml.vtk_blocks import check_blocks
+from resample_volume.files.xml.validity import check_blocks, check_offsets
 from resample_volume.types import Recording, Volume
 
 UNSTRUCTURED = "vtkXMLUnstructuredGridReader"
@@ -127,12 +126,7 @@ def image_header(
 ) -> VolumeHeader:
     """Return the header of image data, whose first voxel may have any index.
 
-    Parameters
-    ----------
-    spacing
-        Replaces the image's; None: the image's.
-    is_of_cells
-        Whether voxels are its cells.
+    `spacing`: replaces the image's; None: the image's. `is_of_cells`: whether voxels are its cells.
     """
     points = image.GetDimensions()
     known = header(

@@ -4,12 +4,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.rays.splines import value_and_slope_at
 from resample.engine.vectors import Vector, dot, matrix_of, multiply
-from resample.types import Doubles, Flags, Floats, SplineField
+from resample.types import Doubles, Flags, Floats, Indices, SplineField
 
 CHUNK = 64  # rays that a thread takes at a time
 STEPS = 4  # of a ray through a field, per voxel
@@ -17,7 +16,6 @@ MOST = 1 << 14  # voxels in a queue
 NONE = -1  # no voxel
 COMPOSITE, MAXIMUM, MINIMUM, FIRST_HIT = 0, 1, 2, 3  # what is picked in a field
 
-Indices = NDArray[np.int64]
 Size = tuple[int, int, int]
 Found = tuple[int, float]  # flat index of a voxel, and the transmittance behind it
 

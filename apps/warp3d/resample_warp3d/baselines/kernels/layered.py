@@ -98,14 +98,9 @@ def move_rows(
 ) -> None:
     """Move samples to the centers of their nearest pixels in another view.
 
-    Parameters
-    ----------
-    shape
-        (height, width) of that view, px.
-    pixel
-        (H, W) filled: row × width + column of the pixel; −1 if there is none.
-    moved
-        (H, W, 3) filled, where there is one: NEARNESS at the pixel's center, SLOPE_X and SLOPE_Y.
+    `shape`: (height, width) of that view, px. `pixel`: (H, W) filled: row × width + column of the
+    pixel; −1 if there is none. `moved`: (H, W, 3) filled, where there is one: NEARNESS at the
+    pixel's center, SLOPE_X and SLOPE_Y.
     """
     for row in tasks(counter, pixel.shape[0]):
         _move_row(source, equation, shape, row, pixel, moved)
@@ -230,14 +225,8 @@ def splat_in_order(
 ) -> None:
     """Composite all samples, back to front, in McMillan's occlusion-compatible order.
 
-    Parameters
-    ----------
-    walks
-        (2, 2, 3) as of `mcmillan.place_samples`.
-    patches
-        (S, 2 S − 1, 2 S − 1) opacities of splats 1, 3, 5 … px wide, each in the upper left corner.
-    rendered
-        Zeros, filled.
+    `walks`: (2, 2, 3) as of `mcmillan.place_samples`. `patches`: (S, 2 S − 1, 2 S − 1) opacities of
+    splats 1, 3, 5 … px wide, each in the upper left corner. `rendered`: zeros, filled.
     """
     for upper in range(2):
         for left in range(2):

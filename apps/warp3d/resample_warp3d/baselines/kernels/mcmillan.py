@@ -149,16 +149,10 @@ def place_samples(
 ) -> None:
     """Find the sample that each pixel of the target shows.
 
-    Parameters
-    ----------
-    source, equation
-        The samples and their warp.
-    walks
-        (2, 2, 3) of rows, then of columns: the four sheets and their directions.
-    owner
-        (H, W) of the target, filled where a sample lands: row × width + column of it.
-    nearest
-        (H, W) zeros, filled with the nearness; or (0, 0), and later samples replace earlier ones.
+    `source`, `equation`: the samples and their warp. `walks`: (2, 2, 3) of rows, then of columns:
+    the four sheets and their directions. `owner`: (H, W) of the target, filled where a sample
+    lands: row × width + column of it. `nearest`: (H, W) zeros, filled with the nearness; or (0, 0),
+    and later samples replace earlier ones.
     """
     for upper in range(2):
         for left in range(2):

@@ -103,14 +103,8 @@ def _link_row(nearness: Floats, row: int, tolerance: Doubles, links: Links) -> N
 def link_rows(counter: Counter, nearness: Floats, tolerance: Doubles, links: Links) -> None:
     """Find which neighbours lie on one surface: the bits RIGHT and DOWN.
 
-    Parameters
-    ----------
-    nearness
-        (H, W); 0 where unknown.
-    tolerance
-        (2,) a and b: jumps up to a + b δ are no edges.
-    links
-        (H, W) filled.
+    `nearness`: (H, W); 0 where unknown. `tolerance`: (2,) a and b: jumps up to a + b δ are no
+    edges. `links`: (H, W) filled.
     """
     for row in tasks(counter, nearness.shape[0]):
         _link_row(nearness, row, tolerance, links)

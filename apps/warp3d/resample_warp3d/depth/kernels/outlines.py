@@ -156,18 +156,9 @@ def find_silhouettes(
 ) -> None:
     """Find the silhouettes after each sample, toward its right and lower neighbours.
 
-    Parameters
-    ----------
-    color
-        (H, W, C).
-    nearness
-        (H, W); 0 where unknown.
-    links
-        (H, W).
-    error
-        (2,) of the nearness: relative and absolute.
-    edge
-        (H, W, 2) filled: px from the center of the nearer of the two, 0..1; −1 where there is none.
+    `color`: (H, W, C). `nearness`: (H, W); 0 where unknown. `links`: (H, W). `error`: (2,) of the
+    nearness: relative and absolute. `edge`: (H, W, 2) filled: px from the center of the nearer of
+    the two, 0..1; −1 where there is none.
     """
     for row in tasks(counter, nearness.shape[0]):
         _find_in_row(color, nearness, links, error, row, edge)

@@ -11,8 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Floats
-from resample_warp3d.depth.refining.inspecting import NOTHING, Findings, depth_of, edges_of, inspect
-from resample_warp3d.depth.refining.measuring import known, linked, noise_of, quantum_of
+from resample_warp3d.depth.refining.inspecting import (
+    NOTHING,
+    Findings,
+    depth_of,
+    edges_of,
+    inspect,
+    known,
+    linked,
+    noise_of,
+    quantum_of,
+)
 from resample_warp3d.types import DepthImage
 
 if TYPE_CHECKING:
@@ -45,7 +54,7 @@ class Recipe(NamedTuple):
     share: float
     least: float
     around: int  # samples beside an edge that may belong to another surface
-    length: int  # as in `slopes.Bends`
+    length: int  # as in `ramps.Bends`
     steepest: float
     bent: float
 
@@ -177,8 +186,14 @@ def _ballot(task: RefinementTask, nearness: Floats) -> Ballot:
     """Make the voters of a map; samples between surfaces have no weight."""
     import cv2
 
-    from resample_warp3d.depth.refining.kernels.ramps import BESIDE, BETWEEN, Edges, classify
-    from resample_warp3d.depth.refining.kernels.slopes import Bends, measure_slopes
+    from resample_warp3d.depth.refining.kernels.ramps import (
+        BESIDE,
+        BETWEEN,
+        Bends,
+        Edges,
+        classify,
+        measure_slopes,
+    )
 
     recipe = task.recipe
     edges = Edges(recipe.run, recipe.share, max(recipe.least, NOISY * task.noise), 2.0 * task.step)
@@ -272,14 +287,10 @@ def _without_blocks(nearness: Floats, side: int) -> Floats:
 def enlarged(nearness: Floats, shape: tuple[int, int], scale: tuple[float, float]) -> Floats:
     """Enlarge a map, surface by surface.
 
-    Parameters
-    ----------
-    nearness
-        (h, w); 0 where unknown.
-    scale
-        Rows and columns of the map per row and column of the result.
+    `nearness`: (h, w); 0 where unknown. `scale`: rows and columns of the map per row and column of
+    the result.
     """
-    from resample_warp3d.depth.refining.kernels.enlarging import enlarge_rows
+    from resample_warp3d.depth.refining.kernels.voting import enlarge_rows
 
     small = np.ascontiguousarray(nearness, np.float32)
     result = np.empty(shape, np.float32)

@@ -274,16 +274,9 @@ def render_rows(
 ) -> None:
     """Render a scene: means of rays × rays per pixel, and z at pixels' centers.
 
-    Parameters
-    ----------
-    objects, eye
-        Scene and camera.
-    rays
-        Along each side of a pixel.
-    color
-        (H, W, 3) filled with linear light; black where nothing is.
-    depth
-        (H, W) filled with z; inf where nothing is.
+    `objects`, `eye`: scene and camera. `rays`: along each side of a pixel. `color`: (H, W, 3)
+    filled with linear light; black where nothing is. `depth`: (H, W) filled with z; inf where
+    nothing is.
     """
     for row in tasks(counter, color.shape[0]):
         _render_row(objects, eye, row, rays, color, depth)

@@ -43,12 +43,8 @@ def place_samples(
 ) -> None:
     """Place all samples of a source in a frame (height, width).
 
-    Parameters
-    ----------
-    back
-        (3, 4) M⁻¹ and, in the last column, M⁻¹ e.
-    cores
-        Index up to which a sample hides what is behind: inside surfaces, and at boundaries.
+    `back`: (3, 4) M⁻¹ and, in the last column, M⁻¹ e. `cores`: index up to which a sample hides
+    what is behind: inside surfaces, and at boundaries.
     """
     height, width = source.nearness.shape
     for row in tasks(counter, height):

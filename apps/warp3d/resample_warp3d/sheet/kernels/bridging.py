@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Doubles, Floats
-from resample_warp3d.types import Hole
+from resample_warp3d.types import Equation, Hole
 
 NARROW = 2  # px from a gap's pixel to its farther side, at most
 GROWN = 5  # px that a surface grows beyond its outline, at most
@@ -110,12 +110,8 @@ def _reach_of_row(coverage: Floats, magnification: Floats, row: int, reach: Kind
 def reach_of_rows(counter: Counter, coverage: Floats, magnification: Floats, reach: Kinds) -> None:
     """Write how far pixels' surfaces may extend, px + 1; 0 where not full.
 
-    Parameters
-    ----------
-    coverage, magnification
-        (H, W) of a picture.
-    reach
-        (H + 2 GROWN, W + 2 GROWN) zeros; all but a margin of `GROWN` is filled.
+    `coverage`, `magnification`: (H, W) of a picture. `reach`: (H + 2 GROWN, W + 2 GROWN) zeros; all
+    but a margin of `GROWN` is filled.
     """
     for row in tasks(counter, coverage.shape[0]):
         _reach_of_row(coverage, magnification, row, reach)
@@ -179,16 +175,10 @@ def bridge_rows(
 ) -> None:  # fmt: skip
     """Close narrow gaps, and grow magnified surfaces up to their uncertainty.
 
-    Parameters
-    ----------
-    image, coverage, nearness, magnification
-        (H, W[, C]) of a picture. All but the coverage are changed, where it is below `FULL`.
-    reach
-        As `reach_of_rows` writes it.
-    new_coverage
-        Copy of the coverage, to be changed.
-    bridged
-        (H, W) all False; set where most of a pixel's color is filled in.
+    `image`, `coverage`, `nearness`, `magnification`: (H, W[, C]) of a picture. All but the coverage
+    are changed, where it is below `FULL`. `reach`: as `reach_of_rows` writes it. `new_coverage`:
+    copy of the coverage, to be changed. `bridged`: (H, W) all False; set where most of a pixel's
+    color is filled in.
     """
     for row in tasks(counter, coverage.shape[0]):
         _bridge_row(
@@ -214,10 +204,9 @@ def on_lattice(place: Doubles, x: float, y: float) -> tuple[float, float]:
 
 
 @kernel
-def back_projected(
-    back: Doubles, origin: Doubles, x: float, y: float, near: float
-) -> tuple[float, float]:
+def back_projected(way: Equation, x: float, y: float, near: float) -> tuple[float, float]:
     """Project a target point into the source; NaN behind the source's camera."""
+    back, origin = way.matrix, way.epipole
     scale = back[2, 0] * x + back[2, 1] * y + back[2, 2] + near * origin[2]
     u = (back[0, 0] * x + back[0, 1] * y + back[0, 2] + near * origin[0]) / scale
     v = (back[1, 0] * x + back[1, 1] * y + back[1, 2] + near * origin[1]) / scale
@@ -235,19 +224,19 @@ def _reason(known: Flags, u: float, v: float) -> int:
 
 @kernel
 def _explain_hole(
-    back: Doubles, origin: Doubles, place: Doubles, known: Flags, near: float,
+    back: Equation, place: Doubles, known: Flags, near: float,
     row: int, begin: int, end: int, holes: Kinds,
 ) -> None:  # fmt: skip
     """Classify the pixels of a row's hole, assuming the nearness `near` in all of it."""
     # Without distortion, the loop stays free of branches.
     if place.size == 0:
         for column in range(begin, end):
-            u, v = back_projected(back, origin, column + 0.5, row + 0.5, near)
+            u, v = back_projected(back, column + 0.5, row + 0.5, near)
             holes[row, column] = _reason(known, u, v)
         return
     # With distortion, find the place on the lattice first.
     for column in range(begin, end):
-        u, v = back_projected(back, origin, column + 0.5, row + 0.5, near)
+        u, v = back_projected(back, column + 0.5, row + 0.5, near)
         if abs(u) < 1e6 and abs(v) < 1e6:
             u, v = on_lattice(place, u, v)
         holes[row, column] = _reason(known, u, v)
@@ -255,8 +244,8 @@ def _explain_hole(
 
 @kernel
 def _explain_row(
-    coverage: Floats, nearness: Floats, back: Doubles, origin: Doubles, place: Doubles,
-    known: Flags, farthest: Floats, row: int, holes: Kinds,
+    coverage: Floats, nearness: Floats, back: Equation, place: Doubles, known: Flags,
+    farthest: Floats, row: int, holes: Kinds,
 ) -> None:  # fmt: skip
     """Classify a row's holes, each as far as the farther of its two sides."""
     width = coverage.shape[1]
@@ -277,31 +266,58 @@ def _explain_row(
         near = float(min(before, after))
         if not math.isfinite(near):
             near = float(farthest[row])
-        _explain_hole(back, origin, place, known, near, row, column, end, holes)
+        _explain_hole(back, place, known, near, row, column, end, holes)
         column = end
 
 
 @parallel_kernel
 def explain_holes(
-    counter: Counter, coverage: Floats, nearness: Floats, back: Doubles, origin: Doubles,
-    place: Doubles, known: Flags, farthest: Floats, holes: Kinds,
+    counter: Counter, coverage: Floats, nearness: Floats, back: Equation, place: Doubles,
+    known: Flags, farthest: Floats, holes: Kinds,
 ) -> None:  # fmt: skip
     """Classify empty pixels by the reason why they are empty.
 
-    Parameters
-    ----------
-    coverage, nearness
-        (H, W) of the target.
-    back, origin
-        Matrix and epipole of the warp back to the source.
-    place
-        As in `DepthImage`.
-    known
-        (h, w) whether the source has a depth there.
-    farthest
-        (H,) nearness that an empty row is assumed to have.
-    holes
-        (H, W) filled with values of `Hole`; 0 where something is.
+    `coverage`, `nearness`: (H, W) of the target. `back`: equation of the warp back to the source.
+    `place`: as in `DepthImage`. `known`: (h, w) whether the source has a depth
+    there. `farthest`: (H,) nearness that an empty row is assumed to have. `holes`: (H, W) filled
+    with values of `Hole`; 0 where something is.
     """
     for row in tasks(counter, coverage.shape[0]):
-        _explain_row(coverage, nearness, back, origin, place, known, farthest, row, holes)
+        _explain_row(coverage, nearness, back, place, known, farthest, row, holes)
+
+
+@kernel
+def _sample_row(
+    nearness: Floats, back: Equation, place: Doubles, trust: Floats, row: int, found: Floats
+) -> None:
+    """Look up a row of confidences; see `sample_map`."""
+    height, width = trust.shape
+    for column in range(nearness.shape[1]):
+        found[row, column] = 0
+        # Skip empty pixels.
+        near = float(nearness[row, column])
+        if not near > 0.0:
+            continue
+        # Project the pixel back into the source; undo lens distortion.
+        u, v = back_projected(back, column + 0.5, row + 0.5, near)
+        if not (abs(u) < 1e6 and abs(v) < 1e6):
+            continue
+        if place.size > 0:
+            u, v = on_lattice(place, u, v)
+        # Read the nearest sample.
+        r, c = min(max(math.floor(v), 0), height - 1), min(max(math.floor(u), 0), width - 1)
+        found[row, column] = trust[r, c]
+
+
+@parallel_kernel
+def sample_map(
+    counter: Counter, nearness: Floats, back: Equation, place: Doubles, trust: Floats, found: Floats
+) -> None:
+    """Read a map of the source where pixels of the target project back to.
+
+    `nearness`: (H, W) of the target; 0 where nothing is. `back`: equation of the warp back to the
+    source. `place`: as in `DepthImage`. `trust`: (h, w) of the source.
+    `found`: (H, W) filled; 0 where nothing is.
+    """
+    for row in tasks(counter, nearness.shape[0]):
+        _sample_row(nearness, back, place, trust, row, found)

@@ -301,15 +301,9 @@ def fill_torn(
 ) -> None:  # fmt: skip
     """Write the corners of torn cells, which have their own.
 
-    Parameters
-    ----------
-    index
-        (H, W) as `number_torn` writes it.
-    corner
-        (N, 4, 3) filled: x and y in px of the source and the nearness there; top left, top right,
-        bottom left, bottom right.
-    roundness
-        (N, 4, 2) filled: squared nearness per px, outward, where a surface curves away; else 0.
+    `index`: (H, W) as `number_torn` writes it. `corner`: (N, 4, 3) filled: x and y in px of the
+    source and the nearness there; top left, top right, bottom left, bottom right. `roundness`: (N,
+    4, 2) filled: squared nearness per px, outward, where a surface curves away; else 0.
     """
     for row in tasks(counter, nearness.shape[0]):
         _fill_torn(nearness, links, silhouettes, index, row, corner, roundness)

@@ -361,12 +361,7 @@ def paint_layers(
 ) -> None:
     """Paint a source's cells; each band of rows belongs to one thread.
 
-    Parameters
-    ----------
-    band
-        Rows of a band.
-    like
-        A frame with all rows; bands of it are painted.
+    `band`: rows of a band. `like`: a frame with all rows; bands of it are painted.
     """
     bounds = screen.bounds.reshape((-1, 4))
     for first, last in bands(counter, like.last, band):

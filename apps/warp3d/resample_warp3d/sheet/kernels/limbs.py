@@ -190,14 +190,8 @@ def rise_of(
 ) -> float:
     """Rise of nearness from a surface's end to its silhouette in the target.
 
-    Parameters
-    ----------
-    corner
-        (3,) x, y and nearness of the end.
-    roundness
-        (2,) as of `project_ends`.
-    seen
-        Place of the end in the target, px.
+    `corner`: (3,) x, y and nearness of the end. `roundness`: (2,) as of `project_ends`. `seen`:
+    place of the end in the target, px.
     """
     # Take the outward direction, and the scale of the warp at the end.
     x, y, near = float(corner[0]), float(corner[1]), float(corner[2])
@@ -248,18 +242,10 @@ def project_ends(
     That is the same place if the target sees farther around; otherwise it is where the surface
     curves away from the target.
 
-    Parameters
-    ----------
-    corner
-        (N, 4, 3) as `corners.fill_torn` writes them.
-    which
-        (M, 2) rows of `corner`, and which of the four corners.
-    roundness
-        (M, 2) rise of squared nearness inward, per px, along x and y; outward is above 0.
-    matrix, epipole
-        Of the warping equation.
-    screen
-        (N, 4, 3) of `screen.project_corners`, in which those corners are overwritten.
+    `corner`: (N, 4, 3) as `corners.fill_torn` writes them. `which`: (M, 2) rows of `corner`, and
+    which of the four corners. `roundness`: (M, 2) rise of squared nearness inward, per px, along x
+    and y; outward is above 0. `matrix`, `epipole`: of the warping equation. `screen`: (N, 4, 3) of
+    `screen.project_corners`, in which those corners are overwritten.
     """
     for n in tasks(counter, which.shape[0]):
         row, k = which[n, 0], which[n, 1]

@@ -81,17 +81,10 @@ def project_vertices(
 ) -> None:
     """Project the lattice's corners by the warping equation.
 
-    Parameters
-    ----------
-    vertex
-        (H + 1, W + 1) nearness.
-    place
-        (H + 1, W + 1, 2) where they are without distortion, px; (0, 0, 2): on the lattice.
-    matrix, epipole
-        Of the warping equation.
-    screen
-        (3, H + 1, W + 1) filled: x and y in px of the target, and the nearness there, negative
-        where there is nothing.
+    `vertex`: (H + 1, W + 1) nearness. `place`: (H + 1, W + 1, 2) where they are without distortion,
+    px; (0, 0, 2): on the lattice. `matrix`, `epipole`: of the warping equation. `screen`: (3, H +
+    1, W + 1) filled: x and y in px of the target, and the nearness there, negative where there is
+    nothing.
     """
     for row in tasks(counter, vertex.shape[0]):
         _project_row(vertex, place, matrix, epipole, row, screen)
@@ -162,15 +155,9 @@ def bound_segments(
 ) -> None:
     """Bound segments of rows of cells on the screen.
 
-    Parameters
-    ----------
-    screen, torn
-        Of `project_vertices` and `project_corners`.
-    index
-        (H, W) number of a torn cell; −1 for others, −2 where there is none.
-    bounds
-        (H, segments, 4) filled: left, top, right and bottom, px, the last two one beyond; left >
-        right for an empty segment.
+    `screen`, `torn`: of `project_vertices` and `project_corners`. `index`: (H, W) number of a torn
+    cell; −1 for others, −2 where there is none. `bounds`: (H, segments, 4) filled: left, top, right
+    and bottom, px, the last two one beyond; left > right for an empty segment.
     """
     for row in tasks(counter, index.shape[0]):
         _bound_row(screen, torn, index, row, bounds)

@@ -19,6 +19,9 @@ SLIGHT = 0.004  # of the nearness: a smaller step is not the steepest of an edge
 AROUND = 2  # steps on each side among which an edge's is the steepest
 EVEN = 0.03  # of the nearness: largest slope of a surface, per sample
 TIE = 1.0001  # factor within which steps count as equal
+REACH = 6  # px on each side of an edge
+FEWEST = 4  # samples that a slope needs
+BENT = 5  # samples that a bend needs
 
 
 class Edges(NamedTuple):
@@ -116,14 +119,8 @@ def _mark_line(nearness: Floats, line: int, down: bool, edges: Edges, mark: Mark
 def mark_edges(counter: Counter, nearness: Floats, edges: Edges, mark: Marks) -> None:
     """Mark the steps of edges.
 
-    Parameters
-    ----------
-    nearness
-        (H, W); 0 where unknown.
-    edges
-        Thresholds of edges.
-    mark
-        (H, W, 2) zeros; filled with `UP` or `DOWN` where the step right, or down, is an edge's.
+    `nearness`: (H, W); 0 where unknown. `edges`: thresholds of edges. `mark`: (H, W, 2) zeros;
+    filled with `UP` or `DOWN` where the step right, or down, is an edge's.
     """
     height, width = nearness.shape
     for task in tasks(counter, height + width):
@@ -166,3 +163,118 @@ def classify(counter: Counter, nearness: Floats, mark: Marks, kind: Marks) -> No
     """
     for row in tasks(counter, nearness.shape[0]):
         _classify_row(nearness, mark, row, kind)
+
+
+@kernel
+def _change(color: Floats, row: int, column: int, down: bool) -> float:
+    """Absolute change of color from a sample to the next, all channels added up."""
+    dr, dc = (1, 0) if down else (0, 1)
+    total = 0.0
+    for n in range(color.shape[2]):
+        total += abs(np.float64(color[row + dr, column + dc, n]) - color[row, column, n])
+    return total
+
+
+@kernel
+def profile_edges(color: Floats, mark: NDArray[np.uint8], profile: Doubles, count: Doubles) -> None:
+    """Add up the changes of color beside edges of a single step.
+
+    `color`: (H, W, C). `mark`: (H, W, 2) of `ramps.mark_edges`. `profile`: (4, 2 REACH + 1) added
+    to: changes from the far side to the near one; the edge itself is in the middle. Edges with the
+    near side at the right, left, below and above. `count`: (4,) edges, added to.
+    """
+    for row in range(mark.shape[0]):
+        for column in range(mark.shape[1]):
+            for axis in range(2):
+                kind = mark[row, column, axis]
+                at, size = (column, mark.shape[1]) if axis == 0 else (row, mark.shape[0])
+                # Skip steps that are no edge, and edges near the frame's border.
+                if kind == 0 or at < REACH or at + REACH + 1 >= size:
+                    continue
+                # Read the changes from the far side to the near one.
+                which, sign = 2 * axis + (0 if kind == UP else 1), 1 if kind == UP else -1
+                for n in range(-REACH, REACH + 1):
+                    r, c = (row, column + sign * n) if axis == 0 else (row + sign * n, column)
+                    profile[which, n + REACH] += _change(color, r, c, axis == 1)
+                count[which] += 1.0
+
+
+class Bends(NamedTuple):
+    """Options of the measurement."""
+
+    length: int  # samples on each side, at most
+    steepest: float  # of the nearness, change per sample
+    bent: float  # of the nearness, change of that per sample; 0: planes
+
+
+@kernel
+def _reach(
+    nearness: Floats, band: Marks, row: int, column: int, step: tuple[int, int], most: int
+) -> int:
+    """Count the samples in a direction up to the band, the border or unknown ones."""
+    height, width = nearness.shape
+    for n in range(1, most + 1):
+        r, c = row + n * step[0], column + n * step[1]
+        if not (0 <= r < height and 0 <= c < width) or band[r, c] or not nearness[r, c] > 0:
+            return n - 1
+    return most
+
+
+@kernel
+def _parabola(
+    nearness: Floats, row: int, column: int, step: tuple[int, int], reach: tuple[int, int],
+    bends: Bends,
+) -> tuple[float, float]:  # fmt: skip
+    """Fit a parabola through a sample along an axis; return its slope and bend."""
+    back, ahead = reach
+    here = np.float64(nearness[row, column])
+    # Sum up the normal equations of slope and bend.
+    squares, cubes, fourths, first, second = 0.0, 0.0, 0.0, 0.0, 0.0
+    for n in range(-back, ahead + 1):
+        value = nearness[row + n * step[0], column + n * step[1]] - here
+        half = 0.5 * n * n
+        squares, cubes, fourths = squares + n * n, cubes + n * half, fourths + half * half
+        first, second = first + n * value, second + half * value
+    # Fit a line, or a parabola if there are enough samples.
+    slope, bend = first / squares, 0.0
+    determinant = squares * fourths - cubes * cubes
+    if bends.bent > 0.0 and back + ahead + 1 >= BENT and determinant > 1e-9:
+        slope = (first * fourths - second * cubes) / determinant
+        bend = (second * squares - first * cubes) / determinant
+    # Limit both.
+    steep, bent = bends.steepest * here, bends.bent * here
+    return min(max(slope, -steep), steep), min(max(bend, -bent), bent)
+
+
+@kernel
+def _measure_row(nearness: Floats, band: Marks, bends: Bends, row: int, slope: Floats) -> None:
+    """Measure the slopes of a row; see `measure_slopes`."""
+    for column in range(nearness.shape[1]):
+        for n in range(4):
+            slope[row, column, n] = np.float32(0)
+        # Skip samples near edges and unknown ones.
+        if band[row, column] or not nearness[row, column] > 0:
+            continue
+        # Fit along both axes, within the surface.
+        for axis in range(2):
+            step, back = ((0, 1), (0, -1)) if axis == 0 else ((1, 0), (-1, 0))
+            reach = (
+                _reach(nearness, band, row, column, back, bends.length),
+                _reach(nearness, band, row, column, step, bends.length),
+            )
+            if reach[0] + reach[1] + 1 >= FEWEST:
+                found = _parabola(nearness, row, column, step, reach, bends)
+                slope[row, column, axis] = np.float32(found[0])
+                slope[row, column, 2 + axis] = np.float32(found[1])
+
+
+@parallel_kernel
+def measure_slopes(
+    counter: Counter, nearness: Floats, band: Marks, bends: Bends, slope: Floats
+) -> None:
+    """Write slopes (H, W, 4) of surfaces along rows and columns, and their changes.
+
+    0 where `band` (H, W) is not 0, and where a surface is too small.
+    """
+    for row in tasks(counter, nearness.shape[0]):
+        _measure_row(nearness, band, bends, row, slope)

@@ -55,15 +55,10 @@ def _run(values: Floats, mark: Marks, row: int, column: int, found: Doubles) -> 
 def measure_edges(values: Floats, mark: Marks, found: Doubles) -> int:
     """Measure edges along rows; return how many.
 
-    Parameters
-    ----------
-    values
-        (H, W) monotonic functions of nearness; 0 where unknown.
-    mark
-        (H, W, 2) of `ramps.mark_edges`.
-    found
-        (N, 3) filled from the top: variance of an edge's steps (px²), their skew, toward the far
-        side (px³), and the share of the jump that the second largest of them has.
+    `values`: (H, W) monotonic functions of nearness; 0 where unknown. `mark`: (H, W, 2) of
+    `ramps.mark_edges`. `found`: (N, 3) filled from the top: variance of an edge's steps (px²),
+    their skew, toward the far side (px³), and the share of the jump that the second largest of them
+    has.
     """
     count = 0
     for row in range(values.shape[0]):
@@ -152,16 +147,9 @@ def restore(
 ) -> None:
     """Write the values of thin objects before a map became soft.
 
-    Parameters
-    ----------
-    given, refined
-        (H, W) values in which the map was blurred, before and after its edges were made hard.
-    kind
-        (H, W) of samples in a band around edges: not 0, and `BETWEEN` where between surfaces.
-    blur
-        Blur of the map.
-    whole
-        (H, W) filled: 0 where nothing can be restored.
+    `given`, `refined`: (H, W) values in which the map was blurred, before and after its edges were
+    made hard. `kind`: (H, W) of samples in a band around edges: not 0, and `BETWEEN` where between
+    surfaces. `blur`: blur of the map. `whole`: (H, W) filled: 0 where nothing can be restored.
     """
     for row in tasks(counter, given.shape[0]):
         _restore_row(given, refined, kind, blur, row, whole)

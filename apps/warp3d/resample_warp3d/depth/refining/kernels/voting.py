@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Doubles, Floats
+from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, Links
 
 Marks = NDArray[np.uint8]
 
@@ -54,7 +55,7 @@ class Votes(NamedTuple):
 
 
 @kernel
-def _weighted_median(value: Doubles, weight: Doubles, count: int) -> float:
+def weighted_median(value: Doubles, weight: Doubles, count: int) -> float:
     """Smallest value at which half of the weight is reached; reorders both arrays."""
     # Quickselect by weight: narrow [first, last] down to the median.
     half = 0.5 * weight[:count].sum()
@@ -85,12 +86,6 @@ def _weighted_median(value: Doubles, weight: Doubles, count: int) -> float:
         if last < first:
             return float(pivot)
     return float(value[first])
-
-
-@kernel
-def weighted_median(value: Doubles, weight: Doubles) -> float:
-    """Smallest value at which half of the weight is reached; leaves the arrays alone."""
-    return _weighted_median(value.copy(), weight.copy(), value.size)
 
 
 @kernel
@@ -154,7 +149,7 @@ def _median_of(votes: Votes, weight: Doubles, count: int, middle: float, reach: 
         if abs(votes.value[n] - middle) <= reach:
             votes.sorted_value[chosen], votes.sorted_weight[chosen] = votes.value[n], weight[n]
             chosen += 1
-    return _weighted_median(votes.sorted_value, votes.sorted_weight, chosen)
+    return weighted_median(votes.sorted_value, votes.sorted_weight, chosen)
 
 
 @kernel
@@ -215,16 +210,58 @@ def vote_rows(
 ) -> None:
     """Refine the samples of a band by a vote of those around them.
 
-    Parameters
-    ----------
-    voters, window
-        Votes, and where they come from.
-    band
-        (H, W) not 0 where samples are refined.
-    refined
-        (H, W) nearness, filled in the band; 0 where nobody votes.
-    agreed
-        (H, W) share of the votes for the winning surface, filled in the band.
+    `voters`, `window`: votes, and where they come from. `band`: (H, W) not 0 where samples are
+    refined. `refined`: (H, W) nearness, filled in the band; 0 where nobody votes. `agreed`: (H, W)
+    share of the votes for the winning surface, filled in the band.
     """
     for row in tasks(counter, band.shape[0]):
         _vote_in_row(voters, window, band, row, refined, agreed)
+
+
+@kernel
+def _step(nearness: Floats, links: Links, row: int, column: int, away: float, down: bool) -> float:
+    """Change of nearness at a distance from a sample along an axis, on its surface."""
+    ahead, back = (DOWN, UP) if down else (RIGHT, LEFT)
+    dr, dc = (1, 0) if down else (0, 1)
+    if away < 0:
+        ahead, back, dr, dc = back, ahead, -dr, -dc
+    # Interpolate to the linked neighbour, or extrapolate from the one behind.
+    here = np.float64(nearness[row, column])
+    if links[row, column] & ahead:
+        return float(abs(away) * (nearness[row + dr, column + dc] - here))
+    if links[row, column] & back:
+        return float(abs(away) * (here - nearness[row - dr, column - dc]))
+    return 0.0
+
+
+@kernel
+def _enlarge_row(nearness: Floats, links: Links, scale: Doubles, row: int, result: Floats) -> None:
+    """Enlarge a row; see `enlarge_rows`."""
+    height, width = nearness.shape
+    # Find the nearest sample of the small map.
+    y = (row + 0.5) * scale[0] - scale[1]
+    r = min(max(math.floor(y + 0.5), 0), height - 1)
+    for column in range(result.shape[1]):
+        x = (column + 0.5) * scale[2] - scale[3]
+        c = min(max(math.floor(x + 0.5), 0), width - 1)
+        here = np.float64(nearness[r, c])
+        value = 0.0
+        # Follow its surface along both axes; a limit keeps nearness positive.
+        if here > 0.0:
+            value = here + _step(nearness, links, r, c, x - c, False)
+            value = max(value + _step(nearness, links, r, c, y - r, True), 0.3 * here)
+        result[row, column] = np.float32(value)
+
+
+@parallel_kernel
+def enlarge_rows(
+    counter: Counter, nearness: Floats, links: Links, scale: Doubles, result: Floats
+) -> None:
+    """Interpolate between linked samples, and extrapolate those without a link.
+
+    `nearness`, `links`: (h, w) of the small map. `scale`: (4,) the small map's rows per row of the
+    result, the center of its first row in its own rows, and the same of columns. `result`: (H, W)
+    filled; 0 where nothing is known.
+    """
+    for row in tasks(counter, result.shape[0]):
+        _enlarge_row(nearness, links, scale, row, result)

@@ -1,0 +1,226 @@
+"""Open a point cloud once, render it often; cameras that suit it."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+from os import PathLike
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from resample.cameras.models import Camera
+from resample.cameras.viewpoints import Orbit, Spelled, Viewpoint, viewpoint_of
+from resample.painting.scenes.plans import shape_of
+from resample.profiles.filters import PixelFilter
+from resample.scene.picking import pixel_at, place_at
+from resample.scene.previews import PER, enlarged_frame, preview_size
+from resample.scene.scenes import AnyScene, Quality
+from resample.types import Doubles, Frame
+from resample.watching import Cancel
+from resample_points.data.cloud import Cloud
+from resample_points.files.readers import read_cloud
+from resample_points.geometry.framing import FIELD, ball_around, framed, framed_together
+from resample_points.geometry.spacing import Surfels, prepare_cloud
+from resample_points.painting.rendering import CloudStyle, render_cloud
+
+FEW = 200_000  # most points of previews
+Shape = tuple[int, int]  # height and width, px
+
+
+class PickedPoint(NamedTuple):
+    """A point of a surface that a picture shows."""
+
+    position: Doubles  # (3,) scene units
+    depth: float  # scene units
+
+
+class CloudScene(AnyScene):
+    """A point cloud for many cameras and styles, with quick previews.
+
+    Parameters
+    ----------
+    given
+        A cloud, the file of one, or the result of `prepare_cloud`.
+    threads
+        Most threads to use for the preparation.
+
+    Raises
+    ------
+    ValueError, OSError
+        As of `read_cloud` and `prepare_cloud`.
+
+    Examples
+    --------
+    >>> import resample
+    >>> from resample_points import CloudScene
+    >>> scene = CloudScene(resample.sample_path("sample:knot-points"))
+    >>> scene.render((30, 20), size=(64, 48)).rgba.shape
+    (48, 64, 4)
+    >>> scene.pick(0.5, 0.5, (30, 20), size=(64, 48)) is None
+    True
+    """
+
+    def __init__(
+        self, given: Cloud | Surfels | str | PathLike[str], *, threads: int | None = None
+    ) -> None:
+        cloud = given if isinstance(given, Cloud | Surfels) else read_cloud(str(given))
+        self.surfels: Surfels = (
+            cloud if isinstance(cloud, Surfels) else prepare_cloud(cloud, threads=threads)
+        )
+
+    @cached_property
+    def fewer(self) -> "CloudScene":
+        """The scene of at most 200,000 points, each of which stands for several; for previews."""
+        surfels = self.surfels
+        per = -(-len(surfels.position) // FEW)
+        if per < 2:
+            return self
+        return CloudScene(
+            surfels._replace(
+                position=np.ascontiguousarray(surfels.position[::per]),
+                axes=np.ascontiguousarray(surfels.axes[::per] * np.float32(np.sqrt(per))),
+                color=np.ascontiguousarray(surfels.color[::per]),
+            )
+        )
+
+    def camera(self, given: Spelled, size: tuple[int, int]) -> Camera:
+        """Return the camera for a picture; angles alone fit the cloud to it."""
+        start = viewpoint_of(given)
+        if isinstance(start, Orbit) and start is not given:
+            start = replace(start, fov=FIELD)
+        camera: Camera = camera_of(self.surfels, shape_of(size), start)
+        return camera
+
+    def render(
+        self,
+        camera: Spelled = None,
+        *,
+        size: tuple[int, int] = (640, 480),
+        style: CloudStyle | None = None,
+        filter: str | PixelFilter | None = None,  # noqa: A002
+        quality: Quality = "final",
+        threads: int | None = None,
+        cancel: Cancel | None = None,
+    ) -> Frame:
+        """Render the cloud.
+
+        Parameters
+        ----------
+        camera
+            Perspective camera without distortion; or a viewpoint around the cloud, which is fitted
+            to the picture: an `Orbit`, (azimuth, elevation) with or without a zoom and a pan, a
+            name such as `front`, `top` or `corner`; None: `Orbit()`.
+        size, style, filter, threads
+            As of `render_cloud`.
+        quality
+            `preview` shows at most 200,000 points at every other pixel. Its statistics have
+            `is_preview` set.
+        cancel
+            Cancels the picture from another thread.
+
+        Raises
+        ------
+        ValueError
+            As of `render_cloud`.
+        resample.CancelledError
+            It was cancelled.
+        """
+        eye = self.camera(camera, size)
+        options: dict[str, Any] = {"style": style, "filter": filter, "threads": threads}
+        with self._rendering(quality, cancel) as is_preview:
+            if not is_preview:
+                return render_cloud(self.surfels, eye, size=size, **options)
+            few, per = preview_size(size), np.diag([1 / PER, 1 / PER, 1.0])
+            eye = replace(eye, matrix=per @ eye.matrix)
+            frame = render_cloud(self.fewer.surfels, eye, size=few, **options)
+        frame = frame._replace(statistics=frame.statistics._replace(is_preview=True))
+        return enlarged_frame(frame, PER, shape_of(size))
+
+    def pick(
+        self,
+        x: float,
+        y: float,
+        camera: Spelled = None,
+        *,
+        size: tuple[int, int] = (640, 480),
+        **choices: Any,
+    ) -> PickedPoint | None:
+        """Return what is visible at a point of the picture; None if nothing is.
+
+        Parameters
+        ----------
+        x, y
+            Right and down, px; the pixel there is taken.
+        camera, size, choices
+            As of `render`.
+        """
+        row, column = pixel_at(size, x, y)
+        depth = float(self.render(camera, size=size, **choices).depth[row, column])
+        place = place_at(self.camera(camera, size), column + 0.5, row + 0.5, depth)
+        return None if place is None else PickedPoint(place, depth)
+
+
+def camera_of(surfels: Surfels, shape: Shape, viewpoint: Viewpoint) -> Any:
+    """Return the camera of a viewpoint; angles alone fit the cloud to the frame."""
+    if not isinstance(viewpoint, Orbit):
+        return sized(viewpoint, shape)
+    camera = framed(
+        surfels,
+        size=shape[::-1],
+        azimuth=viewpoint.azimuth,
+        elevation=viewpoint.elevation,
+        up=viewpoint.up,
+        fov=viewpoint.fov,
+    )
+    return _panned(_zoomed(camera, viewpoint.zoom), viewpoint.pan, surfels, shape)
+
+
+def cameras_of(
+    surfels: Surfels, viewpoints: Sequence[Viewpoint], shape: Shape, *, steady: bool = False
+) -> list[Any]:
+    """Return the cameras of all frames; orbits keep one distance to the cloud's center.
+
+    With `steady` it is the distance of steady pictures, which does not depend on the angles.
+    """
+    around = [viewpoint for viewpoint in viewpoints if isinstance(viewpoint, Orbit)]
+    if len(around) < len(viewpoints):
+        return [sized(viewpoint, shape) for viewpoint in viewpoints]
+    if steady:
+        ball = ball_around(surfels)
+        return [each.around(ball, *shape) for each in around]
+    first = around[0]
+    cameras = framed_together(
+        surfels,
+        size=shape[::-1],
+        angles=[(each.azimuth, each.elevation) for each in around],
+        up=first.up,
+        fov=first.fov,
+    )
+    wide = math.tan(math.radians(first.fov) / 2.0)
+    return [
+        _zoomed(camera, each.zoom * wide / math.tan(math.radians(each.fov) / 2.0))
+        for camera, each in zip(cameras, around, strict=True)
+    ]
+
+
+def sized(viewpoint: Any, shape: Shape) -> Any:
+    """Return the camera of a viewpoint without angles."""
+    return viewpoint.sized(*shape) if hasattr(viewpoint, "sized") else viewpoint
+
+
+def _panned(camera: Camera, pan: tuple[float, float], surfels: Surfels, shape: Shape) -> Camera:
+    """Shift the cloud's center right and up, in shares of the picture's shorter side."""
+    if pan == (0.0, 0.0):
+        return camera
+    pose = camera.world_to_camera.copy()
+    depth = float(pose[2, :3] @ ball_around(surfels)[0] + pose[2, 3])
+    side = depth * min(shape) / camera.fx
+    pose[:2, 3] += side * pan[0], -side * pan[1]
+    return camera.moved(pose)
+
+
+def _zoomed(camera: Camera, zoom: float) -> Camera:
+    matrix = camera.matrix.copy()
+    matrix[:2, :2] *= zoom
+    return replace(camera, matrix=matrix)

@@ -1,0 +1,146 @@
+"""Maps of cameras: a lens's distortion removed from a photo or added, and a textured plane seen."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from resample.cameras.models import AnyCamera, Camera
+from resample.cameras.pixels import distorted_places, pixel_centers, undistorted_places
+from resample.cameras.poses import turned_by
+from resample.types import Doubles
+from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Homography
+
+
+def undistorting(
+    camera: Camera,
+    shape: tuple[int, int],
+    *,
+    ideal: Camera | None = None,
+    rotation: ArrayLike | None = None,
+) -> BackwardMap:
+    """Return the backward map of a pinhole's picture into the camera's photo.
+
+    Parameters
+    ----------
+    shape
+        Height and width of the pinhole's picture, the target, px.
+    rotation
+        (3, 3) from the camera's axes to the pinhole's (OpenCV's R); by default the identity.
+
+    Returns
+    -------
+    A map that is not a number behind the camera, and where the distortion's polynomial folds back:
+    there `cv2.initUndistortRectifyMap` and `cv2.fisheye.initUndistortRectifyMap` show parts of the
+    photo twice.
+    """
+    return BackwardMap.from_function(
+        places_by_lens(camera, ideal=ideal, rotation=rotation, inverse=False), shape
+    )
+
+
+def distorting(
+    camera: Camera,
+    shape: tuple[int, int],
+    *,
+    ideal: Camera | None = None,
+    rotation: ArrayLike | None = None,
+) -> BackwardMap:
+    """Return the backward map of the camera's photo into a pinhole's picture.
+
+    Parameters
+    ----------
+    shape
+        Height and width of the photo, the target, px.
+
+    Returns
+    -------
+    A map that is not a number where no light comes through the lens.
+    """
+    return BackwardMap.from_function(
+        places_by_lens(camera, ideal=ideal, rotation=rotation, inverse=True), shape
+    )
+
+
+def places_by_lens(
+    camera: Camera, *, ideal: Camera | None, rotation: ArrayLike | None, inverse: bool
+) -> Callable[[Doubles, Doubles], tuple[Doubles, Doubles]]:
+    """Return a function from x and y of pixel centers, (h, w) each, to those of the source."""
+    turned = _checked(rotation)
+    way = undistorted_places if inverse else distorted_places
+
+    def places(x: Doubles, y: Doubles) -> tuple[Doubles, Doubles]:
+        u, v = np.moveaxis(way(camera, np.stack([x, y], axis=2), ideal, turned), 2, 0)
+        return u, v
+
+    return places
+
+
+def undistorting_forward(
+    camera: Camera,
+    source_shape: tuple[int, int],
+    *,
+    ideal: Camera | None = None,
+    rotation: ArrayLike | None = None,
+) -> ForwardMap:
+    """Return the forward map of a photo's texels to a pinhole's picture.
+
+    Parameters
+    ----------
+    source_shape
+        Height and width of the photo, the source, px.
+    """
+    places = undistorted_places(camera, pixel_centers(source_shape), ideal, _checked(rotation))
+    return ForwardMap(*np.moveaxis(places, 2, 0))
+
+
+def _checked(rotation: ArrayLike | None) -> Doubles | None:
+    return None if rotation is None else turned_by(rotation)
+
+
+def plane_homography(
+    camera: AnyCamera,
+    source_shape: tuple[int, int],
+    *,
+    texel_size: float = 1.0,
+    pose: ArrayLike | None = None,
+) -> Homography:
+    """Return the homography from a texture on a plane to a camera's frame.
+
+    It knows what is behind the camera, wherever the texture's center is. The camera's near plane is
+    ignored.
+
+    `camera`: camera whose frame is the target. `source_shape`: height and width of the texture, px.
+    `texel_size`: width of a texel, scene units. `pose`: (4, 4) or (3, 4) from the plane's space to
+    the world; by default the identity. In its own space the texture lies at z = 0, centered at the
+    origin, with x to the right and y up; seen from positive z it is not mirrored. The pose may
+    mirror or stretch it. Raises ValueError: the camera sees the plane edge-on, or a number is
+    invalid.
+    """
+    height, width = source_shape
+    if not (height > 0 and width > 0 and 0 < texel_size < np.inf):
+        raise ValueError(
+            f"a texture of {width} × {height} texels of {texel_size} scene units has no area"
+        )
+    to_plane = texel_size * np.array([[1, 0, -width / 2], [0, -1, height / 2], [0, 0, 0]])
+    to_plane = np.vstack([to_plane, [0.0, 0.0, 1.0]])
+    view = camera.view()
+    to_camera = view.rotation @ (_affine(pose) @ to_plane)
+    to_camera[:, 2] += view.translation
+    depth = to_camera[2] if view.perspective else np.array([0.0, 0.0, 1.0])
+    across = view.focal[:, None] * to_camera[:2] + view.principal[:, None] * depth
+    try:
+        return Homography(np.vstack([across, depth]), is_signed=True)
+    except ValueError:
+        raise ValueError(
+            "the camera sees the texture's plane edge-on; move one of them, or check that all"
+            " numbers are finite and neither is flat"
+        ) from None
+
+
+def _affine(pose: ArrayLike | None) -> Doubles:
+    """Return the upper three rows of a pose."""
+    given = np.eye(4) if pose is None else np.asarray(pose, np.float64)
+    if given.shape not in ((3, 4), (4, 4)):
+        raise ValueError(f"a pose has shape (3, 4) or (4, 4), not {given.shape}")
+    return given[:3]

@@ -1,1 +1,0 @@
-"""Statistics of values in bricks, and caches of bricks."""

@@ -1,1 +1,0 @@
-"""Interpolation of fields between thick slices."""

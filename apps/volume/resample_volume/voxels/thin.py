@@ -1,0 +1,371 @@
+"""Interpolate thin slices between thick ones, by optical flow.
+
+If a thin structure moves from one slice to the next, a spline across slices shows two ghosts of it,
+with values in between that exist nowhere. So the displacement from a slice to the next is found, by
+optical flow (Kroeger, Timofte, Dai and Van Gool, Fast Optical Flow using Dense Inverse Search,
+2016) in both directions, and values in between are read along it. Both flows and the spline are
+weighted by how well they fit: a flow by how much the two slices differ along it; the spline, which
+is better where slices are close enough, by how fast differences of slices grow with their order.
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from math import prod
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.jit import workers
+from resample.memory.mapped import most_of
+from resample.painting.choices import MEASURING, Projection
+from resample.painting.splines import bytes_of_field
+from resample.types import Floats, Reached
+from resample_volume.data.memory import require_memory
+from resample_volume.types import Volume
+
+BYTES_PER_THIN = 8  # bytes of a sample between thick slices, besides its field
+EXTREMES = (Projection.MAXIMUM, Projection.MINIMUM)  # of values that voxels have
+THICK = 2.5  # ratio of slice distance to sample distance from which slices are made thin
+MOST = 4  # thin slices per thick slice
+MOST_SAMPLES = 1 << 26  # type of the thin slices, to save memory
+LEAST_SIDE = 16  # samples per side of slices from which flow is computed
+SMOOTH = 1.0  # samples, width of the window for differences
+UNSURE = 0.2  # of the fourth difference of slices: error bound of a spline
+WHITE = 3.4  # ratio of fourth to second differences for noise
+GROWTH, SHARP = 4, 4  # exponents of the weights of splines and of fits
+SLACK = 0.002  # of the range of values: difference that counts as none
+TURNS = 3  # iterations of the search for a flow's start
+MOST_TURN = 0.25  # tolerance between the flows before and behind a slice
+FINE_SIDE = 320  # samples, of slices with a flow per sample
+ASTRAY = 0.05  # of the range of values, per sample by which forward and backward flow disagree
+MOST_ASTRAY = np.float32(2.0)  # samples
+DARK = 4  # levels of 255, of the least value for optical flow
+GROUP = 9  # thick slices processed together
+
+Plane = NDArray[np.float32]
+
+
+class Thin(NamedTuple):
+    """Number of samples per voxel along one axis of the values."""
+
+    axis: int  # 0 is z
+    parts: int  # 1: a field of the voxels themselves
+
+
+SAME = Thin(0, 1)
+
+
+def thin_of(volume: Volume) -> Thin:
+    """Return how slices are made thin; not at all if they are about as far apart as samples.
+
+    Nor if there are too many voxels, if these have colors, or if they are in a mapped file.
+    """
+    spacing = np.abs(np.asarray(volume.spacing, np.float64))[::-1]
+    axis = int(spacing.argmax())
+    within = [n for n in range(3) if n != axis]
+    shape = volume.values.shape
+    ratio = float(spacing[axis] / spacing[within].max())
+    if ratio < THICK or volume.colors is not None or most_of(volume.values) is not None:
+        return SAME
+    if min(shape[n] for n in within) < LEAST_SIDE or shape[axis] < 2:
+        return SAME
+    count = min(MOST, round(ratio), MOST_SAMPLES // volume.values.size)
+    return Thin(axis, max(1, count))
+
+
+def thin_that_fits(volume: Volume, projection: Projection, *, stays: bool) -> Thin:
+    """Return how slices are made thin; not if only thick ones fit in memory or are wanted.
+
+    Nor for means along rays: a spline preserves sums of voxels.
+    """
+    is_mean = projection in MEASURING and projection not in EXTREMES
+    thin = SAME if is_mean or stays else thin_of(volume)
+    for one in dict.fromkeys((thin, SAME)):
+        shape, per_thin = of_samples(volume, one).values.shape, BYTES_PER_THIN * (one != SAME)
+        size = bytes_of_field(shape, volume.values.dtype, most_of(volume.values))
+        try:
+            require_memory(size + per_thin * prod(shape), f"{volume.name} as a field")
+        except ValueError:
+            if one == SAME:
+                raise
+        else:
+            return one
+    return SAME
+
+
+def of_samples(volume: Volume, thin: Thin) -> Volume:
+    """Return the volume whose voxels are a field's samples, without values."""
+    if thin.parts == 1:
+        return volume
+    across = 2 - thin.axis
+    shape, spacing = list(volume.values.shape), np.array(volume.spacing, np.float64)
+    shape[thin.axis] *= thin.parts
+    spacing[across] /= thin.parts
+    shift = np.zeros(3)
+    shift[across] = 0.5 * (spacing[across] - volume.spacing[across])
+    origin = np.asarray(volume.origin + volume.direction @ shift)
+    values = np.broadcast_to(np.zeros((), volume.values.dtype), shape)
+    return volume._replace(values=values, spacing=spacing, origin=origin)
+
+
+def repeated(flags: NDArray[Any], thin: Thin) -> NDArray[Any]:
+    """Repeat properties of voxels (Z, Y, X, ...) for samples."""
+    return np.repeat(flags, thin.parts, axis=thin.axis)
+
+
+def cells_over_samples(reached: Reached, samples: int, thin: Thin) -> Reached:
+    """Convert cells of light over voxels to cells over samples along the thin axis."""
+    if thin.parts == 1:
+        return reached
+    last = reached.share.shape[thin.axis] - 1
+    cell = np.arange(-(-samples // reached.per))
+    at = np.clip((cell + 0.5) / thin.parts - 0.5, 0, last)
+    before = at.astype(np.int64)
+    share = (at - before).reshape([-1 if n == thin.axis else 1 for n in range(4)])
+    one = np.take(reached.share, before, thin.axis)
+    two = np.take(reached.share, np.minimum(before + 1, last), thin.axis)
+    return reached._replace(
+        share=np.rint(one + share * (two - one.astype(np.float64))).astype("u1")
+    )
+
+
+def voxels_of(sample: NDArray[np.int64], shape: tuple[int, ...], thin: Thin) -> NDArray[np.int64]:
+    """Return flat indices of the voxels (Z, Y, X) of samples; negative: none."""
+    if thin.parts == 1:
+        return sample
+    fine = list(shape)
+    fine[thin.axis] *= thin.parts
+    place = list(np.unravel_index(np.maximum(sample, 0), fine))
+    place[thin.axis] = place[thin.axis] // thin.parts
+    return np.where(sample < 0, sample, np.ravel_multi_index(place, shape))
+
+
+def thinned(values: NDArray[Any], thin: Thin, *, is_within: bool) -> tuple[Floats, float]:
+    """Compute the samples of thin slices, minus the least value, and that value.
+
+    `values`: (Z, Y, X) all finite. `thin`: axis and number of samples per voxel, more than one.
+    `is_within`: clamp samples to the voxels that they come from.
+    """
+    from scipy.ndimage import spline_filter1d
+
+    shape = list(values.shape)
+    shape[thin.axis] *= thin.parts
+    low, high = float(values.min()), float(values.max())
+    thick = np.empty(np.moveaxis(values, thin.axis, 0).shape, np.float32)
+    for n, plane in enumerate(np.moveaxis(values, thin.axis, 0)):
+        thick[n] = plane.astype(np.float64) - low
+    across = spline_filter1d(thick, 3, 0, np.float32, "reflect")
+    slices = _Slices(thick, across, high - low, is_within, _grain(thick.shape[1:]))
+    found = np.empty(shape, np.float32)
+    put = partial(_put_group, slices, np.moveaxis(found, thin.axis, 0), thin.parts)
+    with ThreadPoolExecutor(workers()) as pool:
+        list(pool.map(put, range(-1, len(thick), GROUP)))
+    return found, low
+
+
+def _grain(shape: tuple[int, ...]) -> Plane:
+    """Return a faint static texture, which fixes the flow along straight edges."""
+    texture = _smooth(np.random.default_rng(7).normal(size=shape).astype(np.float32))
+    return np.asarray(texture / texture.std() + np.float32(DARK))
+
+
+class _Slices(NamedTuple):
+    """Thick slices (Z, Y, X)."""
+
+    value: Floats  # above the least one
+    coefficient: Floats  # of cubic splines across them
+    span: float  # the greatest value
+    is_within: bool  # as of `thinned`
+    grain: Plane  # levels of 255, the same on all slices: straight edges only move across
+
+
+class _Path(NamedTuple):
+    """Flow (Y, X, 2) from a slice to an adjacent one, samples."""
+
+    way: Plane
+    opposite: Plane  # on the adjacent one, back
+    turn: Plane  # as of `_flow_mismatch`
+    is_back: bool  # whether to the slice before
+
+
+def _put_group(slices: _Slices, found: Floats, parts: int, first: int) -> None:
+    """Write the thin slices of a group of thick ones."""
+    last = len(slices.value) - 1
+    # Flows (Y, X, 2) from a slice to the next and back, samples, by the first slice of the pair.
+    ways: dict[int, tuple[Plane, Plane]] = {}
+    for before in range(first, min(first + GROUP, last + 1)):
+        start = max(0, _first_after(before, parts))
+        end = min(len(found), _first_after(before + 1, parts))
+        at = [(n + 0.5) / parts - 0.5 for n in range(start, end)]
+        if before < 0 or before == last or slices.span == 0:
+            # Beyond the outermost slices there is only a spline.
+            found[start:end] = [_spline_at(slices, one) for one in at]
+            continue
+        for pair in range(max(0, before - 1), min(last, before + 2)):
+            if pair not in ways:
+                ways[pair] = _ways(slices, pair)
+        for pair in [pair for pair in ways if pair < before - 1]:
+            del ways[pair]
+        _put_between(slices, found[start:end], at, before, ways)
+
+
+def _put_between(
+    slices: _Slices,
+    found: Floats,
+    at: list[float],
+    before: int,
+    ways: dict[int, tuple[Plane, Plane]],
+) -> None:
+    """Write thin slices at some positions between a thick one and the next."""
+    on, back = ways[before]
+    _, back_before = ways.get(before - 1, (None, None))
+    on_next, _ = ways.get(before + 1, (None, None))
+    paths = (
+        _Path(on, back, _flow_mismatch(on, back_before), is_back=False),
+        _Path(back, on, _flow_mismatch(back, on_next), is_back=True),
+    )
+    trust = _fit(slices, _bend(slices, before), UNSURE)
+    for n, place in enumerate(at):
+        share = trust
+        total = trust * _spline_at(slices, place)
+        for path in paths:
+            between, apart = _along(slices, before, place - before, path)
+            fit = _fit(slices, _smooth(apart), 1.0)
+            share = share + fit
+            total += fit * between
+        found[n] = total / share
+
+
+def _flow_mismatch(way: Plane, other: Plane | None) -> Plane:
+    """Return how much the flow from a slice differs from the flow to it, given negated."""
+    if other is None:
+        return np.zeros_like(way)
+    most = np.float32(MOST_TURN) * (np.abs(way) + np.abs(other))
+    return _smooth(np.clip(way + other, -most, most))
+
+
+def _first_after(slice_: int, count: int) -> int:
+    """Return the index of the first thin slice at or after a thick one."""
+    return -((-(2 * slice_ + 1) * count + 1) // 2)
+
+
+def _spline_at(slices: _Slices, at: float) -> Plane:
+    """Evaluate the spline across slices, mirrored beyond the ends."""
+    first = int(np.floor(at))
+    t = at - first
+    u = 1.0 - t
+    weight = (
+        u**3 / 6,
+        (3 * t**3 - 6 * t * t + 4) / 6,
+        (3 * u**3 - 6 * u * u + 4) / 6,
+        t**3 / 6,
+    )
+    planes = (slices.coefficient[_mirrored(first + n, slices)] for n in range(-1, 3))
+    found = np.asarray(sum(np.float32(w) * p for w, p in zip(weight, planes, strict=True)))
+    if not slices.is_within:
+        return found
+    one, two = (slices.value[_mirrored(first + n, slices)] for n in range(2))
+    return np.asarray(np.clip(found, np.minimum(one, two), np.maximum(one, two)))
+
+
+def _mirrored(n: int, slices: _Slices) -> int:
+    """Return the index of a slice after mirroring at the ends."""
+    count = len(slices.value)
+    n %= 2 * count
+    return n if n < count else 2 * count - 1 - n
+
+
+def _smooth(plane: Plane) -> Plane:
+    import cv2
+
+    return np.asarray(cv2.GaussianBlur(plane, (0, 0), SMOOTH))
+
+
+def _fit(slices: _Slices, error: Plane, factor: float) -> Plane:
+    """Return the weight for an error."""
+    share = np.float32(factor / slices.span) * error
+    return np.asarray((share + np.float32(SLACK)) ** -SHARP)
+
+
+def _bend(slices: _Slices, before: int) -> Plane:
+    """Bound the spline's error between two slices: small where differences do not grow."""
+    fourth, second = np.zeros((2, *slices.value.shape[1:]), np.float32)
+    for middle in (before, before + 1):
+        a, b, c, d, e = (slices.value[_mirrored(middle + n, slices)] for n in range(-2, 3))
+        np.maximum(fourth, np.abs(a + e - 4 * (b + d) + 6 * c), out=fourth)
+        np.maximum(second, np.abs(b + d - 2 * c), out=second)
+    fourth, second = _smooth(fourth), _smooth(second)
+    growth = fourth / (np.float32(WHITE) * second + np.float32(SLACK * slices.span))
+    return np.asarray(fourth * growth**GROWTH)
+
+
+def _ways(slices: _Slices, before: int) -> tuple[Plane, Plane]:
+    """Compute the flow (Y, X, 2) from a slice to the next, and back, samples."""
+    import cv2
+
+    flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
+    flow.setVariationalRefinementIterations(0)
+    flow.setFinestScale(int(max(slices.value.shape[1:]) > FINE_SIDE))
+    scale = np.float32((255 - 2 * DARK) / slices.span)
+    one, two = (
+        np.clip(np.rint(scale * slices.value[n] + slices.grain), 0, 255).astype(np.uint8)
+        for n in (before, before + 1)
+    )
+    return np.asarray(flow.calc(one, two, None)), np.asarray(flow.calc(two, one, None))
+
+
+def _along(slices: _Slices, before: int, t: float, path: _Path) -> tuple[Plane, Plane]:
+    """Interpolate at 0..1 along the flow between slices; also return how much they differ.
+
+    Where the backward flow disagrees, that adds to the difference.
+    """
+    import cv2
+
+    way, turn, is_back = path.way, path.turn, path.is_back
+    height, width = way.shape[:2]
+    x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
+    edge = cv2.BORDER_REPLICATE
+    passed = np.float32(1.0 - t if is_back else t)
+    here, aside = way, np.float32(0.5 * t * (1.0 - t)) * turn
+    bent = aside
+    for _ in range(TURNS):
+        right = x - passed * here[..., 0] + bent[..., 0]
+        down = y - passed * here[..., 1] + bent[..., 1]
+        here = cv2.remap(way, right, down, cv2.INTER_LINEAR, borderMode=edge)
+        bent = cv2.remap(aside, right, down, cv2.INTER_LINEAR, borderMode=edge)
+    before_it, behind_it = -passed, np.float32(1.0) - passed
+    start, end = (before + 1, before) if is_back else (before, before + 1)
+    one, two = (
+        _moved(
+            slices,
+            n,
+            *(x + bent[..., 0] + share * here[..., 0], y + bent[..., 1] + share * here[..., 1]),
+        )
+        for n, share in ((start, before_it), (end, behind_it))
+    )
+    right, down = (
+        x + bent[..., 0] + behind_it * here[..., 0],
+        y + bent[..., 1] + behind_it * here[..., 1],
+    )
+    lost = here + cv2.remap(path.opposite, right, down, cv2.INTER_LINEAR, borderMode=edge)
+    astray = np.hypot(lost[..., 0], lost[..., 1])
+    between = behind_it * one + passed * two
+    off = np.abs(one - two) + np.float32(ASTRAY * slices.span) * np.minimum(astray, MOST_ASTRAY)
+    return np.asarray(between), np.asarray(off)
+
+
+def _moved(slices: _Slices, n: int, right: Plane, down: Plane) -> Plane:
+    """Sample a slice at displaced points."""
+    import cv2
+
+    value, edge = slices.value[n], cv2.BORDER_REPLICATE
+    found = np.asarray(cv2.remap(value, right, down, cv2.INTER_CUBIC, borderMode=edge))
+    if not slices.is_within:
+        return found
+    beside = np.ones((3, 3), np.uint8)
+    least, most = (
+        cv2.remap(take(value, beside), right, down, cv2.INTER_NEAREST, borderMode=edge)
+        for take in (cv2.erode, cv2.dilate)
+    )
+    return np.asarray(np.clip(found, least, most))

@@ -1,1 +1,0 @@
-"""Options of the source's and the target's camera."""

@@ -1,1 +1,0 @@
-"""Targets beyond McMillan's equation: lenses, panoramas, parallel rays."""

@@ -1,0 +1,222 @@
+"""Convert arguments to pictures, and results to levels, Pillow images, PNG and summaries."""
+
+from io import BytesIO
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.colors import from_srgb, mapped
+from resample.console import Color, linear_color
+from resample.files.saving import screen_levels, write_frame
+from resample.files.stores.opening import Address, place_of
+from resample.showable import Behind
+from resample.types import Floats, Frame, Statistics
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+TAKEN = (
+    "an array (H, W) or (H, W, C), nested lists, a path, an address of zarr, an image of Pillow's "
+    "or SimpleITK's, or an xarray.DataArray"
+)
+ROWS, COLUMNS = ("y", "row", "rows", "lat", "latitude"), ("x", "column", "columns", "lon")
+MODES = {"1": "L", "P": "RGBA", "PA": "RGBA", "CMYK": "RGB", "YCbCr": "RGB", "HSV": "RGB"}
+COLORMAP = "turbo"
+PERCENTILES = (0.5, 99.5)  # range of the finite values that false colors span
+ENCODED = (np.dtype(np.uint8), np.dtype(np.uint16))  # types with sRGB-encoded light
+NOTEBOOK = 2048  # px; larger pictures are reduced for notebooks
+HOLE_COLORS = "tab10"
+MEASURED = ("depth", "first_depth", "coverage", "value", "holes", "magnification", "confidence")
+
+
+def as_picture(given: Any, name: str = "picture") -> NDArray[Any]:
+    """Convert an argument to an array, with its values unchanged.
+
+    `given`: an array of real numbers of any layout and byte order, masked, memory-mapped or lazy;
+    nested lists; the path or address of a picture; a Pillow image, whose palette becomes colors; a
+    SimpleITK image; or an `xarray.DataArray` with rows along y and columns along x. Result: masked
+    arrays stay masked. Arrays that need no conversion are not copied.
+    """
+    return picture_and_encoding(given, name)[0]
+
+
+def picture_and_encoding(given: Any, name: str = "picture") -> tuple[NDArray[Any], bool | None]:
+    """Do as `as_picture`, and tell whether its levels are sRGB-encoded, if a file says so."""
+    if isinstance(given, str | PathLike | Address):
+        return _read(given)
+    library = type(given).__module__.partition(".")[0]
+    if library == "PIL":
+        array = np.asarray(given.convert(MODES[given.mode]) if given.mode in MODES else given)
+    elif library == "SimpleITK":
+        array = _of_itk(given, name)
+    elif hasattr(given, "dims") and hasattr(given, "coords"):
+        array = _of_labeled(given, name)
+    else:
+        array = _array(given, name)
+    if array.dtype.kind not in "biuf":
+        raise TypeError(f"a {name} of {array.dtype}; its values must be real numbers")
+    return array, None
+
+
+def _read(path: str | PathLike[str] | Address) -> tuple[NDArray[Any], bool | None]:
+    """Read levels of 8- and 16-bit pictures as stored; linear light of all others."""
+    from resample.files.pictures import picture_at, read_picture
+
+    found = picture_at(place_of(path))
+    if found.is_plain:
+        return found.load().data, found.is_encoded
+    return read_picture(found.path).data, None
+
+
+def _array(given: Any, name: str) -> NDArray[Any]:
+    if not (isinstance(given, list | tuple) or hasattr(given, "__array__")):
+        raise TypeError(f"a {name} of {type(given).__name__}; give {TAKEN}")
+    try:
+        return np.asanyarray(given)
+    except ValueError:
+        raise ValueError(f"lists of different lengths are not a {name}; give {TAKEN}") from None
+
+
+def _of_itk(image: Any, name: str) -> NDArray[Any]:
+    import SimpleITK
+
+    if image.GetDimension() != 2:
+        raise ValueError(f"an image of {image.GetDimension()} dimensions; a {name} has 2")
+    return np.asarray(SimpleITK.GetArrayFromImage(image))
+
+
+def _of_labeled(given: Any, name: str) -> NDArray[Any]:
+    """Array of an xarray object, rows first, channels last."""
+    dims = {str(dim).lower(): dim for dim in given.dims}
+    rows = next((dims.pop(dim) for dim in ROWS if dim in dims), None)
+    columns = next((dims.pop(dim) for dim in COLUMNS if dim in dims), None)
+    if rows is None or columns is None or len(dims) > 1:
+        raise ValueError(
+            f"a {name} has the dimensions y and x, and one of channels if need be, not "
+            f"{', '.join(map(str, given.dims))}"
+        )
+    return np.asarray(given.transpose(rows, columns, *dims.values()).values)
+
+
+def save(result: Any, path: str | Path, *, bits: int, background: Behind) -> None:
+    """Write a result; see `resample.showable.Showable.save`."""
+    frame = result if isinstance(result, Frame) else _as_frame(result)
+    write_frame(Path(path), frame, bits, _behind(background))
+
+
+def _behind(background: Behind) -> Color | None:
+    """Linear light of a background; None: transparent."""
+    if background is None or isinstance(background, str):
+        return None if background is None else linear_color(background)
+    light = [float(part) for part in background]
+    if len(light) != 3:
+        raise ValueError(
+            f"a background of {len(light)} values; give 3 of linear light, #rrggbb or a color's "
+            "name"
+        )
+    red, green, blue = light
+    return red, green, blue
+
+
+def levels_of(result: Any, of: str, *, background: Behind = None) -> NDArray[np.uint8]:
+    """8-bit levels of a part of a result; see `resample.showable.Showable.to_uint8`."""
+    if of != "color":
+        light = _false_colors(result, of)
+        return screen_levels(np.dstack([light, np.ones_like(light[..., :1])]))[..., :3]
+    return screen_levels(light_of(result), background=_behind(background))
+
+
+def image_of(result: Any, of: str, *, background: Behind = None) -> "Image":
+    """Convert a result to a Pillow image."""
+    from PIL import Image
+
+    return Image.fromarray(levels_of(result, of, background=background))
+
+
+def png_of(result: Any) -> bytes:
+    """PNG of a result, reduced to a size for notebooks."""
+    image, file = image_of(result, "color"), BytesIO()
+    image.thumbnail((NOTEBOOK, NOTEBOOK))
+    image.save(file, "png")
+    return file.getvalue()
+
+
+def line_about(result: Any) -> str:
+    """Class, size and covered fraction of a result."""
+    name = type(result).__name__
+    if isinstance(result, Frame):
+        height, width = result.depth.shape
+        near = result.first_depth[np.isfinite(result.first_depth)]
+        depth = f", depth from {near.min():.4g}" if near.size else ""
+        return f"{name}({width} × {height} px, {_covered(result)}{depth})"
+    image = np.ma.getdata(result.image)
+    size = " × ".join(map(str, image.shape))
+    return f"{name}({size} {image.dtype}, {_covered(result)})"
+
+
+def light_of(result: Any) -> Floats:
+    """Premultiplied linear light (H, W, 4) of a result."""
+    if isinstance(result, Frame):
+        return result.rgba
+    stored = np.ma.getdata(result.image)
+    image = stored[..., np.newaxis] if stored.ndim == result.coverage.ndim else stored
+    if image.ndim != 3 or image.shape[2] > 4:
+        raise ValueError(
+            f"{stored.shape} is not a picture (H, W) or (H, W, C) of up to 4 channels; take one of "
+            "a batch, or some of the channels"
+        )
+    values = _as_light(image)
+    if image.shape[2] in (1, 2):
+        values = np.repeat(values[..., :1], 3, axis=2)
+    if values.shape[2] == 4:
+        if stored.dtype in ENCODED:  # straight opacity
+            values[..., :3] *= values[..., 3:]
+        return values
+    coverage = np.asarray(result.coverage, np.float32)[..., np.newaxis]
+    if not getattr(result, "is_premultiplied", True):
+        values = values * coverage
+    return np.concatenate([values, coverage], axis=2)
+
+
+def _as_light(image: NDArray[Any]) -> Floats:
+    """Values (H, W, C) as linear light; missing values are black."""
+    values = np.nan_to_num(image.astype(np.float32))
+    if image.dtype in ENCODED:
+        values /= np.float32(np.iinfo(image.dtype).max)
+        values[..., :3] = from_srgb(values[..., :3])
+    elif image.dtype.kind in "iu":
+        values /= max(1.0, float(np.abs(values).max(initial=0)))
+    return values
+
+
+def _as_frame(result: Any) -> Frame[Any]:
+    """Convert a warped picture to a frame, to be written."""
+    light = light_of(result)
+    depth = getattr(result, "depth", np.full(light.shape[:2], np.inf, np.float32))
+    coverage = np.asarray(result.coverage, np.float32)
+    return Frame(light, depth, depth, coverage, Statistics(0, 0, 0, 0, 1, {}))
+
+
+def _false_colors(result: Any, of: str) -> Floats:
+    """Linear light (H, W, 3) in false colors for a part; black where it has no values."""
+    known = [part for part in MEASURED if getattr(result, part, None) is not None]
+    if of not in known:
+        raise ValueError(
+            f"{type(result).__name__} has no part {of!r}; it has color, {', '.join(known)}"
+        )
+    values = np.asarray(getattr(result, of), np.float64)
+    if of == "holes":
+        kinds = mapped(HOLE_COLORS, np.arange(0.05, 1, 0.1))
+        return np.where(values[..., None] > 0, kinds[values.astype(int) % 10], np.float32(0))
+    finite = np.isfinite(values)
+    low, high = np.percentile(values[finite], PERCENTILES) if finite.any() else (0.0, 1.0)
+    share = np.clip((np.where(finite, values, low) - low) / max(high - low, 1e-30), 0, 1)
+    colors = mapped(COLORMAP, share.ravel()).reshape(*values.shape, 3)
+    return np.where(finite[..., None], colors, np.float32(0))
+
+
+def _covered(result: Any) -> str:
+    return f"{100 * float(np.mean(result.coverage > 0)):.3g} % covered"

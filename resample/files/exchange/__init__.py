@@ -1,1 +1,0 @@
-"""Conversions of arguments and results: arrays, images of other libraries, pictures."""

@@ -1,1 +1,0 @@
-"""Write painted scenes: deep pictures, and windows of one picture."""

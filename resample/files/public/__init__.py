@@ -1,1 +1,0 @@
-"""Download and verify public files."""

@@ -1,0 +1,1 @@
+"""Data beyond memory: bricks and their caches, passes, windows, cached facts."""

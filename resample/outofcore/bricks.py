@@ -1,0 +1,356 @@
+"""Arrays of any dimension in bricks, read on demand: indices, reads counted, caches."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise, product
+from math import prod
+from threading import Lock
+from typing import Any, NamedTuple, Self
+from uuid import uuid4
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.outofcore.passes import in_order
+from resample.outofcore.sharing import SharedBricks
+from resample.watching import report
+
+Step = tuple[int, ...]  # an index or a size along each axis, such as z, y, x
+Box = tuple[slice, ...]  # likewise
+
+SHARE = 8  # memory limit over that of the pinned bricks
+OWN = uuid4().hex  # identifies caches of this process
+
+
+def with_neighbours(is_chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Dilate a selection of bricks by one brick."""
+    found = np.pad(is_chosen, 1)  # so that nothing wraps around
+    for axis, by in product(range(found.ndim), (-1, 1)):
+        found |= np.roll(found, by, axis)
+    return found[(slice(1, -1),) * found.ndim]
+
+
+def bricks_in_memory(is_needed: NDArray[np.bool_]) -> int:
+    """Return the number of bricks held at once, as slopes need adjacent ones: two layers."""
+    layers = is_needed.reshape(len(is_needed), -1).sum(axis=1)
+    return int((layers[1:] + layers[:-1]).max(initial=layers.max(initial=0)))
+
+
+def spans(count: int, parts: int) -> list[tuple[int, int]]:
+    """Cut a range into about equal parts, none of them empty."""
+    return list(pairwise(sorted({count * n // parts for n in range(parts + 1)})))
+
+
+def boxes_of(shape: Step, side: Step) -> list[Box]:
+    """Cut an array into boxes of a size, the last along each axis smaller; the first slowest."""
+    starts = product(*(range(0, size, own) for size, own in zip(shape, side, strict=True)))
+    return [
+        tuple(slice(n, min(n + own, size)) for n, own, size in zip(at, side, shape, strict=True))
+        for at in starts
+    ]
+
+
+def copy_shared(values: NDArray[Any], box: Box, brick: NDArray[Any], own: Box) -> None:
+    """Copy what a brick and a box have in common to the values of the box."""
+    shared = [
+        (max(one.start, other.start), min(one.stop, other.stop))
+        for one, other in zip(box, own, strict=True)
+    ]
+    if any(start >= stop for start, stop in shared):
+        return
+    to, of = (
+        tuple(slice(a - p.start, b - p.start) for (a, b), p in zip(shared, at, strict=True))
+        for at in (box, own)
+    )
+    values[to] = brick[of]
+
+
+class BrickRequest(NamedTuple):
+    """Blocks whose elements are requested."""
+
+    side: int  # elements along each axis
+    is_requested: NDArray[np.bool_]  # of blocks
+
+    def has_any(self, box: Box) -> bool:
+        """Return whether any element of a box is requested."""
+        at = (slice(p.start // self.side, (p.stop - 1) // self.side + 1) for p in box)
+        return bool(self.is_requested[tuple(at)].any())
+
+    def holds(self, at: Sequence[NDArray[np.int64]]) -> NDArray[np.bool_]:
+        """Return which elements (N,) are requested, by indices along each axis."""
+        return self.is_requested[tuple(n // self.side for n in at)]
+
+
+class LruCache:
+    """Cache of the most recently used bricks, up to a limit in bytes."""
+
+    def __init__(self, most: int) -> None:
+        self.most, self._size = most, 0
+        self._kept: dict[Step, NDArray[Any]] = {}
+        self._lock = Lock()
+
+    def found(self, index: Step) -> NDArray[Any] | None:
+        """Return a brick if cached, and mark it as the most recent."""
+        with self._lock:
+            values = self._kept.pop(index, None)
+            if values is not None:
+                self._kept[index] = values
+            return values
+
+    def keep(self, index: Step, values: NDArray[Any]) -> None:
+        """Cache a brick, and evict the least recently used."""
+        with self._lock:
+            if index not in self._kept and values.nbytes <= self.most:
+                self._kept[index] = values
+                self._size += values.nbytes
+            while self._size > self.most:
+                self._size -= self._kept.pop(next(iter(self._kept))).nbytes
+
+
+class PinnedCache:
+    """Cache that pins the bricks read first, up to a limit in bytes, for all later passes.
+
+    All passes go over the bricks in the same order, so an LRU cache would be useless for the next
+    one. It is pickled without its bricks: in another process, all parts of one command's work share
+    a cache of that process. That ends with the process, or when it works for another command.
+    """
+
+    def __init__(self, most: int, name: tuple[str, str] | None = None) -> None:
+        self.most, self.size = most, 0
+        self._name = name or (OWN, uuid4().hex)
+        self._kept: dict[Step, NDArray[Any]] = {}
+        self._lock = Lock()
+
+    def __reduce__(self) -> tuple[Callable[..., "PinnedCache"], tuple[Any, ...]]:
+        return _cache_here, (self.most, self._name)
+
+    def found(self, index: Step) -> NDArray[Any] | None:
+        """Return a brick if cached."""
+        return self._kept.get(index)
+
+    def keep(self, index: Step, values: NDArray[Any]) -> None:
+        """Cache a brick if there is room, unless it is constant and so known without reading."""
+        if values.nbytes > self.most - self.size or _is_known(values):
+            return
+        with self._lock:
+            if index not in self._kept and values.nbytes <= self.most - self.size:
+                self._kept[index] = values
+                self.size += values.nbytes
+
+    def all(self) -> list[tuple[Step, NDArray[Any]]]:
+        """Return all bricks, with their indices."""
+        with self._lock:
+            return list(self._kept.items())
+
+    def limit(self, most: int) -> None:
+        """Set the limit in bytes; 0 evicts all."""
+        with self._lock:
+            self.most = most
+            while self.size > most:
+                self.size -= self._kept.popitem()[1].nbytes
+
+
+_CACHES: dict[tuple[str, str], PinnedCache] = {}  # of the command that this process works for
+_CACHES_LOCK = Lock()
+
+
+def _cache_here(most: int, name: tuple[str, str]) -> PinnedCache:
+    """Return this process's cache of a command, and drop those of other commands."""
+    with _CACHES_LOCK:
+        for other in [other for other in _CACHES if other[0] != name[0]]:
+            del _CACHES[other]
+        cache = _CACHES.setdefault(name, PinnedCache(most, name))
+    cache.limit(most)
+    return cache
+
+
+def _is_known(values: NDArray[Any]) -> bool:
+    return is_known_by_its_ends(values.dtype) and bool(values.min() == values.max())
+
+
+def is_known_by_its_ends(dtype: np.dtype[Any]) -> bool:
+    """Return whether equal ends tell all values of a type."""
+    return dtype.kind in "iu" and dtype.itemsize <= 4  # float64 holds them exactly, and none is NaN
+
+
+@dataclass(eq=False)
+class BrickArray:
+    """An array in a file, of which bricks are read on demand."""
+
+    read: Callable[[Box], NDArray[Any]]  # reads the values of a box from the file
+    shape: Step
+    dtype: np.dtype[Any]
+    side: Step  # elements of a brick; the last along each axis may be smaller
+    found: dict[Any, Any] = field(default_factory=dict)  # facts, see `resample.outofcore.caching`
+    memory: int | None = None  # memory limit for all that is made of them; None: the machine's
+    reads: int = 0  # counts bricks read
+    most_held: int = 0  # peak bytes of bricks in memory together
+    request: BrickRequest | None = None  # blocks whose elements are requested; None: all
+    recent: LruCache | None = None  # cache of bricks
+    pinned: PinnedCache | None = None  # pinned bricks, as stored in the file
+    shared: SharedBricks | None = None  # pinned bricks that other processes have, too
+    period: int | None = None  # elements of the first axis at which bricks restart; None: none
+    _lock: Lock = field(default_factory=Lock)
+
+    @property
+    def size(self) -> int:
+        """Number of elements."""
+        return prod(self.shape)
+
+    @property
+    def count(self) -> Step:
+        """Bricks along each axis."""
+        each = self.period or self.shape[0]
+        sizes = zip((each, *self.shape[1:]), self.side, strict=True)
+        first, *others = (-(-size // side) for size, side in sizes)
+        return first * (self.shape[0] // each), *others
+
+    def box(self, index: Step) -> Box:
+        """Return the box of elements of a brick."""
+        each = self.period or self.shape[0]
+        period, n = divmod(index[0], -(-each // self.side[0]))
+        sizes, start = (each, *self.shape[1:]), period * each
+        first, *others = (
+            slice(n * side, min((n + 1) * side, size))
+            for n, side, size in zip((n, *index[1:]), self.side, sizes, strict=True)
+        )
+        return slice(start + first.start, start + first.stop), *others
+
+    @property
+    def limits(self) -> Box:
+        """Least and greatest index along each axis."""
+        return tuple(slice(0, size) for size in self.shape)
+
+    def all(self) -> list[Step]:
+        """Indices of all bricks, the first axis slowest."""
+        return list(product(*map(range, self.count)))
+
+    def brick(self, index: Step) -> NDArray[Any]:
+        """Return the values of a brick."""
+        values = None if self.recent is None else self.recent.found(index)
+        if values is None:
+            values = self.decoded(self._read(index))
+            if self.recent is not None:
+                self.recent.keep(index, values)
+        return values
+
+    def decoded(self, stored: NDArray[Any]) -> NDArray[Any]:
+        """Return values for those in the file; here the same."""
+        return stored
+
+    def state(self) -> tuple[Any, ...] | None:
+        """Return what identifies the values, also for later commands; None if nothing does."""
+        return None
+
+    def _read(self, index: Step) -> NDArray[Any]:
+        """Read the values of a brick, from the cache or the file."""
+        values = None if self.pinned is None else self.pinned.found(index)
+        box, number = self.box(index), int(np.ravel_multi_index(index, self.count))
+        if values is None and self.shared is not None:
+            shape = tuple(side.stop - side.start for side in box)
+            values = self.shared.found(number, shape, self.dtype)
+        if values is None:
+            values = self.read(box)
+            with self._lock:
+                self.reads += 1
+            is_there = self.shared is not None and self.shared.keep(number, values)
+            if self.pinned is not None and not is_there:
+                self.pinned.keep(index, values)
+        return values
+
+    def share_bricks(self) -> None:
+        """Let processes of this machine share pinned bricks, of which none reads one again."""
+        if self.pinned is not None and self.shared is None:
+            bricks = prod(self.count)
+            shared = SharedBricks.within(self.pinned.most, bricks, self.bytes_each)
+            if shared is not None:
+                for index, values in self.pinned.all():
+                    shared.keep(int(np.ravel_multi_index(index, self.count)), values)
+            self.shared = shared
+
+    def within(self, request: BrickRequest | None, recent: LruCache | None = None) -> Self:
+        """Return a copy restricted to some blocks; it counts its own reads."""
+        return replace(self.anew(), request=request, recent=recent)
+
+    def anew(self) -> Self:
+        """Return a copy that counts its own reads."""
+        return replace(self, reads=0, most_held=0, _lock=Lock())
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what another process needs."""
+        return self.__dict__ | {"found": {}, "recent": None, "_lock": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state, _lock=Lock())
+
+    def pin_bricks(self, most: int) -> None:
+        """Pin the bricks read first, up to a limit in bytes."""
+        self.shared = self.shared if most else None
+        if self.pinned is None:
+            self.pinned = PinnedCache(most)
+        else:
+            self.pinned.limit(min(most, self.pinned.most))
+
+    @property
+    def pinned_bytes(self) -> int:
+        """Limit of the pinned bricks in bytes."""
+        return 0 if self.pinned is None else self.pinned.most
+
+    def hold(self, count: int) -> None:
+        """Record the number of bricks in memory."""
+        self.most_held = max(self.most_held, count * self.bytes_each)
+
+    @property
+    def bytes_each(self) -> int:
+        """Bytes of a brick."""
+        return prod(map(min, self.side, self.shape)) * self.dtype.itemsize
+
+    @property
+    def bytes_to_load(self) -> int:
+        """Bytes of all values."""
+        return self.size * self.dtype.itemsize
+
+    def parts(self) -> Iterator[NDArray[Any]]:
+        """Yield the values of all bricks."""
+        return in_order(self.brick, self.all())
+
+    def whole(self) -> NDArray[Any]:
+        """Read all values into memory."""
+        values = np.empty(self.shape, self.dtype)
+        self.put_into(values)
+        return values
+
+    def put_into(self, values: NDArray[Any]) -> None:
+        """Fill an array with all values."""
+
+        def put(index: Step) -> None:
+            values[self.box(index)] = self.brick(index)
+
+        for n, _ in enumerate(in_order(put, self.all())):
+            report(n + 1, prod(self.count))
+
+    def part(self, box: Box) -> NDArray[Any]:
+        """Return the values of any box, of the bricks that it touches."""
+        values = np.empty([side.stop - side.start for side in box], self.dtype)
+        if values.size:
+            homes = (
+                range(part.start // side, (part.stop - 1) // side + 1)
+                for part, side in zip(box, self.side, strict=True)
+            )
+            for index in product(*homes):
+                copy_shared(values, box, self.brick(index), self.box(index))
+        return values
+
+    def at(self, index: Sequence[NDArray[np.int64]]) -> NDArray[Any]:
+        """Return values (N,) at indices along each axis; each brick with any is read once."""
+        homes = [n // side for n, side in zip(index, self.side, strict=True)]
+        home = np.ravel_multi_index(homes, self.count)
+        order = np.argsort(home, kind="stable")
+        bricks, starts = np.unique(home[order], return_index=True)
+        found = np.empty(home.size, self.dtype)
+        for number, own in zip(bricks, np.split(order, starts[1:]), strict=True):
+            at = tuple(int(n) for n in np.unravel_index(number, self.count))
+            box = self.box(at)
+            within = tuple(n[own] - part.start for n, part in zip(index, box, strict=True))
+            found[own] = self.brick(at)[within]
+        return found

@@ -1,0 +1,118 @@
+"""Passes over parts of a scene: on threads, or by an executor, with progress."""
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager, nullcontext
+from functools import cache, partial
+from itertools import pairwise
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.watching import Executor, Progress, shared_out, told
+
+MOST_THREADS = 8
+DIGIT = 16  # bits
+
+P = TypeVar("P")
+R = TypeVar("R")
+
+
+class PassContext(NamedTuple):
+    """Executor, threads and progress of a pass."""
+
+    executor: Executor | None = None  # runs parts; None: all run in this process
+    threads: int | None = None  # of each process; None: all
+    tell: Progress | None = None  # called with the fraction done, 0 to 1; None: as of the caller
+
+    def portion(self, first: float, last: float) -> "PassContext":
+        """Return the context of a part of the work, by fractions of the whole."""
+        tell = self.tell
+        if tell is None:
+            return self
+        return self._replace(tell=lambda share: tell(first + (last - first) * share))
+
+
+def passed(
+    job: Callable[[P], R],
+    parts: Sequence[P],
+    context: PassContext,
+    sizes: Sequence[int] | None = None,
+) -> Iterator[R]:
+    """Run a job on parts, and yield its results in their order; `sizes` are their shares in it.
+
+    Other processes get the job pickled, and may repeat it if one of them ended.
+    """
+    done = np.cumsum([0, *(sizes or [1] * len(parts))])
+    results = shared_out(context.executor, partial(_on_threads, job, context.threads), parts)
+    for first, last in pairwise(done):
+        share = context.portion(first / max(1, done[-1]), last / max(1, done[-1]))
+        with nullcontext() if share.tell is None else told(share.tell):
+            result = next(results)
+        yield result
+
+
+def _on_threads(job: Callable[[P], R], count: int | None, part: P) -> R:
+    """Run a job on at most so many threads."""
+    from resample.engine.jit import threads
+
+    with nullcontext() if count is None else threads(count):
+        return job(part)
+
+
+def ranked(
+    ranks: Iterable[int], counted: Callable[[int, int], NDArray[np.int64]], digits: int
+) -> list[int]:
+    """Return the numbers of ranks among ascending ones, by passes as of `counts_by_digit`."""
+    count, found = cache(counted), []
+    for rank in ranks:
+        prefix, left = 0, rank
+        for digit in reversed(range(digits)):
+            last = np.cumsum(count(prefix, digit))
+            own = int(np.searchsorted(last, left, side="right"))
+            left -= int(last[own - 1]) if own else 0
+            prefix = prefix << DIGIT | own
+        found.append(prefix)
+    return found
+
+
+def counts_by_digit(
+    number: NDArray[np.unsignedinteger[Any]], prefix: int, digit: int
+) -> NDArray[np.int64]:
+    """Count 16 bits, digit 0 the lowest, of the numbers (N,) whose higher bits are a prefix."""
+    high = number >> number.dtype.type(DIGIT * digit)
+    own = high[high >> number.dtype.type(DIGIT) == prefix] & number.dtype.type((1 << DIGIT) - 1)
+    return np.bincount(own.astype(np.int64), minlength=1 << DIGIT)
+
+
+@contextmanager
+def thread_pool(threads: int | None = None) -> Iterator[ThreadPoolExecutor]:
+    """Threads, `threads_at_work` by default, of which none begins another task after the block."""
+    pool = ThreadPoolExecutor(threads or threads_at_work())
+    try:
+        yield pool
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def in_order(
+    job: Callable[[P], R], parts: Iterable[P], pool: ThreadPoolExecutor | None = None
+) -> Iterator[R]:
+    """Run a job on threads; yield its results in the order of the parts, of which few wait."""
+    waiting, most = deque[Future[R]](), threads_at_work()
+    with thread_pool() if pool is None else nullcontext(pool) as own:
+        for part in parts:
+            waiting.append(own.submit(job, part))
+            if len(waiting) > most:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()
+
+
+def threads_at_work() -> int:
+    """Return the number of concurrent parts, within `resample.engine.jit.threads`."""
+    from resample.engine.jit import workers
+
+    return min(MOST_THREADS, workers())

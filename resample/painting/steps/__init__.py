@@ -1,1 +1,0 @@
-"""Paint windows from samples that are loaded in parts, nearest first."""

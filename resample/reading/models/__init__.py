@@ -1,1 +1,0 @@
-"""Triangle meshes and glTF files, checked while they are read."""

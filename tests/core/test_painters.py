@@ -1,0 +1,73 @@
+"""Primitives of plugins are painted as those of the core, and comparisons are plugins."""
+
+from importlib.metadata import EntryPoint, EntryPoints
+
+import pytest
+
+from resample import Primitive, Resampler, registry
+from resample.painting.choices import Footprint, Technique, footprints_of
+from resample.painting.splats import StreamedPainter
+from resample.profiles import orders
+from resample_volume.baselines.painting import AxisSheets
+from tests.samples import CAMERAS, SIDE, cloud
+
+PICTURE = {"camera": CAMERAS["narrow"], "height": SIDE, "width": SIDE}
+
+
+def balls() -> Technique:
+    """Exact splats alone."""
+    return Technique(0.0, (Footprint.EXACT,))
+
+
+def own_painter() -> Technique:
+    """Whatever is asked for, points where they are small."""
+    return Technique(
+        0.6, painter=lambda choice: StreamedPainter(choice.reconstruction, choice.point_filter)
+    )
+
+
+@pytest.fixture(autouse=True)
+def installed(monkeypatch: pytest.MonkeyPatch) -> None:
+    points = [
+        EntryPoint(name, f"{__name__}:{name}", "resample.primitives")
+        for name in ("balls", "own_painter")
+    ]
+    entry_points = registry.entry_points
+    monkeypatch.setattr(
+        registry,
+        "entry_points",
+        lambda *, group: EntryPoints((*points, *entry_points(group=group))).select(group=group),
+    )
+    monkeypatch.setattr(EntryPoint, "load", lambda self: globals()[self.name])
+
+
+@pytest.mark.parametrize(("name", "same"), [("balls", "splats"), ("own_painter", "hybrid")])
+def test_a_primitive_of_a_plugin_is_a_method_by_its_name(name, same, rng):
+    samples, subpixels = cloud(rng), 2
+    painted = Resampler(method=name, subpixels=subpixels)(samples, **PICTURE)
+    assert painted.rgba.any()
+    expected = Resampler(method=same, subpixels=subpixels)(samples, **PICTURE)
+    assert painted.rgba.tobytes() == expected.rgba.tobytes()
+
+
+def test_a_primitive_of_a_plugin_takes_the_footprints_that_it_names():
+    with pytest.raises(ValueError, match="primitive balls goes with the footprint exact, not disc"):
+        Resampler(method="balls", footprint=Footprint.DISC)
+
+
+def test_an_unknown_method_lists_those_of_plugins_too():
+    known = "hybrid, points, splats, paper, inflate, ewa, balls, own_painter"
+    with pytest.raises(ValueError, match=f"method 'ball'; known: {known}"):
+        Resampler(method="ball")
+
+
+def test_primitives_for_comparison_are_plugins(monkeypatch):
+    monkeypatch.undo()
+    own = {Primitive.HYBRID, Primitive.POINTS, Primitive.SPLATS, Primitive.PAPER}
+    assert set(registry.names("primitives")) == set(Primitive) - own
+    assert all(footprints_of(name) for name in Primitive)
+
+
+def test_the_order_of_sheets_has_its_old_name_for_a_release():
+    with pytest.warns(DeprecationWarning, match="is now resample_volume.baselines.painting.Axis"):
+        assert orders.AxisSheets is AxisSheets
