@@ -41,32 +41,6 @@ def _filter_stretch(
         _add_pair(line, source, places, count, taps[middle + tap])
 
 
-@packed_kernel
-def gather_plate(
-    counter: Counter, source: Floats, rows: Integers, columns: Integers, flat: Floats
-) -> None:
-    """Gather rows and columns of a grid into a plate.
-
-    Parameters
-    ----------
-    source
-        (H, W, C).
-    rows, columns
-        (R,) and (K,) indices into the grid, in any order; repeats are allowed.
-    flat
-        R × K × C numbers, filled; it may be longer.
-    """
-    channels = source.shape[2]
-    width = columns.size * channels
-    # Copy band by band, each row by the list of columns.
-    for first, last in bands(counter, rows.size, BAND):
-        for r in range(first, last):
-            line, row = flat[r * width :], source[rows[r]]
-            for k in range(columns.size):
-                for c in range(channels):
-                    line[k * channels + c] = row[columns[k], c]
-
-
 class Filters(NamedTuple):
     """Symmetric taps (K,), K odd, along both axes of a plate."""
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.engine.windows.boxes import SPARE, Plate
-from resample.engine.windows.filtering import Filters, filter_plate, gather_plate
+from resample.engine.windows.filtering import Filters, filter_plate
 from resample.profiles.interpolation import Interpolation, prefilter
 from resample.types import Floats
 from resample_texture.geometry import shifts
@@ -114,5 +114,26 @@ def _continued(source: SourcePart, sides: Sides, edge: Edge) -> Floats:
     rows, columns = np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1)
     flat = np.empty(rows.size * columns.size * channels + SPARE, np.float32)
     flat[-SPARE:] = 0.0
-    gather_plate(source.texels, rows, columns, flat)
+    plane = flat[:-SPARE].reshape(rows.size, columns.size, channels)
+    # Copy what is stored as it is, and texel by texel what continues it.
+    down, across = _straight(rows), _straight(columns)
+    plane[down, across] = source.texels[_of(rows, down), _of(columns, across)]
+    for part in (slice(0, down.start), slice(down.stop, rows.size)):
+        plane[part] = source.texels[rows[part]][:, columns]
+    for part in (slice(0, across.start), slice(across.stop, columns.size)):
+        plane[down, part] = source.texels[_of(rows, down)][:, columns[part]]
     return flat
+
+
+def _straight(index: Integers) -> slice:
+    """Return the longest run of indices that count up by one."""
+    ends = np.flatnonzero(np.diff(index) != 1) + 1
+    starts = np.concatenate([[0], ends])
+    count = np.diff(np.concatenate([starts, [index.size]]))
+    first = int(starts[count.argmax()])
+    return slice(first, first + int(count.max()))
+
+
+def _of(index: Integers, part: slice) -> slice:
+    """Return the texels of a run of indices."""
+    return slice(int(index[part.start]), int(index[part.stop - 1]) + 1)
