@@ -178,11 +178,13 @@ def _shrunk(footprint: PixelFootprint) -> PixelFootprint:
     # Second moments, times 12, and their eigenvalues.
     (ux, vx), (uy, vy) = footprint.along_x, footprint.along_y
     uu, vv, uv = ux * ux + uy * uy, vx * vx + vy * vy, ux * vx + uy * vy
-    middle, apart = 0.5 * (uu + vv), math.hypot(0.5 * (uu - vv), uv)
-    # Subtract the sample's own along both eigenvectors.
-    if middle + apart <= OWN:
+    # Both are below a sample's own if its moments less these are those of an ellipse.
+    if uu <= OWN and vv <= OWN and uv * uv <= (OWN - uu) * (OWN - vv):
         return PixelFootprint(footprint.u, footprint.v, (0.0, 0.0), (0.0, 0.0))
-    longer = math.sqrt(middle + apart - OWN)
+    middle, half = 0.5 * (uu + vv), 0.5 * (uu - vv)
+    apart = math.sqrt(half * half + uv * uv)
+    # Subtract the sample's own along both eigenvectors.
+    longer = math.sqrt(max(middle + apart - OWN, 0.0))
     shorter = math.sqrt(max(middle - apart - OWN, 0.0))
     # Halve the angle 2 a of their axes: cos 2a = (uu − vv) / 2 apart.
     double = 0.5 * (uu - vv) / apart if apart > NEARLY else 1.0
@@ -287,7 +289,11 @@ def _mean_of(view: GridView, footprint: PixelFootprint, scratch: PixelScratch) -
         return _mean_within(view, footprint, scratch)
     # Elsewhere, fold the footprint into the grid, and add it whole or in parts.
     placed = _averaged(view, _place(view, footprint))
-    if is_box(placed, view.finest):
+    if placed.along_x[0] == placed.along_x[1] == placed.along_y[0] == placed.along_y[1] == 0.0:
+        box = GridBox(placed.u - view.plate.left, placed.v - view.plate.top, 0.0, 0.0)
+        one, total = np.float32(1), scratch.total
+        add_mean(view.plate, view.integral, view.points, box, one, scratch.weights, total)
+    elif is_box(placed, view.finest):
         _add_part(view, placed, np.float32(1), scratch)
     else:
         _add_parts(view, placed, scratch)

@@ -172,7 +172,8 @@ def _of_texels(picture: Floats, encoding: Encoding) -> NDArray[Any]:
 
 def _over(picture: Floats, coverage: Floats, behind: Floats) -> Floats:
     """Composite a picture (H, W, C) over a background; its nans show only through gaps."""
-    gaps = np.nonzero((coverage < 1.0).any(axis=2))
+    is_partly = coverage < 1.0
+    gaps = np.nonzero(is_partly[..., 0] if coverage.shape[2] == 1 else is_partly.any(axis=2))
     if not gaps[0].size:
         return picture
     share = 1.0 - np.broadcast_to(coverage, picture.shape)[gaps]
