@@ -176,7 +176,7 @@ def test_our_own_interpolations_are_there_by_name():
     named = {"interpolation": "area-spline"}
     expected = warp(image, matrix, (80, 100), edge="clamp").image
     np.testing.assert_array_equal(opencv.resize(image, (100, 80), **named), expected)
-    expected = warp(image, matrix, (80, 100), convention="opencv").image
+    expected = warp(image, matrix, (80, 100), convention="opencv", fill="premultiplied").image
     ours = opencv.warpAffine(image, matrix[:2], (100, 80), **named)
     np.testing.assert_array_equal(ours, expected)
     ours = opencv.warpPerspective(image, matrix, (100, 80), **named)
@@ -186,7 +186,7 @@ def test_our_own_interpolations_are_there_by_name():
     ours = like_ndimage.affine_transform(image, (0.5, 0.5), output_shape=(80, 100), **named)
     np.testing.assert_allclose(ours, expected, atol=1e-6)
     y, x = np.mgrid[:40, :50] + 0.25
-    expected = warp(image, BackwardMap.from_opencv(x, y), (40, 50)).image
+    expected = warp(image, BackwardMap.from_opencv(x, y), (40, 50), fill="premultiplied").image
     ours = opencv.remap(image, x, y, **named)
     np.testing.assert_array_equal(ours, expected)
     ours = like_ndimage.map_coordinates(image, (y, x), **named)
