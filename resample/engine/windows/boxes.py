@@ -44,6 +44,7 @@ class PointTaps(NamedTuple):
     table: Floats  # (FINE_PHASES + 2) × stride; padded with zeros
     stride: int  # a multiple of eight
     taps: int  # 0: short sides are widened boxes
+    own: float  # samples², extent that a sample has already along an axis, as interpolated
 
 
 class Plate(NamedTuple):
@@ -109,7 +110,7 @@ def _point_weights(
     place
         Samples from the start of a grid with `size` of them; the window is kept on the grid.
     """
-    table, stride, taps = points
+    table, stride, taps = points.table, points.stride, points.taps
     # Split the distance from the sample before into samples, table rows and a fraction of a row.
     before = taps // 2 - 1
     low = min(max(float(before), place - 0.5), float(size - taps + before))

@@ -169,23 +169,23 @@ def _add_parts(view: GridView, footprint: PixelFootprint, scratch: PixelScratch)
 
 
 @inner_kernel
-def _shrunk(footprint: PixelFootprint) -> PixelFootprint:
+def _shrunk(footprint: PixelFootprint, own: float) -> PixelFootprint:
     """By how much a footprint is larger than a sample: their second moments' difference.
 
-    A sample is already a mean over its own extent, so only what a pixel covers beyond that is to be
-    averaged: nothing where samples keep their size or grow.
+    A sample is already a mean over its own extent, which interpolation may widen, so only what a
+    pixel covers beyond that is to be averaged: nothing where samples keep their size or grow.
     """
     # Second moments, times 12, and their eigenvalues.
     (ux, vx), (uy, vy) = footprint.along_x, footprint.along_y
     uu, vv, uv = ux * ux + uy * uy, vx * vx + vy * vy, ux * vx + uy * vy
     # Both are below a sample's own if its moments less these are those of an ellipse.
-    if uu <= OWN and vv <= OWN and uv * uv <= (OWN - uu) * (OWN - vv):
+    if uu <= own and vv <= own and uv * uv <= (own - uu) * (own - vv):
         return PixelFootprint(footprint.u, footprint.v, (0.0, 0.0), (0.0, 0.0))
     middle, half = 0.5 * (uu + vv), 0.5 * (uu - vv)
     apart = math.sqrt(half * half + uv * uv)
     # Subtract the sample's own along both eigenvectors.
-    longer = math.sqrt(max(middle + apart - OWN, 0.0))
-    shorter = math.sqrt(max(middle - apart - OWN, 0.0))
+    longer = math.sqrt(max(middle + apart - own, 0.0))
+    shorter = math.sqrt(max(middle - apart - own, 0.0))
     # Halve the angle 2 a of their axes: cos 2a = (uu − vv) / 2 apart.
     double = 0.5 * (uu - vv) / apart if apart > NEARLY else 1.0
     x = math.sqrt(max(0.5 + 0.5 * double, 0.0))
@@ -197,7 +197,7 @@ def _shrunk(footprint: PixelFootprint) -> PixelFootprint:
 @inner_step
 def _averaged(view: GridView, footprint: PixelFootprint) -> PixelFootprint:
     """What a pixel is averaged over: its footprint, or what of it is larger than a sample."""
-    return footprint if view.points.taps == 0 else _shrunk(footprint)
+    return footprint if view.points.taps == 0 else _shrunk(footprint, view.points.own)
 
 
 @inner_step

@@ -22,9 +22,16 @@ from resample.engine.windows.boxes import (
     Plate,
     PointTaps,
 )
-from resample.engine.windows.gather import Extent, GridView
+from resample.engine.windows.gather import OWN, Extent, GridView
 from resample.engine.windows.limits import Limits
-from resample.profiles.interpolation import Interpolation, excess, integrals, point_taps, prefilter
+from resample.profiles.interpolation import (
+    Interpolation,
+    blur,
+    excess,
+    integrals,
+    point_taps,
+    prefilter,
+)
 from resample.types import Doubles, Floats
 from resample_texture.geometry.mappings import BackwardMap, Homography, TargetRegion
 from resample_texture.geometry.windows import VisibleTiles
@@ -312,9 +319,11 @@ def _view(form: tuple[int, ...], edge: Edge, cells: CellGrid) -> GridView:
     height, width, channels = form
     plate = Plate(NOTHING, 0.0, 0.0, 0, 0, channels, 0, 0)
     finest = float(1.5 / cells.quality)
-    points = PointTaps(NOTHING, 0, 0)
+    points = PointTaps(NOTHING, 0, 0, 0.0)
     if cells.shrinking:
-        points = PointTaps(*point_taps(cells.interpolation, FINE_PHASES))
+        points = PointTaps(
+            *point_taps(cells.interpolation, FINE_PHASES), OWN + blur(cells.interpolation)
+        )
     shortest = POINTLIKE if cells.shrinking else SHORTEST
     integral = integrals(cells.interpolation, PHASES, ONES)._replace(shortest=shortest)
     limits = Limits(plate, excess(cells.interpolation))

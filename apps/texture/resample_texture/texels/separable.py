@@ -20,6 +20,7 @@ from resample.engine.windows.separable import (
     weigh_grid,
 )
 from resample.profiles.interpolation import (
+    blur,
     exact_prefilter,
     excess,
     point_weights,
@@ -246,7 +247,7 @@ def _weights(middle: Doubles, side: float, size: int, edge: Edge, cells: CellGri
     interpolation = cells.interpolation
     if cells.shrinking:
         middle = 0.5 * (low + high)
-        longer = math.sqrt(max(side * side - OWN, 0.0))
+        longer = math.sqrt(max(side * side - OWN - blur(interpolation), 0.0))
         low, high = middle - 0.5 * longer, middle + 0.5 * longer
         if edge is Edge.TRANSPARENT:
             low, high = np.clip(low, 0.0, size), np.clip(high, 0.0, size)
