@@ -76,7 +76,7 @@ def main(path: Path) -> None:
     """Write both pictures and, below them, their difference before and after."""
     moving, fixed = pictures()
     there = warp(moving, registered(moving, fixed), (HEIGHT, WIDTH))
-    before, after = moving - fixed, there.image - there.coverage * fixed
+    before, after = moving - fixed, np.nan_to_num(there.image - fixed)
     halves = [np.hstack([moving, fixed]), 0.5 + np.hstack([before, after])]
     gray = np.clip(np.vstack(halves), 0, 1).astype(np.float32) ** 2.2
     write_png(path, np.stack([gray, gray, gray, np.ones_like(gray)], axis=-1))

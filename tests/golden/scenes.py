@@ -206,11 +206,18 @@ def _add_textures() -> None:
             if name == "backward map" and method in ("splats", "paper"):
                 continue
             SCENES[f"texture, {method}, {name}"] = lambda geometry=geometry, method=method: (
-                warp(photograph(64), geometry, size, method=method).image
+                warp(photograph(64), geometry, size, method=method, fill="premultiplied").image
             )
     SCENES["texture, hybrid, plane, few"] = lambda: _few_texels(geometries["plane"])
     SCENES["texture, filtered"] = lambda: (
-        warp(photograph(64), geometries["plane"], size, filter="gaussian", edge="mirror").image
+        warp(
+            photograph(64),
+            geometries["plane"],
+            size,
+            filter="gaussian",
+            edge="mirror",
+            fill="premultiplied",
+        ).image
     )
     SCENES["texture, adjoint"] = lambda: adjoint(
         photograph(SIDE), geometries["plane"], (40, 40), Edge.TRANSPARENT, CellGrid()
@@ -226,7 +233,9 @@ def _few_texels(plane: Any) -> Any:
     for source in (photograph(64)[:1, :1], photograph(64)[:1], photograph(64)[:, :1]):
         for shape in ((SIDE, SIDE), (1, 1), (1, SIDE), (SIDE, 1)):
             for edge in ("transparent", "clamp"):
-                found.append(warp(source, plane, shape, edge=edge).image.reshape(-1, 3))
+                found.append(
+                    warp(source, plane, shape, edge=edge, fill="premultiplied").image.reshape(-1, 3)
+                )
     return np.concatenate(found)
 
 

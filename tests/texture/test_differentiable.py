@@ -188,7 +188,13 @@ def test_the_picture_is_that_of_warp(scale, angle, edge):
     matrix, target = turned(scale, angle, source.shape)
     ours = LinearWarp(edge=edge)(source, MatrixPlaces(matrix, target, source.shape))
     given = warp(
-        source, matrix, target, interpolation="area-spline:limit=none", edge=edge, quality=4
+        source,
+        matrix,
+        target,
+        interpolation="area-spline:limit=none",
+        edge=edge,
+        quality=4,
+        fill="premultiplied",
     )
     x, y = np.meshgrid(np.arange(target[1]) + 0.5, np.arange(target[0]) + 0.5)
     back = np.linalg.inv(matrix) @ np.stack([x.ravel(), y.ravel(), np.ones(x.size)])
@@ -205,8 +211,9 @@ def test_the_picture_is_that_of_warp(scale, angle, edge):
 
 def test_a_torn_map_is_seen_as_warp_sees_it():
     places, source = torn_places(), pictures()[0]
-    choices = {"interpolation": "area-spline:limit=none", "edge": "mirror"}
-    given = warp(source, BackwardMap(places.x, places.y), FRAME, quality=8, **choices).image
+    choices = {"interpolation": "area-spline:limit=none", "edge": "mirror", "quality": 8}
+    choices["fill"] = "premultiplied"
+    given = warp(source, BackwardMap(places.x, places.y), FRAME, **choices).image
     ours = LinearWarp(edge="mirror")(source, places)
     # The map's jitter leans pixels, which `warp` takes for boxes.
     assert np.sqrt(np.mean((ours - given) ** 2)) < 6e-3

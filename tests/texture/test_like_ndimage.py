@@ -110,6 +110,6 @@ def test_what_cannot_be_done_is_refused(given, message):
         ndimage.affine_transform(**{"input": smooth(), "matrix": MATRIX, **given})
 
 
-def test_scattered_places_are_refused():
+def test_places_of_more_than_two_numbers_are_refused():
     with pytest.raises(ValueError, match=r"coordinates have the shape \(2, height, width\)"):
-        ndimage.map_coordinates(smooth(), np.zeros((2, 7)))
+        ndimage.map_coordinates(smooth(), np.zeros((3, 7)))

@@ -188,7 +188,7 @@ def test_an_unknown_filter_is_answered_with_the_known_ones(kind):
 @pytest.mark.parametrize("kind", [Hybrid, Supersample])
 def test_an_unknown_reconstruction_is_answered_with_the_known_ones(kind):
     with pytest.raises(LookupError, match="known interpolations: area-spline, bilinear"):
-        kind(interpolation="cubic")
+        kind(interpolation="quadratic")
     with pytest.raises(ValueError, match="known interpolations: area-spline, bilinear"):
         kind(interpolation=None)
 

@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from resample import registry
 from resample.files.exchange import picture_and_encoding
@@ -142,7 +141,7 @@ def rotate(
     >>> rotate(np.uint8([[1, 2], [3, 4]]), 90).image.tolist()
     [[2, 4], [1, 3]]
     >>> rotate(np.ones((30, 40)), 30)
-    Warped(46 × 50 float64, 56.3 % covered)
+    WarpedMeans(46 × 50 float64, 56.3 % covered)
     """
     source = _shape_of(image)
     target = (
@@ -260,6 +259,8 @@ def _drawn(
     picture: NDArray[Any], before: PictureProjection, ray: NDArray[Any], choices: dict[str, Any]
 ) -> Warped:
     """Draw what directions (h, w, 3) show."""
+    from scipy import ndimage
+
     form, made = (ray.shape[0], ray.shape[1]), None
     inner, roi = np.s_[1:-1, 1:-1], (1, 1, form[1] - 2, form[0] - 2)
     for image, places, shows, is_endless in source_tiles(picture, before, _step(ray)):

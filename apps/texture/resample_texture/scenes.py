@@ -13,7 +13,14 @@ from resample.scene.previews import PER, enlarged
 from resample.scene.scenes import AnyScene, Quality
 from resample.types import Doubles, Floats
 from resample.watching import Cancel
-from resample_texture.arguments import Places, check_shape, edge_named, geometry_of, method_named
+from resample_texture.arguments import (
+    PREMULTIPLIED,
+    Places,
+    check_shape,
+    edge_named,
+    geometry_of,
+    method_named,
+)
 from resample_texture.drawing import Drawing, finished, run
 from resample_texture.geometry.mappings import (
     BackwardMap,
@@ -29,9 +36,10 @@ from resample_texture.warping import warp
 
 # Options of final pictures that previews accept but ignore, and their names in `warp`.
 UNUSED = {
-    **{name: name for name in ("filter", "interpolation", "total", "threads")},
+    **{name: name for name in ("filter", "interpolation", "total", "threads", "fill", "nodata")},
     "detail": "quality",
 }
+OF_VALUES = "threads", "fill", "nodata"  # not of a method
 GRID = 16  # samples per axis at which the scale of a warp is estimated
 
 
@@ -95,7 +103,8 @@ class PictureScene(AnyScene):
         cancel
             Cancels the warp from another thread.
         choices
-            `filter`, `interpolation`, `quality` as `detail`, `total`, `roi`, `threads` of `warp`.
+            `filter`, `interpolation`, `quality` as `detail`, `total`, `fill` (by default
+            `premultiplied`), `nodata`, `roi` and `threads` of `warp`.
 
         Raises
         ------
@@ -114,6 +123,7 @@ class PictureScene(AnyScene):
                 return self._preview(geometry, shape, edge)
             if "detail" in choices:
                 choices["quality"] = choices.pop("detail")
+            choices.setdefault("fill", PREMULTIPLIED)
             return warp(self.image, matrix, shape, method, **place, **self._light, **choices)
 
     def sample_ids(
@@ -199,7 +209,7 @@ def _check_unused(method: str | Method, choices: dict[str, Any]) -> None:
     """Refuse unknown options for previews, too."""
     if unknown := sorted(choices.keys() - UNUSED.keys()):
         raise ValueError(f"a preview has no {', '.join(unknown)}; leave it out")
-    given = {UNUSED[name]: value for name, value in choices.items() if name != "threads"}
+    given = {UNUSED[name]: value for name, value in choices.items() if name not in OF_VALUES}
     method_named(method, **given)
 
 

@@ -46,7 +46,7 @@ class Homography:
     >>> from resample_texture import Homography, warp
     >>> twice = Homography(np.diag([2.0, 2.0, 1.0]))
     >>> warp(np.ones((20, 30)), twice, (40, 60))
-    Warped(40 × 60 float64, 100 % covered)
+    WarpedMeans(40 × 60 float64, 100 % covered)
     >>> (twice.inverse() @ (60, 40, 1)).tolist()  # where the target's last corner comes from
     [30.0, 20.0, 1.0]
     """
