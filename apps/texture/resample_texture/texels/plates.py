@@ -114,6 +114,8 @@ def _continued(source: SourcePart, sides: Sides, edge: Edge) -> Floats:
     rows, columns = np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1)
     flat = np.empty(rows.size * columns.size * channels + SPARE, np.float32)
     flat[-SPARE:] = 0.0
+    if not (rows.size and columns.size):  # nothing of it is shown
+        return flat
     plane = flat[:-SPARE].reshape(rows.size, columns.size, channels)
     # Copy what is stored as it is, and texel by texel what continues it.
     down, across = _straight(rows), _straight(columns)
