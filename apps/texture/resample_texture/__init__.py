@@ -16,6 +16,7 @@ except ModuleNotFoundError as error:
 if TYPE_CHECKING:
     from resample_texture.chunks import warp_chunks
     from resample_texture.everyday import project, resize, rotate, scale
+    from resample_texture.geometry.control import control_points
     from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Homography
     from resample_texture.like.opencv import warp_like_opencv
     from resample_texture.methods.forward import Hybrid, Points, Splats, Supersample
@@ -39,6 +40,7 @@ _HOMES = {
     "Splats": "methods.forward",
     "Supersample": "methods.forward",
     "Warped": "types",
+    "control_points": "geometry.control",
     "project": "everyday",
     "resize": "everyday",
     "rotate": "everyday",
@@ -62,6 +64,7 @@ __all__ = [
     "Splats",
     "Supersample",
     "Warped",
+    "control_points",
     "project",
     "resize",
     "rotate",

@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from resample import registry
 from resample.files.exchange import picture_and_encoding
@@ -202,7 +201,7 @@ def project(
     >>> project(panorama, "equirectangular", "fisheye:fov=220", (64, 64))
     Warped(64 × 64 × 3 uint8, 78.8 % covered)
     """
-    picture, is_encoded = picture_and_encoding(image)
+    picture, is_encoded = picture_and_encoding(image, kinds="biufc")
     if picture.ndim not in (2, 3):
         raise ValueError(f"a picture is (H, W) or (H, W, C), not {picture.shape}")
     shape = whole_pair(shape, "height", "width")
@@ -241,7 +240,7 @@ def _projection(given: str | PictureProjection) -> PictureProjection:
 def _background(part: Warped, shape: tuple[int, int]) -> Warped:
     """Return a picture of nothing, of the type and with the fill of a part."""
     image = part.image
-    is_measured = image.dtype.kind == "f" and not part.is_premultiplied
+    is_measured = image.dtype.kind in "fc" and not part.is_premultiplied
     form = (*shape, *image.shape[2:])
     empty: NDArray[Any] = np.full(form, np.nan if is_measured else 0, image.dtype)
     if isinstance(image, np.ma.MaskedArray):
@@ -260,6 +259,8 @@ def _drawn(
     picture: NDArray[Any], before: PictureProjection, ray: NDArray[Any], choices: dict[str, Any]
 ) -> Warped:
     """Draw what directions (h, w, 3) show."""
+    from scipy import ndimage
+
     form, made = (ray.shape[0], ray.shape[1]), None
     inner, roi = np.s_[1:-1, 1:-1], (1, 1, form[1] - 2, form[0] - 2)
     for image, places, shows, is_endless in source_tiles(picture, before, _step(ray)):
