@@ -16,7 +16,7 @@ STEP = 8.0  # px between nodes, at most
 SAFETY = 0.5  # of the allowed error, at places that are checked
 MOST_AT_ONCE = 1 << 20  # places that a function is asked for
 
-PlaceFunction = Callable[[Doubles, Doubles], tuple[Doubles, Doubles]]
+PlaceFunction = Callable[[Any, Any], Any]  # from x and y to x and y
 
 
 class _Axis(NamedTuple):
