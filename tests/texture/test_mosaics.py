@@ -113,6 +113,32 @@ def test_a_transform_leads_from_the_target_to_the_source(is_object):
     assert np.hypot(found.x - (u + 2.0) / 1.1, found.y - (50.0 - v) / 1.1).max() < 0.01
 
 
+def test_frames_of_astropy_are_transformed():
+    wcs = pytest.importorskip("astropy.wcs")
+    skies = [wcs.WCS(naxis=2), wcs.WCS(naxis=2)]
+    skies[0].wcs.ctype, skies[0].wcs.crval = ["RA---TAN", "DEC--TAN"], [10.68, 41.27]
+    skies[1].wcs.ctype, skies[1].wcs.crval = ["GLON-TAN", "GLAT-TAN"], [121.17, -21.57]
+    for sky in skies:
+        sky.wcs.crpix, sky.wcs.cdelt = [45, 35], [-1e-3, 1e-3]
+    from astropy.wcs.utils import pixel_to_pixel
+
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]].astype(float)
+    truth = pixel_to_pixel(skies[1], skies[0], x, y)
+    found = reprojection(*skies, SHAPE)
+    assert np.hypot(found.x - truth[0] - 0.5, found.y - truth[1] - 0.5).max() < 0.01
+
+
+def test_transformers_of_pyproj_are_taken():
+    pyproj = pytest.importorskip("pyproj")
+    there = pyproj.Transformer.from_crs(32633, 4326, always_xy=True)
+    degrees, metres = [[1e-3, 0, 14.0], [0, -1e-3, 51.0]], [[100, 0, 430000], [0, -100, 5640000]]
+    found = reprojection(degrees, metres, SHAPE, transform=there)
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]] + 0.5
+    u, v = there.transform(430000 + 100 * x, 5640000 - 100 * y)
+    off = np.hypot(found.x - (u - 14.0) / 1e-3, found.y - (51.0 - v) / 1e-3)
+    assert off.max() < 0.01
+
+
 @pytest.mark.parametrize("scale", [1.0, 30.0, 300.0])
 def test_maps_that_bend_much_are_exact_where_a_grid_is_not(scale):
     def bent(x, y):
