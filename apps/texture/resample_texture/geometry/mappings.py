@@ -306,7 +306,7 @@ def source_coordinates(
     not a number where a pixel lies beyond the horizon or shows nothing.
     """
     if isinstance(geometry, ForwardMap):
-        raise ValueError("a forward map cannot be inverted; give a homography or a backward map")
+        raise ValueError("a forward map gathers nothing; give a homography, a backward map, or its inverse(shape)")
     if isinstance(geometry, BackwardMap):
         if geometry.x.shape != tuple(shape):
             raise ValueError(f"a map of {geometry.x.shape} pixels does not fit a target of {shape}")
