@@ -130,7 +130,7 @@ def warp_chunks(  # noqa: PLR0913 - what a user may say about a warp
     >>> made = np.zeros((250, 200, 3), np.float32)
     >>> matrix = [[0.8, -0.2, 10], [0.2, 0.9, 0], [0, 1e-4, 1]]
     >>> _ = warp_chunks(stored, matrix, (250, 200), out=made, side=64)
-    >>> bool((made == warp(stored, matrix, (250, 200)).image).all())
+    >>> np.array_equal(made, warp(stored, matrix, (250, 200)).image, equal_nan=True)
     True
     """
     kept = _LazyPicture(source)

@@ -306,7 +306,9 @@ def source_coordinates(
     not a number where a pixel lies beyond the horizon or shows nothing.
     """
     if isinstance(geometry, ForwardMap):
-        raise ValueError("a forward map gathers nothing; give a homography, a backward map, or its inverse(shape)")
+        raise ValueError(
+            "a forward map gathers nothing; give a matrix, a backward map, or its inverse(shape)"
+        )
     if isinstance(geometry, BackwardMap):
         if geometry.x.shape != tuple(shape):
             raise ValueError(f"a map of {geometry.x.shape} pixels does not fit a target of {shape}")
