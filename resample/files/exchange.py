@@ -43,8 +43,13 @@ def as_picture(given: Any, name: str = "picture") -> NDArray[Any]:
     return picture_and_encoding(given, name)[0]
 
 
-def picture_and_encoding(given: Any, name: str = "picture") -> tuple[NDArray[Any], bool | None]:
-    """Do as `as_picture`, and tell whether its levels are sRGB-encoded, if a file says so."""
+def picture_and_encoding(
+    given: Any, name: str = "picture", kinds: str = "biuf"
+) -> tuple[NDArray[Any], bool | None]:
+    """Do as `as_picture`, and tell whether its levels are sRGB-encoded, if a file says so.
+
+    `kinds`: NumPy's letters of the kinds of values that are taken.
+    """
     if isinstance(given, str | PathLike | Address):
         return _read(given)
     library = type(given).__module__.partition(".")[0]
@@ -56,8 +61,9 @@ def picture_and_encoding(given: Any, name: str = "picture") -> tuple[NDArray[Any
         array = _of_labeled(given, name)
     else:
         array = _array(given, name)
-    if array.dtype.kind not in "biuf":
-        raise TypeError(f"a {name} of {array.dtype}; its values must be real numbers")
+    if array.dtype.kind not in kinds:
+        numbers = "real or complex numbers" if "c" in kinds else "real numbers"
+        raise TypeError(f"a {name} of {array.dtype}; its values must be {numbers}")
     return array, None
 
 

@@ -563,9 +563,9 @@ def test_a_matrix_that_maps_nothing_is_refused(matrix, message):
         warp(picture(), matrix, FRAME)
 
 
-@pytest.mark.parametrize("dtype", ["complex64", "object", "datetime64[s]", "S3"])
+@pytest.mark.parametrize("dtype", ["object", "datetime64[s]", "S3"])
 def test_other_types_of_picture_are_refused(dtype):
-    with pytest.raises(TypeError, match=r"a picture of .*; its values must be real numbers"):
+    with pytest.raises(TypeError, match=r"a picture of .*; its values must be real or complex"):
         warp(np.zeros((4, 4), dtype), PERSPECTIVE, FRAME)
 
 

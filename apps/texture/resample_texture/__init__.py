@@ -16,10 +16,12 @@ except ModuleNotFoundError as error:
 if TYPE_CHECKING:
     from resample_texture.chunks import warp_chunks
     from resample_texture.everyday import project, resize, rotate, scale
+    from resample_texture.geometry.control import control_points
     from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Homography
     from resample_texture.like.opencv import warp_like_opencv
     from resample_texture.methods.forward import Hybrid, Points, Splats, Supersample
     from resample_texture.methods.paper import Paper
+    from resample_texture.mosaics import coadd, reproject
     from resample_texture.planning import Plan
     from resample_texture.scenes import PictureScene
     from resample_texture.types import Edge, Warped
@@ -39,7 +41,10 @@ _HOMES = {
     "Splats": "methods.forward",
     "Supersample": "methods.forward",
     "Warped": "types",
+    "coadd": "mosaics",
+    "control_points": "geometry.control",
     "project": "everyday",
+    "reproject": "mosaics",
     "resize": "everyday",
     "rotate": "everyday",
     "scale": "everyday",
@@ -62,7 +67,10 @@ __all__ = [
     "Splats",
     "Supersample",
     "Warped",
+    "coadd",
+    "control_points",
     "project",
+    "reproject",
     "resize",
     "rotate",
     "scale",

@@ -147,24 +147,37 @@ def check_layout(image: NDArray[Any]) -> None:
         )
 
 
-def fill_for(fill: float | str | None, image: Any, alpha: str | None, method: Method) -> Any:
+def adds(method: Method) -> bool:
+    """Whether a method preserves sums instead of means."""
+    return dataclasses.is_dataclass(method) and bool(getattr(method, "total", False))
+
+
+def check_sums(dtype: np.dtype[Any], method: Method) -> None:
+    """Refuse sums of types that do not hold them."""
+    if dtype.kind in "bui" and adds(method):
+        raise ValueError(f"sums do not fit {dtype}; give floats: image.astype('float32')")
+
+
+def fill_for(fill: complex | str | None, image: Any, alpha: str | None, method: Method) -> Any:
     """Return the value of pixels without any; None: the picture is multiplied by its coverage.
 
     Values of floats and of masked arrays are measurements, unless they have opacity or are totals.
     Of the picture only `dtype` and `shape` are read.
     """
-    is_total = dataclasses.is_dataclass(method) and bool(getattr(method, "total", False))
-    has_alpha = len(image.shape) > 2 and image.shape[-1] == 4 and alpha != "none"
+    is_total, is_complex = adds(method), image.dtype.kind == "c"
+    has_alpha = len(image.shape) > 2 and image.shape[-1] == 4 and alpha != "none" and not is_complex
     if fill == PREMULTIPLIED:
         return None
     if fill is None:
-        is_measured = image.dtype.kind == "f" or isinstance(image, np.ma.MaskedArray)
+        is_measured = image.dtype.kind in "fc" or isinstance(image, np.ma.MaskedArray)
         return math.nan if is_measured and not (is_total or has_alpha) else None
     if isinstance(fill, str) or not np.isscalar(fill):
         raise ValueError(f"fill is a number or {PREMULTIPLIED!r}, not {fill!r}")
     if is_total or has_alpha:
         kind = "totals are 0" if is_total else "pictures with opacity are transparent"
         raise ValueError(f"{kind} where nothing is; leave fill out")
+    if isinstance(fill, complex) and not is_complex:
+        raise ValueError(f"fill {fill!r} of a picture of {image.dtype}; give a real number")
     if image.dtype.kind in "bui" and not _holds(image.dtype, fill):
         raise ValueError(f"fill {fill!r} is no {image.dtype}; give a value of that type")
     return fill
@@ -178,7 +191,7 @@ def _holds(dtype: np.dtype[Any], value: Any) -> bool:
     return bool(np.isfinite(value) and value == int(value) and limits.min <= value <= limits.max)
 
 
-def without_nodata(image: NDArray[Any], nodata: float | None) -> NDArray[Any]:
+def without_nodata(image: NDArray[Any], nodata: complex | None) -> NDArray[Any]:
     """Mask the value that stands for missing ones."""
     if nodata is None:
         return image

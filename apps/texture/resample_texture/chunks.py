@@ -19,6 +19,7 @@ from resample.reading.limits import check_free
 from resample_texture.arguments import (
     REFLECT_101,
     Places,
+    check_sums,
     edge_named,
     fill_for,
     geometry_of,
@@ -87,7 +88,8 @@ def warp_chunks(  # noqa: PLR0913 - what a user may say about a warp
     inverse: bool = False,
     linear_light: bool | None = None,
     alpha: str | None = None,
-    fill: float | str | None = None,
+    fill: complex | str | None = None,
+    total: bool | None = None,
     threads: int | None = None,
 ) -> Any:
     """Warp a picture larger than memory, chunk by chunk; pixels equal those of `warp`.
@@ -100,9 +102,10 @@ def warp_chunks(  # noqa: PLR0913 - what a user may say about a warp
     source
         (H, W) or (H, W, C), anything with `shape` and `dtype` that returns arrays for slices:
         `zarr.open_array(...)`, `dask.array`, `numpy.memmap`.
-    matrix, shape, method, edge, convention, inverse, linear_light, alpha, fill, threads
+    matrix, shape, method, edge, convention, inverse, linear_light, alpha, fill, total, threads
         As `warp` takes them. Geometry must be a matrix or a backward map, and the method one whose
         pixels gather from a part of the source, as the default. `reflect-101` is not available.
+        With `total` the source is read as a whole, and sums are those of `warp`.
     out
         (height, width) or (height, width, C): anything that takes arrays for slices; it is filled.
         None: return a dask array, whose chunks are warped on demand.
@@ -139,7 +142,8 @@ def warp_chunks(  # noqa: PLR0913 - what a user may say about a warp
     if border == REFLECT_101:
         raise ValueError(f"edge {REFLECT_101} is only for pictures in memory; use mirror")
     geometry = geometry_of(matrix, shape, convention, inverse)
-    chosen = method_named(method)
+    chosen = method_named(method, total=total)
+    check_sums(kept.dtype, chosen)
     filling = fill_for(fill, kept, alpha, chosen)
     way = _Way(chosen, geometry, shape, border, threads, filling)
     light: dict[str, Any] = {"linear_light": linear_light, "alpha": alpha}

@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Floats
-from resample_texture.arguments import PREMULTIPLIED, REFLECT_101, check_out, within
+from resample_texture.arguments import PREMULTIPLIED, REFLECT_101, adds, check_out, within
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
 from resample_texture.geometry.shifts import (
     Picks,
@@ -22,11 +22,14 @@ from resample_texture.geometry.shifts import (
 )
 from resample_texture.geometry.windows import PictureWindow, VisibleTiles, between, windows_of
 from resample_texture.texels.encoding import (
+    Alpha,
     Encoding,
     check_picture,
+    complex_of_parts,
     decoded,
     encoded,
     has_straight_alpha,
+    parts_of_complex,
 )
 from resample_texture.texels.gaps import (
     LEAST,
@@ -81,17 +84,12 @@ def drawn(
 
     With a background the picture is opaque, and the coverage that of the source.
     """
+    if image.dtype.kind == "c":
+        return _drawn_complex(image, drawing, drawn)
     image, drawing = continued(image, drawing)
     picks = copied(image, drawing)
-    if picks is not None and drawing.behind is not None:
-        return Warped(_copied_over(image, picks, drawing.behind), picks.coverage)
     if picks is not None:
-        moved = picked(image, picks, alpha)
-        if drawing.fill is not None:
-            return filled(moved, drawing.fill)
-        if drawing.as_light:
-            return Warped(light_of(moved.image, linear_light, alpha), moved.coverage)
-        return moved
+        return _drawn_copies(image, drawing, picks, linear_light=linear_light, alpha=alpha)
     if _is_large(image, drawing):
         parts = parts_of(image, drawing)
         if parts is not None:
@@ -102,6 +100,21 @@ def drawn(
 
     with jit.threads(drawing.threads):
         return _drawn_whole(image, drawing, linear_light=linear_light, alpha=alpha)
+
+
+def _drawn_copies(
+    image: NDArray[Any], drawing: Drawing, picks: Picks, *, linear_light: bool | None,
+    alpha: str | None,
+) -> Warped:  # fmt: skip
+    """Copy texels, value for value."""
+    if drawing.behind is not None:
+        return Warped(_copied_over(image, picks, drawing.behind), picks.coverage)
+    moved = picked(image, picks, alpha)
+    if drawing.fill is not None:
+        return filled(moved, drawing.fill)
+    if drawing.as_light:
+        return Warped(light_of(moved.image, linear_light, alpha), moved.coverage)
+    return moved
 
 
 def prepared(drawing: Drawing, size: tuple[int, int]) -> Drawing:
@@ -125,6 +138,8 @@ def _drawn_whole(
     image: NDArray[Any], drawing: Drawing, *, linear_light: bool | None, alpha: str | None
 ) -> Warped:
     """Warp a picture without windows."""
+    if image.dtype.kind == "c":
+        return _drawn_complex(image, drawing, _drawn_whole)
     is_sum = adds(drawing.method)
     texels, encoding = decoded(image, linear_light=linear_light, alpha=alpha, is_sum=is_sum)
     encoding = encoding.as_light() if drawing.as_light else encoding
@@ -135,6 +150,20 @@ def _drawn_whole(
         plain = added(warped, run(drawing._replace(method=mean), there).image, encoding.gaps)
         return _as_stored(plain, encoding)
     return drawing.stored(warped, encoding)
+
+
+def _drawn_complex(image: NDArray[Any], drawing: Drawing, draw: Callable[..., Warped]) -> Warped:
+    """Draw real and imaginary parts as two channels."""
+    behind, fill = drawing.behind, drawing.fill
+    parts = drawing._replace(
+        behind=None if behind is None else parts_of_complex(behind),
+        fill=None if fill is None else math.nan,
+    )
+    warped = draw(parts_of_complex(image), parts, linear_light=False, alpha=Alpha.NONE)
+    made = complex_of_parts(warped.image, image)
+    if fill is not None and not (np.isnan(fill) or isinstance(made, np.ma.MaskedArray)):
+        made[warped.coverage == 0.0] = fill
+    return type(warped)(made, warped.coverage)
 
 
 def finished(warped: Warped, encoding: Encoding, fill: Any = None) -> Warped:
@@ -171,7 +200,7 @@ def put(warped: Warped, out: NDArray[Any]) -> Warped:
     return type(warped)(out, warped.coverage)
 
 
-def with_nodata(warped: Warped, nodata: float, fill: float | str | None) -> Warped:
+def with_nodata(warped: Warped, nodata: complex, fill: complex | str | None) -> Warped:
     """Return a masked picture with a value in place of its mask: `nodata`, or `fill` if given."""
     value = nodata if fill is None or fill == PREMULTIPLIED else fill
     return type(warped)(np.ma.filled(warped.image, value), warped.coverage)
@@ -202,7 +231,8 @@ def parts_of(image: Any, drawing: Drawing) -> DrawnParts | None:
         seen = method.visible_tiles(size, geometry, shape, Edge(edge))
         if seen is not None:
             return DrawnParts(seen)
-        if not hasattr(method, "mixed_tiles") or image.dtype.name in WIDE:
+        is_wide = image.dtype.name in WIDE or image.dtype.kind == "c"
+        if is_wide or not hasattr(method, "mixed_tiles"):
             return None
         form = (*size, math.prod(image.shape[2:]))
         mixed = method.mixed_tiles(form, geometry, shape, Edge(edge))
@@ -428,8 +458,3 @@ def run(drawing: Drawing, texels: Floats) -> Warped:
     method, geometry, shape, edge, threads, *_ = drawing
     with jit.threads(threads):
         return method(texels, geometry, shape, Edge(edge))
-
-
-def adds(method: Method) -> bool:
-    """Whether a method preserves sums instead of means."""
-    return dataclasses.is_dataclass(method) and bool(getattr(method, "total", False))

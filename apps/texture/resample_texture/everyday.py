@@ -201,7 +201,7 @@ def project(
     >>> project(panorama, "equirectangular", "fisheye:fov=220", (64, 64))
     Warped(64 × 64 × 3 uint8, 78.8 % covered)
     """
-    picture, is_encoded = picture_and_encoding(image)
+    picture, is_encoded = picture_and_encoding(image, kinds="biufc")
     if picture.ndim not in (2, 3):
         raise ValueError(f"a picture is (H, W) or (H, W, C), not {picture.shape}")
     shape = whole_pair(shape, "height", "width")
@@ -240,7 +240,7 @@ def _projection(given: str | PictureProjection) -> PictureProjection:
 def _background(part: Warped, shape: tuple[int, int]) -> Warped:
     """Return a picture of nothing, of the type and with the fill of a part."""
     image = part.image
-    is_measured = image.dtype.kind == "f" and not part.is_premultiplied
+    is_measured = image.dtype.kind in "fc" and not part.is_premultiplied
     form = (*shape, *image.shape[2:])
     empty: NDArray[Any] = np.full(form, np.nan if is_measured else 0, image.dtype)
     if isinstance(image, np.ma.MaskedArray):

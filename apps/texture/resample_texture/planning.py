@@ -71,8 +71,8 @@ class Plan:
         *,
         linear_light: bool | None = None,
         alpha: str | None = None,
-        nodata: float | None = None,
-        fill: float | str | None = None,
+        nodata: complex | None = None,
+        fill: complex | str | None = None,
         threads: int | None = None,
         out: NDArray[Any] | None = None,
     ) -> Warped:

@@ -10,6 +10,7 @@ from resample_texture.arguments import (
     Places,
     check_layout,
     check_shape,
+    check_sums,
     edge_named,
     fill_for,
     geometry_of,
@@ -18,7 +19,7 @@ from resample_texture.arguments import (
     within,
     without_nodata,
 )
-from resample_texture.drawing import Drawing, adds, drawn, prepared, put, with_nodata
+from resample_texture.drawing import Drawing, drawn, prepared, put, with_nodata
 from resample_texture.geometry.mappings import Geometry
 from resample_texture.texels.gaps import masked
 from resample_texture.types import Method, Warped
@@ -39,8 +40,8 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     inverse: bool = False,
     linear_light: bool | None = None,
     alpha: str | None = None,
-    nodata: float | None = None,
-    fill: float | str | None = None,
+    nodata: complex | None = None,
+    fill: complex | str | None = None,
     roi: tuple[int, int, int, int] | None = None,
     threads: int | None = None,
     out: NDArray[Any] | None = None,
@@ -53,8 +54,9 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
         An array (H, W) or (H, W, C), or a batch (N, H, W, C), in any layout, masked or not; or
         anything else that `resample.files.exchange.as_picture` takes, such as a path. uint8
         and uint16 are taken for light; bool, other integers of 8 to 64 bits and floats of 16 to 64
-        bits for values, which are never encoded or limited to 0..1. Values that are masked, not
-        finite or `nodata` are missing, channel by channel, and have no weight.
+        bits for values, which are never encoded or limited to 0..1; complex ones are warped in
+        both parts. Values that are masked, not finite or `nodata` are missing, channel by channel,
+        and have no weight.
     matrix
         (3, 3) homography or (2, 3) affine map from source to target; or a `Homography`, a
         `ForwardMap` or a `BackwardMap`; or a function from x and y of pixels, (height, width)
@@ -131,7 +133,7 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     >>> warp(image, lambda x, y: (y, x), (64, 48))  # where each pixel comes from
     Warped(64 × 48 × 3 uint8, 100 % covered)
     """
-    image, is_encoded = picture_and_encoding(image)
+    image, is_encoded = picture_and_encoding(image, kinds="biufc")
     linear_light = is_encoded if linear_light is None else linear_light
     check_layout(image)
     border = edge_named(edge)
@@ -139,8 +141,7 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     chosen = method_named(
         method, filter=filter, interpolation=interpolation, quality=quality, total=total
     )
-    if image.dtype.kind in "bui" and adds(chosen):
-        raise ValueError(f"sums do not fit {image.dtype}; give floats: image.astype('float32')")
+    check_sums(image.dtype, chosen)
     if roi is None or callable(matrix):
         check_shape(shape)
     geometry = geometry_of(matrix, shape, convention, inverse)

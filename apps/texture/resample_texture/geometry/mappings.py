@@ -123,6 +123,32 @@ class ForwardMap:
         x, y = pixel_centers(moves.shape[:2])
         return cls(x + moves[..., 0], y + moves[..., 1])
 
+    def inverse(self, shape: tuple[int, int], *, tolerance: float = 1e-3) -> "BackwardMap":
+        """Return the map back: where each pixel of a target comes from, of a smooth map.
+
+        Parameters
+        ----------
+        shape
+            Height and width of the target, px.
+        tolerance
+            Distance, px in the target, at most, between a pixel's center and where the map, a cubic
+            spline between centers, leads from its place. Not a number where there is no such place,
+            up to 2 px beyond the source; where a fold has two, it is one of them.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from resample_texture import ForwardMap
+        >>> y, x = np.mgrid[:24, :32] + 0.5
+        >>> bent = ForwardMap(x + 2 * np.sin(y / 9), 1.1 * y)
+        >>> back = bent.inverse((26, 32))
+        >>> [round(float(one), 2) for one in (back.x[13, 16], back.y[13, 16])]  # of (16.5, 13.5)
+        [14.54, 12.27]
+        """
+        from resample_texture.geometry.inverting import inverse_of
+
+        return BackwardMap(*inverse_of(self.x, self.y, shape, tolerance))
+
 
 @dataclass(frozen=True, eq=False)
 class BackwardMap:
@@ -236,6 +262,16 @@ class BackwardMap:
         places = share * (size - 1.0) + 0.5 if align_corners else share * size
         return cls(places[..., 0], places[..., 1])
 
+    def inverse(self, source_shape: tuple[int, int], *, tolerance: float = 1e-3) -> ForwardMap:
+        """Return the map forward: where each texel of a source goes, of a smooth map.
+
+        `source_shape`: height and width of the source, px. `tolerance`: as of `ForwardMap.inverse`,
+        px in the source.
+        """
+        from resample_texture.geometry.inverting import inverse_of
+
+        return ForwardMap(*inverse_of(self.x, self.y, source_shape, tolerance))
+
 
 Geometry = Homography | ForwardMap | BackwardMap
 
@@ -270,7 +306,9 @@ def source_coordinates(
     not a number where a pixel lies beyond the horizon or shows nothing.
     """
     if isinstance(geometry, ForwardMap):
-        raise ValueError("a forward map cannot be inverted; give a homography or a backward map")
+        raise ValueError(
+            "a forward map gathers nothing; give a matrix, a backward map, or its inverse(shape)"
+        )
     if isinstance(geometry, BackwardMap):
         if geometry.x.shape != tuple(shape):
             raise ValueError(f"a map of {geometry.x.shape} pixels does not fit a target of {shape}")

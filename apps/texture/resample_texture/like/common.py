@@ -71,10 +71,11 @@ def draw(
 
 
 def color_behind(
-    value: float | tuple[float, ...], image: NDArray[Any], name: str = "borderValue"
+    value: complex | tuple[float, ...], image: NDArray[Any], name: str = "borderValue"
 ) -> NDArray[Any]:
     """Return a background color (1, 1, C) in the picture's type."""
-    values = np.atleast_1d(np.asarray(value, np.float64))
+    kind = np.dtype(np.complex128 if image.dtype.kind == "c" else np.float64)
+    values: NDArray[Any] = np.atleast_1d(np.asarray(value, kind))
     channels = image.shape[2] if image.ndim == 3 else 1
     if values.ndim > 1 or (values.size != 1 and values.size < channels):
         raise ValueError(f"{name} {value}: give one number, or {channels}")
@@ -97,5 +98,5 @@ def into(given: NDArray[Any] | None, result: NDArray[Any]) -> NDArray[Any]:
     return given
 
 
-def _finite(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.nan_to_num(values, posinf=2.0**70, neginf=-(2.0**70))
+def _finite(values: NDArray[Any]) -> NDArray[Any]:
+    return np.asarray(np.nan_to_num(values, posinf=2.0**70, neginf=-(2.0**70)))

@@ -38,7 +38,7 @@ def affine_transform(  # noqa: PLR0913, PLR0917 - as scipy.ndimage has it
     output: NDArray[Any] | DTypeLike | None = None,
     order: int = 3,
     mode: str = "constant",
-    cval: float = 0.0,
+    cval: complex = 0.0,
     prefilter: bool = True,
     *,
     interpolation: str | None = None,
@@ -69,7 +69,7 @@ def map_coordinates(  # noqa: PLR0913 - as scipy.ndimage has it
     output: NDArray[Any] | DTypeLike | None = None,
     order: int = 3,
     mode: str = "constant",
-    cval: float = 0.0,
+    cval: complex = 0.0,
     prefilter: bool = True,
     *,
     interpolation: str | None = None,
@@ -102,7 +102,7 @@ def zoom(  # noqa: PLR0913 - as scipy.ndimage has it
     output: NDArray[Any] | DTypeLike | None = None,
     order: int = 3,
     mode: str = "constant",
-    cval: float = 0.0,
+    cval: complex = 0.0,
     prefilter: bool = True,
     *,
     grid_mode: bool = False,
@@ -138,7 +138,7 @@ def shift(  # noqa: PLR0913 - as scipy.ndimage has it
     output: NDArray[Any] | DTypeLike | None = None,
     order: int = 3,
     mode: str = "constant",
-    cval: float = 0.0,
+    cval: complex = 0.0,
     prefilter: bool = True,
     *,
     interpolation: str | None = None,
@@ -160,7 +160,7 @@ def rotate(  # noqa: PLR0913, PLR0917 - as scipy.ndimage has it
     output: NDArray[Any] | DTypeLike | None = None,
     order: int = 3,
     mode: str = "constant",
-    cval: float = 0.0,
+    cval: complex = 0.0,
     prefilter: bool = True,
     *,
     interpolation: str | None = None,
@@ -191,7 +191,7 @@ def rotate(  # noqa: PLR0913, PLR0917 - as scipy.ndimage has it
 def _at_points(
     image: NDArray[Any],
     places: NDArray[Any],
-    values: tuple[int, str, float, bool],
+    values: tuple[int, str, complex, bool],
     output: NDArray[Any] | DTypeLike | None,
     method: Method,
 ) -> NDArray[Any]:
@@ -246,7 +246,7 @@ def _drawn(
     image: NDArray[Any],
     geometry: Geometry,
     shape: tuple[int, int],
-    chosen: tuple[int, str, float, bool],
+    chosen: tuple[int, str, complex, bool],
     output: NDArray[Any] | DTypeLike | None,
     method: Method,
 ) -> NDArray[Any]:
@@ -258,7 +258,9 @@ def _drawn(
         raise ValueError("an input of spline coefficients (prefilter=False); give values instead")
     out = output if isinstance(output, np.ndarray) else None
     dtype = image.dtype if output is None else np.dtype(output) if out is None else out.dtype
-    if dtype.kind == "f" and image.dtype.kind != "f":
+    if image.dtype.kind == "c" != dtype.kind:
+        raise ValueError(f"a picture of {image.dtype} fits no output of {dtype}; give complex64")
+    if dtype.kind in "fc" and image.dtype.kind not in "fc":
         image = image.astype(dtype)
     drawing = Drawing(method, geometry, shape, MODES[mode])
     result = draw(image, drawing, color_behind(cval, image, "cval"))

@@ -23,6 +23,7 @@ VALUES = (
     "bool", "int8", "int16", "int32", "int64", "uint32", "uint64", "float16", "float32", "float64",
 )  # fmt: skip
 DTYPES = (*LEVELS, *VALUES)
+COMPLEX = ("complex64", "complex128")  # whose parts are warped as two channels
 STEPS = 65535  # of linear light, in the table for encoding 8 bits
 
 
@@ -249,3 +250,32 @@ def _eight_bits(is_encoded: bool) -> NDArray[np.uint8]:
     """Return the levels, sRGB-encoded or not, of equal steps of light."""
     light = np.arange(STEPS + 1) / STEPS
     return np.asarray(np.rint((to_srgb(light) if is_encoded else light) * 255), np.uint8)
+
+
+def parts_of_complex(image: NDArray[Any]) -> NDArray[Any]:
+    """Return real and imaginary parts (H, W, 2 C) of a picture; where one is missing, both are."""
+    values, mask = unmasked(image)
+    if values.dtype.name not in COMPLEX:
+        raise ValueError(f"complex pictures are of {' or '.join(COMPLEX)}, not {values.dtype}")
+    native = np.ascontiguousarray(values, values.dtype.newbyteorder("="))
+    parts = native.view(native.real.dtype).reshape(*native.shape[:2], -1)
+    missing = ~np.isfinite(native).reshape(*native.shape[:2], -1)
+    if missing.any():
+        parts = np.where(np.repeat(missing, 2, axis=2), parts.dtype.type(np.nan), parts)
+    if mask is None:
+        return parts
+    hidden = np.repeat(mask.is_set.reshape(missing.shape), 2, axis=2)
+    return masked(parts, hidden, np.real(mask.fill))
+
+
+def complex_of_parts(parts: NDArray[Any], image: NDArray[Any]) -> NDArray[Any]:
+    """Return warped parts (h, w, 2 C) as a picture of the type and channels of the given one."""
+    plain, mask = unmasked(parts)
+    dtype = image.dtype.newbyteorder("=")
+    form = (*plain.shape[:2], *image.shape[2:])
+    values = np.ascontiguousarray(plain).view(dtype).reshape(form)
+    values[np.isnan(values)] = complex(np.nan, np.nan)
+    if mask is None:
+        return values
+    hidden = mask.is_set[..., ::2] | mask.is_set[..., 1::2]
+    return masked(values, hidden.reshape(form), getattr(image, "fill_value", None))
