@@ -94,7 +94,8 @@ def page_of(path: Path, picture: Picture, look: WriteOptions, *, tells: bool = T
             say(f"{path.name} cannot store the picture's georeference; .tif can")
         if not fits(about.geo.missing, form):
             about = about._replace(geo=about.geo._replace(nodata=""))
-    is_light = look.is_light and not about.number
+    is_linear = not kind.is_encoded and kind.bits <= 8 * np.dtype(form).itemsize
+    is_light = look.is_light and not (about.number or (is_linear and kind.bits < 32))
     if form != "float32":
         data = _integers(picture, form, is_light)
     if about.geo is not None and about.geo.missing is not None and not kind.has_alpha:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import from_srgb
+from resample.files.facts.metadata import is_display_referred
 from resample.lazy import renamed
 from resample.reading.native import plain, suppressed_output
 from resample.reading.pictures import check_honest, check_picture, complaint_of, opened
@@ -123,27 +124,37 @@ class PictureFile(NamedTuple):
         return data
 
 
-def open_file(path: str | Path, page: int = 0) -> PictureFile:
-    """Open a picture file and read its header, without data."""
+def open_file(path: str | Path, page: int = 0, encoding: str = "auto") -> PictureFile:
+    """Open a picture file and read its header, without data.
+
+    `encoding`: of integers: `srgb`, `linear`, or `auto`, which is what the file says; if it says
+    nothing, 16 bits are linear and others sRGB.
+    """
     source = opened(path, page)
     spec = source.spec()
     form = str(spec.format)
     space = spec.get_string_attribute("oiio:ColorSpace").lower()
     is_integer = form not in ("half", "float", "double")
-    is_encoded = "srgb" in space or (is_integer and "lin" not in space)
+    if is_integer and encoding != "auto":
+        is_encoded = encoding == "srgb"
+    elif form == "uint16" and "lin" not in space:
+        is_encoded = is_display_referred(Path(path), spec)
+    else:
+        is_encoded = "srgb" in space or (is_integer and "lin" not in space)
     is_straight = bool(spec.get_int_attribute("oiio:UnassociatedAlpha"))
-    encoding = LightEncoding(tuple(spec.channelnames), is_encoded, is_straight, MOST.get(form, 0))
-    return PictureFile(Path(path), source, form, encoding)
+    light = LightEncoding(tuple(spec.channelnames), is_encoded, is_straight, MOST.get(form, 0))
+    return PictureFile(Path(path), source, form, light)
 
 
-def read_image(path: str | Path, page: int = 0) -> Floats:
+def read_image(path: str | Path, page: int = 0, encoding: str = "auto") -> Floats:
     """Read a picture in linear light, premultiplied, in the stored orientation.
 
-    `path`: any format of OpenImageIO. Integer formats and files marked so are taken as sRGB, others
-    as linear light. The orientation tag is ignored. Result: (H, W, C) with those of the channels R,
-    G, B and A that exist; all channels if there is no R or if there are unnamed bands.
+    `path`: any format of OpenImageIO. Integers of 8 bits and files marked so are taken as sRGB,
+    others as linear light; `encoding` as in `open_file`. The orientation tag is ignored. Result:
+    (H, W, C) with those of the channels R, G, B and A that exist; all channels if there is no R or
+    if there are unnamed bands.
     """
-    file = open_file(path, page)
+    file = open_file(path, page, encoding)
     return file.encoding.light(file.values())
 
 

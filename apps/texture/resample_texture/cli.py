@@ -63,10 +63,10 @@ def warp(
     Parameters
     ----------
     images
-        Any picture; float files are linear light, the others sRGB. Or an address of zarr or
-        OME-Zarr, such as s3://bucket/slide.zarr. All pages of a TIFF and all frames of a .gif,
-        .webp, .apng or film are warped alike. So are several files, a folder, or a quoted pattern
-        such as "photos/*.jpg".
+        Any picture; float files are linear light, 8 bits sRGB, 16 bits as --encoding says. Or an
+        address of zarr or OME-Zarr, such as s3://bucket/slide.zarr. All pages of a TIFF and all
+        frames of a .gif, .webp, .apng or film are warped alike. So are several files, a folder, or
+        a quoted pattern such as "photos/*.jpg".
     output
         Written to: .png, .tif or .exr, or .jpg over a background; for several pages or frames
         .tif, .gif, .webp, .apng or .mp4; for several files a folder.
@@ -168,7 +168,7 @@ def rectify(
     check_output(output, job.options, transparent=False)
     check_targets(output)
     job.check_memory(photo, output)
-    picture = read_picture(photo, as_data=True)
+    picture = read_picture(photo, as_data=True, encoding=warping.encoding)
     job.check(picture, target, output)
     page, _ = job.warped(Session(), picture, target, output)
     write_picture(output, page, job.options)

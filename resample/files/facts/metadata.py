@@ -42,6 +42,9 @@ AS_FLOATS = ("int32", "uint32")  # types that OpenImageIO cannot write, except a
 PROFILE_SPACES = {b"GRAY": 1, b"RGB ": 3}  # number of color channels of a profile
 MARKS = (*range(0xE0, 0xF0), 0xFE)  # of JPEG segments without pixels
 LONGEST_SEGMENT = 65_533 - 6  # bytes of Exif in a JPEG
+PNG_START = b"\x89PNG\r\n\x1a\n"
+DISPLAY_GAMMA = 40_000, 50_000  # 1 / 2.2 is 45,455 in a PNG file
+CICP_SRGB = b"\x0d"  # transfer function
 TURNS = {  # rows and columns exchanged, then rows reversed, then columns
     1: (False, False, False), 2: (False, False, True), 3: (False, True, True),
     4: (False, True, False), 5: (True, False, False), 6: (True, False, True),
@@ -62,6 +65,7 @@ class FileMetadata(NamedTuple):
     geo: Geo | None = None
     spoken: tuple[tuple[str, Any, Any], ...] = ()  # name, type and value in OpenImageIO
     number: str = ""  # integer type of numbers as stored; empty for light or floats
+    says_linear: bool = False  # integers are linear light, by the file's own words
 
 
 def page_tags(path: Path) -> list[Directory]:
@@ -204,7 +208,7 @@ def _exif_block(path: Path) -> bytes:
         try:
             if start[:2] == b"\xff\xd8":
                 blocks = (block for block in _segments(file) if block[:6] == b"Exif\0\0")
-            elif start[:8] == b"\x89PNG\r\n\x1a\n":
+            elif start[:8] == PNG_START:
                 blocks = _chunks(file, 8, b"eXIf", ">I4s", 4)
             elif start[:4] == b"RIFF" and start[8:] == b"WEBP":
                 blocks = _chunks(file, 12, b"EXIF", "<4sI", 0)
@@ -219,8 +223,24 @@ def _exif_block(path: Path) -> bytes:
 def is_animated_png(path: Path) -> bool:
     """Whether a file is an animated PNG."""
     with path.open("rb") as file:
-        is_png = file.read(8) == b"\x89PNG\r\n\x1a\n"
+        is_png = file.read(8) == PNG_START
         return is_png and next(_chunks(file, 8, b"acTL", ">I4s", 4), None) is not None
+
+
+def is_display_referred(path: Path, spec: Any) -> bool:
+    """Whether a file says that its integers are encoded for displays, by a profile or a mark.
+
+    OpenImageIO takes every PNG file for that, so its chunks are read here.
+    """
+    if spec.getattribute("ICCProfile") is not None:
+        return True
+    with path.open("rb") as file:
+        if file.read(8) != PNG_START:
+            return "srgb" in spec.get_string_attribute("oiio:ColorSpace").lower()
+        told = {chunk[4:8]: chunk[8:-4] for chunk in _before_pixels(file)}
+    if b"gAMA" in told and b"sRGB" not in told:
+        return DISPLAY_GAMMA[0] < int.from_bytes(told[b"gAMA"]) < DISPLAY_GAMMA[1]
+    return b"sRGB" in told or told.get(b"cICP", b"")[1:2] == CICP_SRGB
 
 
 def _segments(file: BinaryIO) -> Iterator[bytes]:

@@ -155,6 +155,13 @@ class PictureWarping(Choices):
         "transparent"
     )
     linear: Annotated[bool, Field(description="Filter linear light, or the encoded values.")] = True
+    encoding: Annotated[
+        Literal["auto", "srgb", "linear"],
+        Field(
+            description="How the file encodes light in integers. Auto: as it says by a profile or "
+            "mark; else 8 bits are sRGB and 16 bits linear."
+        ),
+    ] = "auto"
     total: Annotated[
         bool,
         Switch,

@@ -12,7 +12,7 @@ import numpy as np
 from resample.command.session import Session
 from resample.command.settings import Written
 from resample.console import Progress, progress_bar, say
-from resample.files.facts.metadata import FileMetadata
+from resample.files.facts.metadata import JPEG, FileMetadata
 from resample.files.formats import (
     WriteOptions,
     check_output,
@@ -20,9 +20,10 @@ from resample.files.formats import (
     coverage_picture,
     holds_gaps,
 )
-from resample.files.pictures import Picture, form_of, read_picture
+from resample.files.pictures import Kind, Picture, form_of, read_picture
 from resample.files.saving import write_picture, writing_rows
 from resample.files.sequences import (
+    WRITTEN,
     Frames,
     batch_of,
     check_frames,
@@ -92,6 +93,16 @@ class Job:
             is_open = not covers_all(target, shape, self.roi)
         check_output(output, self.options, transparent=picture.kind.has_alpha or is_open)
 
+    def say_light(self, kind: Kind, about: FileMetadata, output: Path) -> None:
+        """Report that 16 bits which nothing says more of become levels for displays."""
+        is_guessed = self.warping.encoding == "auto" and not (about.number or about.says_linear)
+        is_changed = self.options.bits == 8 or output.suffix.lower() in (*JPEG, *WRITTEN)
+        if kind.bits == 16 and not kind.is_encoded and is_guessed and is_changed:
+            say(
+                f"{output.name}: its source's 16 bits are taken for linear light; for a photo give "
+                "--encoding srgb"
+            )
+
 
 def warp_all(
     images: Sequence[Place],
@@ -147,7 +158,7 @@ def warp_file(
     source: Place, output: Path, job: Job, coverage: Path | None = None
 ) -> dict[str, Any]:
     """Warp the pictures of a file; return what `--stats` writes."""
-    session, frames = Session(), frames_of(source)
+    session, frames = Session(), frames_of(source, job.warping.encoding)
     if frames is None:
         return _warp_picture(session, source, output, job, coverage, bar="warping")
     if coverage is not None:
@@ -158,7 +169,7 @@ def warp_file(
 
 def _warp(session: Session, source: Place, output: Path, job: Job) -> dict[str, Any]:
     """Warp a file without a progress bar."""
-    frames = frames_of(source)
+    frames = frames_of(source, job.warping.encoding)
     if frames is None:
         return _warp_picture(session, source, output, job)
     return _warp_frames(session, frames, output, job, None)
@@ -191,9 +202,10 @@ def _warp_picture(
         return _warp_large(session, large, output, job, coverage, bar)
     with session.stage("read"):
         job.check_memory(source, output)
-        picture = read_picture(source, as_data=True)
+        picture = read_picture(source, as_data=True, encoding=job.warping.encoding)
         target = job.target(picture)
     job.check(picture, target, output)
+    job.say_light(picture.kind, picture.about, output)
     result, share = job.warped(session, picture, target, output, bar)
     _say_lost(picture.about, result.about, output, has_nans=bool(np.isnan(result.data).any()))
     with session.stage("write"):
@@ -210,6 +222,7 @@ def _warp_large(
     loaded = large.loaded
     check_source(output, Picture(NOTHING, loaded.kind, loaded.about), job.options)
     check_output(output, job.options, transparent=large.kind.has_alpha)
+    job.say_light(loaded.kind, loaded.about, output)
     height, width = large.shape
     check_memory(large.form.shape, large.shape, job.warping, output, in_strips=large.in_strips)
     has_nans = False
@@ -238,6 +251,7 @@ def _warped_frames(
     for n, picture in enumerate(frames.read()):
         if n == 0:
             job.check_memory(picture, output)
+            job.say_light(picture.kind, picture.about, output)
         result, _ = job.warped(session, picture, job.target(picture), output, None)
         if n == 0:
             nans = bool(np.isnan(result.data).any())

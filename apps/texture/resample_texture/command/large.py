@@ -55,7 +55,7 @@ def large_picture(
     path: Place, aim: Aim, choice: PictureWarping, roi: Roi | None, written: Destination
 ) -> "Large | None":
     """Return a large picture to warp strip by strip; None if it is small or cannot be."""
-    form = loadable_picture(path)
+    form = loadable_picture(path, choice.encoding)
     if form is None or choice.total:
         return None
     target = aim(form.shape[:2])

@@ -143,6 +143,7 @@ def report(
         "source": [source[1], source[0]],
         "size": [result[1], result[0]],
         "channels": list(kind.channels),
+        "encoding": "sRGB" if kind.is_encoded else "linear",
         "method": choice.method,
         "seconds": session.times(),
     }
