@@ -13,7 +13,7 @@ from resample.command.session import run
 from resample.command.settings import Serving, Written, height_and_width, method_names
 from resample.command.settings_files import with_settings
 from resample.lazy import installed_version
-from resample_texture.command import everyday
+from resample_texture.command import everyday, projecting
 from resample_texture.command.choices import (
     Besides,
     Edges,
@@ -114,7 +114,13 @@ def view(
         show(lambda: picture_view(image, (place, warping)), page)
 
 
-for change in (everyday.resize, everyday.scale, everyday.rotate, everyday.undistort):
+for change in (
+    everyday.resize,
+    everyday.scale,
+    everyday.rotate,
+    everyday.undistort,
+    projecting.project,
+):
     app.command(change)
 
 

@@ -39,8 +39,8 @@ class NewSize(Choices):
     fit: Annotated[
         Fit | None,
         Field(
-            description="How the picture fills width and height: contain, as large as they hold; "
-            "cover, they are filled and the rest cut off; stretch; pad, they are filled up with "
+            description="How the picture is filled: contain, as large as the size holds; cover, "
+            "all of the size, and the rest is cut off; stretch; pad, contained and filled up with "
             "transparency or --background. Default: contain for one number, stretch for two."
         ),
     ] = None

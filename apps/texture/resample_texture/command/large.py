@@ -63,7 +63,7 @@ def large_picture(
     is_small = bytes_at_once(form.shape, shape) <= min(
         MOST_AT_ONCE, (ALLOWED.get() or GIB * 2) // 2
     )
-    if is_small or isinstance(target.places, ForwardMap):
+    if is_small or target.draws is not None or isinstance(target.places, ForwardMap):
         return None
     method = method_named(
         choice.method,
