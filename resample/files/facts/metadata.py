@@ -4,6 +4,7 @@ Exif blocks are copied tag by tag, since OpenImageIO drops tags that it does not
 warp invalidates are removed: thumbnails, sizes, and areas in pixels.
 """
 
+import json
 import struct
 import zlib
 from collections.abc import Iterator, Mapping
@@ -26,6 +27,7 @@ from resample.files.facts.tags import (
     block_tags,
     read_tags,
     text,
+    text_tag,
 )
 from resample.types import Doubles
 
@@ -125,7 +127,9 @@ def describe(spec: Any, about: FileMetadata, suffix: str, *, is_encoded: bool, c
     `is_encoded`: values are, as in the source.
     """
     if suffix == ".exr" or not about.camera:
-        for name, kind, value in about.spoken:
+        shape = spec.height, spec.width, spec.nchannels
+        for name, kind, told in about.spoken:
+            value = described(told, shape) if name == "ImageDescription" else told
             if name not in ("Exif:ColorSpace", "Exif:PixelXDimension", "Exif:PixelYDimension"):
                 spec.attribute(name, kind, value)
     fits = is_encoded and PROFILE_SPACES.get(about.profile[16:20]) == colors
@@ -184,12 +188,31 @@ def _page_tags(page: WrittenPage) -> Directory:
 
 
 def _sized(tags: Directory, shape: tuple[int, ...]) -> Directory:
-    """Tags with the size of a picture (height, width, ...)."""
+    """Tags with the size of a picture (height, width, ...), none of another."""
+    words = text(tags.get(DESCRIPTION))
+    true = described(words, shape)
+    if true != words:
+        others = {tag: value for tag, value in tags.items() if tag != DESCRIPTION}
+        tags = {**others, DESCRIPTION: text_tag(true)} if true else others
     inner = tags.get(EXIF)
     if not isinstance(inner, Mapping):
         return tags
     height, width = (Tag(LONG, np.array([side], np.uint32)) for side in shape[:2])
     return {**tags, EXIF: {**inner, WIDTH: width, HEIGHT: height}}
+
+
+def described(words: str, shape: tuple[int, ...]) -> str:
+    """Description without the shape of another picture, as tifffile's JSON has it."""
+    if not words.startswith("{"):
+        return words
+    try:
+        told = json.loads(words)
+    except ValueError:
+        return words
+    if told.get("shape", list(shape)) in (list(shape), list(shape[:2])):
+        return words
+    del told["shape"]
+    return json.dumps(told) if told else ""
 
 
 def _shorter(tags: Directory) -> Directory:

@@ -28,7 +28,8 @@ class BetweenProjections(Choices):
         Parameter(name="--from"),
         Field(
             description="What is given: the picture's projection, equirectangular, "
-            "cubemap:layout=row, fisheye:fov=180,model=equidistant, stereographic, cylindrical, perspective:fov=90."
+            "cubemap:layout=row, fisheye:fov=180,model=equidistant, stereographic, cylindrical, "
+            "perspective:fov=90."
         ),
     ] = None
     after: Annotated[
