@@ -250,6 +250,51 @@ class BufferedJpeg:
         return is_done
 
 
+class PillowOutput:
+    """Output for formats of Pillow, with the methods of OpenImageIO's; encodes when it is closed.
+
+    Parameters
+    ----------
+    path
+        File to write to.
+    spec
+        OpenImageIO header of the picture.
+    choices
+        Options of `PIL.Image.Image.save`.
+    """
+
+    has_error = False
+
+    def __init__(self, path: Path, spec: Any, choices: dict[str, Any]) -> None:
+        self._path, self._choices, self._spec = path, choices, spec
+        self._levels = np.empty((spec.height, spec.width, spec.nchannels), np.uint8)
+        self._complaint = ""
+
+    def write_scanlines(self, first: int, last: int, z: int, pixels: Any) -> bool:  # noqa: ARG002
+        """Keep some rows."""
+        self._levels[first:last] = pixels
+        return True
+
+    def close(self) -> bool:
+        """Write the file; returns whether it succeeded."""
+        from PIL import Image
+
+        gray = [0, 0, 0, 1][: 2 + self._levels.shape[2]]
+        levels = self._levels if self._levels.shape[2] > 2 else self._levels[..., gray]
+        profile = self._spec.getattribute("ICCProfile")
+        if profile is not None:
+            self._choices["icc_profile"] = np.asarray(profile, np.uint8).tobytes()
+        try:
+            Image.fromarray(np.ascontiguousarray(levels)).save(self._path, **self._choices)
+        except (ValueError, RuntimeError) as error:
+            self._complaint = str(error)
+        return not self._complaint
+
+    def geterror(self) -> str:
+        """The error message."""
+        return self._complaint
+
+
 def _memory() -> int | None:
     """Descriptor of a new in-memory file; None if there is no such thing."""
     if hasattr(os, "memfd_create"):

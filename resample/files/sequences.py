@@ -88,6 +88,8 @@ def _frames_of(path: Place, encoding: str) -> Frames | None:
 def check_frames(path: Path, frames: Frames, look: WriteOptions) -> None:
     """Reject a target that `write_frames` would reject, before any work is done."""
     suffix, is_animated = path.suffix.lower(), frames.path.suffix.lower() in ANIMATED
+    if look.quality is not None:
+        raise ValueError(f"{path}: a quality is of files of one picture; leave it out")
     if suffix in TIFF:
         check_output(path, look, transparent=False)
     elif suffix not in WRITTEN and not (suffix == ".png" and is_animated):

@@ -68,8 +68,8 @@ def warp(
         frames of a .gif, .webp, .apng or film are warped alike. So are several files, a folder, or
         a quoted pattern such as "photos/*.jpg".
     output
-        Written to: .png, .tif or .exr, or .jpg over a background; for several pages or frames
-        .tif, .gif, .webp, .apng or .mp4; for several files a folder.
+        Written to: .png, .tif, .exr, .webp, .avif, or .jpg over a background; for several pages or
+        frames .tif, .gif, .webp, .apng or .mp4; for several files a folder.
     """
     from functools import partial
 

@@ -157,12 +157,21 @@ def complete(path: Path, pages: list[WrittenPage]) -> None:
             add_tags(path, additions)
         return
     about, shape, _ = pages[0]
-    tags = {**_sized(about.camera, shape), ORIENTATION: Tag(SHORT, np.array([1], np.uint16))}
+    tags = _upright_tags(about, shape)
     if suffix in PNG and (about.camera or about.profile):
         _put_into_png(path, block_of(tags) if about.camera else b"")
     elif suffix in JPEG and about.camera:
         block = block_of(tags)
         _put_into_jpeg(path, block if len(block) <= LONGEST_SEGMENT else block_of(_shorter(tags)))
+
+
+def exif_of(about: FileMetadata, shape: tuple[int, ...]) -> bytes:
+    """Exif block of a picture (height, width, channels); empty if its source has none."""
+    return block_of(_upright_tags(about, shape)) if about.camera else b""
+
+
+def _upright_tags(about: FileMetadata, shape: tuple[int, ...]) -> Directory:
+    return {**_sized(about.camera, shape), ORIENTATION: Tag(SHORT, np.array([1], np.uint16))}
 
 
 def _true(tags: Directory) -> Directory:
