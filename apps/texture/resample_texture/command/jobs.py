@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from resample.command.session import Session
 from resample.command.settings import Written
 from resample.console import Progress, progress_bar, say
 from resample.files.facts.metadata import JPEG, FileMetadata
+from resample.files.facts.palettes import has_palette
 from resample.files.formats import (
     WriteOptions,
     check_output,
@@ -38,6 +39,11 @@ from resample.words import one_line
 from resample_texture.command.choices import Besides, PictureWarping, region
 from resample_texture.command.inputs import Aim, PictureTarget
 from resample_texture.command.large import Destination, Large, large_picture
+from resample_texture.command.palettes import (
+    PalettePicture,
+    palette_picture,
+    write_palette_picture,
+)
 from resample_texture.command.rendering import check_memory, covers_all, report, warped
 
 NOTHING = np.zeros((0, 0, 0), np.float32)
@@ -51,6 +57,7 @@ class Job:
     warping: PictureWarping
     options: WriteOptions
     roi: tuple[int, int, int, int] | None = None
+    told: set[str] = field(default_factory=set)  # what has been said
 
     def target(self, picture: Picture) -> PictureTarget:
         """Return the target of a picture."""
@@ -92,6 +99,16 @@ class Job:
             shape = picture.data.shape[0], picture.data.shape[1]
             is_open = not covers_all(target, shape, self.roi)
         check_output(output, self.options, transparent=picture.kind.has_alpha or is_open)
+
+    def say_palette(self, source: Place) -> None:
+        """Report once that colors of a palette are mixed."""
+        is_mixed = self.warping.method not in ("nearest", "majority")
+        if is_mixed and not self.told and isinstance(source, Path) and has_palette(source):
+            self.told.add("palette")
+            say(
+                f"{source.name} has a palette, which becomes colors; --method majority or nearest "
+                "keeps it"
+            )
 
     def say_light(self, kind: Kind, about: FileMetadata, output: Path) -> None:
         """Report that 16 bits which nothing says more of become levels for displays."""
@@ -196,6 +213,11 @@ def _warp_picture(
     check_output(output, job.options, transparent=False)
     check_targets(output, coverage)
     with session.stage("read"):
+        held = palette_picture(source, output, job.warping, job.options)
+    if held is not None:
+        return _warp_palette(session, held, output, job, coverage, bar)
+    job.say_palette(source)
+    with session.stage("read"):
         written = Destination(output, job.options)
         large = large_picture(source, job.aim, job.warping, job.roi, written)
     if large is not None:
@@ -213,6 +235,27 @@ def _warp_picture(
         if coverage is not None:
             write_picture(coverage, coverage_picture(share), WriteOptions(is_light=False))
     return report(session, picture.data.shape, result.data.shape, result.kind, job.warping)
+
+
+def _warp_palette(
+    session: Session,
+    held: PalettePicture,
+    output: Path,
+    job: Job,
+    coverage: Path | None,
+    bar: str | None,
+) -> dict[str, Any]:
+    """Warp the numbers of a picture with a palette."""
+    job.check_memory(held.picture, output)
+    target = job.target(held.picture)
+    result, share = job.warped(session, held.picture, target, output, bar)
+    _say_lost(held.picture.about, result.about, output, has_nans=False)
+    with session.stage("write"):
+        write_palette_picture(output, result, held.palette)
+        if coverage is not None:
+            write_picture(coverage, coverage_picture(share), WriteOptions(is_light=False))
+    told = report(session, held.picture.data.shape, result.data.shape, result.kind, job.warping)
+    return {**told, "channels": ["index"], "encoding": "palette"}
 
 
 def _warp_large(
