@@ -14,6 +14,7 @@ from PIL import Image, ImageCms
 
 from resample.files.images import open_file, read_image
 from resample_texture import cli, warp
+from resample_texture.mesh.rendering import load_mesh
 from tests import commands
 
 ended = partial(commands.ended, cli.app)
@@ -134,3 +135,10 @@ def test_films_are_never_linear(capsys):
     frames[0].save("in.gif", save_all=True, append_images=frames[1:])
     words = ["resize", "in.gif", "out.gif", "--size", "2", "--encoding", "linear"]
     assert "in.gif: films and animations are sRGB" in commands.refused(cli.app, capsys, *words)
+
+
+def test_textures_of_meshes_are_colors_for_displays():
+    cv2.imwrite("in.png", LEVELS)
+    Path("in.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n")
+    curve = ((LEVELS / 65535 + 0.055) / 1.055) ** 2.4
+    np.testing.assert_allclose(load_mesh("in.obj", "in.png").textures[0], curve, atol=1e-6)
