@@ -305,18 +305,37 @@ class Written(Choices):
         Field(description="Bits per channel: PNG 8 or 16, TIFF also 32. Default: as the source."),
     ] = None
 
+    file_quality: Annotated[
+        str | None,
+        Field(
+            description="Of .jpg, .webp and .avif: 1 to 100, or lossless for .webp. Default: 95, "
+            "90 and 85."
+        ),
+    ] = None
+
     def options(self) -> "WriteOptions":
         """Options of the picture writer.
 
         Raises
         ------
         ValueError
-            The background is not a color.
+            The background is not a color, or the quality is none.
         """
         from resample.files.formats import WriteOptions
 
         behind = None if self.background is None else linear_color(self.background)
-        return WriteOptions(self.bits, behind)
+        return WriteOptions(self.bits, behind, quality=self._quality())
+
+    def _quality(self) -> int | str | None:
+        """Quality of the file."""
+        from resample.files.formats import NO_LOSS
+
+        given = self.file_quality
+        if given is None or given == NO_LOSS:
+            return given
+        if not re.fullmatch(r"\d{1,3}", given, re.ASCII) or not 1 <= int(given) <= 100:
+            raise ValueError(f"--file-quality {given!r}; give 1 to 100, or {NO_LOSS}")
+        return int(given)
 
 
 def height_and_width(size: str) -> tuple[int, int]:

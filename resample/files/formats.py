@@ -14,6 +14,9 @@ from resample.files.stores.opening import STORE
 from resample.types import Floats
 
 SUFFIXES = (".png", ".exr", ".jpg", ".jpeg", ".tif", ".tiff")
+BY_PILLOW = {".webp": "webp", ".avif": "avif"}  # its names of what it is built with
+QUALITY = {".jpg": 95, ".jpeg": 95, ".webp": 90, ".avif": 85}  # unless given
+NO_LOSS = "lossless"
 LOSSLESS = ("none", "rle", "zips", "zip", "piz")  # compressions of EXR
 
 
@@ -25,13 +28,19 @@ class WriteOptions(NamedTuple):
     is_light: bool = True  # otherwise numbers, which are not encoded
     half: bool = False  # EXR: R, G, B and A in 16 bits
     compression: str = "zip"  # EXR: one of `LOSSLESS`
+    quality: int | str | None = None  # 1 to 100 of `QUALITY`, or `NO_LOSS` of .webp
 
 
 def check_output(path: Path, look: WriteOptions, *, transparent: bool) -> None:
     """Reject a target that `write_picture` would reject, before any work is done."""
     suffix = path.suffix.lower()
-    if suffix not in (*SUFFIXES, STORE):
-        raise ValueError(f"{path}: pictures are written as {', '.join(SUFFIXES)} or {STORE}")
+    if suffix not in (*SUFFIXES, *BY_PILLOW, STORE):
+        known = ", ".join((*SUFFIXES, *BY_PILLOW))
+        raise ValueError(f"{path}: pictures are written as {known} or {STORE}")
+    if suffix in BY_PILLOW:
+        _check_pillow(path)
+    if look.quality is not None:
+        _check_quality(path, look.quality)
     if suffix == STORE:
         from resample.files.chunked import check_store
 
@@ -41,6 +50,22 @@ def check_output(path: Path, look: WriteOptions, *, transparent: bool) -> None:
     if look.bits is not None and look.bits not in _depths(suffix):
         allowed = " or ".join(map(str, _depths(suffix)))
         raise ValueError(f"{path}: {suffix} has {allowed} bits per channel, not {look.bits}")
+
+
+def _check_pillow(path: Path) -> None:
+    from PIL import features
+
+    if BY_PILLOW[path.suffix.lower()] not in features.get_supported():
+        raise ValueError(f"{path}: the installed Pillow cannot write it; take .png or .jpg")
+
+
+def _check_quality(path: Path, quality: int | str) -> None:
+    suffix = path.suffix.lower()
+    if quality == NO_LOSS and suffix in QUALITY and suffix != ".webp":
+        raise ValueError(f"{path}: {suffix} is never {NO_LOSS}; take .png or .webp")
+    if quality != NO_LOSS and suffix not in QUALITY:
+        known = ", ".join(QUALITY)
+        raise ValueError(f"{path}: {suffix} has no quality, {known} have; leave it out")
 
 
 def flattened(picture: Picture, background: Color) -> Picture:
@@ -86,7 +111,7 @@ def page_of(path: Path, picture: Picture, look: WriteOptions, *, tells: bool = T
         picture = flattened(picture, look.background)
     suffix, (data, kind, about) = path.suffix.lower(), picture
     count = len(kind.channels)
-    if suffix in (".png", *JPEG) and count - kind.has_alpha not in (1, 3):
+    if suffix in (".png", *JPEG, *BY_PILLOW) and count - kind.has_alpha not in (1, 3):
         raise ValueError(f"{path}: {count} channels do not fit into {suffix}; take .exr or .tif")
     form = _form(suffix, kind, about, look)
     if about.geo is not None:
@@ -94,7 +119,8 @@ def page_of(path: Path, picture: Picture, look: WriteOptions, *, tells: bool = T
             say(f"{path.name} cannot store the picture's georeference; .tif can")
         if not fits(about.geo.missing, form):
             about = about._replace(geo=about.geo._replace(nodata=""))
-    is_light = look.is_light and not about.number
+    is_linear = not kind.is_encoded and kind.bits <= 8 * np.dtype(form).itemsize
+    is_light = look.is_light and not (about.number or (is_linear and kind.bits < 32))
     if form != "float32":
         data = _integers(picture, form, is_light)
     if about.geo is not None and about.geo.missing is not None and not kind.has_alpha:
@@ -152,7 +178,9 @@ def _form(suffix: str, kind: Kind, about: FileMetadata, look: WriteOptions) -> s
 
 
 def _depths(suffix: str) -> tuple[int, ...]:
-    return {".png": (8, 16), ".exr": (32,), ".jpg": (8,), ".jpeg": (8,)}.get(suffix, (8, 16, 32))
+    if suffix in QUALITY:
+        return (8,)
+    return {".png": (8, 16), ".exr": (32,)}.get(suffix, (8, 16, 32))
 
 
 def _bits(suffix: str, source: int) -> int:

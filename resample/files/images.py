@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import from_srgb
+from resample.files.facts.metadata import is_display_referred
 from resample.lazy import renamed
 from resample.reading.native import plain, suppressed_output
 from resample.reading.pictures import check_honest, check_picture, complaint_of, opened
@@ -123,27 +124,37 @@ class PictureFile(NamedTuple):
         return data
 
 
-def open_file(path: str | Path, page: int = 0) -> PictureFile:
-    """Open a picture file and read its header, without data."""
+def open_file(path: str | Path, page: int = 0, encoding: str = "auto") -> PictureFile:
+    """Open a picture file and read its header, without data.
+
+    `encoding`: of integers: `srgb`, `linear`, or `auto`, which is what the file says; if it says
+    nothing, 16 bits are linear and others sRGB.
+    """
     source = opened(path, page)
     spec = source.spec()
     form = str(spec.format)
     space = spec.get_string_attribute("oiio:ColorSpace").lower()
     is_integer = form not in ("half", "float", "double")
-    is_encoded = "srgb" in space or (is_integer and "lin" not in space)
+    if is_integer and encoding != "auto":
+        is_encoded = encoding == "srgb"
+    elif form == "uint16" and "lin" not in space:
+        is_encoded = is_display_referred(Path(path), spec)
+    else:
+        is_encoded = "srgb" in space or (is_integer and "lin" not in space)
     is_straight = bool(spec.get_int_attribute("oiio:UnassociatedAlpha"))
-    encoding = LightEncoding(tuple(spec.channelnames), is_encoded, is_straight, MOST.get(form, 0))
-    return PictureFile(Path(path), source, form, encoding)
+    light = LightEncoding(tuple(spec.channelnames), is_encoded, is_straight, MOST.get(form, 0))
+    return PictureFile(Path(path), source, form, light)
 
 
-def read_image(path: str | Path, page: int = 0) -> Floats:
+def read_image(path: str | Path, page: int = 0, encoding: str = "auto") -> Floats:
     """Read a picture in linear light, premultiplied, in the stored orientation.
 
-    `path`: any format of OpenImageIO. Integer formats and files marked so are taken as sRGB, others
-    as linear light. The orientation tag is ignored. Result: (H, W, C) with those of the channels R,
-    G, B and A that exist; all channels if there is no R or if there are unnamed bands.
+    `path`: any format of OpenImageIO. Integers of 8 bits and files marked so are taken as sRGB,
+    others as linear light; `encoding` as in `open_file`. The orientation tag is ignored. Result:
+    (H, W, C) with those of the channels R, G, B and A that exist; all channels if there is no R or
+    if there are unnamed bands.
     """
-    file = open_file(path, page)
+    file = open_file(path, page, encoding)
     return file.encoding.light(file.values())
 
 
@@ -237,6 +248,51 @@ class BufferedJpeg:
             self._done += len(data)
         os.ftruncate(self._memory, 0)  # later writes follow a hole, which takes no space
         return is_done
+
+
+class PillowOutput:
+    """Output for formats of Pillow, with the methods of OpenImageIO's; encodes when it is closed.
+
+    Parameters
+    ----------
+    path
+        File to write to.
+    spec
+        OpenImageIO header of the picture.
+    choices
+        Options of `PIL.Image.Image.save`.
+    """
+
+    has_error = False
+
+    def __init__(self, path: Path, spec: Any, choices: dict[str, Any]) -> None:
+        self._path, self._choices, self._spec = path, choices, spec
+        self._levels = np.empty((spec.height, spec.width, spec.nchannels), np.uint8)
+        self._complaint = ""
+
+    def write_scanlines(self, first: int, last: int, z: int, pixels: Any) -> bool:  # noqa: ARG002
+        """Keep some rows."""
+        self._levels[first:last] = pixels
+        return True
+
+    def close(self) -> bool:
+        """Write the file; returns whether it succeeded."""
+        from PIL import Image
+
+        gray = [0, 0, 0, 1][: 2 + self._levels.shape[2]]
+        levels = self._levels if self._levels.shape[2] > 2 else self._levels[..., gray]
+        profile = self._spec.getattribute("ICCProfile")
+        if profile is not None:
+            self._choices["icc_profile"] = np.asarray(profile, np.uint8).tobytes()
+        try:
+            Image.fromarray(np.ascontiguousarray(levels)).save(self._path, **self._choices)
+        except (ValueError, RuntimeError) as error:
+            self._complaint = str(error)
+        return not self._complaint
+
+    def geterror(self) -> str:
+        """The error message."""
+        return self._complaint
 
 
 def _memory() -> int | None:

@@ -112,16 +112,18 @@ class Header(NamedTuple):
         return about._replace(geo=moved(about.geo, turn(self.orientation, self.shape[:2])))
 
 
-def read_picture(path: str | Place, page: int = 0, *, as_data: bool = False) -> Picture:
+def read_picture(
+    path: str | Place, page: int = 0, *, as_data: bool = False, encoding: str = "auto"
+) -> Picture:
     """Read a picture in linear light, premultiplied and upright, with its metadata.
 
     `path`: any format of OpenImageIO, or zarr: a folder, a zip file or an address. `page`: number
     of the picture in a file that holds several. `as_data`: keep integers that are neither shades
     nor colors (signed, 32-bit, or georeferenced and not 8-bit colors) as numbers; the missing value
-    of a GeoTIFF becomes NaN. Raises OSError: the file is missing or damaged. Raises ValueError: it
-    does not fit into memory.
+    of a GeoTIFF becomes NaN. `encoding`: of integers, as in `open_file`. Raises OSError: the file
+    is missing or damaged. Raises ValueError: it does not fit into memory.
     """
-    return picture_at(place_of(path), page, as_data=as_data).picture()
+    return picture_at(place_of(path), page, as_data=as_data, encoding=encoding).picture()
 
 
 def form_of(path: Place) -> tuple[tuple[int, int, int], Kind]:
@@ -139,6 +141,7 @@ class LoadablePicture:
     header: Header
     as_data: bool  # see `read_picture`
     stored: "StoredPicture | None"  # of zarr
+    encoding: str = "auto"  # see `open_file`
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -223,7 +226,7 @@ class LoadablePicture:
         """The file, opened; None for zarr."""
         if isinstance(self.path, Address) or self.stored is not None:
             return None
-        return open_file(self.path, self.page)
+        return open_file(self.path, self.page, self.encoding)
 
     def _levels(self, file: PictureFile | None) -> Iterator[NDArray[Any]]:
         """Levels of a file as stored, in the order of the kind's channels."""
@@ -252,19 +255,21 @@ class LoadablePicture:
             yield with_gaps(light, ordered, about) if self.as_data else light
 
 
-def picture_at(path: Place, page: int = 0, *, as_data: bool = True) -> LoadablePicture:
+def picture_at(
+    path: Place, page: int = 0, *, as_data: bool = True, encoding: str = "auto"
+) -> LoadablePicture:
     """Read a picture's header; parameters and errors as in `read_picture`."""
     from resample.files.chunked import is_in_store, open_picture
 
     is_stored = isinstance(path, Address) or is_in_store(path)
     stored = open_picture(path) if is_stored else None
-    header = _header(path, page, stored, as_data=as_data)
-    return LoadablePicture(path, page, header, as_data, stored)
+    header = _header(path, page, stored, as_data=as_data, encoding=encoding)
+    return LoadablePicture(path, page, header, as_data, stored, encoding)
 
 
-def loadable_picture(path: Place) -> LoadablePicture | None:
+def loadable_picture(path: Place, encoding: str = "auto") -> LoadablePicture | None:
     """Open a picture to load; None for integers that float32 cannot represent."""
-    reader = picture_at(path)
+    reader = picture_at(path, encoding=encoding)
     return None if reader.header.about.number in WIDE else reader
 
 
@@ -303,17 +308,22 @@ def gaps_of(data: Floats, missing: float, *, as_whole: bool) -> NDArray[np.bool]
     return np.asarray(gaps.all(axis=2, keepdims=True)) if as_whole else gaps
 
 
-def _header(path: Place, page: int, stored: "StoredPicture | None", *, as_data: bool) -> Header:
+def _header(
+    path: Place, page: int, stored: "StoredPicture | None", *, as_data: bool, encoding: str
+) -> Header:
     if stored is not None:
-        kind = Kind(stored.channels, stored.bits, is_encoded=stored.bits < 32)
+        is_encoded = stored.bits == 8 if encoding == "auto" else encoding == "srgb"
+        kind = Kind(stored.channels, stored.bits, is_encoded and stored.bits < 32)
         is_half = stored.array.dtype.name == "float16"
         return Header(stored.shape, kind, FileMetadata(), 1, is_half)
     assert isinstance(path, Path)  # addresses are always stores
-    file = open_file(path, page)
+    file = open_file(path, page, encoding)
     spec, names = file.source.spec(), file.encoding.names
     form = np.dtype(FORMS.get(file.form, "f4")).name
     pages = page_tags(file.path)
     about = about_file(file.path, spec, pages[page] if page < len(pages) else {})
+    if bool(FORMS.get(file.form)) and "lin" in spec.get_string_attribute("oiio:ColorSpace").lower():
+        about = about._replace(says_linear=True)
     orientation = int(spec.get_int_attribute("Orientation", 1))
     file.source.close()
     bits = {"uint8": 8, "uint16": 16}.get(form, 32)

@@ -10,10 +10,21 @@ from numpy.typing import NDArray
 
 from resample.colors import Background, over
 from resample.console import Color
-from resample.files.facts.metadata import JPEG, TIFF, FileMetadata, WrittenPage, complete, describe
+from resample.files.facts.metadata import (
+    JPEG,
+    TIFF,
+    FileMetadata,
+    WrittenPage,
+    complete,
+    describe,
+    exif_of,
+)
 from resample.files.facts.origin import state
 from resample.files.formats import (
+    BY_PILLOW,
     LOSSLESS,
+    NO_LOSS,
+    QUALITY,
     SUFFIXES,
     StoredPage,
     WriteOptions,
@@ -29,6 +40,7 @@ from resample.reading.native import plain
 from resample.reading.pictures import complaint_of
 from resample.types import Floats, Frame
 
+LONGEST = {".webp": 16_383, ".avif": 65_535}  # px of a side
 UNCALIBRATED = 0xFFFF  # Exif's value for neither sRGB nor Adobe RGB
 CHANNELS = ("R", "G", "B", "A", "Z", "coverage", "first.Z", "value")  # of a frame in EXR
 
@@ -221,7 +233,10 @@ class _Rows:
             self.stored = WrittenPage(page.about, shape, page.data.dtype.name)
             spec = spec_of(self.path.suffix.lower(), page, self.height)
             mode = "AppendSubimage" if self.is_next else "Create"
-            self.target = new_output(self.path, self.temporary, spec, mode)
+            if self.path.suffix.lower() in BY_PILLOW:
+                self.target = _pillow_output(self.path, self.temporary, spec, page)
+            else:
+                self.target = new_output(self.path, self.temporary, spec, mode)
         first, last = self.done, self.done + page.data.shape[0]
         if self.stored.shape != shape or last > self.height:
             raise ValueError(f"rows {first} to {last} of {page.data.shape} in {self.stored.shape}")
@@ -259,16 +274,47 @@ def new_output(path: Path, temporary: Path, spec: Any, mode: str = "Create") -> 
     return target
 
 
+def _pillow_output(path: Path, temporary: Path, spec: Any, page: StoredPage) -> Any:
+    """Output for a format that Pillow writes."""
+    from resample.files.images import PillowOutput
+
+    suffix, quality = path.suffix.lower(), page.options.quality
+    if max(spec.width, spec.height) > LONGEST[suffix]:
+        raise ValueError(f"{path}: {suffix} has sides of {LONGEST[suffix]} px at most; take .png")
+    choices: dict[str, Any] = {"format": BY_PILLOW[suffix]}
+    choices["exif"] = exif_of(page.about, (spec.height, spec.width, spec.nchannels))
+    if quality == NO_LOSS:
+        choices |= {"lossless": True, "exact": True}
+    else:
+        choices["quality"] = quality or QUALITY[suffix]
+    if suffix == ".avif":
+        choices["subsampling"] = "4:4:4"
+    return PillowOutput(temporary, spec, choices)
+
+
 def _finish(path: Path, temporary: Path, written: list[WrittenPage]) -> None:
     """Add metadata that OpenImageIO cannot write, and read the file back as a check."""
     check_end(path, temporary)
     complete(temporary, written)
     try:
-        for n in range(len(written)):
+        for n in range(len(written) if path.suffix.lower() != ".avif" else 0):
             for _ in open_file(temporary, n).strips():
                 pass
     except OSError:
         raise refused(path, temporary, INCOMPLETE) from None
+
+
+def _compression(suffix: str, look: WriteOptions) -> str:
+    """OpenImageIO's compression."""
+    return f"jpeg:{look.quality or QUALITY[suffix]}" if suffix in JPEG else look.compression
+
+
+def _space_of(page: StoredPage) -> str:
+    """OpenImageIO's color space of integers; "data" says nothing, as their source does."""
+    if page.is_light:
+        return "sRGB"
+    is_found = page.options.is_light and not page.about.number and not page.about.says_linear
+    return "data" if is_found else "lin_rec709_scene"
 
 
 def spec_of(suffix: str, page: StoredPage, height: int) -> Any:
@@ -290,13 +336,12 @@ def spec_of(suffix: str, page: StoredPage, height: int) -> Any:
     if is_whole:
         spec.attribute("oiio:UnassociatedAlpha", 1)
         if not has_profile:
-            space = "sRGB" if page.is_light else "lin_rec709_scene"
-            spec.attribute("oiio:ColorSpace", space)
+            spec.attribute("oiio:ColorSpace", _space_of(page))
     if suffix in TIFF and (not is_whole or has_profile or not page.is_light):
         # OpenImageIO 3.1 cannot write an empty Exif directory.
         spec.attribute("Exif:ColorSpace", UNCALIBRATED)
     if is_bare and is_whole:
         spec.attribute("tiff:predictor", 1)
-    spec.attribute("compression", "jpeg:95" if suffix in JPEG else page.options.compression)
+    spec.attribute("compression", _compression(suffix, page.options))
     spec.attribute("jpeg:subsampling", "4:4:4")
     return spec

@@ -53,17 +53,26 @@ class Frames(NamedTuple):
     path: Path
     seconds: tuple[float, ...]  # display time of each
     pages: tuple[int, ...] | None = None  # for TIFF: directories that are pictures
+    encoding: str = "auto"  # of integers in pages, see `resample.files.images.open_file`
 
     def read(self) -> Iterator[Picture]:
         """Read pictures one after the other."""
         if self.pages is not None:
-            return (read_picture(self.path, page, as_data=True) for page in self.pages)
+            options: dict[str, Any] = {"as_data": True, "encoding": self.encoding}
+            return (read_picture(self.path, page, **options) for page in self.pages)
         is_film = self.path.suffix.lower() in FILMS
         return _film_frames(self.path) if is_film else _animated_frames(self.path)
 
 
-def frames_of(path: Place) -> Frames | None:
+def frames_of(path: Place, encoding: str = "auto") -> Frames | None:
     """Pictures of a file with several; None if it has one or is not a picture."""
+    found = _frames_of(path, encoding)
+    if found is not None and found.pages is None and encoding == "linear":
+        raise ValueError(f"{path}: films and animations are sRGB; leave out the encoding linear")
+    return found
+
+
+def _frames_of(path: Place, encoding: str) -> Frames | None:
     if isinstance(path, Address) or is_in_store(path) or not path.is_file():
         return None
     suffix = path.suffix.lower()
@@ -73,12 +82,14 @@ def frames_of(path: Place) -> Frames | None:
         seconds = _animated_times(path)
         return Frames(path, seconds) if len(seconds) > 1 else None
     pages = _pages(path, page_tags(path)) if suffix in TIFF else ()
-    return Frames(path, (USUAL,) * len(pages), pages) if len(pages) > 1 else None
+    return Frames(path, (USUAL,) * len(pages), pages, encoding) if len(pages) > 1 else None
 
 
 def check_frames(path: Path, frames: Frames, look: WriteOptions) -> None:
     """Reject a target that `write_frames` would reject, before any work is done."""
     suffix, is_animated = path.suffix.lower(), frames.path.suffix.lower() in ANIMATED
+    if look.quality is not None:
+        raise ValueError(f"{path}: a quality is of files of one picture; leave it out")
     if suffix in TIFF:
         check_output(path, look, transparent=False)
     elif suffix not in WRITTEN and not (suffix == ".png" and is_animated):

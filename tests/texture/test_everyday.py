@@ -185,7 +185,7 @@ def test_what_is_no_picture_is_refused(way, shape):
     ("words", "shape"),
     [
         (["--size", "12x10"], (10, 12)),
-        (["--size", "7"], (7, 7)),
+        (["--size", "6"], (4, 6)),
         (["--size", "50%"], (8, 12)),
         (["--size", "12.5 %"], (2, 3)),
         (["--size", "0.25"], (4, 6)),

@@ -1,5 +1,6 @@
 """What the command line keeps of a photo's file: which way is up, color profile, camera."""
 
+import json
 from functools import cache, partial
 from pathlib import Path
 
@@ -102,6 +103,28 @@ def test_camera_and_profile_are_kept(source, suffix):
         assert (inner[0xA002], inner[0xA003]) == (12, 8)
         assert tags.get_ifd(GPS)[2] == (50.0, 5.0, 12.5)
         assert image.info["icc_profile"] == profile()
+
+
+@pytest.mark.parametrize("suffix", ["tif", "png", "jpg", "exr"])
+@pytest.mark.parametrize(
+    ("words", "told", "kept"),
+    [
+        (SAME, {"shape": [16, 24, 3]}, {"shape": [16, 24, 3]}),
+        (HALF, {"shape": [16, 24, 3]}, None),
+        (HALF, {"shape": [1, 16, 24, 3], "um": 0.5}, {"um": 0.5}),
+    ],
+)
+def test_a_description_of_another_shape_is_dropped(words, told, kept, suffix):
+    description = json.dumps(told)
+    Image.new("RGB", (24, 16)).save("in.tif", tiffinfo={270: description})
+    assert ended("warp", "in.tif", "-o", f"out.{suffix}", *words, "--edge", "clamp") == 0
+    if suffix == "exr":
+        spec = OpenImageIO.ImageInput.open("out.exr").spec()
+        found = spec.get_string_attribute("ImageDescription")
+    else:
+        with Image.open(f"out.{suffix}") as image:
+            found = image.getexif().get(270, "")
+    assert (json.loads(found) if found else None) == kept
 
 
 def test_a_png_with_a_profile_does_not_say_srgb_as_well():

@@ -13,7 +13,7 @@ from resample.command.session import run
 from resample.command.settings import Serving, Written, height_and_width, method_names
 from resample.command.settings_files import with_settings
 from resample.lazy import installed_version
-from resample_texture.command import everyday
+from resample_texture.command import everyday, projecting
 from resample_texture.command.choices import (
     Besides,
     Edges,
@@ -63,13 +63,13 @@ def warp(
     Parameters
     ----------
     images
-        Any picture; float files are linear light, the others sRGB. Or an address of zarr or
-        OME-Zarr, such as s3://bucket/slide.zarr. All pages of a TIFF and all frames of a .gif,
-        .webp, .apng or film are warped alike. So are several files, a folder, or a quoted pattern
-        such as "photos/*.jpg".
+        Any picture; float files are linear light, 8 bits sRGB, 16 bits as --encoding says. Or an
+        address of zarr or OME-Zarr, such as s3://bucket/slide.zarr. All pages of a TIFF and all
+        frames of a .gif, .webp, .apng or film are warped alike. So are several files, a folder, or
+        a quoted pattern such as "photos/*.jpg".
     output
-        Written to: .png, .tif or .exr, or .jpg over a background; for several pages or frames
-        .tif, .gif, .webp, .apng or .mp4; for several files a folder.
+        Written to: .png, .tif, .exr, .webp, .avif, or .jpg over a background; for several pages or
+        frames .tif, .gif, .webp, .apng or .mp4; for several files a folder.
     """
     from functools import partial
 
@@ -114,7 +114,13 @@ def view(
         show(lambda: picture_view(image, (place, warping)), page)
 
 
-for change in (everyday.resize, everyday.scale, everyday.rotate, everyday.undistort):
+for change in (
+    everyday.resize,
+    everyday.scale,
+    everyday.rotate,
+    everyday.undistort,
+    projecting.project,
+):
     app.command(change)
 
 
@@ -168,7 +174,7 @@ def rectify(
     check_output(output, job.options, transparent=False)
     check_targets(output)
     job.check_memory(photo, output)
-    picture = read_picture(photo, as_data=True)
+    picture = read_picture(photo, as_data=True, encoding=warping.encoding)
     job.check(picture, target, output)
     page, _ = job.warped(Session(), picture, target, output)
     write_picture(output, page, job.options)

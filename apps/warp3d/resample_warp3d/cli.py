@@ -208,7 +208,7 @@ def stereo(
     fraction
         Position of the new eye: 1 is the other eye, 0.5 halfway; below 0 the opposite way.
     given
-        Which of the two pictures is given.
+        What is given: the left or the right picture.
     holes
         As in render.
     coverage

@@ -4,6 +4,7 @@ Exif blocks are copied tag by tag, since OpenImageIO drops tags that it does not
 warp invalidates are removed: thumbnails, sizes, and areas in pixels.
 """
 
+import json
 import struct
 import zlib
 from collections.abc import Iterator, Mapping
@@ -26,6 +27,7 @@ from resample.files.facts.tags import (
     block_tags,
     read_tags,
     text,
+    text_tag,
 )
 from resample.types import Doubles
 
@@ -42,6 +44,9 @@ AS_FLOATS = ("int32", "uint32")  # types that OpenImageIO cannot write, except a
 PROFILE_SPACES = {b"GRAY": 1, b"RGB ": 3}  # number of color channels of a profile
 MARKS = (*range(0xE0, 0xF0), 0xFE)  # of JPEG segments without pixels
 LONGEST_SEGMENT = 65_533 - 6  # bytes of Exif in a JPEG
+PNG_START = b"\x89PNG\r\n\x1a\n"
+DISPLAY_GAMMA = 40_000, 50_000  # 1 / 2.2 is 45,455 in a PNG file
+CICP_SRGB = b"\x0d"  # transfer function
 TURNS = {  # rows and columns exchanged, then rows reversed, then columns
     1: (False, False, False), 2: (False, False, True), 3: (False, True, True),
     4: (False, True, False), 5: (True, False, False), 6: (True, False, True),
@@ -62,6 +67,7 @@ class FileMetadata(NamedTuple):
     geo: Geo | None = None
     spoken: tuple[tuple[str, Any, Any], ...] = ()  # name, type and value in OpenImageIO
     number: str = ""  # integer type of numbers as stored; empty for light or floats
+    says_linear: bool = False  # integers are linear light, by the file's own words
 
 
 def page_tags(path: Path) -> list[Directory]:
@@ -121,7 +127,9 @@ def describe(spec: Any, about: FileMetadata, suffix: str, *, is_encoded: bool, c
     `is_encoded`: values are, as in the source.
     """
     if suffix == ".exr" or not about.camera:
-        for name, kind, value in about.spoken:
+        shape = spec.height, spec.width, spec.nchannels
+        for name, kind, told in about.spoken:
+            value = described(told, shape) if name == "ImageDescription" else told
             if name not in ("Exif:ColorSpace", "Exif:PixelXDimension", "Exif:PixelYDimension"):
                 spec.attribute(name, kind, value)
     fits = is_encoded and PROFILE_SPACES.get(about.profile[16:20]) == colors
@@ -149,12 +157,21 @@ def complete(path: Path, pages: list[WrittenPage]) -> None:
             add_tags(path, additions)
         return
     about, shape, _ = pages[0]
-    tags = {**_sized(about.camera, shape), ORIENTATION: Tag(SHORT, np.array([1], np.uint16))}
+    tags = _upright_tags(about, shape)
     if suffix in PNG and (about.camera or about.profile):
         _put_into_png(path, block_of(tags) if about.camera else b"")
     elif suffix in JPEG and about.camera:
         block = block_of(tags)
         _put_into_jpeg(path, block if len(block) <= LONGEST_SEGMENT else block_of(_shorter(tags)))
+
+
+def exif_of(about: FileMetadata, shape: tuple[int, ...]) -> bytes:
+    """Exif block of a picture (height, width, channels); empty if its source has none."""
+    return block_of(_upright_tags(about, shape)) if about.camera else b""
+
+
+def _upright_tags(about: FileMetadata, shape: tuple[int, ...]) -> Directory:
+    return {**_sized(about.camera, shape), ORIENTATION: Tag(SHORT, np.array([1], np.uint16))}
 
 
 def _true(tags: Directory) -> Directory:
@@ -180,12 +197,31 @@ def _page_tags(page: WrittenPage) -> Directory:
 
 
 def _sized(tags: Directory, shape: tuple[int, ...]) -> Directory:
-    """Tags with the size of a picture (height, width, ...)."""
+    """Tags with the size of a picture (height, width, ...), none of another."""
+    words = text(tags.get(DESCRIPTION))
+    true = described(words, shape)
+    if true != words:
+        others = {tag: value for tag, value in tags.items() if tag != DESCRIPTION}
+        tags = {**others, DESCRIPTION: text_tag(true)} if true else others
     inner = tags.get(EXIF)
     if not isinstance(inner, Mapping):
         return tags
     height, width = (Tag(LONG, np.array([side], np.uint32)) for side in shape[:2])
     return {**tags, EXIF: {**inner, WIDTH: width, HEIGHT: height}}
+
+
+def described(words: str, shape: tuple[int, ...]) -> str:
+    """Description without the shape of another picture, as tifffile's JSON has it."""
+    if not words.startswith("{"):
+        return words
+    try:
+        told = json.loads(words)
+    except ValueError:
+        return words
+    if told.get("shape", list(shape)) in (list(shape), list(shape[:2])):
+        return words
+    del told["shape"]
+    return json.dumps(told) if told else ""
 
 
 def _shorter(tags: Directory) -> Directory:
@@ -204,7 +240,7 @@ def _exif_block(path: Path) -> bytes:
         try:
             if start[:2] == b"\xff\xd8":
                 blocks = (block for block in _segments(file) if block[:6] == b"Exif\0\0")
-            elif start[:8] == b"\x89PNG\r\n\x1a\n":
+            elif start[:8] == PNG_START:
                 blocks = _chunks(file, 8, b"eXIf", ">I4s", 4)
             elif start[:4] == b"RIFF" and start[8:] == b"WEBP":
                 blocks = _chunks(file, 12, b"EXIF", "<4sI", 0)
@@ -219,8 +255,24 @@ def _exif_block(path: Path) -> bytes:
 def is_animated_png(path: Path) -> bool:
     """Whether a file is an animated PNG."""
     with path.open("rb") as file:
-        is_png = file.read(8) == b"\x89PNG\r\n\x1a\n"
+        is_png = file.read(8) == PNG_START
         return is_png and next(_chunks(file, 8, b"acTL", ">I4s", 4), None) is not None
+
+
+def is_display_referred(path: Path, spec: Any) -> bool:
+    """Whether a file says that its integers are encoded for displays, by a profile or a mark.
+
+    OpenImageIO takes every PNG file for that, so its chunks are read here.
+    """
+    if spec.getattribute("ICCProfile") is not None:
+        return True
+    with path.open("rb") as file:
+        if file.read(8) != PNG_START:
+            return "srgb" in spec.get_string_attribute("oiio:ColorSpace").lower()
+        told = {chunk[4:8]: chunk[8:-4] for chunk in _before_pixels(file)}
+    if b"gAMA" in told and b"sRGB" not in told:
+        return DISPLAY_GAMMA[0] < int.from_bytes(told[b"gAMA"]) < DISPLAY_GAMMA[1]
+    return b"sRGB" in told or told.get(b"cICP", b"")[1:2] == CICP_SRGB
 
 
 def _segments(file: BinaryIO) -> Iterator[bytes]:

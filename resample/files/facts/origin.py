@@ -31,6 +31,12 @@ def state(spec: Any, path: Path) -> None:
         spec.attribute(KEY, text)
 
 
+def stated() -> dict[str, str]:
+    """Texts to store in a PNG file: the settings, if any."""
+    text = _settings.get()
+    return {KEY: text} if text else {}
+
+
 def settings_in(path: Path) -> str:
     """Read the settings, as TOML, that a picture was made with."""
     source = opened(path)

@@ -135,8 +135,8 @@ class WarpGeometry(Choices):
         return None if self.size is None else height_and_width(self.size)
 
 
-class PictureWarping(Choices):
-    """How a picture is warped."""
+class PictureFiltering(Choices):
+    """How texels become pixels."""
 
     heading: ClassVar[str] = "Method"
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
@@ -151,15 +151,14 @@ class PictureWarping(Choices):
         float | None,
         Field(description="Parts per target px that texels are split into, 1 to 16."),
     ] = None
-    edge: Annotated[Edges, Field(description="What lies beyond the picture's edges.")] = (
-        "transparent"
-    )
     linear: Annotated[bool, Field(description="Filter linear light, or the encoded values.")] = True
-    total: Annotated[
-        bool,
-        Switch,
-        Field(description="Values are totals, such as flux: preserve their sum, not their mean."),
-    ] = False
+    encoding: Annotated[
+        Literal["auto", "srgb", "linear"],
+        Field(
+            description="How the file encodes light in integers. Auto: as it says by a profile or "
+            "mark; else 8 bits are sRGB and 16 bits linear."
+        ),
+    ] = "auto"
     threads: Threads = None
 
     def check(self) -> None:
@@ -179,25 +178,43 @@ class PictureWarping(Choices):
             registry.build("interpolations", self.interpolation)
 
 
+class PictureWarping(PictureFiltering):
+    """How a picture is warped."""
+
+    edge: Annotated[Edges, Field(description="What lies beyond the picture's edges.")] = (
+        "transparent"
+    )
+    total: Annotated[
+        bool,
+        Switch,
+        Field(description="Values are totals, such as flux: preserve their sum, not their mean."),
+    ] = False
+
+
 class Filling(PictureWarping):
     """Options of a warp that fills its target, so that its edges must not fade."""
 
     edge: Annotated[Edges, Field(description="What lies beyond the picture's edges.")] = "clamp"
 
 
-class Besides(Choices):
-    """Which part of a warp is written, and which files besides it."""
+class Reports(Choices):
+    """Which files are written besides a picture."""
 
     heading: ClassVar[str] = "Further outputs"
     about: ClassVar[OptionTopic] = OptionTopic.TARGET
+
+    coverage: Coverage = None
+    stats: Stats = None
+
+
+class Besides(Reports):
+    """Which part of a warp is written, and which files besides it."""
 
     roi: Annotated[
         str | None,
         OptionTopic.APPEARANCE,
         Field(description="Write only this part of the target: left,top,width,height in px."),
     ] = None
-    coverage: Coverage = None
-    stats: Stats = None
 
 
 class MeshView(Choices):

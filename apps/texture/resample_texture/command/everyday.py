@@ -3,7 +3,7 @@
 import math
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from cyclopts import Parameter
 from pydantic import Field
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from resample_texture.command.inputs import Aim, PictureTarget
 
 PIXELS = re.compile(r"\d{1,9}([xX]\d{1,9})?", re.ASCII)
+Fit = Literal["contain", "cover", "stretch", "pad"]
 SHARE = re.compile(r"(\d+|\d*\.\d+|\d+\.)\s*(%|x)?", re.ASCII)
 
 
@@ -31,8 +32,16 @@ class NewSize(Choices):
     size: Annotated[
         str | None,
         Field(
-            description="Size in px: 400 for a square, 640x480 for width and height; or of the "
-            "picture's: 50%, 0.5 or 2x."
+            description="Size in px: 400 for the longer side, 640x480 for width and height; or of "
+            "the picture's: 50%, 0.5 or 2x."
+        ),
+    ] = None
+    fit: Annotated[
+        Fit | None,
+        Field(
+            description="How the picture is filled: contain, as large as the size holds; cover, "
+            "all of the size, and the rest is cut off; stretch; pad, contained and filled up with "
+            "transparency or --background. Default: contain for one number, stretch for two."
         ),
     ] = None
     width: Annotated[
@@ -54,28 +63,51 @@ class NewSize(Choices):
         ValueError
             No size was given, two were, or it is not a size.
         """
-        from resample_texture.geometry.matrices import scaled_shape
-
-        if (self.size is None) == (self.width is None and self.height is None):
-            raise ValueError("give a --size, or a --width, a --height or both")
-        if self.size is not None:
-            share = _share_of(self.size)
-            if share is not None:
-                return scaled_shape(source_shape, (share, share))
-            if PIXELS.fullmatch(self.size.strip()) is None:
-                raise ValueError(f"size {self.size!r}; give 400, 640x480, 50%, 0.5 or 2x")
-            return height_and_width(self.size)
-        height, width = source_shape
-        down, across = (self.height or 0) / height, (self.width or 0) / width
-        return _side(self.height, height * across), _side(self.width, width * down)
+        fit, box = self._fit(source_shape)
+        return fitted_shape(source_shape, box, is_inside=True) if fit == "contain" else box
 
     def target(self, source_shape: tuple[int, int]) -> "PictureTarget":
         """Return the target of a picture (height, width)."""
         from resample_texture.command.inputs import PictureTarget
+        from resample_texture.geometry.mappings import Homography
         from resample_texture.geometry.matrices import resizing
 
-        shape = self.shape(source_shape)
-        return PictureTarget(resizing(source_shape, shape), shape)
+        fit, box = self._fit(source_shape)
+        if fit == "stretch":
+            return PictureTarget(resizing(source_shape, box), box)
+        shown = fitted_shape(source_shape, box, is_inside=fit != "cover")
+        if fit == "contain":
+            return PictureTarget(resizing(source_shape, shown), shown)
+        matrix = resizing(source_shape, shown).matrix
+        matrix[:2, 2] = (box[1] - shown[1]) // 2, (box[0] - shown[0]) // 2  # whole px stay sharp
+        return PictureTarget(Homography(matrix), box)
+
+    def opened(self, warping: Filling) -> Filling:
+        """Return options with which padding shows nothing, unless an edge mode was given."""
+        is_open = self.fit == "pad" and "edge" not in warping.model_fields_set
+        return warping.model_copy(update={"edge": "transparent"}) if is_open else warping
+
+    def _fit(self, source_shape: tuple[int, int]) -> tuple[Fit, tuple[int, int]]:
+        """Return how a picture fills a height and a width, px, and these."""
+        from resample_texture.geometry.matrices import scaled_shape
+
+        if (self.size is None) == (self.width is None and self.height is None):
+            raise ValueError("give a --size, or a --width, a --height or both")
+        share = None if self.size is None else _share_of(self.size)
+        is_ratio = share is not None or (self.size is None and None in (self.width, self.height))
+        if is_ratio and self.fit is not None:
+            raise ValueError("--fit needs a width and a height in px, such as --size 640x480")
+        if share is not None:
+            return "stretch", scaled_shape(source_shape, (share, share))
+        if self.size is not None:
+            if PIXELS.fullmatch(self.size.strip()) is None:
+                raise ValueError(f"size {self.size!r}; give 400, 640x480, 50%, 0.5 or 2x")
+            usual: Fit = "stretch" if "x" in self.size.lower() else "contain"
+            return self.fit or usual, height_and_width(self.size)
+        height, width = source_shape
+        down, across = (self.height or 0) / height, (self.width or 0) / width
+        box = _side(self.height, height * across), _side(self.width, width * down)
+        return self.fit or "stretch", box
 
 
 class Factor(Choices):
@@ -203,6 +235,16 @@ def _share_of(size: str) -> float | None:
     return float(match[1]) / (100.0 if match[2] == "%" else 1.0)
 
 
+def fitted_shape(
+    source_shape: tuple[int, int], box: tuple[int, int], *, is_inside: bool
+) -> tuple[int, int]:
+    """Return the size with a picture's aspect that a box holds, or that covers it."""
+    factors = [there / side for side, there in zip(source_shape, box, strict=True)]
+    factor = min(factors) if is_inside else max(factors)
+    height, width = (_side(None, side * factor) for side in source_shape)
+    return height, width
+
+
 def _side(given: int | None, following: float) -> int:
     """Return a side, px: as given, or else in proportion to the other."""
     return max(1, math.floor(following + 0.5)) if given is None else given
@@ -233,14 +275,15 @@ def resize(
     written: Annotated[Written, flags.Flat] = WRITTEN,
     besides: Annotated[Besides, flags.Flat] = BESIDES,
 ) -> None:
-    """Resize pictures; each fills its target exactly.
+    """Resize pictures; each fills its target exactly, or keeps its aspect by --fit.
 
-    Example: resample-texture resize photo.jpg small.jpg --size 50%
+    Example: resample-texture resize photo.jpg small.jpg --size 400
     """
     from resample_texture.command.jobs import warp_all
 
     new.check()
     images, target = separated(files, output)
+    warping = new.opened(warping)
     warp_all(images, target, new.target, warping=warping, written=written, besides=besides)
 
 

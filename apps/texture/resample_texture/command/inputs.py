@@ -10,6 +10,7 @@ from resample.cameras.calibrations.lens_files import Calibration, pinhole_of, re
 from resample_texture.arguments import Places, geometry_of
 from resample_texture.command.choices import WarpGeometry
 from resample_texture.geometry.mappings import Geometry
+from resample_texture.types import Warped
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,6 +19,7 @@ class PictureTarget:
 
     places: Geometry | Places
     shape: tuple[int, int]  # height and width, px
+    draws: "Draws | None" = None  # what shows the picture, if no geometry does it
 
     @cached_property
     def geometry(self) -> Geometry:
@@ -25,6 +27,7 @@ class PictureTarget:
         return geometry_of(self.places, self.shape, "corner", inverse=False)
 
 
+Draws = Callable[..., Warped]  # takes a picture and options of `warp`
 Aim = Callable[[tuple[int, int]], PictureTarget]  # from a picture's height and width
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,8 @@ import numpy as np
 from resample.command.session import Session
 from resample.command.settings import Written
 from resample.console import Progress, progress_bar, say
-from resample.files.facts.metadata import FileMetadata
+from resample.files.facts.metadata import JPEG, FileMetadata
+from resample.files.facts.palettes import has_palette
 from resample.files.formats import (
     WriteOptions,
     check_output,
@@ -20,9 +21,10 @@ from resample.files.formats import (
     coverage_picture,
     holds_gaps,
 )
-from resample.files.pictures import Picture, form_of, read_picture
+from resample.files.pictures import Kind, Picture, form_of, read_picture
 from resample.files.saving import write_picture, writing_rows
 from resample.files.sequences import (
+    WRITTEN,
     Frames,
     batch_of,
     check_frames,
@@ -37,6 +39,11 @@ from resample.words import one_line
 from resample_texture.command.choices import Besides, PictureWarping, region
 from resample_texture.command.inputs import Aim, PictureTarget
 from resample_texture.command.large import Destination, Large, large_picture
+from resample_texture.command.palettes import (
+    PalettePicture,
+    palette_picture,
+    write_palette_picture,
+)
 from resample_texture.command.rendering import check_memory, covers_all, report, warped
 
 NOTHING = np.zeros((0, 0, 0), np.float32)
@@ -50,6 +57,7 @@ class Job:
     warping: PictureWarping
     options: WriteOptions
     roi: tuple[int, int, int, int] | None = None
+    told: set[str] = field(default_factory=set)  # what has been said
 
     def target(self, picture: Picture) -> PictureTarget:
         """Return the target of a picture."""
@@ -91,6 +99,26 @@ class Job:
             shape = picture.data.shape[0], picture.data.shape[1]
             is_open = not covers_all(target, shape, self.roi)
         check_output(output, self.options, transparent=picture.kind.has_alpha or is_open)
+
+    def say_palette(self, source: Place) -> None:
+        """Report once that colors of a palette are mixed."""
+        is_mixed = self.warping.method not in ("nearest", "majority")
+        if is_mixed and not self.told and isinstance(source, Path) and has_palette(source):
+            self.told.add("palette")
+            say(
+                f"{source.name} has a palette, which becomes colors; --method majority or nearest "
+                "keeps it"
+            )
+
+    def say_light(self, kind: Kind, about: FileMetadata, output: Path) -> None:
+        """Report that 16 bits which nothing says more of become levels for displays."""
+        is_guessed = self.warping.encoding == "auto" and not (about.number or about.says_linear)
+        is_changed = self.options.bits == 8 or output.suffix.lower() in (*JPEG, *WRITTEN)
+        if kind.bits == 16 and not kind.is_encoded and is_guessed and is_changed:
+            say(
+                f"{output.name}: its source's 16 bits are taken for linear light; for a photo give "
+                "--encoding srgb"
+            )
 
 
 def warp_all(
@@ -147,7 +175,7 @@ def warp_file(
     source: Place, output: Path, job: Job, coverage: Path | None = None
 ) -> dict[str, Any]:
     """Warp the pictures of a file; return what `--stats` writes."""
-    session, frames = Session(), frames_of(source)
+    session, frames = Session(), frames_of(source, job.warping.encoding)
     if frames is None:
         return _warp_picture(session, source, output, job, coverage, bar="warping")
     if coverage is not None:
@@ -158,7 +186,7 @@ def warp_file(
 
 def _warp(session: Session, source: Place, output: Path, job: Job) -> dict[str, Any]:
     """Warp a file without a progress bar."""
-    frames = frames_of(source)
+    frames = frames_of(source, job.warping.encoding)
     if frames is None:
         return _warp_picture(session, source, output, job)
     return _warp_frames(session, frames, output, job, None)
@@ -185,15 +213,21 @@ def _warp_picture(
     check_output(output, job.options, transparent=False)
     check_targets(output, coverage)
     with session.stage("read"):
+        held = palette_picture(source, output, job.warping, job.options)
+    if held is not None:
+        return _warp_palette(session, held, output, job, coverage, bar)
+    job.say_palette(source)
+    with session.stage("read"):
         written = Destination(output, job.options)
         large = large_picture(source, job.aim, job.warping, job.roi, written)
     if large is not None:
         return _warp_large(session, large, output, job, coverage, bar)
     with session.stage("read"):
         job.check_memory(source, output)
-        picture = read_picture(source, as_data=True)
+        picture = read_picture(source, as_data=True, encoding=job.warping.encoding)
         target = job.target(picture)
     job.check(picture, target, output)
+    job.say_light(picture.kind, picture.about, output)
     result, share = job.warped(session, picture, target, output, bar)
     _say_lost(picture.about, result.about, output, has_nans=bool(np.isnan(result.data).any()))
     with session.stage("write"):
@@ -203,6 +237,27 @@ def _warp_picture(
     return report(session, picture.data.shape, result.data.shape, result.kind, job.warping)
 
 
+def _warp_palette(
+    session: Session,
+    held: PalettePicture,
+    output: Path,
+    job: Job,
+    coverage: Path | None,
+    bar: str | None,
+) -> dict[str, Any]:
+    """Warp the numbers of a picture with a palette."""
+    job.check_memory(held.picture, output)
+    target = job.target(held.picture)
+    result, share = job.warped(session, held.picture, target, output, bar)
+    _say_lost(held.picture.about, result.about, output, has_nans=False)
+    with session.stage("write"):
+        write_palette_picture(output, result, held.palette)
+        if coverage is not None:
+            write_picture(coverage, coverage_picture(share), WriteOptions(is_light=False))
+    told = report(session, held.picture.data.shape, result.data.shape, result.kind, job.warping)
+    return {**told, "channels": ["index"], "encoding": "palette"}
+
+
 def _warp_large(
     session: Session, large: Large, output: Path, job: Job, coverage: Path | None, bar: str | None
 ) -> dict[str, Any]:
@@ -210,6 +265,7 @@ def _warp_large(
     loaded = large.loaded
     check_source(output, Picture(NOTHING, loaded.kind, loaded.about), job.options)
     check_output(output, job.options, transparent=large.kind.has_alpha)
+    job.say_light(loaded.kind, loaded.about, output)
     height, width = large.shape
     check_memory(large.form.shape, large.shape, job.warping, output, in_strips=large.in_strips)
     has_nans = False
@@ -238,6 +294,7 @@ def _warped_frames(
     for n, picture in enumerate(frames.read()):
         if n == 0:
             job.check_memory(picture, output)
+            job.say_light(picture.kind, picture.about, output)
         result, _ = job.warped(session, picture, job.target(picture), output, None)
         if n == 0:
             nans = bool(np.isnan(result.data).any())

@@ -55,7 +55,7 @@ def large_picture(
     path: Place, aim: Aim, choice: PictureWarping, roi: Roi | None, written: Destination
 ) -> "Large | None":
     """Return a large picture to warp strip by strip; None if it is small or cannot be."""
-    form = loadable_picture(path)
+    form = loadable_picture(path, choice.encoding)
     if form is None or choice.total:
         return None
     target = aim(form.shape[:2])
@@ -63,7 +63,7 @@ def large_picture(
     is_small = bytes_at_once(form.shape, shape) <= min(
         MOST_AT_ONCE, (ALLOWED.get() or GIB * 2) // 2
     )
-    if is_small or isinstance(target.places, ForwardMap):
+    if is_small or target.draws is not None or isinstance(target.places, ForwardMap):
         return None
     method = method_named(
         choice.method,

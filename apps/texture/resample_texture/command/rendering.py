@@ -20,6 +20,7 @@ from resample_texture.arguments import method_named
 from resample_texture.command.choices import PictureWarping
 from resample_texture.command.inputs import PictureTarget
 from resample_texture.geometry.mappings import ForwardMap, Homography
+from resample_texture.types import Warped
 from resample_texture.warping import warp
 
 WHOLE = 1.0 - 1e-3  # coverage that counts as complete; float32 sums are off by 1e-4
@@ -50,20 +51,7 @@ def warped(
     as_encoded = picture.kind.is_encoded and (choice.total or not choice.linear)
     source = curved(picture, to_srgb) if as_encoded else picture.data
     with session.stage("warp", bar=bar):
-        image, coverage = warp(
-            source,
-            target.geometry,
-            target.shape,
-            choice.method,
-            filter=choice.filter,
-            interpolation=choice.interpolation,
-            quality=choice.quality,
-            total=choice.total or None,
-            edge=choice.edge,
-            fill="premultiplied",
-            roi=roi,
-            threads=choice.threads,
-        )
+        image, coverage = _drawn(source, target, choice, roi)
     is_whole = bool((coverage >= WHOLE).all())
     result = finished(
         image, coverage, picture.kind, choice, keeps_gaps=keeps_gaps, is_whole=is_whole
@@ -72,6 +60,27 @@ def warped(
         result = as_light(result)
     about = picture.about._replace(geo=placed(picture.about.geo, target, roi))
     return result._replace(about=about), coverage
+
+
+def _drawn(
+    source: Floats,
+    target: PictureTarget,
+    choice: PictureWarping,
+    roi: tuple[int, int, int, int] | None,
+) -> Warped:
+    """Return texels as the target shows them."""
+    filtering: dict[str, Any] = {
+        "method": choice.method,
+        "filter": choice.filter,
+        "interpolation": choice.interpolation,
+        "quality": choice.quality,
+        "fill": "premultiplied",
+        "threads": choice.threads,
+    }
+    if target.draws is not None:
+        return target.draws(source, **filtering)
+    place: dict[str, Any] = {"edge": choice.edge, "total": choice.total or None, "roi": roi}
+    return warp(source, target.geometry, target.shape, **filtering, **place)
 
 
 def as_light(picture: Picture) -> Picture:
@@ -104,7 +113,7 @@ def placed(
     if geo is None or not geo.has_place:
         return geo
     there = unplaced(geo)
-    if isinstance(target.geometry, Homography):
+    if target.draws is None and isinstance(target.geometry, Homography):
         left, top = (0, 0) if roi is None else roi[:2]
         part = np.array([[1.0, 0.0, -left], [0.0, 1.0, -top], [0.0, 0.0, 1.0]])
         there = moved(geo, part @ target.geometry.matrix)
@@ -115,6 +124,8 @@ def covers_all(
     target: PictureTarget, source_shape: tuple[int, int], roi: tuple[int, int, int, int] | None
 ) -> bool:
     """Tell whether every target pixel lies within the source, as far as known beforehand."""
+    if target.draws is not None:
+        return True
     geometry, (height, width) = target.geometry, source_shape
     if not isinstance(geometry, Homography):
         return not isinstance(geometry, ForwardMap)
@@ -143,6 +154,7 @@ def report(
         "source": [source[1], source[0]],
         "size": [result[1], result[0]],
         "channels": list(kind.channels),
+        "encoding": "sRGB" if kind.is_encoded else "linear",
         "method": choice.method,
         "seconds": session.times(),
     }

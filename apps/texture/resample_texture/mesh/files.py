@@ -209,7 +209,7 @@ def _keep_colors(copied: Any, original: Any) -> None:
 
 def _given_texture(texture: str | Path | Floats) -> Floats:
     if isinstance(texture, str | Path):
-        return _three_channels(read_image(texture), str(texture))
+        return _three_channels(read_image(texture, encoding="srgb"), str(texture))
     return checked_array("texture", texture, (None, None, 3), np.float32)
 
 
@@ -287,7 +287,7 @@ def _own_texture(visual: Any, uv: Any, source: _MeshFile) -> Floats:
     if image is not None and uv is not None:
         return _material_picture(material, source)
     if source.path.suffix.lower() == ".ply" and source.named:
-        return _three_channels(read_image(source.named[0]), str(source.named[0]))
+        return _given_texture(source.named[0])
     for file in source.named:
         read_image(file)  # raises for the one that cannot be read
     return _linear(np.asarray(material.main_color)[None, None])

@@ -31,7 +31,7 @@ KINDS = [
     for matrix in ("2,0,0,0,2,0", "0.3,0,0,0,0.3,0", "0.3,0.1,0,0,0.5,0,0.01,0.01,1")
 ]
 MARGIN = 0.8  # share of a notebook's target that a picture takes at first
-LEFT_OUT = ("size", "roi", "bits", "total")
+LEFT_OUT = ("size", "roi", "bits", "file-quality", "total")
 
 
 @dataclass

@@ -183,7 +183,7 @@ class AppearanceChoices(Choices):
     fit: Annotated[
         Literal["visible", "volume"],
         under(CAMERA),
-        Field(description="Orbit around what is visible, or around the whole volume."),
+        Field(description="How the picture is filled: by what is visible, or by the whole volume."),
     ] = "visible"
     shading: Annotated[
         bool, Lit, Field(description="Light surfaces: by the light that --light gives.")

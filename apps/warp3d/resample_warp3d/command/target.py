@@ -168,7 +168,10 @@ class Aim(TargetCamera):
     turn: Annotated[
         str | None,
         Hyphen,
-        Field(description="Then turn it by yaw,pitch,roll: right, up and clockwise, degrees."),
+        Field(
+            description="Turn the view right, up and clockwise by degrees: yaw,pitch,roll, "
+            "once moved."
+        ),
     ] = None
 
     def check(self) -> None:

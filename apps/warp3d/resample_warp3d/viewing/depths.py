@@ -48,7 +48,7 @@ SHOWN = (
     Written,
     Showing,
 )  # options that a page changes
-LEFT_OUT = ("size", "bits", "export-as")
+LEFT_OUT = ("size", "bits", "file-quality", "export-as")
 KINDS: Sequence[Settings] = ({"fill": True}, {"method": "mesh"}, {"method": "mcmillan"})
 HOLES = {
     Hole.NONE: "none",
