@@ -489,3 +489,18 @@ def test_several_pictures_are_not_written_to_a_picture(capsys):
     cv2.imwrite("other.png", np.zeros((4, 4), np.uint8))
     words = ["resize", "photo.png", "photo.png", "other.png", "--size", "9"]
     assert "other.png is not a folder" in refused(capsys, *words)
+
+
+def test_files_and_pillow_s_images_are_taken_as_warp_takes_them(tmp_path):
+    picture = Image.fromarray(np.random.default_rng(1).integers(0, 255, (12, 16, 3), np.uint8))
+    path = tmp_path / "photo.png"
+    picture.save(path)
+    for call in (
+        lambda image: resize(image, (6, 8)),
+        lambda image: scale(image, 1.5),
+        lambda image: rotate(image, 30),
+    ):
+        expected = call(np.asarray(picture)).image
+        np.testing.assert_array_equal(call(path).image, expected)
+        np.testing.assert_array_equal(call(str(path)).image, expected)
+        np.testing.assert_array_equal(call(picture).image, expected)

@@ -22,7 +22,7 @@ from resample_texture.warping import warp
 
 
 def resize(
-    image: NDArray[Any],
+    image: Any,
     shape: tuple[int, int],
     *,
     method: str | Method = "hybrid",
@@ -60,14 +60,15 @@ def resize(
     >>> resize(np.zeros((48, 64, 3), np.uint8), (30, 40))
     Warped(30 × 40 × 3 uint8, 100 % covered)
     """
+    picture, is_linear = _opened(image, linear_light)
     target = whole_pair(shape, "height", "width")
-    matrix = resizing(_shape_of(image), target)
-    light: dict[str, Any] = {"linear_light": linear_light, "alpha": alpha}
-    return warp(image, matrix, target, method, edge=edge, **light, **choices)
+    matrix = resizing(_shape_of(picture), target)
+    light: dict[str, Any] = {"linear_light": is_linear, "alpha": alpha}
+    return warp(picture, matrix, target, method, edge=edge, **light, **choices)
 
 
 def scale(
-    image: NDArray[Any],
+    image: Any,
     factor: float | tuple[float, float],
     *,
     method: str | Method = "hybrid",
@@ -99,15 +100,16 @@ def scale(
     >>> scale(np.ones((15, 21)), (2, 0.5)).image.shape  # along x and y
     (8, 42)
     """
+    picture, is_linear = _opened(image, linear_light)
     both = factor if isinstance(factor, tuple) else (factor, factor)
-    target = scaled_shape(_shape_of(image), both)
+    target = scaled_shape(_shape_of(picture), both)
     matrix = scaling(both)
-    light: dict[str, Any] = {"linear_light": linear_light, "alpha": alpha}
-    return warp(image, matrix, target, method, edge=edge, **light, **choices)
+    light: dict[str, Any] = {"linear_light": is_linear, "alpha": alpha}
+    return warp(picture, matrix, target, method, edge=edge, **light, **choices)
 
 
 def rotate(
-    image: NDArray[Any],
+    image: Any,
     degrees: float,
     shape: tuple[int, int] | None = None,
     *,
@@ -143,13 +145,20 @@ def rotate(
     >>> rotate(np.ones((30, 40)), 30)
     WarpedMeans(46 × 50 float64, 56.3 % covered)
     """
-    source = _shape_of(image)
+    picture, is_linear = _opened(image, linear_light)
+    source = _shape_of(picture)
     target = (
         turned_shape(source, degrees) if shape is None else whole_pair(shape, "height", "width")
     )
     matrix = turning(source, degrees, target)
-    light: dict[str, Any] = {"linear_light": linear_light, "alpha": alpha}
-    return warp(image, matrix, target, method, edge=edge, **light, **choices)
+    light: dict[str, Any] = {"linear_light": is_linear, "alpha": alpha}
+    return warp(picture, matrix, target, method, edge=edge, **light, **choices)
+
+
+def _opened(image: Any, linear_light: bool | None) -> tuple[NDArray[Any], bool | None]:
+    """Return a picture's array, and whether its light is filtered, as its file says by default."""
+    picture, is_encoded = picture_and_encoding(image)
+    return picture, is_encoded if linear_light is None else linear_light
 
 
 def _shape_of(image: NDArray[Any]) -> tuple[int, int]:
