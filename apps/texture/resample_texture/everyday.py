@@ -157,7 +157,7 @@ def rotate(
 
 def _opened(image: Any, linear_light: bool | None) -> tuple[NDArray[Any], bool | None]:
     """Return a picture's array, and whether its light is filtered, as its file says by default."""
-    picture, is_encoded = picture_and_encoding(image)
+    picture, is_encoded = picture_and_encoding(image, kinds="biufc")
     return picture, is_encoded if linear_light is None else linear_light
 
 
