@@ -101,3 +101,13 @@ def test_far_beyond_a_clamped_edge_is_the_outermost_texel_alone():
     image = warp(IMAGE, tiny, (45, 50), edge="clamp").image
     np.testing.assert_allclose(image[0, 0], IMAGE[0, 0], atol=3e-5)  # sums of weights
     np.testing.assert_allclose(image[-1, -1], IMAGE[-1, -1], atol=3e-5)
+
+
+@pytest.mark.parametrize("roi", [(32, 0, 96, 60), (0, 0, 40, 60), (600, 7, 33, 21)])
+def test_a_region_of_a_tiled_picture_along_the_axes_has_the_bits_of_the_whole(roi):
+    image = np.random.default_rng(0).random((40, 64)).astype(np.float32)
+    matrix = [[0.9, 0, 0.3], [0, 0.8, 0.2], [0, 0, 1]]  # the whole leads far beyond the picture
+    whole = warp(image, matrix, (60, 900), edge="wrap").image
+    left, top, width, height = roi
+    part = warp(image, matrix, (60, 900), edge="wrap", roi=roi).image
+    np.testing.assert_array_equal(part, whole[top : top + height, left : left + width])

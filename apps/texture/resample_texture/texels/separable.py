@@ -6,6 +6,7 @@ texels, only those weights remain.
 """
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -61,6 +62,12 @@ class Weights(NamedTuple):
         """Weights as kernels take them, of a grid that begins at a texel."""
         stride = self.table.shape[1]
         return AxisTaps(self.first - start, self.table.reshape(-1), stride, self.share)
+
+    def of(self, pixels: slice) -> "Weights":
+        """Return the weights of some of the pixels."""
+        return self._replace(
+            first=self.first[pixels], table=self.table[pixels], share=self.share[pixels]
+        )
 
     def within(self, start: int, stop: int) -> tuple[Integers, "Weights"]:
         """Return the pixels that read texels of a stretch, and their weights of these."""
@@ -120,29 +127,61 @@ def separable_plan(
     edge: Edge,
     cells: CellGrid,
 ) -> SeparablePlan | None:
-    """Plan the warp of sources (height, width) to a target; None unless it is along the axes."""
+    """Plan the warp of sources (height, width) to a target; None unless it is along the axes.
+
+    Of a region of a larger target, the whole target's plan is cut out, which has the same bits.
+    """
     if not isinstance(geometry, Homography):
         return None
     region = geometry.region or TargetRegion(geometry, 0, 0, shape)
-    whole = region.size or size
-    inverse = np.linalg.inv(oriented(region.whole, whole))
+    is_known = min(region.shape) > 0
+    target = region.shape if is_known else (region.top + shape[0], region.left + shape[1])
+    whole = region.whole, target, region.size or size, edge, cells
+    try:
+        plan = _whole_plan(*whole)
+    except TypeError:  # a plugin's options that cannot be hashed
+        plan = _whole_plan.__wrapped__(*whole)
+    if plan is None:
+        return None
+    down, across = (
+        slice(first, first + count)
+        for first, count in zip((region.top, region.left), shape, strict=True)
+    )
+    return SeparablePlan(
+        plan.down.of(down),
+        plan.across.of(across),
+        plan.limits_down and plan.limits_down.of(down),
+        plan.limits_across and plan.limits_across.of(across),
+    )
+
+
+@lru_cache(maxsize=2)  # for targets drawn chunk by chunk
+def _whole_plan(
+    geometry: Homography,
+    shape: tuple[int, int],
+    size: tuple[int, int],
+    edge: Edge,
+    cells: CellGrid,
+) -> SeparablePlan | None:
+    """Plan the warp to a whole target, cached; `size` is the source's."""
+    inverse = np.linalg.inv(oriented(geometry, size))
     if inverse[[0, 1, 2, 2], [1, 0, 0, 1]].any() or not inverse[2, 2] > 0.0:
         return None
     scale, start = inverse[[1, 0], [1, 0]] / inverse[2, 2], inverse[[1, 0], 2] / inverse[2, 2]
     sides = np.abs(scale)
-    middles = [
-        start[n] + scale[n] * (first + np.arange(count) + 0.5)
-        for n, (first, count) in enumerate(zip((region.top, region.left), shape, strict=True))
-    ]
-    for middle, side, texels in zip(middles, sides, whole, strict=True):
+    if any(
+        count * (side + 64.0) > MOST_WEIGHTS
+        for count, side in zip(shape, sides.tolist(), strict=True)
+    ):
+        return None
+    middles = [start[n] + scale[n] * (np.arange(count) + 0.5) for n, count in enumerate(shape)]
+    for middle, side, texels in zip(middles, sides, size, strict=True):
         beyond = max(-middle.min(), middle.max() - texels) + 0.5 * side
         if edge is not Edge.TRANSPARENT and beyond > FARTHEST:
             return None
-        if middle.size * (side + 64.0) > MOST_WEIGHTS:
-            return None
     axes = [
         _weights(middle, float(side), texels, edge, cells)
-        for middle, side, texels in zip(middles, sides, whole, strict=True)
+        for middle, side, texels in zip(middles, sides, size, strict=True)
     ]
     return SeparablePlan(axes[0], axes[1], *_limits(middles, sides, cells))
 
