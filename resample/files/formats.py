@@ -52,10 +52,15 @@ def check_output(path: Path, look: WriteOptions, *, transparent: bool) -> None:
         raise ValueError(f"{path}: {suffix} has {allowed} bits per channel, not {look.bits}")
 
 
-def _check_pillow(path: Path) -> None:
+def can_be_written(suffix: str) -> bool:
+    """Whether a format is one of `BY_PILLOW` that the installed Pillow has."""
     from PIL import features
 
-    if BY_PILLOW[path.suffix.lower()] not in features.get_supported():
+    return suffix in BY_PILLOW and BY_PILLOW[suffix] in features.get_supported()
+
+
+def _check_pillow(path: Path) -> None:
+    if not can_be_written(path.suffix.lower()):
         raise ValueError(f"{path}: the installed Pillow cannot write it; take .png or .jpg")
 
 

@@ -297,7 +297,7 @@ def _finish(path: Path, temporary: Path, written: list[WrittenPage]) -> None:
     check_end(path, temporary)
     complete(temporary, written)
     try:
-        for n in range(len(written) if path.suffix.lower() != ".avif" else 0):
+        for n in range(len(written)):
             for _ in open_file(temporary, n).strips():
                 pass
     except OSError:

@@ -28,7 +28,14 @@ from resample.files.films import (
     new_stream,
     opened_film,
 )
-from resample.files.formats import SUFFIXES, WriteOptions, check_output, flattened, levels
+from resample.files.formats import (
+    SUFFIXES,
+    WriteOptions,
+    can_be_written,
+    check_output,
+    flattened,
+    levels,
+)
 from resample.files.pictures import Kind, Picture, read_picture
 from resample.files.saving import write_pages
 from resample.files.stores.opening import STORE, Address, Place
@@ -44,7 +51,8 @@ USUAL = 1.0 / 24.0  # s per picture if not specified
 SHORTEST = 0.001  # s between two frames of a film, even if their times are equal
 WEBP_ALPHA = 0x10  # bit in the flags of a WebP file
 TICKS = 90_000  # per second, unit of time in films
-READ = (*SUFFIXES, *WRITTEN, *FILMS, ".bmp", ".hdr", ".jp2", ".jxl", ".pgm", ".ppm", ".pfm", ".tga")
+OTHERS = (".avif", ".bmp", ".hdr", ".jp2", ".jxl", ".pgm", ".ppm", ".pfm", ".tga")
+READ = (*SUFFIXES, *WRITTEN, *FILMS, *OTHERS)
 
 
 class Frames(NamedTuple):
@@ -382,7 +390,7 @@ def _files(path: Place) -> Iterator[Place]:
 def _name(source: Place) -> str:
     """Name of a result: that of its source if its format can be written."""
     suffix = source.suffix.lower()
-    if suffix in SUFFIXES:
+    if suffix in SUFFIXES or can_be_written(suffix):
         return source.name
     if suffix in FILMS:
         return Path(source.name).with_suffix(".mp4").name if suffix != ".mp4" else source.name

@@ -21,6 +21,7 @@ MOST_BOXES, NEAR = 1000, 1 << 16  # bytes within which JPEG 2000 states its size
 BITS = (9, 13, 18, 30)  # field widths of a side in JPEG XL
 SHAPES = ((1, 1), (12, 10), (4, 3), (3, 2), (16, 9), (5, 4), (2, 1))  # width to height
 PNG = b"\x89PNG\r\n\x1a\n"
+AVIF = (b"ftypavif", b"ftypavis")  # after the length of the first box
 FORMS = {"uint8": 1, "int8": 1, "uint16": 2, "int16": 2, "half": 2, "double": 8}  # others have 4
 
 
@@ -141,13 +142,18 @@ def opened(path: str | Path, page: int = 0) -> Any:
 
     Colors are as stored, not multiplied by alpha.
 
-    Result: OpenImageIO's ImageInput.
+    Result: OpenImageIO's ImageInput, or for AVIF, which it cannot read, its like.
     """
     import OpenImageIO
 
     if not Path(path).is_file():
         raise FileNotFoundError(errno.ENOENT, "there is no such file", str(path))
     check_unopened(path)
+    if is_avif(path):
+        from resample.reading.avif import AvifInput
+
+        with decoding(path):
+            return AvifInput(path)
     as_stored = OpenImageIO.ImageSpec()  # also fixes PFM's flipped row order
     as_stored.attribute("oiio:UnassociatedAlpha", 1)
     with suppressed_output():
@@ -157,6 +163,12 @@ def opened(path: str | Path, page: int = 0) -> Any:
     if page and not source.seek_subimage(page, 0):
         raise OSError(f"{path} has no page {page + 1}: {complaint_of(source)}")
     return source
+
+
+def is_avif(path: str | Path) -> bool:
+    """Whether a file is an AVIF picture, by its first bytes."""
+    with Path(path).open("rb") as file:
+        return file.read(12)[4:] in AVIF
 
 
 def complaint_of(source: Any, unknown: str = "no reason is given") -> str:

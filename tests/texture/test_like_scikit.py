@@ -1,4 +1,4 @@
-"""`skimage.transform.warp` by its documentation; it was compared with version 0.26 by hand."""
+"""Calls of `skimage.transform` by its documentation; version 0.26 was compared by hand."""
 
 import numpy as np
 import pytest
@@ -128,3 +128,68 @@ def test_gaps_and_masks_are_kept():
 def test_what_cannot_be_done_is_refused(given, message):
     with pytest.raises(ValueError, match=message):
         scikit.warp(**{"image": smooth(), "inverse_map": MATRIX, **given})
+
+
+@pytest.mark.parametrize("order", [0, 1, 2, 3, 4, 5])
+@pytest.mark.parametrize("mode", ["edge", "symmetric", "reflect"])
+def test_enlarging_is_scipy_s_zoom_of_areas(order, mode):
+    image = smooth(height=12, width=14)
+    ours = scikit.resize(image, (31, 35), order=order, mode=mode, clip=False)
+    theirs = scipy.ndimage.zoom(
+        image, (31 / 12, 35 / 14), order=order, mode=MODES[mode], grid_mode=True
+    )
+    np.testing.assert_allclose(ours, theirs, atol=2e-6)
+
+
+def test_shrinking_is_the_mean_of_what_pixels_cover():
+    image = np.random.default_rng(3).random((24, 36, 3))
+    means = image.reshape(6, 4, 9, 4, 3).mean(axis=(1, 3))
+    for ours in (scikit.resize(image, (6, 9, 3)), scikit.rescale(image, 0.25, channel_axis=-1)):
+        np.testing.assert_allclose(ours, means, atol=0.12)
+        assert abs(ours.mean() - image.mean()) < 2e-3
+
+
+def test_labels_are_copied_when_resized():
+    labels = np.random.default_rng(4).integers(0, 9, (8, 10)).astype(np.uint8)
+    ours = scikit.resize(labels, (16, 20), order=0, preserve_range=True, anti_aliasing=False)
+    np.testing.assert_array_equal(ours, labels.repeat(2, 0).repeat(2, 1))
+    assert ours.dtype == np.uint8
+    np.testing.assert_array_equal(
+        scikit.rescale(labels > 4, (2, 2)), (labels > 4).repeat(2, 0).repeat(2, 1)
+    )
+
+
+def test_quarters_of_a_turn_copy_texels_counterclockwise():
+    image = np.random.default_rng(5).random((8, 11))
+    for quarter in range(4):
+        ours = scikit.rotate(image, 90 * quarter, resize=True)
+        np.testing.assert_allclose(ours, np.rot90(image, quarter), atol=1e-9)
+    about = scikit.rotate(image, 90, center=(3, 3))
+    np.testing.assert_allclose(about[:7, :7], np.rot90(image[:7, :7]), atol=1e-9)
+    assert scikit.rotate(image, 33).shape == (8, 11)
+
+
+def test_turned_pictures_hold_all_corners():
+    image = np.ones((9, 13), np.uint8)
+    ours = scikit.rotate(image, 30, resize=True, preserve_range=True)
+    turn = np.deg2rad(30)
+    size = 8 * np.cos(turn) + 12 * np.sin(turn) + 1, 8 * np.sin(turn) + 12 * np.cos(turn) + 1
+    assert ours.shape == tuple(np.around(size).astype(int))
+    assert ours.sum() == pytest.approx(9 * 13, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("call", "given", "message"),
+    [
+        (scikit.resize, {"output_shape": (4, 5, 6)}, "keep its channels"),
+        (scikit.resize, {"output_shape": (0, 5)}, "a target of 5 × 0 px"),
+        (scikit.resize, {"output_shape": (4, 5), "anti_aliasing": False}, "averaged over"),
+        (scikit.resize, {"output_shape": (4, 5), "anti_aliasing_sigma": 2}, "averaged over"),
+        (scikit.rescale, {"scale": 0.5}, "give channel_axis=-1"),
+        (scikit.rescale, {"scale": 0.5, "channel_axis": 0}, "give channel_axis=-1"),
+        (scikit.rotate, {"angle": 20, "mode": "mirror"}, "mode 'mirror'; known: constant"),
+    ],
+)
+def test_resizing_and_turning_refuse_what_they_cannot_do(call, given, message):
+    with pytest.raises(ValueError, match=message):
+        call(smooth(3), **given)

@@ -101,3 +101,41 @@ def test_a_quality_of_films_is_refused(capsys):
     frames[0].save("in.gif", save_all=True, append_images=frames[1:])
     words = ("resize", "in.gif", "out.webp", "--size", "4", "--file-quality", "50")
     assert "a quality is of files of one picture" in refused(capsys, *words)
+
+
+@pytest.mark.skipif("avif" not in features.get_supported(), reason="this Pillow has no AVIF")
+def test_avif_is_read_with_its_alpha_its_profile_and_its_exif(photo):
+    from PIL import ImageCms
+
+    block = Image.Exif()
+    block[271] = "Maker"
+    block[274] = 6
+    profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+    levels = np.dstack([photo, np.full(photo.shape[:2], 200, np.uint8)])
+    options = {"quality": 100, "subsampling": "4:4:4", "exif": block, "icc_profile": profile}
+    Image.fromarray(levels).save("photo.avif", **options)
+    assert ended("resize", "photo.avif", "out.png", "--size", "32x48") == 0
+    with Image.open("out.png") as image:
+        assert image.getexif()[271] == "Maker"
+        assert image.info["icc_profile"] == profile
+        np.testing.assert_allclose(np.asarray(image), np.rot90(levels, -1), atol=6)
+
+
+@pytest.mark.skipif("avif" not in features.get_supported(), reason="this Pillow has no AVIF")
+def test_damaged_avif_is_refused_in_a_line(photo, capsys):
+    Image.fromarray(photo).save("photo.avif")
+    whole = Path("photo.avif").read_bytes()
+    for end in (16, 60, len(whole) // 2, len(whole) - 9):
+        Path("photo.avif").write_bytes(whole[:end])
+        assert ended("resize", "photo.avif", "out.png", *SAME) == 2
+        assert len(capsys.readouterr().err.splitlines()) == 1
+        assert not Path("out.png").exists()
+
+
+@pytest.mark.parametrize("suffix", LOSSY)
+def test_pictures_of_a_folder_keep_their_format(suffix):
+    Path("many").mkdir()
+    with Image.open("photo.png") as image:
+        image.save(f"many/one.{suffix}")
+    assert ended("resize", "many", "-o", "small", *SAME) == 0
+    assert [file.name for file in Path("small").iterdir()] == [f"one.{suffix}"]

@@ -29,6 +29,8 @@ from resample.files.facts.tags import (
     text,
     text_tag,
 )
+from resample.reading.avif import exif_block
+from resample.reading.pictures import is_avif
 from resample.types import Doubles
 
 JPEG, TIFF, PNG = (".jpg", ".jpeg"), (".tif", ".tiff"), (".png",)
@@ -233,7 +235,7 @@ def _shorter(tags: Directory) -> Directory:
 
 
 def _exif_block(path: Path) -> bytes:
-    """Exif block of a JPEG, PNG or WebP file; empty if missing or damaged."""
+    """Exif block of a JPEG, PNG, WebP or AVIF file; empty if missing or damaged."""
     with path.open("rb") as file:
         start = file.read(12)
         blocks: Iterator[bytes]
@@ -244,6 +246,8 @@ def _exif_block(path: Path) -> bytes:
                 blocks = _chunks(file, 8, b"eXIf", ">I4s", 4)
             elif start[:4] == b"RIFF" and start[8:] == b"WEBP":
                 blocks = _chunks(file, 12, b"EXIF", "<4sI", 0)
+            elif is_avif(path):
+                blocks = iter([exif_block(path)])
             else:
                 return b""
             block = next(blocks, b"")

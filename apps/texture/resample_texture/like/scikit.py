@@ -1,14 +1,16 @@
-"""`skimage.transform.warp` without aliasing."""
+"""`warp`, `resize`, `rescale` and `rotate` as in `skimage.transform`, without aliasing."""
 
-from typing import Any
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from resample_texture.arguments import REFLECT_101, whole_pair
+from resample_texture.arguments import REFLECT_101, check_shape, whole_pair
 from resample_texture.drawing import Drawing
 from resample_texture.geometry.mappings import BackwardMap, Geometry
-from resample_texture.geometry.matrices import homography
+from resample_texture.geometry.matrices import homography, resizing
 from resample_texture.like.common import color_behind, draw, method_of_order
 from resample_texture.types import Edge, Method
 
@@ -19,6 +21,15 @@ MODES = {
     "reflect": REFLECT_101,
     "wrap": Edge.WRAP,
 }
+
+
+class ReadAs(NamedTuple):
+    """How a picture is read and what its result may be."""
+
+    order: int
+    cval: float
+    clip: bool
+    preserve_range: bool
 
 
 def warp(  # noqa: PLR0913, PLR0917 - as scikit-image has it
@@ -69,17 +80,169 @@ def warp(  # noqa: PLR0913, PLR0917 - as scikit-image has it
     ValueError
         The map has another shape, or an option is unknown.
     """
-    image = image if isinstance(image, np.ma.MaskedArray) else np.asarray(image)
-    if order is None:
-        order = 0 if image.dtype.kind == "b" else 1
-    if mode not in MODES:
-        raise ValueError(f"mode {mode!r}; known: {', '.join(MODES)}")
+    image = _picture(image)
+    values = ReadAs(_order(order, image), cval, clip, preserve_range)
     shape = whole_pair(output_shape or image.shape[:2], "height", "width")
     geometry = _geometry(inverse_map, map_args or {}, shape)
     is_map = isinstance(geometry, BackwardMap)
-    chosen = method_of_order(order, interpolation, method, splines=is_map)
+    chosen = method_of_order(values.order, interpolation, method, splines=is_map)
+    return _drawn(image, Drawing(chosen, geometry, shape, _edge(mode)), values)
+
+
+def resize(  # noqa: PLR0913, PLR0917 - as scikit-image has it
+    image: NDArray[Any],
+    output_shape: Sequence[int],
+    order: int | None = None,
+    mode: str = "reflect",
+    cval: float = 0.0,
+    clip: bool = True,
+    preserve_range: bool = False,
+    anti_aliasing: bool | None = None,
+    anti_aliasing_sigma: Any = None,
+    *,
+    interpolation: str | None = None,
+    method: str | Method | None = None,
+) -> NDArray[Any]:
+    """Resize a picture (H, W) or (H, W, C), antialiased where it shrinks.
+
+    Parameters
+    ----------
+    output_shape
+        (height, width), or (height, width, C) with the picture's channels.
+    order
+        0 copies texels, 1 interpolates linearly, 2 to 5 are the degrees of a spline; by default 1,
+        and 0 for booleans.
+    anti_aliasing, anti_aliasing_sigma
+        Pixels are averaged over what they cover: False is refused unless texels are copied, and so
+        is the sigma of another filter.
+    image, mode, cval, clip, preserve_range, interpolation, method
+        As `warp` takes them.
+
+    Raises
+    ------
+    ValueError
+        The shape has other channels, or an option is unknown.
+    """
+    image = _picture(image)
+    values = ReadAs(_order(order, image), cval, clip, preserve_range)
+    sizes = tuple(output_shape)
+    if len(sizes) == 3 and sizes[2:] != image.shape[2:]:
+        raise ValueError(f"output_shape {sizes} of a picture of {image.shape}; keep its channels")
+    if anti_aliasing_sigma is not None or (anti_aliasing is False and values.order > 0):
+        raise ValueError(
+            "pixels are averaged over what they cover: leave out anti_aliasing=False and sigma"
+        )
+    shape = whole_pair(sizes[:2] if len(sizes) == 3 else sizes, "height", "width")
+    check_shape(shape)
+    geometry = resizing((image.shape[0], image.shape[1]), shape)
+    chosen = method_of_order(values.order, interpolation, method)
+    return _drawn(image, Drawing(chosen, geometry, shape, _edge(mode)), values)
+
+
+def rescale(  # noqa: PLR0913, PLR0917 - as scikit-image has it
+    image: NDArray[Any],
+    scale: float | Sequence[float],
+    order: int | None = None,
+    mode: str = "reflect",
+    cval: float = 0.0,
+    clip: bool = True,
+    preserve_range: bool = False,
+    anti_aliasing: bool | None = None,
+    anti_aliasing_sigma: Any = None,
+    *,
+    channel_axis: int | None = None,
+    interpolation: str | None = None,
+    method: str | Method | None = None,
+) -> NDArray[Any]:
+    """Resize a picture by a factor, or by one down and one across.
+
+    Parameters
+    ----------
+    channel_axis
+        −1 or 2 for pictures with channels.
+    image, order, mode, cval, clip, preserve_range, interpolation, method
+        As `warp` takes them.
+    anti_aliasing, anti_aliasing_sigma
+        As `resize` takes them.
+    """
+    image = _picture(image)
+    if image.ndim == 3 and channel_axis not in (-1, 2):
+        raise ValueError(f"a picture of {image.shape} has channels; give channel_axis=-1")
+    factors = np.broadcast_to(np.asarray(scale, np.float64), 2)
+    shape = np.maximum(np.round(factors * image.shape[:2]), 1).astype(int).tolist()
+    return resize(
+        image, shape, order, mode, cval, clip, preserve_range, anti_aliasing, anti_aliasing_sigma,
+        interpolation=interpolation, method=method,
+    )  # fmt: skip
+
+
+def rotate(  # noqa: PLR0913, PLR0917 - as scikit-image has it
+    image: NDArray[Any],
+    angle: float,
+    resize: bool = False,
+    center: Sequence[float] | None = None,
+    order: int | None = None,
+    mode: str = "constant",
+    cval: float = 0.0,
+    clip: bool = True,
+    preserve_range: bool = False,
+    *,
+    interpolation: str | None = None,
+    method: str | Method | None = None,
+) -> NDArray[Any]:
+    """Turn a picture counterclockwise by degrees.
+
+    Parameters
+    ----------
+    resize
+        Make the result large enough for the whole picture.
+    center
+        What stays in place: (column, row); by default the middle.
+    image, order, mode, cval, clip, preserve_range, interpolation, method
+        As `warp` takes them.
+    """
+    image = _picture(image)
+    rows, columns = image.shape[:2]
+    middle = np.array([columns - 1, rows - 1]) / 2 if center is None else np.asarray(center, float)
+    turn = math.radians(angle)
+    forward = np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
+    inverse, first, shape = np.eye(3), np.zeros(2), (rows, columns)
+    if resize:
+        ends = np.array([[0, columns - 1, columns - 1, 0], [0, 0, rows - 1, rows - 1]])
+        corners = forward @ (ends - middle[:, None]) + middle[:, None]
+        first = corners.min(axis=1)
+        across, down = np.around(corners.max(axis=1) - first + 1).astype(int)
+        shape = int(down), int(across)
+    inverse[:2, :2] = forward.T
+    inverse[:2, 2] = middle + forward.T @ (first - middle)
+    return warp(
+        image, inverse, None, shape, order, mode, cval, clip, preserve_range,
+        interpolation=interpolation, method=method,
+    )  # fmt: skip
+
+
+def _picture(image: Any) -> NDArray[Any]:
+    given = image if isinstance(image, np.ma.MaskedArray) else np.asarray(image)
+    if given.ndim not in (2, 3):
+        raise ValueError(f"a picture is (height, width) or (height, width, C), not {given.shape}")
+    return given
+
+
+def _edge(mode: str) -> str:
+    if mode not in MODES:
+        raise ValueError(f"mode {mode!r}; known: {', '.join(MODES)}")
+    return MODES[mode]
+
+
+def _order(order: int | None, image: NDArray[Any]) -> int:
+    """Return the interpolation's order, by default that of the picture's type."""
+    return order if order is not None else 0 if image.dtype.kind == "b" else 1
+
+
+def _drawn(image: NDArray[Any], drawing: Drawing, values: ReadAs) -> NDArray[Any]:
+    """Draw a picture as `values` say."""
+    order, cval, clip, preserve_range = values
     given = image if order == 0 else _as_floats(image, preserve_range)
-    drawing = Drawing(chosen, geometry, shape, MODES[mode])
     result = draw(given, drawing, color_behind(cval, given, "cval"))
     return _clipped(result, given, cval) if clip and order > 1 else result
 
