@@ -279,7 +279,7 @@ def avifs() -> list[Case]:
     if "avif" not in features.get_supported():
         return []
     image = Image.fromarray(VALUES[0])
-    return [Case("picture", {"a.avif": _made("a.avif", lambda path: image.save(path))})]
+    return [Case("picture", {"a.avif": _made("a.avif", image.save)})]
 
 
 def pictures() -> list[Case]:
