@@ -44,6 +44,13 @@ from resample.painting.scenes.scene import (
     kernel_field,
     nothing_painted,
 )
+from resample.painting.shaped import (
+    Ellipsoids,
+    ShapedStyle,
+    frame_of,
+    order_of_shapes,
+    paint_ellipsoids,
+)
 from resample.profiles.orders import Rays, Summing
 from resample.types import (
     FOOTPRINT,
@@ -115,7 +122,7 @@ class Resampler(PaintChoices):
 
     def __call__(
         self,
-        samples: Samples | Field | LatticeField,
+        samples: Samples | Field | LatticeField | Ellipsoids,
         camera: AnyCamera,
         *,
         height: int,
@@ -131,7 +138,7 @@ class Resampler(PaintChoices):
         samples
             What is seen; the result does not depend on their order. A `Field` is classified after
             its reconstruction, which needs an order that cuts splats, as `ImageSheets` does; a
-            `LatticeField` needs `Rays`.
+            `LatticeField` needs `Rays`, and `Ellipsoids` take `EverySample` or `Rays`.
         camera
             Where from.
         height, width
@@ -152,6 +159,9 @@ class Resampler(PaintChoices):
             have a scale each.
         """
         check_size(height, width)
+        if isinstance(samples, Ellipsoids):
+            with limited(threads):
+                return self._shaped(samples, camera, (height, width), clip, progress)
         check_sort_of(self, samples)
         if isinstance(samples, LatticeField):
             with limited(threads):
@@ -460,6 +470,18 @@ class Resampler(PaintChoices):
         rays, step = self.order if isinstance(self.order, Rays) else Rays(), self.order.thickness
         painter = RayPainter(style, self._tables, step, rays.quality, rays.interpolation, clip)
         return self._developed(*painter.paint(field, view, size, progress))
+
+    def _shaped(
+        self,
+        shapes: Ellipsoids,
+        camera: AnyCamera,
+        size: tuple[int, int],
+        clip: ArrayLike | None,
+        progress: Progress | None,
+    ) -> Frame:
+        """Picture of ellipsoids that have a shape each."""
+        style = ShapedStyle(order_of_shapes(self, clip), self.subpixels)
+        return frame_of(paint_ellipsoids(shapes, camera, size, style, progress=progress))
 
     def _developed(self, painted: PaintTarget, statistics: Statistics) -> Frame:
         film, value = painted.film, painted.value if self.projection in MEASURING else None

@@ -1,9 +1,10 @@
-"""Particles: spheres with radius and color, as samples for a `Resampler`."""
+"""Particles: spheres or ellipsoids with size and color, as samples for a `Resampler`."""
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from resample.painting.scenes.scene import check_samples
+from resample.painting.shaped import Ellipsoids, check_ellipsoids
 from resample.profiles.reconstruction import GaussianKernel, Reconstruction, footprint_table
 from resample.types import Doubles, Samples
 
@@ -15,8 +16,9 @@ def particles(
     radius: ArrayLike,
     *,
     reconstruction: Reconstruction | None = None,
-) -> Samples:
-    """Create spheres for a `Resampler`; size, color and opacity may vary.
+    rotation: ArrayLike | None = None,
+) -> Samples | Ellipsoids:
+    """Create spheres or ellipsoids for a `Resampler`; size, color and opacity may vary.
 
     Parameters
     ----------
@@ -25,12 +27,21 @@ def particles(
     color
         (3,) or (N, 3) linear light, straight.
     opacity
-        Number or (N,), 0 to below 1: fraction of light lost along a ray through the center.
+        Number or (N,), 0 to below 1: fraction of light lost along a ray through the center; of an
+        ellipsoid, along one that is as long in it as in a sphere of its volume.
     radius
         Number or (N,), above 0, scene units: where a sphere ends; it fades from its center as the
-        kernel does.
+        kernel does. Or (N, 3): half axes of ellipsoids, of which one or two may be 0.
     reconstruction
         Kernel of the resampler; None: a `GaussianKernel`.
+    rotation
+        (4,) or (N, 4) quaternions w, x, y, z from the ellipsoids' axes to the scene's, of any
+        length; None: these axes are alike.
+
+    Returns
+    -------
+    Samples; or, where radii are (N, 3) or rotations are given, `Ellipsoids`, which a `Resampler`
+    composites one by one.
 
     Raises
     ------
@@ -50,6 +61,8 @@ def particles(
     if place.ndim != 2 or place.shape[1] != 3:
         raise ValueError(f"positions are (N, 3), not {place.shape}")
     share = _per_particle("opacity", opacity, len(place))
+    if rotation is not None or np.shape(radius) == (len(place), 3):
+        return _ellipsoids(place, color, share, radius, rotation, kernel)
     if not ((share >= 0) & (share < 1)).all():
         raise ValueError("an opacity must be at least 0 and below 1")
     radii = _per_particle("radius", radius, len(place))
@@ -65,6 +78,30 @@ def particles(
         scale = (radii / usual).astype(np.float32)
         position = place.astype(np.float32)
     return check_samples(Samples(position, colors, extinction, spacing * np.eye(3), scale))
+
+
+def _ellipsoids(
+    place: Doubles,
+    color: ArrayLike,
+    opacity: Doubles,
+    radius: ArrayLike,
+    rotation: ArrayLike | None,
+    kernel: Reconstruction,
+) -> Ellipsoids:
+    """Ellipsoids with a shape each."""
+    count, half = len(place), np.asarray(radius, np.float32)
+    half = half[:, np.newaxis] if half.shape == (count,) else half
+    turn = np.asarray((1.0, 0.0, 0.0, 0.0) if rotation is None else rotation, np.float32)
+    parts = (half, (count, 3)), (turn, (count, 4)), (np.asarray(color, np.float32), (count, 3))
+    try:
+        axes, turns, colors = (np.broadcast_to(given, shape) for given, shape in parts)
+    except ValueError:
+        raise ValueError(
+            f"radii {half.shape}, rotations {turn.shape} and colors {np.shape(color)} do not fit "
+            f"{count} particles; they are (N, 3), (N, 4) and (N, 3)"
+        ) from None
+    places, shares = place.astype(np.float32), opacity.astype(np.float32)
+    return check_ellipsoids(Ellipsoids(places, axes, turns, shares, colors, kernel))
 
 
 def _per_particle(name: str, given: ArrayLike, count: int) -> Doubles:

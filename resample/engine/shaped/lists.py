@@ -1,0 +1,110 @@
+"""The painting order of ellipsoids, and which of them each tile of the screen lists."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.jit import Counter, inner_kernel, kernel, parallel_kernel, tasks
+from resample.engine.shaped.records import BOTTOM, KEY, LEFT, RIGHT, TOP, WIDTH
+from resample.engine.sorting import HALF, Pairs, bits_of, member_of, paired, settle, sort_pairs
+from resample.engine.tiles import overlapping_tiles
+from resample.types import Floats, Indices
+
+CHUNKS = 32  # fixed, so that lists never depend on the number of threads
+
+Counts = NDArray[np.int32]
+
+
+class TileGrid(NamedTuple):
+    """Tiles of a part of the screen."""
+
+    left: float  # px, of the first tile
+    top: float
+    side: int  # px
+    columns: int
+    rows: int
+
+
+class TileLists(NamedTuple):
+    """Records in each tile, nearest first."""
+
+    start: Indices  # (T + 1,)
+    member: NDArray[np.int32]
+
+
+@kernel
+def front_to_back(records: Floats) -> Pairs:
+    """Keys and numbers of the records that are seen, ascending.
+
+    Those of equal keys are ordered by what they are, whatever order they came in.
+    """
+    # Pair the keys of all that are seen with their numbers, and sort.
+    seen = 0
+    for n in range(records.shape[0]):
+        seen += records[n, LEFT] <= records[n, RIGHT]
+    pair, count = np.empty(seen, np.uint64), 0
+    for n in range(records.shape[0]):
+        if records[n, LEFT] <= records[n, RIGHT]:
+            pair[count] = paired(bits_of(records[n, KEY]), n)
+            count += 1
+    sort_pairs(pair, np.empty_like(pair))
+    # Order each run of equal keys by its records.
+    first = 0
+    for end in range(1, seen + 1):
+        if end < seen and pair[end] >> HALF == pair[first] >> HALF:
+            continue
+        if end - first > 1:
+            tied = pair[first:end].copy()
+            looks = np.empty((end - first, WIDTH), np.float32)
+            for k in range(end - first):
+                looks[k] = records[member_of(tied[k])]
+            turn = np.arange(end - first).astype(np.int32)
+            settle(turn, looks)
+            pair[first:end] = tied[turn]
+        first = end
+    return pair
+
+
+@inner_kernel
+def _tiles_of(records: Floats, n: int, grid: TileGrid) -> tuple[int, int, int, int]:
+    """First and last column and row of tiles that a record may touch."""
+    low, high = float(records[n, LEFT]) - grid.left, float(records[n, RIGHT]) - grid.left
+    first, last = overlapping_tiles(low, high, 0.0, grid.side, grid.columns)
+    low, high = float(records[n, TOP]) - grid.top, float(records[n, BOTTOM]) - grid.top
+    above, below = overlapping_tiles(low, high, 0.0, grid.side, grid.rows)
+    return first, last, above, below
+
+
+@parallel_kernel
+def count_listed(
+    counter: Counter, records: Floats, order: Pairs, grid: TileGrid, count: Counts
+) -> None:
+    """Count the records of each chunk of the order in each tile, in `count` (CHUNKS, T)."""
+    for chunk in tasks(counter, CHUNKS):
+        for k in range(order.size * chunk // CHUNKS, order.size * (chunk + 1) // CHUNKS):
+            first, last, above, below = _tiles_of(records, int(member_of(order[k])), grid)
+            for row in range(above, below + 1):
+                for column in range(first, last + 1):
+                    count[chunk, row * grid.columns + column] += 1
+
+
+@parallel_kernel
+def list_members(
+    counter: Counter,
+    records: Floats,
+    order: Pairs,
+    grid: TileGrid,
+    position: Counts,
+    member: NDArray[np.int32],
+) -> None:
+    """Write each record to its tiles; `position` (CHUNKS, T) is where a chunk's begin."""
+    for chunk in tasks(counter, CHUNKS):
+        for k in range(order.size * chunk // CHUNKS, order.size * (chunk + 1) // CHUNKS):
+            n = int(member_of(order[k]))
+            first, last, above, below = _tiles_of(records, n, grid)
+            for row in range(above, below + 1):
+                for column in range(first, last + 1):
+                    tile = row * grid.columns + column
+                    member[position[chunk, tile]] = n
+                    position[chunk, tile] += 1

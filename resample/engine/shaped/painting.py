@@ -1,0 +1,199 @@
+"""Composite ellipsoids in one order for the whole picture, nearest first, tile by tile."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from resample.engine.ellipsoids.lanes import expm1_of, line_integral, of_16_times
+from resample.engine.jit import Counter, inner_step, lane_step, load_soon, parallel_kernel, tasks
+from resample.engine.roles import lane_role, plays
+from resample.engine.shaped.canvas import (
+    LANES,
+    SIDE,
+    SIZE,
+    Line,
+    Open,
+    PaintedShapes,
+    TilePlace,
+    clear,
+    close_groups,
+    columns_of,
+    groups_of,
+    lay,
+    line_of,
+    rows_of,
+    write_tile,
+)
+from resample.engine.shaped.lists import TileGrid, TileLists
+from resample.engine.shaped.records import BLUE, GREEN, LIMIT, PEAK, RED, WIDTH
+from resample.types import Floats, Pieces, Profile, Single, Tabulated
+
+OFTEN = 16  # members of a tile after which opaque groups are looked for
+DEEPEST = np.float32(-1.0)
+
+Integral = Profile | Pieces | Tabulated
+
+
+class PeakOpacity(NamedTuple):
+    """Opacities peak × exp(−i² / 2) of Gaussians."""
+
+    most: Single  # greatest opacity
+    nothing: Single = np.float32(0)
+
+
+class DepthOpacity(NamedTuple):
+    """Opacities 1 − exp(−τ) of optical depths, by a kernel's line integrals."""
+
+    integral: Integral  # relative to that through the center
+    per_focal: tuple[Single, Single]  # 1 / px, of slopes; 0 where rays are parallel
+    principal: tuple[Single, Single]  # px
+
+
+@lane_step
+def falling(x: Single) -> Single:
+    """exp(x) of a number between −12 and 0: a series of x / 16, squared four times."""
+    r = x * np.float32(1.0 / 16.0)
+    one = np.float32(1)
+    p = np.float32(1.0 / 720.0) + r * np.float32(1.0 / 5040.0)
+    p = np.float32(1.0 / 24.0) + r * (np.float32(1.0 / 120.0) + r * p)
+    p = one + r * (one + r * (np.float32(0.5) + r * (np.float32(1.0 / 6.0) + r * p)))
+    p *= p
+    p *= p
+    p *= p
+    return p * p
+
+
+@lane_role
+def alpha_of(
+    opacity: PeakOpacity | DepthOpacity, peak: Single, square: Single, longer: Single
+) -> Single:
+    """Opacity at a squared distance i²; `longer`: length of the ray, as of `longer_of`."""
+    raise NotImplementedError
+
+
+@plays(alpha_of, PeakOpacity)
+def _of_peak(opacity, peak, square, longer):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    return min(opacity.most, peak * falling(np.float32(-0.5) * square))
+
+
+@plays(alpha_of, DepthOpacity)
+def _of_depth(opacity, peak, square, longer):  # type: ignore[no-untyped-def]
+    t = max(np.float32(0), np.float32(1) - square)
+    depth = peak * line_integral(opacity.integral, t, longer)
+    return -of_16_times(expm1_of(max(DEEPEST, np.float32(-1.0 / 16.0) * depth)))
+
+
+@lane_role
+def longer_of(opacity: PeakOpacity | DepthOpacity, x: Single, y: Single, per: Single) -> Single:
+    """Length of the ray through (x, y) px per unit of depth, times √per."""
+    raise NotImplementedError
+
+
+@plays(longer_of, PeakOpacity)
+def _same(opacity, x, y, per):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    return np.float32(1)
+
+
+@plays(longer_of, DepthOpacity)
+def _slanted(opacity, x, y, per):  # type: ignore[no-untyped-def]
+    across = (x - opacity.principal[0]) * opacity.per_focal[0]
+    down = (y - opacity.principal[1]) * opacity.per_focal[1]
+    return math.sqrt((np.float32(1) + across * across + down * down) * per)
+
+
+@lane_role
+def response_at(
+    opacity: PeakOpacity | DepthOpacity,
+    line: Line,
+    dx: Single,
+    place: tuple[Single, Single],
+    own: tuple[Single, Single, Single],
+) -> tuple[Single, Single]:
+    """Opacity and depth of a record at dx px from its reference.
+
+    `place`: px of the screen. `own`: peak, limit, and the depth from which on it is seen.
+    """
+    raise NotImplementedError
+
+
+@plays(response_at, object)
+def _response_at(opacity, line, dx, place, own):  # type: ignore[no-untyped-def]
+    zero, one = np.float32(0), np.float32(1)
+    n = line.n0 + dx * (line.n1 + dx * line.n2)
+    d = line.d0 + dx * (line.d1 + dx * line.d2)
+    per = one / d
+    square = n * per
+    t = (line.t0 + dx * line.t1) * per
+    alpha = alpha_of(
+        opacity, own[0], min(square, own[1]), longer_of(opacity, place[0], place[1], per)
+    )
+    return (alpha if (square <= own[1]) & (t > own[2]) else zero), t
+
+
+@inner_step
+def _composite(
+    canvas: Floats,
+    is_open: Open,
+    record: Floats,
+    spot: TilePlace,
+    opacity: PeakOpacity | DepthOpacity,
+) -> None:
+    """Composite a record on a tile's sub-pixels."""
+    columns, (top, bottom) = columns_of(record, spot), rows_of(record, spot)
+    own = record[PEAK], record[LIMIT], spot.near
+    light = record[RED], record[GREEN], record[BLUE]
+    for row in range(top, bottom):
+        bits = is_open[row]
+        if bits == np.uint32(0):
+            continue
+        line = line_of(record, spot, row)
+        first, last = groups_of(record, line, spot, columns)
+        y = np.float32(spot.top + (row + 0.5) * float(spot.step))
+        for group in range(first, last):
+            if bits >> np.uint32(group) & np.uint32(1) == np.uint32(0):
+                continue
+            base = np.uint64(row * SIDE + group * LANES)
+            start = line.start + np.float32(group * LANES) * spot.step
+            x = np.float32(spot.left + (group * LANES + 0.5) * float(spot.step))
+            for lane in range(LANES):
+                along = np.float32(lane) * spot.step
+                alpha, t = response_at(opacity, line, start + along, (x + along, y), own)
+                lay(canvas, base + np.uint64(lane), alpha, t, light)
+
+
+@parallel_kernel
+def paint_shapes(
+    counter: Counter,
+    records: Floats,
+    lists: TileLists,
+    grid: TileGrid,
+    fine: int,
+    near: float,
+    opacity: PeakOpacity | DepthOpacity,
+    picture: PaintedShapes,
+) -> None:
+    """Paint all tiles.
+
+    `lists`: members of tiles, nearest first. `fine`: sub-pixels per side of a pixel. `near`: scene
+    units. `picture`: filled.
+    """
+    canvas, is_open = np.empty(SIZE, np.float32), np.empty(SIDE, np.uint32)
+    flat = records.reshape(-1)
+    for tile in tasks(counter, lists.start.size - 1):
+        row, column = tile // grid.columns, tile % grid.columns
+        spot = TilePlace(
+            grid.left + column * grid.side,
+            grid.top + row * grid.side,
+            np.float32(1.0 / fine),
+            np.float32(near),
+        )
+        clear(canvas, is_open)
+        end = lists.start[tile + 1]
+        for k in range(lists.start[tile], end):
+            if k + 4 < end:
+                load_soon(flat, lists.member[k + 4] * WIDTH)
+            _composite(canvas, is_open, records[lists.member[k]], spot, opacity)
+            if k % OFTEN == OFTEN - 1 and not close_groups(canvas, is_open):
+                break
+        write_tile(canvas, (row * grid.side, column * grid.side), fine, picture)

@@ -1,0 +1,377 @@
+"""Ellipsoids on the screen: each becomes a record, whose rational form every pixel evaluates.
+
+In the space in which an ellipsoid is the unit sphere around the origin, let u be the vector from
+the eye to its center, and w + dx a + dy d the direction of the ray through the pixel (dx, dy) px
+from a reference. Its squared distance from the center is
+
+    i² = |u × (w + dx a + dy d)|² / |w + dx a + dy d|²,
+
+exact for every ray, and it is nearest to the center at the depth u · (w + dx a + dy d) over the
+same denominator. Records hold the coefficients of the three polynomials, divided by |w|².
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from resample.engine.jit import Counter, inner_kernel, inner_step, parallel_kernel, tasks
+from resample.engine.vectors import Matrix, Vector, column, cross, dot, matrix_of, multiply
+from resample.types import Floats, View
+
+CHUNK = 4096  # samples that a thread projects at a time
+THINNEST = 1e-9  # share of the longest half axis that others have at least
+ASIDE = 0.02  # share of a center's distance that it is ahead, at least, to be the reference
+FARTHEST = 4.0  # standard deviations to which Gaussians are painted, more than any
+BEYOND = 1e30  # px: bounds of what may fill the screen
+
+# Columns of a record.
+X, Y = 0, 1  # px, the reference
+N_1, N_X, N_Y, N_XX, N_XY, N_YY = range(2, 8)  # numerator of i²
+D_X, D_Y, D_XX, D_XY, D_YY = range(8, 13)  # its denominator, less 1
+T_1, T_X, T_Y = range(13, 16)  # numerator of the depth
+PEAK = 16  # opacity at the center; or optical depth of a ray through it, for slopes of 0
+LIMIT = 17  # i² up to which it is painted
+LEFT, TOP, RIGHT, BOTTOM = range(18, 22)  # px; left > right: it is not seen
+RED, GREEN, BLUE = range(22, 25)
+KEY = 25  # by which records are ordered
+WIDTH = 26
+
+
+class ShapedArrays(NamedTuple):
+    """N ellipsoids for kernels."""
+
+    position: Floats  # (N, 3) scene units
+    scale: Floats  # (N, 3) scene units, where i is 1 along each axis
+    rotation: Floats  # (N, 4) quaternions w, x, y, z, of any length, from own axes to the scene's
+    weight: Floats  # (N,) opacity at the center, or extinction
+    color: Floats  # (N, 3)
+
+
+class ShapedOptions(NamedTuple):
+    """How ellipsoids are projected."""
+
+    width: int  # px
+    height: int
+    is_peak: bool  # weights are opacities of Gaussians at their centers, not extinctions
+    is_affine: bool  # ellipses are the projection's linear part at the center (EWA)
+    by_distance: bool  # the order is that of distances from the eye
+    dilation: float  # px² of a trained picture, which training has added to variances
+    trained: float  # px, focal length of that picture
+    is_compensated: bool  # opacities make up for that (Mip-Splatting, Yu et al. 2024)
+    faintest: float  # opacity below which Gaussians end
+
+
+class Covariance(NamedTuple):
+    """The covariance of an ellipsoid in camera axes."""
+
+    xx: float
+    xy: float
+    xz: float
+    yy: float
+    yz: float
+    zz: float
+
+
+@inner_step
+def _rotation(w: float, x: float, y: float, z: float) -> Matrix:
+    """Rotation matrix of a quaternion of any length but zero."""
+    s = 2.0 / (w * w + x * x + y * y + z * z)
+    return (
+        (1.0 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y)),
+        (s * (x * y + w * z), 1.0 - s * (x * x + z * z), s * (y * z - w * x)),
+        (s * (x * z - w * y), s * (y * z + w * x), 1.0 - s * (x * x + y * y)),
+    )
+
+
+@inner_step
+def _spread(axes: Matrix, scale: Vector) -> Covariance:
+    """Covariance of an ellipsoid; `axes` are columns in camera axes."""
+    a, b, c = scale[0] * scale[0], scale[1] * scale[1], scale[2] * scale[2]
+    x, y, z = axes
+    return Covariance(
+        x[0] * x[0] * a + x[1] * x[1] * b + x[2] * x[2] * c,
+        x[0] * y[0] * a + x[1] * y[1] * b + x[2] * y[2] * c,
+        x[0] * z[0] * a + x[1] * z[1] * b + x[2] * z[2] * c,
+        y[0] * y[0] * a + y[1] * y[1] * b + y[2] * y[2] * c,
+        y[0] * z[0] * a + y[1] * z[1] * b + y[2] * z[2] * c,
+        z[0] * z[0] * a + z[1] * z[1] * b + z[2] * z[2] * c,
+    )
+
+
+@inner_step
+def _on_screen(spread: Covariance, x: float, y: float) -> tuple[float, float, float]:
+    """Covariance xx, xy, yy on the plane at distance 1, at slopes x and y, times the depth²."""
+    xx = spread.xx - 2.0 * x * spread.xz + x * x * spread.zz
+    yy = spread.yy - 2.0 * y * spread.yz + y * y * spread.zz
+    xy = spread.xy - x * spread.yz - y * spread.xz + x * y * spread.zz
+    return xx, xy, yy
+
+
+@inner_step
+def _compensation(spread: Covariance, x: float, y: float, per: float, dilation: float) -> float:
+    """Share of a Gaussian's opacity that is left where a dilation (px²) widens it.
+
+    `per`: px² per squared scene unit.
+    """
+    xx, xy, yy = _on_screen(spread, x, y)
+    xx, xy, yy = per * xx, per * xy, per * yy
+    before = max(xx * yy - xy * xy, 0.0)
+    after = (xx + dilation) * (yy + dilation) - xy * xy
+    return math.sqrt(before / after) if after > 0.0 else 0.0
+
+
+@inner_kernel
+def _set_bounds(
+    record: Floats, center: Vector, spread: Covariance, view: View, limit: float
+) -> None:
+    """Set the box around what the screen shows of an ellipsoid up to i² = `limit`."""
+    fx, fy = view.focal[0], view.focal[1]
+    cx, cy = view.principal[0], view.principal[1]
+    x, y, z = center
+    if not view.perspective:
+        wide, high = fx * math.sqrt(limit * spread.xx), fy * math.sqrt(limit * spread.yy)
+        middle = fx * x + cx, fy * y + cy
+        record[LEFT], record[RIGHT] = middle[0] - wide, middle[0] + wide
+        record[TOP], record[BOTTOM] = middle[1] - high, middle[1] + high
+        return
+    # Tangents from the eye; there are none where the ellipsoid meets the eye's plane.
+    ahead = z * z - limit * spread.zz
+    if not (z > 0.0 and ahead > 1e-9 * z * z):
+        record[LEFT], record[RIGHT], record[TOP], record[BOTTOM] = -BEYOND, BEYOND, -BEYOND, BEYOND
+        return
+    middle_x = x * z - limit * spread.xz
+    root = math.sqrt(max(0.0, middle_x * middle_x - ahead * (x * x - limit * spread.xx)))
+    record[LEFT] = fx * (middle_x - root) / ahead + cx
+    record[RIGHT] = fx * (middle_x + root) / ahead + cx
+    middle_y = y * z - limit * spread.yz
+    root = math.sqrt(max(0.0, middle_y * middle_y - ahead * (y * y - limit * spread.yy)))
+    record[TOP] = fy * (middle_y - root) / ahead + cy
+    record[BOTTOM] = fy * (middle_y + root) / ahead + cy
+
+
+@inner_kernel
+def _set_affine(
+    record: Floats,
+    center: Vector,
+    spread: Covariance,
+    view: View,
+    options: ShapedOptions,
+    limit: float,
+) -> bool:
+    """Set the ellipse of EWA splatting (Zwicker et al. 2001); whether there is one."""
+    x, y, z = center
+    fx, fy = view.focal[0], view.focal[1]
+    # The slopes at which the projection is linearized stay near the frame, as in training.
+    across, down = x / z, y / z
+    limit_x, limit_y = 0.65 * options.width / fx, 0.65 * options.height / fy
+    across = min(max(across, -limit_x), limit_x)
+    down = min(max(down, -limit_y), limit_y)
+    xx, xy, yy = _on_screen(spread, across, down)
+    xx, xy, yy = xx * fx * fx / (z * z), xy * fx * fy / (z * z), yy * fy * fy / (z * z)
+    xx, yy = xx + options.dilation, yy + options.dilation
+    area = xx * yy - xy * xy
+    if not area > 0.0:
+        return False
+    record[X], record[Y] = fx * x / z + view.principal[0], fy * y / z + view.principal[1]
+    record[N_XX], record[N_XY], record[N_YY] = yy / area, -2.0 * xy / area, xx / area
+    record[N_1] = record[N_X] = record[N_Y] = 0.0
+    record[D_X] = record[D_Y] = record[D_XX] = record[D_XY] = record[D_YY] = 0.0
+    record[T_1], record[T_X], record[T_Y] = z, 0.0, 0.0
+    wide, high = math.sqrt(limit * xx), math.sqrt(limit * yy)
+    record[LEFT], record[RIGHT] = record[X] - wide, record[X] + wide
+    record[TOP], record[BOTTOM] = record[Y] - high, record[Y] + high
+    return True
+
+
+@inner_kernel
+def _set_parallel(record: Floats, center: Vector, to_unit: Matrix, view: View) -> None:
+    """Set the form of an ellipsoid that parallel rays meet."""
+    fx, fy = view.focal[0], view.focal[1]
+    record[X] = fx * center[0] + view.principal[0]
+    record[Y] = fy * center[1] + view.principal[1]
+    ray, a, d = column(to_unit, 2), column(to_unit, 0), column(to_unit, 1)
+    a, d = (a[0] / fx, a[1] / fx, a[2] / fx), (d[0] / fy, d[1] / fy, d[2] / fy)
+    per = 1.0 / dot(ray, ray)
+    e, f = cross(ray, a), cross(ray, d)
+    record[N_1] = record[N_X] = record[N_Y] = 0.0
+    record[N_XX], record[N_XY], record[N_YY] = (
+        dot(e, e) * per,
+        2.0 * dot(e, f) * per,
+        dot(f, f) * per,
+    )
+    record[D_X] = record[D_Y] = record[D_XX] = record[D_XY] = record[D_YY] = 0.0
+    record[T_1], record[T_X], record[T_Y] = center[2], -dot(a, ray) * per, -dot(d, ray) * per
+
+
+@inner_kernel
+def _set_central(
+    record: Floats, center: Vector, to_unit: Matrix, view: View, options: ShapedOptions
+) -> None:
+    """Set the form of an ellipsoid that rays from an eye meet."""
+    x, y, z = center
+    fx, fy = view.focal[0], view.focal[1]
+    # The reference is where the center is seen, or the middle of the frame if it is not.
+    is_seen = z > ASIDE * (abs(x) + abs(y) + abs(z))
+    across = x / z if is_seen else (0.5 * options.width - view.principal[0]) / fx
+    down = y / z if is_seen else (0.5 * options.height - view.principal[1]) / fy
+    record[X], record[Y] = fx * across + view.principal[0], fy * down + view.principal[1]
+    u, w = multiply(to_unit, center), multiply(to_unit, (across, down, 1.0))
+    a, d = column(to_unit, 0), column(to_unit, 1)
+    a, d = (a[0] / fx, a[1] / fx, a[2] / fx), (d[0] / fy, d[1] / fy, d[2] / fy)
+    per = 1.0 / dot(w, w)
+    e, f = cross(u, a), cross(u, d)
+    record[N_1] = record[N_X] = record[N_Y] = 0.0
+    if not is_seen:
+        k = cross(u, w)
+        record[N_1] = dot(k, k) * per
+        record[N_X], record[N_Y] = 2.0 * dot(k, e) * per, 2.0 * dot(k, f) * per
+    record[N_XX], record[N_XY], record[N_YY] = (
+        dot(e, e) * per,
+        2.0 * dot(e, f) * per,
+        dot(f, f) * per,
+    )
+    record[D_X], record[D_Y] = 2.0 * dot(w, a) * per, 2.0 * dot(w, d) * per
+    record[D_XX], record[D_XY], record[D_YY] = (
+        dot(a, a) * per,
+        2.0 * dot(a, d) * per,
+        dot(d, d) * per,
+    )
+    record[T_1], record[T_X], record[T_Y] = dot(u, w) * per, dot(u, a) * per, dot(u, d) * per
+
+
+@inner_step
+def _turned(turn: Matrix, own: Matrix) -> Matrix:
+    """Product of two matrices."""
+    columns = (
+        multiply(turn, column(own, 0)),
+        multiply(turn, column(own, 1)),
+        multiply(turn, column(own, 2)),
+    )
+    return column(columns, 0), column(columns, 1), column(columns, 2)
+
+
+@inner_step
+def _weight_of(
+    weight: float, center: Vector, axes: Matrix, scale: Vector, view: View, options: ShapedOptions
+) -> float:
+    """Weight of a Gaussian, less what its training took from it for the dilation."""
+    z = center[2]
+    if not (options.is_compensated and z > 0.0):
+        return weight
+    per = options.trained / z if view.perspective else options.trained
+    slopes = (center[0] / z, center[1] / z) if view.perspective else (0.0, 0.0)
+    spread = _spread(axes, scale)
+    return weight * _compensation(spread, slopes[0], slopes[1], per * per, options.dilation)
+
+
+@inner_step
+def _wider_by(z: float, view: View, options: ShapedOptions) -> float:
+    """Variance that a trained Gaussian is wider by, as it was seen wider by px²."""
+    if options.is_affine or not options.dilation > 0.0:
+        return 0.0
+    per = max(z, view.near, 1e-9) / options.trained if view.perspective else 1.0 / options.trained
+    return options.dilation * per * per
+
+
+@inner_kernel
+def _set_form(
+    record: Floats,
+    center: Vector,
+    axes: Matrix,
+    scale: Vector,
+    view: View,
+    options: ShapedOptions,
+    limit: float,
+) -> float:
+    """Set the exact form of an ellipsoid and its box; return half the chord of a slope of 0."""
+    to_unit = (
+        (axes[0][0] / scale[0], axes[1][0] / scale[0], axes[2][0] / scale[0]),
+        (axes[0][1] / scale[1], axes[1][1] / scale[1], axes[2][1] / scale[1]),
+        (axes[0][2] / scale[2], axes[1][2] / scale[2], axes[2][2] / scale[2]),
+    )
+    ray = (0.0, 0.0, 1.0)
+    if view.perspective:
+        _set_central(record, center, to_unit, view, options)
+        across = (record[X] - view.principal[0]) / view.focal[0]
+        ray = (across, (record[Y] - view.principal[1]) / view.focal[1], 1.0)
+    else:
+        _set_parallel(record, center, to_unit, view)
+    _set_bounds(record, center, _spread(axes, scale), view, limit)
+    there = multiply(to_unit, ray)
+    return 1.0 / math.sqrt(dot(there, there))
+
+
+@inner_step
+def _place_in(turn: Matrix, view: View, position: Floats, n: int) -> Vector:
+    """Position of a sample in camera axes."""
+    place = multiply(turn, (float(position[n, 0]), float(position[n, 1]), float(position[n, 2])))
+    shift = view.translation
+    return place[0] + shift[0], place[1] + shift[1], place[2] + shift[2]
+
+
+@inner_kernel
+def _project_one(
+    shaped: ShapedArrays, n: int, view: View, turn: Matrix, options: ShapedOptions, record: Floats
+) -> None:
+    """Project an ellipsoid; records with left > right are not seen."""
+    record[LEFT], record[RIGHT] = 1.0, -1.0
+    # Skip what is too faint, or lies behind the near plane whatever its rotation.
+    weight = float(shaped.weight[n])
+    if not weight > (options.faintest if options.is_peak else 0.0):
+        return
+    center = _place_in(turn, view, shaped.position, n)
+    z, wider = center[2], _wider_by(center[2], view, options)
+    s0, s1, s2 = float(shaped.scale[n, 0]), float(shaped.scale[n, 1]), float(shaped.scale[n, 2])
+    longest = max(s0, s1, s2)
+    reach = math.sqrt(longest * longest + wider) * (FARTHEST if options.is_peak else 1.0)
+    if not z + reach > view.near:
+        return
+    # Axes in camera space; none is so short that it vanishes.
+    w, x, y = shaped.rotation[n, 0], shaped.rotation[n, 1], shaped.rotation[n, 2]
+    axes = _turned(turn, _rotation(float(w), float(x), float(y), float(shaped.rotation[n, 3])))
+    least = THINNEST * longest
+    scale = (max(s0, least), max(s1, least), max(s2, least))
+    # Opacity and width as they were trained.
+    weight = _weight_of(weight, center, axes, scale, view, options)
+    if not weight > (options.faintest if options.is_peak else 0.0):
+        return
+    if wider > 0.0:
+        scale = (
+            math.sqrt(scale[0] * scale[0] + wider),
+            math.sqrt(scale[1] * scale[1] + wider),
+            math.sqrt(scale[2] * scale[2] + wider),
+        )
+    limit = 2.0 * math.log(weight / options.faintest) if options.is_peak else 1.0
+    spread = _spread(axes, scale)
+    if z + math.sqrt(limit * spread.zz) <= view.near:
+        return
+    # The form and its box.
+    if options.is_affine:
+        if not z > view.near or not _set_affine(record, center, spread, view, options, limit):
+            return
+    else:
+        chord = _set_form(record, center, axes, scale, view, options, limit)
+        weight *= 1.0 if options.is_peak else chord
+    # Leave out what the frame does not show.
+    is_beside = record[RIGHT] <= 0.0 or record[LEFT] >= options.width
+    if is_beside or record[BOTTOM] <= 0.0 or record[TOP] >= options.height:
+        record[LEFT], record[RIGHT] = 1.0, -1.0
+        return
+    record[PEAK], record[LIMIT] = weight, limit
+    record[KEY] = math.sqrt(dot(center, center)) if options.by_distance else z
+    record[RED], record[GREEN] = shaped.color[n, 0], shaped.color[n, 1]
+    record[BLUE] = shaped.color[n, 2]
+
+
+@parallel_kernel
+def project_shapes(
+    counter: Counter, shaped: ShapedArrays, view: View, options: ShapedOptions, records: Floats
+) -> None:
+    """Project all ellipsoids to `records` (N, WIDTH), which are filled."""
+    count = shaped.weight.size
+    turn = matrix_of(view.rotation)
+    for chunk in tasks(counter, (count + CHUNK - 1) // CHUNK):
+        start = int(np.int64(chunk)) * CHUNK
+        for n in range(start, min(start + CHUNK, count)):
+            _project_one(shaped, n, view, turn, options, records[n])

@@ -1,0 +1,435 @@
+"""Paint ellipsoids that have a shape each: 3D Gaussians, anisotropic particles."""
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from enum import StrEnum
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from resample.cameras.models import AnyCamera
+from resample.memory.mapped import contiguous
+from resample.painting.choices import PaintChoices
+from resample.painting.scenes.plans import Window, check_size
+from resample.painting.scenes.scene import Clock, check_places
+from resample.profiles.orders import EverySample, Rays
+from resample.profiles.reconstruction import (
+    Reconstruction,
+    footprint_pieces,
+    footprint_profile,
+    footprint_table,
+)
+from resample.types import (
+    Floats,
+    Frame,
+    Pieces,
+    Profile,
+    Statistics,
+    Tabulated,
+    View,
+)
+from resample.watching import Progress, told
+
+if TYPE_CHECKING:
+    from resample.engine.shaped.lists import TileGrid, TileLists
+    from resample.engine.shaped.painting import DepthOpacity, PeakOpacity
+    from resample.engine.shaped.records import ShapedOptions
+
+FAINTEST = 1.0 / 255.0  # opacity below which Gaussians end, as in training
+MOST_OPAQUE = 0.99  # likewise
+FINEST = 8  # sub-pixels per side of a pixel, at most
+WANTED = 0.6  # sub-pixels that a thin ellipsoid's standard deviation is long, at least
+THIN = 0.25  # share of ellipsoids that may be thinner than that
+BINS = 160  # of thicknesses, eight per octave; the middle one is at 1 px
+
+
+class ShapedOrder(StrEnum):
+    """Order in which ellipsoids are composited."""
+
+    DEPTH = "depth"  # of centers along the view axis; pops when the camera turns
+    DISTANCE = "distance"  # of centers from the eye; pops when the camera moves
+    RAYS = "rays"  # along each ray, of the places nearest to the centers
+
+
+class Ellipsoids(NamedTuple):
+    """N ellipsoids with a shape each.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample import Camera, Resampler
+    >>> from resample.painting.shaped import Ellipsoids
+    >>> flat = Ellipsoids(
+    ...     position=[[0, 0, 5]], scale=[[1, 0.2, 1]], rotation=[[1, 0, 0, 0]], opacity=[0.9],
+    ...     color=[[1, 0, 0]],
+    ... )
+    >>> frame = Resampler()(flat, Camera.from_fov(60, 24, 32), height=24, width=32)
+    >>> frame.rgba.shape
+    (24, 32, 4)
+    """
+
+    position: Floats  # (N, 3) scene units
+    scale: Floats  # (N, 3) scene units: standard deviations, or half axes where a kernel ends
+    rotation: Floats  # (N, 4) quaternions w, x, y, z, from own axes to the scene's
+    opacity: Floats  # (N,) of Gaussians at the center; of kernels see `particles`
+    color: Floats  # (N, 3) straight
+    kernel: Reconstruction | None = None  # None: opacity × exp(−i² / 2), at most 0.99
+
+
+class ShapedStyle(NamedTuple):
+    """How ellipsoids are drawn."""
+
+    order: ShapedOrder | str = ShapedOrder.DEPTH
+    subpixels: int | None = None  # per side of a pixel; None: as thin ellipsoids need
+    near: float = 0.0  # scene units; the camera's near plane if that is farther
+    dilation: float = 0.0  # px² of pictures of training, which widened Gaussians by it
+    trained: float | None = None  # px, focal length of these pictures; None: the camera's
+    is_compensated: bool = False  # training made up for the dilation by the opacity
+    is_affine: bool = False  # Gaussians are projected linearly (EWA)
+
+
+class EllipsoidSource(Protocol):
+    """Ellipsoids in parts, which may be in files."""
+
+    def sizes(self) -> Sequence[int]:
+        """Ellipsoids of each part."""
+
+    def kernel(self) -> Reconstruction | None:
+        """As of all of them."""
+
+    def load(self, part: int, view: View, /) -> Ellipsoids:
+        """One of them, in colors for a view."""
+
+
+class InMemory(NamedTuple):
+    """Ellipsoids in memory, as parts."""
+
+    all: Ellipsoids
+
+    def sizes(self) -> Sequence[int]:
+        """Ellipsoids of each part."""
+        count = len(self.all.opacity)
+        return [count] if count else []
+
+    def kernel(self) -> Reconstruction | None:
+        """As of all of them."""
+        return self.all.kernel
+
+    def load(self, part: int, view: View, /) -> Ellipsoids:  # noqa: ARG002
+        """All of them."""
+        return self.all
+
+
+class ShapedPicture(NamedTuple):
+    """A picture of ellipsoids."""
+
+    rgba: Floats  # (H, W, 4) premultiplied, in the space of the colors
+    depth: Floats  # (H, W) mean z-depth, weighted by what is seen, scene units; inf where empty
+    median: Floats  # (H, W) z-depth where half of the light is stopped; inf where less is
+    first_depth: Floats  # (H, W) of the nearest that is seen; inf where empty
+    coverage: Floats  # (H, W) share of the pixel that is covered, however faintly
+    statistics: Statistics
+
+
+def check_ellipsoids(given: Ellipsoids) -> Ellipsoids:
+    """Convert ellipsoids to contiguous float32 arrays, and check that they fit together.
+
+    Raises
+    ------
+    ValueError
+        Shapes do not fit, or numbers are not finite or out of range.
+    """
+    arrays = [contiguous(array, np.float32) for array in given[:5]]
+    count = arrays[3].size
+    shapes = (count, 3), (count, 3), (count, 4), (count,), (count, 3)
+    names = Ellipsoids._fields
+    for name, array, shape in zip(names, arrays, shapes, strict=False):
+        if array.shape != shape:
+            raise ValueError(f"{name} of {array.shape}; for {count} ellipsoids it is {shape}")
+    position, scale, rotation, opacity, color = arrays
+    check_places(position, "an ellipsoid's position")
+    for name, array in zip(names[1:], arrays[1:], strict=False):
+        if not np.isfinite(array).all():
+            raise ValueError(f"an ellipsoid's {name} is not finite; leave such ellipsoids out")
+    if count and not (scale.min() >= 0 and (scale.max(axis=1) > 0).all()):
+        raise ValueError("an ellipsoid's scales are 0 or more, and one is above 0")
+    if count and not np.abs(rotation).max(axis=1).min() > 0:
+        raise ValueError("a quaternion is zero; give w, x, y, z, such as 1, 0, 0, 0")
+    most = 1.0 if given.kernel is None else math.nextafter(1.0, 0.0)
+    if count and not (opacity.min() >= 0 and opacity.max() <= most):
+        raise ValueError(
+            f"an opacity is {opacity.min():g} to {opacity.max():g}; it lies from 0 to"
+            f" {'1' if given.kernel is None else 'below 1'}"
+        )
+    return Ellipsoids(position, scale, rotation, opacity, color, given.kernel)
+
+
+def paint_ellipsoids(
+    shapes: Ellipsoids,
+    camera: AnyCamera,
+    size: tuple[int, int],
+    style: ShapedStyle | None = None,
+    *,
+    progress: Progress | None = None,
+) -> ShapedPicture:
+    """Paint ellipsoids, nearest first, each by the exact response of every ray.
+
+    Parameters
+    ----------
+    shapes
+        Ellipsoids; the result does not depend on their order.
+    camera
+        Without distortion.
+    size
+        Height and width, px.
+    style
+        How they are drawn.
+    progress
+        Called with the share of the work that is done.
+
+    Raises
+    ------
+    ValueError
+        Arrays do not fit together, or a number is out of range.
+    """
+    check_size(*size)
+    clock = Clock()
+    scene = ShapedScene.of(InMemory(check_ellipsoids(shapes)), camera, size, style)
+    records = scene.records()
+    scene = scene.measured([records])
+    clock.lap("project")
+    canvas = ShapedCanvas.empty(size)
+    painted = scene.paint(records, (0, 0, size[1], size[0]), canvas, progress)
+    clock.lap("paint")
+    counts = Statistics(len(shapes.opacity), 0, painted, 0, scene.finest(), clock.seconds)
+    return ShapedPicture(*canvas, counts)
+
+
+def order_of_shapes(choice: PaintChoices, clip: ArrayLike | None) -> ShapedOrder:
+    """Order of ellipsoids that choices stand for; refuse choices that ellipsoids do not have."""
+    usual = replace(choice, order=EverySample(), subpixels=None) == type(choice)()
+    if not usual or clip is not None:
+        raise ValueError(
+            "samples with a shape each take an order by depth, by distance or along rays, and"
+            " sub-pixels; leave other choices and clipping planes out"
+        )
+    if isinstance(choice.order, Rays):
+        return ShapedOrder.RAYS
+    if not isinstance(choice.order, EverySample):
+        raise ValueError(
+            f"samples with a shape each are not summed by {type(choice.order).__name__}; take"
+            " EverySample or Rays"
+        )
+    return ShapedOrder(choice.order.key)
+
+
+def frame_of(picture: ShapedPicture) -> Frame[Statistics]:
+    """Return a picture of ellipsoids in linear light as a frame."""
+    rgba, depth, _, first, coverage, counts = picture
+    return Frame(rgba, depth, first, coverage, counts)
+
+
+class ShapedCanvas(NamedTuple):
+    """Arrays of a picture, see `ShapedPicture`."""
+
+    rgba: Floats
+    depth: Floats
+    median: Floats
+    first_depth: Floats
+    coverage: Floats
+
+    @classmethod
+    def empty(cls, size: tuple[int, int]) -> "ShapedCanvas":
+        """Return a transparent picture (height, width)."""
+        far = (np.full(size, np.inf, np.float32) for _ in range(3))
+        depth, median, first = far
+        rgba, coverage = np.zeros((*size, 4), np.float32), np.zeros(size, np.float32)
+        return cls(rgba, depth, median, first, coverage)
+
+
+class ShapedScene(NamedTuple):
+    """Ellipsoids in parts, seen by a camera."""
+
+    source: EllipsoidSource
+    view: View
+    size: tuple[int, int]  # height and width of the picture, px
+    style: ShapedStyle
+    thickness: NDArray[np.int64] | None = None  # (BINS,) how many are as thick
+
+    @classmethod
+    def of(
+        cls,
+        source: EllipsoidSource,
+        camera: AnyCamera,
+        size: tuple[int, int],
+        style: ShapedStyle | None,
+    ) -> "ShapedScene":
+        """Scene of a source that a camera without distortion sees."""
+        chosen, view = style or ShapedStyle(), camera.view()
+        chosen = chosen._replace(order=ShapedOrder(chosen.order))
+        view = view._replace(near=max(view.near, chosen.near))
+        return cls(source, view, size, chosen)
+
+    def measured(self, projected: Iterable[Floats]) -> "ShapedScene":
+        """Return the scene that knows how thin its ellipsoids are, by the records of all parts."""
+        if self.style.subpixels is not None:
+            return self
+        thickness = np.zeros(BINS, np.int64)
+        for records in projected:
+            thickness += _thicknesses(records)
+        return self._replace(thickness=thickness)
+
+    def finest(self) -> int:
+        """Sub-pixels per side of a pixel."""
+        if self.style.subpixels is not None:
+            return min(self.style.subpixels, FINEST)
+        if self.thickness is None or not self.thickness.any():
+            return 1
+        share = np.cumsum(self.thickness) / self.thickness.sum()
+        thin = 2.0 ** ((int(np.searchsorted(share, THIN)) - BINS // 2) / 8)  # px
+        return int(min(max(round(WANTED / thin), 1), FINEST))
+
+    def tile(self) -> int:
+        """Side of a tile, px."""
+        from resample.engine.shaped.canvas import SIDE
+
+        return SIDE // self.finest()
+
+    def projected(self) -> Iterator[Floats]:
+        """Records of each part that the picture shows."""
+        for part in range(len(self.source.sizes())):
+            yield self._project(self.source.load(part, self.view))
+
+    def _project(self, shapes: Ellipsoids) -> Floats:
+        from resample.engine.shaped.records import WIDTH, ShapedArrays, project_shapes
+
+        weight = shapes.opacity
+        if shapes.kernel is not None:  # extinctions, of unit spheres
+            mean = np.prod(shapes.scale.astype(np.float64), axis=1) ** (1.0 / 3.0)
+            weight = (-np.log1p(-weight.astype(np.float64)) / mean).astype(np.float32)
+        records = np.empty((len(weight), WIDTH), np.float32)
+        arrays = ShapedArrays(*shapes[:3], weight, shapes.color)
+        project_shapes(arrays, self.view, self._options(shapes.kernel is None), records)
+        return in_window(records, (0, 0, self.size[1], self.size[0]))
+
+    def records(self, window: Window | None = None) -> Floats:
+        """Records of all that a window shows."""
+        from resample.engine.shaped.records import WIDTH
+
+        parts = list(self.projected())
+        if window is not None:
+            parts = [in_window(records, window) for records in parts]
+        if len(parts) == 1:
+            return parts[0]
+        return np.concatenate(parts) if parts else np.zeros((0, WIDTH), np.float32)
+
+    def paint(
+        self,
+        records: Floats,
+        window: Window,
+        canvas: ShapedCanvas,
+        progress: Progress | None = None,
+    ) -> int:
+        """Paint a window of whole tiles; return how many ellipsoids it shows."""
+        from resample.engine.shaped.along_rays import paint_along_rays
+        from resample.engine.shaped.canvas import PaintedShapes
+        from resample.engine.shaped.lists import TileGrid, front_to_back
+        from resample.engine.shaped.painting import paint_shapes
+
+        (x0, y0, x1, y1), side = window, self.tile()
+        grid = TileGrid(x0, y0, side, -(-(x1 - x0) // side), -(-(y1 - y0) // side))
+        order = front_to_back(records)
+        if not order.size:
+            return 0
+        part = [array[y0:y1, x0:x1] for array in canvas]
+        whole = PaintedShapes(*map(np.ascontiguousarray, part))
+        paint = paint_along_rays if self.style.order is ShapedOrder.RAYS else paint_shapes
+        lists = _listed(records, order, grid)
+        with told(progress, None):
+            paint(records, lists, grid, self.finest(), self.view.near, self._opacity(), whole)
+        for mine, painted in zip(part, whole, strict=True):
+            if mine is not painted:
+                mine[...] = painted
+        return int(order.size)
+
+    def _options(self, is_peak: bool) -> "ShapedOptions":
+        from resample.engine.shaped.records import ShapedOptions
+
+        style = self.style
+        own = float(np.sqrt(abs(self.view.focal[0] * self.view.focal[1])))
+        return ShapedOptions(
+            self.size[1],
+            self.size[0],
+            is_peak,
+            style.is_affine,
+            style.order is ShapedOrder.DISTANCE,
+            float(style.dilation),
+            float(style.trained or own),
+            style.is_compensated,
+            FAINTEST,
+        )
+
+    def _opacity(self) -> "PeakOpacity | DepthOpacity":
+        """How distances become opacities."""
+        from resample.engine.shaped.painting import DepthOpacity, PeakOpacity
+
+        kernel = self.source.kernel()
+        if kernel is None:
+            return PeakOpacity(np.float32(MOST_OPAQUE))
+        along = self.view.focal if self.view.perspective else np.full(2, np.inf)
+        per = np.float32(1.0 / along[0]), np.float32(1.0 / along[1])
+        place = np.float32(self.view.principal[0]), np.float32(self.view.principal[1])
+        return DepthOpacity(relative_integral(kernel), per, place)
+
+
+def relative_integral(kernel: Reconstruction) -> Profile | Pieces | Tabulated:
+    """Line integrals of a kernel, relative to that through its center."""
+    table = footprint_table(kernel).values
+    whole = np.float32(table[0])
+    profile = footprint_profile(kernel)
+    if profile is not None:
+        return Profile(*(np.float32(term / whole) for term in profile))
+    pieces = footprint_pieces(kernel)
+    if pieces is not None:
+        near, far = (tuple(np.float32(term / whole) for term in piece) for piece in pieces)
+        return Pieces(near, far)  # type: ignore[arg-type]  # ten terms each
+    return Tabulated(table / whole)
+
+
+def _listed(records: Floats, order: NDArray[np.uint64], grid: "TileGrid") -> "TileLists":
+    """Deal records to tiles."""
+    from resample.engine.shaped.lists import CHUNKS, TileLists, count_listed, list_members
+
+    count = np.zeros((CHUNKS, grid.columns * grid.rows), np.int32)
+    count_listed(records, order, grid, count)
+    start = np.concatenate([[0], np.cumsum(count.sum(axis=0, dtype=np.int64))])
+    position = start[:-1] + np.cumsum(count, axis=0, dtype=np.int64) - count
+    member = np.empty(start[-1], np.int32)
+    list_members(records, order, grid, position, member)
+    return TileLists(start, member)
+
+
+def in_window(records: Floats, window: Window) -> Floats:
+    """Records that meet a window."""
+    from resample.engine.shaped.records import BOTTOM, LEFT, RIGHT, TOP
+
+    x0, y0, x1, y1 = window
+    left, right = records[:, LEFT], records[:, RIGHT]
+    meets = (left <= right) & (right > x0) & (left < x1)
+    meets &= (records[:, BOTTOM] > y0) & (records[:, TOP] < y1)
+    return records if meets.all() else records[meets]
+
+
+def _thicknesses(records: Floats) -> NDArray[np.int64]:
+    """How many of those that are seen are as thin, along their shorter axis on the screen."""
+    from resample.engine.shaped.records import LEFT, N_XX, N_XY, N_YY, RIGHT
+
+    seen = records[records[:, LEFT] <= records[:, RIGHT]]
+    xx, half, yy = seen[:, N_XX], 0.5 * seen[:, N_XY], seen[:, N_YY]
+    mean, apart = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), half)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        octave = -0.5 * np.log2(mean + apart)
+    bins = np.clip(np.nan_to_num(8 * octave) + BINS // 2, 0, BINS - 1).astype(np.int64)
+    return np.bincount(bins, minlength=BINS)
