@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from resample import Camera, Orthographic, Resampler, look_at, particles
+from resample.outofcore.ellipsoids import BYTES, paint_parts
 from resample.painting.shaped import Ellipsoids, ShapedStyle, paint_ellipsoids
 from resample.profiles.orders import EverySample, ImageSheets, Rays
 from tests.shaped import twin
@@ -183,6 +184,44 @@ def test_an_ellipsoid_is_a_sphere_stretched():
     # Through its center the longer one has the same depth per radius of a sphere of its volume.
     depth = np.log1p(-one) * 2 ** (-1 / 3)
     np.testing.assert_allclose(np.log1p(-two), depth, atol=2e-4)
+
+
+class Parts:
+    """Ellipsoids in parts of a size."""
+
+    def __init__(self, given, size):
+        self.given, self.size, self.loaded = given, size, 0
+
+    def kernel(self):
+        return self.given.kernel
+
+    def sizes(self):
+        count = len(self.given.opacity)
+        return [min(self.size, count - first) for first in range(0, count, self.size)]
+
+    def load(self, part, _view):
+        self.loaded += 1
+        rows = slice(part * self.size, (part + 1) * self.size)
+        return Ellipsoids(*(array[rows] for array in self.given[:5]), self.given.kernel)
+
+
+@pytest.mark.parametrize("subpixels", [None, 2])
+@pytest.mark.parametrize(("most", "windows"), [(900, 1), (260, 3)])
+def test_parts_within_a_budget_have_the_bits_of_all(subpixels, most, windows):
+    given, style = gaussians(800, seed=11), ShapedStyle(subpixels=subpixels)
+    given = given._replace(scale=0.2 * given.scale)
+    whole = paint_ellipsoids(given, EYE, SIZE, style)
+    picture, count = paint_parts(Parts(given, 150), EYE, SIZE, style, memory=most * BYTES)
+    for mine, theirs in zip(picture[:5], whole[:5], strict=True):
+        np.testing.assert_array_equal(mine, theirs)
+    assert count == 1 if windows == 1 else count >= windows
+    assert picture.statistics.subpixels == whole.statistics.subpixels
+
+
+def test_a_tile_beyond_the_budget_is_refused():
+    given = gaussians(800, seed=11)
+    with pytest.raises(ValueError, match="more than fit in the allowed memory; give more memory"):
+        paint_parts(Parts(given, 150), EYE, SIZE, memory=5 * BYTES)
 
 
 BAD = {

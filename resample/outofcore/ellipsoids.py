@@ -1,0 +1,116 @@
+"""Ellipsoids in parts, more than memory holds: projected part by part, window by window.
+
+A picture needs what it shows of each ellipsoid, `BYTES`, and one part at a time. Where that is more
+than the budget, windows of the picture are painted one after the other.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from resample.cameras.models import AnyCamera
+from resample.outofcore.windows import WindowTask, split_windows
+from resample.painting.scenes.plans import Window, check_size
+from resample.painting.scenes.scene import Clock
+from resample.painting.shaped import (
+    EllipsoidSource,
+    ShapedCanvas,
+    ShapedPicture,
+    ShapedScene,
+    ShapedStyle,
+    in_window,
+)
+from resample.types import Floats, Statistics
+from resample.watching import Progress
+
+BYTES = 26 * 4 + 16 + 12  # per ellipsoid: a record, its key while it is sorted, and its lists
+NOTHING = np.zeros(0, np.int32)
+
+
+def paint_parts(
+    source: EllipsoidSource,
+    camera: AnyCamera,
+    size: tuple[int, int],
+    style: ShapedStyle | None = None,
+    *,
+    memory: int,
+    progress: Progress | None = None,
+) -> tuple[ShapedPicture, int]:
+    """Paint ellipsoids in parts, with the bits of `paint_ellipsoids` of them all.
+
+    Parameters
+    ----------
+    source
+        Parts, loaded one at a time.
+    camera, size, style, progress
+        As `paint_ellipsoids` takes them.
+    memory
+        Bytes for what is shown of all, besides one part.
+
+    Returns
+    -------
+    The picture, and the number of windows.
+
+    Raises
+    ------
+    ValueError
+        A number is out of range; or what a tile shows needs more memory.
+    """
+    check_size(*size)
+    clock, most = Clock(), memory // BYTES
+    scene = ShapedScene.of(source, camera, size, style)
+    whole = (0, 0, size[1], size[0])
+    counted = np.zeros(len(source.sizes()), np.int64)
+    scene = scene.measured(_counted(scene, counted))
+    if not counted.any():
+        counted[:] = [len(records) for records in scene.projected()]
+
+    def bounds(window: Window) -> WindowTask | None:
+        """Return the task of a window; None if it shows more than fits."""
+        count = int(counted.sum()) if window == whole else _shown(scene, window)
+        if count <= most:
+            return WindowTask(window, NOTHING, np.array([count], np.int32))
+        if max(window[2] - window[0], window[3] - window[1]) > scene.tile():
+            return None
+        raise ValueError(
+            f"a tile of {scene.tile()} x {scene.tile()} px shows {count} ellipsoids, more than fit"
+            " in the allowed memory; give more memory"
+        )
+
+    tasks = split_windows(size, scene.tile(), bounds)
+    clock.lap("project")
+    canvas, painted, loaded = ShapedCanvas.empty(size), 0, 0
+    for done, task in enumerate(tasks):
+        records = _gathered(scene, task)
+        clock.lap("project")
+        painted += scene.paint(records, task.window, canvas)
+        clock.lap("paint")
+        loaded = max(loaded, len(records))
+        if progress is not None:
+            progress((done + 1) / len(tasks))
+    counts = Statistics(sum(source.sizes()), 0, painted, 0, scene.finest(), clock.seconds)
+    return ShapedPicture(*canvas, counts), len(tasks)
+
+
+def _counted(scene: ShapedScene, counted: np.ndarray) -> Iterator[Floats]:
+    """Records of each part, which are counted on the way."""
+    for part, records in enumerate(scene.projected()):
+        counted[part] = len(records)
+        yield records
+
+
+def _shown(scene: ShapedScene, window: Window) -> int:
+    """Count the ellipsoids that a window shows."""
+    return sum(len(in_window(records, window)) for records in scene.projected())
+
+
+def _gathered(scene: ShapedScene, task: WindowTask) -> Floats:
+    """Records of a window, in an array that is allocated once."""
+    from resample.engine.shaped.records import WIDTH
+
+    held, done = np.empty((task.samples, WIDTH), np.float32), 0
+    for records in scene.projected():
+        shown = in_window(records, task.window)
+        held[done : done + len(shown)] = shown
+        done += len(shown)
+    return held[:done]
