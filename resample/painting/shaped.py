@@ -257,6 +257,7 @@ class ShapedScene(NamedTuple):
     size: tuple[int, int]  # height and width of the picture, px
     style: ShapedStyle
     thickness: NDArray[np.int64] | None = None  # (BINS,) how many are as thick
+    nearest: float = 0.0  # scene units; centers nearer to the eye are left out
 
     @classmethod
     def of(
@@ -348,7 +349,7 @@ class ShapedScene(NamedTuple):
         paint = paint_along_rays if self.style.order is ShapedOrder.RAYS else paint_shapes
         lists = _listed(records, order, grid)
         with told(progress, None):
-            paint(records, lists, grid, self.finest(), self.view.near, self._opacity(), whole)
+            paint(records, lists, grid, self.finest(), self.view.near, self.opacity(), whole)
         for mine, painted in zip(part, whole, strict=True):
             if mine is not painted:
                 mine[...] = painted
@@ -369,9 +370,10 @@ class ShapedScene(NamedTuple):
             float(style.trained or own),
             style.is_compensated,
             FAINTEST,
+            self.nearest,
         )
 
-    def _opacity(self) -> "PeakOpacity | DepthOpacity":
+    def opacity(self) -> "PeakOpacity | DepthOpacity":
         """How distances become opacities."""
         from resample.engine.shaped.painting import DepthOpacity, PeakOpacity
 

@@ -60,6 +60,7 @@ class ShapedOptions(NamedTuple):
     trained: float  # px, focal length of that picture
     is_compensated: bool  # opacities make up for that (Mip-Splatting, Yu et al. 2024)
     faintest: float  # opacity below which Gaussians end
+    nearest: float  # scene units; centers nearer to the eye are left out
 
 
 class Covariance(NamedTuple):
@@ -252,16 +253,26 @@ def _turned(turn: Matrix, own: Matrix) -> Matrix:
 
 
 @inner_step
+def _facing(center: Vector, away: float) -> Matrix:
+    """Rotation (mirrored, perhaps) whose third row points to a center."""
+    z = (center[0] / away, center[1] / away, center[2] / away)
+    aside = (0.0, z[2], -z[1]) if abs(z[0]) < 0.6 else (-z[2], 0.0, z[0])
+    per = 1.0 / math.sqrt(dot(aside, aside))
+    x = (aside[0] * per, aside[1] * per, aside[2] * per)
+    return x, cross(z, x), z
+
+
+@inner_step
 def _weight_of(
     weight: float, center: Vector, axes: Matrix, scale: Vector, view: View, options: ShapedOptions
 ) -> float:
     """Weight of a Gaussian, less what its training took from it for the dilation."""
     z = center[2]
-    if not (options.is_compensated and z > 0.0):
+    if not options.is_compensated or z <= 0.0:
         return weight
-    per = options.trained / z if view.perspective else options.trained
-    slopes = (center[0] / z, center[1] / z) if view.perspective else (0.0, 0.0)
-    spread = _spread(axes, scale)
+    spread, slopes, per = _spread(axes, scale), (0.0, 0.0), options.trained
+    if view.perspective:
+        slopes, per = (center[0] / z, center[1] / z), options.trained / z
     return weight * _compensation(spread, slopes[0], slopes[1], per * per, options.dilation)
 
 
@@ -321,7 +332,10 @@ def _project_one(
     if not weight > (options.faintest if options.is_peak else 0.0):
         return
     center = _place_in(turn, view, shaped.position, n)
-    z, wider = center[2], _wider_by(center[2], view, options)
+    z, away = center[2], math.sqrt(dot(center, center))
+    if not away >= options.nearest:
+        return
+    wider = _wider_by(away if options.by_distance else z, view, options)
     s0, s1, s2 = float(shaped.scale[n, 0]), float(shaped.scale[n, 1]), float(shaped.scale[n, 2])
     longest = max(s0, s1, s2)
     reach = math.sqrt(longest * longest + wider) * (FARTHEST if options.is_peak else 1.0)
@@ -332,8 +346,12 @@ def _project_one(
     axes = _turned(turn, _rotation(float(w), float(x), float(y), float(shaped.rotation[n, 3])))
     least = THINNEST * longest
     scale = (max(s0, least), max(s1, least), max(s2, least))
-    # Opacity and width as they were trained.
-    weight = _weight_of(weight, center, axes, scale, view, options)
+    # Opacity and width as they were trained; where faces meet, as if each were looked at.
+    if options.is_compensated and options.by_distance:
+        facing = _facing(center, away)
+        weight = _weight_of(weight, (0.0, 0.0, away), _turned(facing, axes), scale, view, options)
+    else:
+        weight = _weight_of(weight, center, axes, scale, view, options)
     if not weight > (options.faintest if options.is_peak else 0.0):
         return
     if wider > 0.0:
@@ -359,7 +377,7 @@ def _project_one(
         record[LEFT], record[RIGHT] = 1.0, -1.0
         return
     record[PEAK], record[LIMIT] = weight, limit
-    record[KEY] = math.sqrt(dot(center, center)) if options.by_distance else z
+    record[KEY] = away if options.by_distance else z
     record[RED], record[GREEN] = shaped.color[n, 0], shaped.color[n, 1]
     record[BLUE] = shaped.color[n, 2]
 

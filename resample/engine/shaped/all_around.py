@@ -1,0 +1,234 @@
+"""Composite ellipsoids on pixels whose rays go anywhere: panoramas, fisheyes, distorting lenses.
+
+Directions are shared out among the six faces of a cube around the eye. Ellipsoids are projected to
+each face as to a picture; sub-pixels lie anywhere on a face, by coordinates of their own. As the
+response is exact for every ray and the order is that of distances, faces meet without a seam.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.jit import Counter, inner_kernel, inner_step, kernel, parallel_kernel, tasks
+from resample.engine.shaped.canvas import (
+    GROUPS,
+    LANES,
+    OPAQUE,
+    PLANE,
+    SHARE,
+    SIDE,
+    SIZE,
+    Line,
+    Open,
+    PaintedShapes,
+    clear,
+    lay,
+    write_tile,
+)
+from resample.engine.shaped.lists import TileLists
+from resample.engine.shaped.painting import OFTEN, DepthOpacity, PeakOpacity, response_at
+from resample.engine.shaped.records import (
+    BLUE,
+    BOTTOM,
+    D_X,
+    D_XX,
+    D_XY,
+    D_Y,
+    D_YY,
+    GREEN,
+    LEFT,
+    LIMIT,
+    N_1,
+    N_X,
+    N_XX,
+    N_XY,
+    N_Y,
+    N_YY,
+    PEAK,
+    RED,
+    RIGHT,
+    T_1,
+    T_X,
+    T_Y,
+    TOP,
+    X,
+    Y,
+)
+from resample.engine.sorting import Pairs, member_of
+from resample.types import Doubles, Floats, Indices
+
+FACES = 6
+# Planes of a canvas besides those of `canvas`: where a sub-pixel lies on the face, and the length
+# of its ray per unit of depth.
+ACROSS, DOWN, LENGTH = (np.uint64(SIZE + n * PLANE) for n in range(3))
+WIDER = SIZE + 3 * PLANE
+
+Faces = NDArray[np.int8]
+
+
+@kernel
+def boxes_of(at: Floats, face: Faces, boxes: Doubles) -> None:
+    """Bounds of the sub-pixels of each tile on each face, `boxes` (T, FACES, 4); or none.
+
+    `at`: (T, 3, PLANE) coordinates and lengths. `face`: (T, PLANE), −1 for none.
+    """
+    for tile in range(at.shape[0]):
+        boxes[tile, :, :2], boxes[tile, :, 2:] = np.inf, -np.inf
+        for k in range(PLANE):
+            f = face[tile, k]
+            if f >= 0:
+                x, y = at[tile, 0, k], at[tile, 1, k]
+                box = boxes[tile, f]
+                box[0], box[1] = min(box[0], x), min(box[1], y)
+                box[2], box[3] = max(box[2], x), max(box[3], y)
+
+
+@inner_step
+def _meets(records: Floats, n: int, box: Doubles) -> bool:
+    """Whether a record's box meets another."""
+    across = records[n, LEFT] <= box[2] and records[n, RIGHT] >= box[0]
+    return bool(across and records[n, TOP] <= box[3] and records[n, BOTTOM] >= box[1])
+
+
+@kernel
+def first_of(order: Pairs) -> NDArray[np.int32]:
+    """Numbers of records, nearest first."""
+    member = np.empty(order.size, np.int32)
+    for k in range(order.size):
+        member[k] = member_of(order[k])
+    return member
+
+
+@parallel_kernel
+def count_meeting(
+    counter: Counter, records: Floats, lists: TileLists, of: Indices, boxes: Doubles, count: Indices
+) -> None:
+    """Count which of a list's records meet each box (B, 4); `of` (B,) is the list of each."""
+    for n in tasks(counter, of.size):
+        found = 0
+        for k in range(lists.start[of[n]], lists.start[of[n] + 1]):
+            found += _meets(records, lists.member[k], boxes[n])
+        count[n] = found
+
+
+@parallel_kernel
+def list_meeting(
+    counter: Counter,
+    records: Floats,
+    lists: TileLists,
+    of: Indices,
+    boxes: Doubles,
+    start: Indices,
+    member: NDArray[np.int32],
+) -> None:
+    """Write these, in their order, to `member` from each box's `start` on."""
+    for n in tasks(counter, of.size):
+        place = start[n]
+        for k in range(lists.start[of[n]], lists.start[of[n] + 1]):
+            if _meets(records, lists.member[k], boxes[n]):
+                member[place] = lists.member[k]
+                place += 1
+
+
+@inner_kernel
+def _close(canvas: Floats, is_open: Open) -> bool:
+    """Close groups whose sub-pixels on the face are all opaque; whether one is still open."""
+    any_open = False
+    for row in range(SIDE):
+        bits = np.uint32(0)
+        for group in range(GROUPS):
+            first = np.uint64(row * SIDE + group * LANES)
+            for lane in range(LANES):
+                k = first + np.uint64(lane)
+                # Those on other faces have coordinates that are no numbers.
+                if canvas[k + SHARE] >= OPAQUE and canvas[k + ACROSS] == canvas[k + ACROSS]:
+                    bits |= np.uint32(1) << np.uint32(group)
+        is_open[row] = bits
+        any_open = any_open or bits != np.uint32(0)
+    return any_open
+
+
+@inner_kernel
+def _place(canvas: Floats, at: Floats, face: Faces, number: int) -> None:
+    """Give the sub-pixels of a tile their coordinates on a face."""
+    nothing = np.float32(np.nan)
+    for k in range(PLANE):
+        place = np.uint64(k)
+        is_here = face[k] == number
+        canvas[place + ACROSS] = at[0, k] if is_here else nothing
+        canvas[place + DOWN] = at[1, k] if is_here else nothing
+        canvas[place + LENGTH] = at[2, k]
+
+
+@inner_step
+def _composite(
+    canvas: Floats, is_open: Open, record: Floats, near: float, opacity: PeakOpacity | DepthOpacity
+) -> None:
+    """Composite a record on all sub-pixels of a tile that are on the face."""
+    own = record[PEAK], record[LIMIT], np.float32(near)
+    light = record[RED], record[GREEN], record[BLUE]
+    one = np.float32(1)
+    for row in range(SIDE):
+        bits = is_open[row]
+        if bits == np.uint32(0):
+            continue
+        for group in range(GROUPS):
+            if bits >> np.uint32(group) & np.uint32(1) == np.uint32(0):
+                continue
+            base = np.uint64(row * SIDE + group * LANES)
+            for lane in range(LANES):
+                k = base + np.uint64(lane)
+                x, y = canvas[k + ACROSS], canvas[k + DOWN]
+                dx, dy = x - record[X], y - record[Y]
+                line = Line(
+                    dx,
+                    record[N_1] + dy * (record[N_Y] + dy * record[N_YY]),
+                    record[N_X] + dy * record[N_XY],
+                    record[N_XX],
+                    one + dy * (record[D_Y] + dy * record[D_YY]),
+                    record[D_X] + dy * record[D_XY],
+                    record[D_XX],
+                    record[T_1] + dy * record[T_Y],
+                    record[T_X],
+                )
+                alpha, t = response_at(opacity, line, dx, (x, y), own)
+                # Depths are distances; what is not on the face has none.
+                far = t * canvas[k + LENGTH]
+                lay(canvas, k, alpha, far if alpha > np.float32(0) else np.float32(0), light)
+
+
+@parallel_kernel
+def paint_all_around(
+    counter: Counter,
+    records: Floats,
+    lists: TileLists,
+    at: Floats,
+    face: Faces,
+    columns: int,
+    fine: int,
+    near: float,
+    opacity: PeakOpacity | DepthOpacity,
+    picture: PaintedShapes,
+) -> None:
+    """Paint all tiles.
+
+    `lists`: members of each tile on each face, (T FACES) lists. `at`, `face`: of its sub-pixels, as
+    in `boxes_of`. `columns`: tiles in a row of them. `fine`, `near`, `picture`: as in
+    `paint_shapes`.
+    """
+    canvas, is_open = np.empty(WIDER, np.float32), np.empty(SIDE, np.uint32)
+    side = SIDE // fine
+    for tile in tasks(counter, at.shape[0]):
+        clear(canvas, is_open)
+        for number in range(FACES):
+            first, end = lists.start[tile * FACES + number], lists.start[tile * FACES + number + 1]
+            if first == end:
+                continue
+            _place(canvas, at[tile], face[tile], number)
+            if not _close(canvas, is_open):
+                continue
+            for k in range(first, end):
+                _composite(canvas, is_open, records[lists.member[k]], near, opacity)
+                if k % OFTEN == OFTEN - 1 and not _close(canvas, is_open):
+                    break
+        row, column = tile // columns, tile % columns
+        write_tile(canvas, (row * side, column * side), fine, picture)

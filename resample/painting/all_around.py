@@ -1,0 +1,236 @@
+"""Paint ellipsoids for cameras whose rays go anywhere: panoramas, fisheyes, lenses."""
+
+from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.cameras.models import Camera
+from resample.cameras.panoramic import Dome, Equirectangular, rays_at
+from resample.cameras.pixels import directions, undistorted_places
+from resample.painting.scenes.plans import check_size
+from resample.painting.scenes.scene import Clock
+from resample.painting.shaped import (
+    Ellipsoids,
+    EllipsoidSource,
+    InMemory,
+    ShapedCanvas,
+    ShapedOrder,
+    ShapedPicture,
+    ShapedScene,
+    ShapedStyle,
+    check_ellipsoids,
+)
+from resample.types import Doubles, Floats, Indices, Statistics, View
+from resample.watching import Progress
+
+if TYPE_CHECKING:
+    from resample.engine.shaped.lists import TileLists
+
+STRIP = 1 << 22  # sub-pixels whose rays are in memory together, at most
+BLOCK = 4  # tiles along a side of what is listed first
+
+# Rotations from camera axes to those of faces: ahead, right, behind, left, below, above.
+FACES = np.array(
+    [
+        [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+        [[0, 0, -1], [0, 1, 0], [1, 0, 0]],
+        [[-1, 0, 0], [0, 1, 0], [0, 0, -1]],
+        [[0, 0, 1], [0, 1, 0], [-1, 0, 0]],
+        [[1, 0, 0], [0, 0, -1], [0, 1, 0]],
+        [[1, 0, 0], [0, 0, 1], [0, -1, 0]],
+    ],
+    np.float64,
+)
+
+Number = TypeVar("Number", np.float32, np.int8)
+WideCamera = Camera | Equirectangular | Dome
+
+
+class AllAround(Protocol):
+    """A camera by the directions of its rays."""
+
+    def __call__(self, place: Doubles, /) -> Doubles:
+        """Directions (..., 3) in camera axes at places (..., 2), px; NaN where there is none."""
+
+
+def rays_of(camera: WideCamera, size: tuple[int, int]) -> AllAround:
+    """Return the directions of a camera's rays, for a picture (height, width)."""
+    if isinstance(camera, Equirectangular):
+        return lambda place: rays_at(place, size)
+    if isinstance(camera, Dome):
+        return lambda place: camera.rays(place, size)
+
+    def through_lens(place: Doubles) -> Doubles:
+        flat = directions(camera, undistorted_places(camera, place))
+        return np.concatenate([flat, np.ones((*flat.shape[:-1], 1))], axis=-1)
+
+    return through_lens
+
+
+class _Strip(NamedTuple):
+    """Tiles of some rows of a picture, and where their sub-pixels lie on faces."""
+
+    columns: int  # tiles in a row
+    at: Floats  # (T, 3, PLANE)
+    face: NDArray[np.int8]  # (T, PLANE)
+
+
+def paint_around(
+    shapes: Ellipsoids | EllipsoidSource,
+    camera: WideCamera,
+    size: tuple[int, int],
+    style: ShapedStyle | None = None,
+    *,
+    progress: Progress | None = None,
+) -> ShapedPicture:
+    """Paint ellipsoids, nearest first by their distance, for a camera of any kind.
+
+    Parameters
+    ----------
+    shapes, size, style, progress
+        As `paint_ellipsoids` takes them; the order is that of distances.
+    camera
+        A panorama, a dome, or a camera with a lens. Depths are distances from the eye.
+
+    Raises
+    ------
+    ValueError
+        As `paint_ellipsoids` does; or another order is asked for.
+    """
+    check_size(*size)
+    chosen = style or ShapedStyle(order=ShapedOrder.DISTANCE)
+    if ShapedOrder(chosen.order) is not ShapedOrder.DISTANCE or chosen.is_affine:
+        raise ValueError(
+            "pictures of a panorama, a dome or a lens are ordered by distance and exact; take the"
+            " order distance"
+        )
+    chosen = chosen._replace(order=ShapedOrder.DISTANCE)
+    source = InMemory(check_ellipsoids(shapes)) if isinstance(shapes, Ellipsoids) else shapes
+    clock, rays = Clock(), rays_of(camera, size)
+    per_unit = _focal(rays, size)
+    records, parts = _on_faces(source, camera, per_unit, chosen)
+    scene = parts[0].measured(records)
+    fine = scene.finest()
+    clock.lap("project")
+    from resample.engine.shaped.all_around import first_of, paint_all_around
+    from resample.engine.shaped.canvas import SIDE, PaintedShapes
+    from resample.engine.shaped.lists import TileLists, front_to_back
+
+    offset = np.cumsum([0, *(len(face) for face in records)])
+    members = [
+        first_of(front_to_back(face)) + first for face, first in zip(records, offset, strict=False)
+    ]
+    joined = np.concatenate(records)
+    start = np.cumsum([0, *(len(member) for member in members)])
+    whole = TileLists(start, np.concatenate(members).astype(np.int32))
+    canvas, side = ShapedCanvas.empty(size), SIDE // fine
+    step = max(1, STRIP // (size[1] * fine * fine * side)) * side
+    for first in range(0, size[0], step):
+        last = min(first + step, size[0])
+        strip = _strip(rays, (first, last), size[1], fine, per_unit)
+        part = PaintedShapes(*(array[first:last] for array in canvas))
+        lists = _lists(joined, whole, strip)
+        opacity = scene.opacity()
+        paint_all_around(joined, lists, *strip[1:], strip.columns, fine, 0.0, opacity, part)
+        if progress is not None:
+            progress(last / size[0])
+    clock.lap("paint")
+    count = sum(source.sizes())
+    counts = Statistics(count, 0, min(len(joined), count), 0, fine, clock.seconds)
+    return ShapedPicture(*canvas, counts)
+
+
+def _focal(rays: AllAround, size: tuple[int, int]) -> float:
+    """Pixels per unit of angle in the middle of a picture: the scale of faces."""
+    middle = np.array([[size[1] / 2 - 0.5, size[0] / 2], [size[1] / 2 + 0.5, size[0] / 2]])
+    one, two = (ray / np.linalg.norm(ray) for ray in rays(middle))
+    angle = float(np.linalg.norm(one - two))
+    return 1.0 / angle if np.isfinite(angle) and angle > 0 else float(max(size))
+
+
+def _on_faces(
+    source: EllipsoidSource, camera: WideCamera, per_unit: float, style: ShapedStyle
+) -> tuple[list[Floats], list[ShapedScene]]:
+    """Records of each face of a cube around the eye, and the scenes that they are of."""
+    pose = np.asarray(camera.world_to_camera, np.float64)
+    side = 2 * int(np.ceil(per_unit))
+    focal, middle = np.full(2, per_unit), np.full(2, side / 2)
+    records, scenes = [], []
+    for turn in FACES:
+        rotation = np.ascontiguousarray(turn @ pose[:3, :3])
+        view = View(rotation, turn @ pose[:3, 3], focal, middle, 0.0, perspective=True)
+        scene = ShapedScene(source, view, (side, side), style, nearest=style.near)
+        records.append(scene.records())
+        scenes.append(scene)
+    return records, scenes
+
+
+def _strip(
+    rays: AllAround, rows: tuple[int, int], width: int, fine: int, per_unit: float
+) -> _Strip:
+    """Place the sub-pixels of rows of a picture on faces, tile by tile."""
+    from resample.engine.shaped.canvas import PLANE, SIDE
+
+    side = SIDE // fine
+    down, columns = -(-(rows[1] - rows[0]) // side), -(-width // side)
+    # Sub-pixels from tile to tile; those beyond a tile's own are on no face.
+    offset = (np.arange(SIDE) + 0.5) / fine
+    x = (np.arange(columns)[:, None] * side + offset).reshape(-1)
+    y = (rows[0] + np.arange(down)[:, None] * side + offset).reshape(-1)
+    place = np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=2)
+    ray = rays(place)
+    used = np.arange(SIDE) < side * fine
+    is_used = np.tile(used, down)[:, None] & np.tile(used, columns)
+    is_used &= (place[..., 0] < width) & (place[..., 1] < rows[1]) & np.isfinite(ray).all(axis=2)
+    along = np.nan_to_num(ray) @ FACES[:, 2].T  # how far ahead of each face
+    face = along.argmax(axis=2)
+    ahead = np.take_along_axis(along, face[..., None], 2)[..., 0]
+    turned = np.einsum("hwij,hwj->hwi", FACES[face], np.nan_to_num(ray))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        flat = turned[..., :2] / ahead[..., None]
+    middle = np.ceil(per_unit)
+    length = np.sqrt(1 + np.square(flat).sum(axis=2))
+    planes = np.stack([flat[..., 0] * per_unit + middle, flat[..., 1] * per_unit + middle, length])
+    face = np.where(is_used & (ahead > 0), face, -1).astype(np.int8)
+
+    def by_tile(array: NDArray[Number]) -> NDArray[Number]:
+        """Split planes (..., down SIDE, columns SIDE) into tiles (T, ..., PLANE)."""
+        shape = *array.shape[:-2], down, SIDE, columns, SIDE
+        tiles = np.moveaxis(array.reshape(shape), (-4, -2), (0, 1))
+        return np.ascontiguousarray(tiles.reshape(down * columns, *array.shape[:-2], PLANE))
+
+    return _Strip(columns, by_tile(planes.astype(np.float32)), by_tile(face))
+
+
+def _lists(records: Floats, whole: "TileLists", strip: _Strip) -> "TileLists":
+    """List what each tile may show of each face: of blocks of tiles first, then of tiles."""
+    from resample.engine.shaped.all_around import FACES as COUNT
+    from resample.engine.shaped.all_around import boxes_of
+
+    boxes = np.empty((len(strip.at), COUNT, 4))
+    boxes_of(strip.at, strip.face, boxes)
+    tile = np.arange(len(boxes))
+    row, column = tile // strip.columns // BLOCK, tile % strip.columns // BLOCK
+    block = row * (-(-strip.columns // BLOCK)) + column
+    around = np.empty((block.max() + 1, COUNT, 4))
+    around[..., :2], around[..., 2:] = np.inf, -np.inf
+    np.minimum.at(around[..., :2], block, boxes[..., :2])
+    np.maximum.at(around[..., 2:], block, boxes[..., 2:])
+    faces = np.arange(COUNT)
+    coarse = _meeting(records, whole, np.tile(faces, len(around)), around.reshape(-1, 4))
+    of = (block[:, None] * COUNT + faces).reshape(-1)
+    return _meeting(records, coarse, of, boxes.reshape(-1, 4))
+
+
+def _meeting(records: Floats, lists: "TileLists", of: Indices, boxes: Doubles) -> "TileLists":
+    """List which records of a list meet each box."""
+    from resample.engine.shaped.all_around import count_meeting, list_meeting
+    from resample.engine.shaped.lists import TileLists
+
+    count = np.zeros(len(of), np.int64)
+    count_meeting(records, lists, of, boxes, count)
+    start = np.concatenate([[0], np.cumsum(count)])
+    member = np.empty(start[-1], np.int32)
+    list_meeting(records, lists, of, boxes, start, member)
+    return TileLists(start, member)
