@@ -148,9 +148,17 @@ def _close(canvas: Floats, is_open: Open) -> bool:
 
 
 @inner_kernel
-def _place(canvas: Floats, at: Floats, face: Faces, number: int) -> None:
-    """Give the sub-pixels of a tile their coordinates on a face."""
+def _place(canvas: Floats, at: Floats, face: Faces, number: int, boxes: Floats) -> None:
+    """Give the sub-pixels of a tile their coordinates on a face, and groups their `boxes`."""
     nothing = np.float32(np.nan)
+    for group in range(SIDE * GROUPS):
+        box = boxes[group]
+        box[0] = box[1] = np.float32(np.inf)
+        box[2] = box[3] = np.float32(-np.inf)
+        for k in range(group * LANES, group * LANES + LANES):
+            if face[k] == number:
+                box[0], box[1] = min(box[0], at[0, k]), min(box[1], at[1, k])
+                box[2], box[3] = max(box[2], at[0, k]), max(box[3], at[1, k])
     for k in range(PLANE):
         place = np.uint64(k)
         is_here = face[k] == number
@@ -161,9 +169,15 @@ def _place(canvas: Floats, at: Floats, face: Faces, number: int) -> None:
 
 @inner_step
 def _composite(
-    canvas: Floats, is_open: Open, record: Floats, near: float, opacity: PeakOpacity | DepthOpacity
+    canvas: Floats,
+    is_open: Open,
+    boxes: Floats,
+    record: Floats,
+    near: float,
+    opacity: PeakOpacity | DepthOpacity,
 ) -> None:
-    """Composite a record on all sub-pixels of a tile that are on the face."""
+    """Composite a record on the sub-pixels of a tile that are on the face."""
+    left, top, right, bottom = record[LEFT], record[TOP], record[RIGHT], record[BOTTOM]
     own = record[PEAK], record[LIMIT], np.float32(near)
     light = record[RED], record[GREEN], record[BLUE]
     one = np.float32(1)
@@ -173,6 +187,9 @@ def _composite(
             continue
         for group in range(GROUPS):
             if bits >> np.uint32(group) & np.uint32(1) == np.uint32(0):
+                continue
+            box = boxes[row * GROUPS + group]
+            if box[0] > right or box[2] < left or box[1] > bottom or box[3] < top:
                 continue
             base = np.uint64(row * SIDE + group * LANES)
             for lane in range(LANES):
@@ -216,18 +233,18 @@ def paint_all_around(
     `paint_shapes`.
     """
     canvas, is_open = np.empty(WIDER, np.float32), np.empty(SIDE, np.uint32)
-    side = SIDE // fine
+    boxes, side = np.empty((SIDE * GROUPS, 4), np.float32), SIDE // fine
     for tile in tasks(counter, at.shape[0]):
         clear(canvas, is_open)
         for number in range(FACES):
             first, end = lists.start[tile * FACES + number], lists.start[tile * FACES + number + 1]
             if first == end:
                 continue
-            _place(canvas, at[tile], face[tile], number)
+            _place(canvas, at[tile], face[tile], number, boxes)
             if not _close(canvas, is_open):
                 continue
             for k in range(first, end):
-                _composite(canvas, is_open, records[lists.member[k]], near, opacity)
+                _composite(canvas, is_open, boxes, records[lists.member[k]], near, opacity)
                 if k % OFTEN == OFTEN - 1 and not _close(canvas, is_open):
                     break
         row, column = tile // columns, tile % columns

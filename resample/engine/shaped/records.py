@@ -122,9 +122,26 @@ def _compensation(spread: Covariance, x: float, y: float, per: float, dilation: 
     return math.sqrt(before / after) if after > 0.0 else 0.0
 
 
+@inner_step
+def _is_beside(center: Vector, spread: Covariance, slope: float, axis: int, sign: float) -> bool:
+    """Whether an ellipsoid lies beyond an edge of the frame, a plane through the eye.
+
+    `slope`: of that plane, along x (`axis` 0) or y (1). `sign`: −1 for the left or upper edge.
+    """
+    along = center[0] if axis == 0 else center[1]
+    own, mixed = (spread.xx, spread.xz) if axis == 0 else (spread.yy, spread.yz)
+    reach = own - 2.0 * slope * mixed + slope * slope * spread.zz
+    return bool(sign * (along - slope * center[2]) > math.sqrt(max(reach, 0.0)))
+
+
 @inner_kernel
 def _set_bounds(
-    record: Floats, center: Vector, spread: Covariance, view: View, limit: float
+    record: Floats,
+    center: Vector,
+    spread: Covariance,
+    view: View,
+    options: ShapedOptions,
+    limit: float,
 ) -> None:
     """Set the box around what the screen shows of an ellipsoid up to i² = `limit`."""
     fx, fy = view.focal[0], view.focal[1]
@@ -139,7 +156,21 @@ def _set_bounds(
     # Tangents from the eye; there are none where the ellipsoid meets the eye's plane.
     ahead = z * z - limit * spread.zz
     if not (z > 0.0 and ahead > 1e-9 * z * z):
+        whole = Covariance(
+            limit * spread.xx,
+            limit * spread.xy,
+            limit * spread.xz,
+            limit * spread.yy,
+            limit * spread.yz,
+            limit * spread.zz,
+        )
+        is_left = _is_beside(center, whole, -cx / fx, 0, -1.0)
+        is_above = _is_beside(center, whole, -cy / fy, 1, -1.0)
+        is_right = _is_beside(center, whole, (options.width - cx) / fx, 0, 1.0)
+        is_below = _is_beside(center, whole, (options.height - cy) / fy, 1, 1.0)
         record[LEFT], record[RIGHT], record[TOP], record[BOTTOM] = -BEYOND, BEYOND, -BEYOND, BEYOND
+        if is_left or is_above or is_right or is_below:
+            record[RIGHT] = -BEYOND
         return
     middle_x = x * z - limit * spread.xz
     root = math.sqrt(max(0.0, middle_x * middle_x - ahead * (x * x - limit * spread.xx)))
@@ -308,7 +339,7 @@ def _set_form(
         ray = (across, (record[Y] - view.principal[1]) / view.focal[1], 1.0)
     else:
         _set_parallel(record, center, to_unit, view)
-    _set_bounds(record, center, _spread(axes, scale), view, limit)
+    _set_bounds(record, center, _spread(axes, scale), view, options, limit)
     there = multiply(to_unit, ray)
     return 1.0 / math.sqrt(dot(there, there))
 
