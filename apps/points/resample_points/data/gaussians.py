@@ -1,0 +1,399 @@
+"""The type of 3D Gaussians, checks, colors of directions, poses and cropping."""
+
+import logging
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from resample.types import Doubles, Floats
+from resample_points.data.cloud import FARTHEST
+from resample_points.data.harmonics import (
+    CONSTANT,
+    COUNTS,
+    WIDEST,
+    harmonics_along,
+    parts_of,
+    rounded_to,
+    step_of,
+    turned_harmonics,
+)
+
+LOG = logging.getLogger("resample")
+SHAPES = {"position": (3,), "scale": (3,), "rotation": (4,), "opacity": (), "color": (3,)}
+NO_HARMONICS = np.zeros((0, 0, 3), np.int16)
+SIMILAR = 1e-4  # relative error of a pose's axes, as float32 and text have
+
+
+class Gaussians(NamedTuple):
+    """N Gaussians of a trained scene, with activated values; at most 146 bytes each.
+
+    A Gaussian's density is exp(-d² / 2), where d is the distance from its center in standard
+    deviations. Its color along a unit direction from the eye is display-referred: 0.5 + 0.28209479
+    `color` + Σ `harmonic_step` `harmonics` Y, see `colors_along`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_points.data.gaussians import Gaussians, checked_gaussians
+    >>> one = Gaussians(
+    ...     position=np.zeros((1, 3), np.float32),
+    ...     scale=np.full((1, 3), 0.1, np.float32),
+    ...     rotation=np.array([[1, 0, 0, 0]], np.float32),
+    ...     opacity=np.array([0.9], np.float32),
+    ...     color=np.zeros((1, 3), np.float32),
+    ... )
+    >>> len(checked_gaussians(one).position)
+    1
+    """
+
+    position: Floats  # (N, 3) scene units
+    scale: Floats  # (N, 3) standard deviations along the own axes, scene units, > 0
+    rotation: Floats  # (N, 4) unit quaternions w, x, y, z: own axes to the scene's
+    opacity: Floats  # (N,) at the center, 0 to 1
+    color: Floats  # (N, 3) coefficients of the constant harmonic
+    harmonics: NDArray[np.int16] = NO_HARMONICS  # (N, 0, 3, 8 or 15, 3); or (0, 0, 3) for any N
+    harmonic_step: float = 1.0  # a coefficient is a whole number of `harmonics` times this
+    is_antialiased: bool = False  # trained with opacities that make up for the dilation
+    up: str | None = None  # axis such as "y" or "-z", where the file names it
+
+
+def checked_gaussians(gaussians: Gaussians, what: str = "the scene") -> Gaussians:
+    """Return the Gaussians that can be drawn, in checked arrays, with unit quaternions.
+
+    Those are left out, and their number is logged, whose position, scale, rotation or color is not
+    finite, whose scale is not above 0, whose quaternion is 0, whose opacity is not in [0, 1], or
+    that are farther away or larger than 1e15.
+
+    Parameters
+    ----------
+    what
+        Name of the scene for the log.
+
+    Raises
+    ------
+    ValueError
+        An array has another shape, or none can be drawn.
+    """
+    parts: dict[str, Any] = {name: _part(gaussians, name, shape) for name, shape in SHAPES.items()}
+    harmonics = _harmonics(gaussians, len(parts["position"]))
+    whole = gaussians._replace(**parts, harmonics=harmonics)
+    known = _are_drawable(whole)
+    left_out = len(known) - np.count_nonzero(known)
+    if left_out == len(known):
+        raise ValueError("has no Gaussians that can be drawn")
+    if left_out:
+        LOG.warning(
+            "%s: %d of %d Gaussians are left out: their numbers are not finite, their scale or "
+            "quaternion is 0, or their opacity is not from 0 to 1",
+            *(what, left_out, len(known)),
+        )
+        whole = some_gaussians(whole, known)
+    norm = np.sqrt(np.einsum("nk,nk->n", whole.rotation, whole.rotation))
+    return whole._replace(rotation=whole.rotation / norm[:, None])
+
+
+def _part(gaussians: Gaussians, name: str, shape: tuple[int, ...]) -> Floats:
+    """Return an array of Gaussians in float32, checking its shape."""
+    array = np.asarray(getattr(gaussians, name))
+    wanted = (len(np.atleast_1d(gaussians.position)), *shape)
+    if array.dtype.kind not in "iuf" or array.shape != wanted:
+        raise ValueError(f"{name} of Gaussians has the shape {array.shape}; it must be {wanted}")
+    with np.errstate(over="ignore"):  # a number beyond float32 is left out
+        return np.ascontiguousarray(array, np.float32)
+
+
+def _harmonics(gaussians: Gaussians, count: int) -> NDArray[np.int16]:
+    """Return checked coefficients (N, K, 3)."""
+    array = np.asarray(gaussians.harmonics)
+    if array.size == 0:
+        return np.zeros((count, 0, 3), np.int16)
+    is_known = array.ndim == 3 and array.shape[1] in COUNTS and array.shape[2] == 3
+    if not is_known or len(array) != count or array.dtype != np.int16:
+        raise ValueError(
+            f"harmonics of Gaussians have the shape {array.shape} and type {array.dtype}; they "
+            f"must be int16 ({count}, K, 3) with K = 0, 3, 8 or 15"
+        )
+    if not 0 < gaussians.harmonic_step < np.inf:
+        raise ValueError(f"a harmonic step of {gaussians.harmonic_step}; it must be above 0")
+    return array
+
+
+def _are_drawable(gaussians: Gaussians) -> NDArray[np.bool_]:
+    """Tell which Gaussians (N,) have numbers that define a picture."""
+    scale, opacity = gaussians.scale, gaussians.opacity
+    known: NDArray[np.bool_] = (opacity >= 0) & (opacity <= 1)
+    for axis in range(3):
+        known &= np.abs(gaussians.position[:, axis]) <= FARTHEST
+        known &= (scale[:, axis] > 0) & (scale[:, axis] <= FARTHEST)
+        known &= np.isfinite(gaussians.color[:, axis])
+    norm = np.abs(gaussians.rotation).max(axis=1, initial=0)
+    known &= (norm > 1e-12) & (norm < 1e15)  # whose squares are finite and not 0
+    return known
+
+
+def some_gaussians(gaussians: Gaussians, which: NDArray[Any]) -> Gaussians:
+    """Select Gaussians by mask or indices."""
+    if which.dtype == np.bool_:
+        which = np.flatnonzero(which)
+    parts: dict[str, Any] = {
+        name: np.take(getattr(gaussians, name), which, axis=0) for name in SHAPES
+    }
+    harmonics = gaussians.harmonics
+    if harmonics.size:
+        harmonics = np.take(harmonics, which, axis=0)
+    else:
+        harmonics = np.zeros((len(which), 0, 3), np.int16)
+    return gaussians._replace(**parts, harmonics=harmonics)
+
+
+def colors_toward(gaussians: Gaussians, eye: ArrayLike) -> Doubles:
+    """Return display-referred colors (N, 3) of Gaussians seen from a point.
+
+    Examples
+    --------
+    >>> from resample_points.data.gaussians import Gaussians, colors_toward
+    >>> import numpy as np
+    >>> parts = (np.ones((1, n), np.float32) for n in (3, 3, 4))
+    >>> gray = Gaussians(*parts, np.ones(1), np.zeros((1, 3)))
+    >>> colors_toward(gray, eye=(0, 0, -5)).tolist()
+    [[0.5, 0.5, 0.5]]
+    """
+    direction = np.asarray(gaussians.position, np.float64) - np.asarray(eye, np.float64)
+    length = np.sqrt((direction * direction).sum(axis=1, keepdims=True))
+    return colors_along(gaussians, direction / np.where(length > 0, length, 1.0))
+
+
+def colors_along(gaussians: Gaussians, direction: ArrayLike) -> Doubles:
+    """Return display-referred colors (N, 3) along unit directions (N, 3) or (3,) from the eye.
+
+    They are at least 0, and may be above 1.
+    """
+    colors = 0.5 + CONSTANT * np.asarray(gaussians.color, np.float64)
+    count = gaussians.harmonics.shape[1]
+    if count:
+        along = np.broadcast_to(np.asarray(direction, np.float64), colors.shape)
+        for rows in parts_of(len(colors)):
+            values = harmonics_along(along[rows], count) * gaussians.harmonic_step
+            colors[rows] += np.einsum("nk,nkc->nc", values, gaussians.harmonics[rows])
+    return np.maximum(colors, 0.0)
+
+
+def placed_gaussians(gaussians: Gaussians, pose: ArrayLike) -> Gaussians:
+    """Return Gaussians moved by a pose: a rotation, one scale of all axes and a shift.
+
+    Parameters
+    ----------
+    pose
+        (3, 4) or (4, 4), old to new positions.
+
+    Returns
+    -------
+    Positions, scales, rotations and harmonics are turned with the pose. `up` is kept if the pose
+    does not turn.
+
+    Raises
+    ------
+    ValueError
+        The pose is none, or it mirrors or shears.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_points.data.gaussians import Gaussians, placed_gaussians
+    >>> parts = (np.ones((1, n), np.float32) for n in (3, 3, 4))
+    >>> one = Gaussians(*parts, np.ones(1), np.zeros((1, 3)))
+    >>> double = np.diag([2.0, 2.0, 2.0, 1.0])
+    >>> placed_gaussians(one, double).scale.tolist()
+    [[2.0, 2.0, 2.0]]
+    """
+    turn, size, shift = _similarity(pose)
+    position = (size * np.asarray(gaussians.position, np.float64)) @ turn.T + shift
+    moved = gaussians._replace(
+        position=position.astype(np.float32),
+        scale=(size * np.asarray(gaussians.scale, np.float64)).astype(np.float32),
+    )
+    if np.array_equal(turn, np.eye(3)):
+        return moved
+    return _with_turned_harmonics(moved, turn)._replace(
+        rotation=_product(_quaternion(turn), np.asarray(gaussians.rotation, np.float64)),
+        up=None,
+    )
+
+
+def _similarity(pose: ArrayLike) -> tuple[Doubles, float, Doubles]:
+    """Return rotation (3, 3), scale and shift (3,) of a pose."""
+    matrix = np.asarray(pose, np.float64)
+    is_affine = matrix.shape in {(3, 4), (4, 4)} and np.isfinite(matrix).all()
+    if not is_affine or (len(matrix) == 4 and not np.allclose(matrix[3], (0, 0, 0, 1))):
+        raise ValueError(
+            f"a pose of shape {matrix.shape}; give finite numbers (3, 4), or (4, 4) with the last "
+            "row 0 0 0 1"
+        )
+    linear = matrix[:3, :3]
+    volume = float(np.linalg.det(linear))
+    size = volume ** (1 / 3) if volume > 0 else 0.0
+    if size == 0 or np.abs(linear.T @ linear - size * size * np.eye(3)).max() > SIMILAR * size**2:
+        raise ValueError(
+            "a pose that mirrors or shears; give a rotation times one positive scale, and a shift"
+        )
+    left, _, right = np.linalg.svd(linear)  # the closest rotation
+    turn = linear / size if np.array_equal(linear, size * np.eye(3)) else left @ right
+    return turn, size, matrix[:3, 3]
+
+
+def _quaternion(turn: Doubles) -> Doubles:
+    """Return the quaternion w, x, y, z of a rotation matrix."""
+    from scipy.spatial.transform import Rotation
+
+    return np.roll(Rotation.from_matrix(turn).as_quat(), 1)
+
+
+def _product(first: Doubles, second: Doubles) -> Floats:
+    """Multiply a quaternion (4,) and others (N, 4)."""
+    w, x, y, z = first
+    matrix = np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
+    product: Floats = (second @ matrix.T).astype(np.float32)
+    return product
+
+
+def _with_turned_harmonics(gaussians: Gaussians, turn: Doubles) -> Gaussians:
+    """Return Gaussians whose harmonics are turned, with a new step."""
+    count = gaussians.harmonics.shape[1]
+    if not count:
+        return gaussians
+    matrix = turned_harmonics(turn, count).astype(np.float32)
+    harmonics, largest = gaussians.harmonics, 0.0
+    for rows in parts_of(len(harmonics)):
+        largest = max(largest, float(np.abs(_mixed(matrix, harmonics[rows])).max(initial=0.0)))
+    ratio = max(1.0, largest / WIDEST)  # a coarser step only where the numbers grow
+    turned = np.empty_like(harmonics)
+    for rows in parts_of(len(harmonics)):
+        turned[rows] = rounded_to(_mixed(matrix, harmonics[rows]), ratio)
+    return gaussians._replace(harmonics=turned, harmonic_step=gaussians.harmonic_step * ratio)
+
+
+def _mixed(matrix: Floats, harmonics: NDArray[np.int16]) -> Floats:
+    """Apply a matrix (K, K) to coefficients (N, K, 3)."""
+    mixed: Floats = np.matmul(matrix, harmonics.astype(np.float32))
+    return mixed
+
+
+def joined_gaussians(
+    parts: Sequence[Gaussians], poses: Sequence[ArrayLike | None] | None = None
+) -> Gaussians:
+    """Join several scenes, each moved by a pose if there are poses.
+
+    Harmonics that a scene lacks are 0. The scene is antialiased if all parts are; where some are
+    and others are not, that is logged. `up` is kept if all agree.
+
+    Raises
+    ------
+    ValueError
+        There are no parts, a pose is none, or they are not as many.
+    """
+    if not parts or (poses is not None and len(poses) != len(parts)):
+        given = "no poses" if poses is None else f"{len(poses)} poses"
+        raise ValueError(f"{len(parts)} scenes and {given}; give one or more, and a pose for each")
+    pairs = zip(parts, poses or [None] * len(parts), strict=True)
+    moved = [part if pose is None else placed_gaussians(part, pose) for part, pose in pairs]
+    if len(moved) == 1:
+        return moved[0]
+    modes = {part.is_antialiased for part in moved}
+    if len(modes) > 1:
+        LOG.warning(
+            "some of the joined scenes were trained antialiased and others were not; all are "
+            "treated as if they were not"
+        )
+    ups = {part.up for part in moved}
+    arrays: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in moved]) for name in SHAPES
+    }
+    harmonics, step = _joined_harmonics(moved)
+    up = ups.pop() if len(ups) == 1 else None
+    return Gaussians(
+        **arrays, harmonics=harmonics, harmonic_step=step, is_antialiased=modes == {True}, up=up
+    )
+
+
+def _joined_harmonics(parts: Sequence[Gaussians]) -> tuple[NDArray[np.int16], float]:
+    """Join coefficients of several degrees and steps."""
+    width = max(part.harmonics.shape[1] for part in parts)
+    joined = np.zeros((sum(len(part.position) for part in parts), width, 3), np.int16)
+    with_any = [part for part in parts if part.harmonics.size]
+    steps = {part.harmonic_step for part in with_any}
+    step = steps.pop() if len(steps) == 1 else step_of(max(map(_largest, with_any), default=0.0))
+    first = 0
+    for part in parts:
+        count = part.harmonics.shape[1]
+        for rows in parts_of(len(part.position) if count else 0):
+            some = part.harmonics[rows]
+            if part.harmonic_step != step:
+                some = rounded_to(some.astype(np.float32) * np.float32(part.harmonic_step), step)
+            joined[first + rows.start : first + rows.stop, :count] = some
+        first += len(part.position)
+    return joined, step
+
+
+def _largest(gaussians: Gaussians) -> float:
+    """Return the largest size of a coefficient."""
+    low, high = int(gaussians.harmonics.min()), int(gaussians.harmonics.max())
+    return max(-low, high) * gaussians.harmonic_step
+
+
+def cropped_gaussians(
+    gaussians: Gaussians,
+    *,
+    box: ArrayLike | None = None,
+    least_opacity: float = 0.0,
+    largest: float | None = None,
+) -> Gaussians:
+    """Return the Gaussians within a box, opaque and small enough.
+
+    Parameters
+    ----------
+    box
+        (2, 3) lowest and highest corner for centers, scene units.
+    least_opacity
+        From 0 to 1.
+    largest
+        Largest standard deviation along any axis, scene units; leaves out large floaters.
+
+    Raises
+    ------
+    ValueError
+        A limit is invalid, or nothing is left.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_points.data.gaussians import Gaussians, cropped_gaussians
+    >>> parts = (np.ones((2, n), np.float32) for n in (3, 3, 4))
+    >>> two = Gaussians(*parts, np.array([0.1, 0.9]), np.zeros((2, 3)))
+    >>> cropped_gaussians(two, least_opacity=0.5).opacity.tolist()
+    [0.9]
+    """
+    if not 0 <= least_opacity <= 1:
+        raise ValueError(f"a least opacity of {least_opacity:g}; give a number from 0 to 1")
+    kept: NDArray[np.bool_] = gaussians.opacity >= least_opacity
+    if box is not None:
+        low, high = _corners(box)
+        position = gaussians.position
+        kept &= ((position >= low) & (position <= high)).all(axis=1)
+    if largest is not None:
+        if not largest > 0:
+            raise ValueError(f"a largest size of {largest:g}; give scene units above 0")
+        kept &= gaussians.scale.max(axis=1) <= largest
+    if not kept.any():
+        raise ValueError(f"none of the {len(kept)} Gaussians is within the box, opacity and size")
+    return gaussians if kept.all() else some_gaussians(gaussians, kept)
+
+
+def _corners(box: ArrayLike) -> Doubles:
+    corners = np.asarray(box, np.float64)
+    if corners.shape != (2, 3) or not (corners[0] <= corners[1]).all():
+        raise ValueError(
+            f"a box of {corners.tolist()!r:.100}; give its lowest and highest corner, (2, 3)"
+        )
+    return corners
