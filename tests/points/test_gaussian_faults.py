@@ -270,3 +270,43 @@ def test_logits_of_infinity_are_opacities_of_0_and_1(tmp_path):
     path = tmp_path / "a.ply"
     path.write_bytes(made.ply_of(columns))
     assert read_gaussians(path).opacity[:2].tolist() == [1, 0]
+
+
+# Numbers beyond float32, which NumPy would warn of
+
+
+def test_huge_ends_of_ranges_are_refused(tmp_path):
+    for version, part in ((1, "scales"), (1, "sh0"), (1, "shN"), (2, "means")):
+        files = made.sog_of(SCENE, version)
+        meta = json.loads(files["meta.json"])
+        ends = meta[part]["maxs"]
+        meta[part]["maxs"] = [1e308] * len(ends) if isinstance(ends, list) else 1e308
+        files["meta.json"] = json.dumps(meta).encode()
+        put(tmp_path, files)
+        assert f"maxs of {part}" in refusal(tmp_path)
+
+
+def test_a_coefficient_near_the_end_of_float32_is_clipped(tmp_path):
+    columns = made.trained_columns(made.scene())
+    columns["f_rest_3"][0] = 3e38
+    path = tmp_path / "a.ply"
+    path.write_bytes(made.ply_of(columns))
+    assert read_gaussians(path).harmonics.max() == 32767
+
+
+def test_numbers_of_64_bits_beyond_32_are_left_out(tmp_path):
+    columns = made.trained_columns(SCENE)
+    content = made.ply_of(columns)
+    start = content.index(b"end_header\n")
+    columns["x"][0], columns["scale_0"][1], columns["f_rest_2"][2] = 1e300, 1e300, -1e300
+    path = tmp_path / "a.ply"
+    table = np.stack(list(columns.values()), 1).astype("<f8").tobytes()
+    path.write_bytes(content[:start].replace(b"float", b"double") + b"end_header\n" + table)
+    found = read_gaussians(path)
+    assert np.array_equal(found.position, SCENE.position[3:].astype(np.float32))
+
+
+def test_a_text_of_blank_lines_is_cut_off(tmp_path):
+    content = FORMATS["ascii.ply"]
+    start = content.index(b"end_header\n") + 11
+    assert "cut off" in refused(tmp_path, "a.ply", content[:start] + b"\n" * 20)

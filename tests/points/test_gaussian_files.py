@@ -1,5 +1,6 @@
 """One scene of 3D Gaussians in all formats agrees within what each format rounds."""
 
+import gzip
 import sys
 from typing import NamedTuple
 
@@ -239,6 +240,9 @@ def test_clouds_and_other_files_are_no_gaussians(tmp_path):
     assert not is_gaussians(tmp_path)
     assert not is_gaussians(tmp_path / "missing.spz")
     assert not is_gaussians(written(tmp_path / "a.json", b'{"means": 3}'))
+    assert not is_gaussians(written(tmp_path / "a.nii.gz", gzip.compress(b"n+1")))
+    assert not is_gaussians(written(tmp_path / "a.zip", made.zipped({"a": b""})))
+    assert not is_gaussians(written(tmp_path / "b.zip", b"PK\3\4"))
     assert len(read_cloud(path).position) == 3
 
 

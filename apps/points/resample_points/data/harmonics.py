@@ -70,7 +70,8 @@ def step_of(largest: float) -> float:
 
 def rounded_to(values: NDArray[Any], step: float) -> NDArray[np.int16]:
     """Return coefficients as whole numbers of steps; beyond 32767 steps they are clipped."""
-    steps = values * np.float32(1.0 / step)
+    with np.errstate(over="ignore"):
+        steps = values * np.float32(1.0 / step)
     np.clip(np.rint(steps, out=steps), -WIDEST, WIDEST, out=steps)
     return steps.astype(np.int16)
 

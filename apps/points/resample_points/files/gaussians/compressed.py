@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from resample.types import Floats
 from resample_points.data.gaussians import Gaussians
-from resample_points.data.harmonics import CONSTANT, COUNTS
+from resample_points.data.harmonics import CONSTANT, COUNTS, parts_of
 from resample_points.files.gaussians.decoding import ROOT, check_count, exponentials, quaternions_of
 from resample_points.files.gaussians.ply import PlyFile, stacked
 
@@ -94,7 +94,7 @@ def _rotations(packed: NDArray[np.uint32]) -> Floats:
 
 def _harmonics(file: PlyFile, count: int) -> NDArray[np.int16]:
     """Return coefficients (N, K, 3), in steps of 1 / 64."""
-    if not any(element.name == "sh" for element in file.elements):
+    if not file.names("sh"):
         return np.zeros((count, 0, 3), np.int16)
     names, records = file.names("sh"), file.records("sh")
     each = len(names) // 3
@@ -106,6 +106,8 @@ def _harmonics(file: PlyFile, count: int) -> NDArray[np.int16]:
     table = np.arange(256, dtype=np.int16) * 2 - 255
     table[0], table[255] = -256, 256  # the ends stand for themselves
     harmonics = np.empty((count, each, 3), np.int16)
-    for n, name in enumerate(wanted):
-        harmonics[:, n % each, n // each] = table[records[name]]
+    for rows in parts_of(count):
+        part = np.asarray(records[rows])
+        levels = np.stack([part[name] for name in wanted], axis=1)
+        harmonics[rows] = table[levels].reshape(-1, 3, each).transpose(0, 2, 1)
     return harmonics

@@ -78,7 +78,8 @@ class PlyFile:
             file.seek(self.start)
             for _ in islice(file, min(before, size)):
                 pass
-            lines = [line.decode("latin-1") for line in islice(file, min(wanted.count, size))]
+            given = islice(file, min(wanted.count, size))
+            lines = [line.decode("latin-1") for line in given if line.strip()]
         if len(lines) < wanted.count:
             raise OSError(f"{self.path} is cut off: {len(lines)} of {wanted.count} lines are there")
         try:

@@ -1,6 +1,7 @@
 """Read 3D Gaussians of any known format, which the content of the file tells."""
 
 import errno
+import zipfile
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -12,7 +13,7 @@ from resample_points.files.gaussians.compressed import is_compressed, read_compr
 from resample_points.files.gaussians.ply import ply_header
 from resample_points.files.gaussians.sog import META, is_description, read_sog
 from resample_points.files.gaussians.splat import read_splat
-from resample_points.files.gaussians.spz import GZIP, MAGIC, read_spz
+from resample_points.files.gaussians.spz import GZIP, MAGIC, is_spz, read_spz
 from resample_points.files.gaussians.trained import NEEDED, read_trained
 
 KNOWN = "PLY and compressed PLY, .splat, SOG (a folder, its meta.json, or .sog) and SPZ"
@@ -72,13 +73,18 @@ def is_gaussians(path: str | Path) -> bool:
     Nothing is raised for files that are missing or damaged.
     """
     source = Path(path)
-    with suppress(OSError, ValueError):
+    with suppress(OSError, ValueError, zipfile.BadZipFile):
         reader = _reader(source)
         if reader is _read_ply:
             header = ply_header(source)
             return is_compressed(header) or header.names() >= NEEDED
-        if source.suffix.lower() != ".json" and not source.is_dir():
+        if reader is read_spz:
+            return is_spz(source)
+        if reader is read_splat:
             return True
+        if reader is read_sog and zipfile.is_zipfile(source):
+            with zipfile.ZipFile(source) as packed:
+                return META in packed.namelist()
         described = _description(source)
         check_size(str(described), described.stat().st_size, "tree")
         return is_description(json_of(described.read_text("utf-8-sig")))

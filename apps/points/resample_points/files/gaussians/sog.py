@@ -3,7 +3,6 @@
 Pictures are read byte by byte, with colors that are not multiplied by alpha.
 """
 
-import math
 import zipfile
 import zlib
 from collections.abc import Callable
@@ -33,6 +32,7 @@ from resample_points.files.gaussians.decoding import (
 
 META = "meta.json"
 FIRST_TAG = 252  # alpha of a quaternion whose largest component is w
+MOST = 1e30  # size of a number, which float32 holds
 PER_ROW = 64  # entries of the palette of harmonics
 PARTS = {"means": 2, "scales": 1, "quats": 1, "sh0": 1}  # pictures of each
 Texels = NDArray[np.uint8]  # (N, 4)
@@ -47,13 +47,13 @@ class _Scene:
     file: Callable[[str], Path]  # path of a picture by its name
 
     def numbers(self, part: str, key: str, count: int | None = None) -> Doubles:
-        """Return finite numbers of the description."""
+        """Return numbers of the description, of a size that float32 holds."""
         given: Any = _described(self.meta, part).get(key)
         listed: list[Any] = given if isinstance(given, list) else [given]
         if listed[:1] == [None] and len(listed) > 2 and None not in listed[1:]:
             # Old writers leave the first entry of a palette out, which goes on evenly.
             listed = [listed[1] + (listed[1] - listed[-1]) / 255, *listed[1:]]
-        is_right = all(isinstance(n, int | float) and math.isfinite(n) for n in listed)
+        is_right = all(isinstance(n, int | float) and abs(n) <= MOST for n in listed)
         if not is_right or (count is not None and len(listed) != count):
             raise ValueError(f"has {key} of {part} that are not {count or 'finite'} numbers")
         return np.array(listed, np.float64)

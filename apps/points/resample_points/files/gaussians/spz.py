@@ -87,6 +87,18 @@ def read_spz(path: Path) -> Gaussians:
     )
 
 
+def is_spz(path: Path) -> bool:
+    """Whether a file begins as SPZ, also within a gzip stream."""
+    with path.open("rb") as file:
+        start = file.read(1 << 10)
+    if start.startswith(GZIP):
+        try:
+            start = zlib.decompressobj(wbits=ANY).decompress(start, len(MAGIC))
+        except zlib.error:
+            return False
+    return start.startswith(MAGIC)
+
+
 _Arrays = tuple[_SpzHeader, list[NDArray[np.uint8]], bytes]  # and the extensions
 
 
