@@ -16,12 +16,8 @@ except ModuleNotFoundError as error:
 if TYPE_CHECKING:
     from resample.cameras.models import Camera
     from resample_points.data.cloud import Cloud
-    from resample_points.data.gaussians import (
-        Gaussians,
-        cropped_gaussians,
-        joined_gaussians,
-        placed_gaussians,
-    )
+    from resample_points.data.gaussians import Gaussians, cropped_gaussians
+    from resample_points.data.joining import joined_gaussians, placed_gaussians
     from resample_points.files.gaussians.reading import read_gaussians
     from resample_points.files.gaussians.trained import write_gaussians
     from resample_points.files.readers import read_cloud
@@ -39,8 +35,8 @@ _HOMES = {
     "Gaussians": "data.gaussians",
     "cropped_gaussians": "data.gaussians",
     "framed": "geometry.framing",
-    "joined_gaussians": "data.gaussians",
-    "placed_gaussians": "data.gaussians",
+    "joined_gaussians": "data.joining",
+    "placed_gaussians": "data.joining",
     "prepare_cloud": "geometry.spacing",
     "read_cloud": "files.readers",
     "read_gaussians": "files.gaussians.reading",

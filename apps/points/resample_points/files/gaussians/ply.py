@@ -113,6 +113,7 @@ def ply_header(path: Path) -> PlyFile:
                 described[-1][2].append(_property(words))
     if encoding not in PLY_FORMATS:
         raise ValueError(f"has the PLY format {encoding!r:.40}; known: {', '.join(PLY_FORMATS)}")
+    _check_unique([name for name, _, _ in described], "an element")
     elements = [
         PlyElement(name, count, None if n in with_lists else _kind(fields, encoding))
         for n, (name, count, fields) in enumerate(described)
@@ -150,10 +151,13 @@ def _property(words: list[str]) -> tuple[str, str]:
 
 def _kind(fields: list[tuple[str, str]], encoding: str) -> np.dtype[Any]:
     """Return the type of a record."""
-    names = [name for name, _ in fields]
-    if len(set(names)) < len(names):
-        raise ValueError(f"has a property twice: {max(names, key=names.count)!r:.60}")
+    _check_unique([name for name, _ in fields], "a property")
     return np.dtype([(name, PLY_FORMATS[encoding] + kind) for name, kind in fields])
+
+
+def _check_unique(names: list[str], what: str) -> None:
+    if len(set(names)) < len(names):
+        raise ValueError(f"has {what} twice: {max(names, key=names.count)!r:.60}")
 
 
 def stacked(records: NDArray[Any], names: list[str]) -> NDArray[np.float32]:
