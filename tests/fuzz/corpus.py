@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from tests import splats as splat_files
 from tests.fuzz.grids import grids
 from tests.fuzz.stores import SETTINGS, kernel, ome_zarr, png_with, zipped
 from tests.laser import CENTER, copc_of, las_of
@@ -269,6 +270,26 @@ def stores() -> list[Case]:
         *avifs(),
         *fields(),
         *(Case("volume", files) for files in grids()),
+        *gaussians(),
+    ]
+
+
+def gaussians() -> list[Case]:
+    """3D Gaussians in every format."""
+    some = splat_files.scene(count=12, width=8)
+    folders = [splat_files.sog_of(some, version) for version in (1, 2)]
+    files = {
+        "a.ply": splat_files.trained_of(some),
+        "ascii.ply": splat_files.trained_of(splat_files.scene(count=5, width=0), "ascii"),
+        "packed.ply": splat_files.compressed_of(some),
+        "a.splat": splat_files.splat_of(some),
+        "raw.spz": splat_files.spz_of(some, 2, packed=False),
+        **{f"{version}.spz": splat_files.spz_of(some, version) for version in (1, 2, 3, 4)},
+        "a.sog": splat_files.zipped(folders[1]),
+    }
+    return [
+        *(Case("gaussians", {name: content}) for name, content in files.items()),
+        *(Case("gaussians", folder) for folder in folders),
     ]
 
 

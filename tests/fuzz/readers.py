@@ -14,6 +14,7 @@ from resample.command.settings_files import options_of, read_settings
 from resample.engine.compiled import entries
 from resample.files.pictures import read_picture
 from resample.files.sequences import frames_of
+from resample_points.files.gaussians.reading import read_gaussians
 from resample_points.files.readers import read_cloud
 from resample_texture.geometry.maps import read_map
 from resample_texture.geometry.matrices import parse_matrix
@@ -71,6 +72,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "map": read_map,
     "matrix": lambda path: parse_matrix(str(path)),
     "cloud": read_cloud,
+    "gaussians": read_gaussians,
     "coarse-cloud": lambda path: read_cloud(path, level=1),
     "mesh": load_mesh,
     "scene-mesh": lambda path: read_mesh(str(path)),

@@ -16,6 +16,10 @@ except ModuleNotFoundError as error:
 if TYPE_CHECKING:
     from resample.cameras.models import Camera
     from resample_points.data.cloud import Cloud
+    from resample_points.data.gaussians import Gaussians, cropped_gaussians
+    from resample_points.data.joining import joined_gaussians, placed_gaussians
+    from resample_points.files.gaussians.reading import read_gaussians
+    from resample_points.files.gaussians.trained import write_gaussians
     from resample_points.files.readers import read_cloud
     from resample_points.geometry.framing import framed
     from resample_points.geometry.spacing import prepare_cloud
@@ -28,11 +32,17 @@ _HOMES = {
     "Cloud": "data.cloud",
     "CloudScene": "scenes",
     "CloudStyle": "painting.rendering",
+    "Gaussians": "data.gaussians",
+    "cropped_gaussians": "data.gaussians",
     "framed": "geometry.framing",
+    "joined_gaussians": "data.joining",
+    "placed_gaussians": "data.joining",
     "prepare_cloud": "geometry.spacing",
     "read_cloud": "files.readers",
+    "read_gaussians": "files.gaussians.reading",
     "render_cloud": "painting.rendering",
     "view": "viewing",
+    "write_gaussians": "files.gaussians.trained",
 }
 
 __all__ = [
@@ -40,11 +50,17 @@ __all__ = [
     "Cloud",
     "CloudScene",
     "CloudStyle",
+    "Gaussians",
+    "cropped_gaussians",
     "framed",
+    "joined_gaussians",
+    "placed_gaussians",
     "prepare_cloud",
     "read_cloud",
+    "read_gaussians",
     "render_cloud",
     "view",
+    "write_gaussians",
 ]
 
 __getattr__ = attributes(__name__, _HOMES)

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-import numpy as np
 from zarr.abc.codec import BytesBytesCodec
 from zarr.codecs import ShardingCodec
 from zarr.codecs._v2 import V2Codec
@@ -17,9 +16,8 @@ from zarr.core.buffer.cpu import as_numpy_array_wrapper
 
 from resample.memory import amount
 from resample.reading.limits import bunzipped, check_becomes, deflated, unlzma
+from resample.reading.zstd import unzstd
 
-ZSTD = 0xFD2FB528  # magic number of a frame
-ZSTD_BLOCK = 1 << 17  # largest unpacked size of a block, bytes
 OF_OBJECTS = ("pickle", "json2", "msgpack2", "vlen-utf8", "vlen-bytes", "vlen-array")
 
 Decode = Callable[..., Any]  # takes packed data and `most`, the largest output in bytes
@@ -136,7 +134,7 @@ def _decoder(name: str, told: dict[str, Any], size: int) -> Decode | None:
         is_raw = form == lzma.FORMAT_RAW
         return partial(unlzma, form=form, filters=told.get("filters") if is_raw else None)
     if name == "zstd":
-        return partial(_of_zstd, size=size)
+        return partial(unzstd, size=size)
     return partial(_unpack_sized, name=name) if name in ("blosc", "lz4") else None
 
 
@@ -149,52 +147,3 @@ def _unpack_sized(data: Any, most: int, name: str) -> Any:
         raise ValueError("it is cut off")
     check_becomes(struct.unpack_from("<I", data, place)[0], most)
     return numcodecs.get_codec({"id": name}).decode(data)
-
-
-def _of_zstd(data: Any, most: int, size: int) -> Any:
-    """Unpack Zstandard data, whose frame states its size or whose blocks bound it.
-
-    If the bound exceeds `most`, the output must have the size of a chunk.
-    """
-    from numcodecs import Zstd
-
-    data = bytes(data)
-    told, first = _zstd_head(data)
-    if told is not None:
-        check_becomes(told, most)
-        return Zstd().decode(data)
-    if _zstd_bound(data, first, most) <= most:
-        return Zstd().decode(data)
-    try:
-        return Zstd().decode(data, np.empty(size, np.uint8))
-    except RuntimeError as error:
-        raise ValueError(f"it unpacks to other than {size} bytes: {error}") from None
-
-
-def _zstd_head(data: bytes) -> tuple[int | None, int]:
-    """Unpacked size that a frame states, if any, and the position of its blocks."""
-    if len(data) < 6 or struct.unpack_from("<I", data)[0] != ZSTD:
-        raise ValueError("it is not of Zstandard")
-    flags = data[4]
-    is_single = bool(flags & 0x20)
-    start = 5 + (not is_single) + (0, 1, 2, 4)[flags & 3]
-    width = (int(is_single), 2, 4, 8)[flags >> 6]
-    if len(data) < start + width:
-        raise ValueError("it is cut off")
-    if not width:
-        return None, start
-    told = int.from_bytes(data[start : start + width], "little")
-    return told + 256 * (width == 2), start + width
-
-
-def _zstd_bound(data: bytes, place: int, most: int) -> int:
-    """Bound on the unpacked size of a frame's blocks, or a number above `most`."""
-    count, is_last = 0, False
-    while not is_last and count <= most:
-        if place + 3 > len(data):
-            raise ValueError("it is cut off")
-        head = int.from_bytes(data[place : place + 3], "little")
-        is_last, kind, length = bool(head & 1), head >> 1 & 3, head >> 3
-        count += ZSTD_BLOCK if kind == 2 else length
-        place += 3 + (1 if kind == 1 else length)
-    return count

@@ -243,8 +243,8 @@ def _ply_vertices(header: list[list[str]]) -> tuple[str, int, int, np.dtype[Any]
 def _refuse_gaussians(names: set[str]) -> None:
     if any(own <= names for own in GAUSSIANS):
         raise ValueError(
-            "holds 3D Gaussians (f_dc_*, opacity, scale_*, rot_*), which only a splat renderer "
-            "can draw; give a cloud of points with x y z red green blue"
+            "holds 3D Gaussians (f_dc_*, opacity, scale_*, rot_*), which `read_gaussians` reads "
+            "and `resample-points render` paints; a cloud of points has x y z red green blue"
         )
 
 

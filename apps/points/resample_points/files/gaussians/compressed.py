@@ -1,0 +1,113 @@
+"""Read compressed PLY files of SuperSplat: 16 bytes per Gaussian, and ranges per 256 of them."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.types import Floats
+from resample_points.data.gaussians import Gaussians
+from resample_points.data.harmonics import CONSTANT, COUNTS, parts_of
+from resample_points.files.gaussians.decoding import ROOT, check_count, exponentials, quaternions_of
+from resample_points.files.gaussians.ply import PlyFile, stacked
+
+PACKED = ("packed_position", "packed_rotation", "packed_scale", "packed_color")
+CHUNK = 256  # Gaussians that share ranges
+STEP = 1 / 64  # of harmonics: 8 / 256 of a byte's range, halved as bytes stand for middles
+BITS = ((21, 11), (11, 10), (0, 11))  # first bit and number of bits of x, y and z
+
+
+def is_compressed(file: PlyFile) -> bool:
+    """Whether a PLY file has packed Gaussians."""
+    return file.names().issuperset(PACKED)
+
+
+def read_compressed(file: PlyFile) -> Gaussians:
+    """Read Gaussians of a compressed PLY file."""
+    chunks, vertices = _checked(file)
+    count = check_count(file.path.name, len(vertices))
+    if len(chunks) != -(-count // CHUNK):
+        raise ValueError(f"has {len(chunks)} chunks for {count} Gaussians; each has up to {CHUNK}")
+    levels = _levels(vertices["packed_color"], ((24, 8), (16, 8), (8, 8), (0, 8)))
+    colors = levels[:, :3]
+    if "min_r" in file.names("chunk"):
+        colors = _between(chunks, colors, "", "rgb")
+    position = _between(chunks, _levels(vertices["packed_position"], BITS), "", "xyz")
+    scale = _between(chunks, _levels(vertices["packed_scale"], BITS), "scale_", "xyz")
+    return Gaussians(
+        position=position,
+        scale=exponentials(scale),
+        rotation=_rotations(vertices["packed_rotation"]),
+        opacity=np.ascontiguousarray(levels[:, 3]),
+        color=(colors - np.float32(0.5)) / np.float32(CONSTANT),
+        harmonics=_harmonics(file, count),
+        harmonic_step=STEP,
+        is_antialiased=file.is_antialiased,
+        up=file.up,
+    )
+
+
+def _checked(file: PlyFile) -> tuple[NDArray[np.void], NDArray[np.void]]:
+    """Return the records of chunks and Gaussians, whose types are right."""
+    names = [f"{end}_{name}" for end in ("min", "max") for name in _ranged()]
+    missing = [name for name in names if name not in file.names("chunk")]
+    colors = [f"{end}_{name}" for end in ("min", "max") for name in "rgb"]
+    given = [name for name in colors if name in file.names("chunk")]
+    if missing or len(given) not in {0, 6}:
+        lacking = missing or [name for name in colors if name not in given]
+        raise ValueError(f"has packed Gaussians, but no {lacking[0]} of their chunks")
+    vertices = file.records("vertex")
+    wrong = [name for name in PACKED if vertices.dtype[name].newbyteorder("=") != np.uint32]
+    if wrong:
+        raise ValueError(f"has {wrong[0]} of type {vertices.dtype[wrong[0]]}; it must be uint")
+    return file.records("chunk"), vertices
+
+
+def _ranged() -> list[str]:
+    return ["x", "y", "z", "scale_x", "scale_y", "scale_z"]
+
+
+def _levels(packed: NDArray[np.uint32], bits: tuple[tuple[int, int], ...]) -> Floats:
+    """Return whole numbers of some bits as 0 to 1, (N, K)."""
+    packed = packed.astype(np.uint32)  # contiguous, in the machine's byte order
+    levels = np.empty((len(packed), len(bits)), np.float32)
+    for n, (first, width) in enumerate(bits):
+        most = (1 << width) - 1
+        levels[:, n] = packed >> np.uint32(first) & np.uint32(most)
+        levels[:, n] *= np.float32(1 / most)
+    return levels
+
+
+def _between(chunks: NDArray[np.void], levels: Floats, prefix: str, axes: str) -> Floats:
+    """Return numbers between the ends of each chunk's ranges."""
+    low = stacked(chunks, [f"min_{prefix}{axis}" for axis in axes])
+    high = stacked(chunks, [f"max_{prefix}{axis}" for axis in axes])
+    place = np.arange(len(levels)) // CHUNK
+    with np.errstate(invalid="ignore", over="ignore"):
+        made: Floats = low[place] * (1 - levels) + high[place] * levels
+    return made
+
+
+def _rotations(packed: NDArray[np.uint32]) -> Floats:
+    """Return quaternions w, x, y, z."""
+    three = _levels(packed, ((20, 10), (10, 10), (0, 10)))
+    return quaternions_of((three - np.float32(0.5)) / ROOT, packed >> np.uint32(30))
+
+
+def _harmonics(file: PlyFile, count: int) -> NDArray[np.int16]:
+    """Return coefficients (N, K, 3), in steps of 1 / 64."""
+    if not file.names("sh"):
+        return np.zeros((count, 0, 3), np.int16)
+    names, records = file.names("sh"), file.records("sh")
+    each = len(names) // 3
+    wanted = [f"f_rest_{n}" for n in range(3 * each)]
+    if each not in COUNTS or len(names) % 3 or names != set(wanted):
+        raise ValueError(f"has {len(names)} harmonics; degrees 1 to 3 have 9, 24 or 45, from 0 on")
+    if len(records) != count or any(records.dtype[name] != np.uint8 for name in wanted):
+        raise ValueError(f"has {len(records)} harmonics for {count} Gaussians, or not of bytes")
+    table = np.arange(256, dtype=np.int16) * 2 - 255
+    table[0], table[255] = -256, 256  # the ends stand for themselves
+    harmonics = np.empty((count, each, 3), np.int16)
+    for rows in parts_of(count):
+        part = np.asarray(records[rows])
+        levels = np.stack([part[name] for name in wanted], axis=1)
+        harmonics[rows] = table[levels].reshape(-1, 3, each).transpose(0, 2, 1)
+    return harmonics

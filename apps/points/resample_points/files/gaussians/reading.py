@@ -1,0 +1,129 @@
+"""Read 3D Gaussians of any known format, which the content of the file tells."""
+
+import errno
+import zipfile
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+from resample.reading.limits import check_size
+from resample.reading.texts import json_of
+from resample_points.data.gaussians import Gaussians, checked_gaussians
+from resample_points.files.gaussians.compressed import is_compressed, read_compressed
+from resample_points.files.gaussians.ply import ply_header
+from resample_points.files.gaussians.sog import META, is_description, read_sog
+from resample_points.files.gaussians.splat import read_splat
+from resample_points.files.gaussians.spz import GZIP, MAGIC, is_spz, read_spz
+from resample_points.files.gaussians.trained import NEEDED, read_trained
+
+KNOWN = "PLY and compressed PLY, .splat, SOG (a folder, its meta.json, or .sog) and SPZ"
+ZIP = b"PK\3\4"
+
+
+def read_gaussians(path: str | Path) -> Gaussians:
+    """Read 3D Gaussians of a trained scene.
+
+    Parameters
+    ----------
+    path
+        A PLY file as trainers write them (ASCII or binary), a compressed PLY file of SuperSplat, a
+        `.splat` file, SOG of version 1 or 2 (a folder, its meta.json, or a `.sog` file), or SPZ of
+        version 1 to 4; version 4 needs the extra `zstd`. The content decides, except for `.splat`,
+        which has no header.
+
+    Returns
+    -------
+    The Gaussians with activated values, in the file's own axes. Those that cannot be drawn are
+    left out, see `checked_gaussians`. Coefficients of harmonics are stored in 16 bits; sizes
+    beyond 32 are clipped, and degree 4 is left out.
+
+    Raises
+    ------
+    ValueError
+        The format is unknown, the file breaks its rules or a limit, or it has no Gaussians.
+    OSError
+        The file is missing, cut off or damaged.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> from resample_points.files.gaussians.reading import read_gaussians
+    >>> record = np.array([0, 0, 1, 0.1, 0.1, 0.2], "<f4").tobytes() + bytes([255] * 8)
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "scene.splat"
+    ...     _ = path.write_bytes(3 * record)
+    ...     gaussians = read_gaussians(path)
+    >>> gaussians.position.shape, gaussians.opacity.tolist()
+    ((3, 3), [1.0, 1.0, 1.0])
+    """
+    source = Path(path)
+    if not source.exists():
+        raise FileNotFoundError(errno.ENOENT, "there is no such file", str(path))
+    try:
+        return checked_gaussians(_reader(source)(source), source.name)
+    except ValueError as error:
+        raise ValueError(f"{source.name}: {error}") from None
+
+
+def is_gaussians(path: str | Path) -> bool:
+    """Whether a file or folder holds 3D Gaussians, by its content, or by its name for `.splat`.
+
+    Nothing is raised for files that are missing or damaged.
+    """
+    source = Path(path)
+    with suppress(OSError, ValueError, zipfile.BadZipFile):
+        reader = _reader(source)
+        if reader is _read_ply:
+            header = ply_header(source)
+            return is_compressed(header) or header.names() >= NEEDED
+        if reader is read_spz:
+            return is_spz(source)
+        if reader is read_splat:
+            return True
+        if reader is read_sog and zipfile.is_zipfile(source):
+            with zipfile.ZipFile(source) as packed:
+                return META in packed.namelist()
+        described = _description(source)
+        check_size(str(described), described.stat().st_size, "tree")
+        return is_description(json_of(described.read_text("utf-8-sig")))
+    return False
+
+
+def _reader(source: Path) -> Callable[[Path], Gaussians]:
+    """Return the reader of a file."""
+    if source.is_dir():
+        return _read_folder
+    if not source.is_file():
+        raise ValueError("is a device or a pipe, not a file")
+    with source.open("rb") as file:
+        start = file.read(4)
+    if start.startswith(b"ply"):
+        return _read_ply
+    if start.startswith((MAGIC, GZIP)):
+        return read_spz
+    if start == ZIP:
+        return read_sog
+    if source.suffix.lower() == ".json":
+        return read_sog
+    if source.suffix.lower() == ".splat":
+        return read_splat
+    raise ValueError(f"holds no 3D Gaussians that can be read; known are {KNOWN}")
+
+
+def _read_ply(source: Path) -> Gaussians:
+    header = ply_header(source)
+    return read_compressed(header) if is_compressed(header) else read_trained(header)
+
+
+def _description(source: Path) -> Path:
+    """Return the meta.json of a folder, or the file itself."""
+    return source / META if source.is_dir() else source
+
+
+def _read_folder(source: Path) -> Gaussians:
+    described = _description(source)
+    if not described.is_file():
+        raise ValueError(f"is a folder without {META}; known are {KNOWN}")
+    return read_sog(described)

@@ -1,0 +1,174 @@
+"""Read and write PLY files as trainers write them: logarithms of scales, logits of opacities."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.files.writing import replacing
+from resample.types import Floats
+from resample.watching import report
+from resample_points.data.gaussians import Gaussians, checked_gaussians
+from resample_points.data.harmonics import COUNTS, parts_of, rounded_to, step_of
+from resample_points.files.gaussians.decoding import check_count, exponentials, sigmoids
+from resample_points.files.gaussians.ply import PlyFile, largest_of, stacked
+
+POSITION, COLOR = ["x", "y", "z"], ["f_dc_0", "f_dc_1", "f_dc_2"]
+SCALE, ROTATION = ["scale_0", "scale_1", "scale_2"], ["rot_0", "rot_1", "rot_2", "rot_3"]
+NORMAL = ["nx", "ny", "nz"]  # zeros that some programs want
+NEEDED = {*POSITION, *COLOR, "opacity", *SCALE[:2], *ROTATION}
+FLAT = 1e-3  # third scale of flat Gaussians relative to the smaller of the others
+FOURTH = 24  # coefficients per channel of degrees 1 to 4, of which 15 are kept
+OPAQUE = 1e-7  # distance of a written opacity from 0 and 1, whose logits are infinite
+
+
+def read_trained(file: PlyFile) -> Gaussians:
+    """Read Gaussians of a PLY file; other properties and elements are ignored.
+
+    Files without `scale_2` hold flat Gaussians.
+    """
+    missing = sorted(NEEDED - file.names())
+    if missing:
+        raise ValueError(f"has no property {missing[0]} of Gaussians")
+    records = file.records("vertex")
+    count = check_count(file.path.name, len(records))
+    rest = _rest_names(file.names())
+    made = Gaussians(
+        position=np.empty((count, 3), np.float32),
+        scale=np.empty((count, 3), np.float32),
+        rotation=np.empty((count, 4), np.float32),
+        opacity=np.empty(count, np.float32),
+        color=np.empty((count, 3), np.float32),
+        harmonics=np.empty((count, len(rest) // 3, 3), np.int16),
+        harmonic_step=_step(records, rest),
+        is_antialiased=file.is_antialiased,
+        up=file.up,
+    )
+    for rows in parts_of(count):
+        _decode(made, rows, np.asarray(records[rows]), rest)
+        report(rows.stop, count)
+    return made
+
+
+def _rest_names(names: set[str]) -> list[str]:
+    """Return the names of harmonics, channel by channel."""
+    count = sum(name.startswith("f_rest_") for name in names)
+    each = count // 3
+    if count % 3 or each not in {*COUNTS, FOURTH}:
+        raise ValueError(f"has {count} harmonics f_rest_*; degrees 1 to 3 have 9, 24 or 45")
+    kept = min(each, COUNTS[-1])
+    wanted = [f"f_rest_{channel * each + n}" for channel in range(3) for n in range(kept)]
+    if not names.issuperset(wanted):
+        raise ValueError(f"has {count} harmonics f_rest_*, which are not numbered from 0")
+    return wanted
+
+
+def _step(records: NDArray[Any], rest: list[str]) -> float:
+    """Return the step of harmonics by their largest number."""
+    largest = 0.0
+    for rows in parts_of(len(records) if rest else 0):
+        part = np.asarray(records[rows])
+        largest = max(largest, *(largest_of(part[name]) for name in rest))
+    return step_of(largest)
+
+
+def _decode(made: Gaussians, rows: slice, records: NDArray[Any], rest: list[str]) -> None:
+    """Decode some records."""
+    made.position[rows] = stacked(records, POSITION)
+    made.scale[rows] = _scales(records)
+    made.rotation[rows] = stacked(records, ROTATION)
+    made.opacity[rows] = sigmoids(records["opacity"])
+    made.color[rows] = stacked(records, COLOR)
+    if rest:
+        values = stacked(records, rest)
+        known = np.isfinite(values).all()
+        if not known:  # a Gaussian without a color is left out
+            made.color[rows][~np.isfinite(values).all(axis=1)] = np.nan
+            np.nan_to_num(values, copy=False)
+        by_channel = rounded_to(values, made.harmonic_step).reshape(len(values), 3, -1)
+        made.harmonics[rows] = by_channel.transpose(0, 2, 1)
+
+
+def _scales(records: NDArray[Any]) -> Floats:
+    """Return scales (N, 3); those of flat Gaussians have a third one that is small."""
+    if SCALE[2] in (records.dtype.names or ()):
+        return exponentials(stacked(records, SCALE))
+    two = exponentials(stacked(records, SCALE[:2]))
+    third: Floats = FLAT * two.min(axis=1, keepdims=True)
+    return np.concatenate([two, third], axis=1)
+
+
+def write_gaussians(path: str | Path, gaussians: Gaussians) -> None:
+    """Write Gaussians to a PLY file as trainers do, which most programs read.
+
+    Opacities of 0 and 1 become 1e-7 and 1 - 1e-7, whose logits are finite.
+
+    Raises
+    ------
+    ValueError
+        The path does not end in `.ply`, or an array has another shape.
+    OSError
+        The file cannot be written.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> from resample_points.data.gaussians import Gaussians
+    >>> from resample_points.files.gaussians.reading import read_gaussians
+    >>> from resample_points.files.gaussians.trained import write_gaussians
+    >>> parts = (np.ones((1, n), np.float32) for n in (3, 3, 4))
+    >>> one = Gaussians(*parts, np.array([0.5]), np.zeros((1, 3)))
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "scene.ply"
+    ...     write_gaussians(path, one)
+    ...     read_gaussians(path).opacity.tolist()
+    [0.5]
+    """
+    target = Path(path)
+    if target.suffix.lower() != ".ply":
+        raise ValueError(f"{target.name}: Gaussians are written as .ply")
+    checked = checked_gaussians(gaussians, target.name)
+    kind, header = _layout(checked)
+    with replacing(target) as temporary, temporary.open("wb") as file:
+        file.write(header)
+        for part in _encoded(checked, kind):
+            file.write(part)
+
+
+def _layout(gaussians: Gaussians) -> tuple[np.dtype[Any], bytes]:
+    """Return the type of records and the header."""
+    width = 3 * gaussians.harmonics.shape[1]
+    rest = [f"f_rest_{n}" for n in range(width)]
+    names = [*POSITION, *NORMAL, *COLOR, *rest, "opacity", *SCALE, *ROTATION]
+    comments = ["comment SplatRenderMode: mip"] * gaussians.is_antialiased
+    if gaussians.up in {"x", "y", "z"}:
+        comments.append(f"comment Vertical Axis: {gaussians.up}")
+    count = f"element vertex {len(gaussians.position)}"
+    properties = [f"property float {name}" for name in names]
+    lines = ["ply", "format binary_little_endian 1.0", *comments, count, *properties, "end_header"]
+    kind = np.dtype([(name, "<f4") for name in names])
+    return kind, ("\n".join(lines) + "\n").encode()
+
+
+def _encoded(gaussians: Gaussians, kind: np.dtype[Any]) -> Iterator[bytes]:
+    """Yield the records, part by part."""
+    width = 3 * gaussians.harmonics.shape[1]
+    for rows in parts_of(len(gaussians.position)):
+        opacity = np.clip(gaussians.opacity[rows].astype(np.float64), OPAQUE, 1 - OPAQUE)
+        by_channel = gaussians.harmonics[rows].transpose(0, 2, 1)
+        harmonics = by_channel.reshape(len(opacity), width)
+        columns = [
+            gaussians.position[rows],
+            np.zeros_like(gaussians.position[rows]),
+            gaussians.color[rows],
+            harmonics * np.float32(gaussians.harmonic_step),
+            np.log(opacity / (1 - opacity))[:, None],
+            np.log(gaussians.scale[rows]),
+            gaussians.rotation[rows],
+        ]
+        table = np.concatenate(columns, axis=1, dtype="<f4", casting="same_kind")
+        yield table.view(kind).tobytes()
