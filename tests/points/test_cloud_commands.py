@@ -178,3 +178,18 @@ def test_films_are_refused_in_one_line(words, complaint, capsys):
 def test_films_of_no_kind_and_of_no_frames_are_refused(capsys):
     assert "written as .mp4" in refused(capsys, *FILM, "-o", "a.avi")
     assert "0 frames; 1 to 10000" in refused(capsys, *FILM[:-1], "0", "-o", "a.gif")
+
+
+def test_float32_positions_far_from_the_origin_are_said_to_be_rounded(capsys):
+    corner = np.array([500_000, 5_000_000, 200])
+    place = corner + np.random.default_rng(2).uniform(0, 100, (300, 3))
+    for name, kind, said in (
+        ("single", "f4", "its float32 positions are rounded to 0.5 there"),
+        ("double", "f8", "positions are exact"),
+    ):
+        word = {"f4": "float", "f8": "double"}[kind]
+        head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(place)}\n"
+        head += "".join(f"property {word} {axis}\n" for axis in "xyz") + "end_header\n"
+        Path(f"{name}.ply").write_bytes(head.encode() + place.astype("<" + kind).tobytes())
+        assert ended("render", f"{name}.ply", *SMALL, "-o", "o.png") == 0
+        assert said in capsys.readouterr().err

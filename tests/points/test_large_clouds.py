@@ -269,7 +269,7 @@ def test_files_are_read_into_files_where_memory_does_not_hold_them(kind, tmp_pat
     monkeypatch.setattr(parts, "STEP", 1 << 18)
     expected = read_cloud(path)
     assert not is_in_file(expected.position)
-    for module in ("readers", "las"):
+    for module in ("parsing", "las"):
         monkeypatch.setattr(f"resample_points.files.{module}.STEP", 700)
     monkeypatch.setattr(parts, "STEP", 700)
     with allowing("400kB"):

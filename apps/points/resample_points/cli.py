@@ -48,7 +48,7 @@ def render(
     Parameters
     ----------
     file
-        .ply, .pcd, .las, .laz, .xyz, .txt, .csv or .npz.
+        .ply, .pcd, .las, .laz, .e57, .pts, .xyz, .txt, .csv, .bin (KITTI) or .npz.
     """
     from resample.command.session import Session
     from resample.files.saving import check_suffix

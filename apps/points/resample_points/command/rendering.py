@@ -73,6 +73,8 @@ class ColoredScene(NamedTuple):
 
 def scene_of(session: "Session", file: Path, look: CloudOptions) -> ColoredScene:
     """Read, color and prepare the cloud of a file."""
+    import numpy as np
+
     from resample.watching import told
     from resample_points.data.coloring import colored
     from resample_points.files.readers import read_cloud
@@ -91,23 +93,32 @@ def scene_of(session: "Session", file: Path, look: CloudOptions) -> ColoredScene
             threads=look.threads,
             cache=not look.no_cache,
         )
-    mention_origin(file.name, surfels)
+    mention_origin(file.name, surfels, is_single=cloud.position.dtype == np.float32)
     return ColoredScene(CloudScene(surfels), look, scale)
 
 
-def mention_origin(name: str, surfels: "Surfels") -> None:
-    """Report the origin of a cloud that lies far from 0, such as a georeferenced one."""
+def mention_origin(name: str, surfels: "Surfels", *, is_single: bool = False) -> None:
+    """Report the origin of a cloud that lies far from 0, such as a georeferenced one.
+
+    `is_single`: the file's positions are float32, which far from 0 has coarse steps.
+    """
+    import numpy as np
+
     from resample_points.data.parts import rows_of
 
     extent = max(
         (float(abs(surfels.position[rows]).max()) for rows in rows_of(surfels.position)),
         default=0.0,
     )
-    if abs(surfels.origin).max() > FAR * extent:
-        place = ", ".join(f"{part:.10g}" for part in surfels.origin)
-        say(
-            f"{name} is centered near {place}; positions are exact, poses in the file's coordinates"
-        )
+    farthest = abs(surfels.origin).max()
+    if farthest <= FAR * extent:
+        return
+    place = ", ".join(f"{part:.10g}" for part in surfels.origin)
+    exact = "positions are exact"
+    if is_single:
+        step = np.spacing(np.float32(farthest))
+        exact = f"its float32 positions are rounded to {step:g} there (float64 keeps them)"
+    say(f"{name} is centered near {place}; {exact}, poses in the file's coordinates")
 
 
 def check_memory(shape: "Shape", output: Path, workers: int = 0) -> None:

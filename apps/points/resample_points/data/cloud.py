@@ -120,4 +120,9 @@ def part_of(cloud: Cloud, name: str) -> Any:
     lengths = {count} if name == "position" else {count, 0}
     if array.dtype.kind not in "iuf" or array.shape[1:] != rest or len(array) not in lengths:
         raise ValueError(f"{name} of a cloud has the shape {array.shape}; it must be {shape}")
+    if name == "color" and array.dtype.kind in "iu" and array.max(initial=0) > 1:
+        raise ValueError(
+            f"color of a cloud holds levels ({array.dtype}); give linear light from 0 to 1, such "
+            "as resample.colors.from_srgb(color / np.float32(255))"
+        )
     return array

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from resample.colors import from_srgb, mapped
 from resample.types import Floats
 from resample_points.data.cloud import AXES, Cloud, columns_of, part_of
-from resample_points.data.fields import COLORS
+from resample_points.data.fields import COLORS, white_of
 from resample_points.data.parts import quantile_of, rows_of, span_in, zeros_beside
 
 UNKNOWN = 0.2  # linear gray of points without a value
@@ -73,21 +73,22 @@ def colored_as_scanned(cloud: Cloud) -> Cloud:
     """Color a laser scan by its red, green and blue columns, which are removed.
 
     Levels have 16 bits, or 8 if none is above 255. If there are none, or all are black, points are
-    gray by their intensity, of which the 98 % quantile is white, or else get a color per class.
+    gray by their intensity, of which the 98 % quantile is white and 0, or the least where that is
+    negative, black; or else get a color per class.
     """
     rest = {name: column for name, column in cloud.columns.items() if name not in COLORS[0]}
     levels = [cloud.columns[name] for name in COLORS[0] if name in cloud.columns]
     intensity, number = (rest.get(name, np.zeros(1, np.uint8)) for name in SCANNED)
     cloud = cloud._replace(columns=rest)
     most = max((int(level.max(initial=0)) for level in levels), default=0)
-    white = np.float32(255 if most <= 255 else 65535)
+    white = np.float32(white_of(np.dtype(np.uint16), most))
 
     def light(rows: slice) -> Floats:
         level = np.stack([each[rows] for each in levels], axis=1)
         return np.asarray(from_srgb(level.astype(np.float32) / white))
 
     def gray(rows: slice) -> Floats:
-        share = np.minimum(intensity[rows].astype(np.float32) / brightest, np.float32(1))
+        share = np.minimum((intensity[rows].astype(np.float32) - dark) / brightest, np.float32(1))
         return np.repeat(share[:, None], 3, axis=1)
 
     def by_class(rows: slice) -> Floats:
@@ -97,8 +98,11 @@ def colored_as_scanned(cloud: Cloud) -> Cloud:
         return cloud._replace(color=_per_point(cloud, light))
     if len(cloud.color):
         return cloud
-    if intensity.min() < intensity.max():
-        brightest = np.float32(max(quantile_of(intensity, BRIGHT), 1.0))
+    span = span_in(intensity)
+    if span is not None and span[0] < span[1]:
+        dark = np.float32(min(span[0], 0.0))
+        bright = np.float32(quantile_of(intensity, BRIGHT))
+        brightest = np.float32(span[1] if bright <= dark else bright) - dark
         return cloud._replace(color=_per_point(cloud, gray))
     if number.min() < number.max():
         return cloud._replace(color=_per_point(cloud, by_class))
