@@ -11,12 +11,17 @@ from PIL import Image
 
 from resample.files.images import read_image
 from resample.memory import mapped
-from resample_points import cli
+from resample_points import Cloud, cli
+from resample_points.data.coloring import colored
 from resample_points.geometry import spacing
 from tests import commands
 
 ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli.app)
 SMALL = ["--size", "80x64", "--camera", "0/0/1"]
+TAB10 = [  # of matplotlib
+    (31, 119, 180), (255, 127, 14), (44, 160, 44), (214, 39, 40), (148, 103, 189),
+    (140, 86, 75), (227, 119, 194), (127, 127, 127), (188, 189, 34), (23, 190, 207),
+]  # fmt: skip
 FILM = ["animate", "scan.csv", "--size", "32x24", "--frames", "4"]
 
 
@@ -193,3 +198,26 @@ def test_float32_positions_far_from_the_origin_are_said_to_be_rounded(capsys):
         Path(f"{name}.ply").write_bytes(head.encode() + place.astype("<" + kind).tobytes())
         assert ended("render", f"{name}.ply", *SMALL, "-o", "o.png") == 0
         assert said in capsys.readouterr().err
+
+
+def test_a_bar_of_classes_shows_a_field_for_each():
+    words = ["--color-by", "class", "--colormap", "tab10", "--range", "0,9"]
+    plain, barred = shown(*words), shown(*words, "--color-bar")
+    bar = barred[:, plain.shape[1] :].reshape(-1, 3)
+    counts = {tuple(color): int((bar == color).all(axis=1).sum()) for color in TAB10}
+    first, second = counts[TAB10[0]], counts[TAB10[1]]
+    assert min(first, second) > 150
+    assert abs(first - second) < 20  # halves of the bar, within a row of px
+    assert sum(counts.values()) == first + second
+
+
+def test_classes_of_laser_scans_have_their_names():
+    number = np.array([2, 6, 2, 5], np.uint8)
+    cloud = Cloud(np.eye(4, 3), np.empty((0, 3)), np.empty((0, 3)), np.empty(0))
+    named = colored(cloud._replace(columns={"classification": number}), "classification")
+    assert named.scale.class_names() == ["2 ground", "5 high vegetation", "6 building"]
+    np.testing.assert_array_equal(named.scale.class_colors()[1], named.cloud.color[3])
+    other = colored(cloud._replace(columns={"row": number}), "row")
+    assert other.scale.class_names() == ["2", "5", "6"]
+    halves = colored(cloud._replace(columns={"row": number / 4}), "row")
+    assert halves.scale.classes == ()

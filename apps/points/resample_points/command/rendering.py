@@ -46,13 +46,16 @@ class ColoredScene(NamedTuple):
 
     def bar(self, height: int, background: Any) -> "Floats | None":
         """Return the color bar, if requested."""
-        from resample.measuring.color_bars import plain_bar
+        from resample.measuring.color_bars import class_bar, plain_bar
 
         if self.scale is None or not self.options.color_bar:
             return None
-        colors, span, name = self.scale.colors(), self.scale.span, self.scale.name
-        behind = background or (0.0, 0.0, 0.0)
-        return plain_bar(colors, span, height, title=name, background=behind)
+        scale, behind = self.scale, background or (0.0, 0.0, 0.0)
+        if scale.classes:
+            colors, names = scale.class_colors(), scale.class_names()
+            return class_bar(colors, names, height, title=scale.name, background=behind)
+        colors = scale.colors()
+        return plain_bar(colors, scale.span, height, title=scale.name, background=behind)
 
     def shown(self, frame: Any, form: FrameFormat) -> Any:
         """Return a frame, with the color bar if requested."""

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import from_srgb, mapped
-from resample.types import Floats
+from resample.types import Doubles, Floats
 from resample_points.data.cloud import AXES, Cloud, columns_of, part_of
 from resample_points.data.fields import COLORS, white_of
 from resample_points.data.parts import quantile_of, rows_of, span_in, zeros_beside
@@ -16,7 +16,16 @@ UNKNOWN = 0.2  # linear gray of points without a value
 LEVELS = 1024  # colors of a scale
 SCANNED = ("intensity", "classification")  # columns to color points by if they have no colors
 BRIGHT = 0.98  # quantile of the intensities that becomes white
-CLASSES = 20  # colors of classes, of the colormap tab20
+CLASSES = 20  # colors of classes, of the colormap tab20; most of a bar
+MEANINGS = dict(  # of the American Society for Photogrammetry and Remote Sensing, LAS 1.4
+    enumerate(
+        (
+            *("never classified", "unassigned", "ground", "low vegetation", "medium vegetation"),
+            *("high vegetation", "building", "low noise", "reserved", "water", "rail", "road"),
+            *("overlap", "wire guard", "conductor", "tower", "connector", "bridge", "high noise"),
+        )
+    )
+)
 
 Range = tuple[float, float]
 
@@ -27,10 +36,20 @@ class Scale(NamedTuple):
     name: str  # of the column
     colormap: str
     span: Range  # values of the first and the last color
+    classes: tuple[int, ...] = ()  # all values within the span, if they are few and whole
 
     def colors(self) -> Floats:
         """Return linear colors (`LEVELS`, 3) at even values over the span."""
         return mapped(self.colormap, (np.arange(LEVELS) + 0.5) / LEVELS)
+
+    def class_colors(self) -> Floats:
+        """Return the linear colors (N, 3) of the classes."""
+        return mapped(self.colormap, _share(np.array(self.classes, np.float64), self.span))
+
+    def class_names(self) -> list[str]:
+        """Return the names of the classes: numbers, and what they mean in LAS files."""
+        meanings = MEANINGS if self.name == SCANNED[1] else {}
+        return [f"{number} {meanings.get(number, '')}".strip() for number in self.classes]
 
 
 class Colored(NamedTuple):
@@ -58,15 +77,32 @@ def colored(
     def color_of(rows: slice) -> Floats:
         part = np.asarray(value[rows], np.float64)
         known = np.isfinite(part)
-        share = np.full_like(part, 0.5)
-        if low < high:
-            share = np.clip((part - low) / (high - low), 0.0, 1.0)
-        color = mapped(colormap, np.where(known, share, 0.0))
+        color = mapped(colormap, np.where(known, _share(part, (low, high)), 0.0))
         color[~known] = UNKNOWN
         return color
 
     color = _per_point(cloud, color_of)
-    return Colored(cloud._replace(color=color), Scale(column, colormap, (low, high)))
+    classes = tuple(number for number in _classes(value) if low <= number <= high)
+    return Colored(cloud._replace(color=color), Scale(column, colormap, (low, high), classes))
+
+
+def _share(value: Doubles, span: Range) -> Doubles:
+    """Return where values lie in a span, from 0 to 1; 0.5 in an empty one."""
+    low, high = span
+    if not low < high:
+        return np.full_like(value, 0.5)
+    return np.asarray(np.clip((value - low) / (high - low), 0.0, 1.0))
+
+
+def _classes(values: NDArray[Any]) -> list[int]:
+    """Return the distinct values, if they are at most `CLASSES` whole numbers; else nothing."""
+    found = set[float]()
+    for rows in rows_of(values):
+        part = np.unique(values[rows])
+        found.update(part[: CLASSES + 1].tolist())
+        if len(found) > CLASSES or not all(float(value).is_integer() for value in found):
+            return []
+    return sorted(map(int, found))
 
 
 def colored_as_scanned(cloud: Cloud) -> Cloud:

@@ -1,6 +1,5 @@
 """Read a point cloud of any format; the formats have files of their own."""
 
-import errno
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 
 from resample.memory.mapped import is_in_file
 from resample.reading.arrays import npz_names, read_npz
+from resample.reading.limits import check_file
 from resample_points.data.cloud import Cloud, kept_columns, some_of
 from resample_points.data.fields import linear
 from resample_points.files.e57 import read_e57
@@ -73,11 +73,10 @@ def read_cloud(path: str | Path, *, level: int = 0, columns: Sequence[str] | Non
     ((2, 3), [1.0, 0.0, 0.0])
     """
     source = Path(path)
+    check_file(path)
     reader = READERS.get(source.suffix.lower())
     if reader is None:
         raise ValueError(f"{path}: clouds are read from {', '.join(READERS)}")
-    if not source.is_file():
-        raise FileNotFoundError(errno.ENOENT, "there is no such file", str(path))
     if level and source.suffix.lower() not in LASER:
         raise ValueError(f"{source.name} has no levels, which COPC files have")
     try:
