@@ -16,6 +16,7 @@ except ModuleNotFoundError as error:
 if TYPE_CHECKING:
     from resample.cameras.models import Camera
     from resample_points.data.cloud import Cloud
+    from resample_points.data.selecting import join_clouds, select_points
     from resample_points.files.readers import read_cloud
     from resample_points.geometry.framing import framed
     from resample_points.geometry.spacing import prepare_cloud
@@ -29,9 +30,11 @@ _HOMES = {
     "CloudScene": "scenes",
     "CloudStyle": "painting.rendering",
     "framed": "geometry.framing",
+    "join_clouds": "data.selecting",
     "prepare_cloud": "geometry.spacing",
     "read_cloud": "files.readers",
     "render_cloud": "painting.rendering",
+    "select_points": "data.selecting",
     "view": "viewing",
 }
 
@@ -41,9 +44,11 @@ __all__ = [
     "CloudScene",
     "CloudStyle",
     "framed",
+    "join_clouds",
     "prepare_cloud",
     "read_cloud",
     "render_cloud",
+    "select_points",
     "view",
 ]
 

@@ -39,6 +39,9 @@ OF_FILMS = [  # options that pictures and films share
     *("steady", "size", "background"),
 ]
 PREPARED = (
+    "also",
+    "only",
+    "crop",
     "color_by",
     "colormap",
     "span",

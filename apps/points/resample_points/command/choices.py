@@ -11,6 +11,7 @@ from resample.command.flags import (
     NUMBERS,
     Hyphen,
     OptionTopic,
+    Several,
     Steady,
     Switch,
     Up,
@@ -22,6 +23,7 @@ from resample.command.settings import Choices, Threads
 if TYPE_CHECKING:
     from resample.cameras.calibrations.lens_files import Calibration
     from resample.cameras.viewpoints import Viewpoint
+    from resample_points.data.selecting import Wanted
     from resample_points.geometry.spacing import Surfels
     from resample_points.scenes import Shape
 
@@ -32,6 +34,25 @@ class CloudOptions(Choices):
     heading: ClassVar[str] = "Look"
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
+    also: Annotated[
+        tuple[str, ...],
+        OptionTopic.SOURCE,
+        Several,
+        Field(description="Another file in the scene, placed by its coordinates: b.laz."),
+    ] = ()
+    only: Annotated[
+        tuple[str, ...],
+        Several,
+        Field(
+            description="Show only points with these values of a column, or of x, y or z: "
+            "classification=2, classification=2,5:6 or intensity=100:."
+        ),
+    ] = ()
+    crop: Annotated[
+        str | None,
+        Hyphen,
+        Field(description="Crop to ranges along x, y, z: 0:10,:,-2:3 in scene units."),
+    ] = None
     color_by: Annotated[
         str | None,
         Field(
@@ -104,8 +125,11 @@ class CloudOptions(Choices):
         from resample import registry
         from resample.colors import check_colormap
         from resample.measuring.color_bars import check_bar
+        from resample_points.data.selecting import box_of
 
         self.style()
+        self.conditions()
+        box_of(self.crop)
         if "colormap" in self.model_fields_set:  # matplotlib takes a while to import
             check_colormap(self.colormap)
         if self.filter is not None:
@@ -114,6 +138,12 @@ class CloudOptions(Choices):
             raise ValueError("--color-bar and --range belong to --color-by; give it a column")
         if self.color_bar:
             check_bar(output, height)
+
+    def conditions(self) -> "list[Wanted]":
+        """Return the conditions of --only."""
+        from resample_points.data.selecting import wanted_of
+
+        return [wanted_of(text) for text in self.only]
 
     def style(self) -> Any:
         """Return the style that `render_cloud` takes."""

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from resample.command.session import Session
     from resample.files.animations import Frames, Shots
     from resample.types import Floats
+    from resample_points.data.cloud import Cloud
     from resample_points.data.coloring import Scale
     from resample_points.geometry.spacing import Surfels
     from resample_points.scenes import CloudScene, Shape
@@ -80,13 +81,11 @@ def scene_of(session: "Session", file: Path, look: CloudOptions) -> ColoredScene
 
     from resample.watching import told
     from resample_points.data.coloring import colored
-    from resample_points.files.readers import read_cloud
     from resample_points.geometry.spacing import LARGEST, prepare_cloud
     from resample_points.scenes import CloudScene
 
-    columns = () if look.color_by is None else (look.color_by,)
     with session.stage("read", bar="reading") as progress, told(progress):
-        cloud, scale = read_cloud(file, level=look.level, columns=columns), None
+        cloud, scale = _chosen(file, look), None
         if look.color_by is not None:
             cloud, scale = colored(cloud, look.color_by, colormap=look.colormap, span=look.span)
     with session.stage("prepare", bar="measuring") as progress, told(progress):
@@ -98,6 +97,20 @@ def scene_of(session: "Session", file: Path, look: CloudOptions) -> ColoredScene
         )
     mention_origin(file.name, surfels, is_single=cloud.position.dtype == np.float32)
     return ColoredScene(CloudScene(surfels), look, scale)
+
+
+def _chosen(file: Path, look: CloudOptions) -> "Cloud":
+    """Read the clouds of a command, and select their points."""
+    from resample.words import naming
+    from resample_points.data.selecting import join_clouds, select_points
+    from resample_points.files.readers import read_cloud
+
+    named = {wanted.column: None for wanted in look.conditions()}
+    columns = tuple(dict.fromkeys((*named, *([] if look.color_by is None else [look.color_by]))))
+    files = (file, *map(Path, look.also))
+    cloud = join_clouds([read_cloud(each, level=look.level, columns=columns) for each in files])
+    with naming(file.name if len(files) == 1 else f"{len(files)} clouds"):
+        return select_points(cloud, look.only, look.crop)
 
 
 def mention_origin(name: str, surfels: "Surfels", *, is_single: bool = False) -> None:
