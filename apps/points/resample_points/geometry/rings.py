@@ -32,7 +32,7 @@ Flags = NDArray[np.bool_]
 Nearest = NDArray[np.int32]
 
 
-class Measured(NamedTuple):
+class MeasuredDiscs(NamedTuple):
     """Normals and discs of N points, and the neighbours that they come from."""
 
     position: Floats  # (N, 3) sorted along a curve
@@ -42,7 +42,7 @@ class Measured(NamedTuple):
     nearest: Nearest  # (N, k)
 
 
-class Shape(NamedTuple):
+class Lying(NamedTuple):
     """How the neighbours of N points lie."""
 
     along: Floats  # (N, 3) direction of the line; 0 where there is none
@@ -50,7 +50,9 @@ class Shape(NamedTuple):
     is_surface: Flags  # (N,)
 
 
-def widened(whole: Measured, measure: Callable[[Floats], Measured], is_known: bool) -> None:
+def widened(
+    whole: MeasuredDiscs, measure: Callable[[Floats], MeasuredDiscs], is_known: bool
+) -> None:
     """Change normals and discs of points along lines in place, where a surface is found.
 
     Parameters
@@ -78,14 +80,14 @@ def widened(whole: Measured, measure: Callable[[Floats], Measured], is_known: bo
             return
 
 
-def _has_lines(whole: Measured) -> bool:
+def _has_lines(whole: MeasuredDiscs) -> bool:
     """Whether many of a sample of points lie along lines."""
     count = len(whole.position)
     sample = np.linspace(0, count - 1, min(SAMPLED, count)).astype(np.int64)
     return bool(_shape(whole, sample).is_line.mean() >= LINED)
 
 
-def _levels(whole: Measured, curve: MortonCurve, is_open: Flags) -> range:
+def _levels(whole: MeasuredDiscs, curve: MortonCurve, is_open: Flags) -> range:
     """Return the numbers of halvings of the curve's box to try, the finest cells first."""
     sample = np.flatnonzero(is_open)
     if not len(sample):
@@ -98,8 +100,8 @@ def _levels(whole: Measured, curve: MortonCurve, is_open: Flags) -> range:
 
 
 def _widened_at(
-    whole: Measured,
-    measure: Callable[[Floats], Measured],
+    whole: MeasuredDiscs,
+    measure: Callable[[Floats], MeasuredDiscs],
     is_known: bool,
     level: tuple[MortonCurve, int],
     state: tuple[Floats, Flags],
@@ -139,8 +141,8 @@ def _widened_at(
 
 
 def _widen(
-    whole: Measured,
-    thin: Measured,
+    whole: MeasuredDiscs,
+    thin: MeasuredDiscs,
     both: tuple[NDArray[np.int64], NDArray[np.int64]],
     along: Floats,
     is_known: bool,
@@ -179,10 +181,10 @@ def _cells(position: Floats, curve: MortonCurve, halvings: int) -> NDArray[np.ui
     return cell
 
 
-def _shapes(thin: Measured) -> Shape:
+def _shapes(thin: MeasuredDiscs) -> Lying:
     """Return how the neighbours of all points lie."""
     count = len(thin.position)
-    shape = Shape(
+    shape = Lying(
         zeros_beside(thin.position, (count, 3), np.float32),
         np.zeros(count, np.bool_),
         np.zeros(count, np.bool_),
@@ -196,7 +198,7 @@ def _shapes(thin: Measured) -> Shape:
     return shape
 
 
-def _shape(points: Measured, rows: slice | NDArray[np.int64]) -> Shape:
+def _shape(points: MeasuredDiscs, rows: slice | NDArray[np.int64]) -> Lying:
     """Return how the neighbours of some points lie, from the variances along three axes."""
     xx, xy, xz, yy, yz, zz = _spread(points, rows)
     trace = np.maximum(xx + yy + zz, 1e-300)
@@ -214,7 +216,7 @@ def _shape(points: Measured, rows: slice | NDArray[np.int64]) -> Shape:
     along = np.zeros((len(trace), 3), np.float32)
     parts = [part[is_line] for part in (xx, xy, xz, yy, yz, zz)]
     along[is_line] = _main(np.stack(parts, axis=1)[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]])
-    return Shape(along, is_line, (middle >= WIDE * most) & (least <= FLAT * middle))
+    return Lying(along, is_line, (middle >= WIDE * most) & (least <= FLAT * middle))
 
 
 def _main(matrix: Doubles) -> Doubles:
@@ -228,7 +230,7 @@ def _main(matrix: Doubles) -> Doubles:
     return np.asarray(along, np.float64)
 
 
-def _spread(points: Measured, rows: slice | NDArray[np.int64]) -> list[Doubles]:
+def _spread(points: MeasuredDiscs, rows: slice | NDArray[np.int64]) -> list[Doubles]:
     """Return the covariance's six numbers (N,) each, of some points' neighbours and themselves."""
     here = points.position[rows]
     sums = [np.zeros(len(here)) for _ in range(9)]

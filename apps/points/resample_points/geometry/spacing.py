@@ -24,7 +24,7 @@ from resample.types import Doubles, Floats, Indices
 from resample.watching import portion, told
 from resample_points.data.cloud import Cloud
 from resample_points.data.parts import memory_left, rows_of, zeros_beside
-from resample_points.geometry.rings import Measured, widened
+from resample_points.geometry.rings import MeasuredDiscs, widened
 from resample_points.geometry.sorting import Ordered, curve_through, in_order
 
 NEIGHBOURS = 13  # with the point itself
@@ -222,7 +222,7 @@ def _measured_places(
             limit(found.nearest, found.spacing, _sizes(axes), float(largest), axes)
 
 
-def _measured_alone(position: Floats, normal: Floats, axes: Floats) -> Measured:
+def _measured_alone(position: Floats, normal: Floats, axes: Floats) -> MeasuredDiscs:
     """Fill in normals and discs by the nearest neighbours alone."""
     from resample_points.geometry.kernels.cells import Spaced
     from resample_points.geometry.kernels.measuring import NeighbourCounts, measure_all
@@ -233,10 +233,10 @@ def _measured_alone(position: Floats, normal: Floats, axes: Floats) -> Measured:
     wanted = NeighbourCounts(min(NEIGHBOURS, count), min(MORE_NEIGHBOURS, count))
     nearest = zeros_beside(position, (count, wanted.few - 1), np.int32)
     measure_all(blocks_of(position), wanted, normal, discs, nearest)
-    return Measured(position, normal, axes, discs.spacing, nearest)
+    return MeasuredDiscs(position, normal, axes, discs.spacing, nearest)
 
 
-def _measured_thinned(position: Floats) -> Measured:
+def _measured_thinned(position: Floats) -> MeasuredDiscs:
     """Measure the points that are left of a thinned cloud."""
     count = len(position)
     with told(None):  # part of larger work
