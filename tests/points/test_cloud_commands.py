@@ -154,11 +154,12 @@ def test_a_film_is_gone_on_with(capsys):
         (["--color-by", "z", "--color-bar", "--size", "60"], "at least 64 px high, not 60"),
         (["--disc-limit", "0"], "discs of at most 0 times"),
         (["--filter", "grauss"], "grauss"),
-        (["--camera", "flat.toml"], "a field of view of 0 degrees; clouds are seen in perspective"),
+        (["--panorama", "cube"], "cube"),
+        (["--panorama", "fisheye", "--intrinsics", "1,1,1,1"], "leave them out of --panorama"),
+        (["--edl", "-1"], "eye-dome lighting of strength -1"),
     ],
 )
 def test_what_cannot_be_shown_is_refused_in_one_line(words, complaint, capsys):
-    Path("flat.toml").write_text("azimuth = 0\nelevation = 0\nfov = 0\n")
     assert complaint in refused(capsys, "render", "scan.csv", "-o", "o.png", *words)
 
 
@@ -221,3 +222,28 @@ def test_classes_of_laser_scans_have_their_names():
     assert other.scale.class_names() == ["2", "5", "6"]
     halves = colored(cloud._replace(columns={"row": number / 4}), "row")
     assert halves.scale.classes == ()
+
+
+def test_parallel_views_show_both_ends_at_one_scale():
+    near = shown("--fov", "0")
+    rows = np.flatnonzero((near != 255).any(axis=(1, 2)))
+    assert abs(len(rows) - 0.95 * 64) <= 2  # a square of 3 units fills the picture's height
+    Path("flat.toml").write_text("azimuth = 0\nelevation = 0\nfov = 0\n")
+    assert ended("render", "scan.csv", "--camera", "flat.toml", *SMALL[:2], "-o", "o.png") == 0
+    film = ["animate", "scan.csv", "--fov", "0", "--frames", "2", *SMALL[:2], "-o", "o.gif"]
+    assert ended(*film) == 0
+
+
+def test_a_panorama_is_made_at_a_pose_or_where_the_camera_is():
+    np.savetxt(
+        "pose.txt", np.linalg.inv([[1, 0, 0, 1.5], [0, 0, 1, -1], [0, -1, 0, 1.5], [0, 0, 0, 1]])
+    )
+    words = ["--size", "64x32", "--background", "white"]
+    for name in ("equirectangular", "fisheye:fov=220"):
+        aim = ["--panorama", name, "--pose", "pose.txt"]
+        assert ended("render", "scan.csv", *aim, *words, "-o", "o.png") == 0
+        picture = cv2.imread("o.png")
+        assert (picture[16, 32] != 255).all()  # the square is ahead
+        assert (picture[2, 2] == 255).all()
+    assert ended("render", "scan.csv", "--panorama", "fisheye", *words, "-o", "o.png") == 0
+    assert (cv2.imread("o.png")[16, 32] != 255).all()

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from resample_points.files.readers import read_cloud
     from resample_points.geometry.framing import framed
     from resample_points.geometry.spacing import prepare_cloud
+    from resample_points.painting.bending import ProjectedCamera
+    from resample_points.painting.indexing import index_cloud
     from resample_points.painting.rendering import CloudStyle, render_cloud
     from resample_points.scenes import CloudScene
     from resample_points.viewing import view
@@ -29,7 +31,9 @@ _HOMES = {
     "Cloud": "data.cloud",
     "CloudScene": "scenes",
     "CloudStyle": "painting.rendering",
+    "ProjectedCamera": "painting.bending",
     "framed": "geometry.framing",
+    "index_cloud": "painting.indexing",
     "join_clouds": "data.selecting",
     "prepare_cloud": "geometry.spacing",
     "read_cloud": "files.readers",
@@ -43,7 +47,9 @@ __all__ = [
     "Cloud",
     "CloudScene",
     "CloudStyle",
+    "ProjectedCamera",
     "framed",
+    "index_cloud",
     "join_clouds",
     "prepare_cloud",
     "read_cloud",

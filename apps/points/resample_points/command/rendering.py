@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from resample.cameras.viewpoints import Viewpoint
     from resample.command.session import Session
     from resample.files.animations import Frames, Shots
-    from resample.types import Floats
+    from resample.types import Doubles, Floats
     from resample_points.data.cloud import Cloud
     from resample_points.data.coloring import Scale
     from resample_points.geometry.spacing import Surfels
@@ -73,6 +73,23 @@ class ColoredScene(NamedTuple):
         from resample.files.saving import write_frame
 
         write_frame(path, self.shown(frame, form), bits=form.bits, background=form.behind())
+
+    def write_index(self, path: Path, camera: "Camera", shape: "Shape") -> None:
+        """Write which point each pixel shows."""
+        from resample.files.writing import replacing, save_array
+
+        look = self.options
+        found = self.scene.indices(
+            camera, size=shape[::-1], style=look.style(), threads=look.threads
+        )
+        with replacing(path) as file:
+            save_array(file, found)
+
+
+def check_index(path: Path | None) -> None:
+    """Refuse a name for the points' numbers that is not of NumPy."""
+    if path is not None and path.suffix.lower() != ".npy":
+        raise ValueError(f"{path}: numbers of points are written as .npy")
 
 
 def scene_of(session: "Session", file: Path, look: CloudOptions) -> ColoredScene:
@@ -198,7 +215,7 @@ def film_of(
     job = {
         "cloud": fingerprint(surfels.origin, surfels.position, surfels.axes, surfels.color),
         "cameras": fingerprint(
-            np.stack([camera.matrix for camera in cameras]),
+            np.stack([_numbers(camera) for camera in cameras]),
             np.stack([camera.world_to_camera for camera in cameras]),
         ),
         "size": list(shape),
@@ -207,6 +224,15 @@ def film_of(
         "version": installed_version(),
     }
     return Shots(len(cameras), frame, job)
+
+
+def _numbers(camera: Any) -> "Doubles":
+    """Return the intrinsics of a camera that orbits, in perspective or parallel."""
+    import numpy as np
+
+    if hasattr(camera, "matrix"):
+        return np.asarray(camera.matrix, np.float64)
+    return np.array([camera.sx, camera.sy, camera.cx, camera.cy])
 
 
 def frames_of(
