@@ -1,4 +1,4 @@
-"""Cameras that see all around: an equirectangular picture, or a dome."""
+"""Panoramic camera: an equirectangular picture of all directions."""
 
 import math
 from dataclasses import dataclass, field, replace
@@ -52,55 +52,6 @@ class Equirectangular:
     def turned(self, yaw: float, pitch: float = 0.0) -> "Equirectangular":
         """Rotated camera: to the right by `yaw`, or else up by `pitch`, rad."""
         return self.moved(turn(yaw, pitch) @ self.world_to_camera)
-
-
-@dataclass(frozen=True, eq=False)
-class Dome:
-    """Equidistant fisheye: angles from the axis are even steps from the picture's middle.
-
-    The circle of `fov` touches the nearer sides of the frame; beyond it there is nothing.
-
-    Parameters
-    ----------
-    fov
-        Angle across the circle, degrees, up to 360.
-    world_to_camera
-        (4, 4) or (3, 4) rigid pose.
-
-    Raises
-    ------
-    ValueError
-        The angle is out of range, or the pose is not rigid.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from resample.cameras.panoramic import Dome
-    >>> Dome(180).rays(np.array([8.0, 4.0]), (8, 8)).round(3).tolist()  # right at the rim
-    [1.0, 0.0, 0.0]
-    """
-
-    fov: float = 180.0
-    world_to_camera: Doubles = field(default_factory=_identity)
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.fov <= 360.0:
-            raise ValueError(f"a dome of {self.fov} degrees; give more than 0, and 360 at most")
-        object.__setattr__(self, "world_to_camera", rigid(self.world_to_camera))
-
-    def moved(self, world_to_camera: ArrayLike) -> "Dome":
-        """Camera with another pose."""
-        return replace(self, world_to_camera=np.asarray(world_to_camera, np.float64))
-
-    def rays(self, place: Doubles, shape: tuple[int, int]) -> Doubles:
-        """Unit directions (..., 3) of positions (..., 2) in px; NaN beyond the circle."""
-        height, width = shape
-        away = (place - (width / 2, height / 2)) / (min(shape) / 2)
-        radius = np.hypot(away[..., 0], away[..., 1])
-        angle = np.where(radius <= 1.0, radius, np.nan) * math.radians(self.fov) / 2
-        with np.errstate(invalid="ignore", divide="ignore"):
-            side = np.where(radius > 0, np.sin(angle) / radius, 0.0)[..., None] * away
-        return np.concatenate([side, np.cos(angle)[..., None]], axis=-1)
 
 
 def check_panorama(shape: tuple[int, int]) -> None:

@@ -1,12 +1,13 @@
 """Paint ellipsoids for cameras whose rays go anywhere: panoramas, fisheyes, lenses."""
 
-from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeVar
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from resample.cameras.models import Camera
-from resample.cameras.panoramic import Dome, Equirectangular, rays_at
+from resample.cameras.panoramic import Equirectangular, check_panorama, rays_at
 from resample.cameras.pixels import directions, undistorted_places
 from resample.painting.scenes.plans import check_size
 from resample.painting.scenes.scene import Clock
@@ -44,28 +45,27 @@ FACES = np.array(
 )
 
 Number = TypeVar("Number", np.float32, np.int8)
-WideCamera = Camera | Equirectangular | Dome
+RaysAt = Callable[[Doubles], Doubles]
 
 
-class AllAround(Protocol):
+class RayCamera(NamedTuple):
     """A camera by the directions of its rays."""
 
-    def __call__(self, place: Doubles, /) -> Doubles:
-        """Directions (..., 3) in camera axes at places (..., 2), px; NaN where there is none."""
+    world_to_camera: Doubles  # (4, 4) or (3, 4)
+    rays: RaysAt  # directions (..., 3) at places (..., 2), px; NaN where there is none
 
 
-def rays_of(camera: WideCamera, size: tuple[int, int]) -> AllAround:
-    """Return the directions of a camera's rays, for a picture (height, width)."""
+def ray_camera(camera: Camera | Equirectangular, size: tuple[int, int]) -> RayCamera:
+    """Return the rays of a panorama or of a camera with a lens, for a picture (height, width)."""
     if isinstance(camera, Equirectangular):
-        return lambda place: rays_at(place, size)
-    if isinstance(camera, Dome):
-        return lambda place: camera.rays(place, size)
+        check_panorama(size)
+        return RayCamera(camera.world_to_camera, lambda place: rays_at(place, size))
 
     def through_lens(place: Doubles) -> Doubles:
         flat = directions(camera, undistorted_places(camera, place))
         return np.concatenate([flat, np.ones((*flat.shape[:-1], 1))], axis=-1)
 
-    return through_lens
+    return RayCamera(camera.world_to_camera, through_lens)
 
 
 class _Strip(NamedTuple):
@@ -78,7 +78,7 @@ class _Strip(NamedTuple):
 
 def paint_around(
     shapes: Ellipsoids | EllipsoidSource,
-    camera: WideCamera,
+    camera: RayCamera,
     size: tuple[int, int],
     style: ShapedStyle | None = None,
     *,
@@ -91,7 +91,7 @@ def paint_around(
     shapes, size, style, progress
         As `paint_ellipsoids` takes them; the order is that of distances.
     camera
-        A panorama, a dome, or a camera with a lens. Depths are distances from the eye.
+        By its rays, see `ray_camera`. Depths are distances from the eye.
 
     Raises
     ------
@@ -102,12 +102,12 @@ def paint_around(
     chosen = style or ShapedStyle(order=ShapedOrder.DISTANCE)
     if ShapedOrder(chosen.order) is not ShapedOrder.DISTANCE or chosen.is_affine:
         raise ValueError(
-            "pictures of a panorama, a dome or a lens are ordered by distance and exact; take the"
+            "panoramas and pictures through a lens are ordered by distance and exact; take the"
             " order distance"
         )
     chosen = chosen._replace(order=ShapedOrder.DISTANCE)
     source = InMemory(check_ellipsoids(shapes)) if isinstance(shapes, Ellipsoids) else shapes
-    clock, rays = Clock(), rays_of(camera, size)
+    clock, rays = Clock(), camera.rays
     per_unit = _focal(rays, size)
     records, parts = _on_faces(source, camera, per_unit, chosen)
     scene = parts[0].measured(records)
@@ -141,7 +141,7 @@ def paint_around(
     return ShapedPicture(*canvas, counts)
 
 
-def _focal(rays: AllAround, size: tuple[int, int]) -> float:
+def _focal(rays: RaysAt, size: tuple[int, int]) -> float:
     """Pixels per unit of angle in the middle of a picture: the scale of faces."""
     middle = np.array([[size[1] / 2 - 0.5, size[0] / 2], [size[1] / 2 + 0.5, size[0] / 2]])
     one, two = (ray / np.linalg.norm(ray) for ray in rays(middle))
@@ -150,7 +150,7 @@ def _focal(rays: AllAround, size: tuple[int, int]) -> float:
 
 
 def _on_faces(
-    source: EllipsoidSource, camera: WideCamera, per_unit: float, style: ShapedStyle
+    source: EllipsoidSource, camera: RayCamera, per_unit: float, style: ShapedStyle
 ) -> tuple[list[Floats], list[ShapedScene]]:
     """Records of each face of a cube around the eye, and the scenes that they are of."""
     pose = np.asarray(camera.world_to_camera, np.float64)
@@ -166,9 +166,7 @@ def _on_faces(
     return records, scenes
 
 
-def _strip(
-    rays: AllAround, rows: tuple[int, int], width: int, fine: int, per_unit: float
-) -> _Strip:
+def _strip(rays: RaysAt, rows: tuple[int, int], width: int, fine: int, per_unit: float) -> _Strip:
     """Place the sub-pixels of rows of a picture on faces, tile by tile."""
     from resample.engine.shaped.canvas import PLANE, SIDE
 

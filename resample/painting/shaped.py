@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, NamedTuple, Protocol
@@ -194,16 +195,30 @@ def paint_ellipsoids(
     ValueError
         Arrays do not fit together, or a number is out of range.
     """
+    source = InMemory(check_ellipsoids(shapes))
+    return paint_ellipsoid_parts(source, camera, size, style, progress=progress)
+
+
+def paint_ellipsoid_parts(
+    source: EllipsoidSource,
+    camera: AnyCamera,
+    size: tuple[int, int],
+    style: ShapedStyle | None = None,
+    *,
+    progress: Progress | None = None,
+) -> ShapedPicture:
+    """As `paint_ellipsoids`, of checked ellipsoids that are projected part by part."""
     check_size(*size)
     clock = Clock()
-    scene = ShapedScene.of(InMemory(check_ellipsoids(shapes)), camera, size, style)
+    scene = ShapedScene.of(source, camera, size, style)
     records = scene.records()
     scene = scene.measured([records])
     clock.lap("project")
     canvas = ShapedCanvas.empty(size)
     painted = scene.paint(records, (0, 0, size[1], size[0]), canvas, progress)
     clock.lap("paint")
-    counts = Statistics(len(shapes.opacity), 0, painted, 0, scene.finest(), clock.seconds)
+    count = sum(source.sizes())
+    counts = Statistics(count, 0, painted, 0, scene.finest(), clock.seconds)
     return ShapedPicture(*canvas, counts)
 
 
@@ -315,16 +330,15 @@ class ShapedScene(NamedTuple):
         project_shapes(arrays, self.view, self._options(shapes.kernel is None), records)
         return in_window(records, (0, 0, self.size[1], self.size[0]))
 
-    def records(self, window: Window | None = None) -> Floats:
-        """Records of all that a window shows."""
+    def records(self) -> Floats:
+        """Records of all that the picture shows, in an array that is allocated once."""
         from resample.engine.shaped.records import WIDTH
 
-        parts = list(self.projected())
-        if window is not None:
-            parts = [in_window(records, window) for records in parts]
-        if len(parts) == 1:
-            return parts[0]
-        return np.concatenate(parts) if parts else np.zeros((0, WIDTH), np.float32)
+        held, done = np.empty((sum(self.source.sizes()), WIDTH), np.float32), 0
+        for records in self.projected():
+            held[done : done + len(records)] = records
+            done += len(records)
+        return held[:done]
 
     def paint(
         self,
@@ -348,7 +362,7 @@ class ShapedScene(NamedTuple):
         whole = PaintedShapes(*map(np.ascontiguousarray, part))
         paint = paint_along_rays if self.style.order is ShapedOrder.RAYS else paint_shapes
         lists = _listed(records, order, grid)
-        with told(progress, None):
+        with nullcontext() if progress is None else told(progress):
             paint(records, lists, grid, self.finest(), self.view.near, self.opacity(), whole)
         for mine, painted in zip(part, whole, strict=True):
             if mine is not painted:

@@ -15,6 +15,7 @@ import numpy as np
 
 from tests import splats as splat_files
 from tests.fuzz.grids import grids
+from tests.fuzz.scans import scans
 from tests.fuzz.stores import SETTINGS, kernel, ome_zarr, png_with, zipped
 from tests.laser import CENTER, copc_of, las_of
 
@@ -271,6 +272,7 @@ def stores() -> list[Case]:
         *fields(),
         *(Case("volume", files) for files in grids()),
         *gaussians(),
+        *(Case("cloud", files) for files in scans()),
     ]
 
 

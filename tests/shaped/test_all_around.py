@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from resample import Camera
-from resample.cameras.panoramic import Dome, Equirectangular, rays_at
-from resample.painting.all_around import paint_around
+from resample import Camera, registry
+from resample.cameras.panoramic import Equirectangular, rays_at
+from resample.painting.all_around import RayCamera, paint_around, ray_camera
 from resample.painting.shaped import Ellipsoids, ShapedStyle, paint_ellipsoids
 from tests.shaped import twin
 
@@ -46,7 +46,20 @@ def centers(size):
 
 
 def around(given, camera, size=SIZE, **style):
+    if not isinstance(camera, RayCamera):
+        camera = ray_camera(camera, size)
     return paint_around(given, camera, size, ShapedStyle("distance", **{"subpixels": 1, **style}))
+
+
+def dome(fov, size):
+    """A fisheye's circle, and nothing around it."""
+    projection = registry.build("projections", f"fisheye:fov={fov}")
+
+    def rays(place):
+        shown = projection.shows(place, size)[..., None]
+        return np.where(shown, projection.rays(place, size, 0), np.nan)
+
+    return RayCamera(np.eye(4), rays)
 
 
 def test_a_panorama_is_that_of_rays_without_a_seam():
@@ -58,8 +71,8 @@ def test_a_panorama_is_that_of_rays_without_a_seam():
 @pytest.mark.parametrize("fov", [120, 180, 360])
 def test_a_dome_is_that_of_rays(fov):
     given, size = gaussians(seed=2), (40, 48)
-    ours = around(given, Dome(fov), size)
-    rays = Dome(fov).rays(centers(size), size)
+    ours = around(given, dome(fov, size), size)
+    rays = dome(fov, size).rays(centers(size))
     expected = np.where(np.isfinite(rays[..., :1]), truth(given, np.nan_to_num(rays, nan=1)), 0)
     np.testing.assert_allclose(ours.rgba, expected, atol=1e-3)
     assert not ours.rgba[0, 0].any()
@@ -97,9 +110,9 @@ def test_a_lens_bends_what_is_seen():
 
 def test_sub_pixels_and_odd_sizes_are_averaged():
     given = gaussians(seed=6)
-    fine = around(given, Dome(200), (33, 37), subpixels=3)
+    fine = around(given, dome(200, (33, 37)), (33, 37), subpixels=3)
     size = (99, 111)
-    rays = Dome(200).rays(centers(size), size)
+    rays = dome(200, size).rays(centers(size))
     expected = np.where(np.isfinite(rays[..., :1]), truth(given, np.nan_to_num(rays, nan=1)), 0)
     expected = expected.reshape(33, 3, 37, 3, 4).mean(axis=(1, 3))
     np.testing.assert_allclose(fine.rgba, expected, atol=1e-3)
@@ -107,4 +120,4 @@ def test_sub_pixels_and_odd_sizes_are_averaged():
 
 def test_orders_by_depth_are_refused():
     with pytest.raises(ValueError, match="take the order distance"):
-        paint_around(gaussians(3), Equirectangular(), SIZE, ShapedStyle("depth"))
+        paint_around(gaussians(3), ray_camera(Equirectangular(), SIZE), SIZE, ShapedStyle("depth"))

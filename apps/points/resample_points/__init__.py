@@ -18,11 +18,19 @@ if TYPE_CHECKING:
     from resample_points.data.cloud import Cloud
     from resample_points.data.gaussians import Gaussians, cropped_gaussians
     from resample_points.data.joining import joined_gaussians, placed_gaussians
+    from resample_points.data.selecting import join_clouds, select_points
     from resample_points.files.gaussians.reading import read_gaussians
     from resample_points.files.gaussians.trained import write_gaussians
     from resample_points.files.readers import read_cloud
     from resample_points.geometry.framing import framed
     from resample_points.geometry.spacing import prepare_cloud
+    from resample_points.painting.bending import ProjectedCamera
+    from resample_points.painting.gaussians import (
+        GaussianStyle,
+        gaussian_camera,
+        render_gaussians,
+    )
+    from resample_points.painting.indexing import index_cloud
     from resample_points.painting.rendering import CloudStyle, render_cloud
     from resample_points.scenes import CloudScene
     from resample_points.viewing import view
@@ -32,15 +40,22 @@ _HOMES = {
     "Cloud": "data.cloud",
     "CloudScene": "scenes",
     "CloudStyle": "painting.rendering",
+    "GaussianStyle": "painting.gaussians",
     "Gaussians": "data.gaussians",
     "cropped_gaussians": "data.gaussians",
     "framed": "geometry.framing",
     "joined_gaussians": "data.joining",
     "placed_gaussians": "data.joining",
+    "ProjectedCamera": "painting.bending",
+    "gaussian_camera": "painting.gaussians",
+    "index_cloud": "painting.indexing",
+    "join_clouds": "data.selecting",
     "prepare_cloud": "geometry.spacing",
     "read_cloud": "files.readers",
     "read_gaussians": "files.gaussians.reading",
     "render_cloud": "painting.rendering",
+    "render_gaussians": "painting.gaussians",
+    "select_points": "data.selecting",
     "view": "viewing",
     "write_gaussians": "files.gaussians.trained",
 }
@@ -50,15 +65,22 @@ __all__ = [
     "Cloud",
     "CloudScene",
     "CloudStyle",
+    "GaussianStyle",
     "Gaussians",
+    "ProjectedCamera",
     "cropped_gaussians",
     "framed",
+    "gaussian_camera",
+    "index_cloud",
+    "join_clouds",
     "joined_gaussians",
     "placed_gaussians",
     "prepare_cloud",
     "read_cloud",
     "read_gaussians",
     "render_cloud",
+    "render_gaussians",
+    "select_points",
     "view",
     "write_gaussians",
 ]

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.reading.limits import check_size
-from resample_points.files.readers import LONGEST_HEADER, MOST_DIGITS, PLY_FORMATS, PLY_TYPES
+from resample_points.files.parsing import LONGEST_HEADER
+from resample_points.files.ply import MOST_DIGITS, PLY_FORMATS, PLY_TYPES
 
 LONGEST_LINE = 1 << 12  # bytes of a line of the header
 ANTIALIASED = {"splatrendermode: mip": True, "antialiased 1": True}  # comments of trainers
@@ -19,7 +20,7 @@ VERTICAL = "vertical axis: "
 
 
 @dataclass(frozen=True)
-class PlyElement:
+class GaussianElement:
     """A PLY element: a number of records of a type."""
 
     name: str
@@ -33,7 +34,7 @@ class PlyFile:
 
     path: Path
     encoding: str  # one of PLY_FORMATS
-    elements: list[PlyElement]
+    elements: list[GaussianElement]
     comments: list[str]  # in lower case
     start: int  # bytes of the header
 
@@ -70,7 +71,7 @@ class PlyFile:
             return np.zeros(0, wanted.kind)
         return np.memmap(self.path, wanted.kind, "r", at, (wanted.count,))
 
-    def _parsed(self, before: int, wanted: PlyElement) -> NDArray[Any]:
+    def _parsed(self, before: int, wanted: GaussianElement) -> NDArray[Any]:
         """Parse the records of a text."""
         size = self.path.stat().st_size
         check_size(str(self.path), size)
@@ -115,7 +116,7 @@ def ply_header(path: Path) -> PlyFile:
         raise ValueError(f"has the PLY format {encoding!r:.40}; known: {', '.join(PLY_FORMATS)}")
     _check_unique([name for name, _, _ in described], "an element")
     elements = [
-        PlyElement(name, count, None if n in with_lists else _kind(fields, encoding))
+        GaussianElement(name, count, None if n in with_lists else _kind(fields, encoding))
         for n, (name, count, fields) in enumerate(described)
     ]
     return PlyFile(path, encoding, elements, comments, start)

@@ -1,0 +1,289 @@
+"""Render 3D Gaussians: exact on every ray, free of aliasing at any distance.
+
+gaussians = read_gaussians("scene.ply")
+frame = render_gaussians(gaussians, gaussian_camera(gaussians, size=(800, 600)), size=(800, 600))
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+
+from resample.cameras.models import AnyCamera, Camera, Orthographic
+from resample.cameras.panoramic import Equirectangular
+from resample.colors import from_srgb
+from resample.painting.scenes.plans import shape_of
+from resample.painting.shaped import (
+    FINEST,
+    Ellipsoids,
+    ShapedOrder,
+    ShapedPicture,
+    ShapedStyle,
+    paint_ellipsoid_parts,
+)
+from resample.types import Doubles, Floats, Frame, View
+from resample_points.data.cloud import Cloud
+from resample_points.data.gaussians import Gaussians
+from resample_points.geometry.framing import FIELD, framed
+from resample_points.painting.bending import CloudView, ProjectedCamera
+
+DILATION = 0.3  # px², by which training widens Gaussians on the screen (Kerbl et al. 2023)
+NEAR = 0.2  # scene units: training leaves out centers before this depth
+PART = 1 << 18  # Gaussians whose colors are found together
+SEEN = 0.3  # opacity of Gaussians that cameras are framed around, at least
+TRIMMED = 0.02  # share of these along each axis that may lie beside the frame, at each end
+
+
+class GaussianLook(StrEnum):
+    """How Gaussians appear."""
+
+    TRAINED = "trained"  # as wide as training has seen them, exact on every ray
+    BARE = "bare"  # as they are in the file
+    AFFINE = "affine"  # as usual renderers draw them: projected linearly, widened on the screen
+
+
+@dataclass(frozen=True)
+class GaussianStyle:
+    """Options of drawing Gaussians.
+
+    Parameters
+    ----------
+    look
+        `trained`, `bare` or `affine`.
+    order
+        `depth` along the view axis, which pops when the camera turns; `distance` from the eye,
+        which pops when it moves, and which panoramas and lenses take; or `rays`, along each ray,
+        where pops become lines that sweep.
+    trained_focal
+        Focal length of the pictures of training, px. None: the camera's, so that the picture has
+        the sharpness of one that training would see there.
+    subpixels
+        Sub-pixels per side of a pixel, up to 8. None: as thin Gaussians need, so that pictures from
+        afar are the mean of near ones.
+    near
+        Depth before which nothing is shown, scene units. None: 0.2 as in training, 0 if `bare`.
+
+    Raises
+    ------
+    ValueError
+        An option is unknown or out of range.
+    """
+
+    look: GaussianLook | str = GaussianLook.TRAINED
+    order: ShapedOrder | str | None = None
+    trained_focal: float | None = None
+    subpixels: int | None = None
+    near: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.look not in list(GaussianLook):
+            raise ValueError(f"look {self.look!r}; known: {', '.join(GaussianLook)}")
+        if self.order is not None and self.order not in list(ShapedOrder):
+            raise ValueError(f"order {self.order!r}; known: {', '.join(ShapedOrder)}")
+        if self.trained_focal is not None and not 0 < self.trained_focal < np.inf:
+            raise ValueError(f"a focal length of {self.trained_focal:g} px; give one above 0")
+        if self.subpixels is not None and not 1 <= self.subpixels <= FINEST:
+            raise ValueError(f"{self.subpixels} sub-pixels; give 1 to {FINEST}")
+        if self.near is not None and not 0 <= self.near < np.inf:
+            raise ValueError(f"the near plane at {self.near:g} must not lie behind the eye")
+
+    def shaped(self, gaussians: Gaussians, *, is_wide: bool) -> ShapedStyle:
+        """Return the style that ellipsoids are painted with."""
+        is_bare = self.look == GaussianLook.BARE
+        usual = ShapedOrder.DISTANCE if is_wide else ShapedOrder.DEPTH
+        return ShapedStyle(
+            ShapedOrder(self.order) if self.order is not None else usual,
+            self.subpixels,
+            near=self.near if self.near is not None else 0.0 if is_bare else NEAR,
+            dilation=0.0 if is_bare else DILATION,
+            trained=self.trained_focal,
+            is_compensated=gaussians.is_antialiased and not is_bare,
+            is_affine=self.look == GaussianLook.AFFINE,
+        )
+
+
+class GaussianParts(NamedTuple):
+    """Gaussians in parts, in colors for a view; see `resample.painting.shaped.EllipsoidSource`."""
+
+    gaussians: Gaussians
+
+    def kernel(self) -> None:
+        """None: opacities fall as Gaussians do."""
+
+    def sizes(self) -> Sequence[int]:
+        """Gaussians of each part."""
+        count = len(self.gaussians.opacity)
+        return [min(PART, count - first) for first in range(0, count, PART)]
+
+    def load(self, part: int, view: View, /) -> Ellipsoids:
+        """Some Gaussians with the colors that they have toward the eye."""
+        rows = slice(part * PART, (part + 1) * PART)
+        position, scale, rotation, opacity = (array[rows] for array in self.gaussians[:4])
+        color = colors_of(self.gaussians, rows, view)
+        return Ellipsoids(position, scale, rotation, opacity, color)
+
+
+def colors_of(gaussians: Gaussians, rows: slice, view: View) -> Floats:
+    """Display-referred colors (N, 3) of some Gaussians, seen in a view."""
+    from resample_points.painting.kernels.gaussian_colors import color_gaussians
+
+    toward = np.append(view.rotation[2], 0.0)
+    if view.perspective:
+        toward = np.append(-view.rotation.T @ view.translation, 1.0)
+    position, constant = gaussians.position[rows], gaussians.color[rows]
+    harmonics = gaussians.harmonics[rows]
+    if harmonics.shape[:1] != position.shape[:1]:
+        harmonics = np.zeros((len(position), 0, 3), np.int16)
+    color = np.empty_like(constant)
+    step = float(gaussians.harmonic_step)
+    color_gaussians(position, constant, np.ascontiguousarray(harmonics), step, toward, color)
+    return color
+
+
+def render_gaussians(
+    gaussians: Gaussians,
+    camera: CloudView,
+    *,
+    size: tuple[int, int],
+    style: GaussianStyle | None = None,
+    background: Sequence[float] | None = None,
+    memory: int | None = None,
+    threads: int | None = None,
+) -> Frame:
+    """Render 3D Gaussians.
+
+    Parameters
+    ----------
+    gaussians
+        A checked scene, as `read_gaussians` returns it.
+    camera
+        Any: perspective or parallel, with a lens, `Equirectangular`, or a `ProjectedCamera`.
+    size
+        Width and height, px.
+    style
+        Options of drawing.
+    background
+        Linear RGB behind the scene. Gaussians are composited in display values, as they were
+        trained, with it as well: the picture is then opaque. None: transparent.
+    memory
+        Bytes for what is projected; beyond, windows of the picture are painted one by one.
+    threads
+        Most threads to use.
+
+    Returns
+    -------
+    The picture in linear light, bit-identical for any number of threads and any order of the
+    Gaussians; `depth` is the mean, `value` the median depth, which is inf where less than half of
+    the light is stopped. For panoramas and lenses depths are distances.
+
+    Raises
+    ------
+    ValueError
+        The size or an option is invalid, or the camera does not go with the look or the order.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_points import Camera, Gaussians, render_gaussians
+    >>> one = Gaussians(
+    ...     *(np.ones((1, n), np.float32) for n in (3, 3, 4)),
+    ...     np.ones(1, np.float32), np.ones((1, 3), np.float32),
+    ... )
+    >>> pose = np.eye(4)
+    >>> pose[2, 3] = 5
+    >>> frame = render_gaussians(one, Camera.from_fov(60, 24, 32, pose), size=(32, 24))
+    >>> frame.rgba.shape, round(float(frame.rgba[14, 18, 3]), 2)
+    ((24, 32, 4), 0.99)
+    """
+    from resample.engine import jit
+    from resample.outofcore.ellipsoids import BYTES, paint_parts
+    from resample.painting.all_around import paint_around
+
+    shape, chosen = shape_of(size), style or GaussianStyle()
+    wide = _rays(camera, shape)
+    parts, look = GaussianParts(gaussians), chosen.shaped(gaussians, is_wide=wide is not None)
+    with jit.threads(jit.workers() if threads is None else threads):
+        if wide is not None:
+            picture = paint_around(parts, wide, shape, look)
+        elif memory is not None and len(gaussians.opacity) * BYTES > memory:
+            picture, _ = paint_parts(parts, cast("AnyCamera", camera), shape, look, memory=memory)
+        else:
+            picture = paint_ellipsoid_parts(parts, cast("AnyCamera", camera), shape, look)
+    return developed(picture, background)
+
+
+def _rays(camera: CloudView, shape: tuple[int, int]) -> Any:
+    """Return the rays of a camera that bends lines; None for others."""
+    from resample.painting.all_around import RayCamera, ray_camera
+
+    if isinstance(camera, ProjectedCamera):
+        projection = camera.projection
+        projection.check(shape)
+        if len(projection.tiles(shape)) > 1:
+            raise ValueError(
+                "Gaussians are rendered in projections of one part, not"
+                f" {type(projection).__name__}"
+            )
+
+        def rays(place: Doubles) -> Doubles:
+            shown = projection.shows(place, shape)[..., None]
+            return np.where(shown, projection.rays(place, shape, 0), np.nan)
+
+        return RayCamera(camera.world_to_camera, rays)
+    if isinstance(camera, Equirectangular):
+        return ray_camera(camera, shape)
+    if isinstance(camera, Camera) and camera.distortion is not None:
+        return ray_camera(camera, shape)
+    if isinstance(camera, Camera | Orthographic):
+        return None
+    raise ValueError(
+        "Gaussians are rendered by Camera, Orthographic, Equirectangular or ProjectedCamera, not by"
+        f" {type(camera).__name__}"
+    )
+
+
+def developed(picture: ShapedPicture, background: Sequence[float] | None) -> Frame:
+    """Return a picture of display values in linear light, over a background if there is one."""
+    from resample.colors import to_srgb
+
+    rgba, alpha = picture.rgba, picture.rgba[..., 3:]
+    if background is not None:
+        behind = to_srgb(np.asarray(background, np.float32))
+        light = from_srgb(rgba[..., :3] + (1 - alpha) * behind)
+        rgba = np.concatenate([light, np.ones_like(alpha)], axis=2)
+    else:
+        straight = np.divide(
+            rgba[..., :3], alpha, out=np.zeros_like(rgba[..., :3]), where=alpha > 0
+        )
+        rgba = np.concatenate([from_srgb(straight) * alpha, alpha], axis=2)
+    counts, depths = picture.statistics, (picture.depth, picture.first_depth)
+    return Frame(rgba, *depths, picture.coverage, counts, picture.median)
+
+
+def shown_part(gaussians: Gaussians) -> Cloud:
+    """Return the centers that cameras are framed around: opaque ones, without outliers."""
+    position: Doubles = gaussians.position[gaussians.opacity >= SEEN].astype(np.float64)
+    if not len(position):
+        position = gaussians.position.astype(np.float64)
+    low, high = np.quantile(position, (TRIMMED, 1 - TRIMMED), axis=0)
+    kept = ((position >= low) & (position <= high)).all(axis=1)
+    inner = position[kept] if kept.any() else position
+    nothing = np.empty((0, 3), np.float32)
+    return Cloud(inner, nothing, nothing, np.empty(0, np.float32))
+
+
+def gaussian_camera(
+    gaussians: Gaussians, *, size: tuple[int, int], **choices: Any
+) -> Camera | Orthographic:
+    """Return a camera that frames a scene, without its outliers.
+
+    Parameters
+    ----------
+    size
+        Width and height, px.
+    choices
+        `azimuth`, `elevation`, `up`, `fov` as `framed` takes them.
+    """
+    return framed(shown_part(gaussians), size=size, **{"fov": FIELD, **choices})
