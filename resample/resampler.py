@@ -44,7 +44,7 @@ from resample.painting.scenes.scene import (
     kernel_field,
     nothing_painted,
 )
-from resample.painting.shaped import (
+from resample.painting.shaped.ellipsoids import (
     Ellipsoids,
     ShapedStyle,
     frame_of,

@@ -15,7 +15,9 @@ from resample.cameras.trajectories import (
     Entry,
     PosedPicture,
     Refused,
+    facts_of,
     is_open3d,
+    is_trained,
     lines_of,
     read_icl,
     read_log,
@@ -46,6 +48,7 @@ KINDS: Mapping[str, Read] = {
     "log": read_log,
     "nerf": _from("calibrations.nerf", "read_nerf"),
     "open3d": read_open3d,
+    "trained": _from("calibrations.trained", "read_trained"),
     "colmap": _from("calibrations.colmap", "read_colmap"),
     "toml": _from("tables", "read_toml"),
 }
@@ -185,7 +188,8 @@ def _recognised(path: Path) -> str:
         return "colmap"
     known = SUFFIXES.get(path.suffix.lower())
     if known == "nerf":
-        return "open3d" if is_open3d(path) else known
+        facts = facts_of(path)
+        return "trained" if is_trained(facts) else "open3d" if is_open3d(facts) else known
     if known is not None:
         return known
     counts = [len(line.words) for line in lines_of(path)]

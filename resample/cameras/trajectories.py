@@ -156,9 +156,14 @@ def _of_rows(lines: Sequence[TextLine]) -> PosedPicture:
     )
 
 
-def is_open3d(path: Path) -> bool:
-    """Whether a JSON file is a trajectory or a single camera of Open3D."""
-    facts = _facts(path)
+def is_trained(facts: Any) -> bool:
+    """Whether JSON values are a list of cameras of training."""
+    first = facts[0] if isinstance(facts, list) and facts else None
+    return isinstance(first, dict) and {"rotation", "position", "fx"} <= set(first)
+
+
+def is_open3d(facts: Any) -> bool:
+    """Whether JSON values are a trajectory or a single camera of Open3D."""
     return isinstance(facts, dict) and ("parameters" in facts or "extrinsic" in facts)
 
 
@@ -167,7 +172,7 @@ def read_open3d(path: Path) -> list[Entry]:
 
     Matrices are column-major.
     """
-    facts = _facts(path)
+    facts = facts_of(path)
     if not isinstance(facts, dict) or not {"parameters", "extrinsic"} & set(facts):
         raise ValueError(f"{path} has neither parameters nor an extrinsic as Open3D's files have")
     given = facts.get("parameters", [facts])
@@ -176,7 +181,7 @@ def read_open3d(path: Path) -> list[Entry]:
     return [entry_of(f"{path}: camera {n}", "", _shot, each) for n, each in enumerate(given)]
 
 
-def _facts(path: Path) -> Any:
+def facts_of(path: Path) -> Any:
     """Parse a JSON file."""
     text = text_of(path)
     with naming(str(path)):

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from resample.painting.scenes.scene import check_samples
-from resample.painting.shaped import Ellipsoids, check_ellipsoids
+from resample.painting.shaped.ellipsoids import Ellipsoids, check_ellipsoids
 from resample.profiles.reconstruction import GaussianKernel, Reconstruction, footprint_table
 from resample.types import Doubles, Samples
 

@@ -12,7 +12,7 @@ from resample.cameras.models import AnyCamera
 from resample.outofcore.windows import WindowTask, split_windows
 from resample.painting.scenes.plans import Window, check_size
 from resample.painting.scenes.scene import Clock
-from resample.painting.shaped import (
+from resample.painting.shaped.ellipsoids import (
     EllipsoidSource,
     ShapedCanvas,
     ShapedPicture,

@@ -165,7 +165,9 @@ def test_the_kind_can_be_said(tmp_path):
 
 
 def test_an_unknown_kind_names_the_known_ones(tmp_path):
-    with pytest.raises(ValueError, match="known: matrix, tum, icl, log, nerf, open3d, colmap"):
+    with pytest.raises(
+        ValueError, match="known: matrix, tum, icl, log, nerf, open3d, trained, colmap"
+    ):
         read_poses(write_tum(tmp_path), "kitti")
 
 

@@ -5,8 +5,8 @@ import pytest
 
 from resample import Camera, registry
 from resample.cameras.panoramic import Equirectangular, rays_at
-from resample.painting.all_around import RayCamera, paint_around, ray_camera
-from resample.painting.shaped import Ellipsoids, ShapedStyle, paint_ellipsoids
+from resample.painting.shaped.all_around import RayDirections, paint_around, ray_directions
+from resample.painting.shaped.ellipsoids import Ellipsoids, ShapedStyle, paint_ellipsoids
 from tests.shaped import twin
 
 SIZE = (32, 64)
@@ -46,8 +46,8 @@ def centers(size):
 
 
 def around(given, camera, size=SIZE, **style):
-    if not isinstance(camera, RayCamera):
-        camera = ray_camera(camera, size)
+    if not isinstance(camera, RayDirections):
+        camera = ray_directions(camera, size)
     return paint_around(given, camera, size, ShapedStyle("distance", **{"subpixels": 1, **style}))
 
 
@@ -59,7 +59,7 @@ def dome(fov, size):
         shown = projection.shows(place, size)[..., None]
         return np.where(shown, projection.rays(place, size, 0), np.nan)
 
-    return RayCamera(np.eye(4), rays)
+    return RayDirections(np.eye(4), rays)
 
 
 def test_a_panorama_is_that_of_rays_without_a_seam():
@@ -120,4 +120,6 @@ def test_sub_pixels_and_odd_sizes_are_averaged():
 
 def test_orders_by_depth_are_refused():
     with pytest.raises(ValueError, match="take the order distance"):
-        paint_around(gaussians(3), ray_camera(Equirectangular(), SIZE), SIZE, ShapedStyle("depth"))
+        paint_around(
+            gaussians(3), ray_directions(Equirectangular(), SIZE), SIZE, ShapedStyle("depth")
+        )

@@ -5,7 +5,7 @@ import pytest
 
 from resample import Camera, Orthographic, Resampler, look_at, particles
 from resample.outofcore.ellipsoids import BYTES, paint_parts
-from resample.painting.shaped import Ellipsoids, ShapedStyle, paint_ellipsoids
+from resample.painting.shaped.ellipsoids import Ellipsoids, ShapedStyle, paint_ellipsoids
 from resample.profiles.orders import EverySample, ImageSheets, Rays
 from tests.shaped import twin
 

@@ -13,16 +13,19 @@ from resample.command.settings import FrameFormat, Serving, Sharing, height_and_
 from resample.command.settings_files import with_settings
 from resample.lazy import installed_version
 from resample_points.command.choices import CloudAim, CloudOptions, CloudStart
+from resample_points.command.gaussians import GaussianOptions
 
 app = App(
     name="resample-points",
-    help="Point clouds: points where they are small on screen, splats where they are large."
+    help="Point clouds and 3D Gaussians: points where they are small on screen, splats where they "
+    "are large."
     "\n\nExample: resample-points render scan.ply --camera 40/20/1.5 --up y -o scan.png",
     version=installed_version,
 )
 app.register_install_completion_command()
 
 CLOUD, START, AIM = CloudOptions.usual(), CloudStart.usual(), CloudAim.usual()
+GAUSSIANS = GaussianOptions.usual()
 FORMAT, SERVING, SHARING = FrameFormat.usual(), Serving.usual(), Sharing.usual()
 FORMER = {  # names that settings files of the release before have
     "render": "resample-warp3d cloud",
@@ -39,9 +42,10 @@ def render(
     index: Annotated[Path | None, OptionTopic.TARGET] = None,
     aim: Annotated[CloudAim, flags.Flat] = AIM,
     look: Annotated[CloudOptions, flags.Flat] = CLOUD,
+    gaussians: Annotated[GaussianOptions, flags.Flat] = GAUSSIANS,
     form: Annotated[FrameFormat, flags.Flat] = FORMAT,
 ) -> None:
-    """Render a point cloud, with its colors and normals if it has them.
+    """Render a point cloud, with its colors and normals if it has them, or 3D Gaussians.
 
     Example: resample-points render scan.ply --camera 40/20/1.5 --up y --color-by intensity
     --color-bar -o scan.png
@@ -49,7 +53,8 @@ def render(
     Parameters
     ----------
     file
-        .ply, .pcd, .las, .laz, .e57, .pts, .xyz, .txt, .csv, .bin (KITTI) or .npz.
+        .ply, .pcd, .las, .laz, .e57, .pts, .xyz, .txt, .csv, .bin (KITTI) or .npz. Of 3D Gaussians:
+        .ply of a trainer or compressed, .splat, .spz, .sog, or a folder of SOG.
     index
         Also write which point each pixel shows: .npy of the points' numbers, from 0 on in the order
         of the files after selection; -1 for nothing.
@@ -58,12 +63,23 @@ def render(
     from resample.files.saving import check_suffix
     from resample.files.writing import check_targets
     from resample.watching import told
+    from resample_points.command.gaussians import check_kind, gaussians_of
     from resample_points.command.rendering import check_index, check_memory, scene_of
 
     check_suffix(output)
     check_index(index)
     shape = form.height_and_width()
     aim.check()
+    gaussians.check()
+    if check_kind(file, look, gaussians):
+        check_targets(output)
+        check_memory(shape, output)
+        session = Session()
+        scene = gaussians_of(session, file, look, gaussians)
+        camera = scene.upright(aim).camera_for(scene.framing, shape)
+        with session.stage("paint", bar="painting") as progress, told(progress):
+            scene.write(output, camera, form)
+        return
     look.check(output, shape[0])
     check_targets(output, index)
     check_memory(shape, output)
@@ -90,11 +106,12 @@ def animate(
     fps: flags.FramesPerSecond = 24.0,
     size: flags.Size = "640x480",
     look: Annotated[CloudOptions, flags.Flat] = CLOUD,
+    gaussians: Annotated[GaussianOptions, flags.Flat] = GAUSSIANS,
     background: flags.FilmBackground = "black",
     resume: flags.Resume = False,
     sharing: Annotated[Sharing, flags.Flat] = SHARING,
 ) -> None:
-    """Move a camera around a point cloud.
+    """Move a camera around a point cloud or 3D Gaussians.
 
     Example: resample-points animate scan.ply --camera 0/20/1 --up y -o orbit.mp4
 
@@ -113,15 +130,33 @@ def animate(
     from resample.console import linear_color
     from resample.files.animations import check_film
     from resample_points.command import rendering
+    from resample_points.command.gaussians import (
+        check_kind,
+        frames_of_gaussians,
+        gaussian_film,
+        gaussians_of,
+    )
     from resample_points.scenes import cameras_of
 
     shape = height_and_width(size)
     check_film(output, fps)
     check_sharing(sharing)
-    viewpoints = rendering.path_of(path, frames, fps, start.start())
+    start.start()
     behind = linear_color(background) or (0.0, 0.0, 0.0)
-    look.check(output, shape[0])
+    gaussians.check()
     rendering.check_memory(shape, output, sharing.workers or 0)
+    if check_kind(file, look, gaussians):
+        scene = gaussians_of(Session(), file, look, gaussians)
+        start = scene.upright(start)
+        viewpoints = rendering.path_of(path, frames, fps, start.start())
+        cameras = cameras_of(scene.framing, viewpoints, shape, steady=start.steady)
+        film = gaussian_film(scene, cameras, shape, behind)
+        again = partial(frames_of_gaussians, file, look, gaussians, cameras, shape, behind)
+        with at_work(sharing, look.threads) as crew:
+            write_shared(output, film, again, crew, fps=fps, resume=resume)
+        return
+    look.check(output, shape[0])
+    viewpoints = rendering.path_of(path, frames, fps, start.start())
     share_memory(sharing)
     cloud = rendering.scene_of(Session(), file, look)
     cameras = cameras_of(cloud.scene.surfels, viewpoints, shape, steady=start.steady)
@@ -139,7 +174,7 @@ def view(
     start: Annotated[CloudStart, flags.Flat] = START,
     page: Annotated[Serving, flags.Flat] = SERVING,
 ) -> None:
-    """Show a point cloud in the browser: navigate, copy the command.
+    """Show a point cloud or 3D Gaussians in the browser: navigate, copy the command.
 
     Example: resample-points view scan.ply --up y
 
@@ -149,9 +184,9 @@ def view(
         As in render.
     """
     from resample.view.server import show
-    from resample_points.viewing import cloud_view
+    from resample_points.viewing import view_of
 
-    show(lambda: cloud_view(file, (start,)), page)
+    show(lambda: view_of(file, (start,)), page)
 
 
 with_settings(app, FORMER)

@@ -181,7 +181,7 @@ class CloudScene(AnyScene):
         return index_cloud(self.surfels, eye, size=size, style=style, threads=threads)
 
 
-def camera_of(surfels: Surfels, shape: Shape, viewpoint: Viewpoint) -> Any:
+def camera_of(surfels: Surfels | Cloud, shape: Shape, viewpoint: Viewpoint) -> Any:
     """Return the camera of a viewpoint; angles alone fit the cloud to the frame."""
     if not isinstance(viewpoint, Orbit):
         return sized(viewpoint, shape)
@@ -199,7 +199,7 @@ def camera_of(surfels: Surfels, shape: Shape, viewpoint: Viewpoint) -> Any:
 
 
 def cameras_of(
-    surfels: Surfels, viewpoints: Sequence[Viewpoint], shape: Shape, *, steady: bool = False
+    surfels: Surfels | Cloud, viewpoints: Sequence[Viewpoint], shape: Shape, *, steady: bool = False
 ) -> list[Any]:
     """Return the cameras of all frames; orbits keep one distance to the cloud's center.
 
@@ -243,7 +243,9 @@ def _shifted(camera: Orthographic, viewpoint: Orbit, shape: Shape) -> Orthograph
     )
 
 
-def _panned(camera: Camera, pan: tuple[float, float], surfels: Surfels, shape: Shape) -> Camera:
+def _panned(
+    camera: Camera, pan: tuple[float, float], surfels: Surfels | Cloud, shape: Shape
+) -> Camera:
     """Shift the cloud's center right and up, in shares of the picture's shorter side."""
     if pan == (0.0, 0.0):
         return camera

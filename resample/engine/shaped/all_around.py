@@ -5,6 +5,8 @@ each face as to a picture; sub-pixels lie anywhere on a face, by coordinates of 
 response is exact for every ray and the order is that of distances, faces meet without a seam.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -65,12 +67,17 @@ WIDER = SIZE + 3 * PLANE
 Faces = NDArray[np.int8]
 
 
+class PlacedTiles(NamedTuple):
+    """Tiles of some rows of a picture, and where their sub-pixels lie on faces."""
+
+    at: Floats  # (T, 3, PLANE) coordinates on the face, and lengths of rays per unit of depth
+    face: Faces  # (T, PLANE) −1 for none
+    columns: int  # tiles in a row of them
+
+
 @kernel
 def boxes_of(at: Floats, face: Faces, boxes: Doubles) -> None:
-    """Bounds of the sub-pixels of each tile on each face, `boxes` (T, FACES, 4); or none.
-
-    `at`: (T, 3, PLANE) coordinates and lengths. `face`: (T, PLANE), −1 for none.
-    """
+    """Bounds of the sub-pixels of each tile on each face, `boxes` (T, FACES, 4); or none."""
     for tile in range(at.shape[0]):
         boxes[tile, :, :2], boxes[tile, :, 2:] = np.inf, -np.inf
         for k in range(PLANE):
@@ -218,9 +225,7 @@ def paint_all_around(
     counter: Counter,
     records: Floats,
     lists: TileLists,
-    at: Floats,
-    face: Faces,
-    columns: int,
+    tiles: PlacedTiles,
     fine: int,
     near: float,
     opacity: PeakOpacity | DepthOpacity,
@@ -228,24 +233,23 @@ def paint_all_around(
 ) -> None:
     """Paint all tiles.
 
-    `lists`: members of each tile on each face, (T FACES) lists. `at`, `face`: of its sub-pixels, as
-    in `boxes_of`. `columns`: tiles in a row of them. `fine`, `near`, `picture`: as in
+    `lists`: members of each tile on each face, (T FACES) lists. `fine`, `near`, `picture`: as in
     `paint_shapes`.
     """
     canvas, is_open = np.empty(WIDER, np.float32), np.empty(SIDE, np.uint32)
     boxes, side = np.empty((SIDE * GROUPS, 4), np.float32), SIDE // fine
-    for tile in tasks(counter, at.shape[0]):
+    for tile in tasks(counter, tiles.at.shape[0]):
         clear(canvas, is_open)
         for number in range(FACES):
             first, end = lists.start[tile * FACES + number], lists.start[tile * FACES + number + 1]
             if first == end:
                 continue
-            _place(canvas, at[tile], face[tile], number, boxes)
+            _place(canvas, tiles.at[tile], tiles.face[tile], number, boxes)
             if not _close(canvas, is_open):
                 continue
             for k in range(first, end):
                 _composite(canvas, is_open, boxes, records[lists.member[k]], near, opacity)
                 if k % OFTEN == OFTEN - 1 and not _close(canvas, is_open):
                     break
-        row, column = tile // columns, tile % columns
+        row, column = tile // tiles.columns, tile % tiles.columns
         write_tile(canvas, (row * side, column * side), fine, picture)

@@ -24,6 +24,7 @@ from resample.command.settings import Choices, Threads
 if TYPE_CHECKING:
     from resample.cameras.calibrations.lens_files import Calibration
     from resample.cameras.viewpoints import Viewpoint
+    from resample_points.data.cloud import Cloud
     from resample_points.data.selecting import Wanted
     from resample_points.geometry.spacing import Surfels
     from resample_points.scenes import Shape
@@ -209,7 +210,7 @@ class CloudAim(CloudStart):
         elif self.intrinsics is not None:
             raise ValueError("--intrinsics are for a pinhole or lens; leave them out of --panorama")
 
-    def camera_for(self, surfels: "Surfels", shape: "Shape") -> Any:
+    def camera_for(self, surfels: "Surfels | Cloud", shape: "Shape") -> Any:
         """Return the camera for a picture (height, width) of a cloud; raises as `check` does."""
         from resample.cameras.viewpoints import Orbit
         from resample_points.geometry.framing import ball_around
@@ -225,7 +226,7 @@ class CloudAim(CloudStart):
             return start.around(ball_around(surfels), *shape)
         return camera_of(surfels, shape, start)
 
-    def _panoramic(self, surfels: "Surfels", shape: "Shape") -> Any:
+    def _panoramic(self, surfels: "Surfels | Cloud", shape: "Shape") -> Any:
         """Return the camera of a panorama, at a pose or where --camera is."""
         from resample.cameras.files import read_pose
         from resample_points.scenes import camera_of

@@ -197,8 +197,6 @@ def film_of(
     scene: ColoredScene, cameras: Sequence[Any], shape: "Shape", background: Any
 ) -> "Shots":
     """Return the frames of a film of a cloud."""
-    import numpy as np
-
     from resample.files.animations import Shots, fingerprint
     from resample.files.saving import screen_levels
     from resample.measuring.color_bars import with_color_bar
@@ -214,16 +212,23 @@ def film_of(
     surfels = scene.scene.surfels
     job = {
         "cloud": fingerprint(surfels.origin, surfels.position, surfels.axes, surfels.color),
-        "cameras": fingerprint(
-            np.stack([_numbers(camera) for camera in cameras]),
-            np.stack([camera.world_to_camera for camera in cameras]),
-        ),
+        "cameras": cameras_print(cameras),
         "size": list(shape),
         "look": scene.options.model_dump(exclude={"threads", "no_cache"}),
         "background": list(background),
         "version": installed_version(),
     }
     return Shots(len(cameras), frame, job)
+
+
+def cameras_print(cameras: Sequence[Any]) -> str:
+    """Fingerprint of the cameras of a film."""
+    import numpy as np
+
+    from resample.files.animations import fingerprint
+
+    numbers = np.stack([_numbers(camera) for camera in cameras])
+    return fingerprint(numbers, np.stack([camera.world_to_camera for camera in cameras]))
 
 
 def _numbers(camera: Any) -> "Doubles":

@@ -15,7 +15,7 @@ from resample.cameras.models import AnyCamera, Camera, Orthographic
 from resample.cameras.panoramic import Equirectangular
 from resample.colors import from_srgb
 from resample.painting.scenes.plans import shape_of
-from resample.painting.shaped import (
+from resample.painting.shaped.ellipsoids import (
     FINEST,
     Ellipsoids,
     ShapedOrder,
@@ -32,11 +32,11 @@ from resample_points.painting.bending import CloudView, ProjectedCamera
 DILATION = 0.3  # px², by which training widens Gaussians on the screen (Kerbl et al. 2023)
 NEAR = 0.2  # scene units: training leaves out centers before this depth
 PART = 1 << 18  # Gaussians whose colors are found together
-SEEN = 0.3  # opacity of Gaussians that cameras are framed around, at least
+OPAQUE_ENOUGH = 0.3  # opacity of Gaussians that cameras are framed around, at least
 TRIMMED = 0.02  # share of these along each axis that may lie beside the frame, at each end
 
 
-class GaussianLook(StrEnum):
+class GaussianAppearance(StrEnum):
     """How Gaussians appear."""
 
     TRAINED = "trained"  # as wide as training has seen them, exact on every ray
@@ -50,7 +50,7 @@ class GaussianStyle:
 
     Parameters
     ----------
-    look
+    appearance
         `trained`, `bare` or `affine`.
     order
         `depth` along the view axis, which pops when the camera turns; `distance` from the eye,
@@ -71,15 +71,17 @@ class GaussianStyle:
         An option is unknown or out of range.
     """
 
-    look: GaussianLook | str = GaussianLook.TRAINED
+    appearance: GaussianAppearance | str = GaussianAppearance.TRAINED
     order: ShapedOrder | str | None = None
     trained_focal: float | None = None
     subpixels: int | None = None
     near: float | None = None
 
     def __post_init__(self) -> None:
-        if self.look not in list(GaussianLook):
-            raise ValueError(f"look {self.look!r}; known: {', '.join(GaussianLook)}")
+        if self.appearance not in list(GaussianAppearance):
+            raise ValueError(
+                f"appearance {self.appearance!r}; known: {', '.join(GaussianAppearance)}"
+            )
         if self.order is not None and self.order not in list(ShapedOrder):
             raise ValueError(f"order {self.order!r}; known: {', '.join(ShapedOrder)}")
         if self.trained_focal is not None and not 0 < self.trained_focal < np.inf:
@@ -91,7 +93,7 @@ class GaussianStyle:
 
     def shaped(self, gaussians: Gaussians, *, is_wide: bool) -> ShapedStyle:
         """Return the style that ellipsoids are painted with."""
-        is_bare = self.look == GaussianLook.BARE
+        is_bare = self.appearance == GaussianAppearance.BARE
         usual = ShapedOrder.DISTANCE if is_wide else ShapedOrder.DEPTH
         return ShapedStyle(
             ShapedOrder(self.order) if self.order is not None else usual,
@@ -100,12 +102,12 @@ class GaussianStyle:
             dilation=0.0 if is_bare else DILATION,
             trained=self.trained_focal,
             is_compensated=gaussians.is_antialiased and not is_bare,
-            is_affine=self.look == GaussianLook.AFFINE,
+            is_affine=self.appearance == GaussianAppearance.AFFINE,
         )
 
 
 class GaussianParts(NamedTuple):
-    """Gaussians in parts, in colors for a view; see `resample.painting.shaped.EllipsoidSource`."""
+    """Gaussians in parts, in colors for a view, as an `EllipsoidSource`."""
 
     gaussians: Gaussians
 
@@ -181,7 +183,7 @@ def render_gaussians(
     Raises
     ------
     ValueError
-        The size or an option is invalid, or the camera does not go with the look or the order.
+        The size or an option is invalid, or the camera does not go with the others.
 
     Examples
     --------
@@ -199,24 +201,24 @@ def render_gaussians(
     """
     from resample.engine import jit
     from resample.outofcore.ellipsoids import BYTES, paint_parts
-    from resample.painting.all_around import paint_around
+    from resample.painting.shaped.all_around import paint_around
 
     shape, chosen = shape_of(size), style or GaussianStyle()
     wide = _rays(camera, shape)
-    parts, look = GaussianParts(gaussians), chosen.shaped(gaussians, is_wide=wide is not None)
+    parts, drawn = GaussianParts(gaussians), chosen.shaped(gaussians, is_wide=wide is not None)
     with jit.threads(jit.workers() if threads is None else threads):
         if wide is not None:
-            picture = paint_around(parts, wide, shape, look)
+            picture = paint_around(parts, wide, shape, drawn)
         elif memory is not None and len(gaussians.opacity) * BYTES > memory:
-            picture, _ = paint_parts(parts, cast("AnyCamera", camera), shape, look, memory=memory)
+            picture, _ = paint_parts(parts, cast("AnyCamera", camera), shape, drawn, memory=memory)
         else:
-            picture = paint_ellipsoid_parts(parts, cast("AnyCamera", camera), shape, look)
+            picture = paint_ellipsoid_parts(parts, cast("AnyCamera", camera), shape, drawn)
     return developed(picture, background)
 
 
 def _rays(camera: CloudView, shape: tuple[int, int]) -> Any:
     """Return the rays of a camera that bends lines; None for others."""
-    from resample.painting.all_around import RayCamera, ray_camera
+    from resample.painting.shaped.all_around import RayDirections, ray_directions
 
     if isinstance(camera, ProjectedCamera):
         projection = camera.projection
@@ -231,11 +233,11 @@ def _rays(camera: CloudView, shape: tuple[int, int]) -> Any:
             shown = projection.shows(place, shape)[..., None]
             return np.where(shown, projection.rays(place, shape, 0), np.nan)
 
-        return RayCamera(camera.world_to_camera, rays)
+        return RayDirections(camera.world_to_camera, rays)
     if isinstance(camera, Equirectangular):
-        return ray_camera(camera, shape)
+        return ray_directions(camera, shape)
     if isinstance(camera, Camera) and camera.distortion is not None:
-        return ray_camera(camera, shape)
+        return ray_directions(camera, shape)
     if isinstance(camera, Camera | Orthographic):
         return None
     raise ValueError(
@@ -264,7 +266,7 @@ def developed(picture: ShapedPicture, background: Sequence[float] | None) -> Fra
 
 def shown_part(gaussians: Gaussians) -> Cloud:
     """Return the centers that cameras are framed around: opaque ones, without outliers."""
-    position: Doubles = gaussians.position[gaussians.opacity >= SEEN].astype(np.float64)
+    position: Doubles = gaussians.position[gaussians.opacity >= OPAQUE_ENOUGH].astype(np.float64)
     if not len(position):
         position = gaussians.position.astype(np.float64)
     low, high = np.quantile(position, (TRIMMED, 1 - TRIMMED), axis=0)

@@ -11,7 +11,7 @@ from resample.cameras.panoramic import Equirectangular, check_panorama, rays_at
 from resample.cameras.pixels import directions, undistorted_places
 from resample.painting.scenes.plans import check_size
 from resample.painting.scenes.scene import Clock
-from resample.painting.shaped import (
+from resample.painting.shaped.ellipsoids import (
     Ellipsoids,
     EllipsoidSource,
     InMemory,
@@ -26,6 +26,7 @@ from resample.types import Doubles, Floats, Indices, Statistics, View
 from resample.watching import Progress
 
 if TYPE_CHECKING:
+    from resample.engine.shaped.all_around import PlacedTiles
     from resample.engine.shaped.lists import TileLists
 
 STRIP = 1 << 22  # sub-pixels whose rays are in memory together, at most
@@ -48,37 +49,29 @@ Number = TypeVar("Number", np.float32, np.int8)
 RaysAt = Callable[[Doubles], Doubles]
 
 
-class RayCamera(NamedTuple):
+class RayDirections(NamedTuple):
     """A camera by the directions of its rays."""
 
     world_to_camera: Doubles  # (4, 4) or (3, 4)
     rays: RaysAt  # directions (..., 3) at places (..., 2), px; NaN where there is none
 
 
-def ray_camera(camera: Camera | Equirectangular, size: tuple[int, int]) -> RayCamera:
+def ray_directions(camera: Camera | Equirectangular, size: tuple[int, int]) -> RayDirections:
     """Return the rays of a panorama or of a camera with a lens, for a picture (height, width)."""
     if isinstance(camera, Equirectangular):
         check_panorama(size)
-        return RayCamera(camera.world_to_camera, lambda place: rays_at(place, size))
+        return RayDirections(camera.world_to_camera, lambda place: rays_at(place, size))
 
     def through_lens(place: Doubles) -> Doubles:
         flat = directions(camera, undistorted_places(camera, place))
         return np.concatenate([flat, np.ones((*flat.shape[:-1], 1))], axis=-1)
 
-    return RayCamera(camera.world_to_camera, through_lens)
-
-
-class _Strip(NamedTuple):
-    """Tiles of some rows of a picture, and where their sub-pixels lie on faces."""
-
-    columns: int  # tiles in a row
-    at: Floats  # (T, 3, PLANE)
-    face: NDArray[np.int8]  # (T, PLANE)
+    return RayDirections(camera.world_to_camera, through_lens)
 
 
 def paint_around(
     shapes: Ellipsoids | EllipsoidSource,
-    camera: RayCamera,
+    camera: RayDirections,
     size: tuple[int, int],
     style: ShapedStyle | None = None,
     *,
@@ -91,7 +84,7 @@ def paint_around(
     shapes, size, style, progress
         As `paint_ellipsoids` takes them; the order is that of distances.
     camera
-        By its rays, see `ray_camera`. Depths are distances from the eye.
+        By its rays, see `ray_directions`. Depths are distances from the eye.
 
     Raises
     ------
@@ -132,7 +125,7 @@ def paint_around(
         part = PaintedShapes(*(array[first:last] for array in canvas))
         lists = _lists(joined, whole, strip)
         opacity = scene.opacity()
-        paint_all_around(joined, lists, *strip[1:], strip.columns, fine, 0.0, opacity, part)
+        paint_all_around(joined, lists, strip, fine, 0.0, opacity, part)
         if progress is not None:
             progress(last / size[0])
     clock.lap("paint")
@@ -150,7 +143,7 @@ def _focal(rays: RaysAt, size: tuple[int, int]) -> float:
 
 
 def _on_faces(
-    source: EllipsoidSource, camera: RayCamera, per_unit: float, style: ShapedStyle
+    source: EllipsoidSource, camera: RayDirections, per_unit: float, style: ShapedStyle
 ) -> tuple[list[Floats], list[ShapedScene]]:
     """Records of each face of a cube around the eye, and the scenes that they are of."""
     pose = np.asarray(camera.world_to_camera, np.float64)
@@ -166,8 +159,11 @@ def _on_faces(
     return records, scenes
 
 
-def _strip(rays: RaysAt, rows: tuple[int, int], width: int, fine: int, per_unit: float) -> _Strip:
+def _strip(
+    rays: RaysAt, rows: tuple[int, int], width: int, fine: int, per_unit: float
+) -> "PlacedTiles":
     """Place the sub-pixels of rows of a picture on faces, tile by tile."""
+    from resample.engine.shaped.all_around import PlacedTiles
     from resample.engine.shaped.canvas import PLANE, SIDE
 
     side = SIDE // fine
@@ -198,10 +194,10 @@ def _strip(rays: RaysAt, rows: tuple[int, int], width: int, fine: int, per_unit:
         tiles = np.moveaxis(array.reshape(shape), (-4, -2), (0, 1))
         return np.ascontiguousarray(tiles.reshape(down * columns, *array.shape[:-2], PLANE))
 
-    return _Strip(columns, by_tile(planes.astype(np.float32)), by_tile(face))
+    return PlacedTiles(by_tile(planes.astype(np.float32)), by_tile(face), columns)
 
 
-def _lists(records: Floats, whole: "TileLists", strip: _Strip) -> "TileLists":
+def _lists(records: Floats, whole: "TileLists", strip: "PlacedTiles") -> "TileLists":
     """List what each tile may show of each face: of blocks of tiles first, then of tiles."""
     from resample.engine.shaped.all_around import FACES as COUNT
     from resample.engine.shaped.all_around import boxes_of

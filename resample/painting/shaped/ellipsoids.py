@@ -61,7 +61,7 @@ class Ellipsoids(NamedTuple):
     --------
     >>> import numpy as np
     >>> from resample import Camera, Resampler
-    >>> from resample.painting.shaped import Ellipsoids
+    >>> from resample.painting.shaped.ellipsoids import Ellipsoids
     >>> flat = Ellipsoids(
     ...     position=[[0, 0, 5]], scale=[[1, 0.2, 1]], rotation=[[1, 0, 0, 0]], opacity=[0.9],
     ...     color=[[1, 0, 0]],

@@ -20,15 +20,12 @@ from resample.view.views import PagePicture, Settings, Size, chosen, option_of, 
 from resample.watching import Cancel, Progress, cancellable
 from resample_points.command.choices import CloudAim, CloudOptions
 from resample_points.command.rendering import ColoredScene, film_of, path_of, scene_of
-from resample_points.files.readers import is_cloud
 from resample_points.geometry.framing import FIELD
 from resample_points.geometry.spacing import Surfels
 from resample_points.scenes import cameras_of
 
 if TYPE_CHECKING:
     from PIL.Image import Image
-
-    from resample.view.widgets import Viewer
 
 COMMAND, FILM = "resample-points render", "resample-points animate"
 RATE = 24.0  # frames per second, of the command
@@ -146,44 +143,6 @@ def cloud_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
         }
 
     return FileView(first, described, _checked, left_out=LEFT_OUT)
-
-
-def view(cloud: str | Path, /, **settings: Any) -> "Viewer":
-    """Show a point cloud in a notebook's cell: navigate, copy the Python code.
-
-    Parameters
-    ----------
-    cloud
-        File of the cloud.
-    settings
-        Initial options of `resample-points render`: `color_by="z"`.
-
-    Returns
-    -------
-    A widget with `settings`, `frame` and `to_python()`. It needs the extra `notebook`.
-
-    Raises
-    ------
-    ValueError, LookupError, OSError
-        An option is invalid, or the file cannot be read.
-
-    Examples
-    --------
-    >>> import resample
-    >>> from resample_points import view
-    >>> view(resample.sample_path("sample:knot-points"), camera="top").settings["camera"]
-    'top'
-    """
-    from resample.view.widgets import Viewer, named
-
-    return Viewer(cloud_view(Path(cloud)), named(settings))
-
-
-def suits(names: Sequence[str]) -> bool:
-    """Whether the names are one file of a cloud."""
-    if len(names) != 1 or not Path(names[0]).is_file():
-        return False
-    return is_cloud(Path(names[0]))
 
 
 def picture(path: str | Path, settings: Mapping[str, Any]) -> "Image":

@@ -1,0 +1,236 @@
+"""Render 3D Gaussians and films of them for the command line."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar
+
+from cyclopts import Parameter
+from pydantic import Field
+
+from resample.command.flags import OptionTopic
+from resample.command.settings import Choices, FrameFormat
+from resample.lazy import installed_version
+from resample_points.command.choices import CloudOptions, CloudStart
+
+if TYPE_CHECKING:
+    from resample.command.session import Session
+    from resample.files.animations import Frames, Shots
+    from resample_points.data.cloud import Cloud
+    from resample_points.data.gaussians import Gaussians
+    from resample_points.painting.gaussians import GaussianStyle
+    from resample_points.scenes import Shape
+
+Aimed = TypeVar("Aimed", bound=CloudStart)
+SHARED = ("also", "crop", "threads")  # options of clouds that Gaussians have, too
+SHARE = 0.8  # share of the free memory that projected Gaussians may take
+
+
+class GaussianOptions(Choices):
+    """Look of 3D Gaussians."""
+
+    heading: ClassVar[str] = "3D Gaussians"
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
+
+    appearance: Annotated[
+        Literal["trained", "bare", "affine"],
+        Parameter(name="--look"),
+        Field(
+            description="How Gaussians appear: trained, as wide as in training and exact on every "
+            "ray; bare, as in the file; affine, as usual renderers draw them."
+        ),
+    ] = "trained"
+    order: Annotated[
+        Literal["depth", "distance", "rays"] | None,
+        Field(
+            description="Order of compositing: depth pops when the camera turns, distance when it "
+            "moves, rays in neither case. Default: depth, and distance for panoramas and lenses."
+        ),
+    ] = None
+    trained_focal: Annotated[
+        str | None,
+        OptionTopic.SOURCE,
+        Field(
+            description="Focal length of the pictures of training, px; or their cameras: "
+            "cameras.json, transforms.json or a folder of COLMAP. Default: the picture's."
+        ),
+    ] = None
+    subpixels: Annotated[
+        int | None,
+        Field(
+            ge=1,
+            le=8,
+            description="Sub-pixels per side of a pixel. Default: as thin Gaussians need.",
+        ),
+    ] = None
+    near: Annotated[
+        float | None,
+        Field(
+            description="Depth before which nothing is shown, scene units. Default: 0.2, 0 if bare."
+        ),
+    ] = None
+    least_opacity: Annotated[
+        float, Field(ge=0, le=1, description="Leave out Gaussians of less opacity.")
+    ] = 0.0
+    largest: Annotated[
+        float | None,
+        Field(description="Leave out Gaussians of larger standard deviations, scene units."),
+    ] = None
+
+    def check(self) -> None:
+        """Refuse invalid options before any work is done."""
+        self.style()
+
+    def style(self) -> "GaussianStyle":
+        """Return the style that `render_gaussians` takes."""
+        from resample_points.painting.gaussians import GaussianStyle
+
+        focal = None if self.trained_focal is None else focal_of(self.trained_focal)
+        return GaussianStyle(self.appearance, self.order, focal, self.subpixels, self.near)
+
+
+def focal_of(text: str) -> float:
+    """Focal length, px, from a number or the median of a file of cameras."""
+    import numpy as np
+
+    from resample.cameras.files import read_shots
+
+    try:
+        return float(text)
+    except ValueError:
+        pass
+    shots = [shot.camera.fx for shot in read_shots(text) if shot.camera is not None]
+    if not shots:
+        raise ValueError(f"{text} has poses without intrinsics; give --trained-focal in px")
+    return float(np.median(shots))
+
+
+def check_kind(file: Path, clouds: CloudOptions, gaussians: GaussianOptions) -> bool:
+    """Whether a file holds 3D Gaussians; refuse options of the other kind."""
+    from resample_points.files.gaussians.reading import is_gaussians
+
+    found = is_gaussians(file)
+    if found:
+        others, owner = clouds.model_fields_set - set(SHARED), "clouds of points"
+    else:
+        others, owner = gaussians.model_fields_set, "3D Gaussians"
+    if others:
+        name = "look" if min(others) == "appearance" else min(others).replace("_", "-")
+        held = "3D Gaussians" if found else "none"
+        raise ValueError(
+            f"--{name} is an option of {owner}, and {file.name} holds {held}; leave it out"
+        )
+    return found
+
+
+@dataclass(frozen=True)
+class GaussianPictures:
+    """Gaussians, ready to be rendered with the options of a command."""
+
+    gaussians: "Gaussians"
+    options: GaussianOptions
+    threads: int | None = None
+
+    @cached_property
+    def framing(self) -> "Cloud":
+        """What cameras are framed around."""
+        from resample_points.painting.gaussians import shown_part
+
+        return shown_part(self.gaussians)
+
+    def upright(self, aim: Aimed) -> Aimed:
+        """Return cameras with the scene's own axis up, unless another is given.
+
+        Files that say nothing have y down, as photographs are laid out.
+        """
+        if "up" in aim.model_fields_set:
+            return aim
+        return aim.model_copy(update={"up": self.gaussians.up or "-y"})
+
+    def picture(self, camera: Any, shape: "Shape", background: Any = None) -> Any:
+        """Render a frame."""
+        from resample.memory import available_memory
+        from resample_points.painting.gaussians import render_gaussians
+
+        free = available_memory()
+        return render_gaussians(
+            self.gaussians,
+            camera,
+            size=shape[::-1],
+            style=self.options.style(),
+            background=background,
+            memory=None if free is None else int(SHARE * free),
+            threads=self.threads,
+        )
+
+    def write(self, path: Path, camera: Any, form: FrameFormat) -> None:
+        """Render a frame, and write it."""
+        from resample.files.saving import write_frame
+
+        frame = self.picture(camera, form.height_and_width(), form.behind())
+        write_frame(path, frame, bits=form.bits, background=form.behind())
+
+
+def gaussians_of(
+    session: "Session", file: Path, clouds: CloudOptions, options: GaussianOptions
+) -> GaussianPictures:
+    """Read the Gaussians of a command, join and crop them."""
+    import numpy as np
+
+    from resample.words import naming
+    from resample_points.data.gaussians import cropped_gaussians
+    from resample_points.data.joining import joined_gaussians
+    from resample_points.data.selecting import box_of
+    from resample_points.files.gaussians.reading import read_gaussians
+
+    with session.stage("read", bar="reading"):
+        scenes = [read_gaussians(name) for name in (file, *map(Path, clouds.also))]
+        whole = scenes[0] if len(scenes) == 1 else joined_gaussians(scenes)
+        box = np.array([[-np.inf] * 3, [np.inf] * 3])
+        for wanted in box_of(clouds.crop):
+            box[:, "xyz".index(wanted.column)] = wanted.ranges[0]
+        with naming(file.name):
+            whole = cropped_gaussians(
+                whole, box=box, least_opacity=options.least_opacity, largest=options.largest
+            )
+    return GaussianPictures(whole, options, clouds.threads)
+
+
+def gaussian_film(
+    scene: GaussianPictures, cameras: Sequence[Any], shape: "Shape", background: Any
+) -> "Shots":
+    """Return the frames of a film of Gaussians."""
+    from resample.files.animations import Shots, fingerprint
+    from resample.files.saving import screen_levels
+    from resample_points.command.rendering import cameras_print
+
+    def frame(n: int) -> Any:
+        return screen_levels(scene.picture(cameras[n], shape, background).rgba)
+
+    job = {
+        "gaussians": fingerprint(*scene.gaussians[:6]),
+        "cameras": cameras_print(cameras),
+        "size": list(shape),
+        "look": scene.options.model_dump(),
+        "background": list(background),
+        "version": installed_version(),
+    }
+    return Shots(len(cameras), frame, job)
+
+
+def frames_of_gaussians(
+    file: Path,
+    clouds: CloudOptions,
+    options: GaussianOptions,
+    cameras: Sequence[Any],
+    shape: "Shape",
+    background: Any,
+    threads: int,
+) -> "Frames":
+    """Return the function that makes frames of a file's Gaussians."""
+    from resample.command.session import Session
+
+    chosen = clouds.model_copy(update={"threads": threads})
+    scene = gaussians_of(Session(), file, chosen, options)
+    return gaussian_film(scene, cameras, shape, background).frame

@@ -1,0 +1,164 @@
+"""3D Gaussians in the viewer's page."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from resample.cameras.models import Camera
+from resample.command.session import Session
+from resample.command.settings import Choices, FrameFormat
+from resample.files.animations import write_film
+from resample.files.saving import screen_levels
+from resample.scene.picking import pixel_at, place_at
+from resample.scene.previews import PER, enlarged, preview_size
+from resample.view.exports import KEYFRAMES, ORBITING, keyframes_as_toml
+from resample.view.files import FileView, path_file
+from resample.view.views import PagePicture, Settings, Size, chosen, option_of, settings_of
+from resample.watching import Cancel, Progress, cancellable
+from resample_points.command.choices import CloudAim, CloudOptions, start_of
+from resample_points.command.gaussians import (
+    SHARED,
+    GaussianOptions,
+    GaussianPictures,
+    gaussian_film,
+    gaussians_of,
+)
+from resample_points.command.rendering import path_of
+from resample_points.geometry.framing import FIELD
+from resample_points.scenes import cameras_of
+
+COMMAND, FILM = "resample-points render", "resample-points animate"
+RATE = 24.0  # frames per second, of the command
+SHOWN = (CloudOptions, GaussianOptions, CloudAim, FrameFormat)  # options that a page can change
+OF_CLOUDS = [
+    option_of(CloudOptions, name) for name in CloudOptions.model_fields if name not in SHARED
+]
+LEFT_OUT = ("size", "bits", *OF_CLOUDS)
+OF_FILMS = [  # options that pictures and films share
+    *(option_of(GaussianOptions, name) for name in GaussianOptions.model_fields),
+    *(option_of(CloudOptions, name) for name in SHARED),
+    *("steady", "size", "background"),
+]
+READ_WITH = ("also", "crop", "least_opacity", "largest")  # options that the scene depends on
+
+
+@dataclass
+class GaussianPainter:
+    """Painter of 3D Gaussians for one page.
+
+    Parameters
+    ----------
+    path
+        File of the scene.
+    """
+
+    path: Path
+    _kept: tuple[Any, GaussianPictures] | None = field(init=False, default=None)
+
+    def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> PagePicture:
+        """Picture of these options, see `resample.view.views.Painter`."""
+        with cancellable(cancel):
+            form, scene, camera = self._placed(settings, size)
+            shape = size[::-1]
+            if quick and isinstance(camera, Camera):
+                few = preview_size(size)
+                eye = replace(camera, matrix=np.diag([1 / PER, 1 / PER, 1.0]) @ camera.matrix)
+                options = scene.options.model_copy(update={"subpixels": 1, "order": "depth"})
+                small = replace(scene, options=options).picture(eye, few[::-1], form.behind())
+                rgba = enlarged(small.rgba, PER, shape, smooth=True)
+            else:
+                rgba = scene.picture(camera, shape, form.behind()).rgba
+        return PagePicture(screen_levels(rgba, background=form.behind()), quick)
+
+    def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
+        """Return the position seen at a pixel, see `resample.view.views.Painter`."""
+        _, scene, camera = self._placed(settings, size)
+        frame = scene.picture(camera, size[::-1])
+        depth = float(frame.value[pixel_at(size, x, y)])
+        place = place_at(camera, x, y, depth) if isinstance(camera, Camera) else None
+        if place is None:
+            return {}
+        return {
+            "position": ", ".join(f"{part:.6g}" for part in place),
+            "depth": f"{depth:.5g}",
+        }
+
+    def save(self, settings: Settings, size: Size, path: Path) -> None:
+        """Write the picture as the command does.
+
+        Raises ValueError, LookupError, OSError: an option is not allowed, or a file cannot be read
+        or written.
+        """
+        form, scene, camera = self._placed(settings, size)
+        scene.write(path, camera, form)
+
+    def keyframes(self, cameras: Sequence[str], settings: Settings) -> str:
+        """Return a keyframe file of cameras, see `resample.view.views.Filming`."""
+        return keyframes_as_toml(cameras, {"fov": FIELD, **settings})
+
+    def film(
+        self, settings: Settings, size: Size, keyframes: str, path: Path, progress: Progress
+    ) -> None:
+        """Write a film as `animate` does, see `resample.view.views.Filming`."""
+        if unknown := [key for key in settings if key not in (*ORBITING["steered"], *OF_FILMS)]:
+            raise ValueError(f"films have no {', '.join(unknown)}; leave that out")
+        (look, options, aim, form), shape = checked(settings), size[::-1]
+        scene = self.scene(look, options)
+        aim = scene.upright(aim)
+        with path_file(KEYFRAMES, keyframes) as file:
+            viewpoints = path_of(str(file), None, RATE, start_of(aim.camera, aim.up))
+        cameras = cameras_of(scene.framing, viewpoints, shape, steady=aim.steady)
+        behind = form.behind() or (0.0, 0.0, 0.0)
+        write_film(path, gaussian_film(scene, cameras, shape, behind), RATE, progress=progress)
+
+    def scene(self, look: CloudOptions, options: GaussianOptions) -> GaussianPictures:
+        """Return the scene, cached until the options change that it is read with."""
+        given = {**look.model_dump(), **options.model_dump()}
+        key = tuple(given[name] for name in READ_WITH)
+        if self._kept is None or self._kept[0] != key:
+            self._kept = key, gaussians_of(Session(), self.path, look, options)
+        return replace(self._kept[1], options=options, threads=look.threads)
+
+    def _placed(self, settings: Settings, size: Size) -> tuple[FrameFormat, GaussianPictures, Any]:
+        """Return the picture's format, the scene and the camera."""
+        look, options, aim, form = checked({**settings, "size": f"{size[0]}x{size[1]}"})
+        scene = self.scene(look, options)
+        return form, scene, scene.upright(aim).camera_for(scene.framing, size[::-1])
+
+
+def gaussian_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
+    """Return what pages show of 3D Gaussians."""
+    first = GaussianPainter(path)
+    given = settings_of(begin)
+
+    def described() -> dict[str, Any]:
+        look, options, *_ = checked(given)
+        scene = first.scene(look, options)
+        up = scene.gaussians.up or "-y"
+        return {
+            "title": path.name,
+            "subtitle": f"{len(scene.gaussians.opacity):,} Gaussians",
+            "command": COMMAND,
+            "film": {"command": FILM, "options": OF_FILMS, **ORBITING},
+            "package": "resample_points",
+            "inputs": [str(path)],
+            "settings": {"camera": "30/20/1", "up": up, "steady": True, **given},
+        }
+
+    return FileView(first, described, checked, left_out=LEFT_OUT)
+
+
+def checked(
+    settings: Settings,
+) -> tuple[CloudOptions, GaussianOptions, CloudAim, FrameFormat]:
+    """Return the options, checked."""
+    look, options, aim, form = chosen(settings, SHOWN)
+    if others := [name for name in look.model_fields_set if name not in SHARED]:
+        raise ValueError(f"{min(others)} is an option of clouds of points; leave it out")
+    aim.check()
+    options.check()
+    form.behind()
+    return look, options, aim, form

@@ -1,0 +1,232 @@
+"""3D Gaussians by commands, in pages and by `render_gaussians`."""
+
+import json
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from resample import look_at
+from resample.cameras.files import read_shot
+from resample.cameras.models import Camera
+from resample.cameras.panoramic import Equirectangular
+from resample.colors import to_srgb
+from resample.files.images import read_channels
+from resample.watching import Cancel
+from resample_points import (
+    Gaussians,
+    GaussianStyle,
+    ProjectedCamera,
+    cli,
+    gaussian_camera,
+    render_gaussians,
+    write_gaussians,
+)
+from resample_points.data.gaussians import colors_toward
+from resample_points.viewing import suits, view_of
+from tests import commands, splats
+from tests.shaped import twin
+
+ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli.app)
+SMALL = ("--size", "48x36")
+
+
+def scene(count=60, harmonics=15):
+    """Round ones around the origin, red toward +x."""
+    rng = np.random.default_rng(3)
+    parts = rng.normal(size=(count, 3)), np.full((count, 3), 0.15), rng.normal(size=(count, 4))
+    color = rng.normal(size=(count, 3))
+    levels = rng.integers(-3000, 3000, (count, harmonics, 3)).astype(np.int16)
+    arrays = (np.float32(part) for part in (*parts, rng.uniform(0.3, 1, count), color))
+    return Gaussians(*arrays, levels, 1e-4)
+
+
+@pytest.fixture
+def file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_gaussians("scene.ply", scene())
+    return Path("scene.ply")
+
+
+@pytest.mark.parametrize("degree", [0, 3, 8, 15])
+def test_colors_are_those_of_the_harmonics_toward_the_eye(degree):
+    given, eye = scene(harmonics=degree), np.array([0.5, -4.0, 1.0])
+    camera = Camera.from_fov(50, 36, 48, look_at(eye, (0, 0, 0)))
+    ours = render_gaussians(
+        given, camera, size=(48, 36), background=(0, 0, 0),
+        style=GaussianStyle("bare", "rays", subpixels=1),
+    )  # fmt: skip
+    shapes = (*given[:4], colors_toward(given, eye))
+    truth = twin.painted(shapes, camera, (36, 48), "rays")[..., :3]
+    np.testing.assert_allclose(to_srgb(ours.rgba[..., :3]), np.clip(truth, 0, 1), atol=2e-3)
+
+
+def test_backgrounds_are_composited_as_training_does():
+    black, white = (
+        render_gaussians(scene(), camera_of(), size=(48, 36), background=[level] * 3)
+        for level in (0.0, 1.0)
+    )
+    alone = render_gaussians(scene(), camera_of(), size=(48, 36))
+    apart = to_srgb(white.rgba[..., :3]) - to_srgb(black.rgba[..., :3])
+    np.testing.assert_allclose(apart, np.repeat(1 - alone.rgba[..., 3:], 3, axis=2), atol=2e-3)
+    assert (black.rgba[..., 3] == 1).all()
+
+
+def camera_of():
+    return gaussian_camera(scene(), size=(48, 36))
+
+
+def test_the_command_writes_what_the_library_renders(file):
+    words = ("--camera", "30/20/1", "--up", "z", "--background", "white", *SMALL)
+    assert ended("render", file, "-o", "out.png", *words) == 0
+    camera = gaussian_camera(scene(), size=(48, 36), azimuth=30, elevation=20, up="z")
+    frame = render_gaussians(scene(), camera, size=(48, 36), background=(1, 1, 1))
+    levels = np.asarray(Image.open("out.png"))[..., :3]
+    np.testing.assert_allclose(levels, 255 * np.clip(to_srgb(frame.rgba[..., :3]), 0, 1), atol=1)
+
+
+def test_exr_has_both_depths_and_the_coverage(file):
+    assert ended("render", file, "-o", "out.exr", *SMALL) == 0
+    channels = read_channels("out.exr")
+    assert {"Z", "first.Z", "value", "coverage", "A"} <= set(channels)
+    solid = channels["A"] > 0.9
+    assert np.isfinite(channels["value"][solid]).all()
+    assert (channels["first.Z"][solid] <= channels["value"][solid] + 1e-4).all()
+
+
+@pytest.mark.parametrize("kind", ["splat", "sog", "spz"])
+def test_other_formats_are_rendered(tmp_path, monkeypatch, kind):
+    monkeypatch.chdir(tmp_path)
+    some = splats.scene(count=40, width=8)
+    written = {"splat": splats.splat_of, "spz": lambda one: splats.spz_of(one, 3)}
+    content = splats.zipped(splats.sog_of(some, 2)) if kind == "sog" else written[kind](some)
+    Path(f"scene.{kind}").write_bytes(content)
+    assert ended("render", f"scene.{kind}", "-o", "out.png", *SMALL) == 0
+    assert np.asarray(Image.open("out.png"))[..., 3].any()
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (("--color-by", "x"), "--color-by is an option of clouds of points, and scene.ply holds"),
+        (("--look", "soft"), "'trained', 'bare' or 'affine'"),
+        (("--largest", "1e-6"), "none of the 60 Gaussians is within"),
+        (("--trained-focal", "nothing.json"), "there is no such file"),
+        (("--trained-focal", "-3"), "a focal length of -3 px; give one above 0"),
+        (
+            ("--order", "depth", "--panorama", "equirectangular", "--size", "64x32"),
+            "order distance",
+        ),
+    ],
+)
+def test_options_that_do_not_fit_are_refused(file, words, complaint, capsys):
+    assert complaint in refused(capsys, "render", file, "-o", "out.png", *words)
+    assert not Path("out.png").exists()
+
+
+def test_clouds_refuse_options_of_gaussians(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    np.savez("cloud.npz", position=np.random.default_rng(1).normal(size=(50, 3)))
+    message = refused(capsys, "render", "cloud.npz", "-o", "out.png", "--look", "bare")
+    assert "--look is an option of 3D Gaussians, and cloud.npz holds none; leave it out" in message
+
+
+def test_cropping_and_joining_change_what_is_shown(file):
+    assert ended("render", file, "-o", "all.png", *SMALL) == 0
+    assert (
+        ended(
+            "render", file, "--crop", "0:9,:,:", "--least-opacity", "0.5", "-o", "some.png", *SMALL
+        )
+        == 0
+    )
+    shown = [np.asarray(Image.open(name))[..., 3].sum() for name in ("all.png", "some.png")]
+    assert shown[0] > shown[1] > 0
+    write_gaussians("more.ply", scene()._replace(position=scene().position + np.float32([9, 0, 0])))
+    assert ended("render", file, "--also", "more.ply", "-o", "both.png", *SMALL) == 0
+
+
+def test_films_and_panoramas_are_written(file):
+    assert ended("animate", file, "-o", "film.gif", "--frames", "3", "--size", "24x18") == 0
+    with Image.open("film.gif") as film:
+        assert film.n_frames == 3
+    around = ("--panorama", "fisheye:fov=200", "--size", "40x40")
+    assert ended("render", file, "-o", "dome.png", *around) == 0
+
+
+def test_cameras_of_training_give_views_and_the_focal_length(file):
+    pose = look_at((0, -6, 1), (0, 0, 0))
+    facts = {
+        "id": 0, "img_name": "one", "width": 96, "height": 72, "fx": 100.0, "fy": 100.0,
+        "position": (-pose[:3, :3].T @ pose[:3, 3]).tolist(), "rotation": pose[:3, :3].T.tolist(),
+    }  # fmt: skip
+    Path("cameras.json").write_text(json.dumps([facts]))
+    shot = read_shot("cameras.json:one")
+    np.testing.assert_allclose(shot.pose, pose, atol=1e-12)
+    assert shot.shape == (72, 96)
+    words = ("--camera", "cameras.json:0", "--trained-focal", "cameras.json", *SMALL)
+    assert ended("render", file, "-o", "out.png", "--background", "black", *words) == 0
+    near = render_gaussians(
+        scene(), shot.camera, size=(96, 72), background=(0, 0, 0), style=GaussianStyle(subpixels=1)
+    )
+    mean = to_srgb(near.rgba[..., :3]).reshape(36, 2, 48, 2, 3).mean(axis=(1, 3))
+    levels = np.asarray(Image.open("out.png"))[..., :3] / 255
+    assert twin.psnr(levels, mean) > 45
+
+
+def test_files_of_training_cameras_that_are_damaged_are_refused(file, capsys):
+    Path("cameras.json").write_text('[{"rotation": [[1]], "position": [0, 0, 0], "fx": 1}]')
+    message = refused(capsys, "render", file, "--camera", "cameras.json:0", "-o", "out.png")
+    assert "cameras.json: camera 0" in message
+
+
+def test_pages_paint_pick_and_preview(file):
+    page = view_of(file)
+    assert page.about["subtitle"] == "60 Gaussians"
+    painter, settings = page.painter(), {"background": "black", "look": "trained"}
+    whole, quick = (
+        painter.paint(settings, (48, 36), quick=quick, cancel=Cancel()) for quick in (False, True)
+    )
+    assert whole.levels.shape == quick.levels.shape == (36, 48, 3)
+    found = painter.pick(settings, (48, 36), 24, 18)
+    assert set(found) <= {"position", "depth"}
+    assert suits([str(file)])
+    with pytest.raises(ValueError, match=r"color.by is an option of clouds"):
+        page.refuse({"color-by": "x"})
+
+
+def test_cameras_of_all_kinds_are_taken_and_others_refused():
+    from resample import registry
+
+    given, size = scene(), (48, 24)
+    for camera in (Equirectangular(), ProjectedCamera(registry.build("projections", "fisheye"))):
+        assert render_gaussians(given, camera, size=size).rgba.any()
+    with pytest.raises(ValueError, match="Gaussians are rendered by Camera, Orthographic"):
+        render_gaussians(given, object(), size=size)
+    cube = ProjectedCamera(registry.build("projections", "cubemap"))
+    with pytest.raises(ValueError, match="projections of one part, not CubeMap"):
+        render_gaussians(given, cube, size=(48, 8))
+
+
+def test_less_memory_gives_the_same_bits():
+    given, size = scene(400), (128, 96)
+    camera = gaussian_camera(given, size=size)
+    whole = render_gaussians(given, camera, size=size)
+    parts = render_gaussians(given, camera, size=size, memory=250 * 132)
+    np.testing.assert_array_equal(whole.rgba, parts.rgba)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"appearance": "soft"}, "appearance 'soft'; known: trained, bare, affine"),
+        ({"order": "size"}, "order 'size'; known: depth, distance, rays"),
+        ({"subpixels": 9}, "9 sub-pixels; give 1 to 8"),
+        ({"near": -1}, "must not lie behind the eye"),
+        ({"trained_focal": 0}, "a focal length of 0 px"),
+    ],
+)
+def test_styles_out_of_range_are_refused(options, message):
+    with pytest.raises(ValueError, match=message):
+        GaussianStyle(**options)
