@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.jit import Counter, inner_kernel, inner_step, kernel, parallel_kernel, tasks
+from resample.engine.jit import Counter, inner_kernel, inner_step, parallel_kernel, tasks
 from resample.engine.shaped.canvas import (
     GROUPS,
     LANES,
@@ -55,7 +55,6 @@ from resample.engine.shaped.records import (
     X,
     Y,
 )
-from resample.engine.sorting import Pairs, member_of
 from resample.types import Doubles, Floats, Indices
 
 FACES = 6
@@ -75,20 +74,6 @@ class PlacedTiles(NamedTuple):
     columns: int  # tiles in a row of them
 
 
-@kernel
-def boxes_of(at: Floats, face: Faces, boxes: Doubles) -> None:
-    """Bounds of the sub-pixels of each tile on each face, `boxes` (T, FACES, 4); or none."""
-    for tile in range(at.shape[0]):
-        boxes[tile, :, :2], boxes[tile, :, 2:] = np.inf, -np.inf
-        for k in range(PLANE):
-            f = face[tile, k]
-            if f >= 0:
-                x, y = at[tile, 0, k], at[tile, 1, k]
-                box = boxes[tile, f]
-                box[0], box[1] = min(box[0], x), min(box[1], y)
-                box[2], box[3] = max(box[2], x), max(box[3], y)
-
-
 @inner_step
 def _meets(records: Floats, n: int, box: Doubles) -> bool:
     """Whether a record's box meets another."""
@@ -96,44 +81,27 @@ def _meets(records: Floats, n: int, box: Doubles) -> bool:
     return bool(across and records[n, TOP] <= box[3] and records[n, BOTTOM] >= box[1])
 
 
-@kernel
-def first_of(order: Pairs) -> NDArray[np.int32]:
-    """Numbers of records, nearest first."""
-    member = np.empty(order.size, np.int32)
-    for k in range(order.size):
-        member[k] = member_of(order[k])
-    return member
-
-
 @parallel_kernel
-def count_meeting(
-    counter: Counter, records: Floats, lists: TileLists, of: Indices, boxes: Doubles, count: Indices
-) -> None:
-    """Count which of a list's records meet each box (B, 4); `of` (B,) is the list of each."""
-    for n in tasks(counter, of.size):
-        found = 0
-        for k in range(lists.start[of[n]], lists.start[of[n] + 1]):
-            found += _meets(records, lists.member[k], boxes[n])
-        count[n] = found
-
-
-@parallel_kernel
-def list_meeting(
+def deal_to_boxes(
     counter: Counter,
     records: Floats,
     lists: TileLists,
     of: Indices,
     boxes: Doubles,
-    start: Indices,
+    position: Indices,
     member: NDArray[np.int32],
 ) -> None:
-    """Write these, in their order, to `member` from each box's `start` on."""
+    """Write which of a list's records meet each box, or count them if `member` has no room.
+
+    `of` (B,): list of each box. `position` (B,): where its members begin; it grows by them.
+    """
+    is_counting = member.size == 0
     for n in tasks(counter, of.size):
-        place = start[n]
         for k in range(lists.start[of[n]], lists.start[of[n] + 1]):
             if _meets(records, lists.member[k], boxes[n]):
-                member[place] = lists.member[k]
-                place += 1
+                if not is_counting:
+                    member[position[n]] = lists.member[k]
+                position[n] += 1
 
 
 @inner_kernel

@@ -13,7 +13,7 @@ from resample.types import Floats, Indices
 
 CHUNKS = 32  # fixed, so that lists never depend on the number of threads
 
-Counts = NDArray[np.int32]
+Counts = NDArray[np.int64]
 
 
 class TileGrid(NamedTuple):
@@ -77,20 +77,7 @@ def _tiles_of(records: Floats, n: int, grid: TileGrid) -> tuple[int, int, int, i
 
 
 @parallel_kernel
-def count_listed(
-    counter: Counter, records: Floats, order: Pairs, grid: TileGrid, count: Counts
-) -> None:
-    """Count the records of each chunk of the order in each tile, in `count` (CHUNKS, T)."""
-    for chunk in tasks(counter, CHUNKS):
-        for k in range(order.size * chunk // CHUNKS, order.size * (chunk + 1) // CHUNKS):
-            first, last, above, below = _tiles_of(records, int(member_of(order[k])), grid)
-            for row in range(above, below + 1):
-                for column in range(first, last + 1):
-                    count[chunk, row * grid.columns + column] += 1
-
-
-@parallel_kernel
-def list_members(
+def deal_records(
     counter: Counter,
     records: Floats,
     order: Pairs,
@@ -98,7 +85,11 @@ def list_members(
     position: Counts,
     member: NDArray[np.int32],
 ) -> None:
-    """Write each record to its tiles; `position` (CHUNKS, T) is where a chunk's begin."""
+    """Write each record to its tiles, or count those of each tile if `member` has no room.
+
+    `position` (CHUNKS, T): where the members of each chunk of the order begin; it grows by them.
+    """
+    is_counting = member.size == 0
     for chunk in tasks(counter, CHUNKS):
         for k in range(order.size * chunk // CHUNKS, order.size * (chunk + 1) // CHUNKS):
             n = int(member_of(order[k]))
@@ -106,5 +97,6 @@ def list_members(
             for row in range(above, below + 1):
                 for column in range(first, last + 1):
                     tile = row * grid.columns + column
-                    member[position[chunk, tile]] = n
+                    if not is_counting:
+                        member[position[chunk, tile]] = n
                     position[chunk, tile] += 1

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from resample.engine.shaped.lists import TileLists
 
 STRIP = 1 << 22  # sub-pixels whose rays are in memory together, at most
+LOWER = np.uint64(0xFFFFFFFF)  # bits of a pair with the number
 BLOCK = 4  # tiles along a side of what is listed first
 
 # Rotations from camera axes to those of faces: ahead, right, behind, left, below, above.
@@ -106,13 +107,14 @@ def paint_around(
     scene = parts[0].measured(records)
     fine = scene.finest()
     clock.lap("project")
-    from resample.engine.shaped.all_around import first_of, paint_all_around
+    from resample.engine.shaped.all_around import paint_all_around
     from resample.engine.shaped.canvas import SIDE, PaintedShapes
     from resample.engine.shaped.lists import TileLists, front_to_back
 
     offset = np.cumsum([0, *(len(face) for face in records)])
     members = [
-        first_of(front_to_back(face)) + first for face, first in zip(records, offset, strict=False)
+        (front_to_back(face) & LOWER).astype(np.int64) + first
+        for face, first in zip(records, offset, strict=False)
     ]
     joined = np.concatenate(records)
     start = np.cumsum([0, *(len(member) for member in members)])
@@ -199,32 +201,41 @@ def _strip(
 
 def _lists(records: Floats, whole: "TileLists", strip: "PlacedTiles") -> "TileLists":
     """List what each tile may show of each face: of blocks of tiles first, then of tiles."""
-    from resample.engine.shaped.all_around import FACES as COUNT
-    from resample.engine.shaped.all_around import boxes_of
-
-    boxes = np.empty((len(strip.at), COUNT, 4))
-    boxes_of(strip.at, strip.face, boxes)
+    boxes = _boxes(strip)
     tile = np.arange(len(boxes))
     row, column = tile // strip.columns // BLOCK, tile % strip.columns // BLOCK
     block = row * (-(-strip.columns // BLOCK)) + column
-    around = np.empty((block.max() + 1, COUNT, 4))
+    around = np.empty((block.max() + 1, len(FACES), 4))
     around[..., :2], around[..., 2:] = np.inf, -np.inf
     np.minimum.at(around[..., :2], block, boxes[..., :2])
     np.maximum.at(around[..., 2:], block, boxes[..., 2:])
-    faces = np.arange(COUNT)
+    faces = np.arange(len(FACES))
     coarse = _meeting(records, whole, np.tile(faces, len(around)), around.reshape(-1, 4))
-    of = (block[:, None] * COUNT + faces).reshape(-1)
+    of = (block[:, None] * len(FACES) + faces).reshape(-1)
     return _meeting(records, coarse, of, boxes.reshape(-1, 4))
+
+
+def _boxes(strip: "PlacedTiles") -> Doubles:
+    """Bounds (T, faces, 4) of the sub-pixels of each tile on each face; least above most: none."""
+    boxes = np.empty((len(strip.at), len(FACES), 4))
+    for number in range(len(FACES)):
+        is_here = strip.face == number
+        for axis in range(2):
+            place = strip.at[:, axis]
+            boxes[:, number, axis] = np.where(is_here, place, np.inf).min(axis=1)
+            boxes[:, number, 2 + axis] = np.where(is_here, place, -np.inf).max(axis=1)
+    return boxes
 
 
 def _meeting(records: Floats, lists: "TileLists", of: Indices, boxes: Doubles) -> "TileLists":
     """List which records of a list meet each box."""
-    from resample.engine.shaped.all_around import count_meeting, list_meeting
+    from resample.engine.shaped.all_around import deal_to_boxes
     from resample.engine.shaped.lists import TileLists
 
     count = np.zeros(len(of), np.int64)
-    count_meeting(records, lists, of, boxes, count)
+    deal_to_boxes(records, lists, of, boxes, count, np.zeros(0, np.int32))
     start = np.concatenate([[0], np.cumsum(count)])
     member = np.empty(start[-1], np.int32)
-    list_meeting(records, lists, of, boxes, start, member)
+    if member.size:
+        deal_to_boxes(records, lists, of, boxes, start[:-1].copy(), member)
     return TileLists(start, member)

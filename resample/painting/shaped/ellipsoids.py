@@ -416,14 +416,15 @@ def relative_integral(kernel: Reconstruction) -> Profile | Pieces | Tabulated:
 
 def _listed(records: Floats, order: NDArray[np.uint64], grid: "TileGrid") -> "TileLists":
     """Deal records to tiles."""
-    from resample.engine.shaped.lists import CHUNKS, TileLists, count_listed, list_members
+    from resample.engine.shaped.lists import CHUNKS, TileLists, deal_records
 
-    count = np.zeros((CHUNKS, grid.columns * grid.rows), np.int32)
-    count_listed(records, order, grid, count)
-    start = np.concatenate([[0], np.cumsum(count.sum(axis=0, dtype=np.int64))])
-    position = start[:-1] + np.cumsum(count, axis=0, dtype=np.int64) - count
+    count, none = np.zeros((CHUNKS, grid.columns * grid.rows), np.int64), np.zeros(0, np.int32)
+    deal_records(records, order, grid, count, none)
+    start = np.concatenate([[0], np.cumsum(count.sum(axis=0))])
+    position = start[:-1] + np.cumsum(count, axis=0) - count
     member = np.empty(start[-1], np.int32)
-    list_members(records, order, grid, position, member)
+    if member.size:
+        deal_records(records, order, grid, position, member)
     return TileLists(start, member)
 
 
