@@ -17,6 +17,7 @@ import numpy as np
 DTYPES = ("uint8", "int8", "uint16", "int16", "int32", "float32", "float64")
 VOLUME = "resample-volume render {} --size 40 -o out.png"
 WARP = "resample-texture warp {} --corners '2,3 40,8 36,38 6,30' --size 44 -o out.tif"
+GAUSSIANS = "resample-points render gaussians.ply -o out.png {}"
 DEPTH = "resample-warp3d render {} --size 40 -o out.png"
 
 
@@ -135,6 +136,17 @@ def depths() -> Iterator[str]:
     yield "resample-warp3d demo --output demo"
 
 
+def gaussians() -> Iterator[str]:
+    """Commands for 3D Gaussians."""
+    for more in (
+        "--size 40",
+        "--size 40 --order rays",
+        "--size 40 --look affine",
+        "--panorama equirectangular --size 48x24",
+    ):
+        yield GAUSSIANS.format(more)
+
+
 def documented() -> Iterator[str]:
     """Commands in README and docs that need no files of the user."""
     from tests.core.test_docs import commands, runs_as_it_stands
@@ -154,6 +166,7 @@ GROUPS: dict[str, Callable[[], Iterator[str | Callable[[], Any]]]] = {
     "volume": volumes,
     "texture": textures,
     "warp3d": depths,
+    "gaussians": gaussians,
     "documented": documented,
 }
 
@@ -178,9 +191,22 @@ def prepare() -> None:
     down, across = np.mgrid[:40, :48] + 0.5
     np.save("map.npy", np.stack([across + 0.1 * down, 0.9 * down], axis=-1).astype(np.float32))
     np.save("flow.npy", np.full((40, 48, 2), 0.7, np.float32))
+    _gaussians("gaussians.ply", rng)
     depth = 2 + 0.01 * across
     np.save("depth.npy", depth.astype(np.float32))
     cv2.imwrite("depth.png", (1000 * depth).astype(np.uint16))
+
+
+def _gaussians(path: str, rng: np.random.Generator) -> None:
+    """Write 3D Gaussians with harmonics of degree 1."""
+    from resample_points import Gaussians, write_gaussians
+
+    parts = (rng.normal(size=(40, n)).astype(np.float32) for n in (3, 4, 3))
+    place, turn, color = parts
+    opacity = rng.random(40).astype(np.float32)
+    levels = rng.integers(-99, 99, (40, 3, 3)).astype(np.int16)
+    size = np.full((40, 3), 0.1, np.float32)
+    write_gaussians(path, Gaussians(place, size, turn, opacity, color, levels, 1e-3))
 
 
 def _store(path: str, values: np.ndarray) -> None:
