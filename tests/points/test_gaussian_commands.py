@@ -230,3 +230,33 @@ def test_less_memory_gives_the_same_bits():
 def test_styles_out_of_range_are_refused(options, message):
     with pytest.raises(ValueError, match=message):
         GaussianStyle(**options)
+
+
+def test_a_scene_that_stays_in_its_file_has_the_same_bits(tmp_path, monkeypatch):
+    from resample_points import cropped_gaussians, read_gaussians
+    from resample_points.data.gaussians import Crop
+    from resample_points.files.gaussians.reading import stored_gaussians
+    from resample_points.painting import gaussians as painting
+
+    monkeypatch.setattr(painting, "PART", 64)
+    path, given = tmp_path / "scene.ply", scene(500)
+    write_gaussians(path, given)
+    crop = Crop([[-1, -np.inf, -np.inf], [np.inf] * 3], 0.4, 0.2)
+    whole = cropped_gaussians(read_gaussians(path), **crop._asdict())
+    stored = painting.StoredGaussians(stored_gaussians(path), crop)
+    camera = gaussian_camera(whole, size=(96, 72))
+    one, two = (
+        render_gaussians(each, camera, size=(96, 72), memory=memory)
+        for each, memory in ((whole, None), (stored, 280 * 132))
+    )
+    for mine, theirs in zip(one[:4], two[:4], strict=True):
+        np.testing.assert_array_equal(mine, theirs)
+
+
+def test_what_does_not_fit_stays_in_its_file(file, monkeypatch):
+    from resample_points.command import gaussians
+
+    assert ended("render", file, "-o", "whole.png", "--camera", "0/0/0.5", *SMALL) == 0
+    monkeypatch.setattr(gaussians, "free_memory", lambda: 60 * 200.0)
+    assert ended("render", file, "-o", "parts.png", "--camera", "0/0/0.5", *SMALL) == 0
+    assert Path("parts.png").read_bytes() == Path("whole.png").read_bytes()

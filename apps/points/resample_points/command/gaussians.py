@@ -19,11 +19,12 @@ if TYPE_CHECKING:
     from resample.files.animations import Frames, Shots
     from resample_points.data.cloud import Cloud
     from resample_points.data.gaussians import Gaussians
-    from resample_points.painting.gaussians import GaussianStyle
+    from resample_points.painting.gaussians import GaussianStyle, StoredGaussians
     from resample_points.scenes import Shape
 
 Aimed = TypeVar("Aimed", bound=CloudStart)
 SHARED = ("also", "crop", "threads")  # options of clouds that Gaussians have, too
+BYTES = 320  # per Gaussian in memory, with what a picture needs of it
 SHARE = 0.8  # share of the free memory that projected Gaussians may take
 
 
@@ -128,7 +129,7 @@ def check_kind(file: Path, clouds: CloudOptions, gaussians: GaussianOptions) -> 
 class GaussianPictures:
     """Gaussians, ready to be rendered with the options of a command."""
 
-    gaussians: "Gaussians"
+    gaussians: "Gaussians | StoredGaussians"
     options: GaussianOptions
     threads: int | None = None
 
@@ -138,6 +139,24 @@ class GaussianPictures:
         from resample_points.painting.gaussians import shown_part
 
         return shown_part(self.gaussians)
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        from resample_points.painting.gaussians import StoredGaussians
+
+        scene = self.gaussians
+        return scene.file.count if isinstance(scene, StoredGaussians) else len(scene.opacity)
+
+    def print(self) -> str:
+        """Fingerprint of what is shown."""
+        from resample.files.animations import fingerprint
+        from resample_points.painting.gaussians import StoredGaussians
+
+        scene = self.gaussians
+        if isinstance(scene, StoredGaussians):
+            return fingerprint(*scene.file.shape_of(slice(None)))
+        return fingerprint(*scene[:6])
 
     def upright(self, aim: Aimed) -> Aimed:
         """Return cameras with the scene's own axis up, unless another is given.
@@ -150,17 +169,16 @@ class GaussianPictures:
 
     def picture(self, camera: Any, shape: "Shape", background: Any = None) -> Any:
         """Render a frame."""
-        from resample.memory import available_memory
         from resample_points.painting.gaussians import render_gaussians
 
-        free = available_memory()
+        free = free_memory()
         return render_gaussians(
             self.gaussians,
             camera,
             size=shape[::-1],
             style=self.options.style(),
             background=background,
-            memory=None if free is None else int(SHARE * free),
+            memory=None if free == float("inf") else int(SHARE * free),
             threads=self.threads,
         )
 
@@ -179,29 +197,43 @@ def gaussians_of(
     import numpy as np
 
     from resample.words import naming
-    from resample_points.data.gaussians import cropped_gaussians
+    from resample_points.data.gaussians import Crop, cropped_gaussians
     from resample_points.data.joining import joined_gaussians
     from resample_points.data.selecting import box_of
-    from resample_points.files.gaussians.reading import read_gaussians
+    from resample_points.files.gaussians.reading import read_gaussians, stored_gaussians
+    from resample_points.painting.gaussians import StoredGaussians
 
+    box = np.array([[-np.inf] * 3, [np.inf] * 3])
+    for wanted in box_of(clouds.crop):
+        box[:, "xyz".index(wanted.column)] = wanted.ranges[0]
+    crop = Crop(box, options.least_opacity, options.largest)
     with session.stage("read", bar="reading"):
+        stored = None if clouds.also else stored_gaussians(file)
+        if stored is not None and stored.count * BYTES > int(SHARE * free_memory()):
+            return GaussianPictures(StoredGaussians(stored, crop), options, clouds.threads)
         scenes = [read_gaussians(name) for name in (file, *map(Path, clouds.also))]
         whole = scenes[0] if len(scenes) == 1 else joined_gaussians(scenes)
-        box = np.array([[-np.inf] * 3, [np.inf] * 3])
-        for wanted in box_of(clouds.crop):
-            box[:, "xyz".index(wanted.column)] = wanted.ranges[0]
         with naming(file.name):
-            whole = cropped_gaussians(
-                whole, box=box, least_opacity=options.least_opacity, largest=options.largest
-            )
+            whole = cropped_gaussians(whole, **crop._asdict())
     return GaussianPictures(whole, options, clouds.threads)
+
+
+def free_memory() -> float:
+    """Bytes that a command may take, at least what it has now."""
+    from resample.memory import ALLOWED, available_memory, memory_in_use
+
+    allowed, free = ALLOWED.get(), available_memory()
+    left = [] if free is None else [float(free)]
+    if allowed is not None:
+        left.append(float(max(allowed - memory_in_use(), 0)))
+    return min(left, default=float("inf"))
 
 
 def gaussian_film(
     scene: GaussianPictures, cameras: Sequence[Any], shape: "Shape", background: Any
 ) -> "Shots":
     """Return the frames of a film of Gaussians."""
-    from resample.files.animations import Shots, fingerprint
+    from resample.files.animations import Shots
     from resample.files.saving import screen_levels
     from resample_points.command.rendering import cameras_print
 
@@ -209,7 +241,7 @@ def gaussian_film(
         return screen_levels(scene.picture(cameras[n], shape, background).rgba)
 
     job = {
-        "gaussians": fingerprint(*scene.gaussians[:6]),
+        "gaussians": scene.print(),
         "cameras": cameras_print(cameras),
         "size": list(shape),
         "look": scene.options.model_dump(),

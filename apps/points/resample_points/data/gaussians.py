@@ -48,6 +48,14 @@ class Gaussians(NamedTuple):
     up: str | None = None  # axis such as "y" or "-z", where the file names it
 
 
+class Crop(NamedTuple):
+    """What is shown of a scene, see `cropped_gaussians`."""
+
+    box: ArrayLike | None = None
+    least_opacity: float = 0.0
+    largest: float | None = None
+
+
 def checked_gaussians(gaussians: Gaussians, what: str = "the scene") -> Gaussians:
     """Return the Gaussians that can be drawn, in checked arrays, with unit quaternions.
 
@@ -68,7 +76,7 @@ def checked_gaussians(gaussians: Gaussians, what: str = "the scene") -> Gaussian
     parts: dict[str, Any] = {name: _part(gaussians, name, shape) for name, shape in SHAPES.items()}
     harmonics = _harmonics(gaussians, len(parts["position"]))
     whole = gaussians._replace(**parts, harmonics=harmonics)
-    known = _are_drawable(whole)
+    known = are_drawable(whole)
     left_out = len(known) - np.count_nonzero(known)
     if left_out == len(known):
         raise ValueError("has no Gaussians that can be drawn")
@@ -109,7 +117,7 @@ def _harmonics(gaussians: Gaussians, count: int) -> NDArray[np.int16]:
     return array
 
 
-def _are_drawable(gaussians: Gaussians) -> NDArray[np.bool_]:
+def are_drawable(gaussians: Gaussians) -> NDArray[np.bool_]:
     """Tell which Gaussians (N,) have numbers that define a picture."""
     scale, opacity = gaussians.scale, gaussians.opacity
     known: NDArray[np.bool_] = (opacity >= 0) & (opacity <= 1)
@@ -201,6 +209,15 @@ def cropped_gaussians(
     >>> cropped_gaussians(two, least_opacity=0.5).opacity.tolist()
     [0.9]
     """
+    kept = kept_by(gaussians, Crop(box, least_opacity, largest))
+    if not kept.any():
+        raise ValueError(f"none of the {len(kept)} Gaussians is within the box, opacity and size")
+    return gaussians if kept.all() else some_gaussians(gaussians, kept)
+
+
+def kept_by(gaussians: Gaussians, crop: Crop) -> NDArray[np.bool_]:
+    """Return which Gaussians (N,) `cropped_gaussians` keeps."""
+    box, least_opacity, largest = crop
     if not 0 <= least_opacity <= 1:
         raise ValueError(f"a least opacity of {least_opacity:g}; give a number from 0 to 1")
     kept: NDArray[np.bool_] = gaussians.opacity >= least_opacity
@@ -211,10 +228,8 @@ def cropped_gaussians(
     if largest is not None:
         if not largest > 0:
             raise ValueError(f"a largest size of {largest:g}; give scene units above 0")
-        kept &= gaussians.scale.max(axis=1) <= largest
-    if not kept.any():
-        raise ValueError(f"none of the {len(kept)} Gaussians is within the box, opacity and size")
-    return gaussians if kept.all() else some_gaussians(gaussians, kept)
+        kept &= gaussians.scale.max(axis=1, initial=0) <= largest
+    return kept
 
 
 def _corners(box: ArrayLike) -> Doubles:

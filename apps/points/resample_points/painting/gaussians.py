@@ -7,7 +7,7 @@ frame = render_gaussians(gaussians, gaussian_camera(gaussians, size=(800, 600)),
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
@@ -25,14 +25,25 @@ from resample.painting.shaped.ellipsoids import (
 )
 from resample.types import Doubles, Floats, Frame, View
 from resample_points.data.cloud import Cloud
-from resample_points.data.gaussians import Gaussians
+from resample_points.data.gaussians import (
+    Crop,
+    Gaussians,
+    are_drawable,
+    checked_gaussians,
+    kept_by,
+    some_gaussians,
+)
 from resample_points.geometry.framing import FIELD, framed
 from resample_points.painting.bending import CloudView, ProjectedCamera
+
+if TYPE_CHECKING:
+    from resample_points.files.gaussians.trained import TrainedFile
 
 DILATION = 0.3  # px², by which training widens Gaussians on the screen (Kerbl et al. 2023)
 NEAR = 0.2  # scene units: training leaves out centers before this depth
 PART = 1 << 18  # Gaussians whose colors are found together
 OPAQUE_ENOUGH = 0.3  # opacity of Gaussians that cameras are framed around, at least
+FRAMED = 1_000_000  # Gaussians of a file that cameras are framed around, about
 TRIMMED = 0.02  # share of these along each axis that may lie beside the frame, at each end
 
 
@@ -91,7 +102,7 @@ class GaussianStyle:
         if self.near is not None and not 0 <= self.near < np.inf:
             raise ValueError(f"the near plane at {self.near:g} must not lie behind the eye")
 
-    def shaped(self, gaussians: Gaussians, *, is_wide: bool) -> ShapedStyle:
+    def shaped(self, *, is_antialiased: bool, is_wide: bool) -> ShapedStyle:
         """Return the style that ellipsoids are painted with."""
         is_bare = self.appearance == GaussianAppearance.BARE
         usual = ShapedOrder.DISTANCE if is_wide else ShapedOrder.DEPTH
@@ -101,7 +112,7 @@ class GaussianStyle:
             near=self.near if self.near is not None else 0.0 if is_bare else NEAR,
             dilation=0.0 if is_bare else DILATION,
             trained=self.trained_focal,
-            is_compensated=gaussians.is_antialiased and not is_bare,
+            is_compensated=is_antialiased and not is_bare,
             is_affine=self.appearance == GaussianAppearance.AFFINE,
         )
 
@@ -121,10 +132,56 @@ class GaussianParts(NamedTuple):
 
     def load(self, part: int, view: View, /) -> Ellipsoids:
         """Some Gaussians with the colors that they have toward the eye."""
-        rows = slice(part * PART, (part + 1) * PART)
+        return self.load_rows(slice(part * PART, (part + 1) * PART), view)
+
+    def load_all(self, view: View) -> Ellipsoids:
+        """All of them."""
+        return self.load_rows(slice(None), view)
+
+    def load_rows(self, rows: slice, view: View) -> Ellipsoids:
+        """Some rows, with colors."""
         position, scale, rotation, opacity = (array[rows] for array in self.gaussians[:4])
         color = colors_of(self.gaussians, rows, view)
         return Ellipsoids(position, scale, rotation, opacity, color)
+
+
+class StoredGaussians:
+    """Gaussians of a PLY file, more than memory holds, decoded part by part for each picture.
+
+    Parameters
+    ----------
+    file
+        The file.
+    crop
+        What is shown.
+
+    Pictures have the bits of `render_gaussians` of what `read_gaussians` and `cropped_gaussians`
+    give.
+    """
+
+    def __init__(self, file: "TrainedFile", crop: Crop | None = None) -> None:
+        self.file, self.crop = file, crop or Crop()
+        facts = file.empty(0)
+        self.is_antialiased, self.up = facts.is_antialiased, facts.up
+
+    def kernel(self) -> None:
+        """None: opacities fall as Gaussians do."""
+
+    def sizes(self) -> Sequence[int]:
+        """Gaussians of each part, at most."""
+        return [min(PART, self.file.count - first) for first in range(0, self.file.count, PART)]
+
+    def load(self, part: int, view: View, /) -> Ellipsoids:
+        """Those of a part that can be drawn, with the colors that they have toward the eye."""
+        made = self.file.part(slice(part * PART, (part + 1) * PART))
+        known = are_drawable(made)
+        made = made if known.all() else some_gaussians(made, known)
+        kept = kept_by(made, self.crop) if len(made.opacity) else np.zeros(0, np.bool_)
+        made = made if kept.all() else some_gaussians(made, kept)
+        if not len(made.opacity):
+            return Ellipsoids(*made[:4], made.color)
+        made = checked_gaussians(made)
+        return GaussianParts(made).load_all(view)
 
 
 def colors_of(gaussians: Gaussians, rows: slice, view: View) -> Floats:
@@ -145,7 +202,7 @@ def colors_of(gaussians: Gaussians, rows: slice, view: View) -> Floats:
 
 
 def render_gaussians(
-    gaussians: Gaussians,
+    gaussians: Gaussians | StoredGaussians,
     camera: CloudView,
     *,
     size: tuple[int, int],
@@ -159,7 +216,7 @@ def render_gaussians(
     Parameters
     ----------
     gaussians
-        A checked scene, as `read_gaussians` returns it.
+        A checked scene, as `read_gaussians` returns it; or one that stays in its file.
     camera
         Any: perspective or parallel, with a lens, `Equirectangular`, or a `ProjectedCamera`.
     size
@@ -205,11 +262,12 @@ def render_gaussians(
 
     shape, chosen = shape_of(size), style or GaussianStyle()
     wide = _rays(camera, shape)
-    parts, drawn = GaussianParts(gaussians), chosen.shaped(gaussians, is_wide=wide is not None)
+    parts = GaussianParts(gaussians) if isinstance(gaussians, Gaussians) else gaussians
+    drawn = chosen.shaped(is_antialiased=gaussians.is_antialiased, is_wide=wide is not None)
     with jit.threads(jit.workers() if threads is None else threads):
         if wide is not None:
             picture = paint_around(parts, wide, shape, drawn)
-        elif memory is not None and len(gaussians.opacity) * BYTES > memory:
+        elif memory is not None and sum(parts.sizes()) * BYTES > memory:
             picture, _ = paint_parts(parts, cast("AnyCamera", camera), shape, drawn, memory=memory)
         else:
             picture = paint_ellipsoid_parts(parts, cast("AnyCamera", camera), shape, drawn)
@@ -264,11 +322,19 @@ def developed(picture: ShapedPicture, background: Sequence[float] | None) -> Fra
     return Frame(rgba, *depths, picture.coverage, counts, picture.median)
 
 
-def shown_part(gaussians: Gaussians) -> Cloud:
+def shown_part(gaussians: Gaussians | StoredGaussians) -> Cloud:
     """Return the centers that cameras are framed around: opaque ones, without outliers."""
-    position: Doubles = gaussians.position[gaussians.opacity >= OPAQUE_ENOUGH].astype(np.float64)
+    if isinstance(gaussians, Gaussians):
+        place, opacity = gaussians.position, gaussians.opacity
+    else:
+        count = gaussians.file.count
+        step = max(1, count // FRAMED)
+        place, opacity = gaussians.file.shape_of(slice(None, None, step))
+        known = np.isfinite(place).all(axis=1) & np.isfinite(opacity)
+        place, opacity = place[known], opacity[known]
+    position: Doubles = place[opacity >= OPAQUE_ENOUGH].astype(np.float64)
     if not len(position):
-        position = gaussians.position.astype(np.float64)
+        position = place.astype(np.float64)
     low, high = np.quantile(position, (TRIMMED, 1 - TRIMMED), axis=0)
     kept = ((position >= low) & (position <= high)).all(axis=1)
     inner = position[kept] if kept.any() else position
@@ -277,7 +343,7 @@ def shown_part(gaussians: Gaussians) -> Cloud:
 
 
 def gaussian_camera(
-    gaussians: Gaussians, *, size: tuple[int, int], **choices: Any
+    gaussians: Gaussians | StoredGaussians, *, size: tuple[int, int], **choices: Any
 ) -> Camera | Orthographic:
     """Return a camera that frames a scene, without its outliers.
 

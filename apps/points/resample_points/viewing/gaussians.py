@@ -140,7 +140,7 @@ def gaussian_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
         up = scene.gaussians.up or "-y"
         return {
             "title": path.name,
-            "subtitle": f"{len(scene.gaussians.opacity):,} Gaussians",
+            "subtitle": f"{scene.count:,} Gaussians",
             "command": COMMAND,
             "film": {"command": FILM, "options": OF_FILMS, **ORBITING},
             "package": "resample_points",

@@ -8,13 +8,14 @@ from pathlib import Path
 
 from resample.reading.limits import check_size
 from resample.reading.texts import json_of
+from resample.words import naming
 from resample_points.data.gaussians import Gaussians, checked_gaussians
 from resample_points.files.gaussians.compressed import is_compressed, read_compressed
 from resample_points.files.gaussians.ply import ply_header
 from resample_points.files.gaussians.sog import META, is_description, read_sog
 from resample_points.files.gaussians.splat import read_splat
 from resample_points.files.gaussians.spz import GZIP, MAGIC, is_spz, read_spz
-from resample_points.files.gaussians.trained import NEEDED, read_trained
+from resample_points.files.gaussians.trained import NEEDED, TrainedFile, read_trained
 
 KNOWN = "PLY and compressed PLY, .splat, SOG (a folder, its meta.json, or .sog) and SPZ"
 ZIP = b"PK\3\4"
@@ -65,6 +66,19 @@ def read_gaussians(path: str | Path) -> Gaussians:
         return checked_gaussians(_reader(source)(source), source.name)
     except ValueError as error:
         raise ValueError(f"{source.name}: {error}") from None
+
+
+def stored_gaussians(path: str | Path) -> TrainedFile | None:
+    """Return a PLY file of a trainer, whose Gaussians can stay in it; None for other formats.
+
+    Raises ValueError, OSError: as `read_gaussians`.
+    """
+    source = Path(path)
+    if not source.is_file() or _reader(source) is not _read_ply:
+        return None
+    with naming(source.name):
+        header = ply_header(source)
+        return None if is_compressed(header) else TrainedFile(header)
 
 
 def is_gaussians(path: str | Path) -> bool:

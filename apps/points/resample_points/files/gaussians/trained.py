@@ -29,27 +29,67 @@ def read_trained(file: PlyFile) -> Gaussians:
 
     Files without `scale_2` hold flat Gaussians.
     """
-    missing = sorted(NEEDED - file.names())
-    if missing:
-        raise ValueError(f"has no property {missing[0]} of Gaussians")
-    records = file.records("vertex")
-    count = check_count(file.path.name, len(records))
-    rest = _rest_names(file.names())
-    made = Gaussians(
-        position=np.empty((count, 3), np.float32),
-        scale=np.empty((count, 3), np.float32),
-        rotation=np.empty((count, 4), np.float32),
-        opacity=np.empty(count, np.float32),
-        color=np.empty((count, 3), np.float32),
-        harmonics=np.empty((count, len(rest) // 3, 3), np.int16),
-        harmonic_step=_step(records, rest),
-        is_antialiased=file.is_antialiased,
-        up=file.up,
-    )
-    for rows in parts_of(count):
-        _decode(made, rows, np.asarray(records[rows]), rest)
-        report(rows.stop, count)
+    stored = TrainedFile(file)
+    made = stored.empty(stored.count)
+    for rows in parts_of(stored.count):
+        stored.decode(made, rows, rows)
+        report(rows.stop, stored.count)
     return made
+
+
+class TrainedFile:
+    """Gaussians of a PLY file that are decoded on demand.
+
+    Parameters
+    ----------
+    file
+        Header of the file.
+
+    Raises
+    ------
+    ValueError
+        It has no Gaussians, or too many.
+    """
+
+    def __init__(self, file: PlyFile) -> None:
+        missing = sorted(NEEDED - file.names())
+        if missing:
+            raise ValueError(f"has no property {missing[0]} of Gaussians")
+        self._file, self._records = file, file.records("vertex")
+        self.count = check_count(file.path.name, len(self._records))
+        self._rest = _rest_names(file.names())
+        self._step = _step(self._records, self._rest)
+
+    def empty(self, count: int) -> Gaussians:
+        """Return room for some Gaussians of the file."""
+        return Gaussians(
+            position=np.empty((count, 3), np.float32),
+            scale=np.empty((count, 3), np.float32),
+            rotation=np.empty((count, 4), np.float32),
+            opacity=np.empty(count, np.float32),
+            color=np.empty((count, 3), np.float32),
+            harmonics=np.empty((count, len(self._rest) // 3, 3), np.int16),
+            harmonic_step=self._step,
+            is_antialiased=self._file.is_antialiased,
+            up=self._file.up,
+        )
+
+    def decode(self, made: Gaussians, into: slice, rows: slice) -> None:
+        """Decode some rows of the file into rows of arrays."""
+        _decode(made, into, np.asarray(self._records[rows]), self._rest)
+
+    def part(self, rows: slice) -> Gaussians:
+        """Return some Gaussians of the file, unchecked."""
+        first, last, _ = rows.indices(self.count)
+        made = self.empty(last - first)
+        for some in parts_of(last - first):
+            self.decode(made, some, slice(first + some.start, first + some.stop))
+        return made
+
+    def shape_of(self, rows: slice) -> tuple[Floats, Floats]:
+        """Return only positions (N, 3) and opacities (N,)."""
+        records = self._records[rows]
+        return stacked(records, POSITION), sigmoids(records["opacity"])
 
 
 def _rest_names(names: set[str]) -> list[str]:
