@@ -47,6 +47,8 @@ class DepthFilm:
 
     def __post_init__(self) -> None:
         count, given = len(self.frames.seconds), self._count
+        if given == 0 and Path(self.depth).is_dir():
+            raise ValueError(f"{self.depth} is a folder without files; it needs depth files")
         if given == 0:
             raise ValueError(
                 f"{self.depth} is neither a film, a folder nor a pattern; {self.frames.path} is "
@@ -80,6 +82,10 @@ class DepthFilm:
         if self._levels is None:
             return (read_depth(file) for file in self._files)
         return (_gray_levels(picture) for picture in self._levels.read())
+
+    def name_of(self, n: int) -> str:
+        """Return the name of the n-th picture's depth: its file, or the film."""
+        return self.depth if self._levels is not None else self._files[n]
 
     def reader(self, reader: DepthReader) -> DepthReader:
         """Return a reader with one range of relative depth for all pictures, to avoid pumping."""
@@ -141,9 +147,8 @@ def _pictures(
 
     The refinement chosen for the first picture is used for all.
     """
-    names = str(film.frames.path), film.depth
     for n, (picture, raw) in enumerate(zip(film.frames.read(), film.depths(), strict=True)):
-        view = view_of(reader, picture, raw, names)
+        view = view_of(reader, picture, raw, (str(film.frames.path), film.name_of(n)))
         if n == 0:
             mention_doubt(reader, view, film.depth)
         shape = aim.shape(view.shape)
