@@ -48,14 +48,14 @@ class SteadyDepth:
         nearness
             (H, W), 0 where unknown.
         """
-        root = np.sqrt(np.maximum(np.nan_to_num(color), 0.0), dtype=np.float32)
+        root = np.sqrt(np.maximum(color, np.float32(0)), dtype=np.float32)
         if self._color is None or self._nearness is None:
             self._color, self._nearness = root, nearness
             return nearness
         share = self._followed(unchanged(root, self._color), nearness, self._nearness)
         kept = self._nearness + share * (nearness - self._nearness)
         self._nearness = np.where(share < 1.0, kept, nearness).astype(np.float32)
-        self._color = np.where(share[..., None] > 0.0, root, self._color)
+        np.copyto(self._color, root, where=share[..., None] > 0.0)
         return self._nearness
 
     def _followed(self, same: Mask, nearness: Floats, held: Floats) -> Floats:
@@ -76,8 +76,8 @@ def unchanged(root: Floats, last: Floats) -> Mask:
 
     `root`, `last`: (H, W, C) roots of light.
     """
-    change = np.abs(root - last).max(axis=2)
-    gray = np.ascontiguousarray(root.mean(axis=2))
+    change = np.maximum.reduce(np.moveaxis(cv2.absdiff(root, last).reshape(root.shape), 2, 0))
+    gray = np.ascontiguousarray(root[..., root.shape[2] // 2])
     contrast = cv2.absdiff(gray, cv2.blur(gray, (3, 3)))
     few, their = contrast[::SPARSE, ::SPARSE], change[::SPARSE, ::SPARSE]
     noise = float(np.median(their[few <= np.median(few)]))

@@ -28,6 +28,7 @@ STEADY = 4.0 / 255.0  # change of color up to which a pixel is unchanged, if fil
 NOISIEST = 12.0 / 255.0  # the same, at most
 CHANGED = 0.02  # weight of a pixel whose color changed, relative to an unchanged one
 LONGEST_MEAN = 16  # maps whose mean is the reference of an unchanged pixel
+MOST_POINTS = 5000  # of a thumbnail that are fitted
 STEPS = 40  # of the reweighted fit
 TINY = 1e-9  # of the depth's spread
 LARGEST_SCALE = 2.0  # of a map relative to those before it; a larger one is no change of scale
@@ -209,7 +210,10 @@ class _Shot:
         raw = picture.depth
         known = np.isfinite(raw) & np.isfinite(self.reference) & np.isfinite(self.raw)
         weight = steady * self.count
-        found = fitted(raw[known], self.reference[known], weight[known]) or self.fits[-1]
+        few = np.flatnonzero(known)
+        few = few[:: 1 + few.size // MOST_POINTS]
+        points = (part.ravel()[few] for part in (raw, self.reference, weight))
+        found = fitted(*points) or self.fits[-1]
         aligned = found.applied(raw)
         self.fits.append(found)
         self.given.append(_difference(raw, self.raw, steady, known))

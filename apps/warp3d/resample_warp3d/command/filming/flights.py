@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from resample.colors import Background, as_levels
+from resample.command import workers
 from resample.command.films import write_shared
 from resample.command.session import Session
 from resample.command.settings import Sharing
-from resample.command.workers import at_work
 from resample.files.animations import Levels, Shots, fingerprint
 from resample.lazy import installed_version
 from resample.types import Doubles
@@ -136,6 +136,6 @@ def write_flight(
     fps = writing.filming.fps or len(footage) / sum(footage.seconds)
     with (
         appearing(depths, resume=writing.resume),
-        at_work(writing.sharing, warping.threads) as crew,
+        workers.at_work(writing.sharing, warping.threads) as crew,
     ):
         write_shared(writing.output, shots, again, crew, fps=fps, resume=writing.resume)

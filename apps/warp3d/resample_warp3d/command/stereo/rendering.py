@@ -18,7 +18,7 @@ from resample_warp3d.command.stereo.eyes import Eyes
 from resample_warp3d.command.stereo.layouts import together
 from resample_warp3d.command.writing import warped_picture
 from resample_warp3d.depth.equation import of_rectified
-from resample_warp3d.types import Warped
+from resample_warp3d.types import Hole, Warped
 from resample_warp3d.wide import CameraModel, StereoPanorama
 
 
@@ -105,7 +105,7 @@ class StereoRendering(NamedTuple):
         for target in self._targets(taken, eyes, is_half=is_half):
             whole = height, 2 * width if is_half else width
             seen = joined(session, sources, target, whole, self.warping, joining).warped
-            made.append(_front(seen) if is_half else seen)
+            made.append(_front(seen, filled=filled) if is_half else seen)
         first, second = (warped_picture(each, kind, filled=filled) for each in made)
         return first, second, made[1]
 
@@ -122,9 +122,14 @@ class StereoRendering(NamedTuple):
         return [StereoPanorama(pose, -half), StereoPanorama(pose, half)]
 
 
-def _front(warped: Warped) -> Warped:
-    """Return the half of a panorama that is ahead."""
+def _front(warped: Warped, *, filled: bool) -> Warped:
+    """Return the half of a panorama that is ahead; what is beside the source stays empty."""
     quarter = warped.coverage.shape[1] // 4
     ahead = slice(quarter, 3 * quarter)
     parts = {name: part[:, ahead] for name, part in warped._asdict().items()}
-    return warped._replace(**parts)
+    half = warped._replace(**parts)
+    if not filled:
+        return half
+    is_kept = half.holes != Hole.OUTSIDE
+    image = half.image * is_kept[..., None]
+    return half._replace(image=image, coverage=half.coverage * is_kept)
