@@ -102,9 +102,7 @@ def _bound(flat: Floats, at: Place, steps: tuple[Place, Place], count: int, shar
         # Widen their range by what the four stand out on average.
         over = above[m - across] + above[m] + above[other + m - across] + above[other + m]
         under = below[m - across] + below[m] + below[other + m - across] + below[other + m]
-        # Nothing is darker than black where no sample is.
-        least, most = min(a, b, c, d), max(a, b, c, d) + share * over
-        least = max(least - share * under, min(least, np.float32(0)))
+        least, most = min(a, b, c, d) - share * under, max(a, b, c, d) + share * over
         low[start + np.uint64(n)], high[start + np.uint64(n)] = least, most
         # They vary along an axis by no less than these four do.
         along_x, along_y = max(abs(b - a), abs(d - c)), max(abs(c - a), abs(d - b))

@@ -16,9 +16,8 @@ from resample.engine.windows.boxes import Place, Plate
 from resample.types import Floats, Single
 
 TOLERANCE = 2.0  # multiple of what samples vary by along an edge that pixels may differ by
-STRAIGHT = 1.0 / 32.0  # share of the limits' width that they may vary by before that fades
-FADE = 64.0  # how fast
-CONTRAST = 1.0 / 6.0  # contrast from which on an edge counts
+STRAIGHT = 1.0 / 128.0  # share of the limits' width that they may vary by before that fades
+FADE = 256.0  # how fast
 CHANNELS = 4  # that have marks of their own; others share these
 ALONG_Y = CHANNELS  # bits from the mark of an edge along x to that of one along y
 
@@ -30,18 +29,16 @@ Corner = Any  # (column, row) among corners
 def slack(varies: Single, low: Single, high: Single) -> Single:
     """How much less tolerance than limits a corner leaves; 0 or below: it is on no straight edge.
 
-    Linear where limits are above zero, so that between corners without slack there is none.
+    Linear, so that between corners without slack there is none.
     """
     wanted = np.float32(1.0 + FADE * STRAIGHT) * (high - low)
-    unseen = np.float32(FADE * STRAIGHT * CONTRAST) * max(high, -low)
-    return wanted - unseen - np.float32(TOLERANCE + FADE) * varies
+    return wanted - np.float32(TOLERANCE + FADE) * varies
 
 
 @inner_step
 def tolerance_of(varies: Single, low: Single, high: Single) -> Single:
     """Tolerance around what samples across an edge make, by how much they vary along it."""
-    seen = high - low - np.float32(CONTRAST) * max(high, -low)
-    beyond = max(varies - np.float32(STRAIGHT) * seen, np.float32(0))
+    beyond = max(varies - np.float32(STRAIGHT) * (high - low), np.float32(0))
     return np.float32(TOLERANCE) * varies + np.float32(FADE) * beyond
 
 
