@@ -123,9 +123,10 @@ def test_pictures_of_two_sizes_are_refused(capsys):
     assert not Path("out").exists()
 
 
-def test_labels_of_films_stay_labels():
-    words = ["render", "pictures", "depth", *DEPTH, *FAST[:-4], *MOVED, "--unmixed"]
-    assert ended(*words, "-o", "out") == 0
+@pytest.mark.parametrize("color", ["pictures", "film.gif"])
+def test_labels_of_films_stay_labels(color):
+    words = ["render", color, "depth", *DEPTH, *FAST[:-4], *MOVED, "--unmixed", "-o", "out"]
+    assert ended(*words) == 0
     known = {tuple(color) for n in (8, 9, 10) for color in read_levels(f"pictures/{n}.png")}
     for made in levels("out"):
         assert {tuple(color) for color in made[..., :3].reshape(-1, 3)} <= {*known, (0, 0, 0)}
