@@ -322,3 +322,18 @@ def test_frames_of_aligned_depth_are_the_same_in_any_order():
         Path(f"out/frame-{n:04d}.png").unlink()
     assert ended(*words, "-o", "out", "--resume") == 0
     assert frames("out") == whole
+
+
+@pytest.mark.parametrize("command", ["render", "stereo"])
+def test_films_of_panoramas_are_made_as_pictures_are(command, rng):
+    Path("pano").mkdir()
+    for n in range(2):
+        cv2.imwrite(f"pano/{n}.png", rng.integers(0, 256, (16, 32, 3), np.uint8))
+    np.save("length.npy", 2 + rng.random((2, 16, 32)))
+    np.save("one.npy", np.load("length.npy")[1])
+    words = ["--source-projection", "equirectangular", "--fill", "--refine", "none"]
+    words += MOVED if command == "render" else ["--depth-kind", "z", "--eyes", "0.1"]
+    assert ended(command, "pano", "length.npy", *words, "-o", "out") == 0
+    assert ended(command, "pano/1.png", "one.npy", *words, "-o", "one.png") == 0
+    one = np.array(Image.open("one.png").convert("RGBA"))
+    np.testing.assert_array_equal(levels("out")[1], one)

@@ -11,7 +11,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -91,6 +90,8 @@ class Alignment(NamedTuple):
 
 def thumbnail(color: Floats, raw: Raw) -> Thumbnail:
     """Return a thumbnail of a picture (H, W, C) of linear light and its raw depth of any size."""
+    import cv2
+
     height, width = color.shape[:2]
     factor = min(1.0, LONGEST / max(height, width))
     size = max(1, round(width * factor)), max(1, round(height * factor))
@@ -123,6 +124,8 @@ def _histogram(color: Floats) -> Doubles:
 
 def _correlation(first: Floats, second: Floats) -> float:
     """Return the correlation of the coarse brightness of two pictures; 1 if one has none."""
+    import cv2
+
     height, width = first.shape[:2]
     size = max(1, width // COARSE), max(1, height // COARSE)
     small = [
