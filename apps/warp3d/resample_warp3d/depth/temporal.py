@@ -20,7 +20,8 @@ from resample_warp3d.depth.encodings import Raw
 
 LONGEST = 160  # px of a thumbnail's longer side
 BINS = 8  # of a color histogram, per channel
-COLORS = 0.3  # share of the pixels whose colors are others after a cut, at least
+COLORS = 0.2  # share of the pixels whose colors are others after a cut, at least
+MORE_COLORS = 0.2  # of them, times the correlation of the brightness
 STRUCTURE = 0.5  # correlation of the brightness across a cut, at most
 COARSE = 4  # px of a thumbnail per px of the brightness that is correlated
 STEADY = 4.0 / 255.0  # change of color up to which a pixel is unchanged, if films have no noise
@@ -112,7 +113,8 @@ def is_cut(first: Floats, second: Floats) -> bool:
     `first`, `second`: colors of thumbnails of one size.
     """
     moved = 0.5 * float(np.abs(_histogram(first) - _histogram(second)).sum())
-    return moved > COLORS and _correlation(first, second) < STRUCTURE
+    alike = _correlation(first, second)
+    return alike < STRUCTURE and moved > COLORS + MORE_COLORS * max(alike, 0.0)
 
 
 def _histogram(color: Floats) -> Doubles:
