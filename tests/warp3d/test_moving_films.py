@@ -116,6 +116,18 @@ def test_what_is_no_film_is_refused_in_one_line(capsys, words, complaint):
         assert complaint in refused(capsys, "stereo", *words, "--depth-kind", "z", *DEPTH, *FAST)
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["animate", "pictures", "depth", "-o", "pictures"],
+        ["animate", "pictures", "depth", "-o", "out", "--depth-output", "depth"],
+        ["render", "film.gif", "depth", *MOVED, "-o", "out", "--depth-output", "depth/*.png"],
+    ],
+)
+def test_a_film_is_not_written_over_itself(capsys, words):
+    assert "the film is read from this folder" in refused(capsys, *words, *DEPTH, *FAST)
+
+
 def test_pictures_of_two_sizes_are_refused(capsys):
     Image.new("RGB", (16, 12)).save("pictures/9.png")
     assert ended("render", "pictures", "depth", *DEPTH, *FAST, *MOVED, "-o", "out") == 2
