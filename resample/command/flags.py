@@ -154,6 +154,7 @@ AppearanceFlag = Annotated[
 Flat = Parameter(name="*")  # the model's fields are flags themselves
 Hyphen = Parameter(allow_leading_hyphen=True)  # values may begin with a hyphen, such as -1,0,0
 Switch = Parameter(negative="")  # no --no-... flag
+Several = Parameter(allow_leading_hyphen=True, negative="", show_default=False)  # given repeatedly
 
 Output = Annotated[Path, OptionTopic.TARGET, Parameter(alias="-o")]
 OptionalOutput = Annotated[Path | None, OptionTopic.TARGET, Parameter(alias="-o")]

@@ -1,7 +1,7 @@
 """Color bars: legends beside a picture that map colors to values."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
@@ -22,6 +22,7 @@ LUMINANCE = (0.2126, 0.7152, 0.0722)
 BRIGHT = 0.18  # luminance above which dark text is easier to read
 SIDES = ("left", "center", "right")
 LONGEST = 18  # characters of a title
+LINES = 2.0  # lines of text in the space of a tick
 
 Span = tuple[float, float]  # minimum and maximum of a scale
 Ticked = Callable[[Span, float], dict[float, str]]  # as `ticks_of`
@@ -29,16 +30,22 @@ Form = Literal["colors", "curve", "plane"]  # a color strip, a strip with a curv
 
 
 def plain_bar(
-    colors: Floats, span: Span, height: int, *, title: str = "", background: Background = BLACK
+    colors: Floats,
+    span: Span,
+    height: int,
+    *,
+    title: str = "",
+    background: Background = BLACK,
+    ticked: "Ticked | None" = None,
 ) -> Floats:
     """Picture of opaque colors with a scale of their values.
 
     `colors`: (N, 3) linear, at equally spaced values from the minimum to the maximum. `height`: of
-    the picture, px, at least 64. Result: (H, B, 4) linear, opaque. The width B follows from the
-    height and the text.
+    the picture, px, at least 64. `ticked`: values to mark, and their labels; default: round ones.
+    Result: (H, B, 4) linear, opaque. The width B follows from the height and the text.
     """
     check_height(height)
-    page = BarLayout.of(span, height, title, "colors")
+    page = BarLayout.of(span, height, title, "colors", ticked)
     ink = ink_on(background)
     axes = blank(page, background)
     rows = round(page.bottom - page.top)
@@ -47,6 +54,22 @@ def plain_bar(
     show(axes, page, np.repeat(shown, round(page.bar[1] - page.bar[0]), axis=1), ink)
     draw_scale(axes, page, ink)
     return painted(axes, page, ink)
+
+
+def class_bar(
+    colors: Floats, names: Sequence[str], height: int, *, title: str, background: Background = BLACK
+) -> Floats:
+    """Picture of the colors (N, 3) of classes, the first at the bottom, beside their names.
+
+    Where names would overlap, only some are written.
+    """
+
+    def ticked(_: Span, most: float) -> dict[float, str]:
+        every = math.ceil(len(names) / max(LINES * most, 1.0))
+        return {n + 0.5: name for n, name in list(enumerate(names))[::every]}
+
+    span = (0.0, float(len(names)))
+    return plain_bar(colors, span, height, title=title, background=background, ticked=ticked)
 
 
 def with_color_bar(rgba: Floats, bar: Floats, background: Background | None = None) -> Floats:

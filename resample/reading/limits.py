@@ -12,6 +12,7 @@ Decompression stops when the output exceeds its limit, before memory holds it al
 """
 
 import bz2
+import errno
 import lzma
 import os
 import re
@@ -160,6 +161,26 @@ def check_free(what: str, count: int) -> None:
             f"{what} needs {amount(count)} of memory and {amount(free)} are free; take a smaller "
             "one, or free some"
         )
+
+
+def check_file(path: str | Path) -> None:
+    """Reject a path at which there is no file; a folder is called one.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> from resample.reading.limits import check_file
+    >>> with TemporaryDirectory() as folder:
+    ...     try:
+    ...         check_file(folder)
+    ...     except OSError as error:
+    ...         print(error.strerror)
+    is a folder; give a file in it
+    """
+    if Path(path).is_dir():
+        raise IsADirectoryError(errno.EISDIR, "is a folder; give a file in it", str(path))
+    if not Path(path).is_file():
+        raise FileNotFoundError(errno.ENOENT, "there is no such file", str(path))
 
 
 def neighbour(source: Path, name: str) -> Path:

@@ -1,6 +1,5 @@
 """Check picture sizes before pixels are decoded."""
 
-import errno
 import math
 import struct
 import zlib
@@ -9,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from resample.reading.limits import PIECE, check_free, check_size, check_unpacked
+from resample.reading.limits import PIECE, check_file, check_free, check_size, check_unpacked
 from resample.reading.native import plain, suppressed_output
 from resample.words import one_line
 
@@ -146,8 +145,7 @@ def opened(path: str | Path, page: int = 0) -> Any:
     """
     import OpenImageIO
 
-    if not Path(path).is_file():
-        raise FileNotFoundError(errno.ENOENT, "there is no such file", str(path))
+    check_file(path)
     check_unopened(path)
     if is_avif(path):
         from resample.reading.avif import AvifInput

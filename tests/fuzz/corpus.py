@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tests.fuzz.grids import grids
+from tests.fuzz.scans import scans
 from tests.fuzz.stores import SETTINGS, kernel, ome_zarr, png_with, zipped
 from tests.laser import CENTER, copc_of, las_of
 
@@ -269,6 +270,7 @@ def stores() -> list[Case]:
         *avifs(),
         *fields(),
         *(Case("volume", files) for files in grids()),
+        *(Case("cloud", files) for files in scans()),
     ]
 
 
@@ -279,7 +281,7 @@ def avifs() -> list[Case]:
     if "avif" not in features.get_supported():
         return []
     image = Image.fromarray(VALUES[0])
-    return [Case("picture", {"a.avif": _made("a.avif", lambda path: image.save(path))})]
+    return [Case("picture", {"a.avif": _made("a.avif", image.save)})]
 
 
 def pictures() -> list[Case]:

@@ -68,7 +68,8 @@ def test_colors_and_order_need_no_measuring_again(kept, measured, rng):
     other = Cloud(colored.position[mixed], NOTHING, color[mixed], colored.radius)
     found = prepare_cloud(other, cache=True)
     assert measured == [500]
-    _same(found, prepare_cloud(colored))
+    _same(found, prepare_cloud(colored)._replace(source=found.source))
+    np.testing.assert_array_equal(mixed[found.source], plain.source)
     np.testing.assert_array_equal(found.axes, plain.axes)
     assert len(list(kept.iterdir())) == 1
 

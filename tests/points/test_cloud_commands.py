@@ -11,12 +11,17 @@ from PIL import Image
 
 from resample.files.images import read_image
 from resample.memory import mapped
-from resample_points import cli
+from resample_points import Cloud, cli
+from resample_points.data.coloring import colored
 from resample_points.geometry import spacing
 from tests import commands
 
 ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli.app)
 SMALL = ["--size", "80x64", "--camera", "0/0/1"]
+TAB10 = [  # of matplotlib
+    (31, 119, 180), (255, 127, 14), (44, 160, 44), (214, 39, 40), (148, 103, 189),
+    (140, 86, 75), (227, 119, 194), (127, 127, 127), (188, 189, 34), (23, 190, 207),
+]  # fmt: skip
 FILM = ["animate", "scan.csv", "--size", "32x24", "--frames", "4"]
 
 
@@ -149,11 +154,12 @@ def test_a_film_is_gone_on_with(capsys):
         (["--color-by", "z", "--color-bar", "--size", "60"], "at least 64 px high, not 60"),
         (["--disc-limit", "0"], "discs of at most 0 times"),
         (["--filter", "grauss"], "grauss"),
-        (["--camera", "flat.toml"], "a field of view of 0 degrees; clouds are seen in perspective"),
+        (["--panorama", "cube"], "cube"),
+        (["--panorama", "fisheye", "--intrinsics", "1,1,1,1"], "leave them out of --panorama"),
+        (["--edl", "-1"], "eye-dome lighting of strength -1"),
     ],
 )
 def test_what_cannot_be_shown_is_refused_in_one_line(words, complaint, capsys):
-    Path("flat.toml").write_text("azimuth = 0\nelevation = 0\nfov = 0\n")
     assert complaint in refused(capsys, "render", "scan.csv", "-o", "o.png", *words)
 
 
@@ -178,3 +184,66 @@ def test_films_are_refused_in_one_line(words, complaint, capsys):
 def test_films_of_no_kind_and_of_no_frames_are_refused(capsys):
     assert "written as .mp4" in refused(capsys, *FILM, "-o", "a.avi")
     assert "0 frames; 1 to 10000" in refused(capsys, *FILM[:-1], "0", "-o", "a.gif")
+
+
+def test_float32_positions_far_from_the_origin_are_said_to_be_rounded(capsys):
+    corner = np.array([500_000, 5_000_000, 200])
+    place = corner + np.random.default_rng(2).uniform(0, 100, (300, 3))
+    for name, kind, said in (
+        ("single", "f4", "its float32 positions are rounded to 0.5 there"),
+        ("double", "f8", "positions are exact"),
+    ):
+        word = {"f4": "float", "f8": "double"}[kind]
+        head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(place)}\n"
+        head += "".join(f"property {word} {axis}\n" for axis in "xyz") + "end_header\n"
+        Path(f"{name}.ply").write_bytes(head.encode() + place.astype("<" + kind).tobytes())
+        assert ended("render", f"{name}.ply", *SMALL, "-o", "o.png") == 0
+        assert said in capsys.readouterr().err
+
+
+def test_a_bar_of_classes_shows_a_field_for_each():
+    words = ["--color-by", "class", "--colormap", "tab10", "--range", "0,9"]
+    plain, barred = shown(*words), shown(*words, "--color-bar")
+    bar = barred[:, plain.shape[1] :].reshape(-1, 3)
+    counts = {tuple(color): int((bar == color).all(axis=1).sum()) for color in TAB10}
+    first, second = counts[TAB10[0]], counts[TAB10[1]]
+    assert min(first, second) > 150
+    assert abs(first - second) < 20  # halves of the bar, within a row of px
+    assert sum(counts.values()) == first + second
+
+
+def test_classes_of_laser_scans_have_their_names():
+    number = np.array([2, 6, 2, 5], np.uint8)
+    cloud = Cloud(np.eye(4, 3), np.empty((0, 3)), np.empty((0, 3)), np.empty(0))
+    named = colored(cloud._replace(columns={"classification": number}), "classification")
+    assert named.scale.class_names() == ["2 ground", "5 high vegetation", "6 building"]
+    np.testing.assert_array_equal(named.scale.class_colors()[1], named.cloud.color[3])
+    other = colored(cloud._replace(columns={"row": number}), "row")
+    assert other.scale.class_names() == ["2", "5", "6"]
+    halves = colored(cloud._replace(columns={"row": number / 4}), "row")
+    assert halves.scale.classes == ()
+
+
+def test_parallel_views_show_both_ends_at_one_scale():
+    near = shown("--fov", "0")
+    rows = np.flatnonzero((near != 255).any(axis=(1, 2)))
+    assert abs(len(rows) - 0.95 * 64) <= 2  # a square of 3 units fills the picture's height
+    Path("flat.toml").write_text("azimuth = 0\nelevation = 0\nfov = 0\n")
+    assert ended("render", "scan.csv", "--camera", "flat.toml", *SMALL[:2], "-o", "o.png") == 0
+    film = ["animate", "scan.csv", "--fov", "0", "--frames", "2", *SMALL[:2], "-o", "o.gif"]
+    assert ended(*film) == 0
+
+
+def test_a_panorama_is_made_at_a_pose_or_where_the_camera_is():
+    np.savetxt(
+        "pose.txt", np.linalg.inv([[1, 0, 0, 1.5], [0, 0, 1, -1], [0, -1, 0, 1.5], [0, 0, 0, 1]])
+    )
+    words = ["--size", "64x32", "--background", "white"]
+    for name in ("equirectangular", "fisheye:fov=220"):
+        aim = ["--panorama", name, "--pose", "pose.txt"]
+        assert ended("render", "scan.csv", *aim, *words, "-o", "o.png") == 0
+        picture = cv2.imread("o.png")
+        assert (picture[16, 32] != 255).all()  # the square is ahead
+        assert (picture[2, 2] == 255).all()
+    assert ended("render", "scan.csv", "--panorama", "fisheye", *words, "-o", "o.png") == 0
+    assert (cv2.imread("o.png")[16, 32] != 255).all()

@@ -183,7 +183,7 @@ def test_arrays_come_as_they_are(tmp_path):
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("a.e57", b"", r"\.ply, \.pcd"),
+        ("a.obj", b"", r"\.ply, \.pcd"),
         ("a.ply", b"solid\n", "end_header"),
         ("a.ply", b"ply\nformat ascii 1.0\nend_header\n", "no element vertex"),
         ("a.ply", b"ply\nformat ascii 1.0\nelement vertex x\nend_header\n", "PLY header"),

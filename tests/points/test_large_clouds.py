@@ -27,6 +27,7 @@ from resample_points.painting import windows
 from resample_points.painting.rendering import CloudStyle, render_cloud
 from tests import commands
 from tests.bits import assert_same
+from tests.points.spinning import street
 
 SIZE = (70, 50)
 PAGES = 40_000  # bytes, of pages in memory
@@ -80,7 +81,12 @@ def sized():
     return twice()._replace(radius=radius, normal=NONE)
 
 
-CLOUDS = {each.__name__: each for each in (plain, twice, unknown, stray, sized)}
+def rings():
+    """Points along the rings of a spinning scanner."""
+    return Cloud(street(0.01, 32, 512).place, NONE, NONE, np.zeros(0, np.float32))
+
+
+CLOUDS = {each.__name__: each for each in (plain, twice, unknown, stray, sized, rings)}
 
 
 def filed(values, pages=PAGES):
@@ -269,7 +275,7 @@ def test_files_are_read_into_files_where_memory_does_not_hold_them(kind, tmp_pat
     monkeypatch.setattr(parts, "STEP", 1 << 18)
     expected = read_cloud(path)
     assert not is_in_file(expected.position)
-    for module in ("readers", "las"):
+    for module in ("parsing", "las"):
         monkeypatch.setattr(f"resample_points.files.{module}.STEP", 700)
     monkeypatch.setattr(parts, "STEP", 700)
     with allowing("400kB"):

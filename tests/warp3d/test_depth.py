@@ -255,9 +255,39 @@ def test_an_exr_s_channel_can_be_picked(tmp_path):
 
 def test_several_channels_are_refused_by_name(tmp_path):
     path = tmp_path / "color.png"
-    write(path, np.zeros((4, 5, 3), np.uint8), ("R", "G", "B"))
+    write(path, np.arange(60, dtype=np.uint8).reshape(4, 5, 3), ("R", "G", "B"))
     with pytest.raises(ValueError, match=r"channels R, G, B; pick one as .*\.png:NAME"):
         read_depth(path)
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.tif", "b.png"])
+def test_gray_depth_saved_in_colors_is_one_channel(tmp_path, name):
+    more = [np.full_like(LEVELS, 65535)] if name[0] == "b" else []
+    names = "RGBA" if more else "RGB"
+    write(tmp_path / name, np.stack([LEVELS, LEVELS, LEVELS, *more], axis=2), tuple(names))
+    np.testing.assert_array_equal(read_depth(tmp_path / name), LEVELS)
+
+
+def test_equal_channels_of_floats_are_one_also_where_unknown(tmp_path):
+    depth = (LEVELS / 1000).astype(np.float32)
+    depth[0, :2] = np.nan, np.inf
+    colors = np.repeat(depth[..., None], 3, axis=2)
+    write(tmp_path / "a.exr", colors, tuple("RGB"))
+    write_pfm(tmp_path / "a.pfm", colors, letters="PF")
+    np.save(tmp_path / "a.npy", colors)
+    for name in ("a.exr", "a.pfm", "a.npy"):
+        np.testing.assert_array_equal(read_depth(tmp_path / name), depth)
+
+
+def test_a_pfm_in_colors_that_differ_is_refused(tmp_path):
+    write_pfm(tmp_path / "a.pfm", np.dstack([LEVELS, LEVELS, LEVELS + 1]), letters="PF")
+    with pytest.raises(ValueError, match="3 channels that differ"):
+        read_depth(tmp_path / "a.pfm")
+
+
+def test_a_folder_is_called_one_and_not_missing(tmp_path):
+    with pytest.raises(OSError, match=f"is a folder.*{tmp_path.name}"):
+        read_depth(tmp_path)
 
 
 def test_a_channel_that_is_missing_names_those_that_are_there(tmp_path):
@@ -337,11 +367,6 @@ def test_a_missing_file_is_named():
         read_depth("nowhere.png")
 
 
-def test_a_folder_is_no_file(tmp_path):
-    with pytest.raises(FileNotFoundError):
-        read_depth(tmp_path)
-
-
 @pytest.mark.parametrize("suffix", [".pfm", ".npy", ".bin"])
 def test_nothing_can_be_picked_where_there_is_one_array(tmp_path, suffix):
     path = tmp_path / f"depth{suffix}"
@@ -354,12 +379,6 @@ def test_a_pfm_whose_scale_is_no_number_is_refused(tmp_path):
     (tmp_path / "depth.pfm").write_bytes(b"Pf\n2 2\none\n" + bytes(16))
     with pytest.raises(ValueError, match="its scale is b'one'"):
         read_depth(tmp_path / "depth.pfm")
-
-
-def test_a_pfm_of_colors_is_refused(tmp_path):
-    write_pfm(tmp_path / "color.pfm", np.zeros((4, 5)), letters="PF")
-    with pytest.raises(ValueError, match="3 channels"):
-        read_depth(tmp_path / "color.pfm")
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,7 @@ def folder(tmp_path, monkeypatch):
     palette = rng.integers(0, 256, (12, 3), np.uint8)
     pictures = [Image.fromarray(palette[rng.integers(0, 12, (24, 32))]) for _ in range(COUNT)]
     pictures[0].save("film.gif", save_all=True, append_images=pictures[1:], duration=80)
-    for name in ("depth", "relative", "pictures"):
+    for name in ("depth", "relative", "pictures", "empty"):
         Path(name).mkdir()
     levels = []
     for n in range(COUNT):
@@ -99,10 +99,18 @@ def test_a_doubtful_scale_is_said_once(capsys):
             "--holes is for pictures",
         ),
         (["film.gif", "depth", "-o", "out.gif", "--view", "a,b,c"], "--view is for pictures"),
+        (["film.gif", "empty", "-o", "out.gif"], "empty is a folder without files"),
+        (["pictures", "depth/1.png", "-o", "out.png"], "pictures: is a folder"),
+        (["pictures/1.png", "depth", "-o", "out.png"], "depth: is a folder"),
     ],
 )
 def test_what_is_no_film_with_depth_is_refused_in_one_line(capsys, words, complaint):
     assert complaint in refused(capsys, "render", *words, "--depth-scale", "1000", *SEEN)
+
+
+def test_a_complaint_about_one_file_of_a_folder_names_it(capsys):
+    words = ["film.gif", "depth", *SEEN, "-o", "out.gif"]
+    assert "depth/0.png: depth in whole numbers" in refused(capsys, "render", *words)
 
 
 FLIGHT = ["animate", "pictures/1.png", "depth/1.png", "--depth-scale", "1000", "--refine", "none"]

@@ -425,3 +425,10 @@ def test_what_the_lens_cannot_show_has_no_place():
     is_whole = given.coverage == 1
     assert is_whole.any()
     np.testing.assert_allclose(given.image[is_whole], 1, atol=0.03)
+
+
+def test_millimeters_in_whole_numbers_are_warned_of(rng):
+    depth = rng.integers(1500, 4000, (8, 9), dtype=np.uint16)
+    camera = Camera.from_fov(60, 8, 9)
+    with pytest.warns(UserWarning, match=r"depth in whole numbers: .* beyond .* divide it by 1000"):
+        warp(np.ones((8, 9, 3)), depth, camera, camera)

@@ -7,7 +7,7 @@ from typing import Annotated, NoReturn
 from cyclopts import App
 
 from resample.command import flags
-from resample.command.flags import words
+from resample.command.flags import OptionTopic, words
 from resample.command.session import run
 from resample.command.settings import FrameFormat, Serving, Sharing, height_and_width
 from resample.command.settings_files import with_settings
@@ -36,6 +36,7 @@ def render(
     /,
     *,
     output: flags.FrameOutput,
+    index: Annotated[Path | None, OptionTopic.TARGET] = None,
     aim: Annotated[CloudAim, flags.Flat] = AIM,
     look: Annotated[CloudOptions, flags.Flat] = CLOUD,
     form: Annotated[FrameFormat, flags.Flat] = FORMAT,
@@ -48,19 +49,23 @@ def render(
     Parameters
     ----------
     file
-        .ply, .pcd, .las, .laz, .xyz, .txt, .csv or .npz.
+        .ply, .pcd, .las, .laz, .e57, .pts, .xyz, .txt, .csv, .bin (KITTI) or .npz.
+    index
+        Also write which point each pixel shows: .npy of the points' numbers, from 0 on in the order
+        of the files after selection; -1 for nothing.
     """
     from resample.command.session import Session
     from resample.files.saving import check_suffix
     from resample.files.writing import check_targets
     from resample.watching import told
-    from resample_points.command.rendering import check_memory, scene_of
+    from resample_points.command.rendering import check_index, check_memory, scene_of
 
     check_suffix(output)
+    check_index(index)
     shape = form.height_and_width()
     aim.check()
     look.check(output, shape[0])
-    check_targets(output)
+    check_targets(output, index)
     check_memory(shape, output)
     session = Session()
     cloud = scene_of(session, file, look)
@@ -69,6 +74,8 @@ def render(
         with told(progress):
             frame = cloud.picture(camera, shape)
     cloud.write(output, frame, form)
+    if index is not None:
+        cloud.write_index(index, camera, shape)
 
 
 @app.command
@@ -106,13 +113,12 @@ def animate(
     from resample.console import linear_color
     from resample.files.animations import check_film
     from resample_points.command import rendering
-    from resample_points.command.choices import start_of
     from resample_points.scenes import cameras_of
 
     shape = height_and_width(size)
     check_film(output, fps)
     check_sharing(sharing)
-    viewpoints = rendering.path_of(path, frames, fps, start_of(start.camera, start.up))
+    viewpoints = rendering.path_of(path, frames, fps, start.start())
     behind = linear_color(background) or (0.0, 0.0, 0.0)
     look.check(output, shape[0])
     rendering.check_memory(shape, output, sharing.workers or 0)

@@ -8,12 +8,14 @@ from os import PathLike
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from resample.cameras.models import Camera
+from resample.cameras.models import Camera, Orthographic
+from resample.cameras.panoramic import Equirectangular
 from resample.cameras.viewpoints import Orbit, Spelled, Viewpoint, viewpoint_of
 from resample.painting.scenes.plans import shape_of
 from resample.profiles.filters import PixelFilter
-from resample.scene.picking import pixel_at, place_at
+from resample.scene.picking import pixel_at
 from resample.scene.previews import PER, enlarged_frame, preview_size
 from resample.scene.scenes import AnyScene, Quality
 from resample.types import Doubles, Frame
@@ -22,6 +24,8 @@ from resample_points.data.cloud import Cloud
 from resample_points.files.readers import read_cloud
 from resample_points.geometry.framing import FIELD, ball_around, framed, framed_together
 from resample_points.geometry.spacing import Surfels, prepare_cloud
+from resample_points.painting.bending import CloudView, ProjectedCamera, places_at, shrunken
+from resample_points.painting.indexing import index_cloud
 from resample_points.painting.rendering import CloudStyle, render_cloud
 
 FEW = 200_000  # most points of previews
@@ -81,20 +85,23 @@ class CloudScene(AnyScene):
                 position=np.ascontiguousarray(surfels.position[::per]),
                 axes=np.ascontiguousarray(surfels.axes[::per] * np.float32(np.sqrt(per))),
                 color=np.ascontiguousarray(surfels.color[::per]),
+                source=np.ascontiguousarray(surfels.source[::per]),
             )
         )
 
-    def camera(self, given: Spelled, size: tuple[int, int]) -> Camera:
+    def camera(self, given: Spelled | CloudView, size: tuple[int, int]) -> CloudView:
         """Return the camera for a picture; angles alone fit the cloud to it."""
+        if isinstance(given, Equirectangular | ProjectedCamera):
+            return given
         start = viewpoint_of(given)
         if isinstance(start, Orbit) and start is not given:
             start = replace(start, fov=FIELD)
-        camera: Camera = camera_of(self.surfels, shape_of(size), start)
+        camera: CloudView = camera_of(self.surfels, shape_of(size), start)
         return camera
 
     def render(
         self,
-        camera: Spelled = None,
+        camera: Spelled | CloudView = None,
         *,
         size: tuple[int, int] = (640, 480),
         style: CloudStyle | None = None,
@@ -108,8 +115,8 @@ class CloudScene(AnyScene):
         Parameters
         ----------
         camera
-            Perspective camera without distortion; or a viewpoint around the cloud, which is fitted
-            to the picture: an `Orbit`, (azimuth, elevation) with or without a zoom and a pan, a
+            Any that `render_cloud` takes; or a viewpoint around the cloud, which is fitted to the
+            picture: an `Orbit`, (azimuth, elevation) with or without a zoom and a pan, a
             name such as `front`, `top` or `corner`; None: `Orbit()`.
         size, style, filter, threads
             As of `render_cloud`.
@@ -131,8 +138,7 @@ class CloudScene(AnyScene):
         with self._rendering(quality, cancel) as is_preview:
             if not is_preview:
                 return render_cloud(self.surfels, eye, size=size, **options)
-            few, per = preview_size(size), np.diag([1 / PER, 1 / PER, 1.0])
-            eye = replace(eye, matrix=per @ eye.matrix)
+            few, eye = preview_size(size), shrunken(eye, PER)
             frame = render_cloud(self.fewer.surfels, eye, size=few, **options)
         frame = frame._replace(statistics=frame.statistics._replace(is_preview=True))
         return enlarged_frame(frame, PER, shape_of(size))
@@ -141,7 +147,7 @@ class CloudScene(AnyScene):
         self,
         x: float,
         y: float,
-        camera: Spelled = None,
+        camera: Spelled | CloudView = None,
         *,
         size: tuple[int, int] = (640, 480),
         **choices: Any,
@@ -156,9 +162,23 @@ class CloudScene(AnyScene):
             As of `render`.
         """
         row, column = pixel_at(size, x, y)
-        depth = float(self.render(camera, size=size, **choices).depth[row, column])
-        place = place_at(self.camera(camera, size), column + 0.5, row + 0.5, depth)
-        return None if place is None else PickedPoint(place, depth)
+        depth = self.render(camera, size=size, **choices).depth[row, column].astype(np.float64)
+        if not np.isfinite(depth):
+            return None
+        pixel, eye = np.array([[column + 0.5, row + 0.5]]), self.camera(camera, size)
+        return PickedPoint(places_at(eye, shape_of(size), pixel, depth[None])[0], float(depth))
+
+    def indices(
+        self,
+        camera: Spelled | CloudView = None,
+        *,
+        size: tuple[int, int] = (640, 480),
+        style: CloudStyle | None = None,
+        threads: int | None = None,
+    ) -> NDArray[np.int64]:
+        """Return which point each pixel shows, as `index_cloud` does; `camera` as in `render`."""
+        eye = self.camera(camera, size)
+        return index_cloud(self.surfels, eye, size=size, style=style, threads=threads)
 
 
 def camera_of(surfels: Surfels, shape: Shape, viewpoint: Viewpoint) -> Any:
@@ -173,6 +193,8 @@ def camera_of(surfels: Surfels, shape: Shape, viewpoint: Viewpoint) -> Any:
         up=viewpoint.up,
         fov=viewpoint.fov,
     )
+    if isinstance(camera, Orthographic):
+        return _shifted(camera, viewpoint, shape)
     return _panned(_zoomed(camera, viewpoint.zoom), viewpoint.pan, surfels, shape)
 
 
@@ -186,7 +208,7 @@ def cameras_of(
     around = [viewpoint for viewpoint in viewpoints if isinstance(viewpoint, Orbit)]
     if len(around) < len(viewpoints):
         return [sized(viewpoint, shape) for viewpoint in viewpoints]
-    if steady:
+    if steady or around[0].fov == 0:
         ball = ball_around(surfels)
         return [each.around(ball, *shape) for each in around]
     first = around[0]
@@ -207,6 +229,18 @@ def cameras_of(
 def sized(viewpoint: Any, shape: Shape) -> Any:
     """Return the camera of a viewpoint without angles."""
     return viewpoint.sized(*shape) if hasattr(viewpoint, "sized") else viewpoint
+
+
+def _shifted(camera: Orthographic, viewpoint: Orbit, shape: Shape) -> Orthographic:
+    """Zoom into a parallel camera's picture, and shift its content right and up."""
+    zoom, (right, up), side = viewpoint.zoom, viewpoint.pan, min(shape)
+    return replace(
+        camera,
+        sx=zoom * camera.sx,
+        sy=zoom * camera.sy,
+        cx=camera.cx + side * right,
+        cy=camera.cy - side * up,
+    )
 
 
 def _panned(camera: Camera, pan: tuple[float, float], surfels: Surfels, shape: Shape) -> Camera:

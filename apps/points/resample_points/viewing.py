@@ -18,7 +18,7 @@ from resample.view.exports import KEYFRAMES, ORBITING, keyframes_as_toml
 from resample.view.files import FileView, image_of, path_file
 from resample.view.views import PagePicture, Settings, Size, chosen, option_of, settings_of
 from resample.watching import Cancel, Progress, cancellable
-from resample_points.command.choices import CloudAim, CloudOptions, start_of
+from resample_points.command.choices import CloudAim, CloudOptions
 from resample_points.command.rendering import ColoredScene, film_of, path_of, scene_of
 from resample_points.files.readers import is_cloud
 from resample_points.geometry.framing import FIELD
@@ -39,6 +39,9 @@ OF_FILMS = [  # options that pictures and films share
     *("steady", "size", "background"),
 ]
 PREPARED = (
+    "also",
+    "only",
+    "crop",
     "color_by",
     "colormap",
     "span",
@@ -99,7 +102,7 @@ class CloudPainter:
             raise ValueError(f"films have no {', '.join(unknown)}; leave that out")
         (look, aim, form), shape = _checked(settings), size[::-1]
         with path_file(KEYFRAMES, keyframes) as file:
-            viewpoints = path_of(str(file), None, RATE, start_of(aim.camera, aim.up))
+            viewpoints = path_of(str(file), None, RATE, aim.start())
         cloud = self._scene(look)
         cameras = cameras_of(cloud.scene.surfels, viewpoints, shape, steady=aim.steady)
         behind = form.behind() or (0.0, 0.0, 0.0)

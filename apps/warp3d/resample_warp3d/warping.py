@@ -1,6 +1,7 @@
 """Warp depth images to other cameras."""
 
 import operator
+import warnings
 from collections.abc import Callable
 from functools import partial
 from typing import Any, Literal, get_args
@@ -13,6 +14,7 @@ from resample.cameras.models import Camera, Orthographic
 from resample.files.exchange import as_picture
 from resample.profiles.filters import PixelFilter
 from resample.types import Doubles, Floats
+from resample_warp3d.depth.encodings import check_scale
 from resample_warp3d.depth.equation import of_rectified
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.methods.filtering import filtered
@@ -181,10 +183,15 @@ def filled(source: Source, seen: Callable[[Source], Warped], fill: bool | Fillin
 
 def nearness_of(depth: Any) -> Floats:
     """Return 1 / depth, 0 where the depth is unknown."""
-    given = two_dimensional(as_picture(depth, "depth map"), "depth")
+    picture = as_picture(depth, "depth map")
+    given = two_dimensional(picture, "depth")
     nearness = np.zeros(given.shape, np.float64)
     np.divide(1.0, given, out=nearness, where=np.isfinite(given) & (given > CLOSEST))
-    return nearness.astype(np.float32)
+    near = nearness.astype(np.float32)
+    doubt = check_scale(near) if np.asarray(picture).dtype.kind in "ui" else None
+    if doubt is not None:  # millimeters, as sensors store them
+        warnings.warn(f"depth in whole numbers: {doubt}, or divide it by 1000", stacklevel=3)
+    return near
 
 
 def two_dimensional(given: ArrayLike, name: str) -> Doubles:

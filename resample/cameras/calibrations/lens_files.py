@@ -1,6 +1,5 @@
 """Read calibrated lenses from files or text, in OpenCV's parameters."""
 
-import errno
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -10,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from resample.cameras.models import Camera, LensModel
 from resample.cameras.poses import turned_by
-from resample.reading.limits import check_size
+from resample.reading.limits import check_file, check_size
 from resample.reading.texts import check_xml_text, json_of, text_of, toml_of, yaml_of
 from resample.types import Doubles
 from resample.words import naming, numbers_in
@@ -110,8 +109,7 @@ def pinhole_of(matrix: ArrayLike) -> Camera:
 
 def _of_file(path: Path, model: LensModel | None, *, needs_lens: bool) -> Calibration:
     """Read a file and check that its model agrees."""
-    if not path.is_file():
-        raise FileNotFoundError(errno.ENOENT, "there is no such file", str(path))
+    check_file(path)
     facts = _facts(path)
     with naming(str(path)):
         if "intrinsic" in facts or "intrinsic_matrix" in facts:

@@ -9,8 +9,10 @@ from pydantic import Field
 from resample.command.flags import (
     CAMERA,
     NUMBERS,
+    FieldOfView,
     Hyphen,
     OptionTopic,
+    Several,
     Steady,
     Switch,
     Up,
@@ -22,6 +24,7 @@ from resample.command.settings import Choices, Threads
 if TYPE_CHECKING:
     from resample.cameras.calibrations.lens_files import Calibration
     from resample.cameras.viewpoints import Viewpoint
+    from resample_points.data.selecting import Wanted
     from resample_points.geometry.spacing import Surfels
     from resample_points.scenes import Shape
 
@@ -32,6 +35,25 @@ class CloudOptions(Choices):
     heading: ClassVar[str] = "Look"
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
+    also: Annotated[
+        tuple[str, ...],
+        OptionTopic.SOURCE,
+        Several,
+        Field(description="Another file in the scene, placed by its coordinates: b.laz."),
+    ] = ()
+    only: Annotated[
+        tuple[str, ...],
+        Several,
+        Field(
+            description="Show only points with these values of a column, or of x, y or z: "
+            "classification=2, classification=2,5:6 or intensity=100:."
+        ),
+    ] = ()
+    crop: Annotated[
+        str | None,
+        Hyphen,
+        Field(description="Crop to ranges along x, y, z: 0:10,:,-2:3 in scene units."),
+    ] = None
     color_by: Annotated[
         str | None,
         Field(
@@ -76,6 +98,12 @@ class CloudOptions(Choices):
             "colors), or none."
         ),
     ] = None
+    edl: Annotated[
+        float,
+        Field(
+            description="Strength of eye-dome lighting, which darkens what lies behind edges: 1."
+        ),
+    ] = 0.0
     one_sided: Annotated[bool, Switch, Field(description="Cull points that face away.")] = False
     level: Annotated[
         int,
@@ -104,8 +132,11 @@ class CloudOptions(Choices):
         from resample import registry
         from resample.colors import check_colormap
         from resample.measuring.color_bars import check_bar
+        from resample_points.data.selecting import box_of
 
         self.style()
+        self.conditions()
+        box_of(self.crop)
         if "colormap" in self.model_fields_set:  # matplotlib takes a while to import
             check_colormap(self.colormap)
         if self.filter is not None:
@@ -115,12 +146,23 @@ class CloudOptions(Choices):
         if self.color_bar:
             check_bar(output, height)
 
+    def conditions(self) -> "list[Wanted]":
+        """Return the conditions of --only."""
+        from resample_points.data.selecting import wanted_of
+
+        return [wanted_of(text) for text in self.only]
+
     def style(self) -> Any:
         """Return the style that `render_cloud` takes."""
         from resample_points.painting.rendering import CloudStyle, Shading
 
         lights = {None: None, "none": Shading.NONE, "eye": Shading.HEADLIGHT}
-        return CloudStyle(point_size=self.point_size, light=lights[self.light], cull=self.one_sided)
+        return CloudStyle(
+            point_size=self.point_size,
+            light=lights[self.light],
+            cull=self.one_sided,
+            edl=self.edl,
+        )
 
 
 class CloudStart(Choices):
@@ -130,8 +172,13 @@ class CloudStart(Choices):
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     camera: Viewed = "30/20/1"
+    fov: FieldOfView = 40.0
     up: Up = "z"
     steady: Steady = False
+
+    def start(self) -> "Viewpoint":
+        """Return the viewpoint; raises if it is invalid."""
+        return start_of(self.camera, self.up, self.fov)
 
 
 class CloudAim(CloudStart):
@@ -145,11 +192,22 @@ class CloudAim(CloudStart):
     intrinsics: Annotated[
         str | None, NUMBERS, Hyphen, Field(description="fx,fy,cx,cy[,skew] in px; for --pose.")
     ] = None
+    panorama: Annotated[
+        str | None,
+        Field(
+            description="Projection of a picture all around the camera: equirectangular, "
+            "fisheye:fov=200, stereographic or cylindrical; with --pose, which needs no intrinsics."
+        ),
+    ] = None
 
     def check(self) -> None:
         """Refuse invalid cameras before any work is done."""
-        start_of(self.camera, self.up)
-        calibrated_of(self.pose, self.intrinsics)
+        self.start()
+        panorama_of(self.panorama)
+        if self.panorama is None:
+            calibrated_of(self.pose, self.intrinsics)
+        elif self.intrinsics is not None:
+            raise ValueError("--intrinsics are for a pinhole or lens; leave them out of --panorama")
 
     def camera_for(self, surfels: "Surfels", shape: "Shape") -> Any:
         """Return the camera for a picture (height, width) of a cloud; raises as `check` does."""
@@ -157,23 +215,45 @@ class CloudAim(CloudStart):
         from resample_points.geometry.framing import ball_around
         from resample_points.scenes import camera_of, sized
 
+        if self.panorama is not None:
+            return self._panoramic(surfels, shape)
         calibrated = calibrated_of(self.pose, self.intrinsics)
         if calibrated is not None:
             return sized(calibrated, shape)
-        start = start_of(self.camera, self.up)
+        start = self.start()
         if self.steady and isinstance(start, Orbit):
             return start.around(ball_around(surfels), *shape)
         return camera_of(surfels, shape, start)
 
+    def _panoramic(self, surfels: "Surfels", shape: "Shape") -> Any:
+        """Return the camera of a panorama, at a pose or where --camera is."""
+        from resample.cameras.files import read_pose
+        from resample_points.scenes import camera_of
 
-def start_of(camera: str, up: str) -> "Viewpoint":
+        camera = panorama_of(self.panorama)
+        if self.pose is not None:
+            return camera.moved(read_pose(self.pose))
+        return camera.moved(camera_of(surfels, shape, self.start()).world_to_camera)
+
+
+def panorama_of(name: str | None) -> Any:
+    """Return the camera of a projection, at 0; None without one."""
+    from resample import registry
+    from resample.cameras.panoramic import Equirectangular
+    from resample_points.painting.bending import ProjectedCamera
+
+    if name is None:
+        return None
+    if name == "equirectangular":
+        return Equirectangular()
+    return ProjectedCamera(registry.build("projections", name))
+
+
+def start_of(camera: str, up: str, fov: float | None = None) -> "Viewpoint":
     """Read a cloud's viewpoint; angles get the default field of view of clouds."""
     from resample_points.geometry.framing import FIELD
 
-    start = viewpoint(camera, FIELD, up)
-    if getattr(start, "fov", FIELD) == 0:
-        raise ValueError("a field of view of 0 degrees; clouds are seen in perspective")
-    return start
+    return viewpoint(camera, FIELD if fov is None else fov, up)
 
 
 def calibrated_of(pose: str | None, intrinsics: str | None) -> "Calibration | None":

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from resample.cameras.viewpoints import Viewpoint
     from resample.command.session import Session
     from resample.files.animations import Frames, Shots
-    from resample.types import Floats
+    from resample.types import Doubles, Floats
+    from resample_points.data.cloud import Cloud
     from resample_points.data.coloring import Scale
     from resample_points.geometry.spacing import Surfels
     from resample_points.scenes import CloudScene, Shape
@@ -46,13 +47,16 @@ class ColoredScene(NamedTuple):
 
     def bar(self, height: int, background: Any) -> "Floats | None":
         """Return the color bar, if requested."""
-        from resample.measuring.color_bars import plain_bar
+        from resample.measuring.color_bars import class_bar, plain_bar
 
         if self.scale is None or not self.options.color_bar:
             return None
-        colors, span, name = self.scale.colors(), self.scale.span, self.scale.name
-        behind = background or (0.0, 0.0, 0.0)
-        return plain_bar(colors, span, height, title=name, background=behind)
+        scale, behind = self.scale, background or (0.0, 0.0, 0.0)
+        if scale.classes:
+            colors, names = scale.class_colors(), scale.class_names()
+            return class_bar(colors, names, height, title=scale.name, background=behind)
+        colors = scale.colors()
+        return plain_bar(colors, scale.span, height, title=scale.name, background=behind)
 
     def shown(self, frame: Any, form: FrameFormat) -> Any:
         """Return a frame, with the color bar if requested."""
@@ -70,18 +74,35 @@ class ColoredScene(NamedTuple):
 
         write_frame(path, self.shown(frame, form), bits=form.bits, background=form.behind())
 
+    def write_index(self, path: Path, camera: "Camera", shape: "Shape") -> None:
+        """Write which point each pixel shows."""
+        from resample.files.writing import replacing, save_array
+
+        look = self.options
+        found = self.scene.indices(
+            camera, size=shape[::-1], style=look.style(), threads=look.threads
+        )
+        with replacing(path) as file:
+            save_array(file, found)
+
+
+def check_index(path: Path | None) -> None:
+    """Refuse a name for the points' numbers that is not of NumPy."""
+    if path is not None and path.suffix.lower() != ".npy":
+        raise ValueError(f"{path}: numbers of points are written as .npy")
+
 
 def scene_of(session: "Session", file: Path, look: CloudOptions) -> ColoredScene:
     """Read, color and prepare the cloud of a file."""
+    import numpy as np
+
     from resample.watching import told
     from resample_points.data.coloring import colored
-    from resample_points.files.readers import read_cloud
     from resample_points.geometry.spacing import LARGEST, prepare_cloud
     from resample_points.scenes import CloudScene
 
-    columns = () if look.color_by is None else (look.color_by,)
     with session.stage("read", bar="reading") as progress, told(progress):
-        cloud, scale = read_cloud(file, level=look.level, columns=columns), None
+        cloud, scale = _chosen(file, look), None
         if look.color_by is not None:
             cloud, scale = colored(cloud, look.color_by, colormap=look.colormap, span=look.span)
     with session.stage("prepare", bar="measuring") as progress, told(progress):
@@ -91,23 +112,46 @@ def scene_of(session: "Session", file: Path, look: CloudOptions) -> ColoredScene
             threads=look.threads,
             cache=not look.no_cache,
         )
-    mention_origin(file.name, surfels)
+    mention_origin(file.name, surfels, is_single=cloud.position.dtype == np.float32)
     return ColoredScene(CloudScene(surfels), look, scale)
 
 
-def mention_origin(name: str, surfels: "Surfels") -> None:
-    """Report the origin of a cloud that lies far from 0, such as a georeferenced one."""
+def _chosen(file: Path, look: CloudOptions) -> "Cloud":
+    """Read the clouds of a command, and select their points."""
+    from resample.words import naming
+    from resample_points.data.selecting import join_clouds, select_points
+    from resample_points.files.readers import read_cloud
+
+    named = {wanted.column: None for wanted in look.conditions()}
+    columns = tuple(dict.fromkeys((*named, *([] if look.color_by is None else [look.color_by]))))
+    files = (file, *map(Path, look.also))
+    cloud = join_clouds([read_cloud(each, level=look.level, columns=columns) for each in files])
+    with naming(file.name if len(files) == 1 else f"{len(files)} clouds"):
+        return select_points(cloud, look.only, look.crop)
+
+
+def mention_origin(name: str, surfels: "Surfels", *, is_single: bool = False) -> None:
+    """Report the origin of a cloud that lies far from 0, such as a georeferenced one.
+
+    `is_single`: the file's positions are float32, which far from 0 has coarse steps.
+    """
+    import numpy as np
+
     from resample_points.data.parts import rows_of
 
     extent = max(
         (float(abs(surfels.position[rows]).max()) for rows in rows_of(surfels.position)),
         default=0.0,
     )
-    if abs(surfels.origin).max() > FAR * extent:
-        place = ", ".join(f"{part:.10g}" for part in surfels.origin)
-        say(
-            f"{name} is centered near {place}; positions are exact, poses in the file's coordinates"
-        )
+    farthest = abs(surfels.origin).max()
+    if farthest <= FAR * extent:
+        return
+    place = ", ".join(f"{part:.10g}" for part in surfels.origin)
+    exact = "positions are exact"
+    if is_single:
+        step = np.spacing(np.float32(farthest))
+        exact = f"its float32 positions are rounded to {step:g} there (float64 keeps them)"
+    say(f"{name} is centered near {place}; {exact}, poses in the file's coordinates")
 
 
 def check_memory(shape: "Shape", output: Path, workers: int = 0) -> None:
@@ -171,7 +215,7 @@ def film_of(
     job = {
         "cloud": fingerprint(surfels.origin, surfels.position, surfels.axes, surfels.color),
         "cameras": fingerprint(
-            np.stack([camera.matrix for camera in cameras]),
+            np.stack([_numbers(camera) for camera in cameras]),
             np.stack([camera.world_to_camera for camera in cameras]),
         ),
         "size": list(shape),
@@ -180,6 +224,15 @@ def film_of(
         "version": installed_version(),
     }
     return Shots(len(cameras), frame, job)
+
+
+def _numbers(camera: Any) -> "Doubles":
+    """Return the intrinsics of a camera that orbits, in perspective or parallel."""
+    import numpy as np
+
+    if hasattr(camera, "matrix"):
+        return np.asarray(camera.matrix, np.float64)
+    return np.array([camera.sx, camera.sy, camera.cx, camera.cy])
 
 
 def frames_of(

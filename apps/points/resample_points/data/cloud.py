@@ -77,12 +77,7 @@ def places(cloud: Cloud) -> Floats | Doubles:
 def checked(cloud: Cloud) -> Cloud:
     """Return the points that can be drawn, in checked arrays, without columns."""
     parts = {name: part_of(cloud, name) for name in ("position", "normal", "color", "radius")}
-    known = _are_finite(parts["position"])
-    if len(parts["color"]):
-        known &= _are_finite(parts["color"])
-    if len(parts["radius"]):
-        known &= np.isfinite(parts["radius"]) & (parts["radius"] > 0)
-    whole = Cloud(**parts)
+    whole, known = Cloud(**parts), drawable(cloud)
     position, normal, color, radius, _ = whole if known.all() else some_of(whole, known)
     farthest = max(float(position.max(initial=0)), -float(position.min(initial=0)))
     if farthest > FARTHEST:
@@ -96,6 +91,17 @@ def checked(cloud: Cloud) -> Cloud:
         np.asarray(color, np.float32),
         np.asarray(radius, np.float32),
     )
+
+
+def drawable(cloud: Cloud) -> NDArray[np.bool_]:
+    """Mark the points (N,) that can be drawn."""
+    known = _are_finite(part_of(cloud, "position"))
+    color, radius = part_of(cloud, "color"), part_of(cloud, "radius")
+    if len(color):
+        known &= _are_finite(color)
+    if len(radius):
+        known &= np.isfinite(radius) & (radius > 0)
+    return known
 
 
 def _are_finite(values: NDArray[Any]) -> NDArray[np.bool_]:
@@ -120,4 +126,9 @@ def part_of(cloud: Cloud, name: str) -> Any:
     lengths = {count} if name == "position" else {count, 0}
     if array.dtype.kind not in "iuf" or array.shape[1:] != rest or len(array) not in lengths:
         raise ValueError(f"{name} of a cloud has the shape {array.shape}; it must be {shape}")
+    if name == "color" and array.dtype.kind in "iu" and array.max(initial=0) > 1:
+        raise ValueError(
+            f"color of a cloud holds levels ({array.dtype}); give linear light from 0 to 1, such "
+            "as resample.colors.from_srgb(color / np.float32(255))"
+        )
     return array

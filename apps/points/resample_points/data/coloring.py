@@ -7,16 +7,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import from_srgb, mapped
-from resample.types import Floats
+from resample.types import Doubles, Floats
 from resample_points.data.cloud import AXES, Cloud, columns_of, part_of
-from resample_points.data.fields import COLORS
+from resample_points.data.fields import COLORS, white_of
 from resample_points.data.parts import quantile_of, rows_of, span_in, zeros_beside
 
 UNKNOWN = 0.2  # linear gray of points without a value
 LEVELS = 1024  # colors of a scale
 SCANNED = ("intensity", "classification")  # columns to color points by if they have no colors
 BRIGHT = 0.98  # quantile of the intensities that becomes white
-CLASSES = 20  # colors of classes, of the colormap tab20
+CLASSES = 20  # colors of classes, of the colormap tab20; most of a bar
+MEANINGS = dict(  # of the American Society for Photogrammetry and Remote Sensing, LAS 1.4
+    enumerate(
+        (
+            *("never classified", "unassigned", "ground", "low vegetation", "medium vegetation"),
+            *("high vegetation", "building", "low noise", "reserved", "water", "rail", "road"),
+            *("overlap", "wire guard", "conductor", "tower", "connector", "bridge", "high noise"),
+        )
+    )
+)
 
 Range = tuple[float, float]
 
@@ -27,10 +36,20 @@ class Scale(NamedTuple):
     name: str  # of the column
     colormap: str
     span: Range  # values of the first and the last color
+    classes: tuple[int, ...] = ()  # all values within the span, if they are few and whole
 
     def colors(self) -> Floats:
         """Return linear colors (`LEVELS`, 3) at even values over the span."""
         return mapped(self.colormap, (np.arange(LEVELS) + 0.5) / LEVELS)
+
+    def class_colors(self) -> Floats:
+        """Return the linear colors (N, 3) of the classes."""
+        return mapped(self.colormap, _share(np.array(self.classes, np.float64), self.span))
+
+    def class_names(self) -> list[str]:
+        """Return the names of the classes: numbers, and what they mean in LAS files."""
+        meanings = MEANINGS if self.name == SCANNED[1] else {}
+        return [f"{number} {meanings.get(number, '')}".strip() for number in self.classes]
 
 
 class Colored(NamedTuple):
@@ -58,36 +77,54 @@ def colored(
     def color_of(rows: slice) -> Floats:
         part = np.asarray(value[rows], np.float64)
         known = np.isfinite(part)
-        share = np.full_like(part, 0.5)
-        if low < high:
-            share = np.clip((part - low) / (high - low), 0.0, 1.0)
-        color = mapped(colormap, np.where(known, share, 0.0))
+        color = mapped(colormap, np.where(known, _share(part, (low, high)), 0.0))
         color[~known] = UNKNOWN
         return color
 
     color = _per_point(cloud, color_of)
-    return Colored(cloud._replace(color=color), Scale(column, colormap, (low, high)))
+    classes = tuple(number for number in _classes(value) if low <= number <= high)
+    return Colored(cloud._replace(color=color), Scale(column, colormap, (low, high), classes))
+
+
+def _share(value: Doubles, span: Range) -> Doubles:
+    """Return where values lie in a span, from 0 to 1; 0.5 in an empty one."""
+    low, high = span
+    if not low < high:
+        return np.full_like(value, 0.5)
+    return np.asarray(np.clip((value - low) / (high - low), 0.0, 1.0))
+
+
+def _classes(values: NDArray[Any]) -> list[int]:
+    """Return the distinct values, if they are at most `CLASSES` whole numbers; else nothing."""
+    found = set[float]()
+    for rows in rows_of(values):
+        part = np.unique(values[rows])
+        found.update(part[: CLASSES + 1].tolist())
+        if len(found) > CLASSES or not all(float(value).is_integer() for value in found):
+            return []
+    return sorted(map(int, found))
 
 
 def colored_as_scanned(cloud: Cloud) -> Cloud:
     """Color a laser scan by its red, green and blue columns, which are removed.
 
     Levels have 16 bits, or 8 if none is above 255. If there are none, or all are black, points are
-    gray by their intensity, of which the 98 % quantile is white, or else get a color per class.
+    gray by their intensity, of which the 98 % quantile is white and 0, or the least where that is
+    negative, black; or else get a color per class.
     """
     rest = {name: column for name, column in cloud.columns.items() if name not in COLORS[0]}
     levels = [cloud.columns[name] for name in COLORS[0] if name in cloud.columns]
     intensity, number = (rest.get(name, np.zeros(1, np.uint8)) for name in SCANNED)
     cloud = cloud._replace(columns=rest)
     most = max((int(level.max(initial=0)) for level in levels), default=0)
-    white = np.float32(255 if most <= 255 else 65535)
+    white = np.float32(white_of(np.dtype(np.uint16), most))
 
     def light(rows: slice) -> Floats:
         level = np.stack([each[rows] for each in levels], axis=1)
         return np.asarray(from_srgb(level.astype(np.float32) / white))
 
     def gray(rows: slice) -> Floats:
-        share = np.minimum(intensity[rows].astype(np.float32) / brightest, np.float32(1))
+        share = np.minimum((intensity[rows].astype(np.float32) - dark) / brightest, np.float32(1))
         return np.repeat(share[:, None], 3, axis=1)
 
     def by_class(rows: slice) -> Floats:
@@ -97,8 +134,11 @@ def colored_as_scanned(cloud: Cloud) -> Cloud:
         return cloud._replace(color=_per_point(cloud, light))
     if len(cloud.color):
         return cloud
-    if intensity.min() < intensity.max():
-        brightest = np.float32(max(quantile_of(intensity, BRIGHT), 1.0))
+    span = span_in(intensity)
+    if span is not None and span[0] < span[1]:
+        dark = np.float32(min(span[0], 0.0))
+        bright = np.float32(quantile_of(intensity, BRIGHT))
+        brightest = np.float32(span[1] if bright <= dark else bright) - dark
         return cloud._replace(color=_per_point(cloud, gray))
     if number.min() < number.max():
         return cloud._replace(color=_per_point(cloud, by_class))

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from resample.reading.limits import check_free, check_ratio
 from resample.watching import report
-from resample.words import one_line
 from resample_points.data.cloud import Cloud, kept_columns
 from resample_points.data.coloring import SCANNED, colored_as_scanned
 from resample_points.data.fields import COLORS, Fields, cloud_of
 from resample_points.data.parts import PER_POINT, STEP, CloudBuilder, memory_left, storage_for
+from resample_points.files.parsing import damage, lacking
 
 ENTRY = np.dtype(
     {
@@ -55,7 +55,7 @@ class _Laser(NamedTuple):
         """The compression record of a LAZ file."""
         import lazrs
 
-        with _damage(self.path):
+        with damage(self.path):
             packing = bytes(self.header.vlrs[self.header.vlrs.index("LasZipVlr")].record_data)
             size = lazrs.LazVlr(packing).item_size()
             if size != self.header.point_format.size:
@@ -75,7 +75,7 @@ def read_las(path: Path, level: int = 0, columns: Sequence[str] | None = None) -
     laspy = _required(path.name)
     with _quiet(), path.open("rb") as file:
         length = path.stat().st_size
-        with _damage(path):
+        with damage(path):
             _check_head(file, length)
             header = laspy.LasHeader.read_from(file)
         laser = _Laser(path, file, header, length)
@@ -103,7 +103,7 @@ def _gathered(
         records = _chunks_in_parts(laspy, laser, chunks)
     gathering, read = CloudBuilder(storage_for(count, laser.path.name, _hint(entries, level))), 0
     for record in records:
-        with _damage(laser.path):
+        with damage(laser.path):
             levels, fields = _fields(laser, record)
         part = cloud_of(fields)
         kept = kept_columns(part, columns)
@@ -121,10 +121,7 @@ def _required(name: str) -> Any:
         import laspy
         import lazrs  # noqa: F401
     except ImportError as error:
-        raise ValueError(
-            f"{name} is read by laspy, and {error.name} is not installed: "
-            "pip install 'hybrid-resample[las]'"
-        ) from None
+        raise lacking(name, "laspy", error, "las") from None
     return laspy
 
 
@@ -138,21 +135,6 @@ def _quiet() -> Iterator[None]:
         yield
     finally:
         logger.setLevel(before)
-
-
-@contextmanager
-def _damage(path: Path) -> Iterator[None]:
-    """Turn the many errors that damaged files raise into one kind."""
-    try:
-        yield
-    except MemoryError:
-        raise
-    except Exception as error:
-        raise OSError(f"{path} is damaged: {one_line(error):.200}") from None
-    except BaseException as error:
-        if type(error).__name__ != "PanicException":  # of Rust
-            raise
-        raise OSError(f"{path} is damaged: its points cannot be unpacked") from None
 
 
 def _check_head(file: BinaryIO, length: int) -> None:
@@ -179,7 +161,7 @@ def _entries(laser: _Laser) -> NDArray[Any]:
         raise ValueError("has no levels, as only COPC files do; leave out the level")
     pages = [(int(info.hierarchy_root_offset), int(info.hierarchy_root_size))]
     found, read = [], 0
-    with _damage(laser.path):
+    with damage(laser.path):
         while pages:
             start, size = pages.pop()
             read += size
@@ -230,12 +212,12 @@ def _hint(entries: NDArray[Any] | None, level: int) -> str:
 
 def _bare_in_parts(laspy: Any, laser: _Laser) -> Iterator[Any]:
     """Yield uncompressed points, as laspy records."""
-    with _damage(laser.path):
+    with damage(laser.path):
         laser.file.seek(0)
         reader = laspy.LasReader(laser.file, closefd=False, read_evlrs=False)
         yield reader.read_points(min(STEP, laser.header.point_count))
     for _ in range(STEP, laser.header.point_count, STEP):
-        with _damage(laser.path):
+        with damage(laser.path):
             record = reader.read_points(STEP)
         yield record
 
@@ -246,7 +228,7 @@ def _chunks(laser: _Laser) -> NDArray[Any]:
 
     file, start, count = laser.file, laser.header.offset_to_point_data, laser.header.point_count
     packing = laser.packing
-    with _damage(laser.path):
+    with damage(laser.path):
         file.seek(start)
         (table,) = struct.unpack("<q", file.read(8))
         if table == -1:  # written by a writer that could not seek
@@ -288,7 +270,7 @@ def _unpacked(laspy: Any, laser: _Laser, chunks: NDArray[Any], packing: bytes) -
 
     count, size = int(chunks["points"].sum(dtype=np.int64)), laser.header.point_format.size
     check_free(laser.path.name, count * (size + UNPACKED))
-    with _damage(laser.path):
+    with damage(laser.path):
         packed = bytearray()
         for offset, length in zip(chunks["offset"].tolist(), chunks["size"].tolist(), strict=True):
             laser.file.seek(offset)

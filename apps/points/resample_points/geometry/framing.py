@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.cameras.models import Camera
+from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import orbit
 from resample.cameras.viewpoints import Sphere
 from resample.painting.scenes.plans import shape_of
@@ -95,7 +95,7 @@ def framed(
     distance: float | None = None,
     up: str = "z",
     fov: float = FIELD,
-) -> Camera:
+) -> Camera | Orthographic:
     """Return a camera that frames a cloud.
 
     Separate clumps of points are ignored if they hold less than a hundredth of all points together.
@@ -113,7 +113,7 @@ def framed(
         Distance from the center of the points' bounding box, scene units. By default the visible
         points fill the frame and are centered in it.
     fov
-        Degrees along the frame's shorter side.
+        Degrees along the frame's shorter side; 0: a parallel camera.
 
     Raises
     ------
@@ -133,6 +133,8 @@ def framed(
     0.95
     """
     seen = _visible(cloud)
+    if fov == 0:
+        return _parallel(seen, size, orbit(np.zeros(3), 1.0, azimuth, elevation, up))
     camera = _camera(size, fov)
     if distance is None:
         pose = orbit(np.zeros(3), 1.0, azimuth, elevation, up)
@@ -179,9 +181,23 @@ def _some(angles: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
     return [each[n] for n in np.linspace(0, len(each) - 1, min(len(each), DIRECTIONS)).astype(int)]
 
 
+def _parallel(seen: Framing, size: tuple[int, int], pose: Doubles) -> Orthographic:
+    """Return the parallel camera whose picture a cloud fills, from just before it."""
+    axes = pose[:3, :3]
+    least, most = (
+        np.array([sign * seen.farthest(sign * axis) for axis in axes]) for sign in (-1, 1)
+    )
+    extent = np.maximum(most - least, LEAST)
+    scale = float((FILLED * np.array(size) / extent[:2]).min())
+    moved = np.eye(4)
+    moved[:3, :3] = axes
+    moved[:3, 3] = *(-0.5 * (least + most)[:2]), extent[2] - least[2]
+    return Orthographic(scale, scale, size[0] / 2, size[1] / 2, moved)
+
+
 def _camera(size: tuple[int, int], fov: float) -> Camera:
     if not 0 < fov < 180:
-        raise ValueError(f"a field of view of {fov:g} degrees; clouds are seen in perspective")
+        raise ValueError(f"a field of view of {fov:g} degrees; 0 to below 180 are allowed")
     return Camera.from_fov(fov, *shape_of(size))
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from resample.memory.mapped import most_of
 from resample.types import Doubles, Floats, Indices
 from resample.watching import report, told
-from resample_points.data.cloud import Cloud, checked, some_of
+from resample_points.data.cloud import Cloud, checked, drawable, some_of
 from resample_points.data.parts import on_threads, rows_of, zeros_beside
 
 BATCH_SIZE = 256  # points compared at a time
@@ -22,6 +22,8 @@ NEAR = 1 << 15  # points sorted at a time, which fit into the processor's cache
 LOWER = np.uint64(63 - 16)  # bits of a code below those counted by the first sort
 SAMPLED = 1 << 16  # points sampled to choose the ends of buckets
 SORTED = 160  # bytes per point while its bucket is sorted
+
+UNKNOWN = np.zeros(0, np.int32)  # index of points in files
 
 Codes = NDArray[np.uint64]
 
@@ -48,6 +50,7 @@ class Ordered(NamedTuple):
 
     origin: Doubles  # (3,)
     cloud: Cloud
+    source: NDArray[np.int32]  # (N,) rows of the given cloud; (0,) for a cloud in files
 
 
 def in_order(cloud: Cloud, radius: float | None) -> Ordered:
@@ -66,7 +69,11 @@ def in_order(cloud: Cloud, radius: float | None) -> Ordered:
     relative = points._replace(position=position)
     order = canonical(relative, curve_through(relative.position))
     parts = {name: getattr(relative, name) for name in ("position", "normal", "color", "radius")}
-    return Ordered(origin, Cloud(**{name: _taken(part, order) for name, part in parts.items()}))
+    rows = order.astype(np.int32)
+    if len(points.position) < len(cloud.position):
+        rows = np.flatnonzero(drawable(cloud)).astype(np.int32)[order]
+    taken = Cloud(**{name: _taken(part, order) for name, part in parts.items()})
+    return Ordered(origin, taken, rows)
 
 
 def _taken(values: NDArray[Any], order: Indices) -> Any:
@@ -210,7 +217,7 @@ def _by_buckets(cloud: Cloud, radius: float | None, most: int) -> Ordered:
     origin = _middle(low, high) if count else np.zeros(3)
     given = _PreparedCloud(cloud, radius, origin)
     if not count:
-        return Ordered(origin, given.part(slice(0)))
+        return Ordered(origin, given.part(slice(0)), UNKNOWN)
     curve = _curve_in((low - origin).astype(np.float32), (high - origin).astype(np.float32))
     ends = _ends(given, curve, 2 * count // most)
     ordered, start = _moved(given, curve, ends, count)
@@ -220,7 +227,7 @@ def _by_buckets(cloud: Cloud, radius: float | None, most: int) -> Ordered:
         for each, values in zip(ordered[:4], part[:4], strict=True):
             each[first:last] = values
         report(last, count)
-    return Ordered(origin, ordered)
+    return Ordered(origin, ordered, UNKNOWN)
 
 
 def _ends(given: _PreparedCloud, curve: MortonCurve, buckets: int) -> Codes:

@@ -21,10 +21,11 @@ from resample.files.writing import load_arrays, source_fingerprint, store_arrays
 from resample.memory import amount, mapped
 from resample.memory.mapped import is_in_file
 from resample.types import Doubles, Floats, Indices
-from resample.watching import portion
+from resample.watching import portion, told
 from resample_points.data.cloud import Cloud
 from resample_points.data.parts import memory_left, rows_of, zeros_beside
-from resample_points.geometry.sorting import Ordered, curve_through, in_order
+from resample_points.geometry.rings import MeasuredDiscs, widened
+from resample_points.geometry.sorting import UNKNOWN, Ordered, curve_through, in_order
 
 NEIGHBOURS = 13  # with the point itself
 MORE_NEIGHBOURS = 41  # for points whose 13 neighbours leave a gap
@@ -38,7 +39,11 @@ MOST_BYTES = 1 << 30
 LEAST_POINTS = 20_000  # fewer are measured about as fast as loaded
 WIDTH = 9  # numbers per point: a normal and two half axes
 # Modules that measure discs.
-CODE = ("resample_points.geometry.spacing", "resample_points.geometry.kernels")
+CODE = (
+    "resample_points.geometry.spacing",
+    "resample_points.geometry.rings",
+    "resample_points.geometry.kernels",
+)
 
 
 class Surfels(NamedTuple):
@@ -49,6 +54,7 @@ class Surfels(NamedTuple):
     axes: Floats  # (N, 2, 3) scene units, half axes; first × second is along the normal
     color: Floats  # (N, 3) linear light; or (0, 3)
     is_oriented: bool  # normals are known to point outward
+    source: NDArray[np.int32] = UNKNOWN  # (N,) rows of the cloud; or (0,) for one in files
 
 
 def prepare_cloud(
@@ -135,7 +141,7 @@ def _discs(ordered: Ordered, largest: float, cache: bool) -> Surfels:
         from resample_points.geometry.kernels.cells import lay
 
         lay(normal, cloud.radius, axes)
-    return Surfels(ordered.origin, position, axes, cloud.color, is_oriented)
+    return Surfels(ordered.origin, position, axes, cloud.color, is_oriented, ordered.source)
 
 
 def _measured(position: Floats, normal: Floats, axes: Floats, largest: float | None) -> None:
@@ -153,7 +159,7 @@ def _measured(position: Floats, normal: Floats, axes: Floats, largest: float | N
         along = _along_ranks(place)
         place, upward = _permuted(place, along), _permuted(upward, along)
     found = zeros_beside(place, (count, 2, 3), F4)
-    _measured_places(place, upward, found, largest)
+    _measured_places(place, upward, found, largest, is_along=not is_crowded)
     if is_crowded:
         back = np.argsort(along)
         upward, found = _permuted(upward, back), _permuted(found, back)
@@ -197,9 +203,29 @@ def _permuted(values: Floats, order: Indices) -> Floats:
     return permuted
 
 
-def _measured_places(position: Floats, normal: Floats, axes: Floats, largest: float | None) -> None:
-    """Fill in normals and discs of distinct points sorted along a curve."""
-    from resample_points.geometry.kernels.cells import Spaced, limit
+def _measured_places(
+    position: Floats, normal: Floats, axes: Floats, largest: float | None, is_along: bool = True
+) -> None:
+    """Fill in normals and discs of distinct points sorted along a curve.
+
+    `is_along`: the curve is that through the points' bounding box.
+    """
+    from resample_points.geometry.kernels.cells import limit
+
+    count = len(position)
+    is_known = bool(len(normal)) and bool(normal[:1].any())
+    with portion(0.0, MEASURING):
+        found = _measured_alone(position, normal, axes)
+        if is_along:
+            widened(found, _measured_thinned, is_known)
+    if count > 1 and largest is not None and np.isfinite(largest):
+        with portion(MEASURING, 1.0):
+            limit(found.nearest, found.spacing, _sizes(axes), float(largest), axes)
+
+
+def _measured_alone(position: Floats, normal: Floats, axes: Floats) -> MeasuredDiscs:
+    """Fill in normals and discs by the nearest neighbours alone."""
+    from resample_points.geometry.kernels.cells import Spaced
     from resample_points.geometry.kernels.measuring import NeighbourCounts, measure_all
     from resample_points.geometry.kernels.neighbours import blocks_of
 
@@ -207,11 +233,19 @@ def _measured_places(position: Floats, normal: Floats, axes: Floats, largest: fl
     discs = Spaced(axes, zeros_beside(position, (count,), F4))
     wanted = NeighbourCounts(min(NEIGHBOURS, count), min(MORE_NEIGHBOURS, count))
     nearest = zeros_beside(position, (count, wanted.few - 1), np.int32)
-    with portion(0.0, MEASURING):
-        measure_all(blocks_of(position), wanted, normal, discs, nearest)
-    if count > 1 and largest is not None and np.isfinite(largest):
-        with portion(MEASURING, 1.0):
-            limit(nearest, discs.spacing, _sizes(axes), float(largest), axes)
+    measure_all(blocks_of(position), wanted, normal, discs, nearest)
+    return MeasuredDiscs(position, normal, axes, discs.spacing, nearest)
+
+
+def _measured_thinned(position: Floats) -> MeasuredDiscs:
+    """Measure the points that are left of a thinned cloud."""
+    count = len(position)
+    with told(None):  # part of larger work
+        return _measured_alone(
+            position,
+            zeros_beside(position, (count, 3), F4),
+            zeros_beside(position, (count, 2, 3), F4),
+        )
 
 
 def _sizes(axes: Floats) -> Floats:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from resample import registry
-from resample.cameras.models import AnyCamera, Camera
+from resample.cameras.models import Orthographic
 from resample.memory.mapped import most_of
 from resample.painting.scenes.plans import shape_of
 from resample.profiles.filters import PixelFilter
@@ -22,6 +22,8 @@ from resample.watching import told
 from resample_points.data.cloud import Cloud
 from resample_points.data.parts import rows_of, zeros_beside
 from resample_points.geometry.spacing import Surfels, prepare_cloud
+from resample_points.painting.bending import CloudView, PinholePart, bent, pinhole_parts
+from resample_points.painting.dome import eye_dome
 from resample_points.painting.windows import (
     POINT,
     SHOWN,
@@ -68,6 +70,8 @@ class CloudStyle:
         Sub-pixels per side of a pixel; their square is the number of coverage levels.
     near
         Near plane, scene units along the view axis.
+    edl
+        Strength of eye-dome lighting, which darkens what lies behind edges; 0: none.
 
     Raises
     ------
@@ -93,6 +97,7 @@ class CloudStyle:
     cull: bool = False
     subpixels: int = 4
     near: float = 0.0
+    edl: float = 0.0
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.point_size) and self.point_size > 0):
@@ -103,11 +108,13 @@ class CloudStyle:
             raise ValueError(f"{self.subpixels} sub-pixels; give 1 to {MOST_SUBPIXELS}")
         if not (np.isfinite(self.near) and self.near >= 0):
             raise ValueError(f"the near plane at {self.near} must not lie behind the eye")
+        if not (np.isfinite(self.edl) and self.edl >= 0):
+            raise ValueError(f"eye-dome lighting of strength {self.edl}; give 0 or more")
 
 
 def render_cloud(
     cloud: Cloud | Surfels,
-    camera: Camera,
+    camera: CloudView,
     *,
     size: tuple[int, int],
     style: CloudStyle | None = None,
@@ -121,7 +128,9 @@ def render_cloud(
     cloud
         Points, or the result of `prepare_cloud`, which saves time for further pictures.
     camera
-        Perspective camera without distortion. Points before its near plane are clipped.
+        Perspective camera, also with a lens, or `Orthographic`, `Equirectangular` or
+        `ProjectedCamera`. Points before its near plane are clipped. Depth is along the axis, in
+        the last two along the ray.
     size
         Width and height, px.
     style
@@ -140,8 +149,8 @@ def render_cloud(
     Raises
     ------
     ValueError
-        The size is invalid, the camera is parallel or has distortion, or back faces shall be culled
-        and the cloud has no normals.
+        The size is invalid or not one of the camera's, or back faces shall be culled and the cloud
+        has no normals.
 
     Examples
     --------
@@ -158,14 +167,13 @@ def render_cloud(
 
     chosen = CloudStyle() if style is None else style
     shape = shape_of(size)
-    _check_camera(camera)
     with jit.threads(jit.workers() if threads is None else threads):
         start = perf_counter()
         surfels = cloud if isinstance(cloud, Surfels) else prepare_cloud(cloud)
         if chosen.cull and len(surfels.position) and not surfels.is_oriented:
             raise ValueError("back faces cannot be culled: the cloud's file has no normals")
         prepared = perf_counter() - start
-        painted = _drawn(surfels, camera, shape, chosen, filter)
+        painted = painted_cloud(surfels, camera, shape, chosen, filter)
     held = np.zeros(VISIBILITY_KINDS, np.int64)
     for rows in rows_of(painted.visible):
         held += np.bincount(painted.visible[rows], minlength=VISIBILITY_KINDS)
@@ -178,21 +186,47 @@ def render_cloud(
         {"prepare": prepared, **painted.seconds},
     )
     coverage = painted.rgba[..., 3].copy()
+    if chosen.edl > 0:
+        extent = shape[0] / camera.sy if isinstance(camera, Orthographic) else None
+        light = eye_dome(painted.depth, chosen.edl, extent=extent)
+        painted.rgba[..., :3] *= light[..., None]
     return Frame(painted.rgba, painted.depth, painted.first_depth, coverage, statistics)
+
+
+def painted_cloud(
+    surfels: Surfels,
+    camera: CloudView,
+    shape: tuple[int, int],
+    style: CloudStyle,
+    filter: str | PixelFilter | None,  # noqa: A002
+) -> "PaintedCloud":
+    """Paint all parts of a picture, and join them."""
+    parts = pinhole_parts(camera, shape, surfels)
+    made = [_drawn(surfels, each, (shape[0], each.width), style, filter) for each in parts]
+    if len(made) == 1:
+        return made[0]
+    seen = zeros_beside(surfels.position, (len(surfels.position),), np.uint8)
+    for part in made:
+        seen |= part.visible
+    rgba, depth, first = (
+        np.concatenate(parts, axis=1) for parts in zip(*(part[:3] for part in made), strict=True)
+    )
+    seconds = {stage: sum(part.seconds[stage] for part in made) for stage in STAGES}
+    return PaintedCloud(rgba, depth, first, seen, made[0].subpixels, seconds)
 
 
 def _drawn(
     surfels: Surfels,
-    camera: Camera,
+    part: PinholePart,
     shape: tuple[int, int],
     style: CloudStyle,
     filter: str | PixelFilter | None,  # noqa: A002
 ) -> "PaintedCloud":
     pixel_filter = registry.build("filters", filter) if isinstance(filter, str) else filter
     if pixel_filter is None or subpixels_of(pixel_filter).weight.size == 1:
-        return _painted(surfels, camera, shape, style, TILE)
+        return _painted(surfels, part, shape, style, TILE)
     parts = subpixels_of(pixel_filter, max(style.subpixels, subpixels_of(pixel_filter).count))
-    return _filtered(surfels, camera, shape, style, parts)
+    return _filtered(surfels, part, shape, style, parts)
 
 
 class PaintedCloud(NamedTuple):
@@ -207,9 +241,9 @@ class PaintedCloud(NamedTuple):
 
 
 def _painted(
-    surfels: Surfels, camera: Camera, shape: tuple[int, int], style: CloudStyle, tile: int
+    surfels: Surfels, part: PinholePart, shape: tuple[int, int], style: CloudStyle, tile: int
 ) -> PaintedCloud:
-    """Paint a cloud in tiles; each pixel is the mean of its sub-pixels."""
+    """Paint a part of a picture in tiles; each pixel is the mean of its sub-pixels."""
     from resample_points.painting.kernels.discs import project_discs
     from resample_points.painting.kernels.painting import CloudPicture
 
@@ -221,11 +255,17 @@ def _painted(
     canvas = WindowCanvas(
         Screen(shape[1], shape[0], 0.0, np.zeros((4, 4))), tile, style.subpixels, picture
     )
-    eye = eye_of(surfels, camera, shape, style)
+    eye = eye_of(surfels, part, shape, style)
 
     def project_some(rows: slice, records: Records) -> None:
         position, axes = surfels.position[rows], surfels.axes[rows]
         color = surfels.color[rows] if len(surfels.color) else np.full_like(position, GRAY)
+        if part.bend is not None:
+            position, axes, facing = bent(position, axes, surfels.origin, part)
+            if _is_lit(surfels, style):
+                color = color * np.abs(facing)[:, None]
+            if style.cull:
+                position[facing <= 0] = np.nan
         project_discs(position, axes, color, eye, records)
 
     pages = most_of(surfels.position)
@@ -233,6 +273,9 @@ def _painted(
         seen, seconds = _painted_at_once(len(surfels.position), project_some, canvas)
     else:
         seen, seconds = paint_in_windows(surfels, project_some, canvas, pages)
+    if part.shift:
+        for away in (picture.depth, picture.first_depth):
+            away -= np.float32(part.shift)  # noqa: PLW2901 - in place
     return PaintedCloud(*picture, seen, style.subpixels, seconds)
 
 
@@ -253,7 +296,7 @@ def _painted_at_once(
 
 
 def _filtered(
-    surfels: Surfels, camera: Camera, shape: tuple[int, int], style: CloudStyle, parts: Subpixels
+    surfels: Surfels, part: PinholePart, shape: tuple[int, int], style: CloudStyle, parts: Subpixels
 ) -> PaintedCloud:
     """Paint a cloud on sub-pixels, strip by strip, and filter them."""
     from resample.engine.surfaces.resolve import nearest_of_rows, resolve_rows
@@ -264,8 +307,14 @@ def _filtered(
     seen: Visibility = zeros_beside(surfels.position, (len(surfels.position),), np.uint8)
     seconds = dict.fromkeys(STAGES, 0.0)
     for strip in parts.strips(shape):
-        moved = replace(camera, matrix=strip.matrix @ camera.matrix)
-        fine = _painted(surfels, moved, strip.shape, replace(style, subpixels=1), TILE * n)
+        camera = replace(part.camera, matrix=strip.matrix @ part.camera.matrix)
+        fine = _painted(
+            surfels,
+            part._replace(camera=camera),
+            strip.shape,
+            replace(style, subpixels=1),
+            TILE * n,
+        )
         seen |= fine.visible
         for stage, spent in fine.seconds.items():
             seconds[stage] += spent
@@ -284,17 +333,16 @@ def _filtered(
 
 
 def eye_of(
-    surfels: Surfels, camera: Camera, shape: tuple[int, int], style: CloudStyle
+    surfels: Surfels, part: PinholePart, shape: tuple[int, int], style: CloudStyle
 ) -> "CloudCamera":
     """Return the camera for the kernels, in the discs' own coordinates."""
     from resample_points.painting.kernels.discs import CloudCamera
 
+    camera, is_bent = part.camera, part.bend is not None
+    origin = np.zeros(3) if is_bent else surfels.origin
     pose = np.asarray(camera.world_to_camera, np.float64)
     matrix = np.asarray(camera.matrix, np.float64)
-    shift = pose[:3, :3] @ surfels.origin + pose[:3, 3]
-    light = style.light
-    if light is None:
-        light = Shading.NONE if len(surfels.color) else Shading.HEADLIGHT
+    shift = pose[:3, :3] @ origin + pose[:3, 3]
     return CloudCamera(
         np.ascontiguousarray(matrix @ np.column_stack([pose[:3, :3], shift])),
         -pose[:3, :3].T @ shift,
@@ -303,17 +351,15 @@ def eye_of(
         float(max(style.near, camera.near)),
         style.subpixels,
         float(style.point_size),
-        light == Shading.HEADLIGHT,
-        style.cull,
+        _is_lit(surfels, style) and not is_bent,
+        style.cull and not is_bent,
         TOLERANCE,
     )
 
 
-def _check_camera(camera: AnyCamera) -> None:
-    if not isinstance(camera, Camera):
-        raise ValueError(f"clouds are rendered in perspective, not by {type(camera).__name__}")
-    if camera.distortion is not None:
-        raise ValueError(
-            "clouds are rendered without distortion; give a camera that has none and distort the "
-            "picture by resample-texture warp --lens"
-        )
+def _is_lit(surfels: Surfels, style: CloudStyle) -> bool:
+    """Whether discs are shaded by a headlight."""
+    light = style.light
+    if light is None:
+        light = Shading.NONE if len(surfels.color) else Shading.HEADLIGHT
+    return light == Shading.HEADLIGHT

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from resample.colors import from_srgb
 from resample.files.images import read_image
 from resample.reading.gltf import JSON, header_of
-from resample.reading.limits import check_unpacked
+from resample.reading.limits import check_file, check_unpacked
 from resample.reading.meshes import check_mesh, named_textures, trimesh_resolver, unreadable
 from resample.reading.native import plain
 from resample.types import Floats
@@ -127,8 +127,7 @@ def load_mesh(path: str | Path, texture: str | Path | Floats | None = None) -> M
     are kept. In other formats textures repeat and are opaque.
     """
     source = Path(path)
-    if not source.is_file():
-        raise FileNotFoundError(errno.ENOENT, "there is no such file", str(path))
+    check_file(path)
     given = None if texture is None else _given_texture(texture)
     check_mesh(source)
     named = [] if texture is not None else list(named_textures(source))

@@ -4,7 +4,6 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
-from cyclopts import Parameter
 from pydantic import Field
 
 from resample.command.flags import (
@@ -15,6 +14,7 @@ from resample.command.flags import (
     FieldOfView,
     Hyphen,
     OptionTopic,
+    Several,
     Switch,
     Up,
     Viewed,
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from resample_volume.space.annotations import Annotations
     from resample_volume.types import Volume
 
-Several = Parameter(allow_leading_hyphen=True, negative="", show_default=False)
 Lit = under(LIGHT)
 
 
@@ -124,7 +123,7 @@ class Added(Choices):
         OptionTopic.SOURCE,
         Several,
         Field(
-            description="Another volume in the scene, placed by its file: pet.nrrd, or "
+            description="Another file in the scene, placed by its coordinates: pet.nrrd, or "
             "pet.nrrd:window=5/10,transfer=hot:opacity=0.3. Settings: time, channel, level, "
             "units, spacing, window and, last, transfer. Where volumes overlap, extinctions add "
             "up."
@@ -251,7 +250,7 @@ class AppearanceChoices(Choices):
     crop: Annotated[
         str | None,
         Hyphen,
-        Field(description="Crop to ranges of voxels along x, y, z: 64:192,:,10:"),
+        Field(description="Crop to ranges along x, y, z: 64:192,:,10: in voxels."),
     ] = None
     clip: Annotated[
         tuple[str, ...],

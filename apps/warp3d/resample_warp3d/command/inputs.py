@@ -19,6 +19,7 @@ from resample.files.images import read_channels
 from resample.files.pictures import Picture, form_of, read_picture
 from resample.memory import require, require_memory
 from resample.types import Floats
+from resample.words import naming
 from resample_warp3d.command.choices import Depth
 from resample_warp3d.command.source import SourceCamera
 from resample_warp3d.depth.encodings import (
@@ -194,7 +195,8 @@ def view_of(
     encoding = meaning.encoding(depth_camera)
     if isinstance(encoding, RelativeDepth):
         encoding = replace(encoding, ends=reader.ends)
-    nearness = encoding.nearness(raw)
+    with naming(depth):
+        nearness = encoding.nearness(raw)
     if meaning.depth_intrinsics is not None:
         _check_known(nearness, depth)
         nearness = registered(nearness, depth_camera, camera, shape)
@@ -209,7 +211,9 @@ def _parallel_view(
 ) -> DepthInput:
     """Make a depth image of an orthographic camera."""
     encoding = _plain_encoding(reader, ("z", "inverse", "relative", "relative-z"))
-    image, moved = taken_by(camera, _depth_image(picture, names, encoding.nearness(raw)))
+    with naming(names[1]):
+        nearness = encoding.nearness(raw)
+    image, moved = taken_by(camera, _depth_image(picture, names, nearness))
     if not isinstance(moved, Orthographic):
         raise TypeError("an orthographic camera stays orthographic")
     is_fitted = raw.shape[:2] != picture.data.shape[:2]
@@ -248,7 +252,9 @@ def _taken_around(
     shape = picture.data.shape[0], picture.data.shape[1]
     check_panorama(shape)
     encoding = _plain_encoding(reader, ("z", "ray", "inverse", "relative", "relative-z"))
-    image = _depth_image(picture, names, encoding.nearness(raw))
+    with naming(names[1]):
+        nearness = encoding.nearness(raw)
+    image = _depth_image(picture, names, nearness)
     near = image.nearness
     length = np.divide(1.0, near, out=np.zeros_like(near), where=near > 0)
     camera, is_fitted = reader.eye.camera_model(shape), raw.shape[:2] != shape
@@ -300,7 +306,9 @@ def rectified_of(picture: Picture, raw: Raw, names: tuple[str, str], scale: floa
             f"{names[0]} has {shape[1]} x {shape[0]} pixels, {names[1]} has {raw.shape[1]} x "
             f"{raw.shape[0]}; they must be the same"
         )
-    image = _depth_image(picture, names, encoding.nearness(raw))
+    with naming(names[1]):
+        nearness = encoding.nearness(raw)
+    image = _depth_image(picture, names, nearness)
     camera = Camera.from_fov(60.0, *shape)
     view = DepthInput(picture, image, camera, encoding.quantum(raw))
     return Inputs([view], picture, camera, shape)

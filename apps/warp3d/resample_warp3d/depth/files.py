@@ -1,19 +1,22 @@
 """Read the raw numbers of depth files; `resample_warp3d.depth.encodings` interprets them."""
 
-import errno
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from resample.memory import require_memory
 from resample.reading.arrays import is_npy, npz_names, read_npy, read_npz
+from resample.reading.limits import check_file
 from resample.reading.native import suppressed_output
 from resample.reading.pictures import check_picture, complaint_of, opened
 from resample_warp3d.depth.encodings import Raw
 
 PFM_HEADER = re.compile(rb"(P[Ff])\s+(\d+)\s+(\d+)\s+(\S+)\s")
 COLMAP_HEADER = re.compile(rb"(\d{1,9})&(\d{1,9})&(\d{1,9})&")
+COLORS = 3  # channels of a picture in colors
+ALPHA = ("A", "ALPHA")  # names of opacity
 BYTES_PER_VALUE = 24  # of depth and the copies made while converting it to nearness
 
 
@@ -35,8 +38,8 @@ def read_depth(path: str | Path) -> Raw:
         raw = _read_numpy(file, name)
     else:
         raw = _read_channel(file, name)
-    if raw.ndim == 3 and 1 in (raw.shape[0], raw.shape[2]):
-        raw = raw[0] if raw.shape[0] == 1 else raw[..., 0]
+    if raw.ndim == 3:
+        raw = _gray(raw)
     if raw.ndim != 2 or not raw.size or raw.dtype.kind not in "uif":
         raise ValueError(f"{path} holds {raw.dtype} of shape {raw.shape}; depth is numbers (H, W)")
     return np.ascontiguousarray(raw, raw.dtype.newbyteorder("="))
@@ -64,9 +67,19 @@ def _split(path: str | Path) -> tuple[Path, str]:
     file, _, name = str(path).rpartition(":")
     if Path(path).is_file() or not file:
         file, name = str(path), ""
-    if not Path(file).is_file():
-        raise FileNotFoundError(errno.ENOENT, "there is no such file", str(path))
+    check_file(path if not Path(file).is_file() else file)
     return Path(file), name
+
+
+def _gray(raw: Raw) -> Raw:
+    """Return the one channel of an array (H, W, C) or (1, H, W) whose channels are equal."""
+    if raw.shape[0] == 1:
+        raw = np.moveaxis(raw, 0, 2)
+    first = raw[..., :1]
+    is_number = raw.dtype.kind in "uif" and raw.shape[2] <= COLORS
+    is_gray = is_number and np.array_equal(raw, first.repeat(raw.shape[2], 2), equal_nan=True)
+    gray: Raw = raw[..., 0] if is_gray else raw
+    return gray
 
 
 def _read_pfm(path: Path) -> Raw:
@@ -76,21 +89,24 @@ def _read_pfm(path: Path) -> Raw:
         if found is None:
             raise ValueError(f"{path} is not a PFM: it does not begin with Pf and three numbers")
         letters, width, height = found[1], int(found[2]), int(found[3])
-        if letters != b"Pf":
-            raise ValueError(f"{path} holds 3 channels; depth has one")
+        channels = 1 if letters == b"Pf" else COLORS
         try:
             scale = float(found[4])
         except ValueError:
             raise ValueError(f"{path} is not a PFM: its scale is {found[4]!r}") from None
         file.seek(found.end())
         content = file.read()
-    if len(content) < 4 * width * height:
+    count = width * height * channels
+    if len(content) < 4 * count:
         raise OSError(
-            f"{path} is cut off: {width} × {height} floats are {4 * width * height} bytes, it has "
+            f"{path} is cut off: {width} × {height} pixels are {4 * count} bytes, it has "
             f"{len(content)}"
         )
     kind = "<f4" if scale < 0 else ">f4"
-    return np.frombuffer(content, kind, width * height).reshape(height, width)[::-1]
+    raw = np.frombuffer(content, kind, count).reshape(height, width, channels)[::-1]
+    if channels > 1 and raw.size and _gray(raw).ndim > 2:
+        raise ValueError(f"{path} holds 3 channels that differ; depth has one")
+    return raw
 
 
 def _read_colmap(path: Path) -> Raw:
@@ -131,25 +147,45 @@ def _read_numpy(path: Path, name: str) -> Raw:
 
 
 def _read_channel(path: Path, name: str) -> Raw:
-    """Read a channel of a picture, in its own type."""
+    """Read a channel of a picture, in its own type.
+
+    Without a name, channels of colors that are all equal are taken for one.
+    """
+    source = opened(path)
+    try:
+        spec = source.spec()
+        names = list(spec.channelnames)
+        what = f"{path} of {spec.width} x {spec.height} pixels"
+        require_memory(BYTES_PER_VALUE * spec.height * spec.width, what, "take a smaller one")
+        check_picture(path, spec)
+        colors = [n for n, each in enumerate(names) if each.upper() not in ALPHA]
+        has_depth = any(each.split(".")[-1] == "Z" for each in names)
+        if name or len(colors) < 2 or len(colors) > COLORS or has_depth:
+            shown = [names[n] for n in colors] if not name and len(colors) == 1 else names
+            return _channel(path, source, names.index(_pick(path, shown, name, "channels")))
+        first = _channel(path, source, colors[0])
+        if all(
+            np.array_equal(_channel(path, source, n), first, equal_nan=True) for n in colors[1:]
+        ):
+            return first
+        return _channel(path, source, names.index(_pick(path, names, name, "channels")))
+    finally:
+        source.close()
+
+
+def _channel(path: Path, source: Any, n: int) -> Raw:
+    """Read the n-th channel of an open picture."""
     import OpenImageIO
 
-    source = opened(path)
     spec = source.spec()
-    shape, names = (spec.height, spec.width), list(spec.channelnames)
-    what = f"{path} of {spec.width} x {spec.height} pixels"
-    require_memory(BYTES_PER_VALUE * shape[0] * shape[1], what, "take a smaller one")
-    check_picture(path, spec)
-    n = names.index(_pick(path, names, name, "channels"))
     kind = str(spec.channelformat(n))
     wanted = OpenImageIO.TypeDesc("float" if kind == "half" else kind)
     with suppressed_output():
         data = source.read_image(0, 0, n, n + 1, wanted)
     complaint = complaint_of(source, "")
-    source.close()
     if data is None or complaint:
         raise OSError(f"{path} is damaged: {complaint or 'it ends too early'}")
-    return np.asarray(data).reshape(shape)
+    return np.asarray(data).reshape(spec.height, spec.width)
 
 
 def _pick(path: Path, names: list[str], name: str, what: str) -> str:

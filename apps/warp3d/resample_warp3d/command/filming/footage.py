@@ -177,6 +177,8 @@ def _depths_of(color: str, depth: str) -> FrameSeries[Raw]:
     files = files_in(depth, lambda _: True)
     if files:
         return FileSeries(files, read_depth)
+    if Path(depth).is_dir():
+        raise ValueError(f"{depth} is a folder without files; it needs depth files")
     stack = read_depths(depth)
     if stack is not None:
         return StackSeries(stack)

@@ -1,0 +1,244 @@
+"""Discs of points along lines, such as the rings of a spinning laser scanner.
+
+The nearest neighbours of such a point lie on its own line. They tell neither the direction of the
+surface nor how far the next line is. Therefore the cloud is thinned step by step, by cells of the
+curve along which it is sorted, whose sides double. Where cells are about as large as lines are
+apart, neighbours lie all around: from there come the normal, and the disc's extent across its line.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.types import Doubles, Floats
+from resample_points.data.parts import on_threads, rows_of, zeros_beside
+from resample_points.geometry.sorting import MortonCurve, curve_through
+
+SAMPLED = 4096  # points by which a cloud without lines is recognized
+LINED = 0.02  # least share of them along lines
+LINE = 0.05  # second variance of neighbours along a line, at most, relative to the first
+WIDE = 0.15  # the same on a surface, at least
+FLAT = 0.25  # third variance of neighbours on a surface, at most, relative to the second
+BEGINNING, BEYOND = 2.0, 64.0  # sides of the first cells and of the last, in spacings along lines
+NEAR = 1.5  # times the spacing of points that a thinning is for: others left as their neighbours
+STEPS = 21  # of the curve, halvings of its box
+FEWEST = 64  # points left by the last thinning
+LONGEST = 8.0  # ratio of a disc's axes, at most
+TURNS = 3  # of the power iteration that finds the direction of a line
+
+Flags = NDArray[np.bool_]
+Nearest = NDArray[np.int32]
+
+
+class MeasuredDiscs(NamedTuple):
+    """Normals and discs of N points, and the neighbours that they come from."""
+
+    position: Floats  # (N, 3) sorted along a curve
+    normal: Floats  # (N, 3)
+    axes: Floats  # (N, 2, 3)
+    spacing: Floats  # (N,) mean distance to the nearest neighbours
+    nearest: Nearest  # (N, k)
+
+
+class Lying(NamedTuple):
+    """How the neighbours of N points lie."""
+
+    along: Floats  # (N, 3) direction of the line; 0 where there is none
+    is_line: Flags  # (N,)
+    is_surface: Flags  # (N,)
+
+
+def widened(
+    whole: MeasuredDiscs, measure: Callable[[Floats], MeasuredDiscs], is_known: bool
+) -> None:
+    """Change normals and discs of points along lines in place, where a surface is found.
+
+    Parameters
+    ----------
+    whole
+        All points, measured; those that have a given normal keep it.
+    measure
+        Measures the points that are left of a thinned cloud.
+    is_known
+        Normals are given.
+    """
+    if len(whole.position) < FEWEST or not _has_lines(whole):
+        return
+    curve = curve_through(whole.position)
+    along: Floats = zeros_beside(whole.position, whole.position.shape, np.float32)
+    is_open: Flags = zeros_beside(whole.position, (len(along),), np.bool_)
+
+    def begin(rows: slice) -> None:
+        along[rows], _, is_surface = _shape(whole, rows)
+        is_open[rows] = ~is_surface
+
+    on_threads(begin, rows_of(along))
+    for halvings in _levels(whole, curve, is_open):
+        if not _widened_at(whole, measure, is_known, (curve, halvings), (along, is_open)):
+            return
+
+
+def _has_lines(whole: MeasuredDiscs) -> bool:
+    """Whether many of a sample of points lie along lines."""
+    count = len(whole.position)
+    sample = np.linspace(0, count - 1, min(SAMPLED, count)).astype(np.int64)
+    return bool(_shape(whole, sample).is_line.mean() >= LINED)
+
+
+def _levels(whole: MeasuredDiscs, curve: MortonCurve, is_open: Flags) -> range:
+    """Return the numbers of halvings of the curve's box to try, the finest cells first."""
+    sample = np.flatnonzero(is_open)
+    if not len(sample):
+        return range(0)
+    sample = sample[np.linspace(0, len(sample) - 1, min(SAMPLED, len(sample))).astype(np.int64)]
+    near, far = np.quantile(whole.spacing[sample], [0.1, 0.9])
+    first = np.log2(curve.extent / (BEGINNING * max(float(near), 1e-30)))
+    last = np.log2(curve.extent / (BEYOND * max(float(far), 1e-30)))
+    return range(int(np.clip(np.ceil(first), 0, STEPS)), max(int(np.floor(last)), 0), -1)
+
+
+def _widened_at(
+    whole: MeasuredDiscs,
+    measure: Callable[[Floats], MeasuredDiscs],
+    is_known: bool,
+    level: tuple[MortonCurve, int],
+    state: tuple[Floats, Flags],
+) -> bool:
+    """Widen discs by what one thinning finds; whether a coarser one may find more."""
+    curve, halvings = level
+    along, is_open = state
+    side = curve.extent / 2.0**halvings
+    cell = _cells(whole.position, curve, halvings)
+    start = np.flatnonzero(np.append(True, cell[1:] != cell[:-1]))
+    middle = (start + np.append(start[1:], len(cell))) // 2
+    del cell
+    # Points that are farther apart have their turn with larger cells.
+    is_near = np.logical_or.reduceat(whole.spacing <= NEAR / BEGINNING * side, start)
+    if np.count_nonzero(is_near) < FEWEST:
+        return len(start) >= FEWEST
+    thin = measure(np.ascontiguousarray(whole.position[middle[is_near]]))
+    number = np.cumsum(is_near) - 1
+    shape = _shapes(thin)
+
+    def widen(rows: slice) -> None:
+        these = np.flatnonzero(
+            is_open[rows]
+            & (whole.spacing[rows] <= side / BEGINNING)
+            & (whole.spacing[rows] >= side / BEYOND)
+        )
+        these += rows.start
+        which = number[np.searchsorted(start, these, side="right") - 1]
+        is_line = shape.is_line[which]
+        along[these[is_line]] = shape.along[which[is_line]]
+        found = shape.is_surface[which]
+        is_open[these[found]] = False
+        _widen(whole, thin, (these[found], which[found]), along, is_known)
+
+    on_threads(widen, rows_of(along))
+    return bool(is_open.any())
+
+
+def _widen(
+    whole: MeasuredDiscs,
+    thin: MeasuredDiscs,
+    both: tuple[NDArray[np.int64], NDArray[np.int64]],
+    along: Floats,
+    is_known: bool,
+) -> None:
+    """Give points the normal and the extent across their line of points of a thinned cloud."""
+    these, those = both
+    normal = whole.normal[these] if is_known else thin.normal[those]
+    line = along[these]
+    line = np.where(line.any(axis=1, keepdims=True), line, thin.axes[those, 0])  # among noise
+    one = line - normal * _dot(normal, line)[:, None]
+    one /= np.maximum(np.linalg.norm(one, axis=1, keepdims=True), np.float32(1e-20))
+    two = np.cross(normal, one)
+    across = _extent(thin.axes[those], two)
+    own = np.maximum(_extent(whole.axes[these], one), across / np.float32(LONGEST))
+    whole.normal[these] = normal
+    whole.axes[these, 0] = one * own[:, None]
+    whole.axes[these, 1] = two * across[:, None]
+
+
+def _extent(axes: Floats, direction: Floats) -> Floats:
+    """Return the half extents (N,) of discs along directions (N, 3)."""
+    one, two = _dot(axes[:, 0], direction), _dot(axes[:, 1], direction)
+    return np.sqrt(one * one + two * two)
+
+
+def _dot(one: Floats, two: Floats) -> Floats:
+    product: Floats = one[:, 0] * two[:, 0] + one[:, 1] * two[:, 1] + one[:, 2] * two[:, 2]
+    return product
+
+
+def _cells(position: Floats, curve: MortonCurve, halvings: int) -> NDArray[np.uint64]:
+    """Return the cells (N,) of points, as numbers along the curve."""
+    cell: NDArray[np.uint64] = zeros_beside(position, (len(position),), np.uint64)
+    for rows in rows_of(position):
+        cell[rows] = curve.codes(position[rows]) >> np.uint64(3 * (STEPS - halvings))
+    return cell
+
+
+def _shapes(thin: MeasuredDiscs) -> Lying:
+    """Return how the neighbours of all points lie."""
+    count = len(thin.position)
+    shape = Lying(
+        zeros_beside(thin.position, (count, 3), np.float32),
+        np.zeros(count, np.bool_),
+        np.zeros(count, np.bool_),
+    )
+
+    def find(rows: slice) -> None:
+        for whole, part in zip(shape, _shape(thin, rows), strict=True):
+            whole[rows] = part
+
+    on_threads(find, rows_of(thin.position))
+    return shape
+
+
+def _shape(points: MeasuredDiscs, rows: slice | NDArray[np.int64]) -> Lying:
+    """Return how the neighbours of some points lie, from the variances along three axes."""
+    xx, xy, xz, yy, yz, zz = _spread(points, rows)
+    trace = np.maximum(xx + yy + zz, 1e-300)
+    xx, xy, xz, yy, yz, zz = (part / trace for part in (xx, xy, xz, yy, yz, zz))
+    # Eigenvalues of a symmetric 3 × 3 matrix of trace 1, by Viète's trigonometric solution.
+    off = xy * xy + xz * xz + yz * yz
+    x, y, z = xx - 1 / 3, yy - 1 / 3, zz - 1 / 3
+    size = np.sqrt(np.maximum((x * x + y * y + z * z + 2 * off) / 6, 1e-30))
+    half = x * (y * z - yz * yz) - xy * (xy * z - yz * xz) + xz * (xy * yz - y * xz)
+    angle = np.arccos(np.clip(half / (2 * size**3), -1, 1)) / 3
+    most = 1 / 3 + 2 * size * np.cos(angle)
+    least = np.maximum(1 / 3 + 2 * size * np.cos(angle + 2 * np.pi / 3), 0)
+    middle = np.maximum(1 - most - least, 1e-30)
+    is_line = middle <= LINE * most
+    along = np.zeros((len(trace), 3), np.float32)
+    parts = [part[is_line] for part in (xx, xy, xz, yy, yz, zz)]
+    along[is_line] = _main(np.stack(parts, axis=1)[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]])
+    return Lying(along, is_line, (middle >= WIDE * most) & (least <= FLAT * middle))
+
+
+def _main(matrix: Doubles) -> Doubles:
+    """Return the direction (N, 3) of the largest eigenvalue, far above the others, of (N, 9)."""
+    columns = matrix.reshape(-1, 3, 3)
+    longest = np.argmax((columns * columns).sum(axis=1), axis=1)
+    along = np.take_along_axis(columns, longest[:, None, None], axis=2)[:, :, 0]
+    for _ in range(TURNS):
+        along = (columns * along[:, None, :]).sum(axis=2)
+        along /= np.maximum(np.sqrt((along * along).sum(axis=1, keepdims=True)), 1e-300)
+    return np.asarray(along, np.float64)
+
+
+def _spread(points: MeasuredDiscs, rows: slice | NDArray[np.int64]) -> list[Doubles]:
+    """Return the covariance's six numbers (N,) each, of some points' neighbours and themselves."""
+    here = points.position[rows]
+    sums = [np.zeros(len(here)) for _ in range(9)]
+    for k in range(points.nearest.shape[1]):
+        x, y, z = (points.position[points.nearest[rows, k]] - here).T.astype(np.float64)
+        parts = (x, y, z, x * x, x * y, x * z, y * y, y * z, z * z)
+        sums = [total + part for total, part in zip(sums, parts, strict=True)]
+    count = points.nearest.shape[1] + 1
+    x, y, z, *squares = sums
+    means = (x * x, x * y, x * z, y * y, y * z, z * z)
+    return [square - mean / count for square, mean in zip(squares, means, strict=True)]
