@@ -182,9 +182,10 @@ def _depths_of(color: str, depth: str) -> FrameSeries[Raw]:
     stack = read_depths(depth)
     if stack is not None:
         return StackSeries(stack)
+    what = "is a folder of pictures" if Path(color).is_dir() else "is a film"
     raise ValueError(
-        f"{depth} is neither a film, a folder nor a pattern of depth files, nor a stack (N, H, W) "
-        f"in .npy or .npz; {color} is a film, which needs the depth of every picture"
+        f"{color}: {what}, which needs the depth of every picture; {depth} is neither a film, a "
+        "folder nor a pattern of depth files, nor a stack (N, H, W) in .npy or .npz"
     )
 
 
