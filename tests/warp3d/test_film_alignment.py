@@ -87,12 +87,13 @@ def test_alignment_starts_again_at_cuts(rng):
     np.testing.assert_allclose(found.ends(each), each, atol=1e-6)  # each map has all of its shot
 
 
-def test_flashes_pans_and_fades_are_no_cuts():
+def test_cuts_are_told_from_flashes_pans_and_fades():
     color = patches(6, (60, 160)) ** 0.5
     view = color[:, :80]
     assert not is_cut(view, np.clip(2 * view, 0, 1))
     assert not is_cut(view, color[:, 12:92])
     assert not is_cut(view, 0.9 * view)
+    assert not is_cut(view, view[:, ::-1])
     assert is_cut(view, (0.3 * patches(7)).astype(np.float32))
 
 

@@ -116,6 +116,18 @@ def test_what_is_no_film_is_refused_in_one_line(capsys, words, complaint):
         assert complaint in refused(capsys, "stereo", *words, "--depth-kind", "z", *DEPTH, *FAST)
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["animate", "pictures", "depth", "-o", "pictures"],
+        ["animate", "pictures", "depth", "-o", "out", "--depth-output", "depth"],
+        ["render", "film.gif", "depth", *MOVED, "-o", "out", "--depth-output", "depth/*.png"],
+    ],
+)
+def test_a_film_is_not_written_over_itself(capsys, words):
+    assert "the film is read from this folder" in refused(capsys, *words, *DEPTH, *FAST)
+
+
 def test_pictures_of_two_sizes_are_refused(capsys):
     Image.new("RGB", (16, 12)).save("pictures/9.png")
     assert ended("render", "pictures", "depth", *DEPTH, *FAST, *MOVED, "-o", "out") == 2
@@ -123,9 +135,10 @@ def test_pictures_of_two_sizes_are_refused(capsys):
     assert not Path("out").exists()
 
 
-def test_labels_of_films_stay_labels():
-    words = ["render", "pictures", "depth", *DEPTH, *FAST[:-4], *MOVED, "--unmixed"]
-    assert ended(*words, "-o", "out") == 0
+@pytest.mark.parametrize("color", ["pictures", "film.gif"])
+def test_labels_of_films_stay_labels(color):
+    words = ["render", color, "depth", *DEPTH, *FAST[:-4], *MOVED, "--unmixed", "-o", "out"]
+    assert ended(*words) == 0
     known = {tuple(color) for n in (8, 9, 10) for color in read_levels(f"pictures/{n}.png")}
     for made in levels("out"):
         assert {tuple(color) for color in made[..., :3].reshape(-1, 3)} <= {*known, (0, 0, 0)}
@@ -321,3 +334,18 @@ def test_frames_of_aligned_depth_are_the_same_in_any_order():
         Path(f"out/frame-{n:04d}.png").unlink()
     assert ended(*words, "-o", "out", "--resume") == 0
     assert frames("out") == whole
+
+
+@pytest.mark.parametrize("command", ["render", "stereo"])
+def test_films_of_panoramas_are_made_as_pictures_are(command, rng):
+    Path("pano").mkdir()
+    for n in range(2):
+        cv2.imwrite(f"pano/{n}.png", rng.integers(0, 256, (16, 32, 3), np.uint8))
+    np.save("length.npy", 2 + rng.random((2, 16, 32)))
+    np.save("one.npy", np.load("length.npy")[1])
+    words = ["--source-projection", "equirectangular", "--fill", "--refine", "none"]
+    words += MOVED if command == "render" else ["--depth-kind", "z", "--eyes", "0.1"]
+    assert ended(command, "pano", "length.npy", *words, "-o", "out") == 0
+    assert ended(command, "pano/1.png", "one.npy", *words, "-o", "one.png") == 0
+    one = np.array(Image.open("one.png").convert("RGBA"))
+    np.testing.assert_array_equal(levels("out")[1], one)

@@ -3,6 +3,7 @@
 from functools import cache, partial
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -126,6 +127,21 @@ def test_vr180_shows_directions_ahead_of_each_eye(tmp_path, monkeypatch, given):
         east = np.degrees(np.arctan2(right, z))
         north = np.degrees(np.arctan2(-y, np.hypot(right, z)))
         np.testing.assert_allclose(middle(picture), (90 + east, 90 - north), atol=0.1)
+
+
+def test_vr180_of_a_lens_shows_straight_directions(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    lens = (-0.2, 0.05, 0.001, -0.002)
+    words = [*square(64, 20)[:-2], "--lens", ",".join(map(str, (40, 40, 40, 30, *lens)))]
+    words += ["--eyes", 0.4, "--layout", "vr180", "--size", "180", "-o", "out.exr"]
+    assert ended(*words) == 0
+    matrix = np.array([[40.0, 0, 40], [0, 40, 30], [0, 0, 1]])
+    place = np.array([[[63.5, 19.5]]])  # OpenCV counts from the first pixel's center
+    x, y = 2.0 * cv2.undistortPoints(place, matrix, np.array(lens)).ravel()
+    east = np.degrees(np.arctan2(x - 0.4, 2.0))
+    north = np.degrees(np.arctan2(-y, np.hypot(x - 0.4, 2.0)))
+    right = read_image("out.exr")[:, 180:]
+    np.testing.assert_allclose(middle(right), (90 + east, 90 - north), atol=0.2)
 
 
 def test_vr180_is_black_beside_the_source(tmp_path, monkeypatch):

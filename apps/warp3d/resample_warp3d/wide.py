@@ -55,7 +55,8 @@ class StereoPanorama(Equirectangular):
     Examples
     --------
     >>> import numpy as np
-    >>> from resample_warp3d.wide import StereoPanorama, project
+    >>> from resample_warp3d import StereoPanorama
+    >>> from resample_warp3d.wide import project
     >>> left, right = StereoPanorama(right=-0.5), StereoPanorama(right=0.5)
     >>> ahead = np.array([0.0, 0.0, 1.0]), np.array(1.0)  # one unit away
     >>> [project(eye, (180, 360), *ahead)[0].round(6).tolist() for eye in (left, right)]

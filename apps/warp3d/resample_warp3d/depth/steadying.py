@@ -6,7 +6,6 @@ of depth are noise, and what was there before is kept; larger ones are followed.
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -60,6 +59,8 @@ class SteadyDepth:
 
     def _followed(self, same: Mask, nearness: Floats, held: Floats) -> Floats:
         """Return the share of each change of depth that is followed."""
+        import cv2
+
         change = cv2.absdiff(nearness, held) / np.float32(self.extent)
         few = change[::SPARSE, ::SPARSE][same[::SPARSE, ::SPARSE]]
         noise = float(np.clip(OF_DEPTH * np.median(few) if few.size else 0.0, LEAST, MOST))
@@ -76,6 +77,8 @@ def unchanged(root: Floats, last: Floats) -> Mask:
 
     `root`, `last`: (H, W, C) roots of light.
     """
+    import cv2
+
     change = np.maximum.reduce(np.moveaxis(cv2.absdiff(root, last).reshape(root.shape), 2, 0))
     gray = np.ascontiguousarray(root[..., root.shape[2] // 2])
     contrast = cv2.absdiff(gray, cv2.blur(gray, (3, 3)))

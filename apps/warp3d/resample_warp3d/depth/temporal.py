@@ -11,7 +11,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,7 +20,8 @@ from resample_warp3d.depth.encodings import Raw
 
 LONGEST = 160  # px of a thumbnail's longer side
 BINS = 8  # of a color histogram, per channel
-COLORS = 0.3  # share of the pixels whose colors are others after a cut, at least
+COLORS = 0.2  # share of the pixels whose colors are others after a cut, at least
+MORE_COLORS = 0.2  # of them, times the correlation of the brightness
 STRUCTURE = 0.5  # correlation of the brightness across a cut, at most
 COARSE = 4  # px of a thumbnail per px of the brightness that is correlated
 STEADY = 4.0 / 255.0  # change of color up to which a pixel is unchanged, if films have no noise
@@ -91,6 +91,8 @@ class Alignment(NamedTuple):
 
 def thumbnail(color: Floats, raw: Raw) -> Thumbnail:
     """Return a thumbnail of a picture (H, W, C) of linear light and its raw depth of any size."""
+    import cv2
+
     height, width = color.shape[:2]
     factor = min(1.0, LONGEST / max(height, width))
     size = max(1, round(width * factor)), max(1, round(height * factor))
@@ -111,7 +113,8 @@ def is_cut(first: Floats, second: Floats) -> bool:
     `first`, `second`: colors of thumbnails of one size.
     """
     moved = 0.5 * float(np.abs(_histogram(first) - _histogram(second)).sum())
-    return moved > COLORS and _correlation(first, second) < STRUCTURE
+    alike = _correlation(first, second)
+    return alike < STRUCTURE and moved > COLORS + MORE_COLORS * max(alike, 0.0)
 
 
 def _histogram(color: Floats) -> Doubles:
@@ -123,6 +126,8 @@ def _histogram(color: Floats) -> Doubles:
 
 def _correlation(first: Floats, second: Floats) -> float:
     """Return the correlation of the coarse brightness of two pictures; 1 if one has none."""
+    import cv2
+
     height, width = first.shape[:2]
     size = max(1, width // COARSE), max(1, height // COARSE)
     small = [

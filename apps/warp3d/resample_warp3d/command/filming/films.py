@@ -63,6 +63,8 @@ def rendered_film(
         return False
     extras = writing.extras
     depths = depths_of(extras.depth_output, writing.output, reader.meaning)
+    if depths is not None:
+        footage.check_apart(depths.folder)
     target = FilmTarget(writing.output, footage, writing.options)
     target.check(transparent=not warping.fill)
     check_targets(extras.stats)

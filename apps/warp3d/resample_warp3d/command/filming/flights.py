@@ -121,6 +121,9 @@ def write_flight(
 ) -> None:  # fmt: skip
     """Write a film of a camera that moves in a film."""
     session, travel, target = Session(), writing.travel, writing.target
+    footage.check_apart(writing.output)
+    if depths is not None:
+        footage.check_apart(depths.folder)
     with session.stage("align", bar="aligning depth") as progress:
         ranges = ranges_of(footage, reader, writing.filming, progress)
     taken = with_depth(footage, reader, ranges)(0)

@@ -103,10 +103,14 @@ class Footage(NamedTuple):
         """All files that the film is read from."""
         return [*_files_of(self.pictures, self.color), *_files_of(self.depths, self.depth)]
 
-    @property
-    def folders(self) -> set[Path]:
-        """Folders of these files."""
-        return {file.parent.resolve() for file in self.files}
+    def check_apart(self, folder: Path) -> None:
+        """Refuse to write numbered files to a folder that the film's files are in."""
+        for series in (self.pictures, self.depths):
+            files = series.files if isinstance(series, FileSeries) else ()
+            if folder.resolve() in {file.parent.resolve() for file in files}:
+                raise ValueError(
+                    f"{folder}: the film is read from this folder; give another one to write to"
+                )
 
     def names(self, n: int) -> tuple[str, str]:
         """Name of a picture and of its depth."""
@@ -178,9 +182,10 @@ def _depths_of(color: str, depth: str) -> FrameSeries[Raw]:
     stack = read_depths(depth)
     if stack is not None:
         return StackSeries(stack)
+    what = "is a folder of pictures" if Path(color).is_dir() else "is a film"
     raise ValueError(
-        f"{depth} is neither a film, a folder nor a pattern of depth files, nor a stack (N, H, W) "
-        f"in .npy or .npz; {color} is a film, which needs the depth of every picture"
+        f"{color}: {what}, which needs the depth of every picture; {depth} is neither a film, a "
+        "folder nor a pattern of depth files, nor a stack (N, H, W) in .npy or .npz"
     )
 
 

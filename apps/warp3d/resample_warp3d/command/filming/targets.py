@@ -53,10 +53,7 @@ class FilmTarget:
             check_targets(self.path)
             check_frames(self.path, self.footage.frames, self.options)
             return
-        if self.files.folder.resolve() in self.footage.folders:
-            raise ValueError(
-                f"{self.path}: the film is read from this folder; give another one to write to"
-            )
+        self.footage.check_apart(self.files.folder)
         check_output(Path(self.files.name), self.options, transparent=transparent)
 
     def write(self, pictures: Iterable[Picture]) -> None:

@@ -1,6 +1,5 @@
 """Layouts of stereo pairs: both pictures in one."""
 
-import cv2
 import numpy as np
 
 from resample.files.pictures import Picture
@@ -26,6 +25,8 @@ def _squeezed(data: Floats, axis: int) -> Floats:
 
     An odd side is squeezed to the next larger half.
     """
+    import cv2
+
     height, width, channels = data.shape
     size = (width, (height + 1) // 2) if axis == 0 else ((width + 1) // 2, height)
     made = cv2.resize(np.ascontiguousarray(data), size, interpolation=cv2.INTER_AREA)
