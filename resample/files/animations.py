@@ -80,9 +80,14 @@ def check_film(path: Path, fps: float) -> None:
         raise OSError(f"{path} is not a folder")
     if path.suffix.lower() == ".mp4" and not path.is_dir():
         check_codecs(path)
+    check_rate(fps)
+    check_targets(path / FACTS if path.is_dir() else path)
+
+
+def check_rate(fps: float) -> None:
+    """Reject rates of films that are out of range."""
     if not 0.0 < fps <= 1000.0:
         raise ValueError(f"{fps:g} frames per second; above 0 to 1000 are allowed")
-    check_targets(path / FACTS if path.is_dir() else path)
 
 
 def check_count(count: int) -> None:

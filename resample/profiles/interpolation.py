@@ -242,6 +242,11 @@ def excess(interpolation: Interpolation) -> float:
     return LIMITS[getattr(interpolation, "limit", "none")]
 
 
+def own_extent(interpolation: Interpolation) -> float:
+    """Extent over which a sample is the mean of an interpolation; 0: it is the value at a point."""
+    return 1.0 if getattr(interpolation, "is_mean", False) else 0.0
+
+
 def taps(interpolation: Interpolation, offset: Doubles, extent: Doubles | float = 0.0) -> Floats:
     """Compute the weights of the samples around positions.
 
@@ -359,6 +364,17 @@ def point_weights(
     before = np.floor(place - 0.5)
     weight = _at_points(interpolation, place - 0.5 - before)
     return before.astype(np.int64) + 1 - weight.shape[1] // 2, weight
+
+
+@once
+def own_weights(interpolation: Interpolation) -> tuple[int, Doubles]:
+    """Weights of the coefficients that make sample 0, and the first of these."""
+    start = np.zeros(1)
+    if own_extent(interpolation) > 0.0:
+        first, weight = side_weights(interpolation, start, start + 1.0)
+    else:
+        first, weight = point_weights(interpolation, start + 0.5)
+    return int(first[0]), weight[0]
 
 
 def _at_points(interpolation: Interpolation, fraction: Doubles) -> Doubles:

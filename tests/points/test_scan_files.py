@@ -1,6 +1,7 @@
 """Clouds as scanners, CloudCompare and meshes write them: each is read, or refused in one line."""
 
 import struct
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -242,10 +243,9 @@ def test_levels_of_arrays_are_no_light(tmp_path):
         prepare_cloud(Cloud(PLACE, np.empty((0, 3)), LEVEL, np.empty(0)))
 
 
+@pytest.mark.skipif(find_spec("pye57") is None, reason="the extra e57 is not installed")
 class TestE57:
     """Scans that pye57 wrote."""
-
-    pytest.importorskip("pye57", reason="the extra e57 is not installed")
 
     def write(self, path, *scans):
         import pye57

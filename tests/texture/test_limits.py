@@ -2,8 +2,15 @@
 
 import numpy as np
 import pytest
+from scipy.ndimage import convolve1d
 
-from resample.profiles.interpolation import AreaSpline, InterpolatingLanczos, Spline
+from resample.profiles.interpolation import (
+    AreaSpline,
+    InterpolatingLanczos,
+    Spline,
+    exact_prefilter,
+    side_weights,
+)
 from resample_texture import BackwardMap, warp
 from resample_texture.geometry.mappings import Homography, source_coordinates
 from tests.bits import assert_threads_change_nothing
@@ -57,6 +64,46 @@ def stands_out(plane, axis):
     return np.min([middle - near, middle - after, 2.0 * ground], axis=0)[2:-2, 2:-2]
 
 
+def varies(plane, axis):
+    """At corners, how much samples vary along an axis in both rows beside, on the calmer side."""
+    step = np.abs(plane - np.roll(plane, 1, axis))
+    step = np.maximum(step, np.roll(step, 1, 1 - axis))
+    return np.maximum(step, np.minimum(np.roll(step, 1, axis), np.roll(step, -1, axis)))
+
+
+def across(plane, axis, along, over, extent):
+    """Means (N, C) of splines across an axis, interpolated linearly along it."""
+    plane = plane if axis == 1 else plane.swapaxes(0, 1)
+    spline = AreaSpline()
+    coefficients = convolve1d(plane, exact_prefilter(spline), axis=0)
+    first, weight = side_weights(spline, over - 0.5 * extent, over + 0.5 * extent)
+    before = np.floor(along - 0.5).astype(int)
+    part = (along - 0.5 - before)[:, None, None]
+    rows = first[:, None] + np.arange(weight.shape[1])
+    lines = [coefficients[rows, (before + n)[:, None]] for n in (0, 1)]
+    return ((1 - part) * lines[0] + part * lines[1]).swapaxes(1, 2) @ weight[..., None]
+
+
+def straightened(source, free, u, v, extents, edge, excess):
+    """What an area spline gives at places, near what it gives across straight edges."""
+    plane = np.pad(source.astype(float), ((BEYOND,) * 2, (BEYOND,) * 2, (0, 0)), MODES[edge])
+    low, high = limits(source, u, v, edge, excess)
+    x, y = u + BEYOND, v + BEYOND
+    column, row = np.floor(x).astype(int), np.floor(y).astype(int)
+    changes = []
+    for axis, along, over, extent in ((1, x, y, extents[1]), (0, y, x, extents[0])):
+        at = varies(plane, axis)
+        s, t = (x - column)[:, None], (y - row)[:, None]
+        upper = (1 - s) * at[row, column] + s * at[row, column + 1]
+        lower = (1 - s) * at[row + 1, column] + s * at[row + 1, column + 1]
+        vary = (1 - t) * upper + t * lower
+        tolerance = 2 * vary + 256 * np.maximum(vary - (high - low) / 128, 0)
+        middle = across(plane, axis, along, over, extent)[..., 0]
+        change = np.clip(free, middle - tolerance, middle + tolerance) - free
+        changes.append(np.where(tolerance < high - low, change, 0.0))
+    return free + np.maximum(0, changes).max(axis=0) + np.minimum(0, changes).min(axis=0)
+
+
 VIEWS = {
     "grown": about(10.0, 3.1, 1e-3),
     "turned": about(7.0, 1.0),
@@ -74,7 +121,12 @@ def check(source, matrix, edge, limit, interpolation):
         near &= kept.coverage == 1
         np.testing.assert_array_equal(kept.coverage, free.coverage)
     low, high = limits(source, u[near], v[near], edge, EXCESS[limit])
-    expected = np.clip(free.image[near], low, high)
+    steps = [np.gradient(each.reshape(SHAPE)) for each in (u, v)]
+    extents = [np.hypot(*each).ravel()[near.ravel()] for each in steps]
+    expected = straightened(
+        source, free.image[near], u[near], v[near], extents, edge, EXCESS[limit]
+    )
+    expected = np.clip(expected, low, high)
     assert near.mean() > 0.05
     # Places are kept in float64, but a pixel that leans is cut at its middle to second order.
     np.testing.assert_allclose(kept.image[near], expected, atol=2e-3)
@@ -161,6 +213,74 @@ def test_hard_edges_do_not_ring():
     assert rings.image.max() > 0.8
 
 
+def squares(size=8, count=8, levels=(0, 255)):
+    y, x = np.mgrid[: size * count, : size * count] // size
+    return np.array(levels, np.uint8)[(x + y) % 2]
+
+
+@pytest.mark.parametrize("lean", [0.0, 1e-6])  # by sums along the axes, and pixel by pixel
+@pytest.mark.parametrize("is_across", [False, True])
+def test_a_straight_edge_stays_straight(is_across, lean):
+    matrix = np.array([[8.0, lean, 0.6], [0.0, 8.0, 0.6], [0.0, 0.0, 1.0]])
+    picture = warp(squares(), matrix, (512, 512), edge="mirror").image.astype(int)
+    picture = picture.T if is_across else picture
+    beside = picture[185:201, 201:249]  # a texel from the corners of a square of 193 to 257
+    assert np.ptp(beside, axis=1).max() <= 1
+    assert 210 < beside[6, 0] < 225
+    assert 40 < beside[10, 0] < 60
+
+
+@pytest.mark.parametrize(
+    "levels", [(0, 20), (0, 60), (100, 150), (128, 200), (200, 230), (225, 255), (235, 255)]
+)
+def test_a_faint_straight_edge_stays_as_straight(levels):
+    matrix = np.array([[8.0, 0.0, 0.6], [0.0, 8.0, 0.6], [0.0, 0.0, 1.0]])
+    picture = warp(squares(levels=levels), matrix, (512, 512), edge="mirror").image.astype(int)
+    assert np.ptp(picture[185:201, 201:249], axis=1).max() <= 4
+
+
+@pytest.mark.parametrize("lean", [0.0, 1e-6])
+def test_edges_in_some_channels_leave_others_alone(lean):
+    matrix = np.array([[5.0, lean, 0.6], [0.0, 5.0, 0.2], [0.0, 0.0, 1.0]])
+    planes = [squares(6, 6), squares(4, 9)[:36, :36], np.full((36, 36), 90, np.uint8)]
+    planes += [each.T for each in planes[:2]] + [255 - each for each in planes[:2]]
+    together = warp(np.stack(planes, axis=-1), matrix, (180, 180), edge="mirror").image
+    for n, plane in enumerate(planes):
+        alone = warp(plane, matrix, (180, 180), edge="mirror").image
+        np.testing.assert_allclose(together[..., n], alone, atol=1)
+
+
+@pytest.mark.parametrize("scale", [(5.0, 0.0, 3.0), (5.0, 1e-6, 3.0), (0.8, -0.3, 0.9)])
+@pytest.mark.parametrize("edge", ["mirror", "wrap"])
+def test_a_region_with_straight_edges_has_the_bits_of_the_whole(scale, edge):
+    matrix = np.array([[scale[0], scale[1], 0.6], [0.0, scale[2], 0.3], [0.0, 0.0, 1.0]])
+    whole = warp(squares(), matrix, (130, 190), edge=edge)
+    for left, top, width, height in [(31, 33, 66, 1), (77, 41, 113, 89)]:
+        part = warp(squares(), matrix, (130, 190), edge=edge, roi=(left, top, width, height))
+        here = np.s_[top : top + height, left : left + width]
+        np.testing.assert_array_equal(part.image, whole.image[here])
+
+
+@pytest.mark.parametrize("lean", [0.0, 0.01])
+def test_threads_leave_straight_edges_alone(lean):
+    matrix = np.array([[5.0, lean, 0.6], [0.0, 5.0, 0.6], [0.0, 0.0, 1.0]])
+    assert_threads_change_nothing(lambda: warp(squares(), matrix, (320, 320)).image)
+
+
+def test_a_leaning_edge_and_texture_are_left_alone():
+    y, x = np.mgrid[:40, :40]
+    texture = noise(40, 40, 1)[..., 0] + (x > y).astype(np.float32)
+    matrix = np.array([[3.0, 0.0, 0.5], [0.0, 3.0, 0.2], [0.0, 0.0, 1.0]])
+    free, kept = (
+        warp(texture, matrix, (120, 120), edge="mirror", interpolation=f"area-spline:limit={each}")
+        for each in ("none", "peaks")
+    )
+    y, x = (each.ravel() + 0.5 for each in np.mgrid[:120, :120])
+    low, high = limits(texture[..., None], (x - 0.5) / 3, (y - 0.2) / 3, "mirror", 1.0)
+    expected = np.clip(free.image.reshape(-1, 1), low, high).reshape(free.image.shape)
+    assert (np.abs(kept.image - expected) > 1e-4).mean() < 0.02
+
+
 def test_nothing_is_darker_than_black_beside_a_lamp():
     hdr = np.full((30, 30, 3), 0.01, np.float32)
     hdr[12:18, 12:18] = 5000.0
@@ -236,3 +356,55 @@ def test_threads_change_nothing():
 def test_a_limit_has_a_name(kind):
     with pytest.raises(ValueError, match="limit is one of none, range, peaks, not 'all'"):
         kind(limit="all")
+
+
+def stars():
+    sky, places = np.full((96, 96), 0.1, np.float32), np.random.default_rng(0)
+    sky[places.integers(0, 96, 70), places.integers(0, 96, 70)] = 1000.0
+    return sky
+
+
+@pytest.mark.parametrize("angle", [0.0, 7.0])
+@pytest.mark.parametrize("scale", [1 / 2.1, 1 / 2.5, 1 / 3.3, 1 / 5.7, 1 / 8])
+def test_between_stars_nothing_is_darker_than_black(scale, angle):
+    image = warp(stars(), about(angle, scale), SHAPE, edge="mirror", linear_light=False).image
+    assert image.min() >= 0.0
+
+
+@pytest.mark.parametrize("scale", [(0.02, 0.4), (0.02, 1.0), (0.03, 2.0)])
+def test_between_stars_that_are_squeezed_nothing_is_darker_than_black(scale):
+    shape = 192, max(2, int(96 * scale[0]))
+    image = warp(stars(), np.diag([*scale, 1.0]), shape, edge="mirror", linear_light=False).image
+    assert image.min() >= 0.0
+
+
+@pytest.mark.parametrize("angle", [0.0, 7.0, 45.0])
+@pytest.mark.parametrize("shrink", [1.5, 2.05, 2.1, 2.5, 3.3, 4.0, 6.0, 8.0])
+def test_shrunk_lamps_have_no_halos_below_zero(shrink, angle):
+    hdr = np.full((96, 96), 0.1, np.float32)
+    hdr[32:64, 32:64] = 1000.0
+    image = warp(hdr, about(angle, 1 / shrink), SHAPE, edge="mirror", linear_light=False).image
+    assert image.min() >= 0.0
+
+
+def test_shrunk_pictures_that_are_below_zero_stay_there():
+    signed = -noise(96, 96, 1)
+    for matrix in (about(0.0, 0.3), about(7.0, 0.3)):
+        kept, free = (
+            warp(signed, matrix, SHAPE, edge="mirror", interpolation=each).image
+            for each in ("area-spline", "area-spline:limit=none")
+        )
+        assert free.max() < 0.0
+        np.testing.assert_array_equal(kept, free)
+
+
+def test_shrunk_pictures_are_kept_above_what_pixels_read_alone():
+    signed, matrix = np.full((96, 96), 0.1, np.float32), np.diag([0.4, 0.4, 1.0])
+    signed[32:64, 32:64], signed[:10] = 1000.0, -5.0
+    free, kept = (
+        warp(signed, matrix, (38, 38), edge="mirror", linear_light=False, interpolation=each).image
+        for each in ("area-spline:limit=none", "area-spline")
+    )
+    assert free[8:].min() < -1.0
+    assert kept[8:].min() >= 0.0
+    np.testing.assert_array_equal(kept[:3], np.maximum(free[:3], -5.0))

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from resample_warp3d.views.panoramas import SEAMLESS, panorama
     from resample_warp3d.views.together import Joining, PosedSource, agreed, render_together
     from resample_warp3d.warping import render, warp, warp_disparity
-    from resample_warp3d.wide import mapping_between
+    from resample_warp3d.wide import StereoPanorama, mapping_between
 
 _HOMES = {
     "Camera": "resample.cameras.models",
@@ -43,6 +43,7 @@ _HOMES = {
     "Orthographic": "resample.cameras.models",
     "SEAMLESS": "views.panoramas",
     "Source": "types",
+    "StereoPanorama": "wide",
     "PosedSource": "views.together",
     "Warped": "types",
     "agreed": "views.together",
@@ -76,6 +77,7 @@ __all__ = [
     "Orthographic",
     "PosedSource",
     "Source",
+    "StereoPanorama",
     "Warped",
     "agreed",
     "background",

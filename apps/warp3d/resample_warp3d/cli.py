@@ -27,13 +27,13 @@ from resample_warp3d.command.choices import (
     DepthWarping,
     Extras,
     Joint,
-    PairDepth,
-    Parallax,
     Refine,
     Showing,
     Travel,
 )
+from resample_warp3d.command.filming.choices import FilmInput
 from resample_warp3d.command.source import SourceCamera
+from resample_warp3d.command.stereo.choices import PairDepth, Parallax
 from resample_warp3d.command.target import Aim, TargetCamera
 
 
@@ -72,7 +72,7 @@ EYE, DEPTH, AIM, WARPING = SourceCamera.usual(), Depth.usual(), Aim.usual(), Dep
 WRITTEN, EXTRAS, TRAVEL = Written.usual(), Extras.usual(), Travel.usual()
 TARGET, SHOWING = TargetCamera.usual(), Showing.usual()
 JOINT, SERVING, SHARING = Joint.usual(), Serving.usual(), Sharing.usual()
-PAIR_DEPTH, PARALLAX = PairDepth.usual(), Parallax.usual()
+PAIR_DEPTH, PARALLAX, FILMING = PairDepth.usual(), Parallax.usual(), FilmInput.usual()
 CLOUD_START = FormerStart.usual()
 VIEWS = "side,back4,in3,oblique"  # of the generated scene
 SIDE = 512  # px per side of the generated scene's views
@@ -92,6 +92,7 @@ def render(
     aim: Annotated[Aim, flags.Flat] = AIM,
     view: Annotated[list[str] | None, OptionTopic.SOURCE, flags.Switch] = None,
     joint: Annotated[Joint, flags.Flat] = JOINT,
+    filming: Annotated[FilmInput, flags.Flat] = FILMING,
     warping: Annotated[DepthWarping, flags.Flat] = WARPING,
     written: Annotated[Written, flags.Flat] = WRITTEN,
     showing: Annotated[Showing, flags.Flat] = SHOWING,
@@ -105,13 +106,15 @@ def render(
     Parameters
     ----------
     color
-        Any picture; float files are linear light, the others sRGB. Or a film.
+        Any picture; float files are linear light, the others sRGB. Or a film: one file, or a
+        folder or pattern of pictures.
     depth
         .png, .tif, .exr, .pfm, .npy or .npz of the same size; file:name selects a channel or
-        array. For a film: a film of gray levels, a folder, or a pattern of depth files.
+        array. For a film: a film of gray levels, a folder, a pattern of depth files, or a stack
+        (N, H, W) in .npy or .npz.
     output
         Written to: .png, .tif or .exr, or .jpg over a background; for a film .mp4, .gif, .webp or
-        .apng.
+        .apng, a folder for numbered .png files, or a name with * for the number (moved/*.exr).
     view
         Another view of the same scene: COLOR,DEPTH,POSE or sample:room,POSE; repeatable.
     """
@@ -119,7 +122,7 @@ def render(
     from resample.files import formats, saving
     from resample.files.writing import check_targets, write_json
     from resample_warp3d.command.export import write_geometry
-    from resample_warp3d.command.films import film_with_depth, render_film
+    from resample_warp3d.command.filming.films import FilmWriting, rendered_film
     from resample_warp3d.command.inputs import DepthReader, read_views, view_names
     from resample_warp3d.command.rendering import (
         check_memory,
@@ -139,9 +142,8 @@ def render(
         formats.WriteOptions(written.bits, is_light=False) if warping.unmixed else written.options()
     )
     further = [view_names(text) for text in view or []]
-    film = film_with_depth(color, depth, extras, further, showing)
-    if film is not None:
-        render_film(film, output, reader, aim, warping, look, extras.depth_output)
+    writing = FilmWriting(output, look, filming, extras, further, showing)
+    if rendered_film(color, depth, writing, reader, aim, warping):
         return
     check_extras(extras, eye)
     check_targets(output, *extras.paths())
@@ -184,6 +186,7 @@ def stereo(
     given: Annotated[
         Literal["left", "right"], OptionTopic.APPEARANCE, Parameter(name="--from")
     ] = "left",
+    filming: Annotated[FilmInput, flags.Flat] = FILMING,
     warping: Annotated[DepthWarping, flags.Flat] = WARPING,
     written: Annotated[Written, flags.Flat] = WRITTEN,
     holes: flags.Target = None,
@@ -197,10 +200,10 @@ def stereo(
     Parameters
     ----------
     picture
-        The left picture, unless --from right.
+        The left picture, unless --from right; or a film, as in render.
     depth
         Disparity of the same size: how much further left things are in the right picture, 0 if
-        unknown; or depth of the kind given by --depth-kind.
+        unknown; or depth of the kind given by --depth-kind. For a film as in render.
     output
         As in render.
     disparity_scale
@@ -217,43 +220,37 @@ def stereo(
     from resample.command.session import Session
     from resample.files import formats, saving
     from resample.files.writing import check_targets
-    from resample_warp3d.command.inputs import DepthReader, read_rectified, read_view
-    from resample_warp3d.command.pairs import Eyes, together
-    from resample_warp3d.command.rendering import check_memory, mention_holes, prepared, shifted
-    from resample_warp3d.command.writing import check_extras, warped_picture, write_extras
-    from resample_warp3d.depth.equation import of_rectified
+    from resample_warp3d.command.filming.films import FilmWriting, stereo_film
+    from resample_warp3d.command.inputs import DepthReader, read_pair, read_views
+    from resample_warp3d.command.rendering import check_memory, mention_holes
+    from resample_warp3d.command.stereo.rendering import StereoRendering
+    from resample_warp3d.command.writing import check_extras, write_extras
 
     extras = Extras(holes=holes, coverage=coverage)
-    check_extras(extras)
     parallax.check(meaning, eye)
     is_pair = meaning.depth_kind == "pair"
     reader = None if is_pair else DepthReader.checked(eye.guessed(), meaning)
     warping.built()
-    look = written.options()
+    look, around = written.options(), parallax.is_around(eye)
+    pair = StereoRendering(parallax, fraction, given, warping, around)
+    writing = FilmWriting(output, look, filming, extras)
+    if stereo_film(picture, depth, writing, reader, pair, disparity_scale):
+        return
+    check_extras(extras)
     formats.check_output(output, look, transparent=not warping.fill)
     check_targets(output, holes, coverage)
     session = Session()
     if reader is None:
-        seen, eyes = read_rectified(picture, depth, disparity_scale), Eyes(1.0, 0.0)
+        taken, eyes = read_pair(picture, depth, disparity_scale), pair.pair_eyes
     else:
-        seen = read_view(reader, picture, depth)
-        eyes = Eyes.of(seen, parallax)
-    shape = seen.picture.data.shape[0], seen.picture.data.shape[1]
-    check_memory([seen], shape, output)
-    (source,) = prepared(session, [seen], warping)
-    way = fraction if given == "left" else -fraction
-    warped = shifted(session, source, of_rectified(way, *eyes), shape, warping)
+        taken = read_views(reader, picture, depth)
+        eyes = pair.eyes([taken])
+    check_memory(taken.views, pair.shape(taken), output)
+    made = pair.render(session, taken, eyes)
     if not warping.fill:
-        mention_holes(warped)
-    made = warped_picture(warped, seen.picture.kind, filled=warping.fill)
-    if parallax.layout != "one":
-        first = seen.picture
-        if seen.image.place.size:  # the source has a lens; the other picture has none
-            unbent = shifted(session, source, of_rectified(0.0), shape, warping)
-            first = warped_picture(unbent, seen.picture.kind, filled=warping.fill)
-        made = together(*((first, made) if given == "left" else (made, first)), parallax.layout)
-    saving.write_picture(output, made, look)
-    write_extras(extras, warped, None)
+        mention_holes(made.warped)
+    saving.write_picture(output, made.picture, look)
+    write_extras(extras, made.warped, None)
 
 
 @app.command
@@ -266,7 +263,7 @@ def animate(
     eye: Annotated[SourceCamera, flags.Flat] = EYE,
     meaning: Annotated[Depth, flags.Flat] = DEPTH,
     travel: Annotated[Travel, flags.Flat] = TRAVEL,
-    fps: flags.FramesPerSecond = 24.0,
+    filming: Annotated[FilmInput, flags.Flat] = FILMING,
     target: Annotated[TargetCamera, flags.Flat] = TARGET,
     warping: Annotated[DepthWarping, flags.Flat] = WARPING,
     background: flags.FilmBackground = "black",
@@ -274,7 +271,9 @@ def animate(
     resume: flags.Resume = False,
     sharing: Annotated[Sharing, flags.Flat] = SHARING,
 ) -> None:
-    """Animate a camera that moves in a picture with depth.
+    """Animate a camera that moves in a picture or film with depth.
+
+    A film has a pose for each of its pictures; with more --frames it is shown again.
 
     Example: resample-warp3d animate photo.jpg depth.png --depth-scale 1000 --fov 60 -o sway.mp4
 
@@ -304,6 +303,8 @@ def animate(
         frames_of,
         shots_with_depth,
     )
+    from resample_warp3d.command.filming.flights import FlightWriting, write_flight
+    from resample_warp3d.command.filming.footage import footage_of
     from resample_warp3d.command.inputs import DepthReader, read_views
     from resample_warp3d.command.rendering import check_memory, film_of
 
@@ -311,11 +312,17 @@ def animate(
     warping.built()
     check_path(travel.path, travel.frames, travel.amount)
     behind = linear_color(background) or (0.0, 0.0, 0.0)
+    fps = 24.0 if filming.fps is None else filming.fps
     target.check_target()
     target.shape((1, 2))
     check_film(output, fps)
     check_sharing(sharing)
     depths = depths_of(depth_output, output, meaning, sharing)
+    footage = footage_of(color, depth)
+    if footage is not None:
+        writing = FlightWriting(output, travel, target, filming, behind, sharing, resume)
+        write_flight(footage, reader, warping, writing, depths)
+        return
     session = Session()
     taken = read_views(reader, color, depth)
     shape = target.shape(taken.shape)

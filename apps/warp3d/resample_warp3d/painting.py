@@ -16,7 +16,14 @@ from resample_warp3d.methods.filtering import filtered
 from resample_warp3d.methods.hybrid import Hybrid, empty
 from resample_warp3d.sheet.filling import farthest_of_rows
 from resample_warp3d.types import Hole, Method, Rendered, Source
-from resample_warp3d.wide import Passage, Shape, on_lattice, poles_rows
+from resample_warp3d.wide import (
+    MERGED,
+    Passage,
+    Shape,
+    StereoPanorama,
+    on_lattice,
+    poles_rows,
+)
 
 MARGIN = 8  # px that the halves of a panorama overlap, on each side
 LEAST_ROWS = 3  # of a panorama, beside each pole, taken from a picture of the pole
@@ -43,9 +50,10 @@ def painted(
     check_panorama(shape)
     whole = _halves(look, source, passage, shape)
     reaches = poles_rows(passage, method.sheet(source))
+    most = MOST_ROWS if not isinstance(passage.target, StereoPanorama) else 0.5 - MERGED[1] / 180.0
     for reach, is_upper in zip(reaches, (True, False), strict=True):
         wanted = max(LEAST_ROWS, REACHES * reach)
-        rows = max(1, min(wanted, int(MOST_ROWS * shape[0])))
+        rows = max(1, min(wanted, int(most * shape[0])))
         _cap(method, source, passage, whole, rows if is_upper else -rows)
     return whole
 

@@ -27,12 +27,78 @@ Shape = tuple[int, int]  # height and width, px
 NEAREST = 1e-6  # share of a point's distance: points less far ahead are beside the camera
 ROWS = 64  # of a sheet's corners projected at a time
 FARTHEST = 1e6  # px: positions farther out are dropped
+MERGED = 60.0, 75.0  # degrees of latitude between which the eyes of a stereo panorama join
+LATITUDES = 8  # steps of the latitude that depends on the eye, which depends on the latitude
 STEP = 1e-4  # px, and share of a nearness, step of finite differences
 STEEPEST = 1e3  # px on the screen per px of the source, where a surface ends
 FARTHEST_END = 64.0  # px that an end may move on the screen
 NO_CELL = -2  # in a sheet's index
 
 Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class StereoPanorama(Equirectangular):
+    """One eye's panorama of an omnidirectional stereo pair: each column has its own eye position.
+
+    The eyes are on a horizontal circle around the center, as those of a turning head that faces
+    each column (Peleg 1999). Toward the poles, where no such pair exists, the circle shrinks to a
+    point, between `MERGED` of latitude.
+
+    Parameters
+    ----------
+    world_to_camera
+        As for `Equirectangular`.
+    right
+        Distance of the eye from the center to the right, scene units; negative: to the left.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_warp3d import StereoPanorama
+    >>> from resample_warp3d.wide import project
+    >>> left, right = StereoPanorama(right=-0.5), StereoPanorama(right=0.5)
+    >>> ahead = np.array([0.0, 0.0, 1.0]), np.array(1.0)  # one unit away
+    >>> [project(eye, (180, 360), *ahead)[0].round(6).tolist() for eye in (left, right)]
+    [[210.0, 90.0], [150.0, 90.0]]
+    """
+
+    right: float = 0.0
+
+    def eye_of(self, ray: Doubles) -> Doubles:
+        """Return the eye positions (..., 3) of rays (..., 3) of any length, in camera axes."""
+        flat = np.hypot(ray[..., 0], ray[..., 2])
+        reach = self._reach(np.abs(ray[..., 1]), flat)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.where(reach != 0.0, reach / flat, 0.0)
+        return np.stack([ray[..., 2] * share, np.zeros_like(share), -ray[..., 0] * share], axis=-1)
+
+    def from_eye(self, point: Doubles, weight: Doubles) -> Doubles:
+        """Return the rays (..., 3) from the eyes that see points, times their weight.
+
+        Points (..., 3) and weights (...) are homogeneous. Not a number inside the circle.
+        """
+        flat = np.hypot(point[..., 0], point[..., 2])
+        high = np.abs(point[..., 1])
+        along = flat
+        for _ in range(LATITUDES):
+            side = weight * self._reach(high, along)
+            along = np.sqrt(np.maximum(flat * flat - side * side, 0.0))
+        is_outside = (np.abs(side) <= flat) & (flat > 0.0)
+        cosine, sine = along / flat, np.where(is_outside, side / flat, np.nan)
+        x = point[..., 0] * cosine - point[..., 2] * sine
+        z = point[..., 2] * cosine + point[..., 0] * sine
+        is_kept = side == 0.0  # also of points above and below, whose flat length is 0
+        x, z = (
+            np.where(is_kept, point[..., axis], each * cosine) for axis, each in ((0, x), (2, z))
+        )
+        return np.stack([x, point[..., 1], z], axis=-1)
+
+    def _reach(self, high: Doubles, flat: Doubles) -> Doubles:
+        """Return the distance of the eye for rays of this height and length in the plane."""
+        first, last = np.radians(MERGED)
+        share = np.clip((np.arctan2(high, flat) - first) / (last - first), 0.0, 1.0)
+        return self.right * np.where(share < 1.0, np.cos(0.5 * math.pi * share), 0.0)
 
 
 def is_bent(target: CameraModel) -> bool:
@@ -48,6 +114,8 @@ def project(
     The nearness is 1 / z, for a panorama 1 / ray length.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
+        if isinstance(camera, StereoPanorama):
+            point = camera.from_eye(point, weight)
         if isinstance(camera, Equirectangular):
             return places_of(point, shape), weight / np.linalg.norm(point, axis=-1)
         ahead = point[..., 2]
@@ -68,7 +136,10 @@ def unproject(
     Not a number where no light comes through the lens.
     """
     if isinstance(camera, Equirectangular):
-        return rays_at(place, shape), nearness
+        ray = rays_at(place, shape)
+        if isinstance(camera, StereoPanorama):
+            ray = ray + nearness[..., None] * camera.eye_of(ray)
+        return ray, nearness
     if isinstance(camera, Orthographic):
         flat = (place - (camera.cx, camera.cy)) / (camera.sx, camera.sy)
         flat = flat * nearness[..., None]

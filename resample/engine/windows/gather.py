@@ -33,10 +33,13 @@ from resample.engine.windows.limits import (
     fill_corners,
     keep_within,
     keep_within_mean,
+    marks_at,
     part_around,
     part_of,
+    tolerances,
 )
 from resample.engine.windows.polygons import MOST_CORNERS, area, cut_to
+from resample.engine.windows.straight import ALONG_Y, both, towards
 from resample.types import Doubles, Floats, Single
 
 Integers = NDArray[np.int64]
@@ -83,6 +86,8 @@ class PixelScratch(NamedTuple):
     polygon: Doubles  # (MOST_CORNERS, 2)
     spare: Doubles
     corners: Corners
+    straight: Floats  # (2 × C,) see `_straighten`
+    changes: Floats  # (2 × C,)
 
 
 @role
@@ -325,13 +330,84 @@ def _longer_side(footprint: PixelFootprint) -> tuple[float, float]:
 @inner_kernel
 def _part_around(
     view: GridView, footprint: PixelFootprint, scratch: PixelScratch
-) -> tuple[Part, float, float]:
-    """Compute the limits around one pixel, and its position in them."""
+) -> tuple[Part, float, float, bool]:
+    """Compute the limits around one pixel, its position in them, and whether edges are there."""
     placed, plain = _place(view, footprint), view.limits.plain
     u, v = placed.u - plain.left, placed.v - plain.top
     part = part_around(view.limits, u, v)
-    fill_corners(view.limits, part, scratch.corners)
-    return part, u, v
+    has_edges = fill_corners(view.limits, part, scratch.corners)
+    return part, u, v, has_edges
+
+
+@inner_kernel
+def _straighten(
+    view: GridView,
+    footprint: PixelFootprint,
+    part: Part,
+    at: tuple[float, float],
+    marks: int,
+    scratch: PixelScratch,
+) -> None:
+    """Keep a pixel beside straight edges near the means across them alone.
+
+    Along an edge the samples themselves are interpolated: the grid's means over each of them.
+    """
+    # The box of the pixel's mean, on the plate, and the samples before its center.
+    placed, own = _averaged(view, _place(view, footprint)), view.limits.own
+    (ux, vx), (uy, vy) = placed.along_x, placed.along_y
+    u, v = placed.u - view.plate.left, placed.v - view.plate.top
+    wide, high = math.hypot(ux, uy), math.hypot(vx, vy)
+    column, row = math.floor(u - 0.5) + 0.5, math.floor(v - 0.5) + 0.5
+    channels, total = scratch.total.size, scratch.total
+    straight, tolerance = scratch.straight[:channels], scratch.straight[channels:]
+    for axis in range(2):
+        changes = scratch.changes[axis * channels : (axis + 1) * channels]
+        for c in range(channels):
+            straight[c] = changes[c] = np.float32(0)
+        has_marks = marks & (((1 << ALONG_Y) - 1) << (axis * ALONG_Y))
+        if not has_marks or not tolerances(
+            view.limits, scratch.corners, part, at, axis == 0, tolerance
+        ):
+            continue
+        # Interpolate between the two samples beside the pixel along the edge.
+        for n in range(2):
+            if axis == 0:
+                box, share = GridBox(column + n, v, own, high), 1.0 - abs(u - column - n)
+            else:
+                box, share = GridBox(u, row + n, wide, own), 1.0 - abs(v - row - n)
+            add_mean(
+                view.plate, view.integral, view.points, box, np.float32(share), scratch.weights,
+                straight,
+            )  # fmt: skip
+        for c in range(channels):
+            changes[c] = towards(total[c], straight[c], tolerance[c])
+    for c in range(channels):
+        total[c] += both(scratch.changes[c], scratch.changes[channels + c])
+
+
+@inner_kernel
+def _keep_positive(view: GridView, footprint: PixelFootprint, total: Floats) -> None:
+    """Keep a mean of samples at or above zero where none of them is below.
+
+    For pixels too large for limits: what is left of ringing is small beside what rings, but not
+    beside black.
+    """
+    flat, left, top, rows, columns, channels, there, before = view.limits.plain
+    for c in range(channels):
+        if not total[c] < np.float32(0):
+            continue
+        # Bound what the pixel covers.
+        placed, least = _place(view, footprint), np.float32(0)
+        (ux, vx), (uy, vy) = placed.along_x, placed.along_y
+        reach_u, reach_v = 0.5 * (abs(ux) + abs(uy)) + 1.0, 0.5 * (abs(vx) + abs(vy)) + 1.0
+        first, last = max(int(placed.u - left - reach_u), 0), int(placed.u - left + reach_u)
+        last, row = min(last, columns - 1), max(int(placed.v - top - reach_v), 0)
+        # Any sample that is not above the mean will do.
+        while row <= min(int(placed.v - top + reach_v), rows - 1) and least > total[c]:
+            for column in range(first, last + 1):
+                least = min(least, flat[(row * there + column) * channels + c - before])
+            row += 1
+        total[c] = max(total[c], least)
 
 
 @inner_kernel
@@ -346,7 +422,7 @@ def _fill_tile(
 ) -> None:
     """Fill one tile of the target."""
     # Compute limits for the whole tile, if they fit; else pixel by pixel.
-    part, is_filled = part_of(view.limits, bounds), False
+    part, is_filled, has_edges = part_of(view.limits, bounds), False, False
     has_limits = view.limits.excess >= 0.0
     is_apart = part.wide == 0 or view.margin < math.inf
     left, top = view.limits.plain.left, view.limits.plain.top
@@ -359,10 +435,13 @@ def _fill_tile(
             if coverage > 0.0 and has_limits and _is_small(footprint):
                 u, v = footprint.u - left, footprint.v - top
                 if is_apart:
-                    part, u, v = _part_around(view, footprint, scratch)
+                    part, u, v, has_edges = _part_around(view, footprint, scratch)
                 elif not is_filled:
-                    fill_corners(view.limits, part, scratch.corners)
+                    has_edges = fill_corners(view.limits, part, scratch.corners)
                     is_filled = True
+                marks = marks_at(scratch.corners, part, u, v) if has_edges else 0
+                if marks:
+                    _straighten(view, footprint, part, (u, v), marks, scratch)
                 keep_within(scratch.corners, part, u, v, scratch.total)
             elif coverage > 0.0 and has_limits and not is_apart:
                 # Clamp long, thin ones to the mean of the limits along them.
@@ -370,10 +449,12 @@ def _fill_tile(
                 if side[0] != 0.0 or side[1] != 0.0:
                     # Limits of the tile are computed when first needed.
                     if not is_filled:
-                        fill_corners(view.limits, part, scratch.corners)
+                        has_edges = fill_corners(view.limits, part, scratch.corners)
                         is_filled = True
                     at = footprint.u - left, footprint.v - top
                     keep_within_mean(scratch.corners, part, at, side, scratch.total)
+            if coverage > 0.0 and has_limits and not _is_small(footprint):
+                _keep_positive(view, footprint, scratch.total)
             # Store, premultiplied by coverage.
             covered[row, column] = coverage
             for c in range(image.shape[2]):
@@ -405,7 +486,10 @@ def gather_tiles(
     channels = image.shape[2]
     polygon, spare = np.empty((MOST_CORNERS, 2)), np.empty((MOST_CORNERS, 2))
     weights, total = np.empty(scratch_size(channels), np.float32), np.empty(channels, np.float32)
-    scratch = PixelScratch(weights, total, polygon, spare, corner_scratch(channels))
+    straight, changes = np.zeros(2 * channels, np.float32), np.zeros(2 * channels, np.float32)
+    scratch = PixelScratch(
+        weights, total, polygon, spare, corner_scratch(channels), straight, changes
+    )
     for n in tasks(counter, tiles.shape[0]):
         _fill_tile(geometry, view, tiles[n], bounds[n], image, covered, scratch)
 

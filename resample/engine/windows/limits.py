@@ -14,6 +14,14 @@ import numpy as np
 
 from resample.engine.jit import inner_kernel, inner_step, kernel
 from resample.engine.windows.boxes import Place, Plate, Whole
+from resample.engine.windows.straight import (
+    Marks,
+    cell_of,
+    mark_row,
+    slack,
+    tolerance_of,
+    varies_between,
+)
 from resample.types import Doubles, Floats, Single
 
 MOST = 96 * 96 * 12  # numbers of a tile's corners, at most
@@ -27,6 +35,7 @@ class Limits(NamedTuple):
 
     plain: Plate  # samples themselves, not coefficients
     excess: float  # share of what a sample stands out that is added; below 0: no limits
+    own: float = 0.0  # extent of a sample along an axis of which it is the mean; 0: a point
 
 
 class Part(NamedTuple):
@@ -45,6 +54,8 @@ class Corners(NamedTuple):
     high: Floats
     above: Floats  # by how much samples stand out upward, in two rows
     below: Floats  # and downward
+    bound: Floats  # of the `slack` beside straight edges; rows × columns × channels
+    marks: Marks  # of the cells between corners, and of their rows; see `straight`
 
 
 @inner_step
@@ -72,9 +83,15 @@ def _stand_out(flat: Floats, at: Place, steps: tuple[Place, Place], count: int, 
 
 @inner_step
 def _bound(flat: Floats, at: Place, steps: tuple[Place, Place], count: int, share: Single,
-           first: int, corners: Corners) -> None:  # fmt: skip
-    """Limits at a row of corners; each corner is at the upper left of the sample it is named by."""
-    low, high, above, below = corners.low, corners.high, corners.above, corners.below
+           first: int, corners: Corners) -> bool:  # fmt: skip
+    """Limits at a row of corners; each corner is at the upper left of the sample it is named by.
+
+    Returns
+    -------
+    Whether any corner may be on a straight edge.
+    """
+    low, high, above, below, bound, _ = corners
+    found = np.uint32(0)
     across, down, start = steps[0], steps[1], np.uint64(first)
     other = np.uint64(above.size >> 1)
     for n in range(count):
@@ -85,26 +102,53 @@ def _bound(flat: Floats, at: Place, steps: tuple[Place, Place], count: int, shar
         # Widen their range by what the four stand out on average.
         over = above[m - across] + above[m] + above[other + m - across] + above[other + m]
         under = below[m - across] + below[m] + below[other + m - across] + below[other + m]
-        low[start + np.uint64(n)] = min(a, b, c, d) - share * under
-        high[start + np.uint64(n)] = max(a, b, c, d) + share * over
+        least, most = min(a, b, c, d) - share * under, max(a, b, c, d) + share * over
+        low[start + np.uint64(n)], high[start + np.uint64(n)] = least, most
+        # They vary along an axis by no less than these four do.
+        along_x, along_y = max(abs(b - a), abs(d - c)), max(abs(c - a), abs(d - b))
+        beside = slack(min(along_x, along_y), least, most)
+        bound[start + np.uint64(n)] = beside
+        found |= np.uint32(beside > np.float32(0))
+    return bool(found > 0)
+
+
+@inner_step
+def _clear(marks: Marks, count: int) -> None:
+    """Take all marks away."""
+    for n in range(count):
+        marks[n] = 0
 
 
 @inner_kernel
-def fill_corners(limits: Limits, part: Part, corners: Corners) -> None:
-    """Compute the limits at corners that have `MARGIN` samples around them."""
+def fill_corners(limits: Limits, part: Part, corners: Corners) -> bool:
+    """Compute the limits at corners that have `MARGIN` samples around them.
+
+    Returns
+    -------
+    Whether any of them is on a straight edge; cells around those are marked.
+    """
     # Unpack the grid; its steps are in numbers.
     flat, _, _, _, _, channels, columns, before = limits.plain
     left, top, wide, high = part
     steps = np.uint64(channels), np.uint64(columns * channels)
     count, half = wide * channels, corners.above.size >> 1
-    share = np.float32(0.25 * limits.excess)
+    share, has_edges = np.float32(0.25 * limits.excess), False
+    is_cleared = False
+    bounds = corners.low, corners.high, corners.bound
     # Keep two rows of what samples stand out by, and bound the corners between them.
     for row in range(high + 1):
         at = np.uint64(((top - 1 + row) * columns + left) * channels - before)
         first = (row & 1) * half
         _stand_out(flat, at - steps[0], steps, count + channels, first, corners)
         if row > 0:
-            _bound(flat, at, steps, count, share, (row - 1) * count, corners)
+            may_be = _bound(flat, at, steps, count, share, (row - 1) * count, corners)
+            if may_be and not is_cleared:
+                _clear(corners.marks, (wide + 1) * (high + 1))
+                is_cleared = True
+            if may_be:
+                corner = left, top + row - 1
+                has_edges |= mark_row(limits.plain, corner, wide, bounds, row - 1, corners.marks)
+    return has_edges
 
 
 @inner_kernel
@@ -161,6 +205,60 @@ def keep_within(corners: Corners, part: Part, u: float, v: float, total: Floats)
 
 
 @inner_step
+def marks_at(corners: Corners, part: Part, u: float, v: float) -> int:
+    """Marks of the cell at a position, in coordinates of the plain grid; 0: no edge is near."""
+    column = min(max(int(u) - part.left, 0), part.wide - 2)
+    row = min(max(int(v) - part.top, 0), part.high - 2)
+    return int(corners.marks[cell_of(part.wide, column, row)])
+
+
+@inner_step
+def tolerances(
+    limits: Limits,
+    corners: Corners,
+    part: Part,
+    at: tuple[float, float],
+    is_along_x: bool,
+    found: Floats,
+) -> bool:
+    """Tolerances of a pixel's channels around what samples across an edge make.
+
+    Parameters
+    ----------
+    at
+        Position (u, v) in coordinates of the plain grid.
+    is_along_x
+        Whether the edge is along x.
+    found
+        (C,) tolerances, filled; infinite where limits leave less.
+
+    Returns
+    -------
+    Whether any channel has a tolerance.
+    """
+    channels, any_found = found.size, False
+    flat, _, _, _, _, _, columns, before = limits.plain
+    first, x, y = _place_in(part, at[0], at[1], channels)
+    steps = np.uint64(channels), np.uint64(part.wide * channels)
+    # The same corner among the samples.
+    corner = first // steps[0]
+    row, column = corner // np.uint64(part.wide), corner % np.uint64(part.wide)
+    start = np.uint64((part.top * columns + part.left) * channels - before)
+    start += (row * np.uint64(columns) + column) * steps[0]
+    for c in range(channels):
+        k = np.uint64(c)
+        low = _between(corners.low, first + k, steps, x, y)
+        high = _between(corners.high, first + k, steps, x, y)
+        around = steps[0], np.uint64(columns * channels)
+        varies = varies_between(flat, start + k, around, is_along_x, x, y)
+        tolerance = tolerance_of(varies, low, high)
+        is_less = tolerance < high - low
+        found[c] = tolerance if is_less else np.float32(math.inf)
+        any_found |= is_less
+    return any_found
+
+
+@inner_step
 def keep_within_mean(
     corners: Corners,
     part: Part,
@@ -205,4 +303,5 @@ def corner_scratch(channels: int) -> Corners:
     most, beside = max(MOST, 4 * channels), max(MOST_BESIDE, 3 * channels)
     low, high = np.empty(most, np.float32), np.empty(most, np.float32)
     above, below = np.empty(2 * beside, np.float32), np.empty(2 * beside, np.float32)
-    return Corners(low, high, above, below)
+    bound, marks = np.empty(most, np.float32), np.empty(2 * most, np.uint8)
+    return Corners(low, high, above, below, bound, marks)

@@ -13,6 +13,14 @@ from numpy.typing import NDArray
 from resample.engine.jit import Counter, inner_kernel, inner_step, packed_kernel, tasks
 from resample.engine.windows.boxes import Place
 from resample.engine.windows.limits import Corners, Limits, Part, fill_corners
+from resample.engine.windows.straight import (
+    both,
+    cell_of,
+    mark_of,
+    tolerance_of,
+    towards,
+    varies_between,
+)
 from resample.types import Floats, Single
 
 Integers = NDArray[np.int64]
@@ -51,6 +59,8 @@ class SeparableGrid(NamedTuple):
     limits: Limits  # of an interpolation that rings; excess below 0: none
     limits_down: AxisTaps  # weights of the corners between samples; see `limits`
     limits_across: AxisTaps
+    beside_down: AxisTaps  # weights of the two samples beside pixels; no taps: limits alone hold
+    beside_across: AxisTaps
 
 
 class TileScratch(NamedTuple):
@@ -237,6 +247,81 @@ def _weigh(
             _sum_sections(total, to, scratch.turned, (at, channels * ROWS), across, x)
 
 
+@inner_step
+def _weighed(flat: Floats, form: tuple[int, int, int], down: AxisTaps, across: AxisTaps,
+             pixel: tuple[int, int]) -> Single:  # fmt: skip
+    """Weighted sum of a grid for one channel of one pixel (row, column).
+
+    Parameters
+    ----------
+    form
+        Columns and channels of the grid, and the channel.
+    """
+    (columns, channels, channel), (row, x) = form, pixel
+    step, total = np.uint64(channels), np.float32(0)
+    at = np.uint64((down.first[row] * columns + across.first[x]) * channels + channel)
+    first = np.uint64(x * across.taps)
+    for k in range(down.taps):
+        line, here = np.float32(0), at
+        for n in range(across.taps):
+            line += across.weight[first + np.uint64(n)] * flat[here]
+            here += step
+        total += down.weight[row * down.taps + k] * line
+        at += np.uint64(columns) * step
+    return total
+
+
+@inner_step
+def _straighten_pixel(grid: SeparableGrid, pixel: tuple[int, int], to: int, marks: int,
+                      scratch: TileScratch) -> None:  # fmt: skip
+    """Keep a pixel (row, column) near what samples across straight edges make."""
+    row, x = pixel
+    across, down, plain, channels = (
+        grid.limits_across, grid.limits_down, grid.limits.plain, grid.channels
+    )  # fmt: skip
+    # Place among the four corners around.
+    at = (down.first[row] * plain.stride + across.first[x]) * channels - plain.before
+    steps = np.uint64(channels), np.uint64(plain.stride * channels)
+    part_x, part_y = across.weight[2 * x + 1], down.weight[2 * row + 1]
+    for c in range(channels):
+        k, first, form = to + c * ROWS, np.uint64(at + c), (grid.columns, channels, c)
+        low, high, total = scratch.low[k], scratch.high[k], scratch.total[k]
+        one = other = np.float32(0)
+        if marks & mark_of(c, True):
+            varies = varies_between(plain.flat, first, steps, True, part_x, part_y)
+            tolerance = tolerance_of(varies, low, high)
+            if tolerance < high - low:
+                straight = _weighed(grid.flat, form, grid.down, grid.beside_across, pixel)
+                one = towards(total, straight, tolerance)
+        if marks & mark_of(c, False):
+            varies = varies_between(plain.flat, first, steps, False, part_x, part_y)
+            tolerance = tolerance_of(varies, low, high)
+            if tolerance < high - low:
+                straight = _weighed(grid.flat, form, grid.beside_down, grid.across, pixel)
+                other = towards(total, straight, tolerance)
+        scratch.total[k] = total + both(one, other)
+
+
+@inner_kernel
+def _straighten_tile(
+    grid: SeparableGrid, part: Part, tile: tuple[int, int, int, int], scratch: TileScratch
+) -> None:
+    """Straighten the pixels of a tile that are beside straight edges."""
+    left, top, right, bottom = tile
+    marks, first = scratch.corners.marks, grid.limits_across.first
+    for row in range(top, bottom):
+        # Skip rows of cells without marks.
+        start = cell_of(part.wide, 0, grid.limits_down.first[row] - part.top)
+        if marks[start - 1] == 0:
+            continue
+        start -= part.left
+        for x in range(left, right):
+            mark = marks[np.uint64(start + first[np.uint64(x)])]
+            if mark:
+                to = (x - left) * grid.channels * ROWS + row - top
+                _straighten_pixel(grid, (row, x), to, mark, scratch)
+
+
 @inner_kernel
 def _clamp(grid: SeparableGrid, tile: tuple[int, int, int, int], scratch: TileScratch) -> None:
     """Clamp the sums of a tile to the limits of the samples around."""
@@ -246,15 +331,75 @@ def _clamp(grid: SeparableGrid, tile: tuple[int, int, int, int], scratch: TileSc
     first, last = _read_by(across, left, right)
     above, below = _read_by(down, top, bottom)
     part = Part(first, above, last - first, below - above)
-    fill_corners(grid.limits, part, scratch.corners)
+    has_edges = fill_corners(grid.limits, part, scratch.corners)
     # Interpolate them as the samples are, and clamp.
     form = part.wide, grid.channels, first, above
     taps = down, across
     _weigh(scratch.corners.low, form, taps, tile, scratch, scratch.low)
     _weigh(scratch.corners.high, form, taps, tile, scratch, scratch.high)
+    if has_edges and grid.beside_down.taps > 0:
+        _straighten_tile(grid, part, tile, scratch)
     total, low, high = scratch.total, scratch.low, scratch.high
     for n in range((right - left) * grid.channels * ROWS):
         total[n] = min(max(total[n], low[n]), high[n])
+
+
+@inner_step
+def _is_below_zero(numbers: Floats, first: Place, count: int) -> bool:
+    """Whether any number of a stretch is below zero."""
+    found = np.uint32(0)
+    for n in range(count):
+        found |= np.uint32(numbers[first + np.uint64(n)] < np.float32(0))
+    return bool(found > 0)
+
+
+@inner_kernel
+def _keep_positive(
+    grid: SeparableGrid, tile: tuple[int, int, int, int], scratch: TileScratch
+) -> None:
+    """Keep sums at or above zero where none of the samples that pixels read is below."""
+    left, top, right, bottom = tile
+    channels, total, count = grid.channels, scratch.total, (right - left) * grid.channels * ROWS
+    if not _is_below_zero(total, np.uint64(0), count):
+        return
+    # Mostly no sample that the tile reads is.
+    low, high = _read_by(grid.across, left, right)
+    has_below = False
+    for line in range(*_read_by(grid.down, top, bottom)):
+        at = np.uint64((line * grid.columns + low) * channels)
+        has_below |= _is_below_zero(grid.flat, at, (high - low) * channels)
+    if not has_below:
+        for n in range(count):
+            total[n] = max(total[n], np.float32(0))
+        return
+    start: Place = np.uint64(0)
+    for x in range(left, right):
+        for channel in range(channels):
+            for row in range(top, bottom):
+                k: Place = start + np.uint64(row - top)
+                if total[k] < np.float32(0):
+                    total[k] = max(total[k], _least(grid, (row, x, channel), total[k]))
+            start += np.uint64(ROWS)
+
+
+@inner_step
+def _least(grid: SeparableGrid, pixel: tuple[int, int, int], enough: Single) -> Single:
+    """Least of zero and the samples that a pixel (row, column, channel) reads.
+
+    Any of them that is not above `enough` will do.
+    """
+    row, x, channel = pixel
+    least: Single = np.float32(0)
+    step = np.uint64(grid.channels)
+    first = (grid.down.first[row] * grid.columns + grid.across.first[x]) * grid.channels + channel
+    for line in range(grid.down.taps):
+        at: Place = np.uint64(first + line * grid.columns * grid.channels)
+        for _ in range(grid.across.taps):
+            least = min(least, grid.flat[at])
+            if least <= enough:
+                return least
+            at += step
+    return least
 
 
 @inner_kernel
@@ -325,6 +470,8 @@ def weigh_grid(
             np.empty(most, np.float32),
             np.empty(2 * (beside + channels), np.float32),
             np.empty(2 * (beside + channels), np.float32),
+            np.empty(most, np.float32),
+            np.empty((beside // channels + 1) * (most // max(beside, 1) + 1), np.uint8),
         ),
     )
     tiles_across = -(-width // wide)
@@ -336,4 +483,6 @@ def weigh_grid(
         _weigh(grid.flat, form, (grid.down, grid.across), tile, scratch, scratch.total)
         if beside > 0:
             _clamp(grid, tile, scratch)
+        elif grid.limits.excess >= 0.0:
+            _keep_positive(grid, tile, scratch)
         _put(grid, tile, scratch.total, image, covered)

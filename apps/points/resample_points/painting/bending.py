@@ -46,6 +46,18 @@ class ProjectedCamera:
     ------
     ValueError
         The pose is not rigid.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample import registry
+    >>> from resample_points import Cloud, ProjectedCamera, render_cloud
+    >>> place = np.random.default_rng(1).normal(size=(2000, 3))
+    >>> place /= np.linalg.norm(place, axis=1)[:, None]  # of a ball around the camera
+    >>> cloud = Cloud(place, np.empty((0, 3)), np.empty((0, 3)), np.empty(0))
+    >>> camera = ProjectedCamera(registry.build("projections", "fisheye:fov=200"))
+    >>> render_cloud(cloud, camera, size=(32, 32))
+    Frame(32 × 32 px, 85.4 % covered, depth from 0.9862)
     """
 
     projection: Any

@@ -47,12 +47,12 @@ def index_cloud(
     --------
     >>> import numpy as np
     >>> from resample_points import Camera, Cloud, index_cloud
-    >>> place = np.array([[-1.0, 0, 4], [1.0, 0, 4]])
-    >>> cloud = Cloud(place, np.empty((0, 3)), np.empty((0, 3)), np.array([0.6, 0.6]))
+    >>> place, normal = np.array([[-1.0, 0, 4], [1.0, 0, 4]]), np.array([[0, 0, -1.0]] * 2)
+    >>> cloud = Cloud(place, normal, np.empty((0, 3)), np.array([0.6, 0.6]))
     >>> print(index_cloud(cloud, Camera.from_fov(30, 3, 9), size=(9, 3)))
-    [[-1 -1 -1 -1 -1 -1 -1 -1 -1]
+    [[-1 -1  0  0 -1  1  1 -1 -1]
      [-1 -1  0  0 -1  1  1 -1 -1]
-     [-1 -1 -1 -1 -1 -1 -1 -1 -1]]
+     [-1 -1  0  0 -1  1  1 -1 -1]]
     """
     from scipy.spatial import KDTree
 

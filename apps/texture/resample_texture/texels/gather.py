@@ -29,6 +29,7 @@ from resample.profiles.interpolation import (
     blur,
     excess,
     integrals,
+    own_extent,
     point_taps,
     prefilter,
 )
@@ -326,5 +327,5 @@ def _view(form: tuple[int, ...], edge: Edge, cells: CellGrid) -> GridView:
         )
     shortest = POINTLIKE if cells.shrinking else SHORTEST
     integral = integrals(cells.interpolation, PHASES, ONES)._replace(shortest=shortest)
-    limits = Limits(plate, excess(cells.interpolation))
+    limits = Limits(plate, excess(cells.interpolation), own_extent(cells.interpolation))
     return GridView(plate, integral, points, (height, width), EDGES[edge], math.inf, finest, limits)

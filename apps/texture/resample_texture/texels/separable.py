@@ -24,6 +24,8 @@ from resample.profiles.interpolation import (
     blur,
     exact_prefilter,
     excess,
+    own_extent,
+    own_weights,
     point_weights,
     prefilter,
     side_weights,
@@ -112,6 +114,8 @@ class SeparablePlan(NamedTuple):
     across: Weights
     limits_down: Weights | None  # of the corners between texels; None: no limits hold
     limits_across: Weights | None
+    beside_down: Weights | None  # of the two texels beside pixels; None: limits alone hold
+    beside_across: Weights | None
 
     @property
     def is_long(self) -> bool:
@@ -152,6 +156,8 @@ def separable_plan(
         plan.across.of(across),
         plan.limits_down and plan.limits_down.of(down),
         plan.limits_across and plan.limits_across.of(across),
+        plan.beside_down and plan.beside_down.of(down),
+        plan.beside_across and plan.beside_across.of(across),
     )
 
 
@@ -179,26 +185,39 @@ def _whole_plan(
         beyond = max(-middle.min(), middle.max() - texels) + 0.5 * side
         if edge is not Edge.TRANSPARENT and beyond > FARTHEST:
             return None
+    corners = _limits(middles, sides, cells)
+    # Beyond limits, texels themselves tell whether a sum may be below zero.
+    of_texels = corners[0] is None and excess(cells.interpolation) >= 0.0
     axes = [
-        _weights(middle, float(side), texels, edge, cells)
+        _weights(middle, float(side), texels, edge, cells, of_texels=of_texels)
         for middle, side, texels in zip(middles, sides, size, strict=True)
     ]
-    return SeparablePlan(axes[0], axes[1], *_limits(middles, sides, cells))
+    beside: list[Weights | None] = [None, None]
+    if corners[0] is not None and sides.max() <= LIMITED:
+        beside = [
+            _beside(middle, axis.prefilter, cells)
+            for middle, axis in zip(middles, axes, strict=True)
+        ]
+    return SeparablePlan(axes[0], axes[1], *corners, beside[0], beside[1])
 
 
 def weigh(plan: SeparablePlan, source: SourcePart, edge: Edge, cells: CellGrid) -> Warped:
     """Warp a source (H, W, C), or a part of one that holds all that pixels read."""
     if plan.is_long:
         return weigh_in_blocks(plan, HeldTexels(source), edge)
-    down, across, limits_down, limits_across = plan
+    down, across, limits_down, limits_across, beside_down, beside_across = plan
     channels = source.texels.shape[2]
     shape = down.first.size, across.first.size
     warped = Warped(np.empty((*shape, channels), np.float32), np.empty(shape, np.float32))
-    sides = Sides(across.ends, down.ends)
+    sides = Sides(_ends(across, beside_across), _ends(down, beside_down))
     flat = filtered_grid(source, sides, edge, across.prefilter, down.prefilter)
     taps = down.from_start(sides.down[0]), across.from_start(sides.across[0])
     plain, limit_taps = _plain(source, edge, cells, limits_down, limits_across, taps)
-    grid = SeparableGrid(flat, sides.shape[1], channels, *taps, plain, *limit_taps)
+    beside = (
+        _from_start(beside_down, sides.down[0]),
+        _from_start(beside_across, sides.across[0]),
+    )
+    grid = SeparableGrid(flat, sides.shape[1], channels, *taps, plain, *limit_taps, *beside)
     sizes = _tile_sizes(plan, channels)
     weigh_grid(grid, sizes, warped.image.reshape(-1), warped.coverage.reshape(-1))
     return warped
@@ -223,9 +242,12 @@ def weigh_in_blocks(plan: SeparablePlan, reader: TexelReader, edge: Edge) -> War
         rows = texels_at(np.arange(start, start + BLOCK), height, edge)
         flat = reader.texels(rows, columns).reshape(-1)
         here = part.from_start(start)
-        grid = SeparableGrid(flat, columns.size, channels, here, taps, none, here, taps)
+        beside = _from_start(None, 0)
+        grid = SeparableGrid(
+            flat, columns.size, channels, here, taps, none, here, taps, beside, beside
+        )
         image = np.empty((which.size, across.first.size, channels), np.float32)
-        sizes = _tile_sizes(SeparablePlan(part, across, None, None), channels)
+        sizes = _tile_sizes(SeparablePlan(part, across, None, None, None, None), channels)
         weigh_grid(grid, sizes, image.reshape(-1), np.empty(image[..., 0].size, np.float32))
         total[which] += image
     coverage = down.share[:, None] * across.share
@@ -234,7 +256,7 @@ def weigh_in_blocks(plan: SeparablePlan, reader: TexelReader, edge: Edge) -> War
 
 def _tile_sizes(plan: SeparablePlan, channels: int) -> TileSizes:
     """Return the sizes of tiles, and of the scratch for them."""
-    _, across, limits_down, limits_across = plan
+    _, across, limits_down, limits_across, _, _ = plan
     wide = _tile_width(across, channels)
     numbers, beside, corners = across.most(wide), 0, 0
     if limits_down is not None and limits_across is not None:
@@ -253,18 +275,45 @@ def _plain(
 ) -> tuple[Limits, tuple[AxisTaps, AxisTaps]]:
     """Return the texels that limit, and the weights of the corners between them."""
     if down is None or across is None:
-        return _no_limits(), taps
+        return _no_limits()._replace(excess=excess(cells.interpolation)), taps
     sides = Sides(across.ends, down.ends).wider(MARGIN)
     flat = filtered_grid(source, sides, edge, ONE, ONE)
     plate = sides.plate(flat, sides, source.texels.shape[2])
     corners = down.from_start(sides.down[0]), across.from_start(sides.across[0])
-    return Limits(plate, excess(cells.interpolation)), corners
+    own = own_extent(cells.interpolation)
+    return Limits(plate, excess(cells.interpolation), own), corners
 
 
 def _no_limits() -> Limits:
     """Return limits that do not hold."""
     none = Sides((0, 0), (0, 0))
-    return Limits(none.plate(np.zeros(0, np.float32), none, 1), -1.0)
+    return Limits(none.plate(np.zeros(0, np.float32), none, 1), -1.0, 0.0)
+
+
+def _ends(weights: Weights, beside: Weights | None) -> tuple[int, int]:
+    """First texel that pixels read along an axis, and last + 1."""
+    ends = [each.ends for each in (weights, beside) if each is not None]
+    return min(first for first, _ in ends), max(last for _, last in ends)
+
+
+def _from_start(weights: Weights | None, start: int) -> AxisTaps:
+    """Return weights as kernels take them; without taps if there are none."""
+    if weights is None:
+        return AxisTaps(np.zeros(0, np.int64), np.zeros(0, np.float32), 0, np.zeros(0, np.float32))
+    return weights.from_start(start)
+
+
+def _beside(middle: Doubles, taps: Floats, cells: CellGrid) -> Weights:
+    """Return the weights that interpolate linearly between the texels beside places."""
+    before = np.floor(middle - 0.5)
+    part = (middle - 0.5 - before)[:, None]
+    # A texel itself, or the coefficients that make it.
+    first, own = own_weights(cells.interpolation) if taps.size > 1 else (0, np.ones(1))
+    table = np.zeros((middle.size, own.size + 1), np.float32)
+    table[:, :-1] = (1.0 - part) * own
+    table[:, 1:] += part * own
+    share = np.ones(middle.size, np.float32)
+    return Weights(before.astype(np.int64) + first, table, share, taps)
 
 
 def _tile_width(across: Weights, channels: int) -> int:
@@ -275,8 +324,13 @@ def _tile_width(across: Weights, channels: int) -> int:
     return int(min(max(room, 1.0), MOST_COLUMNS, across.first.size))
 
 
-def _weights(middle: Doubles, side: float, size: int, edge: Edge, cells: CellGrid) -> Weights:
-    """Return the weights of pixels at places along an axis, each `side` texels long."""
+def _weights(
+    middle: Doubles, side: float, size: int, edge: Edge, cells: CellGrid, *, of_texels: bool
+) -> Weights:
+    """Return the weights of pixels at places along an axis, each `side` texels long.
+
+    With `of_texels` they are of texels, even where their coefficients are fewer to add.
+    """
     low, high = middle - 0.5 * side, middle + 0.5 * side
     share = np.ones(middle.size, np.float32)
     if edge is Edge.TRANSPARENT:
@@ -295,7 +349,7 @@ def _weights(middle: Doubles, side: float, size: int, edge: Edge, cells: CellGri
     else:
         first, table = side_weights(interpolation, low, high)
     taps = prefilter(interpolation)
-    if taps.size > 1 and side > 1.0:
+    if taps.size > 1 and (side > 1.0 or of_texels):
         first, table = _folded(first, table, exact_prefilter(interpolation))
         taps = ONE
     first, table = _trimmed(first, table)

@@ -147,10 +147,14 @@ def shots(
     def frame(n: int) -> Levels:
         return as_levels(render(camera.moved(poses[n])))
 
-    seen = sorted(f"{name} {value}" for name, value in vars(camera).items() if name in OWN)
-    kind = [type(camera).__name__, *seen]
-    whole = {**job, "path": fingerprint(np.stack(poses)), "intrinsics": kind}
-    return Shots(len(poses), frame, whole)
+    path, intrinsics = fingerprint(np.stack(poses)), camera_words(camera)
+    return Shots(len(poses), frame, {**job, "path": path, "intrinsics": intrinsics})
+
+
+def camera_words(camera: CameraModel) -> list[str]:
+    """Return a camera's parameters, without its pose, to compare cameras."""
+    known = sorted(f"{name} {value}" for name, value in vars(camera).items() if name in OWN)
+    return [type(camera).__name__, *known]
 
 
 def on_screen(warped: Warped, *, has_alpha: bool, background: Background) -> Floats:

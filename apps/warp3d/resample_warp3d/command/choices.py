@@ -13,7 +13,6 @@ from resample.command.settings import (
     MethodsFilter,
     Threads,
 )
-from resample_warp3d.command.source import SourceCamera
 
 if TYPE_CHECKING:
     from resample.cameras.models import Camera
@@ -172,58 +171,6 @@ class Depth(Choices):
         if self.is_relative:
             return self._relative()
         return encodings.PlanarDepth(self.depth_scale)
-
-
-class PairDepth(Depth):
-    """Meaning of the depth's or disparity's numbers for a stereo pair."""
-
-    depth_kind: Annotated[
-        Literal["pair", "z", "ray", "inverse", "disparity", "relative", "relative-z"],
-        Field(description="As in render; or pair, the disparity of a rectified pair in px."),
-    ] = "pair"  # type: ignore[assignment]  # one more kind
-
-
-class Parallax(Choices):
-    """Geometry and layout of a stereo pair."""
-
-    heading: ClassVar[str] = "Stereo"
-    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
-
-    eyes: Annotated[
-        float | None,
-        Field(
-            gt=0,
-            description="Distance between the eyes, scene units. Default: such that parallax is "
-            "at most 1.5 % of the width.",
-        ),
-    ] = None
-    zero_plane: Annotated[
-        float | None,
-        Field(gt=0, description="Distance of zero parallax, scene units. Default: the median."),
-    ] = None
-    layout: Annotated[
-        Literal["one", "side-by-side", "top-bottom", "anaglyph"],
-        Field(
-            description="Output: the other eye's picture alone, or both: the left one at the "
-            "left, on top, or in red."
-        ),
-    ] = "one"
-
-    def check(self, meaning: PairDepth, eye: SourceCamera) -> None:
-        """Refuse options that do not apply to a rectified pair, and pictures without a pinhole.
-
-        Raises
-        ------
-        ValueError
-            Such an option is given.
-        """
-        eye.check_pinhole("stereo")
-        if meaning.depth_kind != "pair":
-            return
-        for name in ("eyes", "zero_plane"):
-            if getattr(self, name) is not None:
-                option = name.replace("_", "-")
-                raise ValueError(f"--{option} needs depth, by --depth-kind; a pair has --fraction")
 
 
 class DepthWarping(Choices):
@@ -447,5 +394,9 @@ class Travel(Choices):
         ),
     ] = None
     frames: Annotated[
-        int | None, Field(description="Number of frames. Default: 48; one per pose of a file.")
+        int | None,
+        Field(
+            description="Number of frames. Default: 48; one per pose of a file, or per picture of "
+            "a film."
+        ),
     ] = None

@@ -1,10 +1,9 @@
 """Write the depth of every frame of a film, as files that `render` can read."""
 
-import re
-import shutil
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,17 +12,16 @@ from resample.command.session import Session
 from resample.command.settings import Sharing
 from resample.console import say
 from resample.files.animations import Levels, Shots
-from resample.files.writing import check_targets
 from resample.types import Doubles, Floats
 from resample_warp3d.command.animation import shots
 from resample_warp3d.command.choices import Depth, DepthWarping
 from resample_warp3d.command.inputs import DepthReader, read_views
+from resample_warp3d.command.numbered import NumberedFiles
 from resample_warp3d.command.rendering import CameraFilm, film_of
 from resample_warp3d.command.writing import MILLIMETERS, check_depth, write_depth
 from resample_warp3d.wide import CameraModel
 
 ALONE = Sharing.usual()
-FRAME = "frame-*.png"  # in a folder without a pattern
 KEPT = ".depths"  # folder of finished files, until the film is complete
 
 
@@ -51,84 +49,39 @@ class DepthFrames:
     _lost: list[int] = field(default_factory=list, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        folder, name = self.folder, self.name
-        if "*" in str(folder) or name.count("*") != 1:
-            raise ValueError(
-                f"{self.pattern}: depth of a film is written to a folder, or to files with one * "
-                "for the number of the frame, such as depth/*.exr"
-            )
-        check_depth(Path(name.replace("*", "0")))
-        if folder.exists() and not folder.is_dir():
-            raise OSError(f"{folder} is not a folder")
-        check_targets((folder if folder.is_dir() else folder.parent) / f"{KEPT}.tried")
+        check_depth(Path(self.files.name.replace("*", "0")))
+
+    @cached_property
+    def files(self) -> NumberedFiles:
+        """The files by number."""
+        return NumberedFiles(self.pattern, KEPT, "depths of a film")
 
     @property
     def folder(self) -> Path:
         """Folder where the files appear."""
-        return self.pattern if self._is_folder else self.pattern.parent
-
-    @property
-    def name(self) -> str:
-        """File name, with a star."""
-        return FRAME if self._is_folder else self.pattern.name
-
-    @property
-    def _is_folder(self) -> bool:
-        return self.pattern.is_dir() or not (self.pattern.suffix or "*" in self.pattern.name)
+        return self.files.folder
 
     @property
     def job(self) -> list[object]:
         """What the files depend on besides the film, as JSON values."""
-        return [str(self.folder.resolve() / self.name), self.scale]
+        return [str(self.folder.resolve() / self.files.name), self.scale]
 
     def holds(self, n: int) -> bool:
         """Whether a frame's depth is written."""
-        return self._file(n).is_file()
+        return self.files.file(n).is_file()
 
     def write(self, n: int, depth: Floats) -> None:
         """Write a frame's depth (H, W), scene units."""
         scale = MILLIMETERS if self.scale is None else self.scale
-        self._lost.append(write_depth(self._file(n), depth, scale))
+        self._lost.append(write_depth(self.files.file(n), depth, scale))
 
     @contextmanager
     def appearing(self, *, resume: bool | None = None) -> Iterator[None]:
-        """Publish the files written in the block when it ends.
-
-        Then files of earlier films of the same pattern are removed. After an error the finished
-        files are kept, and a later block with `resume` continues with them; None keeps nothing.
-        """
-        kept, is_new = self._kept, not self.folder.exists()
-        if not resume:
-            shutil.rmtree(kept, ignore_errors=True)
-        kept.mkdir(parents=True, exist_ok=True)
-        try:
+        """Publish the files written in the block when it ends, as `NumberedFiles.appearing`."""
+        with self.files.appearing(resume=resume):
             yield
-        except BaseException:
-            if resume is None or not self._files(kept):
-                shutil.rmtree(kept, ignore_errors=True)
-                with suppress(OSError):  # the folder holds other files
-                    if is_new:
-                        self.folder.rmdir()
-            raise
-        for earlier in self._files(self.folder):
-            earlier.unlink()
-        for file in self._files(kept):
-            file.replace(self.folder / file.name)
-        shutil.rmtree(kept)
         if sum(self._lost):
             say(f"{self.pattern}: {sum(self._lost)} pixels are too far for 16 bits and dropped")
-
-    @property
-    def _kept(self) -> Path:
-        return self.folder / KEPT
-
-    def _file(self, n: int) -> Path:
-        return self._kept / self.name.replace("*", f"{n:04d}")
-
-    def _files(self, folder: Path) -> list[Path]:
-        before, after = map(re.escape, self.name.split("*"))
-        named = re.compile(f"{before}[0-9]{{4,}}{after}")
-        return sorted(file for file in folder.iterdir() if named.fullmatch(file.name))
 
 
 def depths_of(

@@ -189,7 +189,7 @@ def view_of(
     if isinstance(sight, Orthographic):
         return _parallel_view(reader, picture, raw, names, sight)
     if isinstance(sight, Equirectangular):
-        raise ValueError("panoramas are supported by render and animate only, as a single picture")
+        raise ValueError("a panorama cannot be combined with further views")
     camera, meaning, depth = sight, reader.meaning, names[1]
     depth_camera = meaning.camera(camera, shape, (raw.shape[0], raw.shape[1]))
     encoding = meaning.encoding(depth_camera)
@@ -235,18 +235,26 @@ def _plain_encoding(reader: DepthReader, kinds: tuple[str, ...]) -> DepthEncodin
     return replace(encoding, ends=reader.ends) if isinstance(encoding, RelativeDepth) else encoding
 
 
-def _taken_around(reader: DepthReader, color: str, depth: str) -> Inputs:
-    """Read a panorama, split into faces."""
+def inputs_of(reader: DepthReader, picture: Picture, raw: Raw, names: tuple[str, str]) -> Inputs:
+    """Make the inputs of one picture and the raw numbers of its depth; panoramas are split."""
+    if reader.eye.source_projection == "equirectangular":
+        return _taken_around(reader, picture, raw, names)
+    view = view_of(reader, picture, raw, names, None)
+    return Inputs([view], picture, reader.eye.camera_model(view.shape), view.shape)
+
+
+def _taken_around(
+    reader: DepthReader, picture: Picture, raw: Raw, names: tuple[str, str]
+) -> Inputs:
+    """Make the inputs of a panorama: its faces."""
     from resample_warp3d.views.panoramas import faces
 
-    picture = read_names(color) if reader.labels else read_picture(color)
     shape = picture.data.shape[0], picture.data.shape[1]
     check_panorama(shape)
     encoding = _plain_encoding(reader, ("z", "ray", "inverse", "relative", "relative-z"))
-    raw = read_depth(depth)
-    with naming(depth):
+    with naming(names[1]):
         nearness = encoding.nearness(raw)
-    image = _depth_image(picture, (color, depth), nearness)
+    image = _depth_image(picture, names, nearness)
     near = image.nearness
     length = np.divide(1.0, near, out=np.zeros_like(near), where=near > 0)
     camera, is_fitted = reader.eye.camera_model(shape), raw.shape[:2] != shape
@@ -271,7 +279,8 @@ def read_views(
     if further:
         reader.eye.check_pinhole("--view")
     if reader.eye.source_projection == "equirectangular":
-        return _taken_around(reader, color, depth)
+        picture = read_names(color) if reader.labels else read_picture(color)
+        return inputs_of(reader, picture, read_depth(depth), (color, depth))
     views = [read_view(reader, color, depth), *(read_view(reader, *names) for names in further)]
     check_poses(views)
     camera = reader.eye.camera_model(views[0].shape)
@@ -283,20 +292,26 @@ def bytes_of_source(form: tuple[int, ...]) -> int:
     return BYTES_PER_VALUE * prod(form)
 
 
-def read_rectified(color: str, disparity: str, scale: float | None) -> DepthInput:
-    """Read one picture of a rectified pair, with disparity in px as nearness."""
-    picture = read_picture(color)
-    raw, encoding = read_depth(disparity), BareDisparity(scale)
+def read_pair(color: str, disparity: str, scale: float | None) -> Inputs:
+    """Read one picture of a rectified pair, with its disparity."""
+    return rectified_of(read_picture(color), read_depth(disparity), (color, disparity), scale)
+
+
+def rectified_of(picture: Picture, raw: Raw, names: tuple[str, str], scale: float | None) -> Inputs:
+    """Make the inputs of one picture of a rectified pair, with disparity in px as nearness."""
+    encoding = BareDisparity(scale)
     shape = picture.data.shape[0], picture.data.shape[1]
     if raw.shape != shape:
         raise ValueError(
-            f"{color} has {shape[1]} x {shape[0]} pixels, {disparity} has {raw.shape[1]} x "
+            f"{names[0]} has {shape[1]} x {shape[0]} pixels, {names[1]} has {raw.shape[1]} x "
             f"{raw.shape[0]}; they must be the same"
         )
-    with naming(disparity):
+    with naming(names[1]):
         nearness = encoding.nearness(raw)
-    image = _depth_image(picture, (color, disparity), nearness)
-    return DepthInput(picture, image, Camera.from_fov(60.0, *shape), encoding.quantum(raw))
+    image = _depth_image(picture, names, nearness)
+    camera = Camera.from_fov(60.0, *shape)
+    view = DepthInput(picture, image, camera, encoding.quantum(raw))
+    return Inputs([view], picture, camera, shape)
 
 
 def read_names(path: str) -> Picture:

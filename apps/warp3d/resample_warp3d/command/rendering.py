@@ -70,19 +70,28 @@ class CameraFilm(NamedTuple):
         return self.screen(self.render(camera))
 
 
-def prepared(session: Session, views: Sequence[DepthInput], choice: DepthWarping) -> list[Prepared]:
-    """Prepare sources for warping."""
+def prepared(
+    session: Session,
+    views: Sequence[DepthInput],
+    choice: DepthWarping,
+    chosen: Sequence[str] | None = None,
+) -> list[Prepared]:
+    """Prepare sources for warping.
+
+    `chosen`: refinement of each, such as that of a film's first picture; None: as `choice` says.
+    """
+    names = [choice.refine] * len(views) if chosen is None else chosen
     with session.stage("prepare", bar="preparing"):
-        return [_prepared(view, choice) for view in views]
+        return [_prepared(view, choice, name) for view, name in zip(views, names, strict=True)]
 
 
-def _prepared(view: DepthInput, choice: DepthWarping) -> Prepared:
+def _prepared(view: DepthInput, choice: DepthWarping, given: str) -> Prepared:
     """Prepare a view; report what `--refine auto` did to its depth."""
-    name = view.refine(choice.refine)
-    if choice.refine == "auto" and choice.unmixed:  # differences of labels have no meaning
+    name = view.refine(given)
+    if given == "auto" and choice.unmixed:  # differences of labels have no meaning
         name = "none"
     refined = refine(view.image, name, noise=choice.noise, step=view.step)
-    if choice.refine == "auto" and refined.chosen != "none":
+    if given == "auto" and refined.chosen != "none":
         say(f"depth: {REFINEMENTS[refined.chosen]}; --refine none keeps it unchanged")
     source = sourced(refined, noise=choice.noise)
     layer = background(source) if choice.has_layer else None

@@ -125,7 +125,9 @@ class SourceCamera(Choices):
         return numbers_in("lens", numbers) if name == "k" else []
 
     def guessed(self) -> "SourceCamera":
-        """Return these options with a default field of view if nothing is known."""
+        """Return these options with a default field of view if nothing is known of a pinhole."""
+        if self.source_projection != "pinhole":
+            return self
         ways = (self.intrinsics, self.fov, self.lens, self.source_pose)
         return self.model_copy(update={"fov": FOV}) if all(w is None for w in ways) else self
 

@@ -45,6 +45,23 @@ def read_depth(path: str | Path) -> Raw:
     return np.ascontiguousarray(raw, raw.dtype.newbyteorder("="))
 
 
+def read_depths(path: str | Path) -> Raw | None:
+    """Read a stack (N, H, W) of maps from an array file; None if it is none.
+
+    An .npy file is mapped to memory: its maps are read when they are used.
+    """
+    try:
+        file, name = _split(path)
+    except FileNotFoundError:
+        return None
+    if file.suffix.lower() not in (".npy", ".npz"):
+        return None
+    raw = read_npy(file, mapped=True) if is_npy(file) else _read_numpy(file, name)
+    if raw.ndim == 4 and raw.shape[3] == 1:
+        raw = raw[..., 0]
+    return raw if raw.ndim == 3 and raw.size and raw.dtype.kind in "uif" else None
+
+
 def _split(path: str | Path) -> tuple[Path, str]:
     """Split off the name behind a colon; empty if there is none."""
     file, _, name = str(path).rpartition(":")

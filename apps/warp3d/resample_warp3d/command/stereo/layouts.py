@@ -1,43 +1,11 @@
-"""Stereo pairs: eye distance, zero parallax, and layouts with both pictures."""
-
-from typing import NamedTuple
+"""Layouts of stereo pairs: both pictures in one."""
 
 import numpy as np
 
-from resample.console import say
 from resample.files.pictures import Picture
 from resample.types import Floats
-from resample_warp3d.command.choices import Parallax
-from resample_warp3d.command.inputs import DepthInput
 
-COMFORT = 0.015  # default parallax before and behind the screen, as a share of the width
-STRAY = 0.01  # share of the depth at each end that may exceed this parallax
-
-
-class Eyes(NamedTuple):
-    """Parallax of two eyes: `gain` (n − `zero`) px at nearness n."""
-
-    gain: float
-    zero: float
-
-    @classmethod
-    def of(cls, view: DepthInput, choice: Parallax) -> "Eyes":
-        """Choose eyes for a picture, and report them."""
-        nearness, width = view.image.nearness, view.image.nearness.shape[1]
-        known = nearness[nearness > 0].astype(np.float64)
-        far, middle, near = np.quantile(known, [STRAY, 0.5, 1.0 - STRAY])
-        focal = abs(float(view.pinhole.matrix[0, 0]))
-        zero = float(middle) if choice.zero_plane is None else 1.0 / choice.zero_plane
-        if choice.eyes is None:
-            gain = COMFORT * width / max(near - zero, zero - far, 1e-12)
-        else:
-            gain = focal * choice.eyes
-        before, behind = gain * (near - zero), gain * (far - zero)
-        say(
-            f"the eyes are {gain / focal:.3g} apart, the screen is {1.0 / zero:.3g} away: "
-            f"parallax from {behind:.1f} to {before:.1f} px"
-        )
-        return cls(gain, zero)
+HALF = "half-"  # beginning of layouts of pictures squeezed by 2
 
 
 def together(left: Picture, right: Picture, layout: str) -> Picture:
@@ -45,8 +13,24 @@ def together(left: Picture, right: Picture, layout: str) -> Picture:
     first, second = _with_alpha_of_either(left, right)
     if layout == "anaglyph":
         return _anaglyph(first, second)
-    axis = 1 if layout == "side-by-side" else 0
-    return first._replace(data=np.concatenate([first.data, second.data], axis=axis))
+    axis = 1 if layout.endswith(("side-by-side", "vr180")) else 0
+    both = [picture.data for picture in (first, second)]
+    if layout.startswith(HALF):
+        both = [_squeezed(each, axis) for each in both]
+    return first._replace(data=np.concatenate(both, axis=axis))
+
+
+def _squeezed(data: Floats, axis: int) -> Floats:
+    """Return a picture (H, W, C) squeezed by 2 along an axis: each pixel is the mean of its square.
+
+    An odd side is squeezed to the next larger half.
+    """
+    import cv2
+
+    height, width, channels = data.shape
+    size = (width, (height + 1) // 2) if axis == 0 else ((width + 1) // 2, height)
+    made = cv2.resize(np.ascontiguousarray(data), size, interpolation=cv2.INTER_AREA)
+    return np.asarray(made, np.float32).reshape(size[1], size[0], channels)
 
 
 def _with_alpha_of_either(left: Picture, right: Picture) -> tuple[Picture, Picture]:

@@ -1,0 +1,165 @@
+"""Render films with depth: each picture has a depth map and gets the same new viewpoint."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from resample.command.session import Session
+from resample.console import Progress
+from resample.files.formats import WriteOptions
+from resample.files.pictures import Picture
+from resample.files.writing import check_targets, write_json
+from resample_warp3d.command.choices import DepthWarping, Extras, Joint, Showing
+from resample_warp3d.command.depths import appearing, depths_of
+from resample_warp3d.command.filming.alignment import DepthRanges, ranges_of
+from resample_warp3d.command.filming.choices import FilmInput
+from resample_warp3d.command.filming.footage import Footage, footage_of
+from resample_warp3d.command.filming.sources import FilmSources, rectified, with_depth
+from resample_warp3d.command.filming.targets import FilmTarget
+from resample_warp3d.command.inputs import DepthReader, Inputs
+from resample_warp3d.command.rendering import check_memory, joined, joining_of
+from resample_warp3d.command.stereo.rendering import StereoRendering
+from resample_warp3d.command.target import Aim
+from resample_warp3d.command.writing import made_of
+from resample_warp3d.types import Warped
+
+SURVEYED = 9  # pictures of a film by which the eyes are chosen, at most
+
+
+class FilmWriting(NamedTuple):
+    """How a film is read and written."""
+
+    output: Path
+    options: WriteOptions
+    filming: FilmInput
+    extras: Extras
+    further: Sequence[object] = ()  # views of the same scene
+    showing: Showing | None = None
+
+    def footage(self, color: str, depth: str, *, labels: bool = False) -> Footage | None:
+        """Open a film, and refuse what is for pictures only; None if it is a picture."""
+        footage = footage_of(color, depth, self.filming.fps, labels=labels)
+        if footage is None:
+            return None
+        for name in ("holes", "coverage", "export"):
+            if getattr(self.extras, name) is not None:
+                raise ValueError(f"--{name} is for pictures, not for films")
+        if self.showing is not None:
+            self.showing.check_still()
+        if self.further:
+            raise ValueError("--view is for pictures, not for films")
+        return footage
+
+
+def rendered_film(
+    color: str, depth: str, writing: FilmWriting, reader: DepthReader, aim: Aim,
+    warping: DepthWarping,
+) -> bool:  # fmt: skip
+    """Write a film from another viewpoint, and its depth if requested; False for a picture."""
+    footage = writing.footage(color, depth, labels=warping.unmixed)
+    if footage is None:
+        return False
+    extras = writing.extras
+    depths = depths_of(extras.depth_output, writing.output, reader.meaning)
+    if depths is not None:
+        footage.check_apart(depths.folder)
+    target = FilmTarget(writing.output, footage, writing.options)
+    target.check(transparent=not warping.fill)
+    check_targets(extras.stats)
+    session = Session()
+    ranges = _ranges(session, footage, reader, writing.filming)
+    read = with_depth(footage, reader, ranges)
+    film = FilmSources(session, footage, read, ranges, warping)
+
+    def pictures(progress: Progress | None) -> Iterator[Picture]:
+        for n in range(len(footage)):
+            picture, seen = _from_aim(session, film, n, (reader, aim, writing.output))
+            if depths is not None:
+                depths.write(n, seen.depth)
+            if progress is not None:
+                progress((n + 1) / len(footage))
+            yield picture
+
+    with session.stage("film", bar="rendering") as progress, appearing(depths):
+        target.write(pictures(progress))
+    _write_stats(extras.stats, session, footage, ranges)
+    return True
+
+
+def _from_aim(
+    session: Session, film: FilmSources, n: int, to: tuple[DepthReader, Aim, Path]
+) -> tuple[Picture, Warped]:
+    """Render a picture of a film from the new viewpoint."""
+    reader, aim, output = to
+    taken, sources = film.prepared(n)
+    shape = aim.shape(taken.shape)
+    if n == 0:
+        check_memory(taken.views, shape, output)
+    camera = aim.camera_model(taken.camera, taken.shape, reader.eye.convention)
+    joining = joining_of(taken, Joint.usual(), unmixed=film.warping.unmixed)
+    seen = joined(session, sources, camera, shape, film.warping, joining).warped
+    return made_of(seen, taken.picture.kind, film.warping), seen
+
+
+def stereo_film(
+    color: str, depth: str, writing: FilmWriting, reader: DepthReader | None,
+    stereo: StereoRendering, disparity_scale: float | None = None,
+) -> bool:  # fmt: skip
+    """Write a film for two eyes; False for a picture.
+
+    `reader`: of depth; None: disparity of a rectified pair, in `disparity_scale` values per px.
+    """
+    footage = writing.footage(color, depth)
+    if footage is None:
+        return False
+    target = FilmTarget(writing.output, footage, writing.options)
+    target.check(transparent=not stereo.warping.fill)
+    session = Session()
+    ranges = DepthRanges(None)
+    if reader is None:
+        read = rectified(footage, disparity_scale)
+    else:
+        ranges = _ranges(session, footage, reader, writing.filming)
+        read = with_depth(footage, reader, ranges)
+    film = FilmSources(session, footage, read, ranges, stereo.warping)
+    eyes = stereo.pair_eyes if reader is None else stereo.eyes(_surveyed(film))
+
+    def pictures(progress: Progress | None) -> Iterator[Picture]:
+        for n in range(len(footage)):
+            chosen = film.refinements(n)
+            taken = film.inputs(n)
+            if n == 0:
+                check_memory(taken.views, stereo.shape(taken), writing.output)
+            pair = stereo.render(session, taken, eyes, chosen)
+            film.note(n, pair.sources)
+            if progress is not None:
+                progress((n + 1) / len(footage))
+            yield pair.picture
+
+    with session.stage("film", bar="rendering") as progress:
+        target.write(pictures(progress))
+    return True
+
+
+def _ranges(
+    session: Session, footage: Footage, reader: DepthReader, filming: FilmInput
+) -> DepthRanges:
+    with session.stage("align", bar="aligning depth") as progress:
+        return ranges_of(footage, reader, filming, progress)
+
+
+def _surveyed(film: FilmSources) -> list[Inputs]:
+    """Return some pictures of a film, evenly spaced."""
+    count = len(film.footage)
+    chosen = np.unique(np.linspace(0, count - 1, min(count, SURVEYED)).round().astype(int))
+    return [film.read(int(n)) for n in chosen]
+
+
+def _write_stats(
+    path: Path | None, session: Session, footage: Footage, ranges: DepthRanges
+) -> None:
+    if path is not None:
+        about = {"pictures": len(footage), **ranges.report(), "seconds": session.times()}
+        write_json(path, about)

@@ -1,0 +1,246 @@
+"""Films with depth: pictures and maps, read on demand and mostly forward."""
+
+import glob
+import hashlib
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Generic, NamedTuple, Protocol, TypeVar
+
+import numpy as np
+
+from resample.colors import to_srgb
+from resample.files.animations import check_rate
+from resample.files.pictures import Picture, read_picture
+from resample.files.sequences import FILMS, READ, USUAL, Frames, frames_of
+from resample.types import Floats
+from resample_warp3d.command.inputs import read_names
+from resample_warp3d.depth.encodings import Raw
+from resample_warp3d.depth.files import read_depth, read_depths
+
+T = TypeVar("T")
+T_co = TypeVar("T_co", covariant=True)
+NUMBER = re.compile(r"(\d+)")
+
+
+class FrameSeries(Protocol[T_co]):
+    """Role of pictures or maps by number."""
+
+    def __len__(self) -> int: ...
+
+    def __getitem__(self, n: int, /) -> T_co: ...
+
+
+@dataclass(frozen=True)
+class FileSeries(Generic[T]):
+    """Pictures or maps of one file each."""
+
+    files: Sequence[Path]
+    read: Callable[[str], T]
+
+    def __len__(self) -> int:
+        return len(self.files)
+
+    def __getitem__(self, n: int) -> T:
+        return self.read(str(self.files[n]))
+
+
+@dataclass
+class DecodedSeries(Generic[T]):
+    """Pictures or maps of one file, which is decoded from its beginning."""
+
+    frames: Frames
+    convert: Callable[[Picture], T]
+    _next: int = field(default=0, init=False)
+    _rest: Iterator[Picture] | None = field(default=None, init=False)
+
+    def __len__(self) -> int:
+        return len(self.frames.seconds)
+
+    def __getitem__(self, n: int) -> T:
+        if self._rest is None or n < self._next:
+            self._rest, self._next = self.frames.read(), 0
+        for picture in self._rest:
+            self._next += 1
+            if self._next > n:
+                return self.convert(picture)
+        raise OSError(f"{self.frames.path} ends after {self._next} of {len(self)} pictures")
+
+
+@dataclass(frozen=True, eq=False)
+class StackSeries:
+    """Maps of an array (N, H, W)."""
+
+    stack: Raw
+
+    def __len__(self) -> int:
+        return len(self.stack)
+
+    def __getitem__(self, n: int) -> Raw:
+        return np.ascontiguousarray(self.stack[n], self.stack.dtype.newbyteorder("="))
+
+
+class Footage(NamedTuple):
+    """Pictures of a film, the depth of each, and their display times."""
+
+    color: str  # as named by the user
+    depth: str
+    pictures: FrameSeries[Picture]
+    depths: FrameSeries[Raw]
+    seconds: tuple[float, ...]
+
+    def __len__(self) -> int:
+        return len(self.seconds)
+
+    @property
+    def frames(self) -> Frames:
+        """The film as a file of several pictures, for complaints."""
+        return Frames(Path(self.color), self.seconds)
+
+    @property
+    def files(self) -> list[Path]:
+        """All files that the film is read from."""
+        return [*_files_of(self.pictures, self.color), *_files_of(self.depths, self.depth)]
+
+    def check_apart(self, folder: Path) -> None:
+        """Refuse to write numbered files to a folder that the film's files are in."""
+        for series in (self.pictures, self.depths):
+            files = series.files if isinstance(series, FileSeries) else ()
+            if folder.resolve() in {file.parent.resolve() for file in files}:
+                raise ValueError(
+                    f"{folder}: the film is read from this folder; give another one to write to"
+                )
+
+    def names(self, n: int) -> tuple[str, str]:
+        """Name of a picture and of its depth."""
+        return _name_of(self.pictures, n, self.color), _name_of(self.depths, n, self.depth)
+
+    def fingerprint(self) -> str:
+        """Hash of the contents of all files."""
+        digest = hashlib.sha256()
+        for path in self.files:
+            with path.open("rb") as file:
+                digest.update(hashlib.file_digest(file, "sha256").digest())
+        return digest.hexdigest()
+
+
+def footage_of(
+    color: str, depth: str, fps: float | None = None, *, labels: bool = False
+) -> Footage | None:
+    """Open a film, a folder or a pattern of pictures with depth; None for a single picture.
+
+    Parameters
+    ----------
+    color
+        Film or animation, folder, or pattern of names.
+    depth
+        Film of gray levels, folder, pattern of names, or stack (N, H, W) in .npy or .npz.
+    fps
+        Pictures per second; None: the film's own, or 24.
+    labels
+        Whether colors are labels, kept as stored.
+
+    Raises
+    ------
+    ValueError, OSError
+        There are no pictures, depth is none of these, or has another number of pictures.
+    """
+    frames = frames_of(Path(color))
+    pictures: FrameSeries[Picture]
+    if frames is not None:
+        pictures, seconds = DecodedSeries(frames, _as_stored if labels else _as_is), frames.seconds
+    else:
+        files = files_in(color, _is_picture)
+        if files is None:
+            return None
+        if not files:
+            raise ValueError(f"{color} has no pictures; give a film, a folder or a pattern")
+        pictures = FileSeries(files, read_names if labels else read_picture)
+        seconds = (USUAL,) * len(files)
+    if fps is not None:
+        check_rate(fps)
+        seconds = (1.0 / fps,) * len(seconds)
+    footage = Footage(color, depth, pictures, _depths_of(color, depth), seconds)
+    if len(footage.depths) != len(footage):
+        raise ValueError(
+            f"{color} has {len(footage)} pictures, {depth} has {len(footage.depths)}; give one "
+            "depth for each"
+        )
+    return footage
+
+
+def _depths_of(color: str, depth: str) -> FrameSeries[Raw]:
+    levels = frames_of(Path(depth))
+    if levels is not None:
+        return DecodedSeries(levels, _gray_levels)
+    files = files_in(depth, lambda _: True)
+    if files:
+        return FileSeries(files, read_depth)
+    if Path(depth).is_dir():
+        raise ValueError(f"{depth} is a folder without files; it needs depth files")
+    stack = read_depths(depth)
+    if stack is not None:
+        return StackSeries(stack)
+    what = "is a folder of pictures" if Path(color).is_dir() else "is a film"
+    raise ValueError(
+        f"{color}: {what}, which needs the depth of every picture; {depth} is neither a film, a "
+        "folder nor a pattern of depth files, nor a stack (N, H, W) in .npy or .npz"
+    )
+
+
+def files_in(name: str, is_wanted: Callable[[Path], bool]) -> list[Path] | None:
+    """Return the files of a folder or pattern, in the order of the numbers in their names.
+
+    Result: None if it is neither. Hidden files are left out.
+    """
+    path = Path(name)
+    if path.is_dir():
+        found: Iterator[Path] = path.iterdir()
+    elif not path.exists() and glob.has_magic(name):
+        found = map(Path, glob.glob(name, recursive=True))
+    else:
+        return None
+    files = (file for file in found if file.is_file() and not file.name.startswith("."))
+    return sorted(filter(is_wanted, files), key=_by_numbers)
+
+
+def _by_numbers(path: Path) -> list[tuple[int, str]]:
+    """Return a key that sorts frame-9 before frame-10."""
+    parts = NUMBER.split(str(path))
+    return [(int(part), part) if part.isdecimal() else (-1, part) for part in parts]
+
+
+def _is_picture(path: Path) -> bool:
+    suffix = path.suffix.lower()
+    return suffix in READ and suffix not in FILMS
+
+
+def _files_of(series: FrameSeries[object], name: str) -> list[Path]:
+    if isinstance(series, FileSeries):
+        return list(series.files)
+    path = Path(name)
+    return [path if path.is_file() else Path(name.rpartition(":")[0])]
+
+
+def _name_of(series: FrameSeries[object], n: int, name: str) -> str:
+    return str(series.files[n]) if isinstance(series, FileSeries) else name
+
+
+def _as_is(picture: Picture) -> Picture:
+    return picture
+
+
+def _as_stored(picture: Picture) -> Picture:
+    """Return a picture of a film with its levels as they are stored, 0..1."""
+    return picture._replace(data=_levels(picture.data))
+
+
+def _levels(light: Floats) -> Floats:
+    return np.asarray(np.rint(to_srgb(np.clip(light, 0.0, 1.0)) * 255.0) / 255.0, np.float32)
+
+
+def _gray_levels(picture: Picture) -> Raw:
+    """Return the gray levels 0..255 (H, W) of a film's picture."""
+    gray = to_srgb(np.clip(picture.data[..., 0], 0.0, 1.0))
+    return np.rint(gray * 255.0).astype(np.uint8)

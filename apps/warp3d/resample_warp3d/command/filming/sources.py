@@ -1,0 +1,138 @@
+"""Pictures of a film as prepared sources."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from resample.command.intrinsics import Shape
+from resample.command.session import Session
+from resample_warp3d.command.choices import DepthWarping
+from resample_warp3d.command.filming.alignment import DepthRanges
+from resample_warp3d.command.filming.footage import Footage
+from resample_warp3d.command.inputs import (
+    DepthReader,
+    Inputs,
+    inputs_of,
+    mention_doubt,
+    rectified_of,
+)
+from resample_warp3d.command.rendering import Prepared, prepared
+from resample_warp3d.depth.steadying import SteadyDepth
+
+ReadInputs = Callable[[int], Inputs]
+
+
+class PreparedFrame(NamedTuple):
+    """A picture of a film, and its prepared sources."""
+
+    taken: Inputs
+    sources: list[Prepared]
+
+
+def with_depth(footage: Footage, reader: DepthReader, ranges: DepthRanges) -> ReadInputs:
+    """Return the function that reads a picture of a film with its depth; warns of doubt once."""
+
+    def read(n: int) -> Inputs:
+        own, names = ranges.reader(reader, n), footage.names(n)
+        taken = inputs_of(own, footage.pictures[n], footage.depths[n], names)
+        if n == 0:
+            for view in taken.views[:1]:
+                mention_doubt(own, view, names[1])
+        return taken
+
+    return read
+
+
+def rectified(footage: Footage, scale: float | None) -> ReadInputs:
+    """Return the function that reads one picture of a rectified pair's film with its disparity."""
+
+    def read(n: int) -> Inputs:
+        return rectified_of(footage.pictures[n], footage.depths[n], footage.names(n), scale)
+
+    return read
+
+
+@dataclass
+class FilmSources:
+    """Pictures of a film as sources.
+
+    The refinement chosen for a shot's first picture is used for all of the shot.
+    """
+
+    session: Session
+    footage: Footage
+    read: ReadInputs
+    ranges: DepthRanges
+    warping: DepthWarping
+    _chosen: dict[int, list[str]] = field(default_factory=dict, init=False)  # by first picture
+    _shape: Shape | None = field(default=None, init=False)
+    _last: tuple[int, Inputs] | None = field(default=None, init=False)  # picture kept steady
+    _steady: list[SteadyDepth] = field(default_factory=list, init=False)  # of each view
+    _steps: list[float | None] = field(default_factory=list, init=False)
+
+    def inputs(self, n: int) -> Inputs:
+        """Read a picture; refuse one of another size than the first that was read.
+
+        Relative depth is kept steady, for which all pictures of the shot before it are read, too.
+        """
+        extent = self.ranges.extent
+        if extent is None:
+            return self._checked(n)
+        start, taken = self.first_of(n), None
+        if self._last is not None and start <= self._last[0] <= n:
+            start, taken = self._last[0] + 1, self._last[1]
+        for each in range(start, n + 1):
+            taken = self._kept_steady(each, extent)
+            self._last = each, taken
+        if taken is None:
+            raise IndexError(n)
+        return taken
+
+    def first_of(self, n: int) -> int:
+        """Return the first picture of a picture's shot."""
+        return max(start for start in self.ranges.starts if start <= n)
+
+    def _kept_steady(self, n: int, extent: float) -> Inputs:
+        taken = self._checked(n)
+        if n in self.ranges.starts:
+            self._steady = [SteadyDepth(extent) for _ in taken.views]
+            self._steps = [view.step for view in taken.views]
+        views = []
+        for view, steady, step in zip(taken.views, self._steady, self._steps, strict=True):
+            nearness = steady.added(view.image.color, view.image.nearness)
+            views.append(view._replace(image=view.image._replace(nearness=nearness), step=step))
+        return taken._replace(views=views)
+
+    def _checked(self, n: int) -> Inputs:
+        taken = self.read(n)
+        if self._shape is None:
+            self._shape = taken.shape
+        if taken.shape != self._shape:
+            (height, width), (rows, columns) = self._shape, taken.shape
+            raise ValueError(
+                f"{self.footage.names(n)[0]} has {columns} x {rows} pixels, pictures before it "
+                f"{width} x {height}; a film needs pictures of one size"
+            )
+        return taken
+
+    def refinements(self, n: int) -> list[str] | None:
+        """Return the refinement of each view of a picture; None: to be chosen for it."""
+        first = self.first_of(n)
+        if first == n:
+            return None
+        if first not in self._chosen:
+            self.note(first, self.prepared(first).sources)
+        return self._chosen[first]
+
+    def note(self, n: int, sources: list[Prepared]) -> None:
+        """Record which refinement was chosen for a picture, if it is a shot's first one."""
+        if n in self.ranges.starts:
+            self._chosen[n] = [source.refined.chosen for source in sources]
+
+    def prepared(self, n: int) -> PreparedFrame:
+        """Read and prepare a picture."""
+        chosen = self.refinements(n)
+        taken = self.inputs(n)
+        sources = prepared(self.session, taken.views, self.warping, chosen)
+        self.note(n, sources)
+        return PreparedFrame(taken, sources)

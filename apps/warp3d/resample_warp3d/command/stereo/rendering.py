@@ -1,0 +1,135 @@
+"""Render the pictures of both eyes."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from resample.cameras.models import Camera
+from resample.cameras.panoramic import Equirectangular
+from resample.command.intrinsics import Shape
+from resample.command.session import Session
+from resample.files.pictures import Picture
+from resample_warp3d.command.animation import stepped
+from resample_warp3d.command.choices import DepthWarping, Joint
+from resample_warp3d.command.inputs import Inputs
+from resample_warp3d.command.rendering import Prepared, joined, joining_of, prepared, shifted
+from resample_warp3d.command.stereo.choices import LARGEST, Parallax
+from resample_warp3d.command.stereo.eyes import Eyes
+from resample_warp3d.command.stereo.layouts import together
+from resample_warp3d.command.writing import warped_picture
+from resample_warp3d.depth.equation import of_rectified
+from resample_warp3d.types import Hole, Warped
+from resample_warp3d.wide import CameraModel, StereoPanorama
+
+
+class StereoPair(NamedTuple):
+    """Picture to write, and the warp of the new eye's picture."""
+
+    picture: Picture
+    warped: Warped
+    sources: list[Prepared]
+
+
+class StereoRendering(NamedTuple):
+    """How both eyes' pictures are rendered."""
+
+    parallax: Parallax
+    fraction: float  # position of the new eye: 1 is the other eye
+    given: str  # left or right: which eye's picture the source is
+    warping: DepthWarping
+    is_around: bool  # pictures of directions: vr180 and panoramas
+
+    @property
+    def way(self) -> float:
+        """Position of the new eye to the right, in eye distances."""
+        return self.fraction if self.given == "left" else -self.fraction
+
+    @property
+    def pair_eyes(self) -> Eyes:
+        """The eyes of a rectified pair, whose disparity is known."""
+        return Eyes(1.0, 0.0)
+
+    def eyes(self, taken: Sequence[Inputs]) -> Eyes:
+        """Choose the eyes for a picture, or some of a film, and report them."""
+        choose = Eyes.around if self.is_around else Eyes.of
+        return choose(taken, self.parallax)
+
+    def shape(self, taken: Inputs) -> Shape:
+        """Return height and width of an eye's picture, px."""
+        given = self.parallax.shape()
+        if not self.is_around or given is not None:
+            return taken.shape if given is None else given
+        if isinstance(taken.camera, Camera):
+            side = min(LARGEST, 2 * round(0.5 * math.pi * abs(taken.camera.fx)))
+            return side, side
+        height, width = taken.shape
+        return (height, height) if self.parallax.layout == "vr180" else (height, width)
+
+    def render(
+        self, session: Session, taken: Inputs, eyes: Eyes, chosen: Sequence[str] | None = None
+    ) -> StereoPair:
+        """Render a picture for both eyes, in the layout.
+
+        `chosen`: refinement of each view; None: that of the options.
+        """
+        sources = prepared(session, taken.views, self.warping, chosen)
+        render = self._around if self.is_around else self._flat
+        first, second, warped = render(session, taken, sources, eyes)
+        if self.parallax.layout == "one":
+            return StereoPair(second, warped, sources)
+        both = (first, second) if self.given == "left" else (second, first)
+        return StereoPair(together(*both, self.parallax.layout), warped, sources)
+
+    def _flat(
+        self, session: Session, taken: Inputs, sources: list[Prepared], eyes: Eyes
+    ) -> tuple[Picture, Picture, Warped]:
+        """Render the new eye's picture, beside the source's."""
+        view, kind, filled = taken.views[0], taken.picture.kind, self.warping.fill
+        shape, equation = taken.shape, of_rectified(self.way, eyes.gain, eyes.zero)
+        warped = shifted(session, sources[0], equation, shape, self.warping)
+        first = view.picture
+        if view.image.place.size and self.parallax.layout != "one":  # only the source has a lens
+            unbent = shifted(session, sources[0], of_rectified(0.0), shape, self.warping)
+            first = warped_picture(unbent, kind, filled=filled)
+        return first, warped_picture(warped, kind, filled=filled), warped
+
+    def _around(
+        self, session: Session, taken: Inputs, sources: list[Prepared], eyes: Eyes
+    ) -> tuple[Picture, Picture, Warped]:
+        """Render pictures of directions, for both eyes."""
+        kind, filled = taken.picture.kind, self.warping.fill
+        is_half = self.parallax.layout == "vr180"
+        height, width = self.shape(taken)
+        joining = joining_of(taken, Joint.usual())
+        made = []
+        for target in self._targets(taken, eyes, is_half=is_half):
+            whole = height, 2 * width if is_half else width
+            seen = joined(session, sources, target, whole, self.warping, joining).warped
+            made.append(_front(seen, filled=filled) if is_half else seen)
+        first, second = (warped_picture(each, kind, filled=filled) for each in made)
+        return first, second, made[1]
+
+    def _targets(self, taken: Inputs, eyes: Eyes, *, is_half: bool) -> list[CameraModel]:
+        """Return the cameras of the given and of the new eye.
+
+        The source of vr180 is one eye's picture; a panorama is the head's, between both eyes.
+        """
+        pose = taken.camera.world_to_camera
+        if is_half:
+            moved = stepped([self.way * eyes.apart, 0.0, 0.0]) @ pose
+            return [Equirectangular(pose), Equirectangular(moved)]
+        half = 0.5 * self.way * eyes.apart
+        return [StereoPanorama(pose, -half), StereoPanorama(pose, half)]
+
+
+def _front(warped: Warped, *, filled: bool) -> Warped:
+    """Return the half of a panorama that is ahead; what is beside the source stays empty."""
+    quarter = warped.coverage.shape[1] // 4
+    ahead = slice(quarter, 3 * quarter)
+    parts = {name: part[:, ahead] for name, part in warped._asdict().items()}
+    half = warped._replace(**parts)
+    if not filled:
+        return half
+    is_kept = half.holes != Hole.OUTSIDE
+    image = half.image * is_kept[..., None]
+    return half._replace(image=image, coverage=half.coverage * is_kept)
