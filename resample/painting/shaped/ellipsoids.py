@@ -286,7 +286,7 @@ class ShapedScene(NamedTuple):
         chosen, view = style or ShapedStyle(), camera.view()
         chosen = chosen._replace(order=ShapedOrder(chosen.order))
         view = view._replace(near=max(view.near, chosen.near))
-        return cls(source, view, size, chosen)
+        return ShapedScene(source, view, size, chosen)
 
     def measured(self, projected: Iterable[Floats]) -> "ShapedScene":
         """Return the scene that knows how thin its ellipsoids are, by the records of all parts."""

@@ -45,7 +45,7 @@ class GaussianOptions(Choices):
     order: Annotated[
         Literal["depth", "distance", "rays"] | None,
         Field(
-            description="Order of compositing: depth pops when the camera turns, distance when it "
+            description="Compositing order: depth pops when the camera turns, distance when it "
             "moves, rays in neither case. Default: depth, and distance for panoramas and lenses."
         ),
     ] = None
@@ -65,7 +65,7 @@ class GaussianOptions(Choices):
             description="Sub-pixels per side of a pixel. Default: as thin Gaussians need.",
         ),
     ] = None
-    near: Annotated[
+    nearest: Annotated[
         float | None,
         Field(
             description="Depth before which nothing is shown, scene units. Default: 0.2, 0 if bare."
@@ -88,7 +88,7 @@ class GaussianOptions(Choices):
         from resample_points.painting.gaussians import GaussianStyle
 
         focal = None if self.trained_focal is None else focal_of(self.trained_focal)
-        return GaussianStyle(self.appearance, self.order, focal, self.subpixels, self.near)
+        return GaussianStyle(self.appearance, self.order, focal, self.subpixels, self.nearest)
 
 
 def focal_of(text: str) -> float:

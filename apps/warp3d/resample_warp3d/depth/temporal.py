@@ -60,7 +60,8 @@ class Fit(NamedTuple):
 UNCHANGED = Fit(1.0, 0.0)
 
 
-class Alignment(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Alignment:
     """Scale and shift of each map of a film, and its shots."""
 
     scale: Doubles  # (N,)

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Generic, NamedTuple, Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
@@ -81,7 +81,8 @@ class StackSeries:
         return np.ascontiguousarray(self.stack[n], self.stack.dtype.newbyteorder("="))
 
 
-class Footage(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Footage:
     """Pictures of a film, the depth of each, and their display times."""
 
     color: str  # as named by the user

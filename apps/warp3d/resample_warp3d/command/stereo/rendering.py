@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from resample.cameras.models import Camera
@@ -30,7 +31,8 @@ class StereoPair(NamedTuple):
     sources: list[Prepared]
 
 
-class StereoRendering(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class StereoRendering:
     """How both eyes' pictures are rendered."""
 
     parallax: Parallax
