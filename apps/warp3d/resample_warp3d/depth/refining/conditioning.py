@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from resample_warp3d.depth.refining.kernels.voting import VotingWindow
 
 Kinds = NDArray[np.uint8]
+Mask = NDArray[np.bool_]
 
 REFINES = ("auto", "none", "snap", "sharpen", "shift", "complete")
 REACH = 8  # px, largest distance of voters
@@ -207,13 +208,29 @@ def _sharpened(task: RefinementTask, nearness: Floats) -> tuple[Floats, Floats]:
             noise=task.noise / scale,
         )
         blurred = depth_of if task.findings.is_depth else np.array
-        hard, _ = _sharpened(small, blurred(_reduced_known(blurred(nearness), shape)))
+        soft = blurred(_reduced_known(blurred(nearness), shape))
+        hard, _ = _sharpened(small, soft)
         size, ratio = nearness.shape, (shape[0] / nearness.shape[0], shape[1] / nearness.shape[1])
-        whole = np.where(nearness > 0, enlarged(hard, (size[0], size[1]), ratio), np.float32(0))
+        whole = enlarged(hard, (size[0], size[1]), ratio)
+        whole = _only_at_edges(nearness, whole, hard != soft, scale)
         return _hardened(task._replace(recipe=RECIPES["snap"]), whole)
     if task.findings.overshoot > OVERSHOOT:
-        return _sharpened(*_without_overshoot(task, nearness))
+        changed, smooth = _without_overshoot(task, nearness)
+        hard, agreed = _sharpened(changed, smooth)
+        reach = math.ceil(2.0 * changed.findings.sigma)
+        return _only_at_edges(nearness, hard, hard != smooth, reach), agreed
     return _hardened(task, nearness)
+
+
+def _only_at_edges(given: Floats, found: Floats, changed: Mask, reach: int) -> Floats:
+    """Return what was found within `reach` px of changed samples, and what was given elsewhere."""
+    import cv2
+
+    height, width = given.shape
+    mask = cv2.resize(changed.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST)
+    side = 2 * reach + 1
+    near = cv2.dilate(mask, np.ones((side, side), np.uint8)) > 0
+    return np.where(given > 0, np.where(near, found, given), np.float32(0))
 
 
 def _without_overshoot(task: RefinementTask, nearness: Floats) -> tuple[RefinementTask, Floats]:
