@@ -1,16 +1,16 @@
 """Warps with realistic depth: the shared scene with its depth degraded in twelve ways.
 
-`python -m benchmarks.degraded --size 700 --only exact,blur-2` prints PSNR (dB) / holes (%) of
-pixels that the source sees unoccluded (holes count as black) for each view, degradation and method:
-hybrid with given and with refined depth, a mesh cut at steps of 3 %, triangles by RVS's rule, and
-softmax splatting. `--reference FILE.npz` caches the ray-traced views.
+`python -m benchmarks.degraded --size 700 --only exact,blur-2` prints PSNR / PSNR over black
+(dB) / holes (%) of pixels that the source sees unoccluded (holes count as black) for each view,
+degradation and method: hybrid with given and with refined depth, a mesh cut at steps of 3 %,
+triangles by RVS's rule, and softmax splatting. `--reference FILE.npz` caches the ray-traced views.
 """
 
 import argparse
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import cv2
 import numpy as np
@@ -19,13 +19,12 @@ from benchmarks.tables import Row, table
 from resample import registry
 from resample.colors import from_srgb
 from resample.measuring.compare import contact_sheet
-from resample.measuring.quality import psnr
 from resample.types import Doubles
 from resample_warp3d.baselines.mcmillan import blank
 from resample_warp3d.baselines.meshing import orientation_of
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.figures.compare import screen_of
-from resample_warp3d.figures.scoring import hole_percent
+from resample_warp3d.figures.scoring import WarpedScreen
 from resample_warp3d.types import DepthImage, Equation, Rendered, Source
 from tests.benchmarks import warp3d_table as scene
 
@@ -202,24 +201,14 @@ def rows(work: scene.Workload, names: Sequence[str], methods: Sequence[str]) -> 
             row: Row = {"depth": name, "method": method}
             for view in work.views:
                 screen, target = shown(work, view, source, warp), work.views[view].target
-                seen = np.where(screen.covered[..., None], screen.image, 0)
-                quality = psnr(seen, target.truth, mask=target.mask)
-                holes = hole_percent(screen.covered, target.mask)
-                row[view] = f"{quality:.2f} / {holes:.2f}"
+                row[view] = scene.both_of(screen, target)
             yield row
 
 
-class Shown(NamedTuple):
-    """Result of a method for a view."""
-
-    image: Any  # (H, W, 3)
-    covered: Any  # (H, W)
-
-
-def shown(work: scene.Workload, view: str, source: Source, warp: Any) -> Shown:
-    """Picture of a view, and the mask of pixels that are not holes."""
+def shown(work: scene.Workload, view: str, source: Source, warp: Any) -> WarpedScreen:
+    """Picture of a view."""
     case = scene.case_of(work, view, source)
-    return Shown(*screen_of(case, warp(source, case.equation, case.target.mask.shape)))
+    return screen_of(case, warp(source, case.equation, case.target.mask.shape))
 
 
 def write_picture(path: Path, work: scene.Workload) -> None:
@@ -233,8 +222,7 @@ def write_picture(path: Path, work: scene.Workload) -> None:
         for title, method in BESIDE.items():
             refine, warp = METHODS[method]
             found = shown(work, view, prepare(image, refine=refine), warp)
-            picture = np.where(found.covered[..., None], found.image, 0)[rows, columns]
-            cells[f"{name}: {title}"] = picture
+            cells[f"{name}: {title}"] = found.with_holes[rows, columns]
     light = {title: from_srgb(np.asarray(cell, np.float32)) for title, cell in cells.items()}
     contact_sheet(light, path, columns=4, zoom=1)
 

@@ -73,7 +73,7 @@ def _warp(name: str, view: str, options: Options) -> Callable[[], Run]:
 def _quality(name: str, view: str, options: Options) -> Callable[[], float]:
     def quality() -> float:
         case = _case(view, options)
-        return score(*scene.warped(case, name), case.target)["psnr"] or 0.0
+        return score(scene.warped(case, name), case.target)["psnr"] or 0.0
 
     return quality
 

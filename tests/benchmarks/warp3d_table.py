@@ -37,6 +37,7 @@ from resample_warp3d.figures.pairs import load_pairs
 from resample_warp3d.figures.scenes import VIEWPOINTS, generated
 from resample_warp3d.figures.scoring import (
     ScoringTarget,
+    WarpedScreen,
     delivered,
     flicker,
     hole_percent,
@@ -137,8 +138,7 @@ def case_of(work: Workload, name: str, source: Source) -> WarpCase:
     return WarpCase(name, source, between(work.camera, view.camera), view.target, is_light=False)
 
 
-def warped(case: WarpCase, method: str) -> tuple[Any, Any]:
-    """Picture and which pixels are covered."""
+def warped(case: WarpCase, method: str) -> WarpedScreen:
     shape = case.target.mask.shape
     rendered = registry.build("warps", method)(case.source, case.equation, shape)
     return screen_of(case, rendered)
@@ -157,12 +157,13 @@ def milliseconds(run: Callable[[], object]) -> float:
 
 
 def measured(case: WarpCase, method: str) -> tuple[str, str]:
-    """PSNR / edge PSNR / holes, and CPU milliseconds."""
-    measures = score(*warped(case, method), case.target)
+    """PSNR / over black / edge PSNR / holes, and CPU milliseconds."""
+    measures = score(warped(case, method), case.target)
     shape, build = case.target.mask.shape, registry.build("warps", method)
     duration = milliseconds(lambda: build(case.source, case.equation, shape))
     edge = measures["edge psnr"]
-    numbers = f"{measures['psnr']:.2f} / {edge:.1f} / {measures['hole %']:.2f}"
+    both = f"{measures['psnr']:.2f} / {measures['black psnr']:.2f}"
+    numbers = f"{both} / {edge:.1f} / {measures['hole %']:.2f}"
     return numbers, f"{duration:.0f}"
 
 
@@ -174,7 +175,7 @@ def one_view_each(cases: Sequence[WarpCase], methods: Sequence[str]) -> Iterator
 
 
 def synthetic(run: Run) -> Iterator[Row]:
-    """PSNR / edge PSNR (dB) / holes (%) in the shared scene, and CPU time on one thread."""
+    """PSNR / over black / edge PSNR (dB) / holes (%), shared scene, and CPU time on one thread."""
     work = workload(run.size, run.reference)
     source = source_of(work.color, work.depth)
     cases = [case_of(work, name, source) for name in work.views]
@@ -184,14 +185,14 @@ def synthetic(run: Run) -> Iterator[Row]:
 
 
 def own_scene(run: Run) -> Iterator[Row]:
-    """PSNR / edge PSNR (dB) / holes (%) in the generated scene, warped in linear light."""
+    """PSNR / over black / edge PSNR (dB) / holes (%), generated scene, warped in linear light."""
     scene = generated(run.size)
     source = prepare(scene.depth_image())
     yield from one_view_each([scene_case(scene, view, source) for view in VIEWPOINTS], run.methods)
 
 
 def stored(run: Run) -> Iterator[Row]:
-    """PSNR (dB) / holes (%) with depth as files and sensors have it, in3 and back4."""
+    """PSNR / over black (dB) / holes (%) with depth as files and sensors have it, in3 and back4."""
     work = workload(run.size, run.reference)
     for method in run.methods:
         row = {"method": method}
@@ -199,12 +200,17 @@ def stored(run: Run) -> Iterator[Row]:
             source = source_of(work.color, depth)
             for name in ("in3", "back4"):
                 case = case_of(work, name, source)
-                screen, covered = warped(case, method)
-                image = np.where(covered[..., None], screen, 0)
-                quality = psnr(image, case.target.truth, mask=case.target.mask)
-                holes = hole_percent(covered, case.target.mask)
-                row[f"{name}, {kind}"] = f"{quality:.2f} / {holes:.2f}"
+                row[f"{name}, {kind}"] = both_of(warped(case, method), case.target)
         yield row
+
+
+def both_of(screen: WarpedScreen, target: ScoringTarget) -> str:
+    """PSNR of colors divided by their coverage, and over black, dB; holes, percent."""
+    quality, over_black = (
+        psnr(image, target.truth, mask=target.mask)
+        for image in (screen.with_holes, screen.over_black)
+    )
+    return f"{quality:.2f} / {over_black:.2f} / {hole_percent(screen.covered, target.mask):.2f}"
 
 
 def depths(depth: Any) -> dict[str, Any]:
@@ -260,8 +266,7 @@ def flickering(run: Run) -> Iterator[Row]:
             for view in views:
                 equation = between(dolly_camera(0.0, name), view.camera)
                 case = WarpCase(name, source, equation, view.target, is_light=False)
-                screen, covered = warped(case, method)
-                errors.append(np.where(covered[..., None], screen, 0) - view.target.truth)
+                errors.append(warped(case, method).with_holes - view.target.truth)
                 masks.append(view.target.mask)
             row[name] = f"{flicker(errors, masks):.1f}"
         yield row
@@ -352,7 +357,7 @@ def dolly_camera(share: float, name: str) -> Camera:
 
 
 def pairs(run: Run) -> Iterator[Row]:
-    """Real pairs: PSNR (dB) as delivered / with holes filled alike / holes (%) / IV-PSNR (dB).
+    """Real pairs: PSNR (dB) as delivered / over black / holes filled alike, holes (%), IV-PSNR.
 
     IV-PSNR, which forgives shifts of 2 px and an even offset of color, is of the picture as
     delivered, holes black; `showing.scoring.iv_psnr` says by which definition.
@@ -364,20 +369,19 @@ def pairs(run: Run) -> Iterator[Row]:
         for pair, source in zip(loaded, sources, strict=True):
             target = ScoringTarget(pair.truth, pair.mask, pair.mask)
             case = WarpCase(pair.name, source, pair.equation, target, is_light=False)
-            screen, covered = warped(case, method)
-            image = np.where(covered[..., None], screen, 0)
-            filled = inpainted(screen, covered)
+            screen = warped(case, method)
+            image, filled = screen.with_holes, inpainted(screen.image, screen.covered)
+            pictures = (image, screen.over_black, filled)
             numbers.append(
-                [psnr(picture, pair.truth, mask=pair.mask) for picture in (image, filled)]
-                + [hole_percent(covered, pair.mask), iv_psnr(image, pair.truth, pair.mask)]
+                [psnr(picture, pair.truth, mask=pair.mask) for picture in pictures]
+                + [hole_percent(screen.covered, pair.mask), iv_psnr(image, pair.truth, pair.mask)]
             )
-        row = {"method": method, "mean": four(np.mean(numbers, axis=0))}
-        yield row | {pair.name: four(each) for pair, each in zip(loaded, numbers, strict=True)}
+        row = {"method": method, "mean": slashed(np.mean(numbers, axis=0))}
+        yield row | {pair.name: slashed(each) for pair, each in zip(loaded, numbers, strict=True)}
 
 
-def four(numbers: Any) -> str:
-    delivered_db, filled_db, holes, immersive_db = numbers
-    return f"{delivered_db:.2f} / {filled_db:.2f} / {holes:.2f} / {immersive_db:.2f}"
+def slashed(numbers: Any) -> str:
+    return " / ".join(f"{number:.2f}" for number in numbers)
 
 
 TABLES: dict[str, tuple[Callable[[Run], Iterator[Row]], Path | None]] = {

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from resample import registry
-from resample.colors import from_srgb
+from resample.colors import from_srgb, to_srgb
 from resample.files.images import read_image
 from resample_warp3d.depth.equation import of_rectified
 from resample_warp3d.depth.preparation import prepare
@@ -89,7 +89,7 @@ def test_there_is_a_row_for_each_view_and_method(scene_comparison):
 
 
 def test_rows_have_all_measures(scene_comparison):
-    keys = ["view", "method", "psnr", "edge psnr", "ssim", "iv-psnr", "hole %", "ms"]
+    keys = ["view", "method", "psnr", "black psnr", "edge psnr", "ssim", "iv-psnr", "hole %", "ms"]
     assert all(list(row) == keys for row in scene_comparison.rows)
 
 
@@ -130,6 +130,13 @@ def test_light_is_compared_as_a_screen_shows_it(source):
     assert comparison.rows[0]["psnr"] == pytest.approx(20.0, abs=1e-3)
 
 
+def test_half_covered_light_is_half_of_it_over_black(source):
+    light = source._replace(color=np.asarray(from_srgb(np.full((*SHAPE, 3), 0.5, np.float32))))
+    dimmed = float(to_srgb(0.5 * from_srgb(np.array(0.5))))
+    comparison = compare_view(light, of_rectified(0.0), light.color, None, ["half"])
+    assert comparison.rows[0]["black psnr"] == pytest.approx(-20 * math.log10(0.5 - dimmed))
+
+
 def test_encoded_values_are_compared_as_they_are(source):
     whole = np.ones(SHAPE, np.bool_)
     truth = source.color + np.float32(0.1)
@@ -145,9 +152,9 @@ def test_a_gray_picture_is_shown_in_three_channels(source):
     case = WarpCase(
         "", gray, of_rectified(0.0), ScoringTarget(source.color, *[np.ones(SHAPE, np.bool_)] * 2)
     )
-    screen, covered = screen_of(case, Copy()(gray, case.equation, SHAPE))
-    assert screen.shape == (*SHAPE, 3)
-    assert covered.all()
+    screen = screen_of(case, Copy()(gray, case.equation, SHAPE))
+    assert screen.image.shape == screen.over_black.shape == (*SHAPE, 3)
+    assert screen.covered.all()
 
 
 def test_a_mask_of_another_size_is_refused(source):

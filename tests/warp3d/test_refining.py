@@ -2,10 +2,20 @@ import cv2
 import numpy as np
 import pytest
 
+from resample.cameras.models import Camera
 from resample.engine.jit import kernel, threads
+from resample.files.pictures import Kind, Picture
 from resample_warp3d import warp
+from resample_warp3d.command.inputs import DepthInput
 from resample_warp3d.depth.preparation import prepare
-from resample_warp3d.depth.refining.conditioning import REFINES, enlarged, refine, window
+from resample_warp3d.depth.refining.conditioning import (
+    REFINES,
+    enlarged,
+    fitted,
+    refine,
+    window,
+)
+from resample_warp3d.depth.refining.inspecting import OVERSHOOT
 from resample_warp3d.depth.refining.kernels.voting import Voters, vote_rows, weighted_median
 from resample_warp3d.figures.scenes import generated
 from resample_warp3d.registering import registered
@@ -134,7 +144,7 @@ def test_exact_depth_stays_as_it_is_to_the_last_bit(scene):
 SPOILS = {
     "blurred by 1 px": (blurred(1.0), "sharpen"),
     "blurred by 2 px": (blurred(2.0), "sharpen"),
-    "displaced": (shifted, "snap"),
+    "displaced": (shifted, "shift"),
     "dilated": (lambda nearness: cv2.dilate(nearness, np.ones((7, 7))), "snap"),
     "in blocks": (in_blocks, "snap"),
     "in 8 bits": (lambda nearness: np.maximum(np.round(255 * nearness), 1) / 255, "none"),
@@ -152,6 +162,44 @@ def test_the_softness_of_edges_is_measured(sigma, scene):
     findings = refine(spoiled(scene, blurred(sigma))).findings
     assert not findings.is_depth
     assert findings.sigma == pytest.approx(sigma, rel=0.15)  # the ends of edges are not seen
+
+
+@pytest.mark.parametrize("sigma", [2.0, 3.0, 4.0, 6.0])
+def test_softness_does_not_fall_as_edges_get_wider(sigma, scene):
+    findings = refine(spoiled(scene, blurred(sigma)), "complete").findings
+    assert findings.soft > 0.9
+    assert findings.sigma == pytest.approx(sigma, rel=0.25)  # surfaces end before their edges do
+
+
+@pytest.mark.parametrize(("right", "down"), [(1, 0), (-4, 0), (6, 0), (0, 3), (2, -1)])
+def test_a_map_that_is_shifted_goes_back(right, down, scene):
+    moved = spoiled(scene, lambda nearness: np.roll(nearness, (down, right), (0, 1)))
+    refined = refine(moved)
+    assert refined.chosen == "shift"
+    assert refined.findings.shift == (-right, -down)
+    inner = slice(8, -8), slice(8, -8)
+    np.testing.assert_array_equal(refined.image.nearness[inner], scene.nearness[inner])
+
+
+def test_overshoot_is_found_in_sharpened_maps_only(scene):
+    def sharpened(nearness):
+        soft = cv2.GaussianBlur(nearness, (0, 0), 2.0)
+        return np.maximum(2 * soft - cv2.GaussianBlur(soft, (0, 0), 2.0), 1e-3)
+
+    assert refine(spoiled(scene, sharpened)).findings.overshoot > OVERSHOOT
+    assert refine(spoiled(scene, blurred(2.0))).findings.overshoot < OVERSHOOT / 2
+
+
+@pytest.mark.parametrize("sigma", [3.0, 4.0])
+def test_wide_edges_become_hard_at_a_smaller_scale(sigma, rng):
+    row, column = np.mgrid[:256, :320]
+    is_near = (abs(column - 160) < 70) & (abs(row - 128) < 60)
+    truth = np.where(is_near, NEAR, FAR)
+    color = (0.3 + 0.4 * is_near + 0.02 * rng.standard_normal(row.shape))[..., None]
+    given = cv2.GaussianBlur(truth, (0, 0), sigma)
+    found = refine(depth_image(given, np.repeat(color, 3, axis=2))).image.nearness
+    wrong = [np.mean(abs(each / truth - 1) > 0.05) for each in (given, found)]
+    assert wrong[1] < wrong[0] / 8
 
 
 def test_whether_depth_or_nearness_was_blurred_is_found(scene):
@@ -287,3 +335,14 @@ def test_unknown_names_list_the_known_ones(scene):
     camera = camera_at()
     with pytest.raises(LookupError, match="unknown refine 'blur'"):
         warp(scene.color, np.ones((SIZE, SIZE)), camera, camera, refine="blur")
+
+
+@pytest.mark.parametrize(("sigma", "remedy"), [(0.0, "snap"), (1.5, "sharpen")])
+def test_a_small_map_is_sharpened_if_it_is_soft_itself(sigma, remedy, scene):
+    soft = blurred(sigma)(scene.nearness) if sigma else scene.nearness
+    small = cv2.resize(soft, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_NEAREST)
+    given = DepthImage(scene.color, small, EMPTY)
+    assert refine(given).chosen == remedy
+    kind, camera = Kind(("R", "G", "B"), 8, is_encoded=True), Camera.from_fov(60, SIZE, SIZE)
+    view = DepthInput(Picture(scene.color, kind), fitted(given), camera, None, is_fitted=True)
+    assert view.refine("auto") == remedy

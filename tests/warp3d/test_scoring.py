@@ -6,6 +6,7 @@ import pytest
 from resample_warp3d.figures.scoring import (
     HIGHEST,
     ScoringTarget,
+    WarpedScreen,
     delivered,
     flicker,
     hole_percent,
@@ -31,6 +32,10 @@ def mask():
     return mask
 
 
+def screen_of(image, covered):
+    return WarpedScreen(image, covered, np.where(covered[..., None], image, 0))
+
+
 def target_of(truth, mask):
     edge = np.zeros(SHAPE, np.bool_)
     edge[:, 20:] = True
@@ -38,40 +43,49 @@ def target_of(truth, mask):
 
 
 def test_the_truth_scores_best(truth, mask):
-    scores = score(truth, np.ones(SHAPE, np.bool_), target_of(truth, mask))
+    scores = score(screen_of(truth, np.ones(SHAPE, np.bool_)), target_of(truth, mask))
     assert scores["psnr"] == scores["edge psnr"] == scores["iv-psnr"] == math.inf
     assert scores["ssim"] == pytest.approx(1.0)
     assert scores["hole %"] == 0.0
 
 
 def test_an_even_error_is_worth_its_decibels(truth, mask):
-    scores = score(truth + np.float32(0.1), mask, target_of(truth, mask))
+    scores = score(screen_of(truth + np.float32(0.1), mask), target_of(truth, mask))
     assert scores["psnr"] == pytest.approx(20.0, abs=1e-4)  # float32
 
 
 def test_pixels_beyond_the_mask_do_not_count(truth, mask):
     spoiled = np.where(mask[..., None], truth, np.float32(0.5))
-    assert score(spoiled, mask, target_of(truth, mask))["psnr"] == math.inf
+    assert score(screen_of(spoiled, mask), target_of(truth, mask))["psnr"] == math.inf
 
 
 def test_holes_count_as_black(truth, mask):
     covered = mask.copy()
     covered[10, 10] = False
     expected = 10 * math.log10(mask.sum() * 3 / float((truth[10, 10].astype(float) ** 2).sum()))
-    assert score(truth, covered, target_of(truth, mask))["psnr"] == pytest.approx(expected)
+    scores = score(screen_of(truth, covered), target_of(truth, mask))
+    assert scores["psnr"] == pytest.approx(expected)
+
+
+def test_a_pixel_that_is_half_covered_is_half_black_over_black(truth, mask):
+    screen = WarpedScreen(truth, mask, 0.5 * truth)
+    expected = 10 * math.log10(4 / float(np.mean(truth[mask].astype(float) ** 2)))
+    scores = score(screen, target_of(truth, mask))
+    assert scores["psnr"] == math.inf
+    assert scores["black psnr"] == pytest.approx(expected)
 
 
 def test_edges_count_alone_in_their_measure(truth, mask):
     image = truth.copy()
     image[:, 20:] += np.float32(0.1)
-    scores = score(image, mask, target_of(truth, mask))
+    scores = score(screen_of(image, mask), target_of(truth, mask))
     assert scores["edge psnr"] == pytest.approx(20.0, abs=1e-4)
     assert scores["psnr"] > 22
 
 
 def test_without_edges_their_measure_is_left_out(truth, mask):
     target = ScoringTarget(truth, mask, np.zeros(SHAPE, np.bool_))
-    assert score(truth, mask, target)["edge psnr"] is None
+    assert score(screen_of(truth, mask), target)["edge psnr"] is None
 
 
 def test_hole_percent_is_a_share_of_the_mask(mask):

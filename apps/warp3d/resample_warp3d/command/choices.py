@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from resample_warp3d.views.together import Joining
 
 RELATIVE = ("relative", "relative-z")
-Refine = Literal["auto", "none", "snap", "sharpen", "complete"]
+Refine = Literal["auto", "none", "snap", "sharpen", "shift", "complete"]
 UNMIXED = ("mcmillan", "mcmillan-zbuffer", "opencv")  # give each pixel the color of one sample
 
 
@@ -194,8 +194,8 @@ class DepthWarping(Choices):
         Refine,
         Field(
             description="Repair of depth that does not fit the picture: snap moves edges to color "
-            "edges, sharpen hardens soft edges, both fill gaps, complete only fills gaps; auto "
-            "chooses."
+            "edges, sharpen hardens soft edges, shift moves the map by whole pixels, all fill "
+            "gaps, complete only fills gaps; auto chooses."
         ),
     ] = "auto"
     fill: Annotated[

@@ -69,7 +69,11 @@ class DepthInput(NamedTuple):
 
     def refine(self, name: str) -> str:
         """Return the refinement for the option `name`; enlarged depth is always refined."""
-        return "snap" if name == "auto" and self.is_fitted else name
+        if name != "auto" or not self.is_fitted:
+            return name
+        from resample_warp3d.depth.refining.inspecting import is_sharpened, known
+
+        return "sharpen" if is_sharpened(known(self.image)) else "snap"
 
 
 class Inputs(NamedTuple):

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 REFINEMENTS = {
     "snap": "edges moved to those of the picture, gaps filled",
     "sharpen": "soft edges hardened where the picture has edges, gaps filled",
+    "shift": "moved to where the picture has its edges, gaps filled",
     "complete": "small gaps filled from their surroundings",
 }
 FEW = 1e-4  # share of the pixels below which holes are not reported
@@ -208,6 +209,8 @@ def _findings(refined: Refined) -> dict[str, Any]:
         "soft edges": round(found.soft, 4),
         "blur, px": round(found.sigma, 3),
         "aligned": round(found.aligned, 3),
+        "overshoot": round(found.overshoot, 3),
+        "shift, px": list(found.shift),
         "block": found.block,
         "unknown": round(found.unknown, 6),
         "confidence": round(float(refined.confidence.mean()), 6),

@@ -21,6 +21,7 @@ from resample_warp3d.figures.scoring import (
     Mask,
     ScoringTarget,
     Screen,
+    WarpedScreen,
     delivered,
     near_steps,
     score,
@@ -157,12 +158,16 @@ def note(comparison: DepthComparison, view: str, method: str) -> str:
     return ""
 
 
-def screen_of(case: WarpCase, rendered: Rendered) -> tuple[Screen, Mask]:
-    """Return the picture as a screen shows it, and the pixels that are not holes."""
+def screen_of(case: WarpCase, rendered: Rendered) -> WarpedScreen:
+    """Return the picture as a screen shows it."""
     color, covered = delivered(rendered.image, rendered.coverage)
-    if case.is_light:
-        return shown(color), covered
-    return np.clip(color[..., [0, 0, 0]] if color.shape[2] == 1 else color, 0.0, 1.0), covered
+    present = shown if case.is_light else _clipped
+    return WarpedScreen(present(color), covered, present(rendered.image))
+
+
+def _clipped(color: Floats) -> Screen:
+    """Return encoded gray or RGB as (H, W, 3), 0..1."""
+    return np.clip(color[..., [0, 0, 0]] if color.shape[2] == 1 else color, 0.0, 1.0)
 
 
 def timed(method: Method, case: WarpCase) -> tuple[Rendered, float]:
@@ -213,10 +218,10 @@ def _compare(cases: Sequence[WarpCase], methods: Mapping[str, Method]) -> DepthC
             screens: dict[str, Screen] = {TRUTH: case.target.truth}
             for name, method in methods.items():
                 rendered, milliseconds = timed(method, case)
-                screen, covered = screen_of(case, rendered)
-                measures = score(screen, covered, case.target)
+                screen = screen_of(case, rendered)
+                measures = score(screen, case.target)
                 rows.append({"view": case.name, "method": name, **measures, "ms": milliseconds})
-                screens[name] = screen
+                screens[name] = screen.image
                 if progress is not None:
                     progress(len(rows) / (len(cases) * len(methods)))
             pictures[case.name] = screens

@@ -1,7 +1,8 @@
 """Quality measures of a warped depth image against the true view.
 
 All pictures here are (H, W, 3) as a screen shows them: sRGB-encoded, 0..1. Only pixels of a mask
-count, usually those that the source sees; holes among them count as black.
+count, usually those that the source sees; holes among them count as black. Colors are scored twice:
+divided by their coverage, as compositors get them, and over black, as films and JPEG show them.
 """
 
 import math
@@ -40,21 +41,34 @@ class ScoringTarget(NamedTuple):
     edge: Mask  # (H, W) pixels near a step in depth
 
 
-def score(screen: Screen, covered: Mask, target: ScoringTarget) -> dict[str, float | None]:
+class WarpedScreen(NamedTuple):
+    """A warped picture as a screen shows it."""
+
+    image: Screen  # (H, W, 3) colors divided by their coverage; values in holes are ignored
+    covered: Mask  # (H, W) pixels that are not holes
+    over_black: Screen  # (H, W, 3)
+
+    @property
+    def with_holes(self) -> Screen:
+        """Colors divided by their coverage; holes are black."""
+        return np.where(self.covered[..., None], self.image, np.float32(0))
+
+
+def score(screen: WarpedScreen, target: ScoringTarget) -> dict[str, float | None]:
     """Return all measures of one picture.
 
-    `screen`: (H, W, 3) the warped picture; values in holes are ignored. `covered`: (H, W) pixels
-    that are not holes. Result: `psnr` and `edge psnr` in dB, `ssim`, `iv-psnr` in dB and `hole %`;
-    `edge psnr` is None if no pixel that counts is near an edge.
+    Result: `psnr`, `black psnr` (over black) and `edge psnr` in dB, `ssim`, `iv-psnr` in dB and
+    `hole %`; `edge psnr` is None if no pixel that counts is near an edge.
     """
-    image = np.where(covered[..., None], screen, np.float32(0))
+    image = screen.with_holes
     at_edge = target.mask & target.edge
     return {
         "psnr": psnr(image, target.truth, mask=target.mask),
+        "black psnr": psnr(screen.over_black, target.truth, mask=target.mask),
         "edge psnr": psnr(image, target.truth, mask=at_edge) if at_edge.any() else None,
         "ssim": masked_ssim(image, target.truth, target.mask),
         "iv-psnr": iv_psnr(image, target.truth, target.mask),
-        "hole %": hole_percent(covered, target.mask),
+        "hole %": hole_percent(screen.covered, target.mask),
     }
 
 

@@ -4,6 +4,7 @@ Samples near edges are assigned to surfaces by votes of samples around them, wei
 (`voting`). Samples between two surfaces, and unknown ones, do not vote.
 """
 
+import math
 from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -13,6 +14,8 @@ from numpy.typing import NDArray
 from resample.types import Floats
 from resample_warp3d.depth.refining.inspecting import (
     NOTHING,
+    OVERSHOOT,
+    WIDEST,
     Findings,
     depth_of,
     edges_of,
@@ -21,6 +24,7 @@ from resample_warp3d.depth.refining.inspecting import (
     linked,
     noise_of,
     quantum_of,
+    softness_of,
 )
 from resample_warp3d.types import DepthImage
 
@@ -28,8 +32,9 @@ if TYPE_CHECKING:
     from resample_warp3d.depth.refining.kernels.voting import VotingWindow
 
 Kinds = NDArray[np.uint8]
+Mask = NDArray[np.bool_]
 
-REFINES = ("auto", "none", "snap", "sharpen", "complete")
+REFINES = ("auto", "none", "snap", "sharpen", "shift", "complete")
 REACH = 8  # px, largest distance of voters
 DENSE = 4  # px up to which all samples vote; beyond, every other one
 FAR, NEAR = 4.0, 2.0  # px, standard deviations of the weights for a surface, and for its nearness
@@ -40,8 +45,9 @@ MOST_ROUNDS = 3  # of voting for unknown samples: 8 px each
 MADE_UP = 0.5  # confidence of a unanimous vote for an unknown sample
 AGREED = 0.95  # share of the votes for one surface that an unknown sample needs
 PROPORTION = 0.02  # by which the aspect ratios of depth and color may differ
-SOFTEST = 0.5  # px, standard deviation of a blur that does not affect thin objects
-BLURRED = 1.15  # times the deviation found, as the ends of soft edges are missed
+HARMLESS = 0.5  # px, standard deviation of a blur that does not affect thin objects
+BLURRED = 1.1  # times the deviation found, as the ends of soft edges are missed
+LEAST_SIDE = 32  # px: pictures are not reduced to less
 LEAST = 0.4  # least share of a sample that a thin object covers
 THIN_WEIGHT = 0.1  # weight of samples of thin objects once their value is restored
 NOISY = 12.0  # times the noise: larger jumps are edges
@@ -86,8 +92,9 @@ def refine(
         Color and nearness; nearness may have another size if it shows the same frame.
     name
         `auto` looks for defects, and keeps a map whose edges are where colors change. `snap` moves
-        hard edges to color edges, `sharpen` hardens soft edges; both also fill gaps up to 24 px
-        from known samples, where colors continue. `complete` only fills gaps, `none` does nothing.
+        hard edges to color edges, `sharpen` hardens soft edges, `shift` moves the whole map by the
+        pixels that its edges are off; all also fill gaps up to 24 px from known samples, where
+        colors continue. `complete` only fills gaps, `none` does nothing.
         `auto` fills only maps of sensors, recognized by noise, quantization or many gaps: in
         computed maps gaps may be intended.
     noise, step
@@ -124,16 +131,15 @@ def refine(
         noise = noise_of(nearness, linked(nearness, quantum, 0.0))
     color = np.nan_to_num(np.ascontiguousarray(image.color, np.float32), posinf=0.0, neginf=0.0)
     findings = inspect(color, nearness, noise, quantum)
-    chosen = name if name != "auto" else "snap" if is_enlarged else findings.remedy
+    chosen = findings.remedy if name == "auto" else name
+    if name == "auto" and is_enlarged and chosen != "sharpen":
+        chosen = "snap"
     if chosen == "none":
         return Refined(image, confidence, findings, chosen, quantum)
-    if findings.block > 1 and chosen == "snap":
-        nearness = _without_blocks(nearness, findings.block)
     task = RefinementTask(
         _scaled(color), findings, noise, quantum, RECIPES.get(chosen, RECIPES["snap"])
     )
-    if chosen != "complete":
-        nearness, confidence = _hardened(task, nearness)
+    nearness, confidence = _repaired(task, chosen, nearness)
     if name != "auto" or findings.is_measured:
         nearness, confidence = _filled(task, nearness, confidence)
     return Refined(image._replace(nearness=nearness), confidence, findings, chosen, quantum)
@@ -158,15 +164,102 @@ class Ballot(NamedTuple):
     kind: Kinds  # (H, W) as `ramps.classify` writes them, and `BESIDE` in the band around edges
 
 
+def _repaired(task: RefinementTask, chosen: str, nearness: Floats) -> tuple[Floats, Floats]:
+    """Apply a refinement but for filling; also return the share of votes, 1 where unchanged."""
+    findings = task.findings
+    if chosen == "sharpen":
+        return _sharpened(task, nearness)
+    if chosen == "snap":
+        is_coarse = findings.block > 1
+        return _hardened(task, _without_blocks(nearness, findings.block) if is_coarse else nearness)
+    if chosen == "shift":
+        nearness = _moved(nearness, findings.shift)
+    return nearness, (nearness > 0).astype(np.float32)
+
+
 def _hardened(task: RefinementTask, nearness: Floats) -> tuple[Floats, Floats]:
     """Move edges of nearness to those of color; also return the share of votes."""
     ballot = _ballot(task, nearness)
     band = np.where(nearness > 0, ballot.kind, np.uint8(0))
     refined, agreed = _counted(task, ballot, band, nearness)
-    if task.recipe.run > 1 and task.findings.sigma > SOFTEST:
+    if task.recipe.run > 1 and task.findings.sigma > HARMLESS:
         ballot = _with_thin_things(task, ballot, refined)
         refined, agreed = _counted(task, ballot, band, nearness)
     return refined, agreed
+
+
+def _moved(nearness: Floats, shift: tuple[int, int]) -> Floats:
+    """Move a map by whole px right and down; its outermost samples are repeated."""
+    rows, columns = (np.arange(size) for size in nearness.shape)
+    row = np.clip(rows - shift[1], 0, rows.size - 1)
+    column = np.clip(columns - shift[0], 0, columns.size - 1)
+    return np.ascontiguousarray(nearness[row[:, None], column])
+
+
+def _sharpened(task: RefinementTask, nearness: Floats) -> tuple[Floats, Floats]:
+    """Harden soft edges; wide ones in a smaller picture first, as votes do not reach across."""
+    sigma = task.findings.sigma
+    scale = max(2, round(sigma / 2.0)) if sigma > WIDEST else 1
+    shape = nearness.shape[0] // scale, nearness.shape[1] // scale
+    if scale > 1 and min(shape) >= LEAST_SIDE:
+        small = task._replace(
+            color=_reduced(task.color, shape),
+            findings=task.findings._replace(sigma=sigma / scale),
+            noise=task.noise / scale,
+        )
+        blurred = depth_of if task.findings.is_depth else np.array
+        soft = blurred(_reduced_known(blurred(nearness), shape))
+        hard, _ = _sharpened(small, soft)
+        size, ratio = nearness.shape, (shape[0] / nearness.shape[0], shape[1] / nearness.shape[1])
+        whole = enlarged(hard, (size[0], size[1]), ratio)
+        whole = _only_at_edges(nearness, whole, hard != soft, scale)
+        return _hardened(task._replace(recipe=RECIPES["snap"]), whole)
+    if task.findings.overshoot > OVERSHOOT:
+        changed, smooth = _without_overshoot(task, nearness)
+        hard, agreed = _sharpened(changed, smooth)
+        reach = math.ceil(2.0 * changed.findings.sigma)
+        return _only_at_edges(nearness, hard, hard != smooth, reach), agreed
+    return _hardened(task, nearness)
+
+
+def _only_at_edges(given: Floats, found: Floats, changed: Mask, reach: int) -> Floats:
+    """Return what was found within `reach` px of changed samples, and what was given elsewhere."""
+    import cv2
+
+    height, width = given.shape
+    mask = cv2.resize(changed.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST)
+    side = 2 * reach + 1
+    near = cv2.dilate(mask, np.ones((side, side), np.uint8)) > 0
+    return np.where(given > 0, np.where(near, found, given), np.float32(0))
+
+
+def _without_overshoot(task: RefinementTask, nearness: Floats) -> tuple[RefinementTask, Floats]:
+    """Blur a map until its edges no longer exceed their sides; measure it again."""
+    import cv2
+
+    sigma = task.findings.sigma if task.findings.sigma >= 1.0 else 2.0
+    weight = cv2.GaussianBlur((nearness > 0).astype(np.float32), (0, 0), sigma)
+    blurred = cv2.GaussianBlur(nearness, (0, 0), sigma) / np.maximum(weight, np.float32(1e-6))
+    smooth = np.where(nearness > 0, blurred, 0).astype(np.float32)
+    soft, again, is_depth, _ = softness_of(smooth, task.noise, task.step)
+    again = again if soft > 0 else math.hypot(task.findings.sigma, sigma)
+    findings = task.findings._replace(sigma=again, is_depth=is_depth, overshoot=0.0)
+    return task._replace(findings=findings), smooth
+
+
+def _reduced(values: Floats, shape: tuple[int, int]) -> Floats:
+    """Reduce an array (H, W) or (H, W, C) to the means of areas."""
+    import cv2
+
+    found = cv2.resize(values, shape[::-1], interpolation=cv2.INTER_AREA)
+    return np.ascontiguousarray(found.reshape(*shape, *values.shape[2:]), np.float32)
+
+
+def _reduced_known(values: Floats, shape: tuple[int, int]) -> Floats:
+    """Reduce nearness or depth to the means of what is known, 0 where less than half is."""
+    share = _reduced((values > 0).astype(np.float32), shape)
+    mean = _reduced(values, shape) / np.maximum(share, np.float32(0.5))
+    return np.where(share >= 0.5, mean, np.float32(0))
 
 
 def _filled(task: RefinementTask, nearness: Floats, agreed: Floats) -> tuple[Floats, Floats]:

@@ -17,16 +17,26 @@ if TYPE_CHECKING:
     from resample_warp3d.depth.refining.kernels.ramps import Edges
 
 CLEAR = 0.1  # relative nearness: least jump examined
-RUN = 6  # samples that a soft edge may extend to each side
-LITTLE = 0.05  # of an edge's steepest step
-SOFT = 0.15  # of an edge's jump: second largest step from which an edge is soft
-MANY_SOFT = 0.4  # share of soft edges from which a map is soft
-FAINT = 0.6  # px, standard deviation of a blur below which edges count as hard
+REACHES = (4, 8, 16, 32, 64)  # px within which edges are looked for, the nearest first
+WIDE = 1.7  # px: edges from 10 to 90 % of which are soft
+MANY_SOFT = 0.5  # share of soft edges from which a map is soft
+FAINT = 0.8  # px, standard deviation of a blur below which edges count as hard
+SHARPEST = 0.8  # px, width of a hard edge between two samples
+LARGE = 0.25  # of the larger value: jumps whose skew is measured
+LITTLE = 0.05  # of an edge's steepest step: smaller ones do not count in its skew
+BLUR_WIDTH = 2.563  # from 10 to 90 % of a blurred edge, standard deviations
+EXAMINED = 1 << 19  # samples along each axis whose edges are measured
+BESIDE = 2  # px around a measured edge where no wider window measures another
+SOFTEST = 5.0  # px, deviation of a blur beyond which colors no longer tell where edges were
+WIDEST = 2.7  # px: the same of edges with overshoot, and of those that votes reach across
+OVERSHOOT = 0.02  # of the jump: edges exceed both of their sides by more in sharpened maps
 DISPLACED = 0.8  # of the largest color change near edges: with less at them, edges are displaced
 HOLEY = 1e-3  # share of samples without depth from which they are filled
 RENDERED = 3e-4  # relative nearness: noise and steps up to which depth counts as computed
 MANY_GAPS = 50  # of a map; a sky visible through objects makes fewer
 FEW = 100  # edges; fewer are not evaluated
+CLOSE = 6  # px on each side of an edge where colors are compared with those at it
+UNSHIFTED = 0.85  # of the largest color change: with more at edges, the map is not shifted
 CONTRAST = 1.5  # least ratio of color change near edges to that farther away
 LARGEST_BLOCK = 16  # samples
 FEWEST_BLOCKS = 8  # least number of blocks with steps between them, and at least half of all
@@ -51,14 +61,23 @@ class Findings(NamedTuple):
     block: int  # samples per side of constant blocks; 1: none
     unknown: float  # share of its samples without depth
     is_measured: bool  # noisy, quantized or full of gaps: unknown samples were lost, not empty
+    overshoot: float = 0.0  # of the jump, by which soft edges exceed both of their sides
+    shift: tuple[int, int] = (0, 0)  # px right and down, from the map to the picture
+
+    @property
+    def is_soft(self) -> bool:
+        """Whether edges span several samples."""
+        return self.soft > MANY_SOFT and self.sigma > FAINT
 
     @property
     def remedy(self) -> str:
-        """Refinement to apply: `snap`, `sharpen`, `complete` or `none`."""
+        """Refinement to apply: `snap`, `sharpen`, `shift`, `complete` or `none`."""
         if self.block > 1:
             return "snap"
-        if self.soft > MANY_SOFT and self.sigma > FAINT:
+        if self.is_soft and self.sigma <= (WIDEST if self.overshoot > OVERSHOOT else SOFTEST):
             return "sharpen"
+        if self.shift != (0, 0):
+            return "shift"
         if self.aligned < DISPLACED:
             return "snap"
         return "complete" if self.is_measured and self.unknown > HOLEY else "none"
@@ -76,13 +95,14 @@ def inspect(color: Floats, nearness: Floats, noise: float, step: float) -> Findi
     from resample_warp3d.depth.refining.kernels.ramps import Edges
 
     least = max(CLEAR, 10.0 * noise)
-    mark = edges_of(nearness, Edges(RUN, LITTLE, least, 2.0 * step))
-    soft, sigma, is_depth = _softness(nearness, mark)
+    soft, sigma, is_depth, overshoot = softness_of(nearness, noise, step)
     sharp = edges_of(nearness, Edges(1, 1.0, least, 2.0 * step))
     unknown = float(np.mean(nearness <= 0))
     is_measured = bool(noise > RENDERED or step > RENDERED * nearness.max() or _is_torn(nearness))
-    aligned = _aligned(color, sharp)
-    return Findings(soft, sigma, is_depth, aligned, block_of(nearness), unknown, is_measured)
+    aligned, shift = _aligned(color, sharp)
+    return Findings(
+        soft, sigma, is_depth, aligned, block_of(nearness), unknown, is_measured, overshoot, shift
+    )
 
 
 def _is_torn(nearness: Floats) -> bool:
@@ -105,24 +125,68 @@ def edges_of(nearness: Floats, edges: "Edges") -> NDArray[np.uint8]:
     return mark
 
 
-def _softness(nearness: Floats, mark: NDArray[np.uint8]) -> tuple[float, float, bool]:
-    """Return the share of soft edges, the blur's deviation, and whether depth was blurred.
+def is_sharpened(nearness: Floats) -> bool:
+    """Return whether the remedy for a map's edges is to sharpen them."""
+    soft, sigma, is_depth, overshoot = softness_of(nearness, 0.0, 0.0)
+    found = NOTHING._replace(soft=soft, sigma=sigma, is_depth=is_depth, overshoot=overshoot)
+    return found.remedy == "sharpen"
 
-    A blur is symmetric, so the steps of edges are not skewed in the quantity that was blurred.
+
+def softness_of(nearness: Floats, noise: float, step: float) -> tuple[float, float, bool, float]:
+    """Return the share of soft edges, blur, whether depth was blurred, and overshoot.
+
+    A blur is symmetric, so edges are not skewed in the quantity that was blurred.
     """
-    from resample_warp3d.depth.refining.kernels.softness import measure_edges
-
-    found = []
-    for values in (nearness, depth_of(nearness)):
-        edges: Doubles = np.zeros((MOST_EDGES, 3))
-        count = measure_edges(values, mark, edges)
-        if count < FEW:
-            return 0.0, 0.0, False
-        found.append(edges[:count])
-    soft = float(np.mean(found[0][:, 2] > SOFT))
-    skew = [abs(float(np.median(edges[:, 1]))) for edges in found]
+    least = max(CLEAR, 10.0 * noise) + 2.0 * step / float(nearness.max())
+    found = [_edges(values, least) for values in (nearness, depth_of(nearness))]
+    if min(map(len, found)) < FEW:
+        return 0.0, 0.0, False, 0.0
+    # Slopes beside small jumps skew them, too.
+    large = [edges[edges[:, 1] > LARGE, 3] for edges in found]
+    skew = [abs(float(np.median(each))) if each.size else math.inf for each in large]
     is_depth = skew[1] < skew[0]
-    return soft, math.sqrt(max(float(np.median(found[is_depth][:, 0])), 0.0)), is_depth
+    width, _, overshoot, _ = np.median(found[is_depth], axis=0)
+    sigma = math.sqrt(max(width**2 - SHARPEST**2, 0.0)) / BLUR_WIDTH
+    return float(np.mean(found[0][:, 0] > WIDE)), sigma, is_depth, float(overshoot)
+
+
+def _edges(values: Floats, least: float) -> Doubles:
+    """Return the edges along both axes: width, jump, overshoot and skew, (N, 4).
+
+    The first three are as `softness.measure_widths` writes them. The narrowest window that finds an
+    edge measures it.
+    """
+    from resample_warp3d.depth.refining.kernels.softness import measure_widths
+
+    sparse = max(1, values.size // EXAMINED)
+    found = []
+    for lines in (values[::sparse], values.T[::sparse]):
+        some = np.ascontiguousarray(lines)
+        taken = np.zeros(some.shape, np.bool_)
+        for reach in REACHES:
+            edges: Doubles = np.empty((MOST_EDGES, 5))
+            edges = edges[: measure_widths(some, reach, least, edges)]
+            row, column = edges[:, 3].astype(np.int64), edges[:, 4].astype(np.int64)
+            is_new = ~taken[row, column]
+            edges, row, column = edges[is_new], row[is_new], column[is_new]
+            around = column[:, None] + np.arange(-reach + 1, reach + 1)
+            found.append(np.c_[edges[:, :3], _skews(some[row[:, None], around])])
+            for n in range(-BESIDE, BESIDE + 1):
+                taken[row, np.clip(column + n, 0, some.shape[1] - 1)] = True
+    return np.concatenate(found)
+
+
+def _skews(windows: Floats) -> Doubles:
+    """Return the skew (N,) toward the far side of the steps (N, K) of edges amid windows, px³."""
+    step = np.diff(windows.astype(np.float64), axis=1)
+    middle = step.shape[1] // 2
+    sign = np.sign(step[:, middle])
+    step *= sign[:, None]
+    step[step < LITTLE * step.max(axis=1, keepdims=True)] = 0.0
+    place = np.arange(step.shape[1]) - middle
+    total = step.sum(axis=1)
+    mean = step @ place / total
+    return np.asarray(sign * ((place - mean[:, None]) ** 3 * step).sum(axis=1) / total)
 
 
 def depth_of(nearness: Floats) -> Floats:
@@ -132,20 +196,32 @@ def depth_of(nearness: Floats) -> Floats:
     return found
 
 
-def _aligned(color: Floats, mark: NDArray[np.uint8]) -> float:
-    """Return the color change at edges, relative to the largest within a few px.
+def _aligned(color: Floats, mark: NDArray[np.uint8]) -> tuple[float, tuple[int, int]]:
+    """Return the color change at edges, of the largest within a few px, and a common shift.
 
-    It is 1 if not measurable: few edges, or colors that change equally everywhere.
+    The first is 1 if not measurable: few edges, or colors that change equally everywhere.
     """
     from resample_warp3d.depth.refining.kernels.ramps import REACH, profile_edges
 
-    profile, count = np.zeros((4, 2 * REACH + 1)), np.zeros(4)
-    profile_edges(color, mark, profile, count)
-    total = profile.sum(axis=0)
+    profile, even, count = np.zeros((4, 2 * REACH + 1)), np.zeros((4, 2 * REACH + 1)), np.zeros(4)
+    profile_edges(color, mark, profile, even, count)
+    # Edges with their near sides at the right and left, below and above.
+    right, down = (_common(even[n : n + 2], count[n : n + 2]) for n in (0, 2))
+    total = profile[:, REACH - CLOSE : REACH + CLOSE + 1].sum(axis=0)
     if count.sum() < FEW or not total.max() > CONTRAST * np.median(total):
-        return 1.0
-    beside = np.delete(total, REACH)
-    return float(total[REACH] / max(beside.max(), 1e-30))
+        return 1.0, (right, down)
+    beside = np.delete(total, CLOSE)
+    return float(total[CLOSE] / max(beside.max(), 1e-30)), (right, down)
+
+
+def _common(even: Doubles, count: Doubles) -> int:
+    """Return the shift along an axis that edges of both sides agree on, px; 0 for none."""
+    middle = even.shape[1] // 2
+    lag = even.argmax(axis=1)
+    peak = even.max(axis=1)
+    is_clear = (peak > CONTRAST * np.median(even, axis=1)) & (even[:, middle] < UNSHIFTED * peak)
+    is_common = lag[0] - middle == middle - lag[1] and bool(is_clear.all())
+    return int(lag[0] - middle) if is_common and count.min() >= FEW else 0
 
 
 def block_of(nearness: Floats) -> int:

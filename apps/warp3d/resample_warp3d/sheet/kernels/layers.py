@@ -16,32 +16,24 @@ from resample.engine.cells.bands import bands, overlapping, skips, take, walk
 from resample.engine.jit import Counter, inner_kernel, parallel_kernel
 from resample.engine.roles import plays
 from resample.types import Floats, Single
+from resample_warp3d.sheet.kernels.adding import DISTINCT, TwoLayers, add_boxes, add_parts
 from resample_warp3d.sheet.kernels.colors import write_colors, write_means
 from resample_warp3d.sheet.kernels.fragments import (
-    count_parts,
     fill_depths,
-    fill_from_boxes,
-    fill_from_parts,
-    set_boxes,
-    set_parts,
 )
 from resample_warp3d.sheet.kernels.screen import SEGMENT, Indices, SheetScreen
 from resample_warp3d.sheet.kernels.segments import (
     AREA,
     BEGIN,
-    BLUE,
     COLUMNS,
     DEPTH,
     END,
-    GREEN,
     HALF,
     LEAST,
-    MASS,
     NUMBERS,
     ONE,
     PIXEL,
     PLACES,
-    RED,
     ROWS,
     SLACK,
     UPRIGHT,
@@ -54,8 +46,10 @@ from resample_warp3d.sheet.kernels.segments import (
 )
 from resample_warp3d.types import Links
 
-DISTINCT: Single = np.float32(0.99)  # of the nearness: what is nearer than that is the same surface
 FULL: Single = np.float32(0.97)  # coverage of a full pixel; boxes only approximate cells
+# Coverage from which gaps between a surface's parts begin to count as covered, and from which they
+# do, where the surface does not end; it may where torn cells cover more than the last.
+OPEN, CLOSED, ENDING = np.float32(0.8), np.float32(0.88), np.float32(0.05)
 TRACE: Single = np.float32(1e-4)  # coverage below which a pixel is empty
 NEAREST_OF_ALL: Single = np.float32(np.inf)  # nearer than all
 
@@ -90,15 +84,6 @@ class BackPass(NamedTuple):
     front: Floats
     behind: Floats
     least: Floats
-
-
-class TwoLayers(NamedTuple):
-    """The two layers of a band."""
-
-    front: Floats  # (pixels,) nearness
-    behind: Floats
-    sums: Floats  # (8 pixels,) red, green, blue and mass of both
-    voted: Floats  # (2 pixels,) mass of all votes, for labels
 
 
 class Adding(NamedTuple):
@@ -207,83 +192,6 @@ def _take_behind(
                 _find_behind(begin, end, cells, look.front, look.behind)
 
 
-@inner_kernel
-def _vote(sums: Floats, at: np.uint64, a: Single, b: Single, c: Single, d: Single) -> None:
-    """Vote for a label with the covered area as weight; the label that leads stays.
-
-    Boyer and Moore's majority vote with weights: a vote for another label reduces the leader's.
-    """
-    if sums[at] == a and sums[at + np.uint64(1)] == b and sums[at + np.uint64(2)] == c:
-        sums[at + np.uint64(3)] += d
-    elif sums[at + np.uint64(3)] >= d:
-        sums[at + np.uint64(3)] -= d
-    else:
-        sums[at], sums[at + np.uint64(1)], sums[at + np.uint64(2)] = a, b, c
-        sums[at + np.uint64(3)] = d - sums[at + np.uint64(3)]
-
-
-@inner_kernel
-def _add(begin: int, end: int, is_label: bool, cells: SegmentCells, layers: TwoLayers) -> None:
-    """Add fragments to the visible layers of their pixels; labels are voted for."""
-    numbers, places = cells
-    front, behind, sums, voted = layers
-    for n in range(begin, end):
-        m = np.uint64(n)
-        if places[PIXEL + m] < 0:
-            continue
-        # Choose the layer by depth; skip fragments behind both.
-        pixel, near = np.uint64(places[PIXEL + m]), numbers[DEPTH + m]
-        layer = np.uint64(0)
-        if near < front[pixel] * DISTINCT:
-            if near < behind[pixel] * DISTINCT:
-                continue
-            layer = np.uint64(1)
-        at = np.uint64(8) * pixel + np.uint64(4) * layer
-        red, green, blue = numbers[RED + m], numbers[GREEN + m], numbers[BLUE + m]
-        mass = numbers[MASS + m]
-        # Vote for labels, and add colors and mass.
-        if is_label:
-            voted[np.uint64(2) * pixel + layer] += mass
-            _vote(sums, at, red, green, blue, mass)
-        else:
-            sums[at] += red
-            sums[at + np.uint64(1)] += green
-            sums[at + np.uint64(2)] += blue
-            sums[at + np.uint64(3)] += mass
-
-
-@inner_kernel
-def _add_boxes(
-    begin: int, end: int, frame: BandFrame, cells: SegmentCells, layers: TwoLayers
-) -> None:
-    """Add a run of upright cells as boxes, slot by slot."""
-    numbers, places = cells
-    rows, columns = set_boxes(begin, end, frame, numbers, places)
-    for j in range(rows):
-        for i in range(columns):
-            if fill_from_boxes(begin, end, i, j, frame, numbers, places):
-                _add(begin, end, frame.is_label, cells, layers)
-
-
-@inner_kernel
-def _add_parts(
-    begin: int, end: int, is_whole: bool, frame: BandFrame, cells: SegmentCells, layers: TwoLayers
-) -> None:
-    """Add a run of cells that are cut into parts, or have one color each."""
-    numbers, places = cells
-    most_u, most_v = count_parts(begin, end, frame, numbers, places)
-    is_flat = is_whole or frame.is_label
-    # Cut one part out of all cells at a time.
-    for part in range(1 if is_whole else most_u * most_v):
-        v, u = divmod(part, most_u)
-        if set_parts(begin, end, u, v, is_whole, frame, numbers, places):
-            # Add it to the 2 × 2 pixels that it may meet.
-            for slot in range(4):
-                i, j = slot % 2, slot // 2
-                if fill_from_parts(begin, end, i, j, is_flat, frame, numbers, places):
-                    _add(begin, end, frame.is_label, cells, layers)
-
-
 @plays(take, Adding)
 def _take_colors(
     look: Adding,
@@ -306,16 +214,26 @@ def _take_colors(
         write_colors(color, links, group, row, start, begin, end, numbers)
     # Add cells as boxes or as parts, as they were classified.
     if way == UPRIGHT:
-        _add_boxes(begin, end, frame, cells, look.layers)
+        add_boxes(begin, end, frame, cells, look.layers)
     else:
-        _add_parts(begin, end, way == WHOLE, frame, cells, look.layers)
+        add_parts(begin, end, way == WHOLE, frame, cells, look.layers)
+
+
+@inner_kernel
+def _closed(mass: Single, rim: Single) -> Single:
+    """Share of what is missing of a pixel that the gaps between a surface's parts explain.
+
+    `mass`: coverage by the surface. `rim`: coverage by torn cells.
+    """
+    within = min(max((mass - OPEN) / (CLOSED - OPEN), ZERO), ONE)
+    return within * max(ONE - rim / ENDING, ZERO)
 
 
 @inner_kernel
 def _resolve(look: Adding, area: Floats, frame: BandFrame, picture: LayerPicture) -> None:
     """Composite a band's two layers, front over behind, into the picture."""
     image, coverage, nearness, magnification = picture
-    group, (front, behind, sums, voted) = look.group, look.layers
+    group, (front, behind, sums, voted, rims) = look.group, look.layers
     channels = min(3, image.shape[2] - 3 * group)
     for y in range(frame.first, frame.last):
         for x in range(frame.width):
@@ -326,6 +244,10 @@ def _resolve(look: Adding, area: Floats, frame: BandFrame, picture: LayerPicture
             filled = min(max(near_mass + far_mass, FULL), ONE)
             share = min(near_mass / filled, ONE)
             total = min((near_mass + far_mass) / filled, ONE)
+            near_rim, both_rims = rims[2 * pixel], rims[2 * pixel] + rims[2 * pixel + 1]
+            share += (ONE - share) * _closed(near_mass, near_rim)
+            total += (ONE - total) * _closed(near_mass + far_mass, both_rims)
+            total = max(total, share)
             if near_mass + far_mass < TRACE:
                 share, total = ZERO, ZERO
             # Normalize both layers' sums by their mass.
@@ -379,6 +301,7 @@ def paint_layers(
         for group in range(colors.color.shape[0]):
             sums = np.zeros(size * 8, np.float32)
             voted = np.zeros(2 * size if like.is_label else 0, np.float32)
-            adding = Adding(colors, group, TwoLayers(front, behind, sums, voted))
+            rims = np.zeros(2 * size, np.float32)
+            adding = Adding(colors, group, TwoLayers(front, behind, sums, voted, rims))
             walk(adding, strip, members, cells)
             _resolve(adding, area, frame, picture)

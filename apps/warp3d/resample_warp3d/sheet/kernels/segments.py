@@ -31,6 +31,8 @@ STEEP: Single = np.float32(0.05)  # of the nearness: limit of a surface's change
 LARGEST: Single = np.float32(4096)  # px: a longer cell crosses the camera's plane and is dropped
 SMALLEST: Single = np.float32(1e-9)  # px²: a cell seen edge-on covers nothing
 SHEAR: Single = np.float32(0.3)  # of a cell's length: limit of the lean of upright sides
+LEAN: Single = np.float32(0.4)  # px: limit of that lean, too
+VOID: Single = np.float32(0.1)  # px²: limit of what boxes leave open where four of them meet
 SMALL: Single = np.float32(0.9)  # px, at quality 1: shorter upright cells have one color
 NOWHERE: Single = np.float32(-1)  # nearness
 SHARED = -1  # in a sheet's index: a cell whose corners are the lattice's
@@ -55,7 +57,8 @@ WEST, NORTH, EAST, SOUTH, U_X, U_Y, V_X, V_Y, DENSITY = _rows(51, 9)
 PART, SHARE_X, SHARE_Y = _rows(60, 3)
 # A fragment, what a cell gives to one pixel: nearness there, mass, and color.
 DEPTH, MASS, RED, GREEN, BLUE = _rows(63, 5)
-NUMBERS = SEGMENT * 68
+(TORN,) = _rows(68, 1)  # 1 of torn cells, at which a surface may end, 0 of others
+NUMBERS = SEGMENT * 69
 
 # Rows of places. Pixels of a band that a cell may meet, the last ones excluded; how to paint it.
 FROM_COLUMN, FROM_ROW, TO_COLUMN, TO_ROW, WAY = _rows(0, 5)
@@ -194,6 +197,8 @@ def _choose_ways(count: int, frame: BandFrame, numbers: Floats, places: Indices)
         is_seen &= places[FROM_ROW + m] < places[TO_ROW + m]
         # Paint nearly axis-aligned cells as boxes, short ones in one color, others in parts.
         is_upright = (abs(ay) <= shear * abs(ax)) & (abs(bx) <= shear * abs(by))
+        # Boxes whose sides lean in both directions leave a gap where four of them meet.
+        is_upright &= (max(abs(ay), abs(bx)) <= LEAN) & (abs(ay * bx) <= VOID)
         is_upright &= least_shear == ZERO
         longest = max(ax * ax + ay * ay, bx * bx + by * by)
         is_whole = longest <= (small if is_upright else whole)
@@ -243,8 +248,10 @@ def measure(
     # Load the corners, from the lattice and from torn cells.
     _write_shared(screen, row, start, count, numbers)
     own = 0
-    for column in range(start, start + count):
-        own += int(index[row, column] != SHARED)
+    for n in range(count):
+        is_torn = index[row, start + n] != SHARED
+        own += int(is_torn)
+        numbers[TORN + np.uint64(n)] = ONE if is_torn else ZERO
     if own > 0:
         _write_torn(torn, index, row, start, count, numbers)
     # Measure the cells, and group them into runs.

@@ -19,7 +19,8 @@ SLIGHT = 0.004  # of the nearness: a smaller step is not the steepest of an edge
 AROUND = 2  # steps on each side among which an edge's is the steepest
 EVEN = 0.03  # of the nearness: largest slope of a surface, per sample
 TIE = 1.0001  # factor within which steps count as equal
-REACH = 6  # px on each side of an edge
+REACH = 10  # px on each side of an edge
+MOST = 4.0  # times an edge's mean change of color that a single one counts
 FEWEST = 4  # samples that a slope needs
 BENT = 5  # samples that a bend needs
 
@@ -176,13 +177,17 @@ def _change(color: Floats, row: int, column: int, down: bool) -> float:
 
 
 @kernel
-def profile_edges(color: Floats, mark: NDArray[np.uint8], profile: Doubles, count: Doubles) -> None:
+def profile_edges(
+    color: Floats, mark: NDArray[np.uint8], profile: Doubles, even: Doubles, count: Doubles
+) -> None:
     """Add up the changes of color beside edges of a single step.
 
     `color`: (H, W, C). `mark`: (H, W, 2) of `ramps.mark_edges`. `profile`: (4, 2 REACH + 1) added
     to: changes from the far side to the near one; the edge itself is in the middle. Edges with the
-    near side at the right, left, below and above. `count`: (4,) edges, added to.
+    near side at the right, left, below and above. `even`: the same, with all edges counting alike.
+    `count`: (4,) edges, added to.
     """
+    change = np.empty(2 * REACH + 1)
     for row in range(mark.shape[0]):
         for column in range(mark.shape[1]):
             for axis in range(2):
@@ -195,7 +200,11 @@ def profile_edges(color: Floats, mark: NDArray[np.uint8], profile: Doubles, coun
                 which, sign = 2 * axis + (0 if kind == UP else 1), 1 if kind == UP else -1
                 for n in range(-REACH, REACH + 1):
                     r, c = (row, column + sign * n) if axis == 0 else (row + sign * n, column)
-                    profile[which, n + REACH] += _change(color, r, c, axis == 1)
+                    change[n + REACH] = _change(color, r, c, axis == 1)
+                mean = change.mean() + 1e-3
+                for n in range(2 * REACH + 1):
+                    profile[which, n] += change[n]
+                    even[which, n] += min(change[n] / mean, MOST)
                 count[which] += 1.0
 
 

@@ -8,10 +8,11 @@ from numpy.typing import NDArray
 
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.types import Doubles, Floats
-from resample_warp3d.depth.refining.kernels.ramps import BETWEEN, UP
+from resample_warp3d.depth.refining.kernels.ramps import BETWEEN
 
 Marks = NDArray[np.uint8]
 
+MISSED = -9.0  # steps: a level is not crossed
 WHOLE = 0.98  # own share of a soft map's sample above which nothing is missing
 NARROW = 0.05  # of the values: surfaces closer together are one
 SAME = 0.25  # of the range around a sample: values closer together are of one surface
@@ -25,53 +26,89 @@ class Blur(NamedTuple):
 
 
 @kernel
-def _run(values: Floats, mark: Marks, row: int, column: int, found: Doubles) -> int:
-    """Measure the edge that begins at a sample; return where it ends.
-
-    Fills one row of `measure_edges`.
-    """
-    # Sum the moments of the steps, and find the two largest.
-    kind, total, mean, square, cube = mark[row, column, 0], 0.0, 0.0, 0.0, 0.0
-    largest, second, n = 0.0, 0.0, 0
-    while column + n + 1 < values.shape[1] and mark[row, column + n, 0] == kind:
-        step = abs(np.float64(values[row, column + n + 1]) - values[row, column + n])
-        if step > largest:
-            largest, second = step, largest
-        else:
-            second = max(second, step)
-        total, mean = total + step, mean + step * n
-        square, cube = square + step * n * n, cube + step * n * n * n
-        n += 1
-    # Normalize to variance, skew toward the far side, and the second step's share.
-    if total > 0.0:
-        mean, square, cube = mean / total, square / total, cube / total
-        skew = cube - 3.0 * mean * square + 2.0 * mean * mean * mean
-        found[0], found[1] = square - mean * mean, skew if kind == UP else -skew
-        found[2] = second / total
-    return column + max(n, 1)
+def _crossing(values: Floats, row: int, column: int, level: float, step: int, most: int) -> float:
+    """Steps from a sample to where a row crosses a level, interpolated, or `MISSED`."""
+    here = np.float64(values[row, column])
+    rises = level > here
+    for n in range(1, most + 1):
+        there = np.float64(values[row, column + n * step])
+        if (there >= level) == rises or there == level:
+            return float(n - 1 + (level - here) / (there - here))
+        here = there
+    return MISSED
 
 
 @kernel
-def measure_edges(values: Floats, mark: Marks, found: Doubles) -> int:
-    """Measure edges along rows; return how many.
+def _excess(values: Floats, row: int, column: int, width: float, up: bool) -> float:
+    """Lesser excess of an edge's sides over the surfaces beyond them, of its jump; 0 if unknown."""
+    away, far = math.ceil(1.25 * width + 2.0), math.ceil(width) + 2
+    if column - away - far < 0 or column + away + far >= values.shape[1]:
+        return 0.0
+    left, right = 0.0, 0.0
+    for n in range(far):
+        left += values[row, column - away - n] / far
+        right += values[row, column + away + n] / far
+    sign = 1.0 if up else -1.0
+    below, above = -np.inf, -np.inf
+    for n in range(away):
+        below = max(below, sign * (left - values[row, column - n]))
+        above = max(above, sign * (values[row, column + 1 + n] - right))
+    return min(below, above) / max(abs(right - left), 1e-30)
 
-    `values`: (H, W) monotonic functions of nearness; 0 where unknown. `mark`: (H, W, 2) of
-    `ramps.mark_edges`. `found`: (N, 3) filled from the top: variance of an edge's steps (px²),
-    their skew, toward the far side (px³), and the share of the jump that the second largest of them
-    has.
+
+@kernel
+def _edge(values: Floats, row: int, column: int, reach: int, found: Doubles) -> bool:
+    """Measure the edge whose middle lies after a sample, if there is one; see `measure_widths`."""
+    first = np.float64(values[row, column])
+    second = np.float64(values[row, column + 1])
+    low, high = np.inf, -np.inf
+    for n in range(column - reach + 1, column + reach + 1):
+        value = np.float64(values[row, n])
+        low, high = min(low, value), max(high, value)
+    jump, middle, up = high - low, 0.5 * (low + high), bool(second > first)
+    if low <= 0.0 or jump < found[3] * high or (first < middle) == (second < middle):
+        return False
+    # Find where it crosses 10 and 90 %, from its middle step to both sides.
+    before, after = (0.1, 0.9) if up else (0.9, 0.1)
+    left = float((low + before * jump - first) / (first - second))
+    if left >= 0.0:
+        left = _crossing(values, row, column, low + before * jump, -1, reach - 1)
+    right = float((low + after * jump - second) / (second - first))
+    if right >= 0.0:
+        right = _crossing(values, row, column + 1, low + after * jump, 1, reach - 1)
+    if min(left, right) == MISSED:
+        return False
+    width = left + right + 1.0
+    found[0], found[1] = width, jump / high
+    found[2] = _excess(values, row, column, width, up)
+    return bool(width <= 0.5 * reach)
+
+
+@kernel
+def measure_widths(values: Floats, reach: int, least: float, found: Doubles) -> int:
+    """Measure edges along rows within a distance; return how many.
+
+    An edge is where a row crosses the middle of the range of all values within `reach` samples. Its
+    width is the distance from 10 to 90 % of that range; it counts if that is at most half of
+    `reach`, which slopes never are, however near one looks.
+
+    `values`: (H, W); 0 where unknown. `least`: jump of an edge, of its largest value. `found`: (N,
+    5) filled from the top: width (px), jump (of the largest value), overshoot (of the jump), row,
+    and column.
     """
     count = 0
+    edge = np.zeros(4)
+    edge[3] = least
     for row in range(values.shape[0]):
-        column = 0
-        while column < values.shape[1] and count < found.shape[0]:
-            # Skip to the next edge.
-            if mark[row, column, 0] == 0:
-                column += 1
+        for column in range(reach, values.shape[1] - reach - 1):
+            first, second = np.float64(values[row, column]), np.float64(values[row, column + 1])
+            # An edge's middle is steeper than a slope of its width.
+            steep = 1.2 * least * max(first, second) / reach
+            if not (first > 0.0 and second > 0.0 and abs(second - first) > steep):
                 continue
-            # Count only edges that no other edge adjoins.
-            is_first = column == 0 or mark[row, column - 1, 0] == 0
-            column = _run(values, mark, row, column, found[count])
-            if is_first and (column >= values.shape[1] or mark[row, column, 0] == 0):
+            if count < found.shape[0] and _edge(values, row, column, reach, edge):
+                found[count, 0], found[count, 1], found[count, 2] = edge[0], edge[1], edge[2]
+                found[count, 3], found[count, 4] = row, column
                 count += 1
     return count
 
