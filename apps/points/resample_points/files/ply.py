@@ -4,6 +4,7 @@ Elements before them, and properties that are lists, are skipped.
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import islice
 from pathlib import Path
@@ -47,7 +48,8 @@ class Property(NamedTuple):
     length: str  # of NumPy: type of a list's length; empty for a number
 
 
-class PlyElement(NamedTuple):
+@dataclass(frozen=True)
+class PlyElement:
     """Records of one kind in a file."""
 
     name: str
@@ -96,7 +98,7 @@ def _elements(header: list[list[str]]) -> tuple[str, list[PlyElement], PlyElemen
         elif words[:1] == ["property"] and elements:
             last = elements[-1]
             own = _property(words, PLY_FORMATS.get(encoding, ""))
-            elements[-1] = last._replace(properties=(*last.properties, own))
+            elements[-1] = replace(last, properties=(*last.properties, own))
     place = next((n for n, each in enumerate(elements) if each.name == "vertex"), None)
     if encoding not in PLY_FORMATS or place is None:
         raise ValueError(f"has no element vertex, or is none of {', '.join(PLY_FORMATS)}")
