@@ -80,6 +80,19 @@ class GaussianStyle:
     ------
     ValueError
         An option is unknown or out of range.
+
+    Examples
+    --------
+    >>> import resample_points as points
+    >>> parts = (np.full((1, n), 0.1, np.float32) for n in (3, 3, 4))
+    >>> one = points.Gaussians(*parts, np.ones(1, np.float32), np.ones((1, 3), np.float32))
+    >>> eye = points.gaussian_camera(one, size=(32, 24))
+    >>> for appearance in ("bare", "trained"):
+    ...     style = points.GaussianStyle(appearance, near=0.0)
+    ...     frame = points.render_gaussians(one, eye, size=(32, 24), style=style)
+    ...     print(bool(frame.rgba[12, 16, 3] > 0.9))
+    True
+    True
     """
 
     appearance: GaussianAppearance | str = GaussianAppearance.TRAINED
@@ -254,7 +267,7 @@ def render_gaussians(
     >>> pose[2, 3] = 5
     >>> frame = render_gaussians(one, Camera.from_fov(60, 24, 32, pose), size=(32, 24))
     >>> frame.rgba.shape, round(float(frame.rgba[14, 18, 3]), 2)
-    ((24, 32, 4), 0.99)
+    ((24, 32, 4), 0.93)
     """
     from resample.engine import jit
     from resample.outofcore.ellipsoids import BYTES, paint_parts
@@ -353,5 +366,15 @@ def gaussian_camera(
         Width and height, px.
     choices
         `azimuth`, `elevation`, `up`, `fov` as `framed` takes them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_points import Gaussians, gaussian_camera
+    >>> place = np.random.default_rng(1).normal(size=(50, 3)).astype(np.float32)
+    >>> parts = place, np.full((50, 3), 0.1, np.float32), np.ones((50, 4), np.float32)
+    >>> scene = Gaussians(*parts, np.ones(50, np.float32), np.ones((50, 3), np.float32))
+    >>> gaussian_camera(scene, size=(32, 24), azimuth=30, up="z").fx > 0
+    True
     """
     return framed(shown_part(gaussians), size=size, **{"fov": FIELD, **choices})
