@@ -4,7 +4,7 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, NoReturn
 
-from cyclopts import App
+from cyclopts import App, Parameter
 
 from resample.command import flags
 from resample.command.flags import OptionTopic, words
@@ -164,6 +164,34 @@ def animate(
     again = partial(rendering.frames_of, file, look, cameras, shape, behind)
     with at_work(sharing, look.threads) as crew:
         write_shared(output, film, again, crew, fps=fps, resume=resume)
+
+
+@app.command
+def info(
+    file: Path,
+    /,
+    *,
+    as_json: Annotated[bool, OptionTopic.APPEARANCE, Parameter(name="--json", negative="")] = False,
+) -> None:
+    """Print what a file holds: points or 3D Gaussians, their number, bounds and columns.
+
+    Example: resample-points info scan.ply
+
+    Parameters
+    ----------
+    file
+        As in render.
+    as_json
+        Print JSON instead of a table.
+    """
+    import json
+    import sys
+
+    from resample_points.command.facts import facts_in
+
+    facts = facts_in(file)
+    lines = (f"{name:18}{json.dumps(value)}\n" for name, value in facts.items())
+    sys.stdout.write(json.dumps(facts, indent=2) + "\n" if as_json else "".join(lines))
 
 
 @app.command

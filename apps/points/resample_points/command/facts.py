@@ -1,0 +1,80 @@
+"""What files of clouds and of 3D Gaussians hold, for `resample-points info`."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from resample_points.data.cloud import Cloud
+    from resample_points.data.gaussians import Gaussians
+
+QUANTILES = (0.01, 0.5, 0.99)
+DEGREES = {0: 0, 3: 1, 8: 2, 15: 3}  # of harmonics, by the number of coefficients
+
+
+def facts_in(path: Path) -> dict[str, Any]:
+    """Return what a file holds, as JSON values.
+
+    Raises
+    ------
+    ValueError, OSError
+        It cannot be read.
+    """
+    from resample_points.files.gaussians.reading import is_gaussians, read_gaussians
+    from resample_points.files.readers import read_cloud
+
+    if is_gaussians(path):
+        return _of_gaussians(read_gaussians(path))
+    return _of_cloud(read_cloud(path))
+
+
+def _of_cloud(cloud: "Cloud") -> dict[str, Any]:
+    columns = {name: _ends(values) for name, values in sorted(cloud.columns.items())}
+    return {
+        "kind": "points",
+        "count": len(cloud.position),
+        "bounds": _bounds(cloud.position),
+        "normals": bool(len(cloud.normal)),
+        "colors": bool(len(cloud.color)),
+        "radii": bool(len(cloud.radius)),
+        "columns": columns,
+    }
+
+
+def _of_gaussians(gaussians: "Gaussians") -> dict[str, Any]:
+    sizes = gaussians.scale.max(axis=1)
+    return {
+        "kind": "3D Gaussians",
+        "count": len(gaussians.opacity),
+        "bounds": _bounds(gaussians.position),
+        "degree": DEGREES[gaussians.harmonics.shape[1]],
+        "antialiased": gaussians.is_antialiased,
+        "up": gaussians.up,
+        "opacity": _quantiles(gaussians.opacity),
+        "largest deviation": _quantiles(sizes),
+        "thinness": _quantiles(gaussians.scale.min(axis=1) / sizes),
+    }
+
+
+def _bounds(position: NDArray[Any]) -> list[list[float]]:
+    """Return the lowest and the highest corner."""
+    if not len(position):
+        return []
+    return [_rounded(position.min(axis=0)), _rounded(position.max(axis=0))]
+
+
+def _ends(values: NDArray[Any]) -> list[float]:
+    """Return the least and the greatest number that is finite."""
+    known = values[np.isfinite(values)] if values.dtype.kind == "f" else values
+    return _rounded([known.min(), known.max()]) if known.size else []
+
+
+def _quantiles(values: NDArray[Any]) -> list[float]:
+    """Return the 1 %, 50 % and 99 % quantile."""
+    return _rounded(np.quantile(values, QUANTILES))
+
+
+def _rounded(numbers: Any) -> list[float]:
+    return [float(f"{number:.6g}") for number in numbers]
