@@ -1,7 +1,7 @@
 """Render 3D Gaussians and films of them for the command line."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 Aimed = TypeVar("Aimed", bound=CloudStart)
 SHARED = ("also", "crop", "threads")  # options of clouds that Gaussians have, too
 BYTES = 320  # per Gaussian in memory, with what a picture needs of it
+FEW = 100_000  # most Gaussians of previews
 SHARE = 0.8  # share of the free memory that projected Gaussians may take
 
 
@@ -132,6 +133,22 @@ class GaussianPictures:
     gaussians: "Gaussians | StoredGaussians"
     options: GaussianOptions
     threads: int | None = None
+
+    @cached_property
+    def fewer(self) -> "GaussianPictures":
+        """The largest and most opaque Gaussians, in one color each; for previews."""
+        import numpy as np
+
+        from resample_points.data.gaussians import Gaussians, some_gaussians
+
+        scene = self.gaussians
+        if not isinstance(scene, Gaussians) or len(scene.opacity) <= FEW:
+            return self
+        area = scene.scale.prod(axis=1) / np.maximum(scene.scale.min(axis=1), np.float32(1e-30))
+        largest = np.argpartition(-area * scene.opacity, FEW)[:FEW]
+        none = np.zeros((len(scene.opacity), 0, 3), np.int16)
+        few = some_gaussians(scene._replace(harmonics=none), np.sort(largest))
+        return replace(self, gaussians=few)
 
     @cached_property
     def framing(self) -> "Cloud":

@@ -43,7 +43,7 @@ DILATION = 0.3  # px², by which training widens Gaussians on the screen (Kerbl 
 NEAR = 0.2  # scene units: training leaves out centers before this depth
 PART = 1 << 18  # Gaussians whose colors are found together
 OPAQUE_ENOUGH = 0.3  # opacity of Gaussians that cameras are framed around, at least
-FRAMED = 1_000_000  # Gaussians of a file that cameras are framed around, about
+FRAMED = 20_000  # Gaussians that cameras are framed around, about
 TRIMMED = 0.02  # share of these along each axis that may lie beside the frame, at each end
 
 
@@ -338,11 +338,11 @@ def developed(picture: ShapedPicture, background: Sequence[float] | None) -> Fra
 def shown_part(gaussians: Gaussians | StoredGaussians) -> Cloud:
     """Return the centers that cameras are framed around: opaque ones, without outliers."""
     if isinstance(gaussians, Gaussians):
-        place, opacity = gaussians.position, gaussians.opacity
+        some = slice(None, None, max(1, len(gaussians.opacity) // FRAMED))
+        place, opacity = gaussians.position[some], gaussians.opacity[some]
     else:
-        count = gaussians.file.count
-        step = max(1, count // FRAMED)
-        place, opacity = gaussians.file.shape_of(slice(None, None, step))
+        some = slice(None, None, max(1, gaussians.file.count // FRAMED))
+        place, opacity = gaussians.file.shape_of(some)
         known = np.isfinite(place).all(axis=1) & np.isfinite(opacity)
         place, opacity = place[known], opacity[known]
     position: Doubles = place[opacity >= OPAQUE_ENOUGH].astype(np.float64)

@@ -67,7 +67,8 @@ class GaussianPainter:
                 few = preview_size(size)
                 eye = replace(camera, matrix=np.diag([1 / PER, 1 / PER, 1.0]) @ camera.matrix)
                 options = scene.options.model_copy(update={"subpixels": 1, "order": "depth"})
-                small = replace(scene, options=options).picture(eye, few[::-1], form.behind())
+                shown = replace(scene.fewer, options=options)
+                small = shown.picture(eye, few[::-1], form.behind())
                 rgba = enlarged(small.rgba, PER, shape, smooth=True)
             else:
                 rgba = scene.picture(camera, shape, form.behind()).rgba
@@ -120,7 +121,11 @@ class GaussianPainter:
         key = tuple(given[name] for name in READ_WITH)
         if self._kept is None or self._kept[0] != key:
             self._kept = key, gaussians_of(Session(), self.path, look, options)
-        return replace(self._kept[1], options=options, threads=look.threads)
+        kept = self._kept[1]
+        if (kept.options, kept.threads) != (options, look.threads):
+            kept = replace(kept, options=options, threads=look.threads)
+            self._kept = key, kept
+        return kept
 
     def _placed(self, settings: Settings, size: Size) -> tuple[FrameFormat, GaussianPictures, Any]:
         """Return the picture's format, the scene and the camera."""
