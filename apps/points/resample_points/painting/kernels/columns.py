@@ -1,0 +1,147 @@
+"""Share out columns of particles among pixels; a tile of the picture has one owner.
+
+Where a kernel reaches less than `SMALL` pixels, or is a point, pixels get its exact integral from a
+table of the integral over a quadrant. Where it is larger, pixels get its value at their center,
+plus s² / 24 times its Laplacian, which makes it the mean over a square of side s up to s⁴.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.engine.jit import Counter, inner_step, parallel_kernel, tasks
+from resample.types import Doubles
+
+TILE = 32  # px
+SMALL = 8.0  # px, reach of kernels whose integral is taken from the table
+FINEST = 96.0  # samples along a side of a pixel
+TINY = 0.5  # px, reach below which it does not matter that a kernel is slanted or cut
+# Fields of a record.
+X, Y = 0, 1  # px
+XX, XY, YY = 2, 3, 4  # of (distance / H)² = place + xx dx² + 2 xy dx dy + yy dy²
+PLACE = 5  # (distance of the plane / H)²; 0 for columns
+REACH_X, REACH_Y = 6, 7  # px
+WHOLE, PEAK = 8, 9  # integral over the picture, and factor on the profile
+VALUE = 10  # of the quantity
+# In perspective, by what the square is divided: 1 + lean · d + bend · d².
+LEAN_X, LEAN_Y, BEND_X, BEND_Y = 11, 12, 13, 14
+FIELDS = 15
+
+
+@inner_step
+def _inside(quadrant: Doubles, x: float, y: float) -> float:
+    """Integral of a column over the rectangle from its center to x, y (radii), with their sign."""
+    count = quadrant.shape[0] - 1
+    across, down = min(abs(x), 1.0) * count, min(abs(y), 1.0) * count
+    column, row = min(int(across), count - 1), min(int(down), count - 1)
+    right, below = across - column, down - row
+    above = quadrant[row, column] * (1.0 - right) + quadrant[row, column + 1] * right
+    under = quadrant[row + 1, column] * (1.0 - right) + quadrant[row + 1, column + 1] * right
+    whole = float(above * (1.0 - below) + under * below)
+    return whole if (x < 0.0) == (y < 0.0) else -whole
+
+
+@inner_step
+def _share_out(
+    record: Doubles, quadrant: Doubles, box: NDArray[np.int64], edge: Doubles, picture: Doubles
+) -> None:
+    """Add exact shares of a small column to the pixels of a box."""
+    per_x, per_y = 1.0 / record[REACH_X], 1.0 / record[REACH_Y]
+    top = (box[0] - record[Y]) * per_y
+    for n in range(box[3] - box[2] + 1):
+        edge[n] = _inside(quadrant, (box[2] + n - record[X]) * per_x, top)
+    for row in range(box[0], box[1]):
+        bottom = (row + 1 - record[Y]) * per_y
+        left, before = edge[0], _inside(quadrant, (box[2] - record[X]) * per_x, bottom)
+        edge[0] = before
+        for column in range(box[2], box[3]):
+            n = column - box[2] + 1
+            now = _inside(quadrant, (column + 1 - record[X]) * per_x, bottom)
+            mass = record[WHOLE] * max((now - before) - (edge[n] - left), 0.0)
+            left, before = edge[n], now
+            edge[n] = now
+            picture[row, column, 0] += mass
+            picture[row, column, 1] += mass * record[VALUE]
+
+
+@inner_step
+def _profile_at(profile: Doubles, square: float, bend: float) -> float:
+    """Mean of a profile over a small square around a place."""
+    steps = profile.shape[0] - 1
+    if not square < 1.0:
+        return 0.0
+    at = square * steps
+    n = int(at)
+    rest = at - n
+    value = profile[n, 0] + rest * (profile[n + 1, 0] - profile[n, 0])
+    return float(value + bend * (profile[n, 1] + rest * (profile[n + 1, 1] - profile[n, 1])))
+
+
+@inner_step
+def _sample(
+    record: Doubles, profile: Doubles, box: NDArray[np.int64], fine: int, picture: Doubles
+) -> None:
+    """Add means of a large column, or of a slice, to the pixels of a box; `fine`² samples each."""
+    xx, xy, yy, step = record[XX], record[XY], record[YY], 1.0 / fine
+    bend = (xx + yy) * step * step / 48.0
+    peak = record[PEAK] * step * step
+    is_bent = record[BEND_X] > 0.0
+    for row in range(box[0], box[1]):
+        for column in range(box[2], box[3]):
+            mean = 0.0
+            for down in range(fine):
+                dy = row + (down + 0.5) * step - record[Y]
+                for along in range(fine):
+                    dx = column + (along + 0.5) * step - record[X]
+                    square = record[PLACE] + (xx * dx + 2.0 * xy * dy) * dx + yy * dy * dy
+                    if is_bent:
+                        along_x = (record[LEAN_X] + record[BEND_X] * dx) * dx
+                        square /= 1.0 + along_x + (record[LEAN_Y] + record[BEND_Y] * dy) * dy
+                    mean += _profile_at(profile, square, bend)
+            mass = max(mean, 0.0) * peak
+            picture[row, column, 0] += mass
+            picture[row, column, 1] += mass * record[VALUE]
+
+
+@parallel_kernel
+def paint_columns(
+    counter: Counter,
+    records: Doubles,
+    profile: Doubles,
+    quadrant: Doubles,
+    start: NDArray[np.int64],
+    member: NDArray[np.int64],
+    fineness: float,
+    picture: Doubles,
+) -> None:
+    """Add particles to a picture (H, W, 2): masses, and masses times the quantity.
+
+    `records`: (N, FIELDS). `profile`, `quadrant`: as of `ColumnTables`. `start`, `member`: which
+    particles reach which tile, in the order in which they are added. `fineness`: samples along the
+    reach of a kernel that are enough.
+    """
+    height, width = picture.shape[0], picture.shape[1]
+    across = (width + TILE - 1) // TILE
+    for task in tasks(counter, start.shape[0] - 1):
+        tile = np.int64(task)
+        top, left = tile // across * TILE, tile % across * TILE
+        bottom, right = min(top + TILE, height), min(left + TILE, width)
+        edge, box = np.empty(TILE + 1), np.empty(4, np.int64)
+        for n in range(start[tile], start[tile + 1]):
+            record = records[member[n]]
+            reach = max(record[REACH_X], record[REACH_Y])
+            box[0] = int(max(float(top), math.floor(record[Y] - record[REACH_Y])))
+            box[1] = int(min(float(bottom), math.floor(record[Y] + record[REACH_Y]) + 1.0))
+            box[2] = int(max(float(left), math.floor(record[X] - record[REACH_X])))
+            box[3] = int(min(float(right), math.floor(record[X] + record[REACH_X]) + 1.0))
+            if box[0] >= box[1] or box[2] >= box[3]:
+                continue
+            is_plain = record[XY] == 0.0 and record[BEND_X] == 0.0 and fineness <= SMALL
+            if reach < TINY or (is_plain and reach < SMALL):
+                _share_out(record, quadrant, box, edge, picture)
+            else:
+                enough = 2.0 * fineness if record[BEND_X] > 0.0 else fineness
+                smaller = min(record[REACH_X], record[REACH_Y])
+                fine = math.ceil(min(enough / smaller, FINEST))
+                _sample(record, profile, box, fine, picture)
