@@ -86,6 +86,17 @@ def test_a_point_on_an_edge_is_shared_by_both_pixels():
     assert np.count_nonzero(found) == 2
 
 
+def test_pixels_beside_a_particle_are_empty():
+    side, x, y = 20, 9.3, 10.1
+    found = seen(x, y, 5.0, "cubic", side)
+    corner = np.arange(side)
+    nearest = np.hypot(
+        np.clip(x, corner, corner + 1) - x, (np.clip(y, corner, corner + 1) - y)[:, None]
+    )
+    assert not found[nearest > 5.0].any()
+    assert (found[nearest < 4.5] > 0).all()
+
+
 def several(count=20, seed=1):
     rng = np.random.default_rng(seed)
     place, mass = rng.uniform(0, 1, (count, 3)), rng.uniform(1, 2, count)

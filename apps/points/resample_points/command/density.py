@@ -205,12 +205,12 @@ def write_map(path: Path, found: "DensityMap", options: DensityOptions, form: Fr
     span = span_in(found.value)
     if span is None:
         raise ValueError("no particle is in the picture")
-    say(f"{found.name}: {span[0]:.4g} to {span[1]:.4g} {found.units or 'in units of the file'}")
     if path.suffix.lower() in NUMBERS:
         found.save(path)
-        return
-    picture = map_picture(found, colormap=options.colormap, span=options.span, log=options.log)
-    rgba, behind = picture.rgba, form.behind()
-    if options.color_bar:
-        rgba = with_color_bar(rgba, picture.bar(behind), behind)
-    write_png(path, rgba, bits=form.bits, background=behind)
+    else:
+        picture = map_picture(found, colormap=options.colormap, span=options.span, log=options.log)
+        rgba, behind = picture.rgba, form.behind()
+        if options.color_bar:
+            rgba = with_color_bar(rgba, picture.bar(behind), behind)
+        write_png(path, rgba, bits=form.bits, background=behind)
+    say(f"{found.name}: {span[0]:.4g} to {span[1]:.4g} {found.units or 'in units of the file'}")

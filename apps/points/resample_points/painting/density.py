@@ -118,7 +118,8 @@ def column_density(
     records = on_screen(records_of(placed, chosen, slice_at), placed.period_px, shape)
     is_slice = slice_at is not None
     tables = (slice_tables if is_slice else column_tables)(kernel)
-    sums = _sums(records, tables, FINE_SLICE if is_slice else FINE, shape)
+    sums = np.zeros((*shape, 1 if value is None else 2))
+    _add(records, tables, FINE_SLICE if is_slice else FINE, sums)
     if value is None:
         units = _per_length(particles.units, 3 if is_slice else 2)
         return DensityMap(sums[..., 0], "density" if is_slice else "column density", units)
@@ -147,16 +148,14 @@ def _per_length(units: Mapping[str, str], power: int) -> str:
     return f"{mass or 'mass'}/{length or 'length'}{exponent}"
 
 
-def _sums(
-    records: Doubles, tables: ColumnTables, fineness: float, shape: tuple[int, int]
-) -> Doubles:
-    """Return masses, and masses times the quantity, of pixels (H, W, 2).
+def _add(records: Doubles, tables: ColumnTables, fineness: float, sums: Doubles) -> None:
+    """Add masses, and masses times the quantity, to pixels (H, W, 1 or 2).
 
     Particles are added in the order of their places and masses, whatever their order in memory.
     """
     from resample_points.painting.kernels.columns import paint_columns
 
-    sums = np.zeros((*shape, 2))
+    shape = sums.shape[:2]
     ordered = np.ascontiguousarray(records[_order(records)])
     first, last = tiles_of(ordered, shape)
     count = np.prod(last - first, axis=1)
@@ -168,7 +167,6 @@ def _sums(
         start, member = _listed(first[rows], last[rows], count[rows], shape)
         paint_columns(ordered[rows], tables.profile, tables.quadrant, start, member, fineness, sums)
         begin = end
-    return sums
 
 
 def _order(records: Doubles) -> NDArray[np.int64]:

@@ -16,6 +16,7 @@ from resample.types import Doubles
 TILE = 32  # px
 SMALL = 8.0  # px, reach of kernels whose integral is taken from the table
 FINEST = 96.0  # samples along a side of a pixel
+ROUNDING = 1e-13  # of a particle: a smaller share is that of a pixel which it does not reach
 TINY = 0.5  # px, reach below which it does not matter that a kernel is slanted or cut
 # Fields of a record.
 X, Y = 0, 1  # px
@@ -58,11 +59,15 @@ def _share_out(
         for column in range(box[2], box[3]):
             n = column - box[2] + 1
             now = _inside(quadrant, (column + 1 - record[X]) * per_x, bottom)
-            mass = record[WHOLE] * max((now - before) - (edge[n] - left), 0.0)
+            share = (now - before) - (edge[n] - left)
             left, before = edge[n], now
             edge[n] = now
+            if share < ROUNDING:
+                continue
+            mass = record[WHOLE] * share
             picture[row, column, 0] += mass
-            picture[row, column, 1] += mass * record[VALUE]
+            if picture.shape[2] > 1:
+                picture[row, column, 1] += mass * record[VALUE]
 
 
 @inner_step
@@ -101,7 +106,36 @@ def _sample(
                     mean += _profile_at(profile, square, bend)
             mass = max(mean, 0.0) * peak
             picture[row, column, 0] += mass
-            picture[row, column, 1] += mass * record[VALUE]
+            if picture.shape[2] > 1:
+                picture[row, column, 1] += mass * record[VALUE]
+
+
+@inner_step
+def _evaluate(record: Doubles, profile: Doubles, box: NDArray[np.int64], picture: Doubles) -> None:
+    """Add means of a large column to the pixels of a box; as `_sample` with one sample."""
+    x, xx, xy, peak, value = record[X], record[XX], record[XY], record[PEAK], record[VALUE]
+    bend, steps = (xx + record[YY]) / 48.0, float(profile.shape[0] - 1)
+    has_value = picture.shape[2] > 1
+    for row in range(box[0], box[1]):
+        dy = row + 0.5 - record[Y]
+        half, rest = xy * dy, record[PLACE] + record[YY] * dy * dy
+        width = half * half - xx * (rest - 1.0)
+        if width <= 0.0:
+            continue
+        width = math.sqrt(width)
+        first = max(box[2], math.ceil(x - (half + width) / xx - 0.5))
+        last = min(box[3], math.floor(x + (width - half) / xx - 0.5) + 1)
+        for column in range(first, last):
+            dx = column + 0.5 - x
+            at = min(max(rest + (xx * dx + 2.0 * half) * dx, 0.0) * steps, steps - 1e-9)
+            n = int(at)
+            share = at - n
+            low = profile[n, 0] + bend * profile[n, 1]
+            high = profile[n + 1, 0] + bend * profile[n + 1, 1]
+            mass = peak * max(low + share * (high - low), 0.0)
+            picture[row, column, 0] += mass
+            if has_value:
+                picture[row, column, 1] += mass * value
 
 
 @parallel_kernel
@@ -115,7 +149,7 @@ def paint_columns(
     fineness: float,
     picture: Doubles,
 ) -> None:
-    """Add particles to a picture (H, W, 2): masses, and masses times the quantity.
+    """Add particles to a picture (H, W, 1 or 2): masses, and masses times the quantity.
 
     `records`: (N, FIELDS). `profile`, `quadrant`: as of `ColumnTables`. `start`, `member`: which
     particles reach which tile, in the order in which they are added. `fineness`: samples along the
@@ -144,4 +178,7 @@ def paint_columns(
                 enough = 2.0 * fineness if record[BEND_X] > 0.0 else fineness
                 smaller = min(record[REACH_X], record[REACH_Y])
                 fine = math.ceil(min(enough / smaller, FINEST))
-                _sample(record, profile, box, fine, picture)
+                if fine == 1 and record[BEND_X] == 0.0:
+                    _evaluate(record, profile, box, picture)
+                else:
+                    _sample(record, profile, box, fine, picture)
