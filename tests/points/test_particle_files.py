@@ -201,7 +201,7 @@ def test_the_command_writes_numbers_that_python_gives(folder, capsys):
 
 def test_the_command_writes_slices_of_quantities_before_cameras_and_along_axes(folder):
     gas = read_particles("a.hdf5")
-    more = ("--quantity", "temperature", "--size", "30", "--kernel", "wendland")
+    more = ("--quantity", "temperature", "--size", "30", "--smoothing-kernel", "wendland")
     assert not ended("density", "a.hdf5", "--axis", "x", "--slice", "50%", *more, "-o", "a.npy")
     found = column_density(
         gas, "x", size=(30, 30), kernel="wendland", quantity="temperature", slice_at=2.5

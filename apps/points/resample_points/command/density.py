@@ -37,10 +37,11 @@ class DensityOptions(Choices):
     crop: Annotated[
         str | None,
         Hyphen,
-        Field(description="Show ranges along x, y, z: 0:10,:,-2:3 in scene units. Default: all."),
+        Field(description="Crop to ranges along x, y, z: 0:10,:,-2:3 in scene units."),
     ] = None
     kernel: Annotated[
         Literal["cubic", "wendland", "gaussian"],
+        Parameter(name="--smoothing-kernel"),
         Field(description="Smoothing kernel: cubic spline, wendland (C2) or gaussian."),
     ] = "cubic"
     quantity: Annotated[
@@ -71,7 +72,7 @@ class DensityOptions(Choices):
         ),
     ] = None
     colormap: Annotated[
-        str, Field(description="Colormap, one of matplotlib's, such as viridis or magma.")
+        str, Field(description="Colormap, one of matplotlib's, such as turbo or tab10.")
     ] = "inferno"
     color_bar: Annotated[
         bool, Switch, Field(description="Add a bar to the right: the colors and their values.")

@@ -32,7 +32,17 @@ FINE, FINE_SLICE = 8.0, 48.0  # samples along the reach of a kernel, with its La
 
 @dataclass(frozen=True, eq=False)
 class DensityMap:
-    """A map of particles: numbers of pixels, and what they are."""
+    """A map of particles: numbers of pixels, and what they are.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_points import Particles, column_density
+    >>> two = Particles(np.eye(3)[:2], 1.0, 0.3, units={"mass": "Msun", "length": "pc"})
+    >>> found = column_density(two, "z", size=(16, 16))
+    >>> found.name, found.units, found.value.shape
+    ('column density', 'Msun/pc²', (16, 16))
+    """
 
     value: Doubles  # (H, W); of a mean of a quantity NaN where no particle reaches
     name: str  # column density, density, or the quantity
