@@ -233,6 +233,17 @@ def test_perspective_is_the_column_along_each_ray():
     assert found.sum() == pytest.approx(truth.sum(), rel=2e-4)
 
 
+def test_a_slice_in_perspective_has_the_scale_of_its_depth():
+    given = several()
+    pose = look_at((0.5, 0.5, -3), (0.5, 0.5, 0.5), up=(0, -1, 0))
+    camera = Camera.from_intrinsics(100, 100, 20, 20, pose)
+    found = column_density(given, camera, size=(40, 40), slice_at=3.5).value
+    flat = Orthographic(100 / 3.5, 100 / 3.5, 20, 20, pose)
+    truth = column_density(given, flat, size=(40, 40), slice_at=3.5).value
+    assert found.any()
+    np.testing.assert_allclose(found, truth, rtol=1e-12)
+
+
 def test_particles_behind_the_eye_or_around_it_are_left_out():
     camera = Camera.from_fov(60, 16, 16)
     place = [[0, 0, -5], [0, 0, 0.1], [0, 0, 0]]

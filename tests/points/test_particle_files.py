@@ -43,6 +43,14 @@ def test_gadget_has_factors_of_a_and_h_and_masses_in_its_header(tmp_path):
     assert gas.units["length"] == "kpc"
 
 
+def test_particles_beside_their_box_are_not_periodic(tmp_path):
+    def around_the_origin(_, gas):
+        gas["Coordinates"][...] = PLACE - 5.0
+
+    changed(tmp_path / "a.hdf5", around_the_origin)
+    assert read_particles(tmp_path / "a.hdf5").box is None
+
+
 def test_cells_reach_two_and_a_half_radii(tmp_path):
     gas = read_particles(snapshots.arepo(tmp_path / "a.hdf5"))
     radius = (0.75 / np.pi * 2.0 / 4.0) ** (1 / 3)
@@ -245,7 +253,10 @@ def test_a_picture_has_a_logarithmic_scale_and_a_bar(folder):
         (("-o", "a.npy", "--color-bar"), "numbers have no color bar"),
         (("-o", "a.png", "--axis", "x", "--camera", "30/20/1"), "give one of them"),
         (("-o", "a.png", "--type", "7"), "0 to 6"),
-        (("-o", "a.png", "--quantity", "pressure"), "no quantity 'pressure'"),
+        (
+            ("-o", "a.png", "--quantity", "pressure"),
+            "no quantity 'pressure'; known: Coordinates, Masses",
+        ),
         (("-o", "a.png", "--range", "0,5"), "begins above 0"),
         (("-o", "a.png", "--slice", "half"), "a slice at"),
     ],

@@ -17,6 +17,7 @@ from resample.reading.limits import check_free, check_items, check_unpacked
 from resample_points.files.parsing import damage, lacking
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
+LONGEST = 200  # characters of a text
 FIRST = (0, 512, 1024, 2048)  # bytes at which it may be
 
 
@@ -130,4 +131,5 @@ def text_of(path: Path, owner: Any, name: str) -> str:
             return ""
         value = owner.attrs[name]
     value = value.item() if isinstance(value, np.ndarray) and value.size == 1 else value
-    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
+    text = value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
+    return text[:LONGEST]

@@ -33,6 +33,7 @@ TYPES = {"gas": 0, "dark": 1, "stars": 4}
 MOST_TYPE = 6
 PLACES, MASSES = ("Coordinates",), ("Masses", "Mass", "DynamicalMasses", "SubgridMasses")
 LENGTHS = ("SmoothingLengths", "SmoothingLength")
+BESIDE = 0.01  # of a periodic box, by which particles may have left it
 SPHERE = 2.5  # reach of a cell's kernel, in radii of a sphere of its volume
 KNOWN_LENGTHS = {"au": 1.495979e13, "pc": 3.085678e18, "kpc": 3.085678e21, "Mpc": 3.085678e24}
 SUN = 1.98841e33  # g
@@ -192,8 +193,16 @@ def _part(path: Path, file: Any, number: int, quantities: Sequence[str] | None) 
     box = numbers_of(path, header, "BoxSize")
     if box is not None:
         factor = snapshot.factor(group[PLACES[0]], PLACES[0])
-        box = box * factor if len(box) in (1, 3) and (box > 0).all() else None
+        box = _periodic(box * factor, position)
     return Particles(position, mass, length, held, units, box)
+
+
+def _periodic(box: Doubles, position: Doubles) -> Doubles | None:
+    """Return a box that holds all particles; others are not periodic, as of isolated galaxies."""
+    if len(box) not in (1, 3) or not (box > 0).all():
+        return None
+    beyond = (position < -BESIDE * box) | (position > (1.0 + BESIDE) * box)
+    return None if beyond.any() else box
 
 
 def _table_mass(snapshot: Snapshot, header: Any, number: int) -> Doubles:
@@ -229,9 +238,7 @@ def _quantities(
 ) -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
     """Return the quantities of particles, and their units; of vectors each part, as `.x`."""
     held, units = dict[str, NDArray[Any]](), dict[str, str]()
-    for name in names_in(snapshot.path, group):
-        if name in PLACES or (wanted is not None and not any(_asks(ask, name) for ask in wanted)):
-            continue
+    for name in _wanted(snapshot.path, group, wanted):
         try:
             dataset = dataset_in(snapshot.path, group, name)
         except ValueError:
@@ -253,6 +260,17 @@ def _quantities(
     return held, units
 
 
+def _wanted(path: Path, group: Any, wanted: Sequence[str] | None) -> list[str]:
+    """Return the names of wanted datasets, for None all; each that is asked for must be there."""
+    names = names_in(path, group)
+    if wanted is None:
+        return [name for name in names if name not in PLACES]
+    for ask in wanted:
+        if not any(_asks(ask, name) for name in names):
+            raise ValueError(f"has no quantity {ask!r:.80}; known: {', '.join(names):.500}")
+    return [name for name in names if any(_asks(ask, name) for ask in wanted)]
+
+
 def _parts(name: str) -> list[str]:
     return [f"{name}.{axis}" for axis in "xyz"]
 
@@ -271,8 +289,9 @@ def _joined(parts: list[Particles]) -> Particles:
     lengths = None if any(p.smoothing is None for p in parts) else whole(lambda p: p.smoothing)
     held = {name: np.concatenate([part.quantities[name] for part in parts]) for name in shared}
     first = parts[0]
+    box = None if any(p.box is None for p in parts) else first.box
     return Particles(
-        whole(lambda p: p.position), whole(lambda p: p.mass), lengths, held, first.units, first.box
+        whole(lambda p: p.position), whole(lambda p: p.mass), lengths, held, first.units, box
     )
 
 

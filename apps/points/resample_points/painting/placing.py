@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.cameras.models import Camera, Orthographic
+from resample.reading.limits import check_free
 from resample.types import Doubles
 from resample_points.data.particles import Particles
-from resample_points.data.smoothing import SmoothingKernel
+from resample_points.data.smoothing import SmoothingKernel, wrapped
 from resample_points.painting.profiles import plane_share
 
 AXES = {"x": (1, 2, 0), "y": (0, 2, 1), "z": (0, 1, 2)}  # to the right, up, and along
@@ -47,9 +48,10 @@ def along_axis(
         raise ValueError(f"a view of {axis!r}; give an axis x, y or z, or a camera")
     turn = list(AXES[axis])
     low, high = region_of(particles, region)[:, turn]
-    place = particles.position[:, turn]
     box = particles.box
     period = np.zeros(3) if box is None else box[turn]
+    place = particles.position if box is None else wrapped(particles.position, box)
+    place = place[:, turn]
     which = np.flatnonzero(_within(place[:, 2], low[2], high[2], period[2]))
     if not len(which):
         raise ValueError(f"no particle is between {low[2]:g} and {high[2]:g} along {axis}")
@@ -188,6 +190,10 @@ def on_screen(records: Doubles, period: Doubles, shape: tuple[int, int]) -> Doub
         for turn in turns:
             moved = place + turn * period[axis]
             is_shown = (moved + reach > 0) & (moved - reach < side)
+            check_free(
+                "a map of many copies of a periodic box",
+                2 * 8 * found.shape[1] * int(is_shown.sum()),
+            )
             part = found[is_shown]
             part[:, axis] = moved[is_shown]
             parts.append(part)
